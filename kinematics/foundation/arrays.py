@@ -111,3 +111,8 @@ def most(unit: str) -> float:
 def is_within_limit(value: float, unit: str) -> bool:
     """Whether a number is finite and no larger than its unit allows."""
     return isfinite(value) and abs(value) <= most(unit)
+
+
+def largest_in_rows(values: Array) -> Array:
+    """(N,) of (N, m): as `max(1)`, which numpy takes ten times as long for where m is small."""
+    return np.asarray(np.ascontiguousarray(values.T).max(0))

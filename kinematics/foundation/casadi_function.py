@@ -13,7 +13,7 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.kernels import compiler_is_loaded
 from kinematics.foundation.tape import Tape, make_tape, run_tape
 from kinematics.foundation.taylor_model import Series
-from kinematics.foundation.taylor_tape import enclose_tape, is_enclosable
+from kinematics.foundation.taylor_tape import enclose_tape, is_enclosable, lower_degrees
 
 # Greedy block sizes: one call of the virtual machine evaluates a whole block without leaving compiled code.
 _BLOCKS = (256, 16, 1)
@@ -131,8 +131,8 @@ class Expression:
             first, last, powers = last, last + one.mid.shape[2], min(one.degree, order) + 1
             mid[first:last, :powers] = one.mid[:powers].transpose(2, 0, 1)
             rad[first:last, :powers] = one.rad[:powers].transpose(2, 0, 1)
-        there = ((mid != 0) | (rad != 0)).any(2)
-        degrees = np.where(there.any(1), order - there[:, ::-1].argmax(1), 0)
+        degrees = np.full(self.size[0], order)
+        lower_degrees(mid, rad, degrees)
         found, error = (np.zeros((self.size[1], order + 1, cells)) for _ in range(2))
         enclose_tape(self._tape, order, degrees, mid, rad, found, error)
         return Series(found.transpose(1, 2, 0), error.transpose(1, 2, 0), order)

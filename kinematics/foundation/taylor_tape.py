@@ -46,6 +46,20 @@ def is_enclosable(function: ca.Function) -> bool:
 
 
 @kernel
+def lower_degrees(mid: Array, rad: Array, degrees: np.ndarray) -> None:
+    """Lower degrees (k,) to the highest power of mid and rad (k, order + 1, N) that is there, each at least 0."""
+    for k in range(len(degrees)):
+        top, there = degrees[k] + 1, False
+        while top > 1 and not there:
+            top -= 1
+            for n in range(mid.shape[2]):
+                if not (mid[k, top, n] == 0 and rad[k, top, n] == 0):
+                    there = True
+                    break
+        degrees[k] = top if there else 0
+
+
+@kernel
 def enclose_tape(
     tape: Tape, order: int, degrees: np.ndarray, mid: Array, rad: Array, out_mid: Array, out_rad: Array
 ) -> None:

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.arrays import Array, freeze_array, largest_in_rows
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from planner.certificate.constant_speed import CONSTANT_SPEED, prove_speed_deviation
@@ -319,7 +319,7 @@ def _look_at_knots(trajectory: Trajectory, limits: Sequence[Limit], knots: np.nd
     state = trajectory.within(k, np.where(knots < len(trajectory.s), 0.0, np.diff(trajectory.knots)[k]))
     for limit in limits:
         value = limit.value(state)
-        met[limit.name][knots] = limit.use(value, value, state.piece).max(1)
+        met[limit.name][knots] = largest_in_rows(limit.use(value, value, state.piece))
 
 
 def _prove_crossing(trajectory: Trajectory, limit: Resonance) -> tuple[Array, Array, Place]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinematics.foundation.arrays import Array
+from kinematics.foundation.arrays import Array, largest_in_rows
 from planner.certificate.enclosure import Cells, bound_series, enclose, find_extremes
 from planner.certificate.ranges import Ranges, bound_balls, bound_ranges
 from planner.limits.limit import Limit
@@ -151,17 +151,17 @@ def _look_at_use(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, 
                         found[loose], seen[loose] = (use.reshape(CELL_PARTS, -1).max(0) for use in closer)
                 elif groups is not None:
                     one, state, merged, group = groups
-                    most = limit.use(*bound_balls(limit.value(merged)), merged.piece).max(1)
+                    most = largest_in_rows(limit.use(*bound_balls(limit.value(merged)), merged.piece))
                     seen[one] = _use_of(limit, state)
                     enough = min(seen.max(), 1.0) + limit.tight(seen.max())
                     found, rest = most[group], np.flatnonzero(~(most < enough)[group])
                 if len(rest) == len(every):
                     whole = whole or _states(trajectory, some, 0.5, order)
-                    found = limit.use(*bound_balls(limit.value(ranges)), piece).max(1)
+                    found = largest_in_rows(limit.use(*bound_balls(limit.value(ranges)), piece))
                     seen = _use_of(limit, whole)
                 elif len(rest):
                     mine = ranges[rest]
-                    found[rest] = limit.use(*bound_balls(limit.value(mine)), mine.piece).max(1)
+                    found[rest] = largest_in_rows(limit.use(*bound_balls(limit.value(mine)), mine.piece))
                     seen[rest] = _use_of(limit, _states(trajectory, some[rest], 0.5, order))
                 bound[n, begin + every], met[n, begin + every] = found, seen
     return np.where(np.isnan(bound), np.inf, bound), np.where(np.isnan(met), np.inf, met)
@@ -171,7 +171,7 @@ def _use_of_axes(limit: Limit, ranges: Ranges) -> tuple[Array, Array]:
     """(N,) the bound of the use of a limit that looks at axes one by one, and the use that is met for certain."""
     least, most = (limit.value(each).mid[0] for each in ranges.met)
     bound = limit.use(*bound_balls(limit.value(ranges)), ranges.piece)
-    return bound.max(1), limit.use(least, most, ranges.piece).max(1)
+    return largest_in_rows(bound), largest_in_rows(limit.use(least, most, ranges.piece))
 
 
 def _group(
@@ -196,7 +196,7 @@ def _states(trajectory: Trajectory, cells: Cells, share: Array | float, order: i
 def _use_of(limit: Limit, state: State) -> Array:
     """(N,) the use attained at N instants."""
     value = limit.value(state)
-    return np.asarray(limit.use(value, value, state.piece).max(1))
+    return largest_in_rows(limit.use(value, value, state.piece))
 
 
 def _bound_use(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, order: int) -> tuple[Array, Array]:
@@ -213,9 +213,9 @@ def _bound_use(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, or
             for n, limit in enumerate(limits):
                 value = limit.value(enclosure)
                 uses = limit.use(*bound_series(value, len(chosen)), enclosure.piece)
-                bound[n, chosen] = uses.max(1)
+                bound[n, chosen] = largest_in_rows(uses)
                 places, about = find_extremes(value, len(chosen), uses.argmax(1))
-                more, less = (limit.use(each, each, enclosure.piece).max(1) for each in about)
+                more, less = (largest_in_rows(limit.use(each, each, enclosure.piece)) for each in about)
                 share = (1 + np.where(more >= less, places[0], places[1])) / 2
                 met[n, chosen] = _use_of(limit, _states(trajectory, some, share, order))
     return np.where(np.isnan(bound), np.inf, bound), np.where(np.isnan(met), np.inf, met)

@@ -120,7 +120,7 @@ class _Stretches:
 
     stretch (N,); middle and half (G,) of stretches, of path pieces on_piece (G,)
     motion (4, N) σ's coefficients in τ, and error (4, N) of them; rate (N,) 1/s, by which τ runs
-    highest  derivative of the axes; known: the series of axes and pose that were made
+    highest  derivative of the axes; along: s over the stretches; known: the series of axes and pose that were made
     """
 
     path: ActuatorPath
@@ -128,6 +128,7 @@ class _Stretches:
     half: Array
     on_piece: np.ndarray
     highest: int
+    along: Series
     stretch: np.ndarray
     motion: Array
     error: Array
@@ -193,13 +194,8 @@ class _Stretches:
         """Coefficients (PATH_ORDER + 1, G, m) over the stretches; the last is what remains."""
         if pose in self.known:
             return self.known[pose]
-        count = len(self.middle)
-        mid, rad = np.zeros((2, PATH_ORDER + 1, 2 * count))
-        # s over the stretches: about their middles, then anywhere
-        mid[0], mid[1] = np.tile(self.middle, 2), np.tile(self.half, 2)
-        rad[0, count:] = self.half
-        enclose = self.path.enclose_pose if pose else self.path.enclose
-        found = enclose(Series(mid, rad, PATH_ORDER), np.tile(self.on_piece, 2))
+        enclose, count = self.path.enclose_pose if pose else self.path.enclose, len(self.middle)
+        found = enclose(self.along, np.tile(self.on_piece, 2))
         assert found is not None  # only machines have limits on their pose
         full = found.pad(PATH_ORDER)
         mid, rad = np.array(full.mid[:, :count]), np.array(full.rad[:, :count])
@@ -241,7 +237,12 @@ def bound_ranges(trajectory: Trajectory, cells: Cells, highest: int) -> Ranges:
     np.maximum.at(high, stretch, way[0] + reach)
     centre = (low + high) / 2
     wide = (high - low) / 2 * (1 + 64 * EPS) + 64 * EPS * np.maximum(np.abs(low), np.abs(high))
-    stretches = _Stretches(path, centre, wide, piece[first], highest, stretch, way, error, half)
+    # s over the stretches: about their middles, then anywhere
+    none = np.zeros_like(wide)
+    about, around = np.tile([centre, wide], 2), np.stack([np.append(none, wide), np.append(none, none)])
+    stretches = _Stretches(
+        path, centre, wide, piece[first], highest, Series(about, around, PATH_ORDER), stretch, way, error, half
+    )
     return stretches.range_over(stretch, (way, error, half))
 
 

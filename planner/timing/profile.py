@@ -6,11 +6,12 @@ looked at closely: cheap, and no proof.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import reduce
 from typing import Literal
 
 import numpy as np
 
-from kinematics.foundation.arrays import Array
+from kinematics.foundation.arrays import Array, largest_in_rows
 from kinematics.foundation.errors import MotionError
 from planner.limits.limit import Limit, order_of
 from planner.path.actuation import ActuatorPath
@@ -344,7 +345,7 @@ def sample_limit_use(path: ActuatorPath, limits: Sequence[Limit], profile: Profi
     for limit in limits:
         if not limit.geometric:
             low, high = _parabola_ranges(limit.value(state).reshape(pieces, len(share), -1))
-            found[limit.name] = limit.use(low, high, profile.piece).max(1)
+            found[limit.name] = largest_in_rows(limit.use(low, high, profile.piece))
     return found
 
 
@@ -355,4 +356,5 @@ def _parabola_ranges(values: Array) -> tuple[Array, Array]:
     with np.errstate(divide="ignore", invalid="ignore"):
         at = (first - last) / (2 * bend)  # of the peak from the middle, in steps
         peak = np.where(np.abs(at) < 1, middle - bend * at**2 / 2, middle)
-    return np.minimum(values.min(1), peak.min(1)), np.maximum(values.max(1), peak.max(1))
+    met = [*np.moveaxis(values, 1, 0), *np.moveaxis(peak, 1, 0)]
+    return reduce(np.minimum, met), reduce(np.maximum, met)
