@@ -8,11 +8,11 @@ forwards, between the speeds stated.
 
 from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 
 import numpy as np
 
 from kinematics.foundation.arrays import Array, freeze_array, largest_in_rows
+from kinematics.foundation.kernels import kernel
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from planner.certificate.constant_speed import CONSTANT_SPEED, prove_speed_deviation
@@ -20,7 +20,7 @@ from planner.certificate.limit_use import ProvedUse, prove, round_reached_use
 from planner.certificate.resonance_dwell import find_stays
 from planner.limits.limit import Limit, order_of
 from planner.limits.resonance import Resonance
-from planner.path.actuation import ActuatorPath, Derivatives
+from planner.path.actuation import ActuatorPath
 from planner.place import Place, where_columns
 from planner.trajectory import Trajectory, unit_speed_trajectory
 
@@ -44,33 +44,27 @@ def find_jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
     and q̈ = q′ s̈ + q″ ṡ² there. Whether it is the path's end is for `find_gaps` to say.
     """
     path, count = trajectory.path, len(trajectory.s)
-    before, final = np.zeros((2, 3, order, 1, len(path.names)))
+    before, final = np.zeros((2, 3, order, len(path.names)))
     derivatives = path.derivatives(path.breaks[[0, -1]], np.array([0, len(path.breaks) - 2]), 2)
     for side, n, push in ((before, 0, path.start_acceleration), (final, 1, 0.0)):
         (q, q1, q2), speed = (each[n] for each in derivatives), path.end_speeds[n]
-        side[0, :, 0] = [q, q1 * speed, q1 * push + q2 * speed**2][:order]
+        side[0] = [q, q1 * speed, q1 * push + q2 * speed**2][:order]
     worst, at = np.full((order, len(path.names)), -np.inf), np.zeros((order, len(path.names)), int)
-    least, largest = -worst, worst
-
-    def look(first: int, before: Array, after: Array) -> None:
-        nonlocal worst, at
-        # an instant is known to a share of itself, in which a value goes on by its derivative
-        blur = INSTANT_ROUNDING * trajectory.knots[first : first + after.shape[2], None]
-        _, goes, rounded = np.maximum(np.abs(before), np.abs(after))
-        beyond = np.abs(after[0] - before[0]) - blur * goes - rounded
-        beyond = np.where(np.isnan(beyond), np.inf, beyond)
-        at = np.where(beyond.max(1) > worst, first + beyond.argmax(1), at)
-        worst = np.maximum(worst, beyond.max(1))
-
+    least, largest = -worst, worst.copy()
     for first, stop in _batches(trajectory.piece):
-        start, end = _look_at_ends(trajectory, slice(first, stop), order)
+        own = slice(first, stop)
+        start, end = _derive_at_starts_and_ends(trajectory, own, order)
         if first == 0:
-            before[0, 0] = start[0, 0, :1]
-        look(first, np.concatenate([before, end[:, :, :-1]], 2), start)
-        before = end[:, :, -1:].copy()
-        least, largest = np.minimum(least, start[0].min(1)), np.maximum(largest, start[0].max(1))
+            before[0, 0] = start[0, 0]
+        h, v, a, j = np.diff(trajectory.knots)[own], trajectory.v[own], trajectory.a[own], trajectory.j[own]
+        motion = np.array([[v, a, j], [v + h * (a + h * j / 2), a + h * j, j]])
+        blur = INSTANT_ROUNDING * trajectory.knots[own]
+        look_for_jumps(start, end, motion, blur, trajectory.piece[own], before, worst, at, least, largest, first)
     final[0, 0] = before[0, 0]
-    look(count, before, final)
+    _, goes, rounded = np.maximum(np.abs(before), np.abs(final))
+    beyond = np.abs(final[0] - before[0]) - INSTANT_ROUNDING * trajectory.duration * goes - rounded
+    at = np.where(beyond <= worst, at, count)
+    worst = np.maximum(worst, beyond)
     # rounding is that of each axis' own values, and of what they were made from together
     scale = largest - least + 1e-6 * np.maximum(np.abs(least), np.abs(largest))
     beyond = worst - MAX_JUMP * scale - AXIS_ROUNDING * scale.max(1, keepdims=True)
@@ -91,50 +85,74 @@ def _batches(piece: np.ndarray) -> Iterator[tuple[int, int]]:
         first = after
 
 
-def _look_at_ends(trajectory: Trajectory, own: slice, order: int) -> tuple[Array, Array]:
-    """Where time pieces start, and where they end, of all on some path pieces: (3, order, M, n) each.
+@kernel
+def look_for_jumps(
+    start: Array,
+    end: Array,
+    motion: Array,
+    blur: Array,
+    piece: np.ndarray,
+    before: Array,
+    worst: Array,
+    at: np.ndarray,
+    least: Array,
+    largest: Array,
+    first: int,
+) -> None:
+    """What jumps most between time pieces one after the other, on from those before.
 
-    They are q, q̇ (and q̈ at order 3); their derivatives by time; and what rounding of q, q′ and q″, to a share of the
-    largest on their path piece, makes of them: a motion near rest at a place where q′ is all but nothing multiplies
-    what rounding leaves of it by a large s̈.
+    start, end (order + 1, M, n)  q, q′, … where time pieces start and end; motion (2, 3, M): ṡ, s̈ and s⃛ there
+    blur (M,)  of instants, in which a value goes on by its derivative; piece (M,) of path
+    before (3, order, n)  q, q̇ (and q̈ at order 3) at the end of the last; their derivatives by time; what rounding of
+                          q, q′ and q″, to a share of the largest on their path piece, makes of them: a motion near rest
+                          at a place where q′ is all but nothing multiplies what rounding leaves of it by a large s̈
+    worst, at (order, n)  the largest jump beyond these, and the knot, counted on from first; least, largest: of each
     """
-    h, v, a, j = np.diff(trajectory.knots)[own], trajectory.v[own], trajectory.a[own], trajectory.j[own]
-    at, by = _derive_at_starts_and_ends(trajectory, own, order)
-    runs = np.flatnonzero(np.diff(trajectory.piece[own], prepend=-1))
-    lengths = np.diff(runs, append=len(h))
-    blur = [VALUE_ROUNDING * np.repeat(np.maximum.reduceat(np.abs(each), runs), lengths, axis=0) for each in at[:3]]
-    found = []
-    for values, speed, push in ((at, v, a), (by, v + h * (a + h * j / 2), a + h * j)):
-        rates = _rate(values, speed, push, j)
-        rounded = _rate(tuple(blur), np.abs(speed), np.abs(push), 0 * j)
-        found.append(np.stack([rates[:order], rates[1 : order + 1], rounded[:order]]))
-    return found[0], found[1]
+    order, width = worst.shape
+    rounding, state, rounded = np.zeros((3, width)), np.zeros(4), np.zeros(3)
+    for k in range(len(piece)):
+        if k == 0 or piece[k] != piece[k - 1]:
+            rounding[:] = 0.0
+            last = k
+            while last < len(piece) and piece[last] == piece[k]:
+                for i in range(3):
+                    for c in range(width):
+                        rounding[i, c] = max(rounding[i, c], VALUE_ROUNDING * abs(start[i, last, c]))
+                last += 1
+        for side in range(2):
+            values, v, a, j = end if side else start, motion[side, 0, k], motion[side, 1, k], motion[side, 2, k]
+            for c in range(width):
+                q1, q2 = values[1, k, c], values[2, k, c]
+                state[0], state[1], state[2] = values[0, k, c], q1 * v, q1 * a + q2 * v * v
+                if order == 3:
+                    state[3] = q1 * j + 3 * q2 * v * a + values[3, k, c] * v * v * v
+                rounded[0], rounded[1] = rounding[0, c], rounding[1, c] * abs(v)
+                rounded[2] = rounding[1, c] * abs(a) + rounding[2, c] * v * v
+                for n in range(order):
+                    if side == 0:
+                        goes = max(abs(before[1, n, c]), abs(state[n + 1]))
+                        beyond = abs(state[n] - before[0, n, c]) - blur[k] * goes - max(before[2, n, c], rounded[n])
+                        if not beyond <= worst[n, c]:
+                            worst[n, c], at[n, c] = beyond if beyond == beyond else np.inf, first + k
+                        least[n, c], largest[n, c] = min(least[n, c], state[n]), max(largest[n, c], state[n])
+                    before[0, n, c], before[1, n, c], before[2, n, c] = state[n], state[n + 1], rounded[n]
 
 
-def _derive_at_starts_and_ends(trajectory: Trajectory, own: slice, order: int) -> tuple[Derivatives, Derivatives]:
-    """q, q′, q″ (and q‴ at order 3), (M, n) each, where time pieces start, and where they end.
+def _derive_at_starts_and_ends(trajectory: Trajectory, own: slice, order: int) -> tuple[Array, Array]:
+    """q, q′, q″ (and q‴ at order 3), (order + 1, M, n), where time pieces start, and where they end.
 
     A piece ends where the next one starts, but for rounding δ: where that is on the same piece of path, values there
     are those at the start, moved on by δ times the next derivative.
     """
     path, piece, s = trajectory.path, trajectory.piece[own], trajectory.s[own]
-    at, last = path.derivatives(s, piece, order), piece_end_lengths(trajectory, own)
+    at, last = np.stack(path.derivatives(s, piece, order)), piece_end_lengths(trajectory, own)
     ahead = last - np.append(s[1:], np.nan)
     near = (np.abs(ahead) <= INSTANT_ROUNDING * np.abs(last)) & (piece == np.append(piece[1:], -1))
-    by = tuple(np.concatenate([each[1:], each[:1]]) for each in at)
-    for value, slope in pairwise(by):
-        value += slope * ahead[:, None]
+    by = np.roll(at, -1, axis=1)
+    by[:-1] += by[1:] * ahead[:, None]
     far = np.flatnonzero(~near)
-    for value, mine in zip(by, path.derivatives(last[far], piece[far], order), strict=True):
-        value[far] = mine
+    by[:, far] = path.derivatives(last[far], piece[far], order)
     return at, by
-
-
-def _rate(values: Derivatives, v: Array, a: Array, j: Array) -> list[Array]:
-    """q, q̇, q̈ (and q⃛, where q‴ is known), each (M, n)."""
-    q, q1, q2, *q3 = values
-    v, a, j = v[:, None], a[:, None], j[:, None]
-    return [q, q1 * v, q1 * a + q2 * v**2, *(q1 * j + 3 * q2 * v * a + each * v**3 for each in q3)]
 
 
 def find_gaps(trajectory: Trajectory) -> dict[str, Place]:
