@@ -5,6 +5,7 @@ from .cluster import plan_many as plan_many
 from .orientation.orient import orient as orient
 from .place import Infeasible as Infeasible, Place as Place
 from .plan import Plan as Plan, check as check, plan as plan
+from .plan_parts import PlanPart as PlanPart, PlanStanding as PlanStanding, plan_parts as plan_parts
 from .program.model import (
     Arc as Arc,
     Curve as Curve,

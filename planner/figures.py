@@ -22,6 +22,7 @@ from planner.certificate.feasibility import Standing
 from planner.cross_check import CrossCheck
 from planner.path.actuation import MachinePath
 from planner.plan import Plan, active_limits, limit_shares
+from planner.plan_parts import PlanStanding
 from planner.program.model import Program
 from planner.pulses.realised_path import RealisedPath
 from planner.pulses.schedule import RATE_WINDOWS, PulseSchedule
@@ -68,6 +69,13 @@ def path_in_space(plan: Plan, ax: Axes3D | None = None) -> Axes3D:
     mover = "platform's origin" if plan.path.tool is None else "tool"
     position = 1e3 * (plan.machine.home.inv() * pose if from_home else pose).translation
     speed = 1e3 * np.linalg.norm(state.tool_velocity, axis=1)
+    ax = draw_way(ax, position, speed, f"speed of the {mover} (mm/s)")
+    ax.set_title(f"Path in space, from the machine's {'home pose' if from_home else 'base frame'}")
+    return ax
+
+
+def draw_way(ax: Axes3D, position: Array, speed: Array, label: str = "speed along the path (mm/s)") -> Axes3D:
+    """Points (N, 3) mm one after the other, coloured by the speed (N,) mm/s there; where they rest."""
     line = Line3DCollection(list(np.stack([position[:-1], position[1:]], 1)), cmap="viridis", linewidths=2.5)
     line.set_array((speed[:-1] + speed[1:]) / 2)
     ax.add_collection3d(line)
@@ -80,11 +88,10 @@ def path_in_space(plan: Plan, ax: Axes3D | None = None) -> Axes3D:
         ax.set(**{f"{name}lim": (low + size / 2 - half, low + size / 2 + half), f"{name}label": f"{name} (mm)"})
         getattr(ax, f"{name}axis").set_major_locator(MaxNLocator(2 if 4 * size < extent.max() else 6))
     ax.set_aspect("equal")
-    ax.set_title(f"Path in space, from the machine's {'home pose' if from_home else 'base frame'}")
     ax.legend(loc="upper left", frameon=False)
     root = ax.get_figure(root=True)
     if root is not None:
-        root.colorbar(line, ax=ax, label=f"speed of the {mover} (mm/s)", shrink=0.7, pad=0.1)
+        root.colorbar(line, ax=ax, label=label, shrink=0.7, pad=0.1)
     return ax
 
 
@@ -278,6 +285,18 @@ def cross_checked_speeds(check: CrossCheck, ax: Axes | None = None) -> Axes:
 def imported_way(found: Imported, ax: Axes | None = None) -> Axes:
     """The tool's way in the program's coordinates."""
     return program_way(found.program, ax)
+
+
+@draws(PlanStanding)
+def window_uses(standing: PlanStanding, ax: Axes | None = None) -> Axes:
+    """The largest share of each limit that is proved in each window of planning."""
+    ax = new_axes(ax)
+    for n, (name, use) in enumerate(standing.certificate.use.items()):
+        ax.step(np.arange(1, len(use) + 1), use, where="mid", label=name, **line_style(n))
+    ax.axhline(1.0, color="black", linestyle=(0, (6, 3)), linewidth=1)
+    ax.set(xlabel="window", ylabel="largest share of the limit, proved", ylim=(0, 1.1))
+    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, frameon=False)
+    return ax
 
 
 @draws(Certificate)

@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 
 from kinematics.foundation.result import saves
-from planner.export import plan_files
+from planner.export import motion_file, plan_files
 from planner.export.formats import binary, npz
 from planner.program.model import Program
 from planner.program.program_writer import program_toml
@@ -27,8 +27,8 @@ def trajectory_files(trajectory: Trajectory) -> Files:
     """.csv: `data()` in 12 digits; .bin and .json: the closed-form pieces, exact."""
     return {
         ".csv": partial(plan_files.write_trajectory_csv, trajectory),
-        ".bin": partial(plan_files.write_motion, trajectory),
-        ".json": partial(plan_files.write_motion_json, trajectory),
+        ".bin": partial(motion_file.write_motion, trajectory),
+        ".json": partial(motion_file.write_motion_json, trajectory),
     }
 
 

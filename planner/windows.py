@@ -46,6 +46,7 @@ class Start:
     """
 
     begin: float = 0.0
+    length: float = 0.0
     steps: int = 0
     pieces: int | None = None
     speed: float = 0.0
@@ -57,13 +58,14 @@ class Start:
 class Window:
     """A certified motion from where the window before was left, to rest; the next one goes on in its midst.
 
-    start  how it began
+    start  how it began; steps: of the path, that it has
     kept   time pieces of it that stay: with the next window's those before these are the motion; the last has all
     next   how the window behind it begins: whoever knows it and the path behind can plan on from there
     """
 
     solution: Solution
     start: Start
+    steps: int
     kept: int
     next: Start
 
@@ -135,7 +137,7 @@ class WindowPlanner:
                 held = rest = None
                 continue
             if held is not None:
-                yield Window(held.solution, start, held.seams[-1].knot, onward)
+                yield Window(held.solution, start, held.steps, held.seams[-1].knot, onward)
                 start = onward
                 del ahead[:skip]
             ends = len(own) == len(ahead) or 0 < own[-1].stop <= self.order
@@ -152,8 +154,10 @@ class WindowPlanner:
 
     def _stop(self, solution: Solution, start: Start, steps: int, count: int) -> Generator[Window, None, Start]:
         """A window of which all stays, and how the next begins."""
-        onward = Start(start.begin + solution.trajectory.duration, start.steps + steps, count)
-        yield Window(solution, start, len(solution.trajectory.s), onward)
+        motion = solution.trajectory
+        length = start.length + float(motion.path.breaks[-1])
+        onward = Start(start.begin + motion.duration, length, start.steps + steps, count)
+        yield Window(solution, start, steps, len(motion.s), onward)
         return onward
 
     def _solve(self, steps: Sequence[PathStep], start: Start) -> Solution:
@@ -165,8 +169,9 @@ class WindowPlanner:
             np.array([steps[0].wait, *(step.dwell for step in steps)]),
             tool=self.tool,
             end_speeds=(start.speed, 0.0),
-            start_acceleration=0.0 if start.continuation is None else start.continuation.acceleration,
+            end_accelerations=(0.0 if start.continuation is None else start.continuation.acceleration, 0.0),
             near=start.near,
+            origin=(start.length, start.begin),
         )
         return certified_solve(path, self.limit(path), self.order, continuation=start.continuation)
 
@@ -184,8 +189,8 @@ class WindowPlanner:
             {} if room is None else {name: values[first:last] for name, values in room.items()},
             float(motion.a[knot]),
         )
-        begin, steps = start.begin + float(motion.knots[knot]), start.steps + seam.steps
-        return Start(begin, steps, count, float(motion.v[knot]), state.q[0], continuation)
+        begin, length = start.begin + float(motion.knots[knot]), start.length + float(motion.s[knot])
+        return Start(begin, length, start.steps + seam.steps, count, float(motion.v[knot]), state.q[0], continuation)
 
 
 def _cut_at_last_stop(steps: list[PathStep], order: int) -> list[PathStep]:

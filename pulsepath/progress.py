@@ -22,9 +22,12 @@ MAX_COUNTED = 1000
 
 
 @contextmanager
-def step(what: str) -> Iterator[Callable[[int, int], None]]:
-    """Announce a step and, when it ends, its duration; yields a function that reports progress (done, total)."""
-    begin, what = perf_counter(), escape_text(what)
+def step(what: str, describe: Callable[[int, int], str] | None = None) -> Iterator[Callable[[int, int], None]]:
+    """Announce a step and, when it ends, its duration; yields a function that reports progress (done, total).
+
+    describe: what is said of that; None: its share, or the numbers where they are small.
+    """
+    begin, what, describe = perf_counter(), escape_text(what), describe or _format_progress
     if level() == QUIET:
         yield _report_nothing
         return
@@ -32,7 +35,7 @@ def step(what: str) -> Iterator[Callable[[int, int], None]]:
         from rich.console import Console
 
         with Console(stderr=True, markup=False).status(what) as status:
-            yield lambda done, of: status.update(f"{what}: {_format_progress(done, of)}")
+            yield lambda done, of: status.update(f"{what}: {describe(done, of)}")
     else:
         print(f"{what} …", file=sys.stderr, flush=True)
         told = begin
@@ -41,7 +44,7 @@ def step(what: str) -> Iterator[Callable[[int, int], None]]:
             nonlocal told
             if perf_counter() - told > REPORT_PERIOD:
                 told = perf_counter()
-                print(f"{what}: {_format_progress(done, of)}", file=sys.stderr, flush=True)
+                print(f"{what}: {describe(done, of)}", file=sys.stderr, flush=True)
 
         yield tell
     print(f"{what}: {perf_counter() - begin:.1f} s", file=sys.stderr, flush=True)

@@ -40,14 +40,14 @@ STATE_BATCH = 1 << 14
 def find_jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
     """Each quantity that is not continuous between the pieces, or at an end not as stated, and where it jumps most.
 
-    At an end ṡ is what the path states, rest if nothing, and s̈ is 0, or at the start what the path states: q̇ = q′ ṡ
-    and q̈ = q′ s̈ + q″ ṡ² there. Whether it is the path's end is for `find_gaps` to say.
+    At an end ṡ and s̈ are what the path states, nothing if it states none: q̇ = q′ ṡ and q̈ = q′ s̈ + q″ ṡ² there. Whether
+    it is the path's end is for `find_gaps` to say.
     """
     path, count = trajectory.path, len(trajectory.s)
     before, final = np.zeros((2, 3, order, len(path.names)))
     derivatives = path.derivatives(path.breaks[[0, -1]], np.array([0, len(path.breaks) - 2]), 2)
-    for side, n, push in ((before, 0, path.start_acceleration), (final, 1, 0.0)):
-        (q, q1, q2), speed = (each[n] for each in derivatives), path.end_speeds[n]
+    for side, n in ((before, 0), (final, 1)):
+        (q, q1, q2), speed, push = (each[n] for each in derivatives), path.end_speeds[n], path.end_accelerations[n]
         side[0] = [q, q1 * speed, q1 * push + q2 * speed**2][:order]
     worst, at = np.full((order, len(path.names)), -np.inf), np.zeros((order, len(path.names)), int)
     least, largest = -worst, worst.copy()

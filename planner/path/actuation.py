@@ -141,8 +141,8 @@ class ActuatorPath(Protocol):
         """ṡ with which a motion begins and ends: 0 is rest."""
 
     @property
-    def start_acceleration(self) -> float:
-        """s̈ with which a motion under jerk limits begins: 0 but of one that another goes on with."""
+    def end_accelerations(self) -> tuple[float, float]:
+        """s̈ with which a motion under jerk limits begins and ends: 0 but of one that goes on with, or in, another."""
 
     def constant(self, piece: int) -> float | None:
         """ṡ that a motion must have on a piece, outside the ramps at the ends of its segment; None: as it likes."""
@@ -231,8 +231,9 @@ class MachinePath:
         *,
         tool: Pose | None = None,
         end_speeds: tuple[float, float] = (0.0, 0.0),
-        start_acceleration: float = 0.0,
+        end_accelerations: tuple[float, float] = (0.0, 0.0),
         near: Array | None = None,
+        origin: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         """At the pieces' ends, dwells (P+1,) s, and stops (P+1,): the order of motion from which it rests there.
 
@@ -241,10 +242,11 @@ class MachinePath:
         blends      what became of the joins that ask for one
         fits        what became of chains whose joins ask for curves
         tool        its frame in the platform's, whose path length the pieces have; None: the platform's own
-        end_speeds  ṡ with which a motion begins and ends; start_acceleration: s̈ at its start
+        end_speeds  ṡ with which a motion begins and ends; end_accelerations: s̈ likewise
         near        (n,) coordinates near which it starts; None: near home's
+        origin      path length and time (s) at which it begins, where it is a part of another: places count from there
         """
-        self.end_speeds, self.start_acceleration = end_speeds, start_acceleration
+        self.end_speeds, self.end_accelerations, self._origin = end_speeds, end_accelerations, origin
         self.tool = None if tool is None else tool_map(tool)
         self._enclosed: tuple[Series, np.ndarray, Series] | None = None
         parts, meant = split_turns(machine, pieces, machine.home_q if near is None else near)
@@ -293,7 +295,8 @@ class MachinePath:
         return self.pieces[piece].segment
 
     def place(self, s: float, piece: int, t: float | None = None, axis: str = "") -> Place:
-        return Place(s, self.pieces[piece].segment, t, axis, self.pieces[piece].repetition)
+        own, (way, begin) = self.pieces[piece], self._origin
+        return Place(way + s, own.segment, None if t is None else begin + t, axis, own.repetition)
 
     def parameter(self, s: Array, piece: np.ndarray) -> Array:
         return s
@@ -386,16 +389,8 @@ def _pad_part_ends(ends: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 def actuate(program: Program, machine: Machine) -> MachinePath:
     """The program's path in the machine's actuators. Raises MotionError naming the segment that cannot be drawn."""
-    chained = chain_pieces(program, machine)
-    path = MachinePath(
-        machine,
-        chained.pieces,
-        chained.stops,
-        chained.dwells,
-        chained.blends,
-        chained.fits,
-        tool=program.tool,
-    )
+    own = chain_pieces(program, machine)
+    path = MachinePath(machine, own.pieces, own.stops, own.dwells, own.blends, own.fits, tool=program.tool)
     stated = np.array([program.start_speed, program.end_speed])
     if stated.any():  # of the tool, whose way is not everywhere the path's parameter
         ends = make_points(path, path.breaks[[0, -1]], np.array([0, len(path.pieces) - 1]), 2)

@@ -92,6 +92,22 @@ def summarise_fits(fits: Sequence[Fitted], blends: Sequence[Blended]) -> FitSumm
     )
 
 
+def merge_fits(one: FitSummary | None, other: FitSummary | None) -> FitSummary | None:
+    """Of two parts of a path, what fitting did to both."""
+    if one is None or other is None:
+        return other if one is None else one
+    return FitSummary(
+        curves=one.curves + other.curves,
+        before=one.before + other.before,
+        after=one.after + other.after,
+        tolerance=max(one.tolerance, other.tolerance),
+        deviation=max(one.deviation, other.deviation),
+        turned=max(one.turned, other.turned),
+        rounded=one.rounded + other.rounded,
+        stopped=one.stopped + other.stopped,
+    )
+
+
 def fit_tables(found: FitSummary | None) -> tuple[Table, ...]:
     """The same as a table, or none."""
     if found is None:

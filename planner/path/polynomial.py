@@ -50,7 +50,7 @@ class PolynomialPath:
         self.breaks, self.names, self.end_speeds = freeze_array(breaks), tuple(names), end_speeds
         self.coefficients: Array = freeze_array(coefficients)
         self.dwells: Array = freeze_array(np.zeros(len(breaks)))
-        self.tool, self.start_acceleration = None, 0.0
+        self.tool, self.end_accelerations = None, (0.0, 0.0)
         self.origin = self if origin is None else origin
         self.rests = freeze_array(np.zeros(len(breaks), bool) if rests is None else rests)
         self.lines = freeze_array(np.zeros(len(breaks) - 1, bool) if lines is None else lines)

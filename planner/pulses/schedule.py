@@ -3,7 +3,7 @@
 Parts follow each other in time. They are joined, or compared without ever being whole.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -210,18 +210,24 @@ UNKNOWN_UNIT = "m or rad"
 COUNT_BOUND = "bound of the count error at all times, plus the travel in one clock tick"
 
 
-def schedule_tables(schedule: PulseSchedule, units: Mapping[str, str]) -> Iterator[Table]:
-    """units: m or rad by axis, where it is known. What costs nothing has no table."""
+def schedule_tables(
+    schedule: PulseSchedule, units: Mapping[str, str], counted: Sequence[tuple[int, int]] | None = None
+) -> Iterator[Table]:
+    """units: m or rad by axis, where it is known; counted: pulses and net count of each, where they are elsewhere.
+
+    What costs nothing has no table.
+    """
     axes = schedule.axes
+    counted = counted or [(len(axis), axis.final - axis.start) for axis in axes]
     yield Table(
         f"pulses by the rule {schedule.rule}, on a clock of {schedule.clock_hz / 1e6:g} MHz",
         (
             Column("axis", [axis.name for axis in axes]),
-            Column("pulses", [len(axis) for axis in axes]),
-            Column("net count", [axis.final - axis.start for axis in axes]),
+            Column("pulses", [pulses for pulses, _ in counted]),
+            Column("net count", [net for _, net in counted]),
             Column("error ≤", [axis.bound for axis in axes], "pulses", form=".3f", up=True),
         ),
-        (f"{schedule.total} pulses of all axes", f"error: {COUNT_BOUND}"),
+        (f"{sum(pulses for pulses, _ in counted)} pulses of all axes", f"error: {COUNT_BOUND}"),
     )
     if moved := schedule.moves:
         yield Table(

@@ -64,16 +64,14 @@ class Solution(Result):
         return self.trajectory.data()
 
 
-def timing_table(title: str, duration: float, least: float, note: str | None = None) -> Table:
+def timing_table(title: str, duration: float, least: float | None = None, note: str | None = None) -> Table:
     """What a motion takes, and the estimate of the least that any would; note: what there is to say of the first."""
-    return Table(
-        title,
-        (
-            Column("what", ["duration", "lower bound, estimated"]),
-            Column("time", [duration, least], "s", form=".6f"),
-            Column("note", [note, f"the duration is {100 * (duration / least - 1):.2f} % above it"]),
-        ),
-    )
+    what, times, notes = ["duration"], [duration], [note]
+    if least is not None:
+        what.append("lower bound, estimated")
+        times.append(least)
+        notes.append(f"the duration is {100 * (duration / least - 1):.2f} % above it")
+    return Table(title, (Column("what", what), Column("time", times, "s", form=".6f"), Column("note", notes)))
 
 
 def certified_solve(

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,11 +25,16 @@ from pulsepath.process.intent import writes
 from pulsepath.progress import say
 
 if TYPE_CHECKING:
+    from planner.plan_parts import PlanStanding
     from pulsepath.inputs import Inputs
 
 WORK_MODULES = ("pulsepath.job",)
 FIGURE_MODULES = ("benchmarks.reports.plan_report", "controllers.figures", "planner.figures")
 """What the second process loads."""
+MOST_WHOLE = 1000
+"""As in planner.plan_parts, which would load all of planner here."""
+LONG_FILE = 1 << 16
+"""Bytes of a program that has more segments than that."""
 
 
 @click.command(cls=ProgramCommand)
@@ -85,6 +91,19 @@ FIGURE_MODULES = ("benchmarks.reports.plan_report", "controllers.figures", "plan
     is_flag=True,
     help="Also solve order 2 with toppra, and report its motion and certificate.",
 )
+@click.option(
+    "--stream/--whole",
+    default=None,
+    help="Plan part by part as PROGRAM is read, in memory that does not grow with it, or as a whole, which the report "
+    f"says more of. Default: --stream above {MOST_WHOLE} segments.",
+)
+@click.option(
+    "--keep-certified",
+    "keep",
+    is_flag=True,
+    help="With --stream: where PROGRAM cannot be planned, keep what was proved before, which comes to rest. "
+    "Default: all or nothing.",
+)
 @dump_option
 @click.option("--force", is_flag=True, help="Replace DIR if it holds an earlier plan.")
 @json_option
@@ -102,6 +121,8 @@ def plan(
     motion: str,
     rig: str | None,
     crossed: bool,
+    stream: bool | None,
+    keep: bool,
     dumped: Path | None,
     force: bool,
     as_json: bool,
@@ -124,12 +145,16 @@ def plan(
     from planner.parallel import reduce_garbage_collection, side_process
 
     # before what is slow to load, so that both processes load at once
-    with reduce_garbage_collection(), side_process([*WORK_MODULES, *(FIGURE_MODULES if figures else ())]) as other:
+    modules = [*WORK_MODULES, *(FIGURE_MODULES if figures else ())]
+    beside = nullcontext() if _is_long(program, stream) else side_process(modules)
+    with reduce_garbage_collection(), beside as other:
+        from planner.parallel import NO_PROCESS
         from planner.timing.solvers.toppra_ import require
         from pulsepath.inputs import read_rig
         from pulsepath.job import run
         from pulsepath.output import plan_directory, record, tables
         from pulsepath.output.directory import RECORD, refuse_overwrite, replace_directory
+        from pulsepath.parts_job import Firing, choose_parts, run_parts
 
         refuse_overwrite(out, force)
         seconds = None if duration is None else read_quantity("--duration", duration, "s", above=0.0)
@@ -138,7 +163,20 @@ def plan(
         if crossed:  # said before the work
             require("--cross-check")
         behind = read_rig(rig, inputs.machine)
+        whole = {"--duration": seconds is not None, "--rig": rig is not None, "--cross-check": crossed}
+        whole["--pulses csv"] = pulses == "csv"
+        if choose_parts(stream, inputs, [option for option, asked in whole.items() if asked]):
+            with replace_directory(out, force) as folder:
+                firing = Firing(clock_hz, rule, pulses != "none")
+                standing, no = run_parts(inputs, kind, firing, folder, figures, keep)
+            _tell_parts(standing, out, as_json)
+            if no is not None:
+                raise no
+            return
+        if keep:
+            raise click.UsageError("--keep-certified is for --stream.", click.get_current_context())
         with replace_directory(out, force) as folder:  # where nothing can be written, that is said before the work
+            other = other or NO_PROCESS
             job = run(inputs.program, inputs.machine, kind, clock_hz, seconds, rule, other, figures, behind, crossed)
             plan_directory.write(folder, job, inputs, pulses)
     report = str(out / plan_directory.REPORT)
@@ -147,6 +185,25 @@ def plan(
         click.echo(record.as_json({**written, "report": report}), nl=False)
     else:
         tables.show(tables.of_plan(job))
+        say(f"report: {report}")
+
+
+def _is_long(program: str, stream: bool | None) -> bool:
+    """Whether it is all but certain that it is planned in parts: then no other process helps."""
+    file = Path(program)
+    return stream is True or (stream is None and file.is_file() and file.stat().st_size > LONG_FILE)
+
+
+def _tell_parts(standing: "PlanStanding", out: Path, as_json: bool) -> None:
+    from pulsepath.output import plan_directory, record, tables
+    from pulsepath.output.directory import RECORD
+
+    report = str(out / plan_directory.REPORT)
+    if as_json:
+        written = json.loads((out / RECORD).read_bytes())
+        click.echo(record.as_json({**written, "report": report}), nl=False)
+    else:
+        tables.show(standing.tables())
         say(f"report: {report}")
 
 

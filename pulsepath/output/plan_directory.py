@@ -4,9 +4,8 @@ What was proved of the written file of pulses stands in certificate.json.
 """
 
 import json
-from collections.abc import Iterable
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 
@@ -15,13 +14,13 @@ import numpy as np
 from controllers.rig_choice import rig_hint
 from kinematics import Machine, MotionError, load_machine
 from kinematics.files.chunk_file import holds_chunks
-from kinematics.files.plain_text import finite_or_none
 from planner import Plan, Program, Trajectory, load_program
-from planner.export import plan_files
+from planner.export import motion_file, plan_files
 from planner.limits import Limit, limits_of
 from planner.orientation.orient import apply_choice, find_choice
 from planner.parallel import Progress, ignore_progress
 from planner.path.actuation import actuate
+from planner.path.chain import walk_path
 from planner.program.model import fit_joins
 from planner.pulses import PulseCheck, PulseFile, PulseSchedule, check, check_file, generate, open_pulses, pace_axes
 from planner.pulses.checking.pulse_reader import list_statements, read_compensation
@@ -32,10 +31,10 @@ from pulsepath.inputs import Inputs, Origin
 from pulsepath.job import Defect, Job
 from pulsepath.options import LAWS
 from pulsepath.output.directory import RECORD, is_ours
-from pulsepath.output.record import SCHEMA, Record, as_json, plan_record
+from pulsepath.output.plan_record import of_plan, of_pulse_file
+from pulsepath.output.record import Record, as_json
 from pulsepath.output.verification import (
     changes,
-    digest,
     digest_pulses,
     find_differences,
     find_violation,
@@ -44,49 +43,11 @@ from pulsepath.output.verification import (
 )
 from pulsepath.progress import note, step
 
-
-def pulse_file_record(path: Path | None, plan: Plan, verdict: PulseCheck) -> Record:
-    """What was proved of a file of pulses, None: of the pulses; times in s, None where there is nothing to time."""
-    return {
-        "schema": SCHEMA,
-        "kind": "pulsepath pulse certificate",
-        "file": None if path is None else path.name,
-        "sha256": None if path is None else digest(path),
-        "clock_hz": plan.pulses.clock_hz,
-        "rule": plan.pulses.rule,
-        "duration_s": plan.pulses.duration,
-        "holds": verdict.holds,
-        "faults": [asdict(fault) for fault in verdict.faults],
-        "axes": {
-            one.name: {
-                "pulses": one.pulses,
-                "start_count": held.start,
-                "final_count": held.final,
-                "final_error_pulses": finite_or_none(one.final_error),
-                "bound_pulses": held.bound,
-                "time_error_ticks": None if one.time_error is None else finite_or_none(one.time_error),
-                "position_error_beyond_bound_pulses": finite_or_none(one.position_error),
-                "error_behind_play_and_screw_pulses": None if one.behind is None else finite_or_none(one.behind),
-                "smallest_interval_s": finite_or_none(one.smallest_interval),
-                "highest_rate_hz": 1 / one.smallest_interval if one.smallest_interval > 0 else None,
-                "lines_s": _time_record(one.lines, ("high", "low", "setup", "hold")),
-                "drive_needs_s": _time_record(driven.timing, ("high", "low", "setup", "hold", "max_rate")),
-            }
-            for one, held, driven in zip(verdict.axes, plan.pulses.axes, plan.machine.axes, strict=True)
-        },
-    }
-
-
-def _time_record(of: object, names: Iterable[str]) -> Record | None:
-    if of is None:
-        return None
-    return {name: None if (value := getattr(of, name)) is None else finite_or_none(value) for name in names}
-
-
 CERTIFICATE = "certificate.json"
 """What the check of the pulse file found: beside it."""
 MOTION, TRAJECTORY, REPORT, TRACK = "motion.bin", "trajectory.csv", "report.html", "track.json"
-PULSES = {"csv": "pulses.csv", "binary": "pulses.bin", "none": None}
+BINARY = "pulses.bin"
+PULSES = {"csv": "pulses.csv", "binary": BINARY, "none": None}
 """The file of pulses by the form that is asked for."""
 DEFAULT_PULSES = "binary"
 TRIGGERS = "triggers.csv"
@@ -122,8 +83,11 @@ class StoredPlan:
     @property
     def limits(self) -> tuple[Limit, ...]:
         """Those that the motion was proved to keep."""
-        axes = pace_axes(self.machine.axes, self.clock_hz, self.rule)
-        return limits_of(self.trajectory.path, axes, self.order)
+        return self.find_limits(self.trajectory)
+
+    def find_limits(self, motion: Trajectory) -> tuple[Limit, ...]:
+        """The same of a part of it, on its own path."""
+        return limits_of(motion.path, pace_axes(self.machine.axes, self.clock_hz, self.rule), self.order)
 
     def open_pulses(self) -> PulseFile | None:
         """Their binary file, to be read part by part; None where there is none that has and states what was proved."""
@@ -149,7 +113,7 @@ class StoredPlan:
 
 
 @dataclass(frozen=True, slots=True)
-class _StatedPulses:
+class StatedPulses:
     """What the pulses of a file are held to: a schedule without any, of a motion."""
 
     machine: Machine
@@ -166,7 +130,7 @@ def check_pulses(file: Path, taken: StoredPlan, progress: Progress = ignore_prog
     """The check of a file of pulses in the folder of a plan, part by part. Raises MotionError where they fail it."""
     stated = taken.stated or taken.pulses(progress)
     counted = counted_motion(taken.trajectory, taken.machine.axes, taken.machine.home_q)
-    found = check_file(file, _StatedPulses(taken.machine, counted, stated), progress)
+    found = check_file(file, StatedPulses(taken.machine, counted, stated), progress)
     refuse([f"{file}: {fault}" for fault in found.faults[:1]])
     return found
 
@@ -181,7 +145,7 @@ def write(folder: Path, job: Job, inputs: Inputs, pulses: str = DEFAULT_PULSES) 
     (folder / SOURCES["machine"]).write_bytes(inputs.machine_toml)
     for name, content in inputs.companions.items():
         (folder / name).write_bytes(content)
-    plan_files.write_motion(plan.trajectory, folder / MOTION)
+    motion_file.write_motion(plan.trajectory, folder / MOTION)
     if choice := find_choice(plan.program):
         (folder / ORIENTATION).write_text(as_json({str(k): chosen.tolist() for k, chosen in choice.items()}))
     plan_files.write_trajectory_csv(plan.trajectory, folder / TRAJECTORY)
@@ -197,11 +161,13 @@ def write(folder: Path, job: Job, inputs: Inputs, pulses: str = DEFAULT_PULSES) 
             verdict = check(plan.pulses, plan.counted, plan.machine.axes, plan.machine.home_q)
     if not verdict.holds:
         raise Defect(f"{verdict.fault_count} faults in the pulses, the first: {verdict.faults[0]}")
-    (folder / CERTIFICATE).write_text(as_json(pulse_file_record(file, plan, verdict)), encoding="utf-8")
+    (folder / CERTIFICATE).write_text(
+        as_json(of_pulse_file(file, plan.pulses, plan.machine, verdict)), encoding="utf-8"
+    )
     if plan.triggers:
         plan_files.write_trigger_csv(plan.triggers, plan.machine.axes, folder / TRIGGERS)
     _write_report(folder / REPORT, job, verdict)
-    (folder / RECORD).write_text(as_json(seal_record(plan_record(job, inputs, verdict), folder)), encoding="utf-8")
+    (folder / RECORD).write_text(as_json(seal_record(of_plan(job, inputs, verdict), folder)), encoding="utf-8")
     return verdict
 
 
@@ -286,14 +252,21 @@ def _load(folder: Path, unverified: bool, proving: AbstractContextManager[object
         _restore_orientation(program, folder / ORIENTATION), name=f"{name}{NOT_VERIFIED}" if unverified else name
     )
     machine = machine.rename(str(record.get("machine") or machine.name))
-    trajectory = plan_files.read_motion(folder / MOTION, actuate(program, machine))
+    parts = record.get("windows") is not None
+    if parts:
+        trajectory = motion_file.read_parts(folder / MOTION, walk_path(program, machine), machine, program.tool)
+    else:
+        trajectory = motion_file.read_motion(folder / MOTION, actuate(program, machine))
     stated = _state_pulses(pulses, trajectory.duration, machine, clock, rule)
     held = [folder / name for name in (PULSES["binary"], PULSES["csv"]) if name and (folder / name).is_file()]
     taken = StoredPlan(program, machine, trajectory, clock, rule, order, digest, stated, held[0] if held else None)
     if unverified:
         return replace(taken, pulse_file=None, doubts=(*doubts, "the motion was not proved again"))
     with proving:
-        found = find_violation(trajectory, taken.limits)
+        motions = iter([trajectory])
+        if parts:
+            motions = motion_file.follow_motion(folder / MOTION, walk_path(program, machine), machine, program.tool)
+        found = next(filter(None, (find_violation(motion, taken.find_limits(motion)) for motion in motions)), None)
     refuse([] if found is None else [f"{folder / MOTION}: {found}"])
     if record.get("duration_s") != trajectory.duration:
         refuse([f"{folder / RECORD} belongs to another motion than {MOTION}"])

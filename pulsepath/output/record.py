@@ -3,144 +3,26 @@
 import json
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
-from importlib.metadata import PackageNotFoundError, version
 from math import isnan, pi
-from platform import python_version
 from typing import Any
 
 from controllers import Metrics, Rig
 from kinematics import Axis, Machine, MotionError, Pose, Posture
 from kinematics.files.plain_text import finite_or_none, plain_json
 from kinematics.foundation.options import options
-from planner import Infeasible, Place, Standing, Triggered
-from planner.baselines import describe_differences, missing_limits
+from planner import Infeasible, Place, Standing
 from planner.export.format import Exported
-from planner.limits import find_unkept_limits
 from planner.path.outcome import Blended, FitSummary
 from planner.path.point_to_point import Departure
-from planner.pulses import RULES, PulseCheck, RealisedPath
+from planner.pulses import RULES, RealisedPath
 from planner.sources.arm_simulation import ArmSimulation
 from planner.sources.outline import Outline
 from planner.sources.position_list import PositionList
 from planner.sources.source import Imported
-from pulsepath import __version__
-from pulsepath.inputs import Inputs
-from pulsepath.job import Job
-from pulsepath.output.directory import KIND
-from pulsepath.output.verification import digest_pulses
 
 SCHEMA = 1
 
 Record = dict[str, Any]
-
-
-def plan_record(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
-    """A plan and the check of its pulses: SI units, which the keys name where they are not plain."""
-    plan, certificate = job.plan, job.plan.certificate
-    return {
-        "schema": SCHEMA,
-        "kind": KIND,
-        "program": plan.program.name,
-        "machine": plan.machine.name,
-        "order": plan.order,
-        "duration_s": plan.trajectory.duration,
-        "stated_duration_s": plan.stated_duration,
-        "path_length_m": float(plan.path.breaks[-1]),
-        "classical": {
-            "kind": job.classical.kind,
-            "duration_s": job.classical.duration,
-            "saved_s": job.time_saved,
-            "leaves_out": list(missing_limits(plan, job.classical)),
-            "kinds": {
-                one.kind: {
-                    "duration_s": one.duration,
-                    "order": one.order,
-                    "certified": one.certificate.holds,
-                    "deviation_m": None if one.deviation is None else one.deviation.distance,
-                    "leaves_out": list(missing_limits(plan, one)),
-                    "differences": list(describe_differences(plan, one)),
-                }
-                for one in (job.classical, *job.others)
-            },
-        },
-        "certificate": {
-            "holds": certificate.holds,
-            "limits": {
-                name: {
-                    "worst_ratio": worst,
-                    "attained_ratio": float(certificate.attained[name].max()),
-                    "where": _place(certificate.where[name]),
-                }
-                for name, worst in certificate.worst.items()
-            },
-        },
-        "fit": _fit(plan.path.fit),
-        "blends": _blends(plan.path.blends),
-        "synchronised_moves": _departures(plan.departures),
-        "stated_but_not_kept": list(find_unkept_limits(plan.machine)),
-        "lower_bound": {
-            "kind": "estimate",
-            "duration_s": plan.lower_estimate,
-            "gap": plan.gap,
-            "leaves_out": list(plan.left_out),
-        },
-        "solver": {"rounds": plan.rounds, "methods": list(plan.methods)},
-        "pulses": {
-            "clock_hz": plan.pulses.clock_hz,
-            "total": plan.pulses.total,
-            "rule": plan.pulses.rule,
-            "sha256": digest_pulses([plan.pulses]),
-            "compensations": [asdict(one) for one in plan.pulses.compensations],
-            "moved_for_drives": [asdict(moved) for moved in plan.pulses.moves],
-            "axes": {
-                axis.name: {
-                    "pulses": len(axis),
-                    "start_count": axis.start,
-                    "final_count": axis.final,
-                    "net_count": axis.final - axis.start,
-                    "pulse": axis.pulse,
-                    "unit": driven.unit,
-                    "bound_pulses": axis.bound,
-                }
-                for axis, driven in zip(plan.pulses.axes, plan.machine.axes, strict=True)
-            },
-            "check": {
-                "holds": verdict.holds,
-                "faults": verdict.fault_count,
-                "time_error_ticks": verdict.time_error,
-                "position_error_pulses": verdict.position_error,
-                "highest_rate_hz": verdict.highest_rate,
-            },
-        },
-        "tracking": None if job.rig is None else of_tracking(job.rig, job.seen().metrics),
-        "cross_check": None if job.crossed is None else job.crossed.record(),
-        "realised": None if job.realised is None else realised_record(job.realised),
-        "constant_speeds": [
-            {
-                "speed_m_s": stretch.speed,
-                "largest_deviation": stretch.deviation,
-                "from": _place(stretch.since),
-                "to": _place(stretch.until),
-            }
-            for stretch in plan.constant_speeds
-        ],
-        "triggers": [_trigger(event, plan.machine.axes) for event in plan.triggers],
-        "inputs": {
-            "program": inputs.program_file,
-            "format": None if inputs.origin is None else inputs.origin.format,
-            "suffix": None if inputs.origin is None else inputs.origin.suffix,
-            "options": {} if inputs.origin is None else dict(inputs.origin.options),
-            "fit_m": inputs.fit,
-        },
-        "provenance": {
-            "sha256": inputs.digests,
-            "versions": {
-                "pulsepath": __version__,
-                "python": python_version(),
-                **_versions("casadi", "numba", "numpy", "scipy", *(() if job.crossed is None else ("toppra",))),
-            },
-        },
-    }
 
 
 def realised_record(path: RealisedPath) -> Record:
@@ -169,11 +51,11 @@ def of_check(found: Standing) -> Record:
     largest = found.largest.items()
     return {
         "feasible": not found.violations,
-        "fit": _fit(found.fit),
-        "blends": _blends(found.blends),
-        "synchronised_moves": _departures(found.departures),
+        "fit": fit_record(found.fit),
+        "blends": blend_records(found.blends),
+        "synchronised_moves": departure_records(found.departures),
         "violations": [violation_record(violation) for violation in found.violations],
-        "largest_use": {name: {"ratio": use, "where": _place(place)} for name, (use, place) in largest},
+        "largest_use": {name: {"ratio": use, "where": place_record(place)} for name, (use, place) in largest},
     }
 
 
@@ -214,7 +96,7 @@ def of_posture(found: Posture) -> Record:
     margins = found.margins
     return {
         "machine": found.machine.name,
-        "pose": {"home": _pose(found.from_home), "base": _pose(found.pose)},
+        "pose": {"home": pose_record(found.from_home), "base": pose_record(found.pose)},
         "directions_rad": found.directions.tolist(),
         "axes": [
             {"name": axis.name, "position": q, "from_home": away, "pulses": count, "unit": axis.unit, "travel_use": use}
@@ -245,7 +127,7 @@ def of_posture(found: Posture) -> Record:
     }
 
 
-def _pose(pose: Pose) -> Record:
+def pose_record(pose: Pose) -> Record:
     angles = pose.rotation.as_euler("XYZ", suppress_warnings=True)
     return {"position_m": pose.translation.tolist(), "angles_rad": angles.tolist()}
 
@@ -304,10 +186,10 @@ def as_json(record: object) -> str:
 def _fields(of: object, *names: str) -> Record:
     """What a result has under these names; a place as a record of its own."""
     values = {name: getattr(of, name) for name in names}
-    return {name: _place(value) if isinstance(value, Place) else value for name, value in values.items()}
+    return {name: place_record(value) if isinstance(value, Place) else value for name, value in values.items()}
 
 
-def _fit(found: FitSummary | None) -> Record | None:
+def fit_record(found: FitSummary | None) -> Record | None:
     """What fitting did: pieces before and after, the largest deviation that is proved, and corners that stay."""
     if found is None:
         return None
@@ -323,7 +205,7 @@ def _fit(found: FitSummary | None) -> Record | None:
     }
 
 
-def _blends(blends: Sequence[Blended]) -> list[Record]:
+def blend_records(blends: Sequence[Blended]) -> list[Record]:
     """After which segment each is, what it may leave the path by and does, and which segments cut it short."""
     return [
         {
@@ -340,11 +222,11 @@ def _blends(blends: Sequence[Blended]) -> list[Record]:
     ]
 
 
-def _departures(departures: Sequence[Departure]) -> list[Record]:
+def departure_records(departures: Sequence[Departure]) -> list[Record]:
     """How far the tool leaves the straight line in synchronised moves, in space and turning, and the axes theirs."""
     return [
         {
-            "where": _place(one.where),
+            "where": place_record(one.where),
             "off_the_line_m": one.distance,
             "turned_off_rad": one.turned,
             "axes_uneven_pulses": one.uneven,
@@ -353,19 +235,9 @@ def _departures(departures: Sequence[Departure]) -> list[Record]:
     ]
 
 
-def _place(place: Place) -> Record:
+def place_record(place: Place) -> Record:
     again = {} if place.repetition is None else {"repetition": place.repetition}
     return {"axis": place.axis or None, "segment": place.segment, **again, "distance_m": place.s, "time_s": place.t}
-
-
-def _trigger(event: Triggered, axes: Sequence[Axis]) -> Record:
-    """An event; the pose is the platform's in the base frame, its angles about the moving axes in turn."""
-    return {
-        "name": event.name,
-        "where": _place(event.where),
-        **_pose(event.pose),
-        "counts": {axis.name: int(count) for axis, count in zip(axes, event.counts, strict=True)},
-    }
 
 
 def violation_record(violation: MotionError) -> Record:
@@ -373,20 +245,9 @@ def violation_record(violation: MotionError) -> Record:
     if not isinstance(violation, Infeasible):
         return {"kind": "reach", "message": str(violation)}
     named = _fields(violation, "kind", "axis", "value", "limit", "unit", "remedy")
-    where = None if violation.place is None else _place(violation.place)
+    where = None if violation.place is None else place_record(violation.place)
     return {**named, "relaxation": finite_or_none(violation.relaxation), "where": where, "message": str(violation)}
 
 
 def _axis(axis: Axis) -> Record:
     return {**asdict(axis), "travel": tuple(map(finite_or_none, axis.travel)), "unit": axis.unit}
-
-
-def _versions(*packages: str) -> dict[str, str | None]:
-    """Installed versions; None for what is not there."""
-    found: dict[str, str | None] = {}
-    for package in packages:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = None
-    return found

@@ -34,7 +34,7 @@ def absent_packages_skip(monkeypatch):
     monkeypatch.setattr("pulsepath.command_group.describe_error", telling)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def call():
     """Calls the command line; the result has .exit_code, .stdout and .stderr."""
     return lambda *arguments: CliRunner().invoke(main, [str(argument) for argument in arguments])

@@ -97,6 +97,7 @@ MAKERS = {
     "RealisedPath": lambda: plan().realised(stride=200),
     "Solution": solution,
     "CrossCheck": crossed,
+    "PlanStanding": lambda: [part.standing for part in pp.plan_parts(plan().program, machine())][-1],
     "Standing": lambda: pp.check(plan().program, machine()),
     "Classical": lambda: pp.classical(plan()),
     "Program": lambda: plan().program,

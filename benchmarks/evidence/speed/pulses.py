@@ -34,7 +34,7 @@ import numpy as np
 from benchmarks.evidence.timing import Result, run_in_new_process, time_calls
 from kinematics import Hexapod, Machine, load_machine
 from planner import load_program, plan
-from planner.export import plan_files
+from planner.export import motion_file
 from planner.export.format import ExportSource
 from planner.export.formats import binary, npz, pulse_csv
 from planner.path.actuation import actuate
@@ -68,7 +68,7 @@ def main() -> None:
     print("stage         pulses   CPU s   M pulses/s   peak MB   bytes/pulse above the fewest   in the file")
     with TemporaryDirectory() as folder:
         motion = Path(folder) / "motion.bin"
-        plan_files.write_motion(plan(load_program("circle"), load_machine("hexapod")).trajectory, motion)
+        motion_file.write_motion(plan(load_program("circle"), load_machine("hexapod")).trajectory, motion)
         for stage in STAGES:
             least: tuple[int, float] | None = None
             for count in CASES:
@@ -86,7 +86,7 @@ def measure_stage(stage: str, count: int, motion: Path) -> tuple[int, float, int
     """Pulses, CPU seconds of the stage, peak bytes of this process, and bytes of the file where there is one."""
     repetitions, coarser = CASES[count]
     machine = load_coarse_hexapod(coarser)
-    once = plan_files.read_motion(motion, actuate(load_program("circle"), machine))
+    once = motion_file.read_motion(motion, actuate(load_program("circle"), machine))
     if stage == "grow":
         pulses, seconds, size = grow_file(machine, once, repetitions, motion.with_name("pulses.bin"))
         return pulses, seconds, measure_peak(), size

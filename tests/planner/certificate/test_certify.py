@@ -99,7 +99,7 @@ class Lorentz:
     names = ("spike", "free")
     breaks = np.array([-1.0, 1.0])
     dwells = np.zeros(2)
-    tool, end_speeds, start_acceleration, turns = None, (0.0, 0.0), 0.0, np.zeros(1)
+    tool, end_speeds, end_accelerations, turns = None, (0.0, 0.0), (0.0, 0.0), np.zeros(1)
 
     def __init__(self, place, width):
         self.centre, self.width = place, width

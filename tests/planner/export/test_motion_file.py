@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kinematics import FileError, MotionError
-from planner.export import plan_files
-from planner.export.plan_files import PIECES, MotionWriter, motion_parts, read_motion
+from planner.export import motion_file
+from planner.export.motion_file import PIECES, MotionWriter, motion_parts, read_motion
 from tests import motion_pieces
 
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
@@ -40,8 +40,8 @@ def bits(motion):
 def test_any_motion_comes_back_to_the_last_bit(tmp_path_factory, rows, size):
     motion, path = motion_of(rows), tmp_path_factory.mktemp("motion") / "motion.bin"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(plan_files, "MAX_CHUNK_PIECES", size)
-        plan_files.write_motion(motion, path)
+        patch.setattr(motion_file, "MAX_CHUNK_PIECES", size)
+        motion_file.write_motion(motion, path)
     assert bits(read_motion(path, ALONG)) == bits(motion)
     assert len(list(motion_parts(path))) == -(-len(rows) // size)
 
@@ -127,7 +127,7 @@ def test_it_is_read_by_what_is_written_of_it(tmp_path):
     from zlib import decompress
 
     motion = motion_of([(1.0, -0.0, 3.5, 1e-320, 2), (np.pi, 2.0, 0.1, -5.0, 1)])
-    plan_files.write_motion(motion, tmp_path / "m")
+    motion_file.write_motion(motion, tmp_path / "m")
     content = (tmp_path / "m").read_bytes()
     at = 12 + 24 + struct.unpack_from("<Q", content, 12 + 8)[0]
     kind, _, length = struct.unpack_from("<4sIQ", content, at)

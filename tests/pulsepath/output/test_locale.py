@@ -11,7 +11,7 @@ import pytest
 
 from kinematics import load_machine
 from planner import Line, Program, Synchronised, load_program, plan
-from planner.export import plan_files
+from planner.export import motion_file
 from planner.export.format import FORMATS, ExportSource, find_format
 from pulsepath.output import plan_directory
 from tests import read_lines
@@ -100,7 +100,7 @@ def test_what_is_read_and_planned_is_the_same(edges, job, commas):
 
     def read():
         held = read_lines.read(edges / "pulses.csv", pulses.clock_hz, machine.axes, machine.home_q).schedule
-        motion = plan_files.read_motion(edges / "motion.bin", job.plan.path)
+        motion = motion_file.read_motion(edges / "motion.bin", job.plan.path)
         made = plan(load_program("bare-circle"), load_machine("hexapod"), order=2)
         return held, motion, made
 

@@ -1,0 +1,344 @@
+"""motion.bin: the closed-form pieces of a motion, exact to the last bit, so that a plan is taken up without solving.
+
+It is a file of `kinematics.files.chunk_file`, which grows as `planner.export.formats.binary` has it of pulses:
+
+    HEAD   JSON: kind "pulsepath motion", schema 1, and the unit of each array
+    PART   JSON: how a part of a motion begins that was planned in parts: begin (s) and length (m) from the start of
+           the whole; step: the first of its pieces of the whole path, steps: how many; near: coordinates (m or rad) of
+           the axes near which it begins. In what follows time and path length count from there, path pieces likewise.
+    MOTN   uint64 pieces n; deflated (zlib, RFC 1950): the bytes of 6n + 1 numbers, first the lowest byte of all, then
+           the next, up to the eighth; of float64 (little-endian) n + 1 knots, of which the first is the last of the
+           chunk before, n s, n v, n a, n j as `Trajectory` has them, and of int64 n indices of path pieces
+    part, motn   the same of a stop that the next chunks replace: it counts while the mark behind it is the last
+    MARK   JSON: complete, duration (s), pieces (how many)
+
+A motion that was planned as a whole has no PART.
+"""
+
+import json
+import struct
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from itertools import islice
+from pathlib import Path
+from typing import Any, BinaryIO
+from zlib import compress, decompressobj
+from zlib import error as ZlibError
+
+import numpy as np
+
+from kinematics import Fault, FileError, Machine, MotionError, Pose
+from kinematics.files.chunk_file import Chunk, ChunkWriter, open_chunks, resume_chunks
+from kinematics.foundation.arrays import Array
+from planner.path.actuation import ActuatorPath, MachinePath
+from planner.path.join_and_blend import PathStep
+from planner.trajectory import Trajectory
+
+PIECES = ("s", "v", "a", "j", "piece")
+"""One entry per time piece, as `Trajectory` has them; its knots are one more."""
+KIND, SCHEMA = "pulsepath motion", 1
+UNITS = {"knots": "s", "s": "m", "v": "m/s", "a": "m/s^2", "j": "m/s^3", "piece": ""}
+MAX_CHUNK_PIECES = 1 << 14
+"""What bounds the memory of those who write and read, beside the motion itself."""
+COUNT = struct.Struct("<Q")
+LEVEL = 1
+"""Of zlib: most bytes of such numbers are as good as random."""
+
+
+@dataclass(frozen=True, slots=True)
+class PartHead:
+    """How a part of a motion begins.
+
+    begin, length  s and m, from the start of the whole
+    step, steps    the first of its pieces of the whole path, from 0, and how many
+    near           (n,) coordinates of the axes near which it begins; None: near home's
+    """
+
+    begin: float
+    length: float
+    step: int
+    steps: int
+    near: tuple[float, ...] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class MotionPart:
+    """Some pieces of a motion: knots (n + 1,), and s, v, a, j and path piece (n,); of which part, if of any."""
+
+    head: PartHead | None
+    knots: Array
+    columns: list[Array]
+
+
+@dataclass(frozen=True, slots=True)
+class _Reached:
+    """Up to where a file goes: how many pieces, the head of their part, the knot at their end within it."""
+
+    pieces: int = 0
+    head: PartHead | None = None
+    knot: float | None = None
+
+    @property
+    def duration(self) -> float:
+        return (0.0 if self.head is None else self.head.begin) + (self.knot or 0.0)
+
+
+class MotionWriter:
+    """A file of a motion that grows, piece by piece, as `planner.export.formats.binary.PulseWriter` one of pulses."""
+
+    __slots__ = ("_chunks", "_kept", "_stop")
+
+    def __init__(self, chunks: ChunkWriter, kept: _Reached) -> None:
+        self._chunks, self._kept = chunks, kept
+        self._stop: _Reached | None = None
+
+    @classmethod
+    def begin(cls, file: BinaryIO) -> "MotionWriter":
+        """A new file."""
+        return cls(ChunkWriter(file, {"kind": KIND, "schema": SCHEMA, "units": UNITS}), _Reached())
+
+    @classmethod
+    def resume(cls, path: Path, file: BinaryIO) -> "MotionWriter":
+        """Go on with a file that is not finished, open to be read and written: from its last mark, without its stop.
+
+        Raises MotionError where it is finished, FileError where it is damaged.
+        """
+        held = open_chunks(path, KIND, SCHEMA, partial=True)
+        if held.complete:
+            raise MotionError(f"{path} is finished: no motion can be added to it")
+        kept = _Reached()
+        for chunk, contents in held.contents():
+            if chunk.kind == "PART":
+                kept = replace(kept, head=_decode_head(contents, chunk, path), knot=None)
+            elif not chunk.kind.islower():
+                knots, columns = _decode(contents, chunk, path)
+                kept = replace(kept, pieces=kept.pieces + len(columns[0]), knot=float(knots[-1]))
+        return cls(resume_chunks(held, file), kept)
+
+    def add(self, motion: Trajectory, head: PartHead | None = None, *, stop: bool = False) -> None:
+        """The pieces that follow; stop: they end the motion, until others replace them.
+
+        head: of a part that they begin. Raises MotionError where they do not begin when those before end, and for
+        others than a stop's behind one.
+        """
+        if self._stop is not None and not stop:
+            raise MotionError("a stop was added and not marked: mark it before what replaces it")
+        reached = self._stop or self._kept
+        if head is not None:
+            self._chunks.add("part" if stop else "PART", json.dumps(asdict(head)).encode())
+            reached = replace(reached, head=head, knot=0.0)
+        knot = reached.knot
+        if knot is not None and len(motion.s) and motion.knots[0] != knot:
+            raise MotionError(f"the pieces begin at {motion.knots[0]:.17g} s, and those before end at {knot:.17g} s")
+        for first in range(0, len(motion.s), MAX_CHUNK_PIECES):
+            last = min(first + MAX_CHUNK_PIECES, len(motion.s))
+            self._chunks.add("motn" if stop else "MOTN", _encode(motion, first, last))
+            reached = replace(reached, pieces=reached.pieces + last - first, knot=float(motion.knots[last]))
+        if stop:
+            self._stop = reached
+        else:
+            self._kept = reached
+
+    def mark(self, *, complete: bool = False) -> None:
+        """What was added is whole, and the motion rests where it ends."""
+        reached = self._stop or self._kept
+        self._chunks.mark({"complete": complete, "duration": reached.duration, "pieces": reached.pieces})
+        self._stop = None
+
+
+def write_motion(trajectory: Trajectory, path: Path) -> None:
+    """Write a whole motion: the same floats are read back."""
+    with path.open("wb") as file:
+        writer = MotionWriter.begin(file)
+        writer.add(trajectory)
+        writer.mark(complete=True)
+
+
+def write_motion_json(trajectory: Trajectory, path: Path) -> None:
+    """Write knots and pieces; Python's shortest decimals read back as the same floats."""
+    path.write_text(json.dumps({name: getattr(trajectory, name).tolist() for name in ("knots", *PIECES)}) + "\n")
+
+
+def motion_parts(path: Path, partial: bool = False) -> Iterator[MotionPart]:
+    """The pieces in a file, chunk by chunk.
+
+    partial: also of one that is not finished, up to the stop that it holds. Raises FileError for a file that is none,
+    of another version, cut or damaged.
+    """
+    held = open_chunks(path, KIND, SCHEMA, partial)
+    reached = _Reached()
+    for chunk, contents in held.contents():
+        if chunk.kind.upper() == "PART":
+            reached = replace(reached, head=_decode_head(contents, chunk, path), knot=0.0)
+            continue
+        knots, columns = _decode(contents, chunk, path)
+        if reached.knot is not None and knots[0] != reached.knot:
+            told = f"begins at {knots[0]} s, where the one before ends at {reached.knot} s"
+            raise _refusal(path, f"chunk {chunk.number} {told}")
+        reached = replace(reached, pieces=reached.pieces + len(columns[0]), knot=float(knots[-1]))
+        yield MotionPart(reached.head, knots, columns)
+    if (reached.pieces, reached.duration) != (held.mark.get("pieces"), held.mark.get("duration")):
+        raise _refusal(path, f"holds {reached.pieces} pieces up to {reached.duration} s, and says otherwise")
+
+
+def join_parts(parts: Iterable[MotionPart]) -> Iterator[MotionPart]:
+    """Each part whole, of however many chunks it is."""
+    held: list[MotionPart] = []
+    for part in parts:
+        if held and part.head != held[0].head:
+            yield _join_chunks(held)
+            held = []
+        held.append(part)
+    if held:
+        yield _join_chunks(held)
+
+
+def _join_chunks(held: list[MotionPart]) -> MotionPart:
+    knots = np.concatenate([held[0].knots, *(part.knots[1:] for part in held[1:])])
+    return MotionPart(
+        held[0].head, knots, [np.concatenate(each) for each in zip(*(p.columns for p in held), strict=True)]
+    )
+
+
+def read_motion(path: Path, along: ActuatorPath, partial: bool = False) -> Trajectory:
+    """The trajectory in a file, along its whole path. Raises FileError where it is damaged or belongs to another."""
+    knots: list[Array] = []
+    columns: list[list[Array]] = [[] for _ in PIECES]
+    for part in join_parts(motion_parts(path, partial)):
+        _check_numbers(part, path)
+        begin, first = 0.0, 0
+        if part.head is not None:
+            begin = part.head.begin
+            first = int(np.abs(along.breaks - part.head.length).argmin())  # rounding of the sums of lengths apart
+        knots.append(begin + part.knots[:-1])
+        end = begin + float(part.knots[-1])
+        shift = float(along.breaks[first]) if first else 0.0
+        for held, values, by in zip(columns, part.columns, (shift, 0.0, 0.0, 0.0, first), strict=True):
+            held.append(values + by if by else values)
+    if not knots:
+        raise _refusal(path, "holds no motion")
+    s, v, a, j, piece = (np.concatenate(held) for held in columns)
+    _check_piece(piece, len(along.breaks) - 1, path)
+    return Trajectory(along, np.append(np.concatenate(knots), end), s, v, a, j, piece)
+
+
+def read_parts(
+    path: Path, steps: Iterator[PathStep], machine: Machine, tool: Pose | None, partial: bool = False
+) -> Trajectory:
+    """The trajectory in a file that was planned in parts, along as much of the path as they are of.
+
+    steps: of the whole path, from its start on. Raises as `read_motion`.
+    """
+    heads = [part.head for part in motion_parts(path, partial) if part.head is not None]
+    count = max((head.step + head.steps for head in heads), default=0)
+    own = list(islice(steps, count))
+    if len(own) < count or not own:
+        raise FileError(str(path), [Fault("piece", "belongs to another path: plan it again")])
+    return read_motion(path, _draw_path(machine, own, tool), partial)
+
+
+def _draw_path(machine: Machine, steps: Sequence[PathStep], tool: Pose | None, **of: Any) -> MachinePath:
+    """Of steps, with rests at both ends; of: what else there is to say of it."""
+    stops = np.array([1, *(step.stop for step in steps[:-1]), 1])
+    dwells = np.array([steps[0].wait, *(step.dwell for step in steps)])
+    return MachinePath(machine, [step.piece for step in steps], stops, dwells, tool=tool, **of)
+
+
+def follow_motion(
+    path: Path, steps: Iterator[PathStep], machine: Machine, tool: Pose | None, partial: bool = False
+) -> Iterator[Trajectory]:
+    """The trajectory in a file part by part, each on its own path, whose places and speeds at the ends are the whole's.
+
+    steps: of the whole path, from its start on, as `planner.path.chain.walk_path` has them. Raises as `read_motion`.
+    """
+    ahead, skipped = list[PathStep](), 0
+    speed = push = 0.0
+    parts = join_parts(motion_parts(path, partial))
+    held = next(parts, None)
+    while held is not None:
+        part, held = held, next(parts, None)
+        head = part.head
+        _check_numbers(part, path)
+        if head is None:
+            ahead = list(steps)
+            head = PartHead(0.0, 0.0, 0, len(ahead))
+        if head.step < skipped:
+            raise _refusal(path, f"the part from {head.begin} s goes back along its path")
+        del ahead[: head.step - skipped]
+        skipped = head.step
+        ahead += islice(steps, max(0, head.steps - len(ahead)))
+        own = ahead[: head.steps]
+        if len(own) < head.steps or not own:
+            raise FileError(str(path), [Fault("piece", "belongs to another path: plan it again")])
+        v, a = (0.0, 0.0) if held is None else (float(held.columns[1][0]), float(held.columns[2][0]))
+        along = _draw_path(
+            machine,
+            own,
+            tool,
+            end_speeds=(speed, v),
+            end_accelerations=(push, a),
+            near=None if head.near is None else np.array(head.near),
+            origin=(head.length, head.begin),
+        )
+        _check_piece(part.columns[-1], len(along.breaks) - 1, path)
+        own_s, own_v, own_a, own_j, piece = part.columns
+        yield Trajectory(along, part.knots - part.knots[0], own_s, own_v, own_a, own_j, piece)
+        speed, push = v, a
+
+
+def _check_numbers(part: MotionPart, path: Path) -> None:
+    if not np.isfinite(np.concatenate([part.knots, *part.columns[:4]])).all() or (np.diff(part.knots) < 0).any():
+        raise FileError(str(path), [Fault("", "its pieces do not make a motion: plan it again")])
+
+
+def _check_piece(piece: Array, count: int, path: Path) -> None:
+    if piece.min() < 0 or piece.max() >= count:
+        raise FileError(str(path), [Fault("piece", "belongs to another path: plan it again")])
+
+
+def _encode(motion: Trajectory, first: int, last: int) -> bytes:
+    """The contents of a chunk: the pieces from one to before another."""
+    numbers = [motion.knots[first : last + 1], *(getattr(motion, name)[first:last] for name in PIECES[:4])]
+    pieces = np.asarray(motion.piece[first:last], "<i8")
+    words = np.frombuffer(np.concatenate(numbers).astype("<f8").tobytes() + pieces.tobytes(), np.uint8)
+    return COUNT.pack(last - first) + compress(words.reshape(-1, 8).T.tobytes(), LEVEL)
+
+
+def _decode(contents: bytes, chunk: Chunk, path: Path) -> tuple[Array, list[Array]]:
+    """Knots, and s, v, a, j and piece."""
+    try:
+        (count,) = COUNT.unpack_from(contents)
+        inflate, size = decompressobj(), 8 * (6 * count + 1)
+        planes = inflate.decompress(contents[COUNT.size :], size)
+        if not count or len(planes) != size or not inflate.eof or inflate.unused_data:
+            raise ValueError(f"{count} pieces do not have {len(planes)} bytes")
+    except (struct.error, ZlibError, ValueError) as error:
+        raise _chunk_error(path, chunk, error) from None
+    words = np.ascontiguousarray(np.frombuffer(planes, np.uint8).reshape(8, -1).T).reshape(-1)
+    numbers = words[: 8 * (5 * count + 1)].view("<f8").astype(float)
+    piece = words[8 * (5 * count + 1) :].view("<i8").astype(int)
+    return numbers[: count + 1], [*np.split(numbers[count + 1 :], 4), piece]
+
+
+def _decode_head(contents: bytes, chunk: Chunk, path: Path) -> PartHead:
+    try:
+        told = json.loads(contents)
+        near = told["near"]
+        begin, length, step, steps = (kind(told[name]) for name, kind in HEAD_NUMBERS.items())
+        if not (begin >= 0 and length >= 0 and step >= 0 and steps > 0):
+            raise ValueError(f"{told}")
+        return PartHead(begin, length, step, steps, None if near is None else tuple(map(float, near)))
+    except (ValueError, TypeError, KeyError) as error:
+        raise _chunk_error(path, chunk, error) from None
+
+
+HEAD_NUMBERS = {"begin": float, "length": float, "step": int, "steps": int}
+
+
+def _chunk_error(path: Path, chunk: Chunk, error: Exception) -> FileError:
+    where = f"chunk {chunk.number}, from byte {chunk.begin}"
+    return _refusal(path, f"{where}, holds no motion: {error}")
+
+
+def _refusal(path: Path, message: str) -> FileError:
+    return FileError(str(path), [Fault("", f"{message}: plan it again")])

@@ -1,0 +1,69 @@
+"""A long motion at a glance: the extremes of its rows in windows of time, as many however long it is."""
+
+import numpy as np
+
+from kinematics.foundation.arrays import Array
+from planner.path.actuation import ActuatorPath
+from planner.trajectory import Trajectory, column_headings, rows
+
+ROW_PERIOD = 1e-2
+"""s between the instants that are looked at."""
+MOST_WINDOWS = 2000
+"""Of time; where there would be more, two become one."""
+
+
+class Overview:
+    """The least and the largest of each column of `planner.trajectory.rows` in even windows of time, and the first row.
+
+    names          of the columns, once a part is there; their units: units
+    window         s of each window of time
+    first, low, high  (windows, columns)
+    """
+
+    def __init__(self) -> None:
+        self.names: tuple[str, ...] = ()
+        self.units: tuple[str, ...] = ()
+        self.window = 2 * ROW_PERIOD
+        self._windows = np.zeros(0, np.int64)
+        self.first = self.low = self.high = np.zeros((0, 0))
+
+    def add(self, motion: Trajectory, begin: float, length: float) -> None:
+        """A part of the motion that begins at a time (s) and a path length (m) of the whole."""
+        if not self.names:
+            self._name_columns(motion.path)
+        n = np.arange(np.ceil(begin / ROW_PERIOD), np.floor((begin + motion.duration) / ROW_PERIOD) + 1)
+        t = np.clip(n * ROW_PERIOD - begin, 0.0, motion.duration)
+        if not len(t):
+            return
+        found = rows(motion, t)
+        found[:, 0] += begin
+        found[:, 1] += length
+        whose = (n * ROW_PERIOD / self.window + 1e-9).astype(np.int64)
+        self._windows = np.append(self._windows, whose)
+        self.first, self.low, self.high = (np.concatenate([held, found]) for held in (self.first, self.low, self.high))
+        self._merge()
+        while len(self._windows) > MOST_WINDOWS:
+            self.window *= 2
+            self._windows //= 2
+            self._merge()
+
+    def _name_columns(self, path: ActuatorPath) -> None:
+        headings = column_headings(path)
+        self.names, self.units = (tuple(each) for each in zip(*headings, strict=True))
+        self.first = self.low = self.high = np.zeros((0, len(headings)))
+
+    def _merge(self) -> None:
+        """What is in the same window becomes one."""
+        starts = np.flatnonzero(np.diff(self._windows, prepend=-1))
+        self._windows, self.first = self._windows[starts], self.first[starts]
+        self.low, self.high = np.minimum.reduceat(self.low, starts), np.maximum.reduceat(self.high, starts)
+
+    @property
+    def t(self) -> Array:
+        """(windows,) s, the first instant that was looked at in each."""
+        return self.first[:, 0]
+
+    def column(self, name: str) -> tuple[Array, Array, Array]:
+        """The first, the least and the largest values (windows,) of a column."""
+        k = self.names.index(name)
+        return self.first[:, k], self.low[:, k], self.high[:, k]

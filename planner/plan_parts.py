@@ -1,0 +1,340 @@
+"""A plan of a program of any length, part by part as it is read: what stays of each window of it, proved, its pulses.
+
+Each part comes with how the motion would come to rest behind it: what there is of a plan at any instant is a whole
+motion, certified, that ends at rest, and the next part takes the place of its stop.
+"""
+
+from collections import Counter, deque
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from kinematics.foundation.errors import MotionError
+from kinematics.foundation.result import Result
+from kinematics.foundation.table import Table
+from kinematics.machine.machine import Machine
+from planner.certificate.certify import Certificate
+from planner.limits import Limit, limits_of, usual_order
+from planner.limits.resonance import Resonance
+from planner.path.chain import walk_path
+from planner.path.join_and_blend import PathStep
+from planner.path.outcome import FitSummary, fit_tables, merge_fits, summarise_fits
+from planner.place import Place
+from planner.program.model import Dwell, Program, SegmentStream, Synchronised
+from planner.pulses import PulseSchedule, Rule, find_rule, pace_axes
+from planner.pulses.generation.stream import PulseStream
+from planner.pulses.schedule import schedule_tables
+from planner.timing.certified_solve import timing_table
+from planner.trajectory import Trajectory
+from planner.windows import PIECES, Start, Window, WindowPlanner
+
+MOST_WHOLE = 1000
+"""Segments up to which a program is planned as a whole, unless something else is asked for."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanStanding(Result):
+    """What is known of a plan up to the end of some part of it, as `Plan` has it of a whole one.
+
+    start        how the next part begins: its time is the duration so far, its length that of the path
+    segment      number of the last one that is planned, from 1
+    certificate  over all of it; of `use` and `attained` one entry for each window
+    blends, stops  joins that ask for a blend or a curve: where one is, and where the motion stops instead
+    pulses       what is stated of the axes' pulses, without these
+    counted      of each axis how many pulses it has, and where they lead: its count behind the last less that at first
+    methods      solvers of the runs, with how many each
+    """
+
+    program: str
+    machine: Machine
+    order: int
+    start: Start
+    segment: int
+    certificate: Certificate
+    fit: FitSummary | None
+    blends: int
+    stops: int
+    pulses: PulseSchedule
+    counted: tuple[tuple[int, int], ...]
+    rounds: int
+    methods: Mapping[str, int]
+
+    @property
+    def duration(self) -> float:
+        """s, of the motion so far."""
+        return self.start.begin
+
+    @property
+    def windows(self) -> int:
+        """How many it was planned in."""
+        return len(next(iter(self.certificate.use.values())))
+
+    def tables(self) -> tuple[Table, ...]:
+        """How long it takes, what is proved of it, what was fitted, its pulses."""
+        windows = f"{self.windows} window{'s' if self.windows > 1 else ''}"
+        title = f"{self.program} on {self.machine.name}, order {self.order}, in {windows}"
+        units = {axis.name: axis.unit for axis in self.machine.axes}
+        return (
+            timing_table(title, self.duration),
+            *self.certificate.tables(),
+            *fit_tables(self.fit),
+            *schedule_tables(self.pulses, units, self.counted),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class PlanPart:
+    """What stays of a window of a plan, and how the motion comes to rest behind it where nothing follows.
+
+    start, steps  how its window begins, and how many steps of the path that has
+    motion, rest  trajectories on the window's path; rest None: the motion rests at the end of the part
+    pulses        those of the part that are final; rest_pulses: the others, and those of the rest
+    until         tick before which all pulses are given
+    limits        of the window
+    standing      of the plan up to here
+    stream        of its pulses, where it stands
+    """
+
+    start: Start
+    steps: int
+    motion: Trajectory
+    rest: Trajectory | None
+    pulses: PulseSchedule
+    rest_pulses: PulseSchedule | None
+    until: int
+    limits: tuple[Limit, ...]
+    standing: PlanStanding
+    stream: PulseStream
+
+
+def plan_parts(
+    program: Program,
+    machine: Machine,
+    *,
+    order: int | None = None,
+    clock_hz: int = 10_000_000,
+    rule: str | Rule = "nearest",
+    pieces: int = PIECES,
+    after: PlanPart | None = None,
+) -> Iterator[PlanPart]:
+    """Plan a program as it is read: the fastest motion, proved, and its pulses, in memory that does not grow with it.
+
+    What a part's motion costs beside that of the whole planned at once is what it looks ahead too little: below 0.1 %
+    (`planner.windows`). pieces: of path that a window has at first. after: go on behind this part. Raises as
+    `planner.plan` does, when the parts before have been given; MotionError for what can only be planned as a whole.
+    """
+    why = find_whole_reason(program, machine)
+    if why is not None:
+        raise MotionError(f"program {program.name} on {machine.name} {why}: that is planned as a whole only")
+    order = usual_order(machine.axes) if order is None else order
+    rule = find_rule(rule) if isinstance(rule, str) else rule
+    paced = pace_axes(machine.axes, clock_hz, rule)
+    planner = WindowPlanner(machine, lambda path: limits_of(path, paced, order), order, program.tool, pieces)
+    steps = _Steps(walk_path(program, machine))
+    start, standing = Start(), None
+    stream = PulseStream(machine, clock_hz, rule)
+    if after is not None:
+        start, standing, stream = after.standing.start, after.standing, after.stream
+        steps.skip(start.steps)
+    for window in planner(steps, start):
+        before, stream = stream, stream.copy()
+        motion = window.solution.trajectory
+        kept, rest = motion.cut(0, window.kept), None
+        # the motion ends with a window only where that has the last of the path; else it goes on, be it from rest
+        last = window.kept == len(motion.s) and steps.ended and window.next.steps == steps.taken
+        pulses, rest_pulses = stream.add(kept, last), None
+        if window.kept < len(motion.s):
+            rest = motion.cut(window.kept, len(motion.s))
+            rest_pulses = stream.copy().add(rest, last=True)
+        elif not last:
+            rest_pulses = _end_pulses(before, kept, stream.until)
+        standing = _add_window(standing, program, machine, order, window, kept, steps, pulses)
+        yield PlanPart(
+            window.start,
+            window.steps,
+            kept,
+            rest,
+            pulses,
+            rest_pulses,
+            stream.until,
+            window.solution.limits,
+            standing,
+            stream,
+        )
+
+
+def come_to_rest(part: PlanPart) -> PlanStanding:
+    """The standing of a plan that ends with the stop behind a part."""
+    standing, pulses = part.standing, part.rest_pulses
+    if pulses is None:
+        return standing
+    counted = tuple(
+        (number + len(axis), net + axis.final - axis.start)
+        for (number, net), axis in zip(standing.counted, pulses.axes, strict=True)
+    )
+    start = standing.start
+    if part.rest is not None:
+        length = part.start.length + float(part.rest.path.breaks[-1])
+        start = Start(start.begin + part.rest.duration, length, part.start.steps + part.steps)
+    stated = _without_pulses(pulses, standing.pulses)
+    return replace(standing, start=start, pulses=stated, counted=counted)
+
+
+def _without_pulses(pulses: PulseSchedule, first: PulseSchedule) -> PulseSchedule:
+    """What is stated of pulses, from their first count."""
+    none = np.empty(0, np.int64), np.empty(0, np.int8)
+    axes = zip(pulses.axes, first.axes, strict=True)
+    bare = tuple(replace(axis, ticks=none[0], direction=none[1], start=held.start) for axis, held in axes)
+    return replace(pulses, axes=bare)
+
+
+def find_whole_reason(program: Program, machine: Machine) -> str | None:
+    """Why a program can only be planned as a whole; None where it can be in parts."""
+    if program.duration is not None:
+        return "states a duration"
+    if program.start_speed or program.end_speed:
+        return "begins or ends in motion"
+    if Resonance(machine.axes).bands:
+        return "may cross bands of resonance, in a time that is proved of the whole"
+    if any(axis.compensate for axis in machine.axes):
+        return "makes up for play or lead error of axes, which looks ahead"
+    if isinstance(program.segments, SegmentStream):
+        return None
+    for number, segment in enumerate(program.segments, 1):
+        if isinstance(segment, Dwell):
+            continue
+        for held, what in (
+            (isinstance(segment, Synchronised), "is a synchronised move"),
+            (getattr(segment, "speed_constant", False), "asks for a constant speed"),
+            (getattr(segment, "free", None) is not None, "leaves orientation free"),
+            (segment.trigger is not None, "has a trigger"),
+        ):
+            if held:
+                return f"has segment {number}, which {what}"
+    return None
+
+
+class _Steps:
+    """The steps of a path as they are taken, with what became of joins and chains, held until it is planned."""
+
+    def __init__(self, steps: Iterator[PathStep]) -> None:
+        self._steps, self._held = steps, deque[tuple[int, PathStep]]()
+        self.taken, self.ended = 0, False
+
+    def __iter__(self) -> Iterator[PathStep]:
+        for step in self._steps:
+            self.taken += 1
+            if step.blend is not None or step.fitted is not None:
+                self._held.append((self.taken, step))
+            yield step
+        self.ended = True
+
+    def skip(self, count: int) -> None:
+        """Those that are planned already."""
+        for _ in zip(range(count), self, strict=False):
+            pass
+        self._held.clear()
+
+    def pop(self, until: int) -> list[PathStep]:
+        """Those that became something, up to a number of steps from the first."""
+        found: list[PathStep] = []
+        while self._held and self._held[0][0] <= until:
+            found.append(self._held.popleft()[1])
+        return found
+
+
+def _end_pulses(before: PulseStream, motion: Trajectory, until: int) -> PulseSchedule:
+    """What a stream holds back of a part from a tick on, as if the motion ended with it."""
+    every = before.copy().add(motion, last=True)
+    held = []
+    for axis in every.axes:
+        given = int(np.searchsorted(axis.ticks, until))
+        start = axis.start + int(axis.direction[:given].sum(dtype=np.int64))
+        held.append(replace(axis, ticks=axis.ticks[given:], direction=axis.direction[given:], start=start))
+    return replace(every, axes=tuple(held))
+
+
+def _add_window(
+    before: PlanStanding | None,
+    program: Program,
+    machine: Machine,
+    order: int,
+    window: Window,
+    kept: Trajectory,
+    steps: _Steps,
+    pulses: PulseSchedule,
+) -> PlanStanding:
+    """What is known behind a window."""
+    solution, became = window.solution, steps.pop(window.next.steps)
+    blends = [step.blend for step in became if step.blend is not None]
+    fit = summarise_fits([step.fitted for step in became if step.fitted is not None], blends)
+    segment = kept.path.place(0.0, int(kept.piece[-1])).segment or 0
+    proved = _summarise(solution.certificate, kept)
+    counted = [(len(axis), axis.final - axis.start) for axis in pulses.axes]
+    stops = sum(bool(blend.stop) for blend in blends)
+    found = PlanStanding(
+        program.name,
+        machine,
+        order,
+        window.next,
+        segment,
+        proved,
+        fit,
+        len(blends),
+        stops,
+        _without_pulses(pulses, pulses if before is None else before.pulses),
+        tuple(counted),
+        solution.rounds,
+        Counter(solution.methods),
+    )
+    if before is None:
+        return found
+    return replace(
+        found,
+        certificate=_join_certificates(before.certificate, proved),
+        fit=merge_fits(before.fit, fit),
+        blends=before.blends + found.blends,
+        stops=before.stops + stops,
+        counted=tuple((n + m, a + b) for (n, a), (m, b) in zip(before.counted, counted, strict=True)),
+        rounds=max(before.rounds, found.rounds),
+        methods=Counter(before.methods) + Counter(found.methods),
+    )
+
+
+def _summarise(certificate: Certificate, kept: Trajectory) -> Certificate:
+    """Of a window's certificate what concerns the time pieces that stay, as one entry of each limit."""
+    count = len(kept.s)
+    worst, where, use, attained = dict[str, float](), dict[str, Place](), {}, {}
+    for name, values in certificate.use.items():
+        worst[name] = float(values[:count].max())
+        where[name] = certificate.where[name]
+        if worst[name] < certificate.worst[name]:  # that place is on the way to the stop
+            k = int(np.argmax(certificate.attained[name][:count]))
+            where[name] = kept.path.place(float(kept.s[k]), int(kept.piece[k]), float(kept.knots[k]))
+        use[name] = np.array([worst[name]])
+        attained[name] = certificate.attained[name][:count].max(keepdims=True)
+    return Certificate(certificate.holds, worst, where, use, attained)
+
+
+def _join_certificates(one: Certificate, other: Certificate) -> Certificate:
+    """One over the parts of both. A limit that has nothing to bind in one of them is used by nothing there."""
+    names = dict.fromkeys((*one.use, *other.use))
+    sizes = [len(next(iter(each.use.values()))) for each in (one, other)]
+    use, attained = (
+        {
+            name: np.concatenate(
+                [getattr(each, what).get(name, np.zeros(size)) for each, size in zip((one, other), sizes, strict=True)]
+            )
+            for name in names
+        }
+        for what in ("use", "attained")
+    )
+    higher = {name: one if one.worst.get(name, -1.0) >= other.worst.get(name, -1.0) else other for name in names}
+    return Certificate(
+        one.holds and other.holds,
+        {name: each.worst[name] for name, each in higher.items()},
+        {name: each.where[name] for name, each in higher.items()},
+        use,
+        attained,
+    )

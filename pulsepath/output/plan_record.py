@@ -1,0 +1,262 @@
+"""A plan as plain data: the content of plan.json."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from platform import python_version
+
+from kinematics import Axis, Machine
+from kinematics.files.plain_text import finite_or_none
+from planner import Triggered
+from planner.baselines import describe_differences, missing_limits
+from planner.certificate.certify import Certificate
+from planner.limits import find_unkept_limits
+from planner.plan_parts import PlanStanding
+from planner.pulses import PulseCheck, PulseSchedule
+from pulsepath import __version__
+from pulsepath.inputs import Inputs
+from pulsepath.job import Job
+from pulsepath.output.directory import KIND
+from pulsepath.output.record import (
+    SCHEMA,
+    Record,
+    blend_records,
+    departure_records,
+    fit_record,
+    of_tracking,
+    place_record,
+    pose_record,
+    realised_record,
+)
+from pulsepath.output.verification import digest, digest_pulses
+
+
+def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
+    """A plan and the check of its pulses: SI units, which the keys name where they are not plain."""
+    plan = job.plan
+    counted = [(len(axis), axis.final - axis.start) for axis in plan.pulses.axes]
+    return {
+        "schema": SCHEMA,
+        "kind": KIND,
+        "program": plan.program.name,
+        "machine": plan.machine.name,
+        "order": plan.order,
+        "duration_s": plan.trajectory.duration,
+        "stated_duration_s": plan.stated_duration,
+        "path_length_m": float(plan.path.breaks[-1]),
+        "classical": {
+            "kind": job.classical.kind,
+            "duration_s": job.classical.duration,
+            "saved_s": job.time_saved,
+            "leaves_out": list(missing_limits(plan, job.classical)),
+            "kinds": {
+                one.kind: {
+                    "duration_s": one.duration,
+                    "order": one.order,
+                    "certified": one.certificate.holds,
+                    "deviation_m": None if one.deviation is None else one.deviation.distance,
+                    "leaves_out": list(missing_limits(plan, one)),
+                    "differences": list(describe_differences(plan, one)),
+                }
+                for one in (job.classical, *job.others)
+            },
+        },
+        "certificate": _certificate(plan.certificate),
+        "fit": fit_record(plan.path.fit),
+        "blends": blend_records(plan.path.blends),
+        "synchronised_moves": departure_records(plan.departures),
+        "stated_but_not_kept": list(find_unkept_limits(plan.machine)),
+        "lower_bound": {
+            "kind": "estimate",
+            "duration_s": plan.lower_estimate,
+            "gap": plan.gap,
+            "leaves_out": list(plan.left_out),
+        },
+        "solver": {"rounds": plan.rounds, "methods": list(plan.methods)},
+        "pulses": _pulses(plan.pulses, plan.machine, counted, digest_pulses([plan.pulses]), verdict),
+        "tracking": None if job.rig is None else of_tracking(job.rig, job.seen().metrics),
+        "cross_check": None if job.crossed is None else job.crossed.record(),
+        "realised": None if job.realised is None else realised_record(job.realised),
+        "constant_speeds": [
+            {
+                "speed_m_s": stretch.speed,
+                "largest_deviation": stretch.deviation,
+                "from": place_record(stretch.since),
+                "to": place_record(stretch.until),
+            }
+            for stretch in plan.constant_speeds
+        ],
+        "triggers": [_trigger(event, plan.machine.axes) for event in plan.triggers],
+        **_origin(inputs, () if job.crossed is None else ("toppra",)),
+    }
+
+
+def of_parts(
+    standing: PlanStanding, inputs: Inputs, digest: str | None, verdict: PulseCheck | None, ending: str = ""
+) -> Record:
+    """The same of a plan that was made in parts, as far as that knows it.
+
+    digest, verdict: of its pulses, where there is a file of them; ending: why it ends before its program does
+    """
+    return {
+        "schema": SCHEMA,
+        "kind": KIND,
+        "program": standing.program,
+        "machine": standing.machine.name,
+        "order": standing.order,
+        "windows": standing.windows,
+        "ends_before": ending or None,
+        "duration_s": standing.duration,
+        "path_length_m": standing.start.length,
+        "certificate": _certificate(standing.certificate),
+        "fit": fit_record(standing.fit),
+        "joins": {"blends": standing.blends, "stops_instead": standing.stops},
+        "stated_but_not_kept": list(find_unkept_limits(standing.machine)),
+        "solver": {"rounds": standing.rounds, "methods": dict(standing.methods)},
+        "pulses": _pulses(standing.pulses, standing.machine, standing.counted, digest, verdict),
+        **_origin(inputs, ()),
+    }
+
+
+def _certificate(certificate: Certificate) -> Record:
+    return {
+        "holds": certificate.holds,
+        "limits": {
+            name: {
+                "worst_ratio": worst,
+                "attained_ratio": float(certificate.attained[name].max()),
+                "where": place_record(certificate.where[name]),
+            }
+            for name, worst in certificate.worst.items()
+        },
+    }
+
+
+def _pulses(
+    pulses: PulseSchedule,
+    machine: Machine,
+    counted: Sequence[tuple[int, int]],
+    digest: str | None,
+    verdict: PulseCheck | None,
+) -> Record:
+    """counted: of each axis how many it has, and their net count."""
+    return {
+        "clock_hz": pulses.clock_hz,
+        "total": sum(number for number, _ in counted),
+        "rule": pulses.rule,
+        "sha256": digest,
+        "compensations": [asdict(one) for one in pulses.compensations],
+        "moved_for_drives": [asdict(moved) for moved in pulses.moves],
+        "axes": {
+            axis.name: {
+                "pulses": number,
+                "start_count": axis.start,
+                "final_count": axis.start + net,
+                "net_count": net,
+                "pulse": axis.pulse,
+                "unit": driven.unit,
+                "bound_pulses": axis.bound,
+            }
+            for axis, driven, (number, net) in zip(pulses.axes, machine.axes, counted, strict=True)
+        },
+        "check": None
+        if verdict is None
+        else {
+            "holds": verdict.holds,
+            "faults": verdict.fault_count,
+            "time_error_ticks": verdict.time_error,
+            "position_error_pulses": verdict.position_error,
+            "highest_rate_hz": verdict.highest_rate,
+        },
+    }
+
+
+def _origin(inputs: Inputs, packages: Sequence[str]) -> Record:
+    """What it was made of, and by which versions: ours, and those of packages beside the usual."""
+    return {
+        "inputs": {
+            "program": inputs.program_file,
+            "format": None if inputs.origin is None else inputs.origin.format,
+            "suffix": None if inputs.origin is None else inputs.origin.suffix,
+            "options": {} if inputs.origin is None else dict(inputs.origin.options),
+            "fit_m": inputs.fit,
+        },
+        "provenance": {
+            "sha256": inputs.digests,
+            "versions": {
+                "pulsepath": __version__,
+                "python": python_version(),
+                **_versions("casadi", "numba", "numpy", "scipy", *packages),
+            },
+        },
+    }
+
+
+def _trigger(event: Triggered, axes: Sequence[Axis]) -> Record:
+    """An event; the pose is the platform's in the base frame, its angles about the moving axes in turn."""
+    return {
+        "name": event.name,
+        "where": place_record(event.where),
+        **pose_record(event.pose),
+        "counts": {axis.name: int(count) for axis, count in zip(axes, event.counts, strict=True)},
+    }
+
+
+def _versions(*packages: str) -> dict[str, str | None]:
+    """Installed versions; None for what is not there."""
+    found: dict[str, str | None] = {}
+    for package in packages:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = None
+    return found
+
+
+def of_pulse_file(
+    path: Path | None,
+    pulses: PulseSchedule,
+    machine: Machine,
+    verdict: PulseCheck,
+    counted: Sequence[tuple[int, int]] | None = None,
+) -> Record:
+    """What was proved of a file of pulses, None: of the pulses; times in s, None where there is nothing to time.
+
+    counted: of each axis how many it has and their net count, where the schedule is without them
+    """
+    counted = counted or [(len(axis), axis.final - axis.start) for axis in pulses.axes]
+    return {
+        "schema": SCHEMA,
+        "kind": "pulsepath pulse certificate",
+        "file": None if path is None else path.name,
+        "sha256": None if path is None else digest(path),
+        "clock_hz": pulses.clock_hz,
+        "rule": pulses.rule,
+        "duration_s": pulses.duration,
+        "holds": verdict.holds,
+        "faults": [asdict(fault) for fault in verdict.faults],
+        "axes": {
+            one.name: {
+                "pulses": one.pulses,
+                "start_count": held.start,
+                "final_count": held.start + net,
+                "final_error_pulses": finite_or_none(one.final_error),
+                "bound_pulses": held.bound,
+                "time_error_ticks": None if one.time_error is None else finite_or_none(one.time_error),
+                "position_error_beyond_bound_pulses": finite_or_none(one.position_error),
+                "error_behind_play_and_screw_pulses": None if one.behind is None else finite_or_none(one.behind),
+                "smallest_interval_s": finite_or_none(one.smallest_interval),
+                "highest_rate_hz": 1 / one.smallest_interval if one.smallest_interval > 0 else None,
+                "lines_s": _time_record(one.lines, ("high", "low", "setup", "hold")),
+                "drive_needs_s": _time_record(driven.timing, ("high", "low", "setup", "hold", "max_rate")),
+            }
+            for one, held, driven, (_, net) in zip(verdict.axes, pulses.axes, machine.axes, counted, strict=True)
+        },
+    }
+
+
+def _time_record(of: object, names: Iterable[str]) -> Record | None:
+    if of is None:
+        return None
+    return {name: None if (value := getattr(of, name)) is None else finite_or_none(value) for name in names}

@@ -1,0 +1,166 @@
+"""A plan in parts: the motion and the pulses of the whole, to be gone on with from any part, and ended behind any."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform
+
+from kinematics import MotionError, load_machine
+from planner import Arc, Line, Program, plan
+from planner.overview import MOST_WINDOWS, ROW_PERIOD, Overview
+from planner.path.chain import walk_path
+from planner.plan_parts import come_to_rest, find_whole_reason, plan_parts
+from planner.program.modifiers import Fit, Trigger
+from planner.pulses.schedule import join_schedules
+from planner.trajectory import rows
+
+MIDDLE = RigidTransform.from_translation([0.0, 0.0, 0.025])
+"""Of the hexapod's workspace, from home."""
+
+
+def program_of(*segments, **given):
+    return Program(segments, start=MIDDLE, name="walk", **given)
+
+
+def line_to(*point, **given):
+    return Line(np.array([*point, 0.025]), **given)
+
+
+def draw_walk(count, seed=0, line=4e-4):
+    """Short lines of a seeded walk in a plane, fitted as `G64 P0.02` has it."""
+    rng, angle, here, segments = np.random.default_rng(seed), 0.0, np.zeros(2), []
+    for _ in range(count):
+        angle += rng.uniform(-0.6, 0.6)
+        here = here + line * np.array([np.cos(angle), np.sin(angle)])
+        segments.append(line_to(*here, speed=0.01, join=Fit(2e-5)))
+    return program_of(*segments)
+
+
+@pytest.fixture(scope="module")
+def walked(hexapod):
+    program = draw_walk(120)
+    return program, list(plan_parts(program, hexapod, pieces=24))
+
+
+def test_parts_are_the_whole_but_for_what_they_look_ahead(walked, hexapod):
+    program, parts = walked
+    whole = plan(program, hexapod)
+    assert len(parts) > 3
+    assert parts[-1].standing.duration == pytest.approx(whole.trajectory.duration, rel=5e-3)  # of 24 pieces each
+    assert parts[-1].standing.fit == whole.path.fit
+    assert parts[-1].standing.start.length == pytest.approx(float(whole.path.breaks[-1]), rel=1e-12)
+    assert parts[-1].standing.segment == 120
+    assert parts[-1].standing.certificate.holds
+
+
+def test_the_standing_is_that_of_all_parts(walked):
+    _, parts = walked
+    standing, schedule = parts[-1].standing, join_schedules([part.pulses for part in parts])
+    assert standing.duration == pytest.approx(sum(part.motion.duration for part in parts), rel=1e-12)
+    for axis, (number, net) in zip(schedule.axes, standing.counted, strict=True):
+        assert (number, net) == (len(axis), axis.final - axis.start)
+    for name, use in standing.certificate.use.items():
+        assert len(use) == len(parts)
+        assert use.max() == standing.certificate.worst[name]
+    for place in standing.certificate.where.values():
+        assert 0 <= place.t <= standing.duration
+        assert 0 <= place.s <= standing.start.length
+
+
+def test_what_there_is_at_any_instant_comes_to_rest(walked):
+    _, parts = walked
+    for n, part in enumerate(parts[:-1]):
+        assert part.rest is not None
+        end = part.rest.at(part.rest.duration)
+        assert np.abs(end.qd).max() < 1e-9
+        every = join_schedules([*(one.pulses for one in parts[: n + 1]), part.rest_pulses])
+        counted = come_to_rest(part).counted
+        assert [(len(axis), axis.final - axis.start) for axis in every.axes] == list(counted)
+        pulse = np.array([axis.pulse for axis in every.axes])
+        home = np.array([axis.home for axis in every.axes])
+        np.testing.assert_array_less(
+            np.abs([axis.final for axis in every.axes] - (end.q[0] - home) / pulse), 0.5 + 1e-6
+        )
+
+
+def test_planning_goes_on_from_any_part_just_the_same(walked, hexapod):
+    program, parts = walked
+    again = list(plan_parts(program, hexapod, pieces=24, after=parts[1]))
+    assert len(again) == len(parts) - 2
+    for one, other in zip(again, parts[2:], strict=True):
+        for name in ("knots", "s", "v", "a", "j", "piece"):
+            np.testing.assert_array_equal(getattr(one.motion, name), getattr(other.motion, name), strict=True)
+        for mine, theirs in zip(one.pulses.axes, other.pulses.axes, strict=True):
+            np.testing.assert_array_equal(mine.ticks, theirs.ticks, strict=True)
+    assert again[-1].standing.counted == parts[-1].standing.counted
+    assert again[-1].standing.fit == parts[-1].standing.fit
+
+
+def test_windows_that_end_at_stops_have_no_way_to_rest(hexapod):
+    corners = [[0, 0], [4e-3, 0], [4e-3, 4e-3], [0, 4e-3], [2e-3, 1e-3], [0, 0]]
+    program = program_of(*(line_to(*corner) for corner in corners[1:]))
+    whole, parts = plan(program, hexapod), list(plan_parts(program, hexapod, pieces=2))
+    assert len(parts) == 3
+    assert all(part.rest is None for part in parts)
+    joined = join_schedules([part.pulses for part in parts])
+    assert parts[-1].standing.duration == pytest.approx(whole.trajectory.duration, rel=1e-5)
+    assert [axis.final for axis in joined.axes] == [axis.final for axis in whole.pulses.axes]
+    for part, other in pairwise(parts):  # what a part holds back, the next gives
+        for held, given, stated in zip(part.rest_pulses.axes, other.pulses.axes, part.pulses.axes, strict=True):
+            assert held.start == given.start == stated.final
+            assert (held.ticks >= part.until).all()
+
+
+def test_a_part_that_cannot_be_is_refused_after_those_that_can(hexapod):
+    program = draw_walk(80)
+    far = line_to(5.0, 0.0, speed=0.01)
+    parts = []
+    with pytest.raises(MotionError, match="segment 81"):
+        parts.extend(plan_parts(program_of(*program.segments, far), hexapod, pieces=16))
+    assert parts
+    assert parts[-1].rest_pulses is not None
+
+
+@pytest.mark.parametrize(
+    ("program", "machine", "why"),
+    [
+        (Program([Line(np.ones(3) / 1e3)], duration=3.0), "hexapod", "states a duration"),
+        (Program([Line(np.ones(3) / 1e3)], start_speed=1e-3), "hexapod", "begins or ends in motion"),
+        (Program([Line(np.ones(3) / 1e3, trigger=Trigger("a"))]), "hexapod", "segment 1, which has a trigger"),
+        (Program([Line(np.ones(3) / 1e3, speed=0.01, speed_constant=True)]), "hexapod", "constant speed"),
+        (Program([Line(np.ones(3) / 1e3)]), "hexapod", None),
+    ],
+)
+def test_what_needs_the_whole_says_so(program, machine, why):
+    machine = load_machine(machine)
+    found = find_whole_reason(program, machine)
+    assert found is None if why is None else why in found
+    if why is not None:
+        with pytest.raises(MotionError, match="as a whole only"):
+            next(iter(plan_parts(program, machine)))
+
+
+def test_steps_are_the_path(hexapod):
+    half = Arc(np.array([1e-3, 1e-3, 0.025]), np.array([0.0, 0, 1]), np.pi)
+    program = program_of(line_to(1e-3, 0.0), half)
+    steps = list(walk_path(program, hexapod))
+    whole = plan(program, hexapod).path
+    assert [step.piece.length for step in steps] == [piece.length for piece in whole.pieces]
+    assert [step.stop for step in steps] == whole.joins[1:].tolist()
+
+
+def test_an_overview_has_the_extremes_of_all_rows(walked):
+    _, parts = walked
+    seen, every = Overview(), []
+    for part in parts:
+        begin = part.start.begin
+        seen.add(part.motion, begin, part.start.length)
+        n = np.arange(np.ceil(begin / ROW_PERIOD), np.floor((begin + part.motion.duration) / ROW_PERIOD) + 1)
+        every.append(rows(part.motion, np.clip(n * ROW_PERIOD - begin, 0, part.motion.duration)))
+    every = np.concatenate(every)
+    for k in range(2, every.shape[1]):
+        assert seen.high[:, k].max() == every[:, k].max()
+        assert seen.low[:, k].min() == every[:, k].min()
+    assert (np.diff(seen.t) > 0).all()
+    assert len(seen.t) <= MOST_WINDOWS
