@@ -13,11 +13,11 @@ from kinematics.foundation.errors import MotionError
 from planner.certificate.certify import use_at_knots
 from planner.certificate.limit_use import ProvedUse, prove
 from planner.certificate.resonance_dwell import find_stays
-from planner.limits.limit import Limit, Term
+from planner.limits.limit import Limit
 from planner.limits.resonance import BAND_MARGIN, Resonance, SpeedCap
 from planner.path.actuation import ActuatorPath
 from planner.timing.discretization import cut_intervals
-from planner.timing.problem import Block, Run
+from planner.timing.problem import Block, Run, leave_out_idle
 from planner.timing.profile import (
     AVERAGED,
     BRIEF_RAMPS,
@@ -71,8 +71,7 @@ def tighten_until_kept(path: ActuatorPath, limits: Sequence[Limit], leg: RunSolu
     A proof takes far longer than a look: most runs need one only. Loads that a problem has no rows of are far from
     their limits: they are left to the proof.
     """
-    posed = None if leg.problem is None else {block.name for block in leg.problem.blocks}
-    watched = [limit for limit in limits if posed is None or limit.name in posed or Term.ONE not in limit.terms]
+    watched = limits if leg.problem is None else leave_out_idle(limits, leg.problem)
     while leg.solved and leg.tries < MAX_TRIES:
         use = leg.aimed(leg.seen or sample_limit_use(path, watched, leg.profile))
         slowness = required_slowness(watched, use)

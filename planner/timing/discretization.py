@@ -10,7 +10,16 @@ from kinematics.foundation.errors import MotionError
 from planner.limits.limit import Limit, Term
 from planner.path.actuation import ActuatorPath
 from planner.timing.initial_guess import MAX_BRIEF_SHARE, WINDOW_GROWTH, Smoothed, pass_breaks, slow_breaks
-from planner.timing.problem import Block, Continuation, Problem, Run, find_pieces, make_grid, pose_problem
+from planner.timing.problem import (
+    Block,
+    Continuation,
+    Problem,
+    Run,
+    find_pieces,
+    leave_out_idle,
+    make_grid,
+    pose_problem,
+)
 from planner.timing.profile import Profile
 from planner.timing.solvers.second_order import TERMS as SECOND
 from planner.timing.solvers.second_order import second_order
@@ -81,17 +90,12 @@ def refine_problem(path: ActuatorPath, limits: Sequence[Limit], problem: Problem
 
 
 def cut_intervals(path: ActuatorPath, limits: Sequence[Limit], problem: Problem, count: np.ndarray) -> Problem:
-    """A problem each of whose intervals is cut in so many (N,) even ones, with the room that it had.
-
-    Loads of which it has no rows are far from their limits, and left out again.
-    """
+    """A problem each of whose intervals is cut in so many (N,) even ones, with the room that it had."""
     first = np.repeat(np.cumsum(count) - count, count)
     share = (np.arange(count.sum()) - first) / np.repeat(count, count)
     s = np.repeat(problem.s[:-1], count) + share * np.repeat(np.diff(problem.s), count)
     placed = np.append(s, problem.s[-1]), np.repeat(problem.piece, count)
-    names = {block.name for block in problem.blocks}
-    posed = [limit for limit in limits if limit.name in names or Term.ONE not in limit.terms]
-    finer = pose_problem(path, posed, *placed, problem.speeds)
+    finer = pose_problem(path, leave_out_idle(limits, problem), *placed, problem.speeds)
     finer = replace(finer, free=problem.free, passed=problem.passed, acceleration=problem.acceleration)
     room = {block.name: np.repeat(block.room, count) for block in problem.blocks}
     blocks = tuple(replace(block, room=room.get(block.name, block.room)) for block in finer.blocks)

@@ -27,7 +27,7 @@ from planner.timing.discretization import (
     unbounded_error,
 )
 from planner.timing.initial_guess import Smoothed, ramped
-from planner.timing.problem import POWERS, Problem, Run
+from planner.timing.problem import POWERS, Problem, Run, leave_out_idle
 from planner.timing.profile import (
     AVERAGED,
     BRIEF_RAMPS,
@@ -91,6 +91,7 @@ def solve_leg(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolut
     exact = straight(coarse) if run.continuation is None else None
     if exact is not None:
         return exact
+    limits = leave_out_idle(limits, coarse)
     leg = _ramp_leg(path, limits, run, coarse)
     if leg is not None and (
         not leg.solved

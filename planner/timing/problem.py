@@ -338,6 +338,12 @@ def _normalise_rows(rows: Rows, points: int) -> tuple[dict[Term, Array], Array, 
     return {term: values[:, binding] / half for term, values in rows.coefficients.items()}, middle, about
 
 
+def leave_out_idle(limits: Sequence[Limit], problem: Problem) -> list[Limit]:
+    """The limits without those on loads that a problem has no rows of: along its run they are far from binding."""
+    names = {block.name for block in problem.blocks}
+    return [limit for limit in limits if limit.name in names or Term.ONE not in limit.terms]
+
+
 def _is_surely_idle(limit: Limit, points: Points, others: Sequence[Block]) -> bool:
     """Whether a limit on a load, which takes long to work out, is far from binding at some of the intervals' starts."""
     count = others[0].room.size if others else 0
