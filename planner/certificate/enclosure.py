@@ -130,7 +130,7 @@ def expand_motion(trajectory: Trajectory, cells: Cells) -> tuple[Array, Array, A
     """Coefficients of s in τ about each cell's centre, their errors, (4, N) each, and the cells' half widths (N,)."""
     k, centre = cells.k, (cells.lo + cells.hi) / 2
     half = (cells.hi - cells.lo) / 2 * (1 + 2 * EPS) + 2 * EPS * np.abs(cells.hi)
-    powers = half ** np.arange(4)[:, None]
+    powers = np.stack([np.ones_like(half), half, half * half, half * half * half])
 
     def shift(s: Array, v: Array, a: Array, j: Array) -> Array:
         first, second = v + centre * (a + centre * j / 2), a / 2 + centre * j / 2

@@ -231,10 +231,9 @@ def bound_ranges(trajectory: Trajectory, cells: Cells, highest: int) -> Ranges:
     width = np.diff(path.breaks) / parts
     share = np.clip((way[0] - path.breaks[piece]) / width[piece], 0, parts[piece] - 1)
     key = np.concatenate([[0], np.cumsum(parts)[:-1]])[piece] + np.floor(np.nan_to_num(share))
-    _, first, stretch = np.unique(key, return_index=True, return_inverse=True)
-    low, high = np.full(len(first), np.inf), np.full(len(first), -np.inf)
-    np.minimum.at(low, stretch, way[0] - reach)
-    np.maximum.at(high, stretch, way[0] + reach)
+    entered = np.diff(key, prepend=-1) != 0  # one after the other: one that is come to again is another
+    first, stretch = np.flatnonzero(entered), np.cumsum(entered) - 1
+    low, high = np.minimum.reduceat(way[0] - reach, first), np.maximum.reduceat(way[0] + reach, first)
     centre = (low + high) / 2
     wide = (high - low) / 2 * (1 + 64 * EPS) + 64 * EPS * np.maximum(np.abs(low), np.abs(high))
     # s over the stretches: about their middles, then anywhere

@@ -131,6 +131,31 @@ def test_ranges_of_short_cells_are_near_what_is_met(walk):
     assert gaps[0] > 7 * gaps[1] > 49 * gaps[2]
 
 
+def test_polynomials_of_every_shape_stay_in_their_range():
+    """Cubics with two peaks, and what higher powers make of them: values in extended precision, at 2001 instants."""
+    random, tau = np.random.default_rng(5), np.linspace(-1, 1, 2001, dtype=np.longdouble)
+    polynomial, (cells, width) = np.polynomial.polynomial, (24, 2)
+    for _ in range(12):
+        mid = np.zeros((9, 1, width))
+        mid[:8] = random.normal(size=(8, 1, width)) * 10 ** random.uniform(-3, 0, (8, 1, width))
+        motion = random.normal(size=(4, cells)) * 10 ** random.uniform(-4, -0.1, (4, cells))
+        motion /= np.maximum(1, np.abs(motion).sum(0) / 0.999)
+        found = np.empty((4, 4, cells, width))
+        bound_motion(mid, 0 * mid, np.zeros(cells, int), motion, 0 * motion, np.ones(cells), *found)
+        for n, c in np.ndindex(cells, width):
+            q = [np.longdouble(0)]
+            for power in mid[7::-1, 0, c].astype(np.longdouble):
+                q = polynomial.polyadd(polynomial.polymul(q, motion[:, n].astype(np.longdouble)), [power])
+            for times in range(4):
+                value = polynomial.polyval(tau, polynomial.polyder(q, times))
+                middle, half, least, most = found[:, times, n, c]
+                assert middle - half <= value.min() <= value.max() <= middle + half
+                # between two instants a peak is 1/1000² of the range above both at the most, on the steepest of them
+                beside = 1e-6 * np.ptp(value) + 1e-13 * np.abs(value).max()
+                assert least >= value.min() - beside
+                assert most <= value.max() + beside
+
+
 def test_a_cell_beyond_its_stretch_has_no_bound(walk):
     mid, rad = np.ones((9, 1, 1)), np.zeros((9, 1, 1))
     found = np.empty((4, 4, 1, 1))
