@@ -178,7 +178,10 @@ class PulseSchedule(Result):
 
 
 def join_schedules(parts: Iterable[PulseSchedule]) -> PulseSchedule:
-    """The whole of one or more parts: what holds for all of it is the last's, start counts are the first's."""
+    """The whole of one or more parts: what holds for all of it is the last's, start counts are the first's.
+
+    Times in which play is crossed are stated by the part in which they are.
+    """
     held = list(parts)
     axes = tuple(
         replace(
@@ -189,7 +192,15 @@ def join_schedules(parts: Iterable[PulseSchedule]) -> PulseSchedule:
         )
         for each in zip(*(part.axes for part in held), strict=True)
     )
-    return replace(held[-1], axes=axes)
+    costs = tuple(
+        replace(each, windows=tuple(window for part in held for window in _find_windows(part, each.axis)))
+        for each in held[-1].compensations
+    )
+    return replace(held[-1], axes=axes, compensations=costs)
+
+
+def _find_windows(part: PulseSchedule, axis: str) -> tuple[tuple[float, float], ...]:
+    return next((one.windows for one in part.compensations if one.axis == axis), ())
 
 
 def holds_same_pulses(schedule: PulseSchedule, parts: Iterable[PulseSchedule]) -> bool:

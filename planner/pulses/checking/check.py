@@ -127,9 +127,11 @@ def check_motion_parts(
 ) -> PulseCheck:
     """The same of a motion that comes in parts as well, each with a time from 0; a few of them are held at a time.
 
-    The parts of the pulses need not end where those of the motion do. Raises MotionError where there is no motion, and
-    for the rule `dda`, whose list of points is of the whole.
+    The parts of the pulses need not end where those of the motion do. Raises MotionError where there is no motion, for
+    the rule `dda`, whose list of points is of the whole, and for axes that make up for their play or screws.
     """
+    if any(axis.compensate for axis in machine_axes or ()):
+        raise MotionError("pulses that make up for play or lead errors are not checked part by part: check the whole")
     motion = RollingMotion(motions, stated.duration)
     first = motion.load()
     if first is None:

@@ -1,7 +1,8 @@
 """Compensation: what an axis has to count so that behind its screw's errors and its play it is where it should be."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +10,8 @@ from numpy.typing import NDArray
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.polynomials import solve_heights
 from kinematics.machine.axis import Axis
-from planner.pulses.compensation.take_up import take_up, taken_up
+from planner.pulses.compensation.take_up import Play, TurnSearch, take_up, taken_up
+from planner.pulses.generation.motion_parts import JoinedMotion, MotionSpan, PieceMotion
 from planner.pulses.generation.pieces import FIT_TOLERANCE, Stretches, cut_monotone, fit
 from planner.pulses.motion import AxesMotion, MotionState
 from planner.pulses.schedule import Compensation
@@ -70,22 +72,41 @@ def compensate_motion(motion: AxesMotion, axes: Sequence[Axis], home: Array) -> 
     """
     if not any(axis.compensate for axis in axes):
         return None
+    return compensate_part(motion, axes, home, begin_plays(motion, axes, home), 0.0, True)[0]
+
+
+def begin_plays(motion: AxesMotion, axes: Sequence[Axis], home: Array) -> tuple[Play, ...]:
+    """Where the axes stand in their play before a motion begins."""
+    start = motion.at(np.zeros(1)).q[0] - home
+    return tuple(Play.begin(axis, float(q)) for axis, q in zip(axes, start, strict=True))
+
+
+def compensate_part(
+    motion: AxesMotion, axes: Sequence[Axis], home: Array, plays: Sequence[Play], since: float, last: bool
+) -> tuple[CompensatedMotion, float, tuple[Play, ...]]:
+    """A part of a motion as the motors have to make it, the time (s) up to which that is final, and the plays there.
+
+    plays: at its start, which have been looked at up to a time since (s); last: the motion ends with it. Raises as
+    `compensate_motion` does.
+    """
     pieces = fit(motion, FIT_TOLERANCE * np.array([axis.pulse for axis in axes]))
-    tables, steps, costs, knots = [], [], [], [np.asarray(motion.knots)]
-    for k, axis in enumerate(axes):
+    tables, costs, knots, reached, until = [], [], [np.asarray(motion.knots)], [], motion.duration
+    for k, (axis, play) in enumerate(zip(axes, plays, strict=True)):
         counted = pieces.coefficients[k].copy()
         counted[0] -= home[k]
-        stretches = cut_monotone(pieces.start, pieces.length, counted, float(pieces.noise[k]))
-        table = _table(axis) if "lead" in axis.compensate else None
-        taken, cost = np.empty((0, 3)), Compensation(axis.name, axis.compensate)
+        noise = float(pieces.noise[k])
+        stretches = cut_monotone(pieces.start, pieces.length, counted, noise)
+        table, cost = _table(axis) if "lead" in axis.compensate else None, Compensation(axis.name, axis.compensate)
         if "backlash" in axis.compensate and axis.backlash > 0:
-            taken, cost = take_up(motion, k, axis, stretches)
+            play, final, cost = take_up(motion, k, axis, stretches, noise, play, since, last)
+            until = min(until, final)
         if table is not None:
             knots.append(_find_crossings(stretches, table[0]))
+        taken = play.list_steps()
         knots.append(np.clip((taken[:, :1] + taken[:, 1:2] * [0, 1]).ravel(), 0.0, motion.duration))
         costs.append(cost)
         tables.append(table)
-        steps.append(freeze_array(taken))
+        reached.append(play)
     times = np.sort(np.concatenate(knots))
     # between two knots an axis stays on one part of its table; at a knot only the time tells on which
     middle = motion.at((times[:-1] + times[1:]) / 2).q - home
@@ -93,9 +114,76 @@ def compensate_motion(motion: AxesMotion, axes: Sequence[Axis], home: Array) -> 
     for k, table in enumerate(tables):
         if table is not None:
             parts[:, k] = np.searchsorted(table[0], middle[:, k], side="right")
-    return CompensatedMotion(
-        motion, freeze_array(home), freeze_array(times), tuple(tables), parts, tuple(steps), tuple(costs)
-    )
+    steps = tuple(freeze_array(play.list_steps()) for play in reached)
+    made = CompensatedMotion(motion, freeze_array(home), freeze_array(times), tuple(tables), parts, steps, tuple(costs))
+    return made, until, tuple(play.shift(until) for play in reached)
+
+
+@dataclass(frozen=True, slots=True)
+class MotorsAhead:
+    """What of a motion in parts has come and is not final yet in its motors: the next turn may change it.
+
+    planned  it, with path lengths of the whole; None: nothing
+    plays    of the axes where it begins; empty before the first part
+    """
+
+    planned: PieceMotion | None = None
+    plays: tuple[Play, ...] = ()
+
+    def add(
+        self, motion: AxesMotion, s: float, axes: Sequence[Axis], home: Array, last: bool
+    ) -> "tuple[AxesMotion | None, float, tuple[Compensation, ...], MotorsAhead]":
+        """What the motors do up to where it is final; how long before the end of the part that begins (s); its cost.
+
+        s: to be added to the path length of the part. None: nothing is final. Raises as `compensate_motion`, at times
+        since the motors' motion begins.
+        """
+        here = MotionSpan(motion, 0.0, motion.duration, s)
+        before = () if self.planned is None else (MotionSpan(self.planned, 0.0, self.planned.duration),)
+        known = JoinedMotion.of(*before, here)
+        since = 0.0 if self.planned is None else self.planned.duration
+        plays = self.plays or begin_plays(known, axes, home)
+        made, until, plays = compensate_part(known, axes, home, plays, since, last)
+        if last:
+            return made, known.duration, made.costs, MotorsAhead()
+        rest = JoinedMotion.of(MotionSpan(known, until, known.duration))
+        ahead = MotorsAhead(PieceMotion.of(rest, FIT_TOLERANCE * np.array([axis.pulse for axis in axes])), plays)
+        final = JoinedMotion.of(MotionSpan(made, 0.0, until)) if until > 0 else None
+        return final, known.duration, made.costs, ahead
+
+    def record(self) -> dict[str, Any]:
+        """Plain numbers, as JSON has them."""
+        return {
+            "planned": None if self.planned is None else self.planned.record(),
+            "plays": [asdict(play) for play in self.plays],
+        }
+
+    @classmethod
+    def from_record(cls, record: Mapping[str, Any]) -> "MotorsAhead":
+        plays = (
+            Play(
+                TurnSearch(**play["search"]),
+                tuple((arrives, leaves, way) for arrives, leaves, way in play["waiting"]),
+                play["left"],
+                tuple((start, span, way) for start, span, way in play["steps"]),
+                play["taken"],
+            )
+            for play in record["plays"]
+        )
+        planned = record["planned"]
+        return cls(None if planned is None else PieceMotion.from_record(planned), tuple(plays))
+
+
+def merge_costs(before: Compensation, after: Compensation) -> Compensation:
+    """What two parts of a motion cost, one after the other; the windows are those of the second."""
+    most = {name: max(getattr(before, name), getattr(after, name)) for name in ("off", "unturned", "jerk")}
+    nearest: dict[str, float | None] = {}
+    for name in ("speed", "acceleration"):
+        one, other = ((getattr(each, name), getattr(each, f"max_{name}")) for each in (before, after))
+        chosen = max(one, other, key=lambda pair: pair[0] / (pair[1] or 1.0))
+        nearest |= {name: chosen[0], f"max_{name}": chosen[1]}
+    every: dict[str, Any] = most | nearest
+    return replace(after, crossings=before.crossings + after.crossings, **every)
 
 
 def counted_motion(motion: AxesMotion, axes: Sequence[Axis], home: Array) -> AxesMotion:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.arrays import Array
 from kinematics.foundation.units import round_up_digits
 from kinematics.machine.axis import Axis, Magnitude, directional_bounds
 from planner.place import Infeasible, Place
@@ -19,32 +19,102 @@ from planner.pulses.schedule import Compensation
 REST_PULSES = 1e-4
 
 
-def find_turning_points(stretches: Stretches, axis: Axis) -> tuple[list[tuple[float, float, float]], float]:
-    """When an axis comes to a turn, when it leaves it, and which way; the farthest run back that turns nothing.
+Turn = tuple[float, float, float]
+"""When an axis comes to a turn and when it leaves it, in s, and which way: +1 or -1."""
+
+
+@dataclass(frozen=True, slots=True)
+class TurnSearch:
+    """How far the turns of an axis are known: it runs one way from an extreme, or is on its way back from there.
 
     Runs back by less than half a pulse turn nothing. Before its first move an axis has come from where `pushed` says.
+
+    way       it was going last, +1 or -1
+    extreme   m or rad, the farthest that way; reached, left: s, when it came there and when it left
+    leaving   it has left by more than noise; gone: by more than REST_PULSES
+    farthest  m or rad that it has run back; unturned: the most that turned nothing
     """
-    pulse, ends, start = axis.pulse, stretches.ends, stretches.start
-    stop = start + stretches.length
-    turns: list[tuple[float, float, float]] = []
-    way, extreme, reached, left = float(f"{axis.pushed}1"), float(ends[0]), float(start[0]), float(start[0])
-    rest, gone, farthest, unturned = extreme, False, 0.0, 0.0
-    for k in np.flatnonzero(np.diff(ends)).tolist():
-        x = float(ends[k + 1])
-        if (x - extreme) * way > 0:
-            extreme, unturned, farthest = x, max(unturned, farthest), 0.0
-            if (x - rest) * way > REST_PULSES * pulse:
-                rest, reached, gone = x, float(stop[k]), False
-            continue
-        back = (extreme - x) * way
-        if not gone and back > REST_PULSES * pulse:  # the first stretch away from the extreme
-            left, gone = max(reached, float(start[k])), True
-        farthest = max(farthest, back)
-        if back >= pulse / 2:
-            way = -way
-            turns.append((reached, left, way))
-            extreme, rest, reached, gone, farthest = x, x, float(stop[k]), False, 0.0
-    return turns, max(unturned, farthest)
+
+    way: float
+    extreme: float
+    reached: float
+    left: float
+    leaving: bool = False
+    gone: bool = False
+    farthest: float = 0.0
+    unturned: float = 0.0
+
+    def find(self, stretches: Stretches, axis: Axis, noise: float, since: float) -> "tuple[list[Turn], TurnSearch]":
+        """The turns on stretches that begin at a time (s) or later, and how far those behind them are known.
+
+        noise: m or rad that is none of the motion. Where stretches are cut makes no difference.
+        """
+        pulse, ends, start = axis.pulse, stretches.ends, stretches.start
+        stop = start + stretches.length
+        turns: list[Turn] = []
+        way, extreme, reached, left = self.way, self.extreme, self.reached, self.left
+        leaving, gone, farthest, unturned = self.leaving, self.gone, self.farthest, self.unturned
+        moving = np.flatnonzero(np.diff(ends))
+        for k in moving[start[moving] >= since].tolist():
+            x = float(ends[k + 1])
+            if (x - extreme) * way > 0:
+                if leaving or (x - extreme) * way > noise:
+                    reached, leaving, gone = float(stop[k]), False, False
+                extreme, unturned, farthest = x, max(unturned, farthest), 0.0
+                continue
+            back = (extreme - x) * way
+            if not leaving and back > noise:
+                left, leaving = max(reached, float(start[k])), True
+            gone = gone or back > REST_PULSES * pulse
+            farthest = max(farthest, back)
+            if back >= pulse / 2:
+                way = -way
+                turns.append((reached, left, way))
+                extreme, reached, leaving, gone, farthest = x, float(stop[k]), False, False, 0.0
+        return turns, TurnSearch(way, extreme, reached, left, leaving, gone, farthest, unturned)
+
+    def shift(self, time: float) -> "TurnSearch":
+        """The same where the clock begins later by a time (s)."""
+        return replace(self, reached=self.reached - time, left=self.left - time)
+
+
+@dataclass(frozen=True, slots=True)
+class Play:
+    """Where an axis is in its play at the seam of two parts of a motion; times (s) count from there.
+
+    search   its turns
+    waiting  turns whose step is not known yet: more time behind them might make it longer
+    left     when it left the last turn before these; None: there was none
+    steps    that are not over: start, time (s) and way (m or rad); taken: the way of those before
+    """
+
+    search: TurnSearch
+    waiting: tuple[Turn, ...] = ()
+    left: float | None = None
+    steps: tuple[tuple[float, float, float], ...] = ()
+    taken: float = 0.0
+
+    @classmethod
+    def begin(cls, axis: Axis, q: float) -> "Play":
+        """Before its first move, at q (m or rad from home)."""
+        return cls(TurnSearch(float(f"{axis.pushed}1"), q, 0.0, 0.0))
+
+    def shift(self, time: float) -> "Play":
+        """The same where the clock begins later by a time (s): steps that are over by then are only counted."""
+        over = [step for step in self.steps if step[0] + step[1] <= time]
+        return Play(
+            self.search.shift(time),
+            tuple((arrives - time, leaves - time, way) for arrives, leaves, way in self.waiting),
+            None if self.left is None else self.left - time,
+            tuple((start - time, span, way) for start, span, way in self.steps if start + span > time),
+            self.taken + sum(way for *_, way in over),
+        )
+
+    def list_steps(self) -> Array:
+        """(R, 3) the steps, with one before all others for the way of those that are over."""
+        steps = np.array(self.steps, float).reshape(-1, 3)
+        before = min(0.0, *steps[:, 0]) if len(steps) else 0.0
+        return steps if self.taken == 0 else np.concatenate(([[before - 2.0, 1.0, self.taken]], steps))
 
 
 # s that the play takes where the axis states no limits.
@@ -61,46 +131,87 @@ BLOCK_INSTANTS = 1 << 14
 STEP_GROWTH = 1.1
 # What an advised rest is longer by than the least: its ends are known to rounding.
 REST_MARGIN = 1e-9
+# Times as long as a step may be for an axis' limits alone waits what the motors do, where the motion goes on.
+HELD_STEPS = 8
 # Where an acceleration that suffices is looked for: up to so many times what is stated, and to what share.
 MAX_ACCELERATION_FACTOR, ACCELERATION_TOLERANCE = 1000, 1e-4
 # A limit holds up to here, as in the certificate.
 LIMIT_SLACK = 1 + 1e-6
 
 
-def take_up(motion: AxesMotion, k: int, axis: Axis, stretches: Stretches) -> tuple[Array, Compensation]:
-    """(R, 3) start (s), time (s) and way (m or rad) of every crossing of the play of axis k, and what that costs.
+def take_up(
+    motion: AxesMotion,
+    k: int,
+    axis: Axis,
+    stretches: Stretches,
+    noise: float,
+    play: Play,
+    since: float,
+    last: bool,
+) -> tuple[Play, float, Compensation]:
+    """Axis k in its play at the end of a motion that goes on from `play`, what is final of that, and what it costs.
+
+    since: s, up to which `play` has looked. Its steps are those of the motion; before the time (s) given with them
+    nothing will change; where the motion goes on, some time before its end, or before where the axis left an extreme
+    to which it may come back. last: the motion ends.
 
     Motion and take-up together keep max_speed, the pulse rate and take_up_acceleration (None: max_acceleration), as
     seen at `STEP_SHARES` and at the knots of the motion. In a rest a step takes the least time in which it keeps them,
-    and jerk where there is time. Where the axis turns without a rest it is made longer until it fits, as long as the
+    and jerk where there is time, right before the axis leaves.
+    Where the axis turns without a rest it is made longer until it fits, as long as the
     axis is off by less than the play meanwhile (not to make up for it costs no more), and at most half-way to the next
     turn: jerk is told there, not kept, for the time that it needs would leave the axis off by more. A screw's table is
     in the speed, not in the acceleration.
     Raises Infeasible where a step fits at no length: a motion that is at its limit while it turns has no room for any.
     """
-    turns, unturned = find_turning_points(stretches, axis)
+    found, search = play.search.find(stretches, axis, noise, since)
+    turns = [*play.waiting, *found]
+    none = Compensation(axis.name, axis.compensate, unturned=search.unturned if not last else _unturned(search))
+    play = replace(play, search=search, waiting=())
+    hold = HELD_STEPS * max(_unloaded_step_time(axis) or DEFAULT_TAKE_UP_TIME, _gentle_time(axis))
+    until = motion.duration if last else (search.left if search.gone else motion.duration) - hold
     if not turns:
-        none = Compensation(axis.name, axis.compensate, unturned=unturned)
-        return freeze_array(np.empty((0, 3))), none
+        return play, max(0.0, until), none
     turning = np.array(turns)
-    steps, best = _fit_steps(motion, k, axis, turning)
+    arrives, leaves, _ = turning.T
+    first = 0.0 if play.left is None else max(0.0, (arrives[0] + play.left) / 2)
+    before = np.append(first, (arrives[1:] + leaves[:-1]) / 2)
+    after = np.append(before[1:], motion.duration if last else (motion.duration + leaves[-1]) / 2)
+    steps, best = _fit_steps(motion, k, axis, turning, before, after)
+    if not last and (best[-1] > LIMIT_SLACK or steps[-1, :2].sum() >= after[-1]):
+        play, until = replace(play, waiting=(turns[-1],)), min(until, leaves[-1] - hold)
+        turning, steps, best = turning[:-1], steps[:-1], best[:-1]
+    if not len(steps):
+        return play, max(0.0, until), none
     seen = _sample_steps(motion, k, axis, steps, turning[:, 0])
     if best.max() > LIMIT_SLACK:
-        _refuse(motion, k, axis, turning, seen)
+        _refuse(motion, k, axis, turning, seen, (before, after))
     (speed, most_speed, _), (acceleration, most, _) = seen.largest(axis)
     most_off = float(seen.step_travel(len(steps)).max())
     jerk = float(PEAK_JERK * axis.backlash / steps[:, 1].min() ** 3)
-    figures = most_off, unturned, speed, most_speed, acceleration, most, jerk
+    figures = most_off, none.unturned, speed, most_speed, acceleration, most, jerk
     windows = tuple((begin, begin + span) for begin, span, _ in steps.tolist())
-    return freeze_array(steps), Compensation(axis.name, axis.compensate, len(steps), *figures, windows)
+    cost = Compensation(axis.name, axis.compensate, len(steps), *figures, windows)
+    made = (*play.steps, *((start, span, way) for start, span, way in steps.tolist()))
+    return replace(play, steps=made, left=float(turning[-1, 1])), max(0.0, until), cost
 
 
-def _fit_steps(motion: AxesMotion, k: int, axis: Axis, turns: Array) -> tuple[Array, Array]:
-    """(R, 3) the steps about turns (R, 3), and the largest share (R,) of its limits that each takes."""
+def _unturned(search: TurnSearch) -> float:
+    return max(search.unturned, search.farthest)
+
+
+def _gentle_time(axis: Axis) -> float:
+    """s in which a step keeps the axis' jerk."""
+    return float(np.cbrt(PEAK_JERK * axis.backlash / min(directional_bounds(axis.max_jerk))))
+
+
+def _fit_steps(
+    motion: AxesMotion, k: int, axis: Axis, turns: Array, before: Array, after: Array
+) -> tuple[Array, Array]:
+    """(R, 3) the steps about turns (R, 3), each from `before` to `after` (R,) at most, and the largest share (R,) of
+    its limits that each takes."""
     arrives, leaves, way = turns.T
-    before = np.append(0.0, (arrives[1:] + leaves[:-1]) / 2)
-    after = np.append(before[1:], motion.duration)
-    gentle = float(np.cbrt(PEAK_JERK * axis.backlash / min(directional_bounds(axis.max_jerk))))
+    gentle = _gentle_time(axis)
     time = np.minimum(_unloaded_step_time(axis) or DEFAULT_TAKE_UP_TIME, after - before)
     time = np.maximum(time, np.where(leaves - arrives >= gentle, gentle, 0.0))
     steps, best = np.empty((len(turns), 3)), np.full(len(turns), np.inf)
@@ -108,7 +219,7 @@ def _fit_steps(motion: AxesMotion, k: int, axis: Axis, turns: Array) -> tuple[Ar
     while len(todo):
         span = time[todo]
         middle = (arrives[todo] + leaves[todo] - span) / 2
-        start = np.where(leaves[todo] - arrives[todo] >= span, arrives[todo], middle)
+        start = np.where(leaves[todo] - arrives[todo] >= span, leaves[todo] - span, middle)
         start = np.minimum(np.maximum(start, before[todo]), after[todo] - span)
         tried = np.stack([start, span, way[todo] * axis.backlash], 1)
         seen = _sample_steps(motion, k, axis, tried, arrives[todo])
@@ -228,7 +339,9 @@ def _axis_state(motion: AxesMotion, k: int, t: Array) -> Array:
     return np.stack([state.q[:, k], state.qd[:, k], state.qdd[:, k]])
 
 
-def _refuse(motion: AxesMotion, k: int, axis: Axis, turns: Array, seen: _StepSamples) -> None:
+def _refuse(
+    motion: AxesMotion, k: int, axis: Axis, turns: Array, seen: _StepSamples, room: tuple[Array, Array]
+) -> None:
     """Raise Infeasible for the larger excess of speed and acceleration."""
     names = ("speed", f"{axis.unit}/s"), ("acceleration", f"{axis.unit}/s^2")
     found = zip(seen.largest(axis), names, strict=True)
@@ -243,7 +356,7 @@ def _refuse(motion: AxesMotion, k: int, axis: Axis, turns: Array, seen: _StepSam
         where += " if that is the side on which it was homed"
     else:
         where = f"where {axis.name} turns: let it rest there for {rest} s (a dwell)"
-    enough = _find_acceleration(motion, k, axis, turns)
+    enough = _find_acceleration(motion, k, axis, turns, room)
     state = (
         ""
         if enough is None
@@ -256,11 +369,13 @@ def _refuse(motion: AxesMotion, k: int, axis: Axis, turns: Array, seen: _StepSam
     raise Infeasible(f"{name} with play taken up", axis.name, place, value, limit, unit, remedy)
 
 
-def _find_acceleration(motion: AxesMotion, k: int, axis: Axis, turns: Array) -> str | None:
+def _find_acceleration(motion: AxesMotion, k: int, axis: Axis, turns: Array, room: tuple[Array, Array]) -> str | None:
     """The least acceleration of the unloaded motor, to four digits, with which every step fits; None: none helps."""
 
+    spans = tuple(side[: len(turns)] for side in room)
+
     def fits(acceleration: float) -> bool:
-        _, best = _fit_steps(motion, k, replace(axis, take_up_acceleration=acceleration), turns)
+        _, best = _fit_steps(motion, k, replace(axis, take_up_acceleration=acceleration), turns, *spans)
         return bool(best.max() <= LIMIT_SLACK)
 
     stated = low = high = min(directional_bounds(_bounds(axis)[1]))

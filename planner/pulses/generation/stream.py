@@ -6,7 +6,7 @@ to be moved apart from one behind the seam or cancels with it, is held back and 
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from fractions import Fraction
 from functools import partial
 from math import floor
@@ -20,13 +20,14 @@ from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import Axis
 from planner.parallel import Progress, ignore_progress
 from planner.place import Infeasible, Place
+from planner.pulses.compensation.compensate import MotorsAhead, merge_costs
 from planner.pulses.generation.firing_rule import Rule, describe_rule
 from planner.pulses.generation.levels import cancel_pairs
 from planner.pulses.generation.motion_parts import JoinedMotion, MotionPart, MotionSpan, PieceMotion
 from planner.pulses.generation.pieces import FIT_TOLERANCE
 from planner.pulses.generation.spacing import GivenPulse, HeldPulses, LeastGaps, Spaced, space_pulses
 from planner.pulses.motion import AxesMotion, MotorMotion
-from planner.pulses.schedule import AxisPulses, MovedPulses, PulseSchedule, refuse_counter
+from planner.pulses.schedule import AxisPulses, Compensation, MovedPulses, PulseSchedule, refuse_counter
 from planner.trajectory import Trajectory
 
 
@@ -50,6 +51,8 @@ class _Reached:
     until   tick before which all pulses are given
     tail    the motion from there on
     ended   the motion ended: nothing follows
+    ahead   of a machine that makes up for its play or screws: what its motors do not know yet
+    costs   of that, so far
     """
 
     held: tuple[HeldPulses, ...]
@@ -64,6 +67,8 @@ class _Reached:
     until: int = 0
     tail: PieceMotion | None = None
     ended: bool = False
+    ahead: MotorsAhead = field(default_factory=MotorsAhead)
+    costs: tuple[Compensation, ...] = ()
 
     def record(self) -> dict[str, Any]:
         """Plain numbers, as JSON has them."""
@@ -83,6 +88,8 @@ class _Reached:
             ],
             "moved": [None if one is None else asdict(one) for one in self.moved],
             "tail": None if self.tail is None else self.tail.record(),
+            "ahead": self.ahead.record(),
+            "costs": [asdict(replace(one, windows=())) for one in self.costs],
         }
 
     @classmethod
@@ -108,6 +115,10 @@ class _Reached:
             record["until"],
             tail=None if record["tail"] is None else PieceMotion.from_record(record["tail"]),
             ended=record["ended"],
+            ahead=MotorsAhead.from_record(record["ahead"]),
+            costs=tuple(
+                Compensation(**{**one, "kinds": tuple(one["kinds"]), "windows": ()}) for one in record["costs"]
+            ),
         )
 
 
@@ -172,26 +183,57 @@ class PulseStream:
         now, machine = self._reached, self._machine
         if now.ended:
             raise MotionError("the motion has ended: begin another stream for another motion")
-        made_up = next((axis.name for axis in machine.axes if axis.compensate), None)
-        if made_up is not None and not isinstance(motion, MotorMotion):
-            raise MotionError(
-                f"axis {made_up} makes up for its play or lead error, which looks ahead: plan the whole at once, or "
-                "leave the compensation to the controller"
-            )
-        part = MotionPart(
-            motion,
-            machine.axes,
-            np.asarray(machine.home_q, float),
-            self._clock_hz,
-            now.tick,
-            now.counts,
-            now.ways,
-            now.noise,
-            last,
-            progress,
-        )
         along = motion.at(np.array([0.0, motion.duration])).s
-        offset = now.s - float(along[0])
+        offset, home = now.s - float(along[0]), np.asarray(machine.home_q, float)
+        part = MotionPart(
+            motion, machine.axes, home, self._clock_hz, now.tick, now.counts, now.ways, now.noise, last, progress
+        )
+        reached = replace(now, tick=part.end_tick, s=offset + float(along[1]), ended=bool(last))
+        if any(axis.compensate for axis in machine.axes) and not isinstance(motion, MotorMotion):
+            final, reached = self._compensate(part, offset, reached)
+            if final is None:  # no more than where they start
+                starts = now.given or tuple(axis.start for axis in self._rule.fire(part).axes)
+                self._reached = reached
+                return self._state(reached, starts)
+            part, offset = final, 0.0
+        schedule, self._reached = self._fire(part, offset, reached)
+        return schedule
+
+    def _compensate(self, part: MotionPart, offset: float, reached: _Reached) -> tuple[MotionPart | None, _Reached]:
+        """What the motors do, as far as that is final, with path lengths of the whole; None: nothing is."""
+        now = self._reached
+        held = 0.0 if now.ahead.planned is None else now.ahead.planned.duration
+        tick = part.tick - Fraction(held) * self._clock_hz
+        try:
+            made, length, costs, ahead = now.ahead.add(part.motion, offset, part.axes, part.home, part.last)
+        except Infeasible as no:
+            raise _place_on_whole(no, replace(part, tick=tick), 0.0, own=True) from None
+        tick = reached.tick - Fraction(length) * self._clock_hz
+        begin = float(tick / self._clock_hz)
+        merged = costs if not now.costs else tuple(map(merge_costs, now.costs, costs))
+        merged = tuple(
+            replace(one, windows=tuple((begin + lo, begin + hi) for lo, hi in own.windows))
+            for one, own in zip(merged, costs, strict=True)
+        )
+        reached = replace(reached, ahead=ahead, costs=merged)
+        return None if made is None else replace(part, motion=made, tick=tick), reached
+
+    def _state(self, reached: _Reached, starts: tuple[int, ...]) -> PulseSchedule:
+        """A part without a pulse."""
+        none: dict[str, Any] = {"ticks": np.empty(0, np.int64), "direction": np.empty(0, np.int8)}
+        home = np.asarray(self._machine.home_q, float)
+        axes = tuple(
+            AxisPulses(axis.name, start=count, pulse=axis.pulse, home=float(q), bound=bound + _widening(moved), **none)
+            for axis, count, q, bound, moved in zip(
+                self._machine.axes, starts, home, reached.bounds, reached.moved, strict=True
+            )
+        )
+        duration, moves = float(reached.tick / self._clock_hz), tuple(one for one in reached.moved if one is not None)
+        return PulseSchedule(self._clock_hz, axes, duration, describe_rule(self._rule), moves, reached.costs)
+
+    def _fire(self, part: MotionPart, offset: float, reached: _Reached) -> tuple[PulseSchedule, _Reached]:
+        """The pulses of what the motors do, as far as they are final; and where the stream stands then."""
+        now, machine, last = self._reached, self._machine, part.last
         try:
             fired = self._rule.fire(part)
         except Infeasible as no:
@@ -213,22 +255,20 @@ class PulseStream:
             if axis.card is not None:
                 refuse_counter(pulses, axis)
         moves = tuple(one.moved for one in spaced if one.moved is not None)
-        self._reached = _Reached(
-            tuple(one.held for one in spaced),
-            tuple(one.moved for one in spaced),
-            bounds,
-            part.end_tick,
-            offset + float(along[1]),
-            tuple(axis.final for axis in fired.axes),
-            fired.ways,
-            fired.noise,
-            tuple(axis.final for axis in axes),
-            1 + max((int(axis.ticks[-1]) for axis in axes if len(axis)), default=0) if until is None else until,
-            None if until is None else self._cut_tail(part, known, until),
-            bool(last),
+        reached = replace(
+            reached,
+            held=tuple(one.held for one in spaced),
+            moved=tuple(one.moved for one in spaced),
+            bounds=bounds,
+            counts=tuple(axis.final for axis in fired.axes),
+            ways=fired.ways,
+            noise=fired.noise,
+            given=tuple(axis.final for axis in axes),
+            until=1 + max((int(axis.ticks[-1]) for axis in axes if len(axis)), default=0) if until is None else until,
+            tail=None if until is None else self._cut_tail(part, known, until),
         )
-        duration = float(part.end_tick / self._clock_hz)
-        return PulseSchedule(self._clock_hz, axes, duration, fired.rule or describe_rule(self._rule), moves)
+        rule, duration = fired.rule or describe_rule(self._rule), float(reached.tick / self._clock_hz)
+        return PulseSchedule(self._clock_hz, axes, duration, rule, moves, reached.costs), reached
 
     def _space(
         self, part: MotionPart, k: int, fired: AxisPulses, known: JoinedMotion, until: int | None, end: int | None

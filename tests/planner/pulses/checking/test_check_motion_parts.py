@@ -114,3 +114,8 @@ def test_pulses_listed_over_the_whole_are_not_checked_in_parts():
     parts = [part for part, _ in cut_motion(motion, [motion.duration / 2])]
     with pytest.raises(MotionError, match="part by part"):
         check_motion_parts(schedule, [schedule], parts, axes, home)
+    made_up = [replace(axis, backlash=1e-6, compensate=("backlash",)) for axis in axes]
+    with pytest.raises(MotionError, match="check the whole"):
+        check_motion_parts(schedule, [schedule], parts, made_up, home)
+    with pytest.raises(MotionError, match="without parts"):
+        check_motion_parts(schedule, [schedule], [], axes, home)

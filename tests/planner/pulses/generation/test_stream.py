@@ -16,12 +16,13 @@ from kinematics.machine.axis import StepTiming
 from planner import Infeasible
 from planner.limits import limits_of
 from planner.path.actuation import actuate
-from planner.pulses import PulseStream, find_rule, generate
+from planner.pulses import PulseStream, check, find_rule, generate
 from planner.pulses.checking import check_motion_parts
+from planner.pulses.compensation.compensate import counted_motion
 from planner.pulses.generation.motion_parts import JoinedMotion, MotionSpan
 from planner.pulses.schedule import join_schedules
 from planner.windows import WindowPlanner
-from tests.planner.motions import PULSE, in_pulses, smooth_motions
+from tests.planner.motions import PULSE, example, in_pulses, smooth_motions
 from tests.planner.test_windows import draw_polyline, steps_of
 
 CLOCK = 10_000_000
@@ -110,8 +111,6 @@ def test_what_parts_cannot_do_is_refused_with_what_can():
     for rule in ("sampled", "dda"):
         with pytest.raises(MotionError, match=rf"rule {rule} makes no pulses of a motion part by part: .*use nearest"):
             begin(rule).add(first)
-    with pytest.raises(MotionError, match=r"axis x makes up for its play .*plan the whole"):
-        begin("nearest", backlash=1e-5, compensate=("backlash",)).add(first)
     stream = begin("nearest")
     stream.add(first)
     with pytest.raises(MotionError, match="begins -6 pulses from its count 6"):
@@ -154,3 +153,41 @@ def test_windows_of_a_path_are_proved_part_by_part(hexapod):
     assert joined.duration == pytest.approx(sum(window.duration for window in windows), rel=1e-14)
     assert all((np.diff(axis.ticks) > 0).all() for axis in joined.axes)
     assert check_motion_parts(joined, pulses, motions, hexapod.axes, hexapod.home_q).holds
+
+
+TABLE = ((-1e-3, 2e-6), (0.0, 0.0), (3e-4, -4e-6), (1e-3, 1e-6))
+KINDS = [
+    {"backlash": 8e-6, "compensate": ("backlash",), "pushed": "-"},
+    {"lead_error": TABLE, "compensate": ("lead",)},
+    {"backlash": 4e-6, "lead_error": TABLE, "compensate": ("lead", "backlash")},
+]
+
+
+@settings(max_examples=25)
+@given(st.integers(0, 200), st.lists(PARTS, max_size=8), st.sampled_from(RULES), st.integers(0, 8))
+def test_what_motors_make_up_for_is_the_same_in_parts(seed, cuts, rule, many):
+    """Three axes with play, with a screw's errors and with both; turns, rests and crossings of play span the seams."""
+    motion = example(seed, size=3.0)
+    home = motion.at(np.zeros(1)).q[0]
+    axes = [Axis(f"leg{k}", pulse=PULSE, max_acceleration=20.0, **kinds) for k, kinds in enumerate(KINDS)]
+    machine = SimpleNamespace(axes=axes, home_q=home)
+    whole = attempt(lambda: generate(motion, axes, home, CLOCK, rule))
+    stream, parts = PulseStream(machine, CLOCK, find_rule(rule)), []
+    for n, (part, last) in enumerate(cut_motion(motion, [share * motion.duration for share in cuts])):
+        made = attempt(partial(stream.add, part, last))
+        if isinstance(made, MotionError):
+            assert isinstance(whole, MotionError), made
+            return
+        parts.append(made)
+        if n == many:
+            stream = PulseStream.resume(machine, CLOCK, find_rule(rule), json.loads(json.dumps(stream.mark())))
+    joined = join_schedules(parts)
+    for one, other in zip(joined.axes, whole.axes, strict=True):
+        assert one.start == other.start
+        assert np.array_equal(one.direction, other.direction)
+        assert np.array_equal(one.ticks, other.ticks)
+    for one, other in zip(joined.compensations, whole.compensations, strict=True):
+        assert (one.kinds, one.crossings) == (other.kinds, other.crossings)
+        assert np.array(one.windows) == pytest.approx(np.array(other.windows), abs=1e-9)
+        assert one.off == pytest.approx(other.off, rel=1e-6, abs=1e-12)
+    assert check(joined, counted_motion(motion, axes, home), axes, home).holds
