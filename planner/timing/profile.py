@@ -332,20 +332,23 @@ def _smallest_change(
 PIECE_INSTANTS, NO_JERK_INSTANTS = 5, 3
 # What uses less of a limit is not looked at again while a run is solved: its proof looks at every limit.
 MIN_WATCHED_USE = 0.5
+# Time pieces that are looked at at a time: what is held of them stays small, however long a run is.
+PIECES_AT_ONCE = 2000
 
 
 def sample_limit_use(path: ActuatorPath, limits: Sequence[Limit], profile: Profile) -> dict[str, Array]:
     """The largest share (M,) of each limit on time that is met in each time piece."""
     motion, pieces = profile.along(path), len(profile.h)
     share = np.linspace(0.0, 1.0, PIECE_INSTANTS if profile.j.any() else NO_JERK_INSTANTS)
-    state = motion.within(
-        np.repeat(np.arange(pieces), len(share)), (profile.h[:, None] * share).ravel(), jerk=order_of(limits) == 3
-    )
-    found = {}
-    for limit in limits:
-        if not limit.geometric:
-            low, high = _parabola_ranges(limit.value(state).reshape(pieces, len(share), -1))
-            found[limit.name] = largest_in_rows(limit.use(low, high, profile.piece))
+    found = {limit.name: np.empty(pieces) for limit in limits if not limit.geometric}
+    for first in range(0, pieces, PIECES_AT_ONCE):
+        own = np.arange(first, min(first + PIECES_AT_ONCE, pieces))
+        tau = (profile.h[own, None] * share).ravel()
+        state = motion.within(np.repeat(own, len(share)), tau, jerk=order_of(limits) == 3)
+        for limit in limits:
+            if not limit.geometric:
+                low, high = _parabola_ranges(limit.value(state).reshape(len(own), len(share), -1))
+                found[limit.name][own] = largest_in_rows(limit.use(low, high, profile.piece[own]))
     return found
 
 
