@@ -16,6 +16,7 @@ from itertools import pairwise
 import numpy as np
 
 from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.kernels import call_light, kernel
 from kinematics.foundation.taylor_model import Series
 from planner.path.actuation import Derivatives
 from planner.path.stands import count_zero_derivatives, cut_at_stands
@@ -25,6 +26,8 @@ from planner.place import Place
 MAX_JUMP, VALUE_ROUNDING = 1e-9, 1e-13
 # Halvings that find a parameter: to rounding.
 BISECTIONS_OF_PARAMETER = 54
+# Places that are evaluated without loading the compiler.
+FEW_PLACES = 8
 
 
 class PolynomialPath:
@@ -112,19 +115,19 @@ class PolynomialPath:
         return Place(float(self.parameter(np.array([s]), np.array([piece]))[0]), None, t, axis)
 
     def derivatives(self, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
-        return self._horner(self.coefficients, s, piece, highest)
+        return self._evaluate(0, self.coefficients.shape[2], s, piece, highest)
 
     def axis_derivatives(self, axis: int, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
-        return self._horner(self.coefficients[:, :, axis : axis + 1], s, piece, highest)
+        return self._evaluate(axis, 1, s, piece, highest)
 
-    def _horner(self, coefficients: Array, s: Array, piece: np.ndarray, highest: int) -> Derivatives:
-        """The value and its first three derivatives at once."""
-        x = (s - self.breaks[piece])[:, None]
-        q = np.zeros((len(s), coefficients.shape[2]))
-        q1, half_q2, sixth_q3 = q.copy(), q.copy(), q.copy()
-        for c in coefficients[:, piece]:
-            sixth_q3, half_q2, q1, q = sixth_q3 * x + half_q2, half_q2 * x + q1, q1 * x + q, q * x + c
-        return (q, q1, 2 * half_q2, 6 * sixth_q3)[: highest + 1]
+    def _evaluate(self, axis: int, count: int, s: Array, piece: np.ndarray, highest: int) -> Derivatives:
+        found = np.zeros((4, len(s), count))
+        given = self.coefficients, axis, s - self.breaks[piece], piece, found
+        if len(s) <= FEW_PLACES:
+            call_light(evaluate_polynomials, *given)
+        else:
+            evaluate_polynomials(*given)
+        return tuple(found[: highest + 1])
 
     def pose_numbers(self, s: Array, piece: np.ndarray) -> None:
         return None
@@ -143,6 +146,23 @@ class PolynomialPath:
         for c in rest:
             q = q * x + c
         return Series(q.mid.transpose(0, 2, 1), q.rad.transpose(0, 2, 1), q.order)
+
+
+@kernel
+def evaluate_polynomials(coefficients: Array, axis: int, x: Array, piece: np.ndarray, found: Array) -> None:
+    """Fill found (4, N, m), zeros so far: the values of m axes from `axis` on, and their first three derivatives.
+
+    coefficients (d + 1, P, n), the highest power first, of which piece (N,) and x (N,) from its start: Horner's scheme.
+    """
+    for k in range(len(x)):
+        for c in range(found.shape[2]):
+            q = q1 = half_q2 = sixth_q3 = 0.0
+            for i in range(len(coefficients)):
+                sixth_q3 = sixth_q3 * x[k] + half_q2
+                half_q2 = half_q2 * x[k] + q1
+                q1 = q1 * x[k] + q
+                q = q * x[k] + coefficients[i, piece[k], axis + c]
+            found[0, k, c], found[1, k, c], found[2, k, c], found[3, k, c] = q, q1, 2 * half_q2, 6 * sixth_q3
 
 
 # Share of an axis' extent by which a stretch may leave its chord and be straight, and of its values: rounding.
