@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from fractions import Fraction
 from functools import partial
 from itertools import pairwise
 from types import SimpleNamespace
@@ -191,3 +192,30 @@ def test_what_motors_make_up_for_is_the_same_in_parts(seed, cuts, rule, many):
         assert np.array(one.windows) == pytest.approx(np.array(other.windows), abs=1e-9)
         assert one.off == pytest.approx(other.off, rel=1e-6, abs=1e-12)
     assert check(joined, counted_motion(motion, axes, home), axes, home).holds
+
+
+def test_ten_hours_of_motion_before_change_no_tick():
+    """Parts of 0.1 s, which no binary number is: their sum is kept exactly, and a tick at 10 h is that at the start."""
+    motion = example(7)
+    home = motion.at(np.zeros(1)).q[0]
+    machine = SimpleNamespace(axes=[Axis(f"leg{k}", pulse=PULSE) for k in range(3)], home_q=home)
+    stream = PulseStream(machine, CLOCK, find_rule("nearest"))
+    first = stream.add(JoinedMotion.of(MotionSpan(motion, 0.0, 0.05)))
+    mark = stream.mark()
+    hours = 360_000 * Fraction(0.1) * CLOCK
+    late = Fraction(*mark["reached"]["tick"]) + hours
+    mark["reached"]["tick"] = late.as_integer_ratio()
+    held = mark["reached"]["held"]
+    for one in held:
+        one["ticks"] = [tick + round(hours) for tick in one["ticks"]]
+        for name in ("due", "tick", "earliest"):
+            one["given"][name] += round(hours)
+    mark["reached"]["until"] += round(hours)
+    after = PulseStream.resume(machine, CLOCK, find_rule("nearest"), mark)
+    rest = JoinedMotion.of(MotionSpan(motion, 0.05, motion.duration))
+    soon, then = stream.add(rest, last=True), after.add(rest, last=True)
+    assert first.total
+    assert soon.total > 500
+    for one, other in zip(soon.axes, then.axes, strict=True):
+        assert np.array_equal(one.ticks + round(hours), other.ticks)
+    assert then.duration == pytest.approx(36_000 + soon.duration, rel=1e-15)
