@@ -84,6 +84,14 @@ class PlanStanding(Result):
 
 
 @dataclass(frozen=True, slots=True)
+class PlanMark:
+    """From where planning goes on: what is known by then, and the stream of pulses as it stands there."""
+
+    standing: PlanStanding
+    stream: PulseStream
+
+
+@dataclass(frozen=True, slots=True)
 class PlanPart:
     """What stays of a window of a plan, and how the motion comes to rest behind it where nothing follows.
 
@@ -92,8 +100,7 @@ class PlanPart:
     pulses        those of the part that are final; rest_pulses: the others, and those of the rest
     until         tick before which all pulses are given
     limits        of the window
-    standing      of the plan up to here
-    stream        of its pulses, where it stands
+    mark          where planning goes on behind it
     """
 
     start: Start
@@ -104,8 +111,12 @@ class PlanPart:
     rest_pulses: PulseSchedule | None
     until: int
     limits: tuple[Limit, ...]
-    standing: PlanStanding
-    stream: PulseStream
+    mark: PlanMark
+
+    @property
+    def standing(self) -> PlanStanding:
+        """Of the plan up to here."""
+        return self.mark.standing
 
 
 def plan_parts(
@@ -116,12 +127,12 @@ def plan_parts(
     clock_hz: int = 10_000_000,
     rule: str | Rule = "nearest",
     pieces: int = PIECES,
-    after: PlanPart | None = None,
+    after: PlanMark | None = None,
 ) -> Iterator[PlanPart]:
     """Plan a program as it is read: the fastest motion, proved, and its pulses, in memory that does not grow with it.
 
     What a part's motion costs beside that of the whole planned at once is what it looks ahead too little: below 0.1 %
-    (`planner.windows`). pieces: of path that a window has at first. after: go on behind this part. Raises as
+    (`planner.windows`). pieces: of path that a window has at first. after: go on from there. Raises as
     `planner.plan` does, when the parts before have been given; MotionError for what can only be planned as a whole.
     """
     why = find_whole_reason(program, machine)
@@ -159,8 +170,7 @@ def plan_parts(
             rest_pulses,
             stream.until,
             window.solution.limits,
-            standing,
-            stream,
+            PlanMark(standing, stream),
         )
 
 

@@ -1,13 +1,14 @@
 """What the command `plan` computes of a long program: its plan part by part, written as it goes."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 
 from kinematics import MotionError
 from planner import Infeasible
-from planner.limits import find_unkept_limits
+from planner.limits import find_unkept_limits, usual_order
 from planner.plan_parts import MOST_WHOLE, PlanStanding, find_whole_reason, plan_parts
 from pulsepath.inputs import Inputs
 from pulsepath.output import parts_directory
@@ -45,7 +46,10 @@ def choose_parts(stream: bool | None, inputs: Inputs, whole: Sequence[str]) -> b
 def run_parts(
     inputs: Inputs, order: int | None, firing: Firing, folder: Path, figures: bool, keep: bool
 ) -> tuple[PlanStanding, MotionError | None]:
-    """Plan into an empty folder: what it holds then, and why it is not all. Raises as `parts_directory.write`."""
+    """Plan into a folder, or go on with what is there: what it holds then, and why it is not all.
+
+    Raises as `parts_directory.write`.
+    """
     program, machine = inputs.program, inputs.machine
     for field in find_unkept_limits(machine):
         note(f"note: {machine.name} states {field} but no masses, so no plan can respect it")
@@ -66,10 +70,19 @@ def run_parts(
             reached = standing.duration
             tell(standing.segment, len(program.segments))
 
-        parts = plan_parts(program, machine, order=order, clock_hz=firing.clock_hz, rule=firing.rule)
+        kind = usual_order(machine.axes) if order is None else order
+        plan = partial(plan_parts, program, machine, order=kind, clock_hz=firing.clock_hz, rule=firing.rule)
+        options = {"order": kind, **asdict(firing)}
         try:
             standing, no = parts_directory.write(
-                folder, parts, inputs, tell_standing, pulses=firing.written, figures=figures, keep=keep
+                folder,
+                inputs,
+                lambda mark: plan(after=mark),
+                options,
+                tell_standing,
+                pulses=firing.written,
+                figures=figures,
+                keep=keep,
             )
         except Infeasible as error:
             _tell_line(inputs, error)

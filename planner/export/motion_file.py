@@ -181,6 +181,11 @@ def motion_parts(path: Path, partial: bool = False) -> Iterator[MotionPart]:
         raise _refusal(path, f"holds {reached.pieces} pieces up to {reached.duration} s, and says otherwise")
 
 
+def read_duration(path: Path) -> float:
+    """s, of the whole motion in a file, as its last mark states it. Raises FileError as `motion_parts`."""
+    return float(open_chunks(path, KIND, SCHEMA).mark.get("duration", 0.0))
+
+
 def join_parts(parts: Iterable[MotionPart]) -> Iterator[MotionPart]:
     """Each part whole, of however many chunks it is."""
     held: list[MotionPart] = []

@@ -104,6 +104,11 @@ LONG_FILE = 1 << 16
     help="With --stream: where PROGRAM cannot be planned, keep what was proved before, which comes to rest. "
     "Default: all or nothing.",
 )
+@click.option(
+    "--resume",
+    is_flag=True,
+    help="With --stream: go on with a run that was interrupted or killed; the result is the same to the last byte.",
+)
 @dump_option
 @click.option("--force", is_flag=True, help="Replace DIR if it holds an earlier plan.")
 @json_option
@@ -123,6 +128,7 @@ def plan(
     crossed: bool,
     stream: bool | None,
     keep: bool,
+    resume: bool,
     dumped: Path | None,
     force: bool,
     as_json: bool,
@@ -153,7 +159,8 @@ def plan(
         from pulsepath.inputs import read_rig
         from pulsepath.job import run
         from pulsepath.output import plan_directory, record, tables
-        from pulsepath.output.directory import RECORD, refuse_overwrite, replace_directory
+        from pulsepath.output.checkpoint import CHECKPOINT
+        from pulsepath.output.directory import RECORD, fill_directory, refuse_overwrite, replace_directory
         from pulsepath.parts_job import Firing, choose_parts, run_parts
 
         refuse_overwrite(out, force)
@@ -166,15 +173,17 @@ def plan(
         whole = {"--duration": seconds is not None, "--rig": rig is not None, "--cross-check": crossed}
         whole["--pulses csv"] = pulses == "csv"
         if choose_parts(stream, inputs, [option for option, asked in whole.items() if asked]):
-            with replace_directory(out, force) as folder:
+            writes(out, kept="what was planned, if anything, is kept for --resume")
+            with fill_directory(out, force, resume, CHECKPOINT) as folder:
                 firing = Firing(clock_hz, rule, pulses != "none")
                 standing, no = run_parts(inputs, kind, firing, folder, figures, keep)
             _tell_parts(standing, out, as_json)
             if no is not None:
                 raise no
             return
-        if keep:
-            raise click.UsageError("--keep-certified is for --stream.", click.get_current_context())
+        if keep or resume:
+            given_option = "--keep-certified" if keep else "--resume"
+            raise click.UsageError(f"{given_option} is for --stream.", click.get_current_context())
         with replace_directory(out, force) as folder:  # where nothing can be written, that is said before the work
             other = other or NO_PROCESS
             job = run(inputs.program, inputs.machine, kind, clock_hz, seconds, rule, other, figures, behind, crossed)

@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from shutil import rmtree
 
 from kinematics.files.atomic_files import (
     OCCUPIED_ERRNOS,
@@ -18,7 +19,7 @@ from kinematics.files.atomic_files import (
     stage_files,
     stamp,
 )
-from kinematics.files.leftovers import NEW, OLD, clear
+from kinematics.files.leftovers import NEW, OLD, clear, lock
 from kinematics.foundation.errors import MotionError
 
 RECORD, KIND = "plan.json", "pulsepath plan"
@@ -107,6 +108,71 @@ def replace_directory(target: Path, force: bool, kind: str = KIND) -> Iterator[P
             with suppress(OSError):
                 parent.rmdir()
         raise
+
+
+UNFINISHED, BEGUN = ".unfinished", "begun"
+"""Behind the name of a directory that is not complete yet, and the file that says so in it."""
+
+
+@contextmanager
+def fill_directory(target: Path, force: bool, resume: bool, checkpoint: str) -> Iterator[Path]:
+    """A directory beside the target to fill over a long time, which becomes the target when the block ends well.
+
+    Where the block is interrupted or killed it stays, if there is a checkpoint in it, a file of that name: `resume`
+    gives it again. What else raises leaves nothing that was not there before. Raises MotionError as
+    `replace_directory`, for nothing to resume, for what is there to be resumed and not asked for, unless `force`
+    begins anew, and while another process fills it.
+    """
+    refuse_overwrite(target, force)
+    place = target.resolve()
+    folder = place.with_name(place.name + UNFINISHED)
+    held = (folder / checkpoint).is_file()
+    if resume and not held:
+        raise MotionError(f"{folder} holds nothing that can be resumed: omit --resume")
+    if held and not (resume or force):
+        raise MotionError(f"{folder} holds a plan that was not finished: give --resume, or --force to begin anew")
+    if folder.exists() and any(folder.iterdir()) and not (folder / BEGUN).is_file():
+        raise MotionError(f"{folder} is in the way, and was not written by {KIND}: give another --out")
+    folder.mkdir(parents=True, exist_ok=True)
+    with _lock(folder):
+        if not resume:
+            _empty(folder)
+            (folder / BEGUN).write_text(f"{KIND} fills this directory, or did until it was interrupted\n")
+        try:
+            yield folder
+        except BaseException as error:
+            if not (resume or (not isinstance(error, Exception) and (folder / checkpoint).is_file())):
+                rmtree(folder)
+            raise
+        with replace_directory(target, force) as new:
+            for path in sorted(folder.iterdir()):
+                if path.name not in (BEGUN, checkpoint):
+                    path.rename(new / path.name)
+        rmtree(folder)
+
+
+@contextmanager
+def _lock(folder: Path) -> Iterator[None]:
+    """A directory for this process alone, where the system has locks. Raises MotionError where another has it."""
+    try:
+        descriptor = lock(folder)
+    except BlockingIOError:
+        raise MotionError(f"{folder} is being filled by another run: wait for it, or give another --out") from None
+    except OSError:
+        yield
+        return
+    try:
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def _empty(folder: Path) -> None:
+    for path in folder.iterdir():
+        if path.is_dir():
+            rmtree(path)
+        else:
+            path.unlink()
 
 
 Content = frozenset[tuple[str, Stamp]]

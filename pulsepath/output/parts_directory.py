@@ -1,23 +1,24 @@
 """The output of `plan` for a program that is planned in parts: written as it goes, each with the stop behind it."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 from benchmarks.reports.parts_report import write_report
 from kinematics import MotionError
 from planner.export.formats.binary import PulseWriter, find_end
-from planner.export.motion_file import MotionWriter, PartHead, read_parts
+from planner.export.motion_file import MotionWriter, PartHead, follow_motion
 from planner.overview import Overview
-from planner.parallel import Progress
 from planner.path.chain import walk_path
-from planner.plan_parts import PlanPart, PlanStanding, come_to_rest
-from planner.pulses import PulseCheck, check_file, open_pulses
-from planner.pulses.compensation.compensate import counted_motion
+from planner.plan_parts import PlanMark, PlanPart, PlanStanding, come_to_rest
+from planner.pulses import open_pulses
+from planner.pulses.checking.edge_reader import check_file_parts
 from pulsepath.inputs import Inputs
 from pulsepath.job import Defect
-from pulsepath.output.directory import RECORD
-from pulsepath.output.plan_directory import BINARY, CERTIFICATE, MOTION, REPORT, SOURCES, StatedPulses
+from pulsepath.output.checkpoint import CHECKPOINT, holds_checkpoint, read_checkpoint, write_checkpoint
+from pulsepath.output.directory import BEGUN, RECORD
+from pulsepath.output.plan_directory import BINARY, CERTIFICATE, MOTION, REPORT, SOURCES
 from pulsepath.output.plan_record import of_parts, of_pulse_file
 from pulsepath.output.record import as_json
 from pulsepath.output.verification import digest_pulses, seal_record
@@ -27,24 +28,36 @@ from pulsepath.progress import step
 class PartsWriter:
     """The files of a plan in a folder, which grow part by part: at any instant a whole motion, that ends at rest."""
 
-    def __init__(self, folder: Path, inputs: Inputs, pulses: bool, files: ExitStack) -> None:
-        """pulses: whether they are written; files: closes what is opened here."""
-        (folder / inputs.program_file).write_bytes(inputs.program_toml)
-        (folder / SOURCES["machine"]).write_bytes(inputs.machine_toml)
-        for name, content in inputs.companions.items():
-            (folder / name).write_bytes(content)
-        self._motion = MotionWriter.begin(files.enter_context((folder / MOTION).open("wb")))
-        self._file = files.enter_context((folder / BINARY).open("wb")) if pulses else None
+    def __init__(self, folder: Path, pulses: bool, sizes: Mapping[str, int] | None, files: ExitStack) -> None:
+        """pulses: whether they are written. sizes: bytes of files to be gone on with. files: closes what is opened."""
+        names = (MOTION, BINARY) if pulses else (MOTION,)
+        self._files = {
+            name: files.enter_context((folder / name).open("wb" if sizes is None else "r+b")) for name in names
+        }
         self._pulses: PulseWriter | None = None
+        if sizes is None:
+            self._motion = MotionWriter.begin(self._files[MOTION])
+            return
+        for name, file in self._files.items():
+            file.truncate(sizes[name])
+        self._motion = MotionWriter.resume(folder / MOTION, self._files[MOTION])
+        if pulses:
+            held = open_pulses(folder / BINARY, partial=True)
+            self._pulses = PulseWriter.resume(self._files[BINARY], held)
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Bytes by the name of the file."""
+        return {name: file.tell() for name, file in self._files.items()}
 
     def add(self, part: PlanPart) -> None:
         """What stays of a part, and its stop."""
         start, onward = part.start, part.standing.start
         head = PartHead(start.begin, start.length, start.steps, onward.steps - start.steps, _near(part))
         self._motion.add(part.motion, head)
-        if self._file is not None and self._pulses is None:
+        if BINARY in self._files and self._pulses is None:
             units = {axis.name: axis.unit for axis in part.standing.machine.axes}
-            self._pulses = PulseWriter.begin(self._file, part.pulses, units)
+            self._pulses = PulseWriter.begin(self._files[BINARY], part.pulses, units)
         if self._pulses is not None:
             self._pulses.add(part.pulses, part.until)
         self._stop(part, stop=True)
@@ -73,26 +86,37 @@ def _near(part: PlanPart) -> tuple[float, ...] | None:
 
 def write(
     folder: Path,
-    parts: Iterable[PlanPart],
     inputs: Inputs,
+    plan: Callable[[PlanMark | None], Iterable[PlanPart]],
+    options: Mapping[str, Any],
     tell: Callable[[PlanStanding], None],
     *,
     pulses: bool,
     figures: bool,
     keep: bool,
 ) -> tuple[PlanStanding, MotionError | None]:
-    """Write everything into an empty folder as the parts come, the record last: what it holds, and why it is no more.
+    """Write everything into a folder as the parts come, the record last: what it holds, and why it is no more.
 
+    A folder with a checkpoint is gone on with. plan: from a mark on; options: what makes it another plan.
     pulses: their file as well. keep: where a part cannot be planned, the folder becomes a plan that ends with the stop
     before it, if there is any. Else raises as the parts do.
     """
-    seen, part, no = Overview(), None, None
+    seen, part, no, mark, sizes = Overview(), None, None, None, None
+    of = {**options, "inputs": inputs.digests, "fit": inputs.fit}
+    of["reading"] = None if inputs.origin is None else {**inputs.origin.options, "format": inputs.origin.format}
+    if holds_checkpoint(folder):
+        mark, sizes = read_checkpoint(folder, of, inputs.machine)
+    else:
+        _write_inputs(folder, inputs)
     with ExitStack() as files:
-        writer = PartsWriter(folder, inputs, pulses, files)
+        writer = PartsWriter(folder, pulses, sizes, files)
+        if mark is not None:
+            _look_again(seen, folder, inputs, mark)
         try:
-            for part in parts:
+            for part in plan(mark):
                 writer.add(part)
                 seen.add(part.motion, part.start.begin, part.start.length)
+                write_checkpoint(folder, of, part.mark, writer.sizes)
                 tell(part.standing)
         except MotionError as error:
             if not keep or part is None:
@@ -108,15 +132,37 @@ def write(
     return standing, no
 
 
+def _write_inputs(folder: Path, inputs: Inputs) -> None:
+    (folder / inputs.program_file).write_bytes(inputs.program_toml)
+    (folder / SOURCES["machine"]).write_bytes(inputs.machine_toml)
+    for name, content in inputs.companions.items():
+        (folder / name).write_bytes(content)
+
+
+def _look_again(seen: Overview, folder: Path, inputs: Inputs, mark: PlanMark) -> None:
+    """At the parts that were planned before."""
+    program, begin = inputs.program, 0.0
+    steps = walk_path(program, inputs.machine)
+    for motion in follow_motion(folder / MOTION, steps, inputs.machine, program.tool, partial=True):
+        if begin >= mark.standing.duration:
+            return  # its stop
+        at = motion.path.place(0.0, 0, 0.0)
+        assert at.t is not None
+        begin = at.t + motion.duration
+        seen.add(motion, at.t, at.s)
+
+
 def _finish(
     folder: Path, standing: PlanStanding, inputs: Inputs, seen: Overview, pulses: bool, figures: bool, ending: str
 ) -> None:
     """The check of the pulses that were written, the report, and the record."""
+    program, machine = inputs.program, inputs.machine
     verdict, digest = None, None
     if pulses:
         file = folder / BINARY
         with step("checking the pulses") as tell:
-            verdict = check_parts_file(folder, file, inputs, standing, tell)
+            motions = follow_motion(folder / MOTION, walk_path(program, machine), machine, program.tool)
+            verdict = check_file_parts(file, standing.pulses, machine, motions, tell)
         if not verdict.holds:
             raise Defect(f"{verdict.fault_count} faults in the pulses, the first: {verdict.faults[0]}")
         digest = digest_pulses(open_pulses(file).parts())
@@ -125,13 +171,4 @@ def _finish(
     with step("writing the report"):
         write_report(standing, seen, verdict, folder / REPORT, figures=figures, note=ending)
     record = of_parts(standing, inputs, digest, verdict, ending)
-    (folder / RECORD).write_text(as_json(seal_record(record, folder)), encoding="utf-8")
-
-
-def check_parts_file(folder: Path, file: Path, inputs: Inputs, standing: PlanStanding, tell: Progress) -> PulseCheck:
-    """Of the pulses in a file against the motion in a folder."""
-    machine = inputs.machine
-    program = inputs.program
-    motion = read_parts(folder / MOTION, walk_path(program, machine), machine, program.tool)
-    counted = counted_motion(motion, machine.axes, machine.home_q)
-    return check_file(file, StatedPulses(machine, counted, standing.pulses), tell)
+    (folder / RECORD).write_text(as_json(seal_record(record, folder, (BEGUN, CHECKPOINT))), encoding="utf-8")

@@ -4,8 +4,10 @@ What was proved of the written file of pulses stands in certificate.json.
 """
 
 import json
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
+from functools import cache
 from os import PathLike
 from pathlib import Path
 
@@ -15,7 +17,8 @@ from controllers.rig_choice import rig_hint
 from kinematics import Machine, MotionError, load_machine
 from kinematics.files.chunk_file import holds_chunks
 from planner import Plan, Program, Trajectory, load_program
-from planner.export import motion_file, plan_files
+from planner.export import plan_files
+from planner.export.motion_file import follow_motion, read_duration, read_motion, read_parts, write_motion
 from planner.limits import Limit, limits_of
 from planner.orientation.orient import apply_choice, find_choice
 from planner.parallel import Progress, ignore_progress
@@ -23,6 +26,7 @@ from planner.path.actuation import actuate
 from planner.path.chain import walk_path
 from planner.program.model import fit_joins
 from planner.pulses import PulseCheck, PulseFile, PulseSchedule, check, check_file, generate, open_pulses, pace_axes
+from planner.pulses.checking.edge_reader import check_file_parts
 from planner.pulses.checking.pulse_reader import list_statements, read_compensation
 from planner.pulses.compensation.compensate import counted_motion
 from planner.pulses.motion import AxesMotion
@@ -65,20 +69,31 @@ SOURCES = {"program": "program.toml", "machine": "machine.toml"}
 class StoredPlan:
     """A plan taken up again: its motion, exactly as proved; clock and rule of its pulses, order of its limits.
 
+    load: its whole motion, once it is asked for; follow: the same part by part, where it was planned so
     stated: what was stated of its pulses, without them; pulse_file: where they are
     doubts: why it is not known to be what was proved; nothing but where that was asked for
     """
 
     program: Program
     machine: Machine
-    trajectory: Trajectory
+    load: Callable[[], Trajectory]
     clock_hz: int
     rule: str
     order: int
+    follow: Callable[[], Iterator[Trajectory]] | None = None
     pulse_digest: str | None = None
     stated: PulseSchedule | None = None
     pulse_file: Path | None = None
     doubts: tuple[str, ...] = ()
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """Its whole motion."""
+        return self.load()
+
+    def parts(self) -> Iterator[Trajectory]:
+        """The same part by part, each on its own path, with a time from 0."""
+        return iter([self.trajectory]) if self.follow is None else self.follow()
 
     @property
     def limits(self) -> tuple[Limit, ...]:
@@ -128,9 +143,12 @@ def _states_same(held: PulseSchedule, stated: PulseSchedule) -> bool:
 
 def check_pulses(file: Path, taken: StoredPlan, progress: Progress = ignore_progress) -> PulseCheck:
     """The check of a file of pulses in the folder of a plan, part by part. Raises MotionError where they fail it."""
-    stated = taken.stated or taken.pulses(progress)
-    counted = counted_motion(taken.trajectory, taken.machine.axes, taken.machine.home_q)
-    found = check_file(file, StatedPulses(taken.machine, counted, stated), progress)
+    stated, machine = taken.stated or taken.pulses(progress), taken.machine
+    if taken.follow is not None and holds_chunks(file):
+        found = check_file_parts(file, stated, machine, taken.follow(), progress)
+    else:
+        counted = counted_motion(taken.trajectory, machine.axes, machine.home_q)
+        found = check_file(file, StatedPulses(machine, counted, stated), progress)
     refuse([f"{file}: {fault}" for fault in found.faults[:1]])
     return found
 
@@ -145,7 +163,7 @@ def write(folder: Path, job: Job, inputs: Inputs, pulses: str = DEFAULT_PULSES) 
     (folder / SOURCES["machine"]).write_bytes(inputs.machine_toml)
     for name, content in inputs.companions.items():
         (folder / name).write_bytes(content)
-    motion_file.write_motion(plan.trajectory, folder / MOTION)
+    write_motion(plan.trajectory, folder / MOTION)
     if choice := find_choice(plan.program):
         (folder / ORIENTATION).write_text(as_json({str(k): chosen.tolist() for k, chosen in choice.items()}))
     plan_files.write_trajectory_csv(plan.trajectory, folder / TRAJECTORY)
@@ -252,25 +270,34 @@ def _load(folder: Path, unverified: bool, proving: AbstractContextManager[object
         _restore_orientation(program, folder / ORIENTATION), name=f"{name}{NOT_VERIFIED}" if unverified else name
     )
     machine = machine.rename(str(record.get("machine") or machine.name))
-    parts = record.get("windows") is not None
-    if parts:
-        trajectory = motion_file.read_parts(folder / MOTION, walk_path(program, machine), machine, program.tool)
-    else:
-        trajectory = motion_file.read_motion(folder / MOTION, actuate(program, machine))
-    stated = _state_pulses(pulses, trajectory.duration, machine, clock, rule)
-    held = [folder / name for name in (PULSES["binary"], PULSES["csv"]) if name and (folder / name).is_file()]
-    taken = StoredPlan(program, machine, trajectory, clock, rule, order, digest, stated, held[0] if held else None)
+    load, follow = _find_motion(folder / MOTION, program, machine, record.get("windows") is not None)
+    duration = read_duration(folder / MOTION)
+    stated = _state_pulses(pulses, duration, machine, clock, rule)
+    held = next((folder / name for name in (BINARY, PULSES["csv"]) if name and (folder / name).is_file()), None)
+    taken = StoredPlan(program, machine, load, clock, rule, order, follow, digest, stated, held)
     if unverified:
         return replace(taken, pulse_file=None, doubts=(*doubts, "the motion was not proved again"))
     with proving:
-        motions = iter([trajectory])
-        if parts:
-            motions = motion_file.follow_motion(folder / MOTION, walk_path(program, machine), machine, program.tool)
-        found = next(filter(None, (find_violation(motion, taken.find_limits(motion)) for motion in motions)), None)
+        proofs = (find_violation(motion, taken.find_limits(motion)) for motion in taken.parts())
+        found = next(filter(None, proofs), None)
     refuse([] if found is None else [f"{folder / MOTION}: {found}"])
-    if record.get("duration_s") != trajectory.duration:
+    if record.get("duration_s") != duration:
         refuse([f"{folder / RECORD} belongs to another motion than {MOTION}"])
     return taken
+
+
+def _find_motion(
+    file: Path, program: Program, machine: Machine, parts: bool
+) -> tuple[Callable[[], Trajectory], Callable[[], Iterator[Trajectory]] | None]:
+    """How the motion in a file is loaded, and how it is followed part by part where it was planned so."""
+    if not parts:
+        trajectory = read_motion(file, actuate(program, machine))
+        return (lambda: trajectory), None
+    tool = program.tool
+    return (
+        cache(lambda: read_parts(file, walk_path(program, machine), machine, tool)),
+        lambda: follow_motion(file, walk_path(program, machine), machine, tool),
+    )
 
 
 def _state_pulses(record: Record, duration: float, machine: Machine, clock: int, rule: str) -> PulseSchedule:

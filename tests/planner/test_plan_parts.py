@@ -86,7 +86,7 @@ def test_what_there_is_at_any_instant_comes_to_rest(walked):
 
 def test_planning_goes_on_from_any_part_just_the_same(walked, hexapod):
     program, parts = walked
-    again = list(plan_parts(program, hexapod, pieces=24, after=parts[1]))
+    again = list(plan_parts(program, hexapod, pieces=24, after=parts[1].mark))
     assert len(again) == len(parts) - 2
     for one, other in zip(again, parts[2:], strict=True):
         for name in ("knots", "s", "v", "a", "j", "piece"):

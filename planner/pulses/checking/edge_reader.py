@@ -7,8 +7,9 @@ in memory that does not grow with the file. Text is UTF-8, with or without a byt
 import csv
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
@@ -24,7 +25,7 @@ from kinematics.foundation.units import format_distinct
 from kinematics.machine.axis import Axis
 from kinematics.machine.machine import Machine
 from planner.parallel import Progress, ignore_progress
-from planner.pulses.checking import check_parts
+from planner.pulses.checking import check_motion_parts, check_parts
 from planner.pulses.checking.pulse_reader import list_statements, open_pulses
 from planner.pulses.checking.verdict import LineTimes, PulseCheck, PulseFault
 from planner.pulses.motion import AxesMotion
@@ -241,7 +242,8 @@ def check_file(path: str | PathLike[str], plan: PlannedPulses, progress: Progres
     """
     stated, machine = plan.pulses, plan.machine
     if holds_chunks(path):
-        return _check_binary(path, plan, progress)
+        check = partial(check_parts, stated, trajectory=plan.counted)
+        return _check_binary(path, stated, machine, check, progress)
     lined: tuple[LineTimes, ...] = ()
 
     def pulses() -> Iterator[PulseSchedule]:
@@ -258,13 +260,33 @@ def check_file(path: str | PathLike[str], plan: PlannedPulses, progress: Progres
     return PulseCheck(tuple(axes))
 
 
-def _check_binary(path: str | PathLike[str], plan: PlannedPulses, progress: Progress) -> PulseCheck:
-    """The findings on a file in the binary form, with what it states otherwise than the plan."""
-    stated, held = plan.pulses, open_pulses(path)
+def check_file_parts(
+    path: str | PathLike[str],
+    stated: PulseSchedule,
+    machine: Machine,
+    motions: Iterable[AxesMotion],
+    progress: Progress = ignore_progress,
+) -> PulseCheck:
+    """The same of a file in the binary form and of a motion that comes in parts, each with a time from 0.
+
+    stated: what the plan states of its pulses, without them
+    """
+    return _check_binary(path, stated, machine, partial(check_motion_parts, stated, motions=motions), progress)
+
+
+def _check_binary(
+    path: str | PathLike[str],
+    stated: PulseSchedule,
+    machine: Machine,
+    check: Callable[..., PulseCheck],
+    progress: Progress,
+) -> PulseCheck:
+    """The findings on a file in the binary form, with what it states otherwise than the plan; check: of its parts."""
+    held = open_pulses(path)
     names, own = ([axis.name for axis in of.axes] for of in (stated, held.stated))
     if own != names:
         raise FileError(str(path), [Fault("axes", f"{own} should be {names}")])
-    found = check_parts(stated, held.parts(progress), plan.counted, plan.machine.axes, plan.machine.home_q)
+    found = check(parts=held.parts(progress), machine_axes=machine.axes, home_q=machine.home_q)
     axes = []
     for k, one in enumerate(found.axes):
         says, should = (list_statements(of, k) for of in (held.stated, stated))

@@ -1,0 +1,124 @@
+"""`plan --resume`: a run that was broken off is gone on with, and gives the same bytes; nothing else is."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from functools import partial
+
+import pytest
+
+from benchmarks.evidence.speed.workpieces import spiral
+from planner.plan_parts import plan_parts
+from pulsepath import parts_job
+from pulsepath.output import parts_directory
+from pulsepath.output.directory import fill_directory
+
+LINES = 300
+ASKED = ("--machine", "hexapod", "--stream", "--order", "2", "--no-figures")
+SAME = ("motion.bin", "pulses.bin", "report.html", "certificate.json", "program.nc")
+
+
+@pytest.fixture
+def small_windows(monkeypatch):
+    monkeypatch.setattr(parts_job, "plan_parts", partial(plan_parts, pieces=16))
+
+
+@pytest.fixture
+def file(tmp_path):
+    made = tmp_path / "spiral.nc"
+    made.write_text("\n".join([*spiral(2 * LINES), ""]))
+    return made
+
+
+def break_off(monkeypatch, call, after, *arguments, by=KeyboardInterrupt):
+    """Call, and break it off when so many parts are written."""
+    with monkeypatch.context() as patch:
+        told = []
+
+        def write(*given, **named):
+            told.append(None)
+            found = parts_directory_write(*given, **named)
+            if len(told) == after:
+                raise by
+            return found
+
+        parts_directory_write = parts_directory.write_checkpoint
+        patch.setattr(parts_directory, "write_checkpoint", write)
+        return call(*arguments)
+
+
+@pytest.mark.parametrize("after", [1, 3])
+def test_the_same_bytes_come_of_it(call, file, tmp_path, monkeypatch, small_windows, after):
+    whole = call("plan", file, *ASKED, "--out", tmp_path / "whole", "--json")
+    assert whole.exit_code == 0, whole.stderr
+    assert json.loads(whole.stdout)["windows"] > 4
+    done = break_off(monkeypatch, call, after, "plan", file, *ASKED, "--out", tmp_path / "out")
+    assert done.exit_code == 130
+    assert "kept for --resume" in done.stderr
+    assert not (tmp_path / "out").exists()
+    again = call("plan", file, *ASKED, "--out", tmp_path / "out", "--resume", "--json")
+    assert again.exit_code == 0, again.stderr
+    assert not (tmp_path / "out.unfinished").exists()
+    for name in SAME:
+        assert (tmp_path / "out" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes(), name
+    one, other = json.loads(again.stdout), json.loads(whole.stdout)
+    assert one.pop("report") != other.pop("report")
+    assert one == other
+
+
+def test_it_goes_on_with_nothing_else(call, file, tmp_path, monkeypatch, small_windows):
+    out = tmp_path / "out"
+    assert "holds nothing that can be resumed" in call("plan", file, *ASKED, "--out", out, "--resume").stderr
+    break_off(monkeypatch, call, 2, "plan", file, *ASKED, "--out", out)
+    done = call("plan", file, *ASKED, "--out", out)
+    assert done.exit_code == 2
+    assert "give --resume, or --force to begin anew" in done.stderr
+    for change, told in (
+        (("--order", "3"), "begun with order 2, not 3"),
+        (("--rule", "floor"), "begun with rule nearest, not floor"),
+        (("--clock-hz", "1000000"), "begun with clock_hz 10000000, not 1000000"),
+    ):
+        done = call("plan", file, *ASKED, *change, "--out", out, "--resume")
+        assert done.exit_code == 2
+        assert told in done.stderr
+    file.write_text(file.read_text().replace("Z26", "Z26.1") + "G1 X1\n")
+    done = call("plan", file, *ASKED, "--out", out, "--resume")
+    assert "begun with inputs other content" in done.stderr
+    (tmp_path / "out.unfinished" / "checkpoint.json").write_text("{")
+    assert "no checkpoint can be read" in call("plan", file, *ASKED, "--out", out, "--resume").stderr
+    assert call("plan", file, *ASKED, "--out", out, "--force").exit_code == 0
+
+
+def test_an_error_of_the_plan_leaves_nothing(call, file, tmp_path, small_windows):
+    file.write_text(file.read_text() + "G1 X500\n")
+    assert call("plan", file, *ASKED, "--out", tmp_path / "out").exit_code == 1
+    assert [path.name for path in tmp_path.iterdir()] == [file.name]
+
+
+def test_one_run_fills_a_directory(call, file, tmp_path):
+    with fill_directory(tmp_path / "out", False, False, "checkpoint.json"):
+        done = call("plan", file, *ASKED, "--out", tmp_path / "out")
+    assert done.exit_code == 2
+    assert "is being filled by another run" in done.stderr
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+def test_a_run_that_was_killed_is_gone_on_with(call, file, tmp_path):
+    file.write_text("\n".join([*spiral(4 * LINES), ""]))
+    out, checkpoint = tmp_path / "out", tmp_path / "out.unfinished" / "checkpoint.json"
+    command = [sys.executable, "-m", "pulsepath", "plan", str(file), *ASKED, "--out", str(out)]
+    run = subprocess.Popen(command, stderr=subprocess.DEVNULL, start_new_session=True)
+    end = time.monotonic() + 120
+    while not checkpoint.exists() and run.poll() is None and time.monotonic() < end:
+        time.sleep(0.02)
+    os.killpg(run.pid, signal.SIGKILL)
+    run.wait()
+    assert checkpoint.exists()
+    done = call("plan", file, *ASKED, "--out", out, "--resume", "--json")
+    assert done.exit_code == 0, done.stderr
+    checked = call("check", out, "--json")
+    assert checked.exit_code == 0, checked.stdout
+    assert json.loads(checked.stdout)["pulses"] == json.loads(done.stdout)["pulses"]["total"]
