@@ -72,8 +72,10 @@ def tighten_until_kept(path: ActuatorPath, limits: Sequence[Limit], leg: RunSolu
     their limits: they are left to the proof.
     """
     watched = limits if leg.problem is None else leave_out_idle(limits, leg.problem)
+    looked = None
     while leg.solved and leg.tries < MAX_TRIES:
-        use = leg.aimed(leg.seen or sample_limit_use(path, watched, leg.profile))
+        looked = leg.profile, leg.seen or sample_limit_use(path, watched, leg.profile, looked)
+        use = leg.aimed(looked[1])
         slowness = required_slowness(watched, use)
         watched = [limit for limit in watched if limit.name in use and use[limit.name].max() > MIN_WATCHED_USE]
         if slowness <= 1 + SOLVER_MARGIN:

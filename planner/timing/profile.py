@@ -336,20 +336,39 @@ MIN_WATCHED_USE = 0.5
 PIECES_AT_ONCE = 2000
 
 
-def sample_limit_use(path: ActuatorPath, limits: Sequence[Limit], profile: Profile) -> dict[str, Array]:
-    """The largest share (M,) of each limit on time that is met in each time piece."""
-    motion, pieces = profile.along(path), len(profile.h)
+Looked = tuple[Profile, Mapping[str, Array]]
+"""A motion, and what it was seen to use of limits in each time piece."""
+
+
+def sample_limit_use(
+    path: ActuatorPath, limits: Sequence[Limit], profile: Profile, looked: Looked | None = None
+) -> dict[str, Array]:
+    """The largest share (M,) of each limit on time that is met in each time piece; looked: the last, if any.
+
+    Pieces that are as they were then are not looked at again.
+    """
+    motion, pieces, every = profile.along(path), len(profile.h), [limit for limit in limits if not limit.geometric]
     share = np.linspace(0.0, 1.0, PIECE_INSTANTS if profile.j.any() else NO_JERK_INSTANTS)
-    found = {limit.name: np.empty(pieces) for limit in limits if not limit.geometric}
-    for first in range(0, pieces, PIECES_AT_ONCE):
-        own = np.arange(first, min(first + PIECES_AT_ONCE, pieces))
+    if looked is None or not _are_alike(looked, profile, every):
+        found, rest = {limit.name: np.empty(pieces) for limit in every}, np.arange(pieces)
+    else:
+        found = {limit.name: np.array(looked[1][limit.name]) for limit in every}
+        rest = np.flatnonzero(np.any([getattr(profile, name) != getattr(looked[0], name) for name in "svah"], axis=0))
+    for first in range(0, len(rest), PIECES_AT_ONCE):
+        own = rest[first : first + PIECES_AT_ONCE]
         tau = (profile.h[own, None] * share).ravel()
         state = motion.within(np.repeat(own, len(share)), tau, jerk=order_of(limits) == 3)
-        for limit in limits:
-            if not limit.geometric:
-                low, high = _parabola_ranges(limit.value(state).reshape(len(own), len(share), -1))
-                found[limit.name][own] = largest_in_rows(limit.use(low, high, profile.piece[own]))
+        for limit in every:
+            low, high = _parabola_ranges(limit.value(state).reshape(len(own), len(share), -1))
+            found[limit.name][own] = largest_in_rows(limit.use(low, high, profile.piece[own]))
     return found
+
+
+def _are_alike(looked: Looked, profile: Profile, limits: Sequence[Limit]) -> bool:
+    """Whether a motion has the same pieces of path as one that was looked at, both without jerk, for these limits."""
+    before, use = looked
+    same = np.array_equal(before.piece, profile.piece) and not (before.j.any() or profile.j.any())
+    return same and all(limit.name in use for limit in limits)
 
 
 def _parabola_ranges(values: Array) -> tuple[Array, Array]:

@@ -59,7 +59,7 @@ def _segments() -> Iterator[Segment]:
 
 
 # What a thousand segments may take (s), by order, and the memory of all processes together (MB).
-TARGETS, MAX_MEMORY_MB = {2: 30.0, 3: 120.0}, 1000.0
+TARGETS, MAX_MEMORY_MB = {2: 4.0, 3: 10.0}, 600.0
 
 
 @dataclass(frozen=True, slots=True)
