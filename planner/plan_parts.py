@@ -135,11 +135,11 @@ def plan_parts(
     (`planner.windows`). pieces: of path that a window has at first. after: go on from there. Raises as
     `planner.plan` does, when the parts before have been given; MotionError for what can only be planned as a whole.
     """
-    why = find_whole_reason(program, machine)
+    rule = find_rule(rule) if isinstance(rule, str) else rule
+    why = find_whole_reason(program, machine, rule)
     if why is not None:
         raise MotionError(f"program {program.name} on {machine.name} {why}: that is planned as a whole only")
     order = usual_order(machine.axes) if order is None else order
-    rule = find_rule(rule) if isinstance(rule, str) else rule
     paced = pace_axes(machine.axes, clock_hz, rule)
     planner = WindowPlanner(machine, lambda path: limits_of(path, paced, order), order, program.tool, pieces)
     steps = _Steps(walk_path(program, machine))
@@ -199,8 +199,10 @@ def _without_pulses(pulses: PulseSchedule, first: PulseSchedule) -> PulseSchedul
     return replace(pulses, axes=bare)
 
 
-def find_whole_reason(program: Program, machine: Machine) -> str | None:
+def find_whole_reason(program: Program, machine: Machine, rule: Rule) -> str | None:
     """Why a program can only be planned as a whole; None where it can be in parts."""
+    if rule.whole_reason:
+        return f"asks for rule {rule.name}: {rule.whole_reason}"
     if program.duration is not None:
         return "states a duration"
     if program.start_speed or program.end_speed:

@@ -10,6 +10,7 @@ from kinematics import MotionError
 from planner import Infeasible
 from planner.limits import find_unkept_limits, usual_order
 from planner.plan_parts import MOST_WHOLE, PlanStanding, find_whole_reason, plan_parts
+from planner.pulses import find_rule
 from pulsepath.inputs import Inputs
 from pulsepath.output import parts_directory
 from pulsepath.progress import detail, note, step
@@ -24,7 +25,7 @@ class Firing:
     written: bool
 
 
-def choose_parts(stream: bool | None, inputs: Inputs, whole: Sequence[str]) -> bool:
+def choose_parts(stream: bool | None, inputs: Inputs, rule: str, whole: Sequence[str]) -> bool:
     """Whether a program is planned in parts; stream: as asked, None: as it is best.
 
     whole: options that were given and need all of a motion. Raises MotionError where it is asked for and cannot be.
@@ -34,7 +35,7 @@ def choose_parts(stream: bool | None, inputs: Inputs, whole: Sequence[str]) -> b
         return False
     if whole:
         why = f"with {whole[0]}: omit that, or run pulsepath track or export on the plan later"
-    elif (reason := find_whole_reason(program, inputs.machine)) is not None:
+    elif (reason := find_whole_reason(program, inputs.machine, find_rule(rule))) is not None:
         why = f"{reason}: give --whole, or plan that part by itself"
     if why is not None and stream:
         raise MotionError(f"--stream: program {program.name} cannot be planned in parts {why}")

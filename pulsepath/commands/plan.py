@@ -172,7 +172,7 @@ def plan(
         behind = read_rig(rig, inputs.machine)
         whole = {"--duration": seconds is not None, "--rig": rig is not None, "--cross-check": crossed}
         whole["--pulses csv"] = pulses == "csv"
-        if choose_parts(stream, inputs, [option for option, asked in whole.items() if asked]):
+        if choose_parts(stream, inputs, rule, [option for option, asked in whole.items() if asked]):
             writes(out, kept="what was planned, if anything, is kept for --resume")
             with fill_directory(out, force, resume, CHECKPOINT) as folder:
                 firing = Firing(clock_hz, rule, pulses != "none")

@@ -12,6 +12,7 @@ from planner.overview import MOST_WINDOWS, ROW_PERIOD, Overview
 from planner.path.chain import walk_path
 from planner.plan_parts import come_to_rest, find_whole_reason, plan_parts
 from planner.program.modifiers import Fit, Trigger
+from planner.pulses import find_rule
 from planner.pulses.schedule import join_schedules
 from planner.trajectory import rows
 
@@ -134,11 +135,17 @@ def test_a_part_that_cannot_be_is_refused_after_those_that_can(hexapod):
 )
 def test_what_needs_the_whole_says_so(program, machine, why):
     machine = load_machine(machine)
-    found = find_whole_reason(program, machine)
+    found = find_whole_reason(program, machine, find_rule("nearest"))
     assert found is None if why is None else why in found
     if why is not None:
         with pytest.raises(MotionError, match="as a whole only"):
             next(iter(plan_parts(program, machine)))
+
+
+@pytest.mark.parametrize("rule", ["dda", "sampled"])
+def test_rules_that_look_at_the_whole_say_so(hexapod, rule):
+    with pytest.raises(MotionError, match=f"rule {rule}.*as a whole only"):
+        next(iter(plan_parts(draw_walk(4), hexapod, rule=rule)))
 
 
 def test_steps_are_the_path(hexapod):

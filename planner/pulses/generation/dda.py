@@ -48,6 +48,10 @@ class Dda(Rule):
         None, "rate of the pulses of a count. Default: the highest that all axes accept, else 100 kHz", "1/s"
     )
 
+    @property
+    def whole_reason(self) -> str:
+        return "it shares the time of the whole evenly among the points that it lists"
+
     def __post_init__(self) -> None:
         whole = isinstance(self.pulses_per_count, int) and self.pulses_per_count >= 1
         if not (0 < self.spacing < np.inf and (self.rate is None or 0 < self.rate < np.inf) and whole):
@@ -75,7 +79,7 @@ class Dda(Rule):
     def fire(self, part: MotionPart) -> Fired:
         """Raises Infeasible for bursts that no step has time for or no axis takes, MotionError where no clock does, and
         for a part of a motion."""
-        require_whole(self, part, "it shares the time of the whole evenly among the points that it lists")
+        require_whole(self, part)
         motion, axes, home, clock_hz = part.motion, part.axes, part.home, part.clock_hz
         rate = self._burst_rate(axes, clock_hz)
         if rate > clock_hz:

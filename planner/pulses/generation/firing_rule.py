@@ -22,6 +22,11 @@ class Rule(Protocol):
 
     @property
     def name(self) -> str: ...
+    @property
+    def whole_reason(self) -> str:
+        """Why it makes pulses of a whole motion only; "": of parts as well."""
+        return ""
+
     def grain(self, clock_hz: int, /) -> int:
         """Ticks between the instants at which it can fire. Raises MotionError for a clock that it cannot run on."""
         return 1
@@ -46,12 +51,12 @@ def describe_rule(rule: Rule) -> str:
     return f"{rule.name}:{','.join(map(str.rstrip, given))}" if given else rule.name
 
 
-def require_whole(rule: Rule, part: MotionPart, why: str) -> None:
+def require_whole(rule: Rule, part: MotionPart) -> None:
     """Raise MotionError for a part of a motion, where a rule needs the whole."""
     if not part.is_whole:
         raise MotionError(
-            f"rule {rule.name} makes no pulses of a motion part by part: {why}; use nearest, floor or timer, or plan "
-            "the whole at once"
+            f"rule {rule.name} makes no pulses of a motion part by part: {rule.whole_reason}; use nearest, floor or "
+            "timer, or plan the whole at once"
         )
 
 

@@ -33,6 +33,10 @@ class Sampled(Rule):
         if not 0 < self.period < np.inf:
             raise MotionError(f"period {self.period!r} s: must be positive, e.g. 20 us")
 
+    @property
+    def whole_reason(self) -> str:
+        return "it looks at the motion at even times up to its end"
+
     def grain(self, clock_hz: int) -> int:
         period = round(self.period * clock_hz)
         if not (period >= 1 and abs(period / clock_hz - self.period) <= 1e-9 * self.period):
@@ -45,7 +49,7 @@ class Sampled(Rule):
     def fire(self, part: MotionPart) -> Fired:
         """Raises Infeasible for an axis faster than a pulse a period, MotionError for a period of no whole ticks, and
         for a part of a motion."""
-        require_whole(self, part, "it looks at the motion at even times up to its end")
+        require_whole(self, part)
         motion, axes, home, clock_hz = part.motion, part.axes, part.home, part.clock_hz
         pulse = np.array([axis.pulse for axis in axes])
         pieces = fit(motion, FIT_TOLERANCE * pulse)
