@@ -6,25 +6,26 @@ again and again, as a long one would be. Every row is a process of its own: proc
 and peak memory are its alone, which begins at some 120 MB for Python and the planner's libraries.
 
     generate   motion to ticks, exact to one
+    parts      the same part by part, some 20 000 pulses each, none of which is kept
     check      the independent check of the schedule against the motion
     npz        the schedule on disk in parts, read back part by part and compared
     binary     the schedule as pulses.bin, read back part by part and compared
-    grow       such a file written part by part, as a plan that grows does, and checked part by part as `plan` does:
-               neither holds the schedule
+    grow       pulses made and written part by part, as a plan that grows does, and checked part by part beside the
+               motion: none of these holds the schedule or the motion
     csv        the edges as text, to the null device: what a disk takes is not counted
     file       such a file read back and checked, as `plan` does: 100 bytes a pulse on the disk for temporary files
 
-check, grow, csv and file go up to 1e7 pulses, with --full to 1e8 (some twenty minutes more, and 10 GB on the disk).
-What is in the files: bytes a pulse, beside the rows of binary, grow and file.
+parts, check, grow, csv and file go up to 1e7 pulses, with --full to 1e8 (some twenty minutes more, and 10 GB on the
+disk). What is in the files: bytes a pulse, beside the rows of binary, grow and file.
 """
 
 import json
 import os
 import resource
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from math import ceil
+from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import process_time
@@ -38,15 +39,18 @@ from planner.export import motion_file
 from planner.export.format import ExportSource
 from planner.export.formats import binary, npz, pulse_csv
 from planner.path.actuation import actuate
-from planner.pulses import PulseSchedule, check, check_file, generate, open_pulses
+from planner.pulses import PulseSchedule, PulseStream, check, check_file, find_rule, generate, open_pulses
+from planner.pulses.checking import check_motion_parts
 from planner.pulses.motion import AxesMotion
 from planner.trajectory import Trajectory
 
 CLOCK = 10_000_000
 CASES = {100_000: (1, 8.83), 1_000_000: (1, 1.0), 10_000_000: (12, 1.0), 100_000_000: (114, 1.0)}
 """Repetitions, and how much coarser the pulses are, for about so many pulses."""
-STAGES = ("generate", "npz", "binary", "grow", "check", "csv", "file")
-LARGE_STAGES = ("check", "grow", "csv", "file")
+PARTS = 44
+"""Of the motion, made one after the other."""
+STAGES = ("generate", "parts", "npz", "binary", "grow", "check", "csv", "file")
+LARGE_STAGES = ("parts", "check", "grow", "csv", "file")
 TARGET, STRETCH, MEMORY = 5e6, 15e6, 2e9
 SINGLE_RUN_PULSES = 3_000_000  # pulses from which once has to do
 REPEATS = 7
@@ -87,6 +91,11 @@ def measure_stage(stage: str, count: int, motion: Path) -> tuple[int, float, int
     repetitions, coarser = CASES[count]
     machine = load_coarse_hexapod(coarser)
     once = motion_file.read_motion(motion, actuate(load_program("circle"), machine))
+    if stage == "parts":
+        pulses, seconds = time_best(
+            lambda: sum(part.total for _, part in make_parts(machine, once, repetitions)), count
+        )
+        return pulses, seconds, measure_peak(), 0
     if stage == "grow":
         pulses, seconds, size = grow_file(machine, once, repetitions, motion.with_name("pulses.bin"))
         return pulses, seconds, measure_peak(), size
@@ -128,27 +137,35 @@ def measure_peak() -> int:
     return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
-def grow_file(machine: Machine, once: Trajectory, times: int, path: Path) -> tuple[int, float, int]:
-    """Pulses, CPU seconds and bytes of a file that grows by a motion at a time, and is checked as a whole.
+def cut_motion(once: Trajectory, times: int) -> Iterator[Trajectory]:
+    """A motion again and again, in parts that begin at time 0."""
+    ends = np.linspace(0, len(once.s), PARTS + 1).astype(int)
+    for _ in range(times):
+        yield from (once.cut(int(first), int(last)) for first, last in pairwise(ends))
 
-    The motion is slowed by less than a tick, so that it takes whole ticks and its pulses fall alike each time.
-    """
-    ticks = ceil(once.duration * CLOCK)
-    slower = once.duration * CLOCK / ticks
-    rates = {name: getattr(once, name) * slower**power for power, name in enumerate(("v", "a", "j"), 1)}
-    once = replace(once, knots=once.knots / slower, **rates)
-    part = generate(once, machine.axes, machine.home_q, CLOCK)
+
+def make_parts(machine: Machine, once: Trajectory, times: int) -> Iterator[tuple[int, PulseSchedule]]:
+    """The tick before which pulses are final, and those of each part."""
+    stream, many = PulseStream(machine, CLOCK, find_rule("nearest")), PARTS * times
+    for n, motion in enumerate(cut_motion(once, times), 1):
+        part = stream.add(motion, last=n == many)
+        yield stream.until, part
+
+
+def grow_file(machine: Machine, once: Trajectory, times: int, path: Path) -> tuple[int, float, int]:
+    """Pulses, CPU seconds and bytes of a file that grows by a part at a time, and is checked as a whole."""
     begin = process_time()
-    with path.open("wb") as file:
-        writer = binary.PulseWriter.begin(file, part)
-        for n in range(times):
-            moved = tuple(replace(axis, ticks=axis.ticks + n * ticks) for axis in part.axes)
-            writer.add(replace(part, axes=moved), (n + 1) * ticks)
-            writer.mark(replace(part, duration=(n + 1) * ticks / CLOCK))
-        whole = repeat_motion(once, times)
-        writer.mark(replace(part, duration=whole.duration), complete=True)
+    with path.open("w+b") as file:
+        writer: binary.PulseWriter | None = None
+        for until, part in make_parts(machine, once, times):
+            writer = writer or binary.PulseWriter.begin(file, part)
+            writer.add(part, until)
+            writer.mark(part)
+        assert writer is not None
+        writer.mark(part, complete=True)
     held = open_pulses(path)
-    verdict = check_file(path, WrittenPulses(machine, whole, held.stated))
+    motions = cut_motion(once, times)
+    verdict = check_motion_parts(held.stated, held.parts(), motions, machine.axes, machine.home_q)
     seconds = process_time() - begin
     if not verdict.holds:
         raise SystemExit(f"the file is wrong: {verdict.faults[0]}")

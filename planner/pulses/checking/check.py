@@ -15,7 +15,7 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import Axis
 from planner.pulses.checking.rolling_motion import RollingMotion
-from planner.pulses.checking.search import HALF_TICK, X_ROUNDING, Search, check_band, check_between
+from planner.pulses.checking.search import HALF_TICK, PART_INSTANTS, X_ROUNDING, Search, check_band, check_between
 from planner.pulses.checking.standards import MechanicsStandard, find_standard, search_behind
 from planner.pulses.checking.verdict import AxisCheck, PulseCheck
 from planner.pulses.motion import AxesMotion, MotorMotion
@@ -184,7 +184,7 @@ def _load(motion: RollingMotion, searches: Sequence[Search]) -> bool:
     part = motion.load()
     if part is None:
         return False
-    grid = _make_grid(part.knots)
+    grid = _make_grid(part.knots, PART_INSTANTS)
     for search in searches:
         search.note_drift(part.motion)
         search.grid = np.concatenate((search.grid, grid[grid > part.begin]))
@@ -200,11 +200,11 @@ def _advance(motion: RollingMotion, searches: Sequence[Search], until: float, re
     motion.forget(float(min(seen, default=until)) - reach)
 
 
-def _make_grid(knots: Array) -> Array:
+def _make_grid(knots: Array, instants: int = 64 * GRID_INSTANTS + 1) -> Array:
     """Instants that see every knot from both sides, and each interval inside."""
     lo, hi = knots[:-1], knots[1:]
     inside = lo[:, None] + (hi - lo)[:, None] * np.arange(GRID_INSTANTS) / GRID_INSTANTS
-    throughout = np.linspace(knots[0], knots[-1], 64 * GRID_INSTANTS + 1)
+    throughout = np.linspace(knots[0], knots[-1], instants)
     return np.unique(np.concatenate((inside.ravel(), np.nextafter(hi, lo), throughout)))
 
 

@@ -6,6 +6,7 @@ Between its pulses, too, an axis has to stay within its sides of the count.
 from abc import ABC, abstractmethod
 from collections import Counter
 from dataclasses import dataclass, field, fields
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -48,6 +49,7 @@ class Samples:
 
 
 SLOPE_INSTANTS = 4097  # instants between which dx/ds is seen
+PART_INSTANTS = 65  # of a part of a motion, at least
 MIN_WAY_SHARE = 1e-9  # share of the path over which it is more than rounding
 DRIFT_ROUNDING = 8 * np.finfo(float).eps  # of s·dx/ds
 MAX_LISTED_FAULTS = 20  # faults of one kind listed per axis
@@ -120,7 +122,8 @@ class Search:
 
     def note_drift(self, motion: AxesMotion) -> None:
         """Look how rounding of s shows in x: on the motion, or on a part of it."""
-        t = np.linspace(0.0, motion.duration, SLOPE_INSTANTS)
+        share = motion.duration / self.motion.duration if self.motion.duration > 0 else 1.0
+        t = np.linspace(0.0, motion.duration, max(PART_INSTANTS, ceil(SLOPE_INSTANTS * min(share, 1.0))))
         state, k = _ask(motion, t, self.k)
         way, change = abs(np.diff(state.s)), abs(np.diff(state.q[:, k])) / self.axis.pulse
         far = float(abs(state.s).max())
