@@ -1,14 +1,20 @@
 """Workpieces as CAM writes them, of any length, and how long planning them takes: `python -m
-benchmarks.evidence.speed.workpieces [--lines N] [--order 2|3] [--fit-only] [NAME …]`.
+benchmarks.evidence.speed.workpieces [--lines N] [--order 2|3] [--whole] [--fit-only] [NAME …]`.
 
 Each is G-code, made line by line: a spiral pocket; a raster over a freeform surface, with z in every line; an engraving
-of letters, most of whose joins are corners; and slots of lines and arcs that meet smoothly and not. Printed: lines,
-what fitting made of them, seconds of planning (processor time: drawing and fitting, and all) and of motion.
+of letters, most of whose joins are corners; and slots of lines and arcs that meet smoothly and not. Each is planned part
+by part by the command line, with pulses and their check. Printed: seconds of motion, which share of them planning
+takes, memory, and how long the motion takes that is planned as a whole.
 """
 
 import argparse
+import json
+import os
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from itertools import islice
 from math import cos, hypot, pi, sin
 from pathlib import Path
@@ -147,6 +153,72 @@ def describe_fit(name: str, lines: int, machine: "Machine") -> str:
     )
 
 
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """What planning a file part by part, as the command line does, took and gave.
+
+    processor, wall  s, of the whole command: reading, planning, proofs, pulses and their check, files
+    memory           bytes, at most
+    duration         s, of the motion; whole: the same planned at once, where that was asked for
+    windows, worst   how many it was planned in; the largest proven share of a limit
+    """
+
+    name: str
+    lines: int
+    order: int
+    processor: float
+    wall: float
+    memory: int
+    duration: float
+    windows: int
+    worst: float
+    whole: float | None = None
+
+    def __str__(self) -> str:
+        share = f"{self.processor / self.duration:.3f} of it in processor time, {self.wall / self.duration:.3f} in all"
+        told = f"{self.name}, {self.lines} lines, order {self.order}: {self.duration:.3f} s of motion in {share}; "
+        told += f"{self.memory / 1e6:.0f} MB, {self.windows} windows, limits used to {self.worst:.7f}"
+        if self.whole is not None:
+            told += f"; planned as a whole {self.whole:.3f} s, {100 * (self.duration / self.whole - 1):+.4f} %"
+        return told
+
+
+def plan_workpiece(name: str, lines: int, order: int, machine: str, whole: bool = False) -> Planned:
+    """A file planned by the command line. Raises RuntimeError with what that says where it fails."""
+    with TemporaryDirectory() as folder:
+        file, out = write_workpiece(name, lines, Path(folder) / f"{name}.nc"), Path(folder) / "plan"
+        command = [sys.executable, "-m", "pulsepath", "plan", str(file), "--machine", machine, "--stream"]
+        command += ["--no-figures", "--order", str(order), "--out", str(out), "--quiet"]
+        begun = time.perf_counter()
+        with (Path(folder) / "said").open("w+") as said:
+            run = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=said)
+            _, status, used = os.wait4(run.pid, 0)
+            wall = time.perf_counter() - begun
+            run.returncode = os.waitstatus_to_exitcode(status)
+            if run.returncode:
+                said.seek(0)
+                raise RuntimeError(f"{name}, order {order}: {said.read().strip()}")
+        record = json.loads((out / "plan.json").read_bytes())
+        found = Planned(
+            name,
+            lines,
+            order,
+            used.ru_utime + used.ru_stime,
+            wall,
+            1024 * used.ru_maxrss,
+            record["duration_s"],
+            record["windows"],
+            max(limit["worst_ratio"] for limit in record["certificate"]["limits"].values()),
+        )
+        if not whole:
+            return found
+        from kinematics import load_machine
+        from planner import import_program, plan
+
+        made = plan(import_program(file).program, load_machine(machine), order=order)
+        return replace(found, whole=made.trajectory.duration)
+
+
 def main() -> None:
     """Every workpiece asked for, at the orders asked for."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -154,36 +226,17 @@ def main() -> None:
     parser.add_argument("--lines", type=int, default=1177)
     parser.add_argument("--order", type=int, choices=(2, 3), action="append")
     parser.add_argument("--machine", default="hexapod")
+    parser.add_argument("--whole", action="store_true", help="plan as a whole as well, and tell what that saves")
     parser.add_argument("--fit-only", action="store_true", help="read, draw and fit as a stream, and plan nothing")
     asked = parser.parse_args()
     from kinematics import load_machine
-    from planner import import_program, plan
-    from planner.path.chain import chain_pieces
 
-    machine = load_machine(asked.machine)
-    if asked.fit_only:
-        for name in asked.names or WORKPIECES:
-            print(f"{name}: {describe_fit(name, asked.lines, machine)}")
-        return
     for name in asked.names or WORKPIECES:
-        with TemporaryDirectory() as folder:
-            program = import_program(write_workpiece(name, asked.lines, Path(folder) / f"{name}.nc")).program
-        chain_pieces(program, machine)  # kernels are compiled at the first call
-        begun = time.process_time()
-        drawn = chain_pieces(program, machine)
-        fitting = time.process_time() - begun
-        print(
-            f"{name}: {len(program.segments)} segments, {len(drawn.pieces)} pieces, {len(drawn.blends)} corners, "
-            f"drawn and fitted in {fitting:.3f} s"
-        )
+        if asked.fit_only:
+            print(f"{name}: {describe_fit(name, asked.lines, load_machine(asked.machine))}", flush=True)
+            continue
         for order in asked.order or (2, 3):
-            begun = time.process_time()
-            made = plan(program, machine, order=order)
-            took = time.process_time() - begun
-            share = took / made.trajectory.duration
-            fit = made.path.fit
-            told = "" if fit is None else f", within {fit.deviation * 1e6:.2f} um (proved)"
-            print(f"  order {order}: {made.trajectory.duration:.3f} s planned in {took:.2f} s ({share:.3f}){told}")
+            print(plan_workpiece(name, asked.lines, order, asked.machine, asked.whole), flush=True)
 
 
 if __name__ == "__main__":
