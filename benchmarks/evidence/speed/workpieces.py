@@ -2,8 +2,8 @@
 benchmarks.evidence.speed.workpieces [--lines N] [--order 2|3] [--whole] [--fit-only] [NAME …]`.
 
 Each is G-code, made line by line: a spiral pocket; a raster over a freeform surface, with z in every line; an engraving
-of letters, most of whose joins are corners; and slots of lines and arcs that meet smoothly and not. Each is planned part
-by part by the command line, with pulses and their check. Printed: seconds of motion, which share of them planning
+of letters, most of whose joins are corners; and slots of lines and arcs that meet smoothly and not. Each is planned
+part by part by the command line, with pulses and their check. Printed: seconds of motion, which share of them planning
 takes, memory, and how long the motion takes that is planned as a whole.
 """
 
