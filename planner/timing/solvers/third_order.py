@@ -35,6 +35,9 @@ ROUGH = 1e-3
 # Use of a limit from which its peaks between grid points count; by how much more room is left for them than they take,
 # as they move a little with the motion that heeds them; the largest; and the least that a room is lowered by.
 NEAR_USE, PEAK_FACTOR, MOST_PEAK, LEAST_LOWERED = 0.98, 1.05, 0.3, 1e-7
+# Intervals from which a run is mended in windows, in a shorter one their ends would be felt; those beside one that is
+# mended with it; the largest share of a run for which it is not all solved again; and how often.
+LONG_RUN, MENDED_REACH, MOST_MENDED, MOST_MENDINGS = 2500, 60, 0.5, 4
 # Excess that slowing a motion as a whole takes off at next to no cost.
 SMALL_EXCESS = 4e-6
 Look = Callable[[Profile, Collection[str]], Mapping[str, Array]]
@@ -99,7 +102,9 @@ def third_order(
             columns = _solve_stages(problem, guess, 0.0, start)
         else:
             columns, problem = _columns(posed, answer), peaks.problem
-            seen = peaks.seen if answer.status == "solved" else None
+            if answer.status == "solved":
+                columns, problem = _mend(peaks, answer, columns)
+                seen = peaks.seen
     if isinstance(columns, MotionError):
         return RunSolution.refused(columns)
     if fast_end is not None:
@@ -126,6 +131,8 @@ class _Peaks:
         self.posed, self.look = posed, look
         self.seen: Mapping[str, Array] | None = None
         """What the motion was seen to use that answers the problem."""
+        self.windows: list[tuple[int, int]] = []
+        """First intervals, and those behind the last ones, in which that motion is to be mended."""
         self._watched: Collection[str] = {block.name for block in problem.blocks}
 
     def __call__(self, states: Array, controls: Array, values: Array) -> tuple[Array, Array] | None:
@@ -134,7 +141,7 @@ class _Peaks:
         use = self.look(Profile(self.problem.s[:-1], v, a, j, h, self.problem.piece), self._watched)
         self._watched = {name for name, each in use.items() if each.max() > MIN_WATCHED_USE}
         count, last = int(rows.size.sum()), 0
-        lowered, blocks = False, []
+        lowered, blocks = np.zeros(self.problem.intervals, bool), []
         for block in self.problem.blocks:
             own = slice(last, last + block.middle.size)
             last = own.stop
@@ -146,15 +153,79 @@ class _Peaks:
             room = np.where(used > NEAR_USE, SOLVER_AIM - (used - there).clip(0.0, MOST_PEAK), 1.0)
             short = room < block.room - LEAST_LOWERED
             room = np.where(short, SOLVER_AIM - PEAK_FACTOR * (SOLVER_AIM - room), block.room)
-            lowered = lowered or bool(short.any())
+            lowered |= short
             blocks.append(replace(block, room=room))
         exceeds = max(float(each.max()) for each in use.values()) > 1 + SMALL_EXCESS
-        self.seen = None
-        if lowered and (exceeds or self.problem is self.given):
-            self.problem = replace(self.problem, blocks=tuple(blocks))
+        first = self.problem is self.given
+        self.seen, self.windows = None, []
+        if not lowered.any() or not (exceeds or first):
+            self.seen = use
+            return None
+        self.problem = replace(self.problem, blocks=tuple(blocks))
+        windows = _join_windows(np.flatnonzero(lowered), len(lowered))
+        if (
+            first
+            or len(lowered) < LONG_RUN
+            or sum(last - start for start, last in windows) > MOST_MENDED * len(lowered)
+        ):
             return pose_bounds(self.problem)
-        self.seen = use
+        self.windows = windows
         return None
+
+
+def _join_windows(lowered: np.ndarray, count: int) -> list[tuple[int, int]]:
+    """About each of some intervals, of so many, MENDED_REACH more on either side; those that overlap are one."""
+    apart = np.flatnonzero(np.diff(lowered) > 2 * MENDED_REACH)
+    starts, lasts = lowered[np.append(0, apart + 1)], lowered[np.append(apart, len(lowered) - 1)]
+    return [
+        (max(0, int(a) - MENDED_REACH), min(count, int(b) + 1 + MENDED_REACH))
+        for a, b in zip(starts, lasts, strict=True)
+    ]
+
+
+def _mend(peaks: _Peaks, answer: Minimum, columns: Array) -> tuple[Array, Problem]:
+    """An answer solved again in the windows only in which it exceeds limits between grid points, and its problem.
+
+    A long run takes the more iterations, the longer it is, as its worst stage shortens the steps of all.
+    """
+    stages, rows, *_, unit = peaks.posed
+    values, terms = np.empty(rows.low.shape), np.zeros((len(rows.low), 3, TERM_COUNT))
+    for _ in range(MOST_MENDINGS):
+        mended = columns.copy()
+        for first, last in peaks.windows:
+            found = _solve_window(peaks.problem, columns, first, last)
+            if isinstance(found, MotionError):  # whoever solves it all again may do it
+                return columns, peaks.problem
+            mended[:, first:last] = found
+        if not peaks.windows:
+            break
+        columns = mended
+        states, controls = answer.states.copy(), np.ascontiguousarray((columns[2:] / unit[2:, None]).T)
+        states[:-1] = (columns[:2] / unit[:2, None]).T
+        evaluate(stages, rows, states, controls, terms, values)
+        peaks(states, controls, values)
+    return columns, peaks.problem
+
+
+def _solve_window(problem: Problem, columns: Array, first: int, last: int) -> Array | MotionError:
+    """Columns (4, last − first) of some intervals, between the states that the run has there."""
+    start, end = first == 0, last == problem.intervals
+    there = columns[:2, -1] if end else columns[:2, last]
+    part = replace(
+        problem.part(slice(first, last)),
+        speeds=(
+            problem.speeds[0] if start else float(columns[0, first]),
+            problem.speeds[1] if end else float(there[0]),
+        ),
+        free=(problem.free[0] and start, problem.free[1] and end),
+        passed=(problem.passed[0] if start else 0.0, problem.passed[1] if end else 0.0),
+        acceleration=problem.acceleration if start else float(columns[1, first]),
+    )
+    posed = pose_stages(part, columns[:, first:last])
+    if not end:
+        posed[2][-1] = there / posed[-1][:2]
+    answer = _try_starts(posed, ("near",))
+    return answer if isinstance(answer, MotionError) else _columns(posed, answer)
 
 
 def estimate_motion(problem: Problem, guess: Array) -> tuple[Profile, Array] | MotionError:
