@@ -271,8 +271,7 @@ def pose_problem(
     for limit in timed:
         if limit.name not in posed and not _is_surely_idle(limit, points, others):
             posed[limit.name] = _block(limit.name, limit.rows(points), end)
-    every = [posed.get(limit.name) for limit in timed]
-    blocks = [block for block in every if block is not None]
+    blocks = [block for limit in timed if (block := posed.get(limit.name)) is not None]
     start, last = (still if speed == 0 else 0 for still, speed in zip(stands, speeds, strict=True))
     passed = _passed_speed(blocks, 0) if start == 2 else 0.0, _passed_speed(blocks, -1) if last == 2 else 0.0
     kept = tuple(_open_room(block, speeds) for block in _drop_idle_blocks(blocks))
@@ -355,21 +354,17 @@ def _is_surely_idle(limit: Limit, points: Points, others: Sequence[Block]) -> bo
     block = _block(limit.name, limit.rows(few), np.arange(len(some)))
     if block is None:
         return True
-    rows = [
-        ({term: values[some] for term, values in other.start.items()}, 1 + np.abs(other.middle))
-        for other in _select_bounding(others)
-    ]
-    return bool(rows) and _largest_use(block, [_bound_terms(rows)] * len(SIDES)) <= SURELY_IDLE_SHARE
+    sides = [({term: each[some] for term, each in one.start.items()}, one) for one in _select_bounding(others)]
+    bounds = _bound_terms([(side, 1 + np.abs(one.middle)) for side, one in sides]) if sides else {}
+    return bool(bounds) and _largest_use(block, [bounds] * len(SIDES)) <= SURELY_IDLE_SHARE
 
 
 def _drop_idle_blocks(blocks: Sequence[Block]) -> tuple[Block, ...]:
     """The blocks without those of forces that no motion within the others can use more than IDLE_SHARE of."""
     if not any(Term.ONE in block.start for block in blocks):
         return tuple(blocks)
-    bounds = [
-        _bound_terms([(getattr(block, side), 1 + np.abs(block.middle)) for block in _select_bounding(blocks)])
-        for side in SIDES
-    ]
+    sure = [(block, 1 + np.abs(block.middle)) for block in _select_bounding(blocks)]
+    bounds = [_bound_terms([(getattr(block, side), most) for block, most in sure]) for side in SIDES]
     return tuple(block for block in blocks if not _largest_use(block, bounds) <= IDLE_SHARE)
 
 
