@@ -40,7 +40,8 @@ MAX_TRIES = 6
 MIN_CUT_EXCESS, MIN_LATE_CUT_EXCESS, CUT_PARTS = 1.03, 1.0003, 4
 # Excess from which what is solved again is not among the nearest.
 MIN_NEAR_EXCESS = 1 + 1e-3
-# What a look at instants may miss of a peak: a motion that is slowed for one that is seen is slowed by so much more.
+# What a look at instants may miss of a peak of a jerk-limited motion: slowed for one that is seen, it is slowed by so
+# much more.
 UNSEEN_EXCESS = 1 + 2e-6
 # A motion that only so much slowness keeps from holding is slowed: solving again would cost more than it gains.
 MAX_CHEAP_SLOWNESS = 1 + 3e-5
@@ -80,7 +81,8 @@ def tighten_until_kept(path: ActuatorPath, limits: Sequence[Limit], leg: RunSolu
         watched = [limit for limit in watched if limit.name in use and use[limit.name].max() > MIN_WATCHED_USE]
         if slowness <= 1 + SOLVER_MARGIN:
             break
-        before, leg = leg, tighten_leg(path, limits, leg, use, slowness * UNSEEN_EXCESS)
+        unseen = 1.0 if leg.maker in ("passes", "toppra") else UNSEEN_EXCESS
+        before, leg = leg, tighten_leg(path, limits, leg, use, slowness * unseen)
         if leg.problem is before.problem:  # slowed as a whole: that holds
             break
     return leg
