@@ -9,6 +9,8 @@ from threading import Thread
 from kinematics.foundation.errors import MotionError
 
 LOOPBACK = "127.0.0.1"
+POLL_PERIOD = 0.1
+"""s between two looks whether it is to end."""
 
 
 @contextmanager
@@ -44,7 +46,7 @@ def serve_page(page: str, port: int = 0) -> Iterator[str]:
             f"{LOOPBACK} port {port}: {error.strerror}; give another --port, or 0 for a free one"
         ) from None
     with server:
-        thread = Thread(target=server.serve_forever, daemon=True)
+        thread = Thread(target=server.serve_forever, args=(POLL_PERIOD,), daemon=True)
         thread.start()
         try:
             yield f"http://{LOOPBACK}:{server.server_address[1]}/"

@@ -9,7 +9,6 @@ takes, memory, and how long the motion takes that is planned as a whole.
 
 import argparse
 import json
-import os
 import subprocess
 import sys
 import time
@@ -183,6 +182,17 @@ class Planned:
         return told
 
 
+# Runs a command, and tells its processor time (s) and its memory at most (KiB): of a process that was small when it was
+# started, since what starts another counts as its memory.
+MEASURE = """
+import json, resource, subprocess, sys
+code = subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL).returncode
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+print(json.dumps([used.ru_utime + used.ru_stime, used.ru_maxrss]))
+sys.exit(code)
+"""
+
+
 def plan_workpiece(name: str, lines: int, order: int, machine: str, whole: bool = False) -> Planned:
     """A file planned by the command line. Raises RuntimeError with what that says where it fails."""
     with TemporaryDirectory() as folder:
@@ -190,22 +200,19 @@ def plan_workpiece(name: str, lines: int, order: int, machine: str, whole: bool 
         command = [sys.executable, "-m", "pulsepath", "plan", str(file), "--machine", machine, "--stream"]
         command += ["--no-figures", "--order", str(order), "--out", str(out), "--quiet"]
         begun = time.perf_counter()
-        with (Path(folder) / "said").open("w+") as said:
-            run = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=said)
-            _, status, used = os.wait4(run.pid, 0)
-            wall = time.perf_counter() - begun
-            run.returncode = os.waitstatus_to_exitcode(status)
-            if run.returncode:
-                said.seek(0)
-                raise RuntimeError(f"{name}, order {order}: {said.read().strip()}")
+        done = subprocess.run([sys.executable, "-c", MEASURE, *command], capture_output=True, text=True)
+        wall = time.perf_counter() - begun
+        if done.returncode:
+            raise RuntimeError(f"{name}, order {order}: {done.stderr.strip()}")
+        processor, memory = json.loads(done.stdout)
         record = json.loads((out / "plan.json").read_bytes())
         found = Planned(
             name,
             lines,
             order,
-            used.ru_utime + used.ru_stime,
+            processor,
             wall,
-            1024 * used.ru_maxrss,
+            1024 * memory,
             record["duration_s"],
             record["windows"],
             max(limit["worst_ratio"] for limit in record["certificate"]["limits"].values()),

@@ -82,6 +82,8 @@ def worth(node, names):
         return complex("nan")
     if name == "atan2" and values[0] == 0:
         return complex("nan")  # the side of a zero is lost on the way
+    if name in ("sin", "cos", "tan") and abs(values[0]) > 1e6:
+        return complex("nan")  # the rounding of so large an angle is more than is looked at
     if name in ("atan2", "min", "max", "abs"):
         return complex({"atan2": math.atan2, "min": min, "max": max, "abs": abs}[name](*(v.real for v in values)))
     return getattr(cmath, name)(*values)
