@@ -302,7 +302,8 @@ class Program(Result):
             raise MotionError(f'program {self.name}: frame "{self.frame}" is neither "home" nor "base"')
         if isinstance(self.repeat, bool) or not isinstance(self.repeat, int) or self.repeat < 1:
             raise MotionError(f"program {self.name}: repeat {self.repeat} must be a whole number from 1 on")
-        if self.repeat * len(self.segments) > MOST_SEGMENTS:
+        held = self.repeat > 1 or not isinstance(self.segments, SegmentStream)  # what is read once may go on for ever
+        if held and self.repeat * len(self.segments) > MOST_SEGMENTS:
             told = f"repeat {self.repeat} of {len(self.segments)} segments is more than {MOST_SEGMENTS} segments in all"
             lines = [segment.line_number for segment in self.segments if segment.line_number]
             if self.file:

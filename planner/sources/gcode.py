@@ -6,7 +6,7 @@
 | A B C | its orientation, degrees: Rx(A) · Ry(B) · Rz(C), by the shortest way where several change at once |
 | G0 | a straight line, as fast as the machine can, or with the option `rapid` as its cap |
 | G1 | a straight line; F caps the speed of the tool, or where only A B C change of its turning (deg/min) |
-| G2 G3 | arcs and helices; I J K from the start (G90.1: absolute), or R, negative for more than half a turn |
+| G2 G3 | arcs and helices; I J K from the start (G90.1: absolute), or R, negative for more than half a turn; P turns |
 | G4 P | a rest, in seconds, or with the option `dwell` in ms |
 | G17 G18 G19 | plane of arcs: XY, ZX, YZ |
 | G20 G21 | inches, mm |
@@ -14,12 +14,22 @@
 | G93 G94 | F is 1/minutes of the block, and per minute |
 | G61 | passes a join without leaving the path: stops where it is not smooth |
 | G61.1 | stops at every join |
-| G64 P | fits a smooth curve within P of the path, and rounds the corners that stay (planner.path.fit) |
+| G64 P | fits a smooth curve within P of the path, and rounds the corners that stay (planner.path.fit); with Q or not |
+| G64 | without P, or with P0, as the option `fit` or `blend` says |
+| G53 | X Y Z of its block count from the home pose |
+| G28 | by way of X Y Z A B C, if any, with these axes to the home pose, else with all |
+| G54 to G59.3 | the system whose numbers hold; which may be two where the file states them |
+| G10 L2, L20 | a system's place from home, and its turn R about z; or what the tool's place is called in it |
+| G92 to G92.3 | a shift of all systems |
+| G8 G15 G40 G49 G69 G80 | the end of modes: nothing, or no more bare axis words |
+| #1 = [2 * #<depth>] | parameters and expressions (planner.sources.rs274.expressions) |
+| O1 sub, call, if, while, do, repeat … | in which order lines run (planner.sources.rs274.flow) |
+| / | a block that the option `block_delete` skips or runs |
 | M2 M30 % | the end: what follows is not read |
 | N ( … ) ; | numbers of lines, and comments |
 
 A file of joint axes, as the export g93 writes it, says so in its header: its places are found by forward kinematics of
-the option `machine`, and without that it is refused (planner.sources.gcode_joints).
+the option `machine`, and without that it is refused (planner.sources.rs274.joints).
 
 Everything else is a fault with its line and column; words named in the option `ignore` are left out and counted, where
 leaving them out leaves the path as it is. F is a cap: the machine is as fast as it can under it. Coordinates that are
@@ -30,7 +40,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from hashlib import sha256
-from io import StringIO
 from itertools import islice
 from pathlib import Path
 from typing import ClassVar, Literal
@@ -41,12 +50,10 @@ from kinematics.machine.pose import Pose
 from planner.program.model import Program, Segment, SegmentStream
 from planner.program.modifiers import Join, choose_join
 from planner.program.validation import check_positive
-from planner.sources.gcode_joints import find_header, read_joints, refuse_options
-from planner.sources.gcode_run import GcodeRun
-from planner.sources.gcode_words import (
-    is_ignorable,
-)
 from planner.sources.positions import read_frame
+from planner.sources.rs274.joints import find_header, read_joints, refuse_options
+from planner.sources.rs274.run import GcodeRun
+from planner.sources.rs274.words import is_ignorable, split_lines
 from planner.sources.source import Faults, Imported, decode_text, zero_segment
 
 
@@ -63,6 +70,12 @@ class Gcode:
     rapid: float | None = option(None, "limit of the tool speed on G0. Default: none", "m/s")
     feed: float | None = option(None, "limit of the tool speed before the first F. Default: F is required", "m/s")
     length: Literal["mm", "in"] = option("mm", "unit before G20 or G21. Default mm")
+    arc_tolerance: float | None = option(
+        None, "largest difference of an arc's radii at its ends. Default: as rounding makes it", "m"
+    )
+    block_delete: Literal["skip", "run"] | None = option(
+        None, "what becomes of blocks that begin with /. Default: they are refused"
+    )
     dwell: Literal["s", "ms"] = option("s", "unit of P of G4. Default s")
     origin: str | None = option(
         None, 'position of the file\'s zero from home, as "0 mm, 0 mm, 25 mm" or with three angles. Default: at home'
@@ -71,7 +84,7 @@ class Gcode:
     machine: str | None = option(None, "for a file of joint axes, as written by the export g93: the machine it is for")
 
     def __post_init__(self) -> None:
-        for name, unit in (("blend", "m"), ("fit", "m"), ("rapid", "m/s"), ("feed", "m/s")):
+        for name, unit in (("blend", "m"), ("fit", "m"), ("rapid", "m/s"), ("feed", "m/s"), ("arc_tolerance", "m")):
             check_positive("gcode", name, getattr(self, name), unit)
         for word in self.ignored_words:
             if not is_ignorable(word):
@@ -118,7 +131,7 @@ class Gcode:
         if not faults and not run.entities.keys() - {"G4"}:
             faults.add("nothing moves: no G0, G1, G2 or G3 moves the tool")
         faults.refuse()
-        after = sum(line.strip() not in ("", "%") for line in islice(StringIO(text), run.number, None))
+        after = sum(line.strip() not in ("", "%") for line in islice(split_lines(text), run.number, None))
         program = Program(segments, "home", name=path.stem, work=self._work)
         return Imported(program, dict(sorted(run.entities.items())), run.warnings(after))
 

@@ -188,7 +188,10 @@ class Faults:
         Raises FileError where there are too many.
         """
         known = (told.allowed, told.nearest) if isinstance(told, BadValue) else ()
-        self._found.append(Fault(key, str(told), line, value, *known))
+        fault = Fault(key, str(told), line, value, *known)
+        if fault in self._found:  # of a line that runs again
+            return
+        self._found.append(fault)
         if len(self._found) == MAX_FAULTS:
             last = Fault("", f"{MAX_FAULTS} faults; the rest was not checked", line)
             raise FileError(self.file, [*self._found, last])

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from itertools import repeat
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from kinematics import MotionError
 from planner import Arc, Blend, Dwell, Line, Program, Stop, Turn
+from planner.program.model import SegmentStream
 
 
 def test_segments_stop_by_default_and_are_read_only():
@@ -71,3 +73,12 @@ def test_a_normal_that_was_brought_to_length_one_stays_as_it_is(normal):
     assert np.linalg.norm(once) == pytest.approx(1.0, abs=1e-15)
     assert Arc([0, 0, 1], once, 1.0).normal.tolist() == once.tolist()
     assert Arc([0, 0, 1], [0, -0.6, 0.8], 1.0).normal.tolist() == [0, -0.6, 0.8]
+
+
+def test_a_stream_may_be_of_any_length_and_what_is_held_may_not() -> None:
+    """A file that is read anew takes no memory for its segments."""
+    line = Line([1e-3, 0, 0])
+    stream = SegmentStream(lambda: repeat(line, 3_000_000), 3_000_000)
+    assert len(Program(stream).segments) == 3_000_000
+    with pytest.raises(MotionError, match="repeat 2 of 3000000 segments is more than 1000000"):
+        Program(SegmentStream(lambda: iter(()), 3_000_000), repeat=2)

@@ -19,7 +19,7 @@ from kinematics.machine.machine import Machine
 from planner.export.formats.g93 import header_name
 from planner.program.model import MIN_MOVE, Dwell, Line, Program, Segment, Turn
 from planner.program.modifiers import Join, Stop
-from planner.sources.gcode_words import WORD, Words, words
+from planner.sources.rs274.words import WORD, Words, blocks
 from planner.sources.source import Faults, Imported
 
 _AXIS = re.compile(r"\(([A-Z]) = (.+) in (mm|deg): a joint axis, not Cartesian\)")
@@ -143,7 +143,7 @@ def _points(text: str, header: Header, faults: Faults) -> tuple[list[int], list[
     """Line, positions in the file's units and s of rest of each point, the first where the axes stand."""
     start = WORD.findall(header.stand or "")
     numbers, rows, rests = [header.line], [_row(header, start, header.line, faults)], [0.0]
-    for number, _, found in words(text, faults):
+    for number, _, found, _ in blocks(text, faults):
         said = [(letter.upper(), value) for letter, value in found]
         if set(said) <= MODES:
             continue

@@ -1,10 +1,10 @@
 """What a controller makes of G-code, block by block: its modes, its place, and the segments that it runs."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from math import cos, degrees, dist, hypot, pi, radians, sin
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -12,27 +12,24 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.pose import Pose
 from planner.program.model import MIN_MOVE, Arc, Dwell, Line, Segment, Turn
-from planner.program.modifiers import Fit, Join, Stop, Through
-from planner.sources.gcode_words import (
+from planner.program.modifiers import Blend, Fit, Join, Stop, Through
+from planner.sources.rs274.arcs import PLANES, read_arc
+from planner.sources.rs274.coordinates import Coordinates, ToolOffsets
+from planner.sources.rs274.words import (
     GROUPS,
     MAX_NUMBER,
-    Offsets,
+    Block,
     WordFault,
     Words,
-    arc_by_centre,
-    arc_by_radius,
-    column_of,
+    blocks,
     find_ignored_word,
     is_ignorable,
-    words,
 )
 from planner.sources.source import Faults
 
-PLANES = {17.0: (0, 1, 2), 18.0: (2, 0, 1), 19.0: (1, 2, 0)}
-"""First and second axis of the plane, and its normal."""
 UNIT_METRES = {20.0: 0.0254, 21.0: 1e-3}
-AXES, OFFSETS = "XYZABC", "IJK"
-VALUE_LETTERS = frozenset("XYZABCIJKRFPN")
+AXES = "XYZABC"
+VALUE_LETTERS = frozenset("XYZABCIJKRFPNLQ")
 HALF_TURN = pi * (1 - 1e-12)
 
 
@@ -51,13 +48,17 @@ class Options(Protocol):
     def ignored_words(self) -> frozenset[str]: ...
     @property
     def first_join(self) -> Join: ...
+    @property
+    def arc_tolerance(self) -> float | None: ...
+    @property
+    def block_delete(self) -> Literal["skip", "run"] | None: ...
 
 
 class GcodeRun:
     """A controller's state, changed block by block, and the segments that it makes.
 
-    place   x, y, z (m), a, b, c (rad) that the blocks have led to
-    stands  (3,) where the segments lead to: an arc may end a rounding beside its place
+    place   x, y, z (m), a, b, c (rad) that the blocks have led to, in the file's numbers
+    stands  (3,) where the segments lead to, likewise: an arc may end a rounding beside its place
     held    the last segment, whose join a rest may change; ready: those before it that have not been taken
     number  of the line that was read last
     """
@@ -70,10 +71,13 @@ class GcodeRun:
         self.entities: Counter[str] = Counter()
         self.left_out: Counter[str] = Counter()
         self.nowhere, self.several, self.off, self.unstated = 0, 0, 0.0, True
-        self.ended, self.offsets = False, Offsets()
+        self.ended, self.offsets = False, ToolOffsets()
         start = RigidTransform.identity() if work is None else work.inv()
         self.place = [*start.translation.tolist(), *start.rotation.as_euler("XYZ").tolist()]
         self.stands: list[float] = self.place[:3]
+        zero = [0.0] * 3 if work is None else work.translation.tolist()
+        self.tilted = work is not None and work.rotation.magnitude() > 0
+        self.coordinates = Coordinates((zero[0], zero[1], zero[2]))
         self.motion: float | None = None
         self.plane, self.unit = 17.0, UNIT_METRES[20.0 if options.length == "in" else 21.0]
         self.absolute, self.from_start, self.timed = True, True, False
@@ -82,9 +86,9 @@ class GcodeRun:
 
     def follow(self, text: str) -> Iterator[Segment]:
         """The segments of a file, one after the other, up to its end."""
-        for number, line, found in words(text, self.faults):
-            self.number = number
-            self.block(number, line, found)
+        for block in blocks(text, self.faults, self.options.block_delete):
+            self.number = block.number
+            self.block(block)
             yield from self.ready
             self.ready.clear()
             if self.ended:
@@ -97,20 +101,26 @@ class GcodeRun:
             self.ready.append(self.held)
         self.held = segment
 
-    def block(self, number: int, line: str, found: Words) -> None:
+    def block(self, block: Block) -> None:
         """One line's words; what is wrong with them becomes a fault."""
+        number, found = block.number, block.words
         try:
             codes, values = self._sort_words(found)
             if codes or "F" in values or "P" in values:
                 self._modal(codes, values)
+            if codes.get("join") == 64:  # whose P is no number of turns
+                values = {letter: value for letter, value in values.items() if letter not in "PQ"}
             if "dwell" in codes:
-                self._dwell(number, values)
+                self._dwell(number, {k: v for k, v in values.items() if k in "PNF" or "motion" not in codes})
+                values = {k: v for k, v in values.items() if k != "P" and "motion" in codes}
+            if "once" in codes:
+                self._once(number, codes["once"], values, "F" in values)
             elif not values.keys() <= {"F", "P", "N"}:
                 self._move(number, values, "F" in values)
         except MotionError as wrong:
             key = wrong.word if isinstance(wrong, WordFault) else ""
             nth = [k for k, (letter, text) in enumerate(found) if key in (letter.upper(), letter + text)]
-            self.faults.add(str(wrong), number, f"column {column_of(line, nth[-1] if nth else 0)}")
+            self.faults.add(str(wrong), number, f"column {block.column(nth[-1] if nth else 0)}")
 
     def _sort_words(self, found: Words) -> tuple[dict[str, float], dict[str, float]]:
         """The block's G by group, and the numbers of its other words by letter."""
@@ -140,15 +150,19 @@ class GcodeRun:
                 word = f"{letter}{value:g}"
                 remedy = f', or leave it out by the option ignore="{word}"' if is_ignorable(word) else ""
                 raise WordFault(given + text, f"{given}{text[:20]} is not supported; take it out{remedy}")
+        for letter, owner in (("L", codes.get("once") == 10), ("Q", codes.get("join") == 64)):
+            if letter in values and not owner:
+                raise WordFault(letter, f"{letter}{values[letter]:g} is not supported; take it out")
+        if "G49" in codes:
+            silent.append(("G", 49.0))
         if silent:
             self.offsets.block(silent)
-            if ("G", 80.0) in silent:
-                self.motion = None  # bare axis words mean nothing after it
         return codes, values
 
     def _modal(self, codes: dict[str, float], values: dict[str, float]) -> None:
         """What holds from this block on."""
-        self.motion = codes.get("motion", self.motion)
+        # after G80 bare axis words mean nothing
+        self.motion = codes.get("motion", None if "cycle" in codes else self.motion)
         self.plane = codes.get("plane", self.plane)
         if "length" in codes:
             self.unit, self.unstated = UNIT_METRES[codes["length"]], False
@@ -164,15 +178,63 @@ class GcodeRun:
             self.feed = values["F"] / 60
         if "join" in codes:
             self.join = self._read_join(codes["join"], values)
-        if "P" in values and "dwell" not in codes and codes.get("join") != 64:
+        if "system" in codes:
+            self._renumber(lambda: self.coordinates.choose(codes["system"]))
+        stated = "dwell" in codes or codes.get("join") == 64 or codes.get("once") == 10
+        if "P" in values and not stated and (self.motion not in (2, 3) or values.keys() <= {"P", "F", "N"}):
             raise WordFault("P", "P belongs to G4 or G64")
 
     def _read_join(self, code: float, values: dict[str, float]) -> Join:
         if code != 64:
             return Through() if code == 61 else Stop()
-        if values.get("P", 0.0) <= 0:
-            raise WordFault("G64", "G64 needs P, the tolerance within which the path is followed, above 0")
-        return Fit(values["P"] * self.unit)
+        if values.get("P", 0.0) < 0 or values.get("Q", 0.0) < 0:
+            raise WordFault("G64", "G64 takes P and Q that are not negative")
+        if values.get("P", 0.0) > 0:
+            return Fit(values["P"] * self.unit)
+        # as fast as possible, however far from the path: how far that may be has to be said elsewhere
+        first = self.options.first_join
+        if not isinstance(first, Fit | Blend):
+            raise WordFault(
+                "G64",
+                "G64 needs P, the tolerance within which the path is followed, above 0, or the option fit or blend",
+            )
+        return first
+
+    def _renumber(self, change: Callable[[], None]) -> None:
+        """Change from where numbers count: the tool stays where it is."""
+        before = self.coordinates
+        place, stands = before.to_program(self.place[:3]), before.to_program(self.stands)
+        change()
+        self.place[:3], self.stands = before.from_program(place), before.from_program(stands)
+
+    def _once(self, number: int, code: float, values: dict[str, float], fed: bool) -> None:
+        """G10, G28, G53 and G92, which count from home or change from where numbers count."""
+        word = f"G{code:g}"
+        if self.tilted and code < 92:
+            raise WordFault(word, f"{word} with angles in the option origin is not supported")
+        if code == 53:
+            if self.motion not in (0, 1) or not self.absolute:
+                raise WordFault(word, "G53 needs G0 or G1, and G90")
+            self._move(number, values, fed, {axis: values[axis] for axis in AXES[:3] if axis in values})
+        elif code == 28:
+            motion, self.motion = self.motion, 0.0
+            if values.keys() & set(AXES):
+                self._move(number, values, fed)
+            homed = [axis for axis in AXES if axis in values] or list(AXES)
+            angles = {axis: 0.0 if self.absolute else -degrees(self.place[3 + k]) for k, axis in enumerate(AXES[3:])}
+            turned = {axis: angle for axis, angle in angles.items() if axis in homed}
+            self._move(number, turned, fed, dict.fromkeys((axis for axis in AXES[:3] if axis in homed), 0.0))
+            self.motion = motion
+        elif more := values.keys() - set("XYZNF" + ("LPR" if code == 10 else "")):
+            raise WordFault(min(more), f"{min(more)} beside {word} is not supported")
+        elif code == 10:
+            if values.get("L") not in (2, 20):
+                raise WordFault("L", "G10 states systems only, by L2 or L20: tables of tools are not read")
+            place = self.coordinates.to_program(self.place[:3])
+            self._renumber(lambda: self.coordinates.state(values, self.unit, place))
+        else:
+            place = list(self.place)
+            self._renumber(lambda: self.coordinates.shift(code, values, self.unit, place))
 
     def _dwell(self, number: int, values: dict[str, float]) -> None:
         if values.get("P", -1.0) < 0:
@@ -185,16 +247,31 @@ class GcodeRun:
         if values["P"] > 0:
             self._add(Dwell(values["P"] * (1e-3 if self.options.dwell == "ms" else 1), line_number=number))
 
-    def _move(self, number: int, values: dict[str, float], fed: bool) -> None:
+    def _move(
+        self, number: int, values: dict[str, float], fed: bool, from_home: dict[str, float] | None = None
+    ) -> None:
+        """The way to where the words lead; from_home: X Y Z that count from there."""
         if self.motion is None:
             raise WordFault("", "no G0, G1, G2 or G3 is active")
-        if changed := self.offsets.find_change():
+        if changed := self.coordinates.move():
+            raise WordFault(
+                "",
+                f"it moved under {changed[0]} and moves under {changed[1]}, and does not say where they lie: state "
+                "both by G10 L2 before, or split the program there",
+            )
+        if changed := self.offsets.move() if "Z" in values else None:
             raise WordFault(
                 "",
                 f"it moved under {changed[0]} and moves under {changed[1]}: ignoring both would change the path; "
                 "split the program there, or add their offsets to its coordinates",
             )
-        end = self._end(values)
+        end = self._end(values if from_home is None else {k: v for k, v in values.items() if k not in from_home})
+        if from_home:
+            there = self.coordinates.to_program(end[:3])
+            for k, axis in enumerate(AXES[:3]):
+                if axis in from_home:
+                    there[k] = from_home[axis] * self.unit - self.coordinates.zero[k]
+            end[:3] = self.coordinates.from_program(there)
         place, self.place = self.place, end
         # before anything can be wrong, so that what follows is held against what was meant
         stands, self.stands = self.stands, end[:3]
@@ -214,7 +291,8 @@ class GcodeRun:
     def _line(self, number: int, length: float, place: list[float], end: list[float], fed: bool) -> None:
         speed = self.options.rapid if self.motion == 0 else self._speed(length, self.unit, fed)
         turned = self._find_orientation(place, end)
-        self._add(Line(np.array(end[:3]), turned, speed, self.join, line_number=number))
+        there = np.array(self.coordinates.to_program(end[:3]))
+        self._add(Line(there, turned, speed, self.join, line_number=number))
         self.entities[f"G{self.motion:.0f}"] += 1
 
     def _end(self, values: dict[str, float]) -> list[float]:
@@ -278,31 +356,17 @@ class GcodeRun:
     ) -> None:
         first, second, normal = PLANES[self.plane]
         word = f"G{self.motion:.0f}"
-        offsets = values.keys() & set(OFFSETS)
-        if ("R" in values) == bool(offsets):
-            raise WordFault("R" if offsets else "", f"{word} needs either its centre I J K or its radius R")
-        if OFFSETS[normal] in offsets:
-            raise WordFault(OFFSETS[normal], f"{OFFSETS[normal]} is outside the plane of G{self.plane:.0f}")
-        stands, start, there = ((p[first], p[second]) for p in (begin, place, end))
-        if offsets:
-            said = [values.get(OFFSETS[k], 0.0 if self.from_start else None) for k in (first, second)]
-            if None in said:
-                raise WordFault("", f"G90.1 asks for both {OFFSETS[first]} and {OFFSETS[second]}")
-            offset = [
-                (value or 0.0) * self.unit - (0.0 if self.from_start else at)
-                for value, at in zip(said, start, strict=True)
-            ]
-            arc = arc_by_centre(stands, start, there, (offset[0], offset[1]), self.motion == 2)
-        else:
-            arc = arc_by_radius(stands, start, there, values["R"] * self.unit, self.motion == 2)
+        points, most = (begin, place, end), self.options.arc_tolerance
+        arc = read_arc(values, self.motion == 2, self.plane, self.unit, self.from_start, points, most)
         centre, axis = [0.0] * 3, [0.0] * 3
         centre[first], centre[second], centre[normal] = *arc.centre, begin[normal]
         axis[normal] = 1.0
         rise = end[normal] - begin[normal]
-        u, v = stands[0] - arc.centre[0], stands[1] - arc.centre[1]
+        u, v = begin[first] - arc.centre[0], begin[second] - arc.centre[1]
         speed = self._speed(hypot(hypot(u, v) * arc.angle, rise), self.unit, fed)
         turned = self._find_orientation(place, end)
-        about = np.array(centre), np.array(axis)
+        axis[0], axis[1] = self.coordinates.turn(axis[0], axis[1])
+        about = np.array(self.coordinates.to_program(centre)), np.array(axis)
         self._add(Arc(*about, arc.angle, turned, speed, self.join, rise=rise, line_number=number))
         turn = arc.angle
         self.stands = list(end[:3])
@@ -318,7 +382,7 @@ class GcodeRun:
             told.append(f"no G20 or G21: unit {self.options.length} was assumed")
         told += [f"{word} was ignored {count} times" for word, count in sorted(self.left_out.items())]
         if self.nowhere:
-            told.append(f"{self.nowhere} blocks end where they start and were skipped")
+            told.append(f"blocks that end where they start were skipped: {self.nowhere}")
         if self.several:
             told.append(
                 f"{self.several} blocks rotate about several axes at once: by the shortest rotation, while controllers "
