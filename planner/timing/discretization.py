@@ -53,7 +53,7 @@ START_WINDOW_SHARE = 1e-2
 def acceleration_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Problem:
     """A run's rows on an even grid, or a graded one."""
     mixed = any(Term.SD in limit.terms and len(limit.terms) > 1 for limit in limits)
-    few = None if mixed or 1 in run.stands else _few_intervals(path, run)
+    few = None if mixed or 1 in run.stands or run.fineness > 1 else _few_intervals(path, run)
     spread = _graded_shares(_interval_count(SECOND_ORDER, path, run)) if mixed else None
     s, piece = _grid(SECOND_ORDER, path, run, spread) if few is None else make_grid(path, run, few)
     problem = pose_problem(path, limits, s, piece, run.speeds, run.stands)
@@ -199,6 +199,7 @@ def _interval_count(rule: Rule, path: ActuatorPath, run: Run, on_top: bool = Fal
     turn = float(path.turns[run.first : run.last + 1].sum())
     pieces = run.last - run.first + 1
     size = max(least + per_piece * (pieces - 1) if on_top else least, per_piece * pieces, int(per_radian * turn))
+    size *= run.fineness
     most = MAX_INTERVALS[rule != SECOND_ORDER]
     if size > most:
         since, until = (

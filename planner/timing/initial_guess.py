@@ -342,7 +342,7 @@ def _reachable_speed(speed: float, jerk: float, way: float) -> float:
 
 # A window up to this share of the motion is brief, and one of at least MIN_WINDOW_SHARE of it is told from the rounding
 # of instants; it is so many times as long as ramps need at least, as s̈ may step from its limit to that the other way.
-MAX_BRIEF_SHARE, MIN_WINDOW_SHARE, WINDOW_GROWTH = 1e-5, 1e-9, 4.0
+MAX_BRIEF_SHARE, MIN_WINDOW_SHARE, WINDOW_GROWTH = 1e-3, 1e-9, 4.0
 
 
 def ramped(motion: Profile, window: float, breaks: Array, first: int) -> Profile | None:

@@ -45,10 +45,10 @@ from planner.timing.solvers.third_order import Look, estimate_motion, settle_row
 
 # A leg that has to be this much slower as a whole is tried in two, with a rest between: what is slow there stays there.
 MIN_SPLIT_SLOWNESS = 1.01
+# Of a motion, ramps of s̈ that no solver tells from steps; longer ones are for where a solver's answer takes longer.
+SURELY_BRIEF, LITTLE_LONGER = 1e-5, 1 + 1e-4
 # A rough answer that takes so many times as long as what it started from says little of where time goes.
 MAX_ROUGHNESS = 1.1
-# So does one that loses next to nothing of its duration: jerks that bind for less than an interval do not show.
-MIN_LOST = 1e-7
 # Shares of the largest speed at an end without a jerk limit, from which the largest with one is sought.
 END_SPEED_SHARES = (0.9, 0.5, 0.2)
 # From its answer a solver finds a larger one still, as the grid is made for the motion to start from: until it changes
@@ -92,25 +92,53 @@ def solve_leg(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolut
     if exact is not None:
         return exact
     limits = leave_out_idle(limits, coarse)
-    leg = _ramp_leg(path, limits, run, coarse)
-    if leg is not None and (
-        not leg.solved
-        or required_slowness(limits, leg.aimed(sample_limit_use(path, limits, leg.profile))) <= MAX_UNTOLD_SLOWNESS
+    ramps = _ramp_leg(path, limits, run, coarse)
+    keeps = ramps is not None and (
+        not ramps.solved
+        or required_slowness(limits, ramps.aimed(sample_limit_use(path, limits, ramps.profile))) <= MAX_UNTOLD_SLOWNESS
+    )
+    brief = ramps is None or not (ramps.solved and _longest_ramp(ramps) > SURELY_BRIEF * ramps.duration)
+    if ramps is not None and keeps and brief:
+        return ramps
+    found = _solve_in_two(path, limits, run, coarse)
+    # where a constant speed is reached, a solver tells
+    asked = any(path.constant(piece) is not None for piece in range(run.first, run.last + 1))
+    if (
+        ramps is not None
+        and keeps
+        and not asked
+        and not (found.solved and found.duration < LITTLE_LONGER * ramps.duration)
     ):
-        return leg
-    if run.continuation is None:
-        return _bounded(_solve_in_two(path, limits, run, coarse), coarse)
-    posed = jerk_problem(path, limits, run, coarse)
-    if isinstance(posed, TooFast):  # a start from a little slower does as well
+        return ramps
+    return _bounded(found, coarse) if run.continuation is None else found
+
+
+def _longest_ramp(leg: RunSolution) -> float:
+    """s, of a motion with brief ramps of s̈."""
+    return float(leg.profile.h[leg.profile.j != 0].max(initial=0.0))
+
+
+def _pose(
+    path: ActuatorPath, limits: Sequence[Limit], run: Run, coarse: Problem, rule: Rule
+) -> tuple[Problem, Smoothed | Profile] | MotionError:
+    """As `jerk_problem`; a run that goes on with a motion may start from a little slower: it goes on all the same."""
+    posed = jerk_problem(path, limits, run, coarse, rule)
+    if isinstance(posed, TooFast) and run.continuation is not None:
         slower = replace(run, start_speed=CONTINUED_START_SHARE * posed.largest)
-        posed = jerk_problem(path, limits, slower, replace(coarse, speeds=slower.speeds))
-    if isinstance(posed, MotionError):
-        return RunSolution.refused(posed)
-    problem, start = posed
+        posed = jerk_problem(path, limits, slower, replace(coarse, speeds=slower.speeds), rule)
+    return posed
+
+
+def _begin(
+    path: ActuatorPath, limits: Sequence[Limit], run: Run, problem: Problem, start: Smoothed | Profile
+) -> tuple[Problem, Array]:
+    """A problem and the guess (4, N) on its grid; those of a run that goes on with a motion begin as that does."""
+    if run.continuation is None:
+        return problem, start.on(problem.s)
     problem = continue_problem(path, limits, run, problem, run.continuation)
     guess, known = start.on(problem.s), run.continuation.columns
     guess[:, : known.shape[1]] = known
-    return solve_jerk_limited(problem, guess, look=look_along(path, limits))
+    return problem, guess
 
 
 def _solve_in_two(path: ActuatorPath, limits: Sequence[Limit], run: Run, coarse: Problem) -> RunSolution:
@@ -119,18 +147,16 @@ def _solve_in_two(path: ActuatorPath, limits: Sequence[Limit], run: Run, coarse:
     if isinstance(placed, MotionError):
         return RunSolution.refused(placed)
     if placed is not None:
-        finer, motion = placed
-        leg = solve_jerk_limited(finer, motion.on(finer.s), "finer", look_along(path, limits))
+        leg = solve_jerk_limited(*_begin(path, limits, run, *placed), "finer", look_along(path, limits))
         if leg.solved:
             return leg
     if 2 in run.stands:  # a solver that does not come away from such an end may do so from rest
         resting = replace(run, stands=(run.stands[0] % 2, run.stands[1] % 2))
         return _solve_in_two(path, limits, resting, coarse_jerk_problem(path, limits, resting))
-    posed = jerk_problem(path, limits, run, coarse)
+    posed = _pose(path, limits, run, coarse, THIRD_ORDER)
     if isinstance(posed, MotionError):
         return RunSolution.refused(posed)
-    problem, start = posed
-    return solve_jerk_limited(problem, start.on(problem.s), look=look_along(path, limits))
+    return solve_jerk_limited(*_begin(path, limits, run, *posed), look=look_along(path, limits))
 
 
 def place_by_loss(
@@ -146,15 +172,16 @@ def place_by_loss(
     An interval that is cut in m parts loses an m-th of what it did: Σ lossₖ/mₖ is least, for a number Σ mₖ of
     intervals, where mₖ goes with √lossₖ.
     """
-    posed = jerk_problem(path, limits, run, coarse, rough)
+    posed = _pose(path, limits, run, coarse, rough)
     if isinstance(posed, MotionError):
         return posed
-    problem, start = posed
-    guess = start.on(problem.s)
+    problem, guess = _begin(path, limits, run, *posed)
     answer = estimate_motion(problem, guess)
-    if isinstance(answer, MotionError) or not _tells_loss(*answer, guess):
+    if isinstance(answer, MotionError):
         return None
     motion, lost = answer
+    if run.continuation is None and not _tells_loss(motion, lost, guess):
+        return None
     weight = np.sqrt(lost)
     beside = np.maximum(np.append(weight[1:], 0.0), np.append(0.0, weight[:-1]))  # what binds may move a little
     return place_problem(path, limits, run, motion, np.maximum(weight, beside / 2), rule), motion
@@ -167,7 +194,7 @@ def look_along(path: ActuatorPath, limits: Sequence[Limit]) -> Look:
 
 def _tells_loss(motion: Profile, lost: Array, guess: Array) -> bool:
     """Whether a rough answer says where time goes."""
-    return motion.duration < MAX_ROUGHNESS * float(guess[3].sum()) and float(lost.sum()) > MIN_LOST * motion.duration
+    return motion.duration < MAX_ROUGHNESS * float(guess[3].sum()) and float(lost.sum()) > 0
 
 
 def _bounded(leg: RunSolution, problem: Problem) -> RunSolution:

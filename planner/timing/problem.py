@@ -25,7 +25,6 @@ PASSED_SHARE, MOST_PASSED_USE = 0.97, 0.8
 # What holding still may use of a limit, as a share, and still leave a motion to be found.
 MAX_HOLDING_SHARE = 1 - 1e-9
 
-
 ODD_TERMS = {Term.SDD, Term.SDSDD}
 """Terms that change their sign where a motion is run the other way, from its end to its start."""
 
@@ -59,7 +58,7 @@ class Run:
     stands  how the path itself stands at the start and at the end (planner.path.stands): 1 where q′ = 0 and q″ is not,
             so that what is at rest there is so whatever ṡ is, or under jerk limits s̈: these are free; 2 where q″ = 0
             too and q‴ is not, so that under jerk limits ṡ > 0 there and s̈ is free; else 0
-    solver  of motions of order 2
+    solver  of motions of order 2; fineness: times as many intervals as usual
     continuation  of a run that goes on with a motion, whose speed is start_speed
     """
 
@@ -72,6 +71,7 @@ class Run:
     stands: tuple[int, int] = (0, 0)
     solver: Solver = "passes"
     continuation: Continuation | None = None
+    fineness: int = 1
 
     @property
     def speeds(self) -> tuple[float, float]:

@@ -41,6 +41,10 @@ class Profile:
         """One after the other."""
         return cls(*(np.concatenate([getattr(one, part.name) for one in profiles]) for part in fields(cls)))
 
+    def numbers(self) -> Array:
+        """(6, M): all of them, in that order."""
+        return np.stack([getattr(self, part.name) for part in fields(self)]).astype(float)
+
     def along(self, path: ActuatorPath) -> Trajectory:
         knots = np.concatenate([[0.0], np.cumsum(self.h)])
         return Trajectory(path, knots, self.s, self.v, self.a, self.j, self.piece)

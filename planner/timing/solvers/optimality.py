@@ -7,23 +7,23 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.kernels import kernel
+from planner.timing.solvers.sides import Sides
 from planner.timing.solvers.stages import (
     END,
     MIDDLE,
+    OWN,
+    PLACE_COUNT,
     START,
-    TERM_COUNT,
     Iterate,
     Misses,
     Slopes,
-    StageRows,
     Stages,
     add_bends,
     add_jerks,
-    evaluate,
+    add_pushes,
     reach,
     slope_place,
     sum_costs,
-    sum_terms,
 )
 
 UNDERFLOW = 1e-200
@@ -33,32 +33,9 @@ LEAST_SHARE = 1e-10
 
 
 @kernel
-def _weigh(
-    low: float, high: float, value: float, slack_low: float, force_low: float, slack_high: float, force_high: float
-) -> tuple[float, float, float, float, float, float, float]:
-    """A row's forces over slacks; its force, that taken out to first order, and by μ; miss, least and most product."""
-    stiff = force = pull = centre = missed = most = 0.0
-    least = np.inf
-    if low > -np.inf:
-        inverse, miss = 1 / slack_low, value - low - slack_low
-        stiff = force_low * inverse
-        force, pull, centre = -force_low, stiff * miss, -inverse
-        missed = abs(miss)
-        least = most = slack_low * force_low
-    if high < np.inf:
-        inverse, miss, product = 1 / slack_high, high - value - slack_high, slack_high * force_high
-        stiff += force_high * inverse
-        force += force_high
-        pull -= force_high * inverse * miss
-        centre += inverse
-        missed, least, most = max(missed, abs(miss)), min(least, product), max(most, product)
-    return stiff, force, pull, centre, missed, least, most
-
-
-@kernel
 def linearize(
     stages: Stages,
-    rows: StageRows,
+    sides: Sides,
     motion: Iterate,
     misses: Misses,
     next_force: Array,
@@ -67,21 +44,17 @@ def linearize(
     weight: float,
     slopes: Slopes,
 ) -> tuple[float, float, float, float, float]:
-    """Fill `slopes`. The errors of the optimality conditions: of rows and of slopes; the least and the largest
+    """Fill `slopes`. The errors of the optimality conditions: of sides and of slopes; the least and the largest
     slack · force; and the sum of forces.
 
     next_force (N + 1, 2), step_force (N,), time_force  multipliers of the next states, the steps and the duration
     """
-    count, last = len(stages.step), rows.low.shape[1] - 1
-    low, high, values = rows.low, rows.high, misses.values
-    slack_low, slack_high, force_low, force_high = motion[2:]
-    kinds = rows.terms
-    # of each term at each place: by ṡ, s̈ and s⃛, and by ṡṡ and ṡs̈
-    by = np.zeros((3, TERM_COUNT, 5))
-    by[:, 1, 0] = by[:, 4, 1] = by[:, 6, 2] = by[:, 5, 4] = 1.0
-    by[:, 2, 3] = 2.0
-    # by ṡ, s̈, s⃛ at each place: of the rows and what is reached with their forces, with these taken out to first order,
-    # and by μ; and of the cost; and second ones
+    count = len(stages.step)
+    begin, coefficients, missing = sides.begin, sides.coefficients, misses.side
+    slacks, pushes = motion.slack, motion.force
+    spread = stages.jerks.shape[2] + stages.pushes.shape[2] > 0
+    # by ṡ, s̈, s⃛ at each place: of the sides and what is reached with their forces, with these taken out to first
+    # order, and by μ; and of the cost; and second ones
     sums, bends = np.empty((4, 3, 3)), np.empty((3, 6))
     reached, mapped = np.empty((3, 2)), np.empty((4, 4))
     row_error = slope_error = forces = most = 0.0
@@ -91,84 +64,47 @@ def linearize(
         reached[START, 0], reached[START, 1] = v, a
         reached[MIDDLE, 0], reached[MIDDLE, 1] = reach(v, a, j, h / 2)
         reached[END, 0], reached[END, 1] = reach(v, a, j, h)
-        sums[:], bends[:] = 0.0, 0.0
+        sums[3] = 0.0
         for place in range(3):
             pv, pa = reached[place, 0], reached[place, 1]
-            by[place, 2, 0], by[place, 3, 0], by[place, 5, 0] = 2 * pv, 3 * pv * pv, pa
-            by[place, 5, 1], by[place, 3, 3] = pv, 6 * pv
-        row = 0
-        for half in range(2):
-            coefficients = rows.first if half == 0 else rows.second
-            at = 0
-            for b in range(len(rows.size)):
-                place = START if half == 0 else (END if rows.at_end[b] else MIDDLE)
-                length = rows.lengths[b]
-                push_v = push_a = push_j = pull_v = pull_a = pull_j = centre_v = centre_a = centre_j = 0.0
-                bend_vv = bend_va = bend_vj = bend_aa = bend_aj = bend_jj = 0.0
-                one, two, three = by[place, kinds[b, 0]], by[place, kinds[b, 1]], by[place, kinds[b, 2]]
-                for _ in range(rows.size[b]):
-                    first = coefficients[k, at]
-                    second = coefficients[k, at + 1] if length > 1 else 0.0
-                    third = coefficients[k, at + 2] if length > 2 else 0.0
-                    by_v = first * one[0] + second * two[0] + third * three[0]
-                    by_a = first * one[1] + second * two[1] + third * three[1]
-                    by_j = first * one[2] + second * two[2] + third * three[2]
-                    by_vv = first * one[3] + second * two[3] + third * three[3]
-                    by_va = first * one[4] + second * two[4] + third * three[4]
-                    for t in range(3, length):
-                        own, rest = coefficients[k, at + t], by[place, kinds[b, t]]
-                        by_v += own * rest[0]
-                        by_a += own * rest[1]
-                        by_j += own * rest[2]
-                        by_vv += own * rest[3]
-                        by_va += own * rest[4]
-                    at += length
-                    push_low, push_high = force_low[k, row], force_high[k, row]
-                    stiff, force, pull, centre, missed, smaller, larger = _weigh(
-                        low[k, row],
-                        high[k, row],
-                        values[k, row],
-                        slack_low[k, row],
-                        push_low,
-                        slack_high[k, row],
-                        push_high,
-                    )
-                    row_error, least, most = max(row_error, missed), min(least, smaller), max(most, larger)
-                    forces += push_low + push_high
-                    row += 1
-                    push_v += force * by_v
-                    push_a += force * by_a
-                    push_j += force * by_j
-                    pull_v += pull * by_v
-                    pull_a += pull * by_a
-                    pull_j += pull * by_j
-                    centre_v += centre * by_v
-                    centre_a += centre * by_a
-                    centre_j += centre * by_j
-                    bend_vv += stiff * by_v * by_v + force * by_vv
-                    bend_va += stiff * by_v * by_a + force * by_va
-                    bend_vj += stiff * by_v * by_j
-                    bend_aa += stiff * by_a * by_a
-                    bend_aj += stiff * by_a * by_j
-                    bend_jj += stiff * by_j * by_j
-                sums[0, place, 0] += push_v
-                sums[0, place, 1] += push_a
-                sums[0, place, 2] += push_j
-                sums[1, place, 0] += pull_v
-                sums[1, place, 1] += pull_a
-                sums[1, place, 2] += pull_j
-                sums[2, place, 0] += centre_v
-                sums[2, place, 1] += centre_a
-                sums[2, place, 2] += centre_j
-                bends[place, 0] += bend_vv
-                bends[place, 1] += bend_va
-                bends[place, 2] += bend_vj
-                bends[place, 3] += bend_aa
-                bends[place, 4] += bend_aj
-                bends[place, 5] += bend_jj
+            push_v = push_a = push_j = pull_v = pull_a = pull_j = centre_v = centre_a = centre_j = 0.0
+            bend_vv = bend_va = bend_vj = bend_aa = bend_aj = bend_jj = 0.0
+            for i in range(begin[PLACE_COUNT * k + place], begin[PLACE_COUNT * k + place + 1]):
+                square, cube, cross = coefficients[i, 2], coefficients[i, 3], coefficients[i, 5]
+                by_v = coefficients[i, 1] + (2 * square + 3 * pv * cube) * pv + pa * cross
+                by_a, by_j = coefficients[i, 4] + pv * cross, coefficients[i, 6]
+                slack, force, miss = slacks[i], pushes[i], missing[i]
+                inverse, product = 1 / slack, slack * force
+                stiff = force * inverse
+                pull = -stiff * miss
+                row_error, least, most = max(row_error, abs(miss)), min(least, product), max(most, product)
+                forces += force
+                push_v += force * by_v
+                push_a += force * by_a
+                push_j += force * by_j
+                pull_v += pull * by_v
+                pull_a += pull * by_a
+                pull_j += pull * by_j
+                centre_v += inverse * by_v
+                centre_a += inverse * by_a
+                centre_j += inverse * by_j
+                bend_vv += stiff * by_v * by_v + force * (2 * square + 6 * pv * cube)
+                bend_va += stiff * by_v * by_a + force * cross
+                bend_vj += stiff * by_v * by_j
+                bend_aa += stiff * by_a * by_a
+                bend_aj += stiff * by_a * by_j
+                bend_jj += stiff * by_j * by_j
+            sums[0, place, 0], sums[0, place, 1], sums[0, place, 2] = push_v, push_a, push_j
+            sums[1, place, 0], sums[1, place, 1], sums[1, place, 2] = pull_v, pull_a, pull_j
+            sums[2, place, 0], sums[2, place, 1], sums[2, place, 2] = centre_v, centre_a, centre_j
+            bends[place, 0], bends[place, 1], bends[place, 2] = bend_vv, bend_va, bend_vj
+            bends[place, 3], bends[place, 4], bends[place, 5] = bend_aa, bend_aj, bend_jj
         sums[0, END, 0] += next_force[k + 1, 0]
         sums[0, END, 1] += next_force[k + 1, 1]
-        rough = add_jerks(stages.jerks[k], reached, j, weight * h, sums, bends) if stages.stated else 0.0
+        rough = 0.0
+        if spread:
+            rough = add_jerks(stages.jerks[k], reached, j, weight * h, sums, bends)
+            rough += add_pushes(stages.pushes[k], reached, weight * h, sums, bends)
         bend = slopes.bend[k]
         bend[:], mapped[:] = 0.0, 0.0
         for place in range(3):
@@ -187,23 +123,21 @@ def linearize(
                 bend[1, 3] += g_v * part
                 bend[2, 3] += (g_v * t + g_a) * part
                 bend[3, 3] += g_v * part * part * j
-        for n in range(2):  # the bounds of ṡ and h
-            r, x, unit = last - 1 + n, 3 * n, 1.0 if n == 0 else 1 / stages.duration[k]
-            push_low, push_high = force_low[k, r], force_high[k, r]
-            stiff, force, pull, centre, missed, smaller, larger = _weigh(
-                low[k, r], high[k, r], values[k, r], slack_low[k, r], push_low, slack_high[k, r], push_high
-            )
-            row_error, least, most = max(row_error, missed), min(least, smaller), max(most, larger)
-            forces += push_low + push_high
-            mapped[0, x] += force * unit
-            mapped[1, x] += pull * unit
-            mapped[2, x] += centre * unit
-            bend[x, x] += stiff * unit * unit
-        if stages.stated:
+        for i in range(begin[PLACE_COUNT * k + OWN], begin[PLACE_COUNT * k + OWN + 1]):
+            unit = coefficients[i, 1] / stages.duration[k]
+            slack, force, miss = slacks[i], pushes[i], missing[i]
+            inverse, product = 1 / slack, slack * force
+            row_error, least, most = max(row_error, abs(miss)), min(least, product), max(most, product)
+            forces += force
+            mapped[0, 3] += force * unit
+            mapped[1, 3] -= force * inverse * miss * unit
+            mapped[2, 3] += inverse * unit
+            bend[3, 3] += force * inverse * unit * unit
+        if spread:
             for n in range(4):
                 bend[n, 3] += mapped[3, n] / h * (2 if n == 3 else 1)
             mapped[3, 3] += weight * rough
-        else:
+        if not stages.stated:
             mapped[3, 2] += 2 * weight * stages.calm[k] * j
             mapped[3, 3] += weight
             bend[2, 2] += 2 * weight * stages.calm[k]
@@ -234,81 +168,75 @@ def linearize(
 
 
 @kernel
+def _sum_terms(
+    coefficients: Array, i: int, v: float, v_square: float, v_cube: float, a: float, va: float, j: float
+) -> float:
+    value: float = coefficients[i, 1] * v + coefficients[i, 2] * v_square + coefficients[i, 3] * v_cube
+    value += coefficients[i, 4] * a + coefficients[i, 5] * va + coefficients[i, 6] * j
+    return value
+
+
+@kernel
 def follow_step(
     stages: Stages,
-    rows: StageRows,
+    sides: Sides,
     motion: Iterate,
     misses: Misses,
     slopes: Slopes,
     change: Array,
     mu: float,
-    terms: Array,
-    gains: Array,
+    steps: Array,
     pushes: Array,
 ) -> tuple[float, float, float]:
-    """Fill how values (N, 2M + 2) and forces (2, N, 2M + 2), below and above, follow a change (N, 4) of x.
+    """Fill how slacks and forces (K,) follow a change (N, 4) of x.
 
     Returns the largest shares that leave slacks and forces positive, and the slope of the barrier's cost.
     """
-    last = rows.low.shape[1] - 1
-    low, high, values = rows.low, rows.high, misses.values
-    primal = dual = 1.0
-    slope = 0.0
+    begin, coefficients = sides.begin, sides.coefficients
+    slacks, forces, missing = motion.slack, motion.force, misses.side
+    least, slope = 1.0, 0.0
     keep = max(0.99, 1 - mu)
     for k in range(len(stages.step)):
         v, a, j, h = motion.states[k, 0], motion.states[k, 1], motion.controls[k, 0], motion.controls[k, 1]
         dv, da, dj, dh = change[k, 0], change[k, 1], change[k, 2], change[k, 3]
+        for n in range(4):
+            slope += slopes.cost[k, n] * change[k, n]
+        if dh * least < -0.9 * h:
+            least = -0.9 * h / dh
         for place in range(3):
             t, t_square, by_h, push_by_h = slope_place(place, a, j, h)
             pv, pa = reach(v, a, j, t)
             gain_v, gain_a = dv + t * da + t_square * dj + by_h * dh, da + t * dj + push_by_h * dh
-            own = terms[k, place]
-            own[0], own[1], own[2], own[3] = 0.0, gain_v, 2 * pv * gain_v, 3 * pv * pv * gain_v
-            own[4], own[5], own[6] = gain_a, gain_v * pa + pv * gain_a, dj
-        gains[k, last - 1], gains[k, last] = dv, dh / stages.duration[k]
-        for n in range(4):
-            slope += slopes.cost[k, n] * change[k, n]
-        if dh * primal < -0.9 * h:
-            primal = -0.9 * h / dh
-    sum_terms(rows, terms, gains)
-    for k in range(len(stages.step)):
-        centred = 0.0
-        for r in range(last + 1):
-            value, gain = values[k, r], gains[k, r]
-            if low[k, r] > -np.inf:
-                slack, force = motion.slack_low[k, r], motion.force_low[k, r]
-                inverse, step = 1 / slack, value - low[k, r] - slack + gain
-                push = (mu - force * step) * inverse - force
-                pushes[0, k, r] = push
-                centred += step * inverse
-                if step * primal < -keep * slack:
-                    primal = -keep * slack / step
-                if push * dual < -keep * force:
-                    dual = -keep * force / push
-            if high[k, r] < np.inf:
-                slack, force = motion.slack_high[k, r], motion.force_high[k, r]
-                inverse, step = 1 / slack, high[k, r] - value - slack - gain
-                push = (mu - force * step) * inverse - force
-                pushes[1, k, r] = push
-                centred += step * inverse
-                if step * primal < -keep * slack:
-                    primal = -keep * slack / step
-                if push * dual < -keep * force:
-                    dual = -keep * force / push
-        slope -= mu * centred
-    return primal, dual, slope
+            gain_square, gain_cube, gain_cross = 2 * pv * gain_v, 3 * pv * pv * gain_v, gain_v * pa + pv * gain_a
+            for i in range(begin[PLACE_COUNT * k + place], begin[PLACE_COUNT * k + place + 1]):
+                steps[i] = missing[i] - _sum_terms(
+                    coefficients, i, gain_v, gain_square, gain_cube, gain_a, gain_cross, dj
+                )
+        for i in range(begin[PLACE_COUNT * k + OWN], begin[PLACE_COUNT * k + OWN + 1]):
+            steps[i] = missing[i] - coefficients[i, 1] * dh / stages.duration[k]
+    primal, dual, centred = 0.0, 0.0, 0.0
+    for i in range(len(slacks)):
+        force, step = forces[i], steps[i]
+        inverse = 1 / slacks[i]
+        push = (mu - force * step) * inverse - force
+        pushes[i] = push
+        step *= inverse
+        centred += step
+        primal, dual = max(primal, -step), max(dual, -push / force)
+    # shares that take a slack or a force down to 1 − keep of itself
+    if primal * least > keep:
+        least = keep / primal
+    return least, (keep / dual if dual > keep else 1.0), slope - mu * centred
 
 
 @kernel
 def try_share(
     stages: Stages,
-    rows: StageRows,
+    sides: Sides,
     motion: Iterate,
-    misses: Misses,
     state_change: Array,
     change: Array,
-    terms: Array,
-    gains: Array,
+    steps: Array,
     share: float,
     weight: float,
     trial: Iterate,
@@ -318,8 +246,8 @@ def try_share(
 
     Returns what a line search weighs: the sum of all misses, the cost, the sum of the slacks' logarithms; and Σ h.
     """
-    count, last = len(stages.step), rows.low.shape[1] - 1
-    low, high, values, slack_low, slack_high = rows.low, rows.high, tried.values, trial.slack_low, trial.slack_high
+    count = len(stages.step)
+    begin, coefficients, bound, missing = sides.begin, sides.coefficients, sides.bound, tried.side
     trial.states[0, 0] = motion.states[0, 0] + share * state_change[0, 0]
     trial.states[0, 1] = motion.states[0, 1] + share * state_change[0, 1]
     missed = logarithms = time = 0.0
@@ -340,51 +268,32 @@ def try_share(
         if k < count - 1 or not stages.free_end:
             missed += abs(tried.next[k, 1]) / stages.scale[1]
         time += h
+        for place in range(3):
+            pv, pa = reach(v, a, j, h * place / 2)
+            for i in range(begin[PLACE_COUNT * k + place], begin[PLACE_COUNT * k + place + 1]):
+                value = coefficients[i, 0] + _sum_terms(coefficients, i, pv, pv * pv, pv * pv * pv, pa, pv * pa, j)
+                missing[i] = bound[i] - value
+        for i in range(begin[PLACE_COUNT * k + OWN], begin[PLACE_COUNT * k + OWN + 1]):
+            missing[i] = bound[i] - coefficients[i, 1] * h / stages.duration[k]
     if stages.stated:
         missed += abs(time - 1)
-    evaluate(stages, rows, trial.states, trial.controls, terms, values)
-    for k in range(count):
-        below = above = 1.0  # a logarithm of a product is cheaper than the sum of logarithms
-        missed_below = missed_above = 0.0
-        for r in range(last + 1):
-            value = values[k, r]
-            if low[k, r] > -np.inf:
-                slack = motion.slack_low[k, r]
-                slack += share * (misses.values[k, r] - low[k, r] - slack + gains[k, r])
-                slack_low[k, r] = slack
-                below *= slack
-                missed_below += abs(value - low[k, r] - slack)
-            if high[k, r] < np.inf:
-                slack = motion.slack_high[k, r]
-                slack += share * (high[k, r] - misses.values[k, r] - slack - gains[k, r])
-                slack_high[k, r] = slack
-                above *= slack
-                missed_above += abs(high[k, r] - value - slack)
-            if min(below, above) < UNDERFLOW or max(below, above) > 1 / UNDERFLOW:
-                logarithms += np.log(below) + np.log(above)
-                below = above = 1.0
-        logarithms += np.log(below) + np.log(above)
-        missed += missed_below + missed_above
-    return missed, weight * sum_costs(stages, trial.states, trial.controls), logarithms, time
+    product = 1.0  # a logarithm of a product is cheaper than the sum of logarithms
+    for i in range(len(bound)):
+        slack = motion.slack[i] + share * steps[i]
+        trial.slack[i] = slack
+        missing[i] -= slack
+        missed += abs(missing[i])
+        product *= slack
+        if product < UNDERFLOW or product > 1 / UNDERFLOW:
+            logarithms += np.log(product)
+            product = 1.0
+    return missed, weight * sum_costs(stages, trial.states, trial.controls), logarithms + np.log(product), time
 
 
 @kernel
-def push_forces(rows: StageRows, motion: Iterate, pushes: Array, share: float, mu: float) -> None:
-    """Change the rows' forces by a share of `pushes`, and keep them near μ over their slacks."""
+def push_forces(motion: Iterate, pushes: Array, share: float, mu: float) -> None:
+    """Change the sides' forces by a share of `pushes`, and keep them near μ over their slacks."""
     smallest, largest = mu * LEAST_SHARE, mu / LEAST_SHARE
-    for k in range(rows.low.shape[0]):
-        for r in range(rows.low.shape[1]):
-            if rows.low[k, r] > -np.inf:
-                force, slack = motion.force_low[k, r] + share * pushes[0, k, r], motion.slack_low[k, r]
-                if force * slack < smallest:
-                    force = smallest / slack
-                elif force * slack > largest:
-                    force = largest / slack
-                motion.force_low[k, r] = force
-            if rows.high[k, r] < np.inf:
-                force, slack = motion.force_high[k, r] + share * pushes[1, k, r], motion.slack_high[k, r]
-                if force * slack < smallest:
-                    force = smallest / slack
-                elif force * slack > largest:
-                    force = largest / slack
-                motion.force_high[k, r] = force
+    for i in range(len(pushes)):
+        centre = 1 / motion.slack[i]
+        motion.force[i] = min(max(motion.force[i] + share * pushes[i], smallest * centre), largest * centre)

@@ -228,12 +228,15 @@ def seek(
     border[:, count] = 0.0
     border[0, count, 0] = border[1, count, 1] = 1.0
     taken = np.zeros((3, 3))  # off each by each one's multiplier
+    used = np.array([speed_asked, push_asked, time_asked])
     for k in range(count - 1, -1, -1):
         a, j, h = motion.states[k, 1], motion.controls[k, 0], motion.controls[k, 1]
         t, t_square, by_h, push_by_h = slope_place(END, a, j, h)
         curve, follow = recursion.choice[k, 0], recursion.follow[k]
         share0, share1 = recursion.choice[k, 1] / curve, recursion.choice[k, 2] / curve
         for i in range(3):
+            if not used[i]:
+                continue
             g0, g1 = border[i, k + 1, 0], border[i, k + 1, 1]
             by_own, by_taken = t_square * g0 + t * g1, by_h * g0 + push_by_h * g1 + (1.0 if i == 2 else 0.0)
             if recursion.out[k] == 2:
@@ -242,8 +245,9 @@ def seek(
             lever[i, k] = by_own
             border[i, k, 0] = g0 + follow[0] * by_taken - share0 * by_own
             border[i, k, 1] = t * g0 + g1 + follow[1] * by_taken - share1 * by_own
+            by_own /= curve
             for n in range(i + 1):
-                taken[i, n] += by_own * lever[n, k] / curve
+                taken[i, n] += by_own * lever[n, k]
     for i in range(3):
         for n in range(i + 1):
             if stages.prize > 0:
@@ -252,7 +256,6 @@ def seek(
                 taken[i, n] += border[i, 0, 1] * border[n, 0, 1] / recursion.quadratic[0, 2]
             taken[n, i] = taken[i, n]
     left, largest = recursion.left, np.array([taken[0, 0], taken[1, 1], taken[2, 2]])
-    used = np.array([speed_asked, push_asked, time_asked])
     for i in range(3):
         used[i] = used[i] and taken[i, i] > DEPENDENT * largest[i]  # no overflow, and not what others ask for
         if used[i]:
@@ -271,6 +274,8 @@ def seek(
     if not (more[0] == 0 and more[1] == 0 and more[2] == 0):
         for k in range(count + 1):
             for i in range(3):
+                if not used[i]:
+                    continue
                 linear[k, 0] += more[i] * border[i, k, 0]
                 linear[k, 1] += more[i] * border[i, k, 1]
                 if k < count:

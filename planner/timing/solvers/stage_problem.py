@@ -70,6 +70,7 @@ def pose_stages(problem: Problem, guess: Array, prize: float = 0.0) -> PosedStag
         prize / scale[0],
         False,
         np.zeros((problem.intervals, 2, 0, 3)),
+        np.zeros((problem.intervals, 2, 0, 2)),
     )
     rows = _pose_rows(problem, length, time, prize > 0)
     if prize > 0:
@@ -106,6 +107,19 @@ def pose_smoothest(problem: Problem, guess: Array, jerks: Array) -> PosedStages:
     stages = stages._replace(jerks=scaled / np.sqrt(cost / STATED_COST) if cost > 0 else scaled)
     rows.low[:, -1] = SHORTEST_STATED
     return stages, rows, states, controls, unit
+
+
+def pose_weighed(problem: Problem, guess: Array, pushes: Array, price: float) -> PosedStages:
+    """The stages of the motion with the least T + price · ∫ Σ r² dt. guess (4, N): ṡ, s̈, s⃛, h.
+
+    pushes (N, 2, A, 2): what r takes of s̈ and ṡ² at the interval's start and end, as an axis' acceleration takes q′ and
+    q″; price: s per unit of that.
+    """
+    stages, rows, states, controls, unit = pose_stages(problem, guess)
+    length, time = unit[0] * unit[3], unit[3]
+    # r² counts 1/time⁴ and its integral 1/time³; the cost is counted in the guess' time
+    scaled = pushes * np.array([length, length**2]) * np.sqrt(price) / time**2
+    return stages._replace(pushes=scaled, calm=np.zeros(problem.intervals)), rows, states, controls, unit
 
 
 def jerk_share(problem: Problem, unit: float) -> Array:

@@ -15,8 +15,9 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.kernels import kernel
 
-START, MIDDLE, END = range(3)
-"""Where a row is taken."""
+START, MIDDLE, END, OWN = range(4)
+"""Where a row is taken; and what is of the stage itself, h."""
+PLACE_COUNT = 4
 TERM_COUNT = 7
 """Of planner.limits.limit.Term, in whose order terms are counted: 1, ṡ, ṡ², ṡ³, s̈, ṡs̈, s⃛."""
 
@@ -45,8 +46,10 @@ class Stages(NamedTuple):
 
     free_start, free_end  whether the first and the last s̈ are to be found
     prize                 what a unit of the first ṡ is worth, in the guess' duration; 0 where that ṡ is given
-    stated                whether Σ h is given, as 1: the cost is ∫ Σ r² then, r = r₀ s⃛ + r₁ ṡs̈ + r₂ ṡ³, and not Σ h
-    jerks (N, 2, A, 3)    r₀, r₁, r₂ of A jerks at starts and ends, which are weighed half each
+    stated                whether Σ h is given, as 1, and not part of the cost
+    jerks (N, 2, A, 3)    r₀, r₁, r₂ of A jerks r = r₀ s⃛ + r₁ ṡs̈ + r₂ ṡ³ at starts and ends, which are weighed half
+                          each: ∫ Σ r² is part of the cost
+    pushes (N, 2, A, 2)   the same of accelerations, r₀ s̈ + r₁ ṡ²
     """
 
     step: Array
@@ -58,23 +61,22 @@ class Stages(NamedTuple):
     prize: float
     stated: bool
     jerks: Array
+    pushes: Array
 
 
 class Iterate(NamedTuple):
-    """States (N + 1, 2) and controls (N, 2), with the rows' slacks and multipliers (N, 2M + 2) below and above."""
+    """States (N + 1, 2) and controls (N, 2), with the slacks and forces (K,) of the sides of rows that are held."""
 
     states: Array
     controls: Array
-    slack_low: Array
-    slack_high: Array
-    force_low: Array
-    force_high: Array
+    slack: Array
+    force: Array
 
 
 class Misses(NamedTuple):
-    """Values (N, 2M + 2) of the rows, misses (N, 2) of the next states and (N,) of the steps, as shares of these."""
+    """(K,) of sides with their slacks, (N, 2) of the next states and (N,) of the steps, as shares of these."""
 
-    values: Array
+    side: Array
     next: Array
     step: Array
 
@@ -83,8 +85,8 @@ class Slopes(NamedTuple):
     """By x = (ṡ, s̈, s⃛, h) of each stage.
 
     cost (N, 4)          of the cost
-    pull, centre (N, 4)  of cost and rows, the rows' forces taken out to first order: pull + μ · centre
-    bend (N, 4, 4)       second ones of the Lagrangian, with the rows' forces over their slacks: the upper half
+    pull, centre (N, 4)  of cost and sides, the sides' forces taken out to first order: pull + μ · centre
+    bend (N, 4, 4)       second ones of the Lagrangian, with the sides' forces over their slacks: the upper half
     """
 
     cost: Array
@@ -138,30 +140,22 @@ def add_bends(
 
 
 @kernel
-def evaluate(stages: Stages, rows: StageRows, states: Array, controls: Array, terms: Array, out: Array) -> None:
-    """out (N, 2M + 2): the values of all rows; terms (N, 3, 7): the terms at each place."""
-    last = out.shape[1] - 1
+def evaluate(stages: Stages, rows: StageRows, states: Array, controls: Array, out: Array) -> None:
+    """out (N, 2M + 2): the values of all rows."""
+    last, half_width = out.shape[1] - 1, out.shape[1] // 2 - 1
+    size, at_end, lengths, kinds = rows.size, rows.at_end, rows.lengths, rows.terms
+    terms = np.empty((3, TERM_COUNT))
     for k in range(len(stages.step)):
         v, a, j, h = states[k, 0], states[k, 1], controls[k, 0], controls[k, 1]
         for place in range(3):
             pv, pa = reach(v, a, j, h * place / 2)
-            terms[k, place, 0], terms[k, place, 1], terms[k, place, 2], terms[k, place, 3] = 1.0, pv, pv * pv, pv**3
-            terms[k, place, 4], terms[k, place, 5], terms[k, place, 6] = pa, pv * pa, j
-        out[k, last - 1], out[k, last] = v, h / stages.duration[k]
-    sum_terms(rows, terms, out)
-
-
-@kernel
-def sum_terms(rows: StageRows, terms: Array, out: Array) -> None:
-    """Σ coefficient · term of all rows, into the first of out (N, 2M + 2); terms (N, 3, 7): at each place."""
-    size, at_end, lengths, kinds = rows.size, rows.at_end, rows.lengths, rows.terms
-    for half in range(2):
-        coefficients = rows.first if half == 0 else rows.second
-        for k in range(out.shape[0]):
-            at, row = 0, half * (out.shape[1] // 2 - 1)
+            terms[place, 0], terms[place, 1], terms[place, 2], terms[place, 3] = 1.0, pv, pv * pv, pv * pv * pv
+            terms[place, 4], terms[place, 5], terms[place, 6] = pa, pv * pa, j
+        for half in range(2):
+            coefficients = rows.first if half == 0 else rows.second
+            at, row = 0, half * half_width
             for b in range(len(size)):
-                place = START if half == 0 else (END if at_end[b] else MIDDLE)
-                length, own = lengths[b], terms[k, place]
+                own, length = terms[START if half == 0 else (END if at_end[b] else MIDDLE)], lengths[b]
                 first, second, third = own[kinds[b, 0]], own[kinds[b, 1]], own[kinds[b, 2]]
                 for i in range(size[b]):  # three terms written out take half the time
                     value = coefficients[k, at] * first
@@ -174,24 +168,29 @@ def sum_terms(rows: StageRows, terms: Array, out: Array) -> None:
                     out[k, row + i] = value
                     at += length
                 row += size[b]
+        out[k, last - 1], out[k, last] = v, h / stages.duration[k]
 
 
 @kernel
 def sum_costs(stages: Stages, states: Array, controls: Array) -> float:
     """What a motion costs."""
     total = 0.0 if stages.stated else -stages.prize * states[0, 0]
-    jerks = stages.jerks
+    jerks, pushes = stages.jerks, stages.pushes
     for k in range(len(stages.step)):
         v, a, j, h = states[k, 0], states[k, 1], controls[k, 0], controls[k, 1]
         if not stages.stated:
             total += h + stages.calm[k] * j * j
-        else:
-            for side in range(2):
-                pv, pa = reach(v, a, j, h * side)
-                for i in range(jerks.shape[2]):
-                    jerk = jerks[k, side, i, 0] * j
-                    jerk += (jerks[k, side, i, 1] * pa + jerks[k, side, i, 2] * pv * pv) * pv
-                    total += h / 2 * jerk * jerk
+        if jerks.shape[2] + pushes.shape[2] == 0:
+            continue
+        for side in range(2):
+            pv, pa = reach(v, a, j, h * side)
+            for i in range(jerks.shape[2]):
+                jerk = jerks[k, side, i, 0] * j
+                jerk += (jerks[k, side, i, 1] * pa + jerks[k, side, i, 2] * pv * pv) * pv
+                total += h / 2 * jerk * jerk
+            for i in range(pushes.shape[2]):
+                push = pushes[k, side, i, 0] * pa + pushes[k, side, i, 1] * pv * pv
+                total += h / 2 * push * push
     return total
 
 
@@ -217,4 +216,24 @@ def add_jerks(jerks: Array, reached: Array, j: float, share: float, sums: Array,
             bend[3] += share * by_a * by_a
             bend[4] += share * by_a * by_j
             bend[5] += share * by_j * by_j
+    return total
+
+
+@kernel
+def add_pushes(pushes: Array, reached: Array, share: float, sums: Array, bends: Array) -> float:
+    """The same of accelerations."""
+    total = 0.0
+    for side in range(2):
+        place = START if side == 0 else END
+        v, a = reached[place, 0], reached[place, 1]
+        own, bend = sums[3, place], bends[place]
+        for i in range(pushes.shape[1]):
+            r0, r1 = pushes[side, i, 0], pushes[side, i, 1]
+            r, by_v = r0 * a + r1 * v * v, 2 * r1 * v
+            total += r * r / 2
+            own[0] += share * r * by_v
+            own[1] += share * r * r0
+            bend[0] += share * (by_v * by_v + 2 * r * r1)
+            bend[1] += share * by_v * r0
+            bend[3] += share * r0 * r0
     return total

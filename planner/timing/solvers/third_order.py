@@ -21,16 +21,15 @@ from kinematics.foundation.errors import MotionError
 from planner.limits.limit import Term
 from planner.timing.problem import SOLVER_AIM, Problem
 from planner.timing.profile import MIN_WATCHED_USE, Profile, RunSolution, close_profile
-from planner.timing.solvers.interior_point import TOLERANCE, WEIGHT, Minimum, Revise, Start, minimise
+from planner.timing.solvers.interior_point import FAR_STARTS, TOLERANCE, WEIGHT, Minimum, Revise, Start, minimise
 from planner.timing.solvers.stage_problem import PosedStages, pose_bounds, pose_stages
-from planner.timing.solvers.stages import TERM_COUNT, evaluate
+from planner.timing.solvers.stages import evaluate
 
 # How often a problem is solved whose rows depend on the motion, unless a round gains less than this share.
 MAX_ROW_ROUNDS, MIN_ROUND_GAIN = 4, 1e-4
 # What a speed at an end is worth that is to be as large as can be, beside the duration.
 END_SPEED_WEIGHT = 100.0
-# How solves begin that have nothing near, in turn; and how well a problem is solved that only says where time goes.
-FAR_STARTS: tuple[Start, ...] = ("far", "farther")
+# How well a problem is solved that only says where time goes.
 ROUGH = 1e-3
 # Use of a limit from which its peaks between grid points count; by how much more room is left for them than they take,
 # as they move a little with the motion that heeds them; the largest; and the least that a room is lowered by.
@@ -98,8 +97,8 @@ def third_order(
         posed = pose_stages(problem, guess)
         peaks = _Peaks(problem, posed, look)
         answer = _try_starts(posed, (start,), revise=peaks)
-        if isinstance(answer, MotionError):
-            columns = _solve_stages(problem, guess, 0.0, start)
+        if isinstance(answer, MotionError):  # from there it is tried; anew, once some bounds were revised
+            columns = minimise_posed(posed, [each for each in FAR_STARTS if each != start])
         else:
             columns, problem = _columns(posed, answer), peaks.problem
             if answer.status == "solved":
@@ -189,7 +188,7 @@ def _mend(peaks: _Peaks, answer: Minimum, columns: Array) -> tuple[Array, Proble
     A long run takes the more iterations, the longer it is, as its worst stage shortens the steps of all.
     """
     stages, rows, *_, unit = peaks.posed
-    values, terms = np.empty(rows.low.shape), np.zeros((len(rows.low), 3, TERM_COUNT))
+    values = np.empty(rows.low.shape)
     for _ in range(MOST_MENDINGS):
         mended = columns.copy()
         for first, last in peaks.windows:
@@ -202,7 +201,7 @@ def _mend(peaks: _Peaks, answer: Minimum, columns: Array) -> tuple[Array, Proble
         columns = mended
         states, controls = answer.states.copy(), np.ascontiguousarray((columns[2:] / unit[2:, None]).T)
         states[:-1] = (columns[:2] / unit[:2, None]).T
-        evaluate(stages, rows, states, controls, terms, values)
+        evaluate(stages, rows, states, controls, values)
         peaks(states, controls, values)
     return columns, peaks.problem
 
@@ -236,7 +235,7 @@ def estimate_motion(problem: Problem, guess: Array) -> tuple[Profile, Array] | M
     """
     settled = settle_rows(problem, guess)
     posed = pose_stages(settled, guess)
-    answer = _try_starts(posed, ("far",), ROUGH)
+    answer = _try_starts(posed, ("rough",), ROUGH)
     if isinstance(answer, MotionError):
         return answer
     profile = close_profile(settled, _columns(posed, answer))
@@ -244,7 +243,7 @@ def estimate_motion(problem: Problem, guess: Array) -> tuple[Profile, Array] | M
         return profile
     stages, rows, *_, unit = posed
     values = np.empty(rows.low.shape)
-    evaluate(stages, rows, answer.states, answer.controls, np.zeros((len(values), 3, TERM_COUNT)), values)
+    evaluate(stages, rows, answer.states, answer.controls, values)
     count = int(rows.size.sum())
     jerk = np.flatnonzero(np.repeat(rows.at_end, rows.size))
     forces = np.where(rows.low > -np.inf, answer.low_forces, 0.0) + np.where(
@@ -276,7 +275,7 @@ def _try_starts(
     posed: PosedStages, attempts: Sequence[Start], tolerance: float = TOLERANCE, revise: Revise | None = None
 ) -> Minimum | MotionError:
     stages, rows, states, controls, _ = posed
-    numbers = (states, controls, stages.jerks, rows.first, rows.second)
+    numbers = (states, controls, stages.jerks, stages.pushes, rows.first, rows.second)
     if not (all(np.isfinite(each).all() for each in numbers) and (stages.step > 0).all()):
         return MotionError("the jerk-limited problem holds what is no number, or an interval of no length")
     for start in attempts:

@@ -16,9 +16,9 @@ from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
 from planner.timing.discretization import jerk_problem
 from planner.timing.problem import Run
-from planner.timing.solvers import interior_point, riccati
+from planner.timing.solvers import interior_point, riccati, sides
 from planner.timing.solvers.stage_problem import pose_smoothest, pose_stages
-from planner.timing.solvers.stages import TERM_COUNT, evaluate, sum_costs
+from planner.timing.solvers.stages import evaluate, sum_costs
 from planner.timing.solvers.third_order import third_order
 from planner.timing.stated_duration import quintic_motion
 
@@ -110,9 +110,36 @@ def test_a_verdict_is_that_of_the_motion_it_comes_with(monkeypatch):
                 ends = np.stack([v + h * (a + h * j / 2), a + h * j], axis=1)
                 assert (np.abs(ends - answer.states[1:]) <= loose * stages.scale[:2]).all()
                 assert h * (v + h * (a / 2 + h * j / 6)) == pytest.approx(stages.step, rel=loose)
-                evaluate(stages, rows, answer.states, answer.controls, np.empty((len(h), 3, TERM_COUNT)), values)
+                evaluate(stages, rows, answer.states, answer.controls, values)
                 assert np.maximum(rows.low - values, values - rows.high).max() <= loose
     assert set(verdicts) == {"slow", "loose", "solved"}
+
+
+@pytest.mark.parametrize("near", [0.5, 1e-3])
+def test_sides_that_are_left_out_change_nothing(monkeypatch, near):
+    """Even where hardly any is held at first: each is, once the motion comes near it."""
+    problem, guess = posed(spline(5, 6), [1.0] * 6, [3.0] * 6, [30.0] * 6)
+    stages, rows, states, controls, _ = pose_stages(problem, guess)
+    counts = []
+
+    def count_sides(*arguments):
+        counts.append(int(arguments[1].sum()))
+        return hold(*arguments)
+
+    hold = sides.hold_sides
+    monkeypatch.setattr(interior_point, "hold_sides", count_sides)
+    monkeypatch.setattr(sides, "NEAR", near)
+    monkeypatch.setattr(interior_point, "SHORT", near / 5)
+    some, every = (interior_point.minimise(stages, rows, states, controls, start) for start in ("finer", "farther"))
+    assert (some.status, every.status) == ("solved", "solved")
+    assert counts[0] < counts[-1] / (2 if near == 0.5 else 10)
+    assert len(counts) > (1 if near == 0.5 else 3)  # the last is of the other start
+    assert some.controls[:, 1].sum() == pytest.approx(every.controls[:, 1].sum(), rel=1e-7)
+    for ours, theirs in ((some.low_forces, every.low_forces), (some.high_forces, every.high_forces)):
+        assert ours == pytest.approx(theirs, abs=5e-3 * theirs.max())
+    values = np.empty(rows.low.shape)
+    evaluate(stages, rows, some.states, some.controls, values)
+    assert np.maximum(rows.low - values, values - rows.high).max() <= 1e-6
 
 
 def test_a_step_that_is_no_number_is_none(monkeypatch):
