@@ -69,7 +69,7 @@ def cross_check(plan: Plan) -> CrossCheck:
     """Both motions of order 2 of a plan's path. Raises NotInstalled where toppra is not there."""
     require("a cross-check")
     limits = tuple(limit for limit in plan.limits if Term.SDDD not in limit.terms)
-    if plan.order == 2 and plan.stated_duration is None and not any("toppra" in method for method in plan.methods):
+    if plan.order == 2 and plan.fastest and not any("toppra" in method for method in plan.methods):
         own = plan.trajectory, plan.certificate, limits, 2, plan.rounds, plan.methods, plan.lower_estimate
         ours = Solution(*own)
     else:

@@ -20,6 +20,8 @@ from planner.baselines.classical import Classical
 from planner.certificate.certify import Certificate
 from planner.certificate.feasibility import Standing
 from planner.cross_check import CrossCheck
+from planner.interruption.hold import Stops
+from planner.interruption.section import Section
 from planner.path.actuation import MachinePath
 from planner.plan import Plan, active_limits, limit_shares
 from planner.plan_parts import PlanStanding
@@ -31,6 +33,8 @@ from planner.sources.outline import Outline, outline
 from planner.sources.position_list import PositionList
 from planner.sources.source import Imported
 from planner.timing.certified_solve import Solution
+from planner.timing.duration_bound import DurationBound
+from planner.tradeoffs import figures as _tradeoff_figures  # noqa: F401  # registers its own
 from planner.trajectory import Trajectory
 
 DRAWN_INSTANTS = 2000
@@ -45,6 +49,25 @@ def path_speed(trajectory: Trajectory, ax: Axes | None = None, **style: Any) -> 
     unit, scale = ("mm/s", 1e3) if isinstance(trajectory.path, MachinePath) else ("1/s", 1.0)
     ax.plot(t, scale * trajectory.at(t).sd, **style)
     ax.set(xlabel="time (s)", ylabel=f"speed along the path ({unit})")
+    return ax
+
+
+@draws(Section)
+def section_speed(section: Section, ax: Axes | None = None, **style: Any) -> Axes:
+    """The speed along the path over the time since it began."""
+    return path_speed(section.trajectory, ax, **style)
+
+
+@draws(Stops)
+def time_and_distance_to_rest(stops: Stops, ax: Axes | None = None) -> Axes:
+    """How long and how far it is to rest from each instant of a plan; the distance on an axis of its own."""
+    ax = new_axes(ax)
+    ax.plot(stops.t, 1e3 * stops.time, label="time to rest", **line_style(0))
+    ax.set(xlabel="time (s)", ylabel="time to rest (ms)", ylim=(0, None))
+    far = ax.twinx()
+    (line,) = far.plot(stops.t, 1e3 * stops.distance, label="distance to rest", **line_style(1))
+    far.set(ylabel="distance to rest (mm)", ylim=(0, None))
+    ax.legend(handles=[*ax.lines, line], loc="lower right", frameon=False)
     return ax
 
 
@@ -292,7 +315,7 @@ def window_uses(standing: PlanStanding, ax: Axes | None = None) -> Axes:
     """The largest share of each limit that is proved in each window of planning."""
     ax = new_axes(ax)
     for n, (name, use) in enumerate(standing.certificate.use.items()):
-        ax.step(np.arange(1, len(use) + 1), use, where="mid", label=name, **line_style(n))
+        ax.step(np.linspace(1, standing.windows, len(use)), use, where="mid", label=name, **line_style(n))
     ax.axhline(1.0, color="black", linestyle=(0, (6, 3)), linewidth=1)
     ax.set(xlabel="window", ylabel="largest share of the limit, proved", ylim=(0, 1.1))
     ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, frameon=False)
@@ -328,6 +351,15 @@ def list_of_positions(listed: PositionList, ax: Axes | None = None) -> Axes:
 def simulated_arms(simulation: ArmSimulation, ax: Axes | None = None) -> Axes:
     """The arms' lengths from pose to pose; turned ones shaded."""
     return arm_lengths(simulation.lengths, simulation.turned, ax, f"arm lengths of {simulation.machine}")
+
+
+@draws(DurationBound)
+def bound_losses(bound: DurationBound, ax: Axes | None = None) -> Axes:
+    """Where along the path the duration may be above the least: what all cells up to a place leave open."""
+    ax = new_axes(ax)
+    ax.step(np.append(bound.s, bound.s[-1:]), 1e3 * np.append(0.0, np.cumsum(bound.loss)), where="post")
+    ax.set(xlabel="path length", ylabel="left open so far (ms)")
+    return ax
 
 
 @draws(RealisedPath)

@@ -8,6 +8,8 @@ from planner.trajectory import Trajectory, column_headings, rows
 
 ROW_PERIOD = 1e-2
 """s between the instants that are looked at."""
+MOST_ROWS = 50_000
+"""Instants of a part that are looked at; of one that takes longer every so many."""
 MOST_WINDOWS = 2000
 """Of time; where there would be more, two become one."""
 
@@ -31,7 +33,9 @@ class Overview:
         """A part of the motion that begins at a time (s) and a path length (m) of the whole."""
         if not self.names:
             self._name_columns(motion.path)
-        n = np.arange(np.ceil(begin / ROW_PERIOD), np.floor((begin + motion.duration) / ROW_PERIOD) + 1)
+        stride = max(1, int(motion.duration / ROW_PERIOD / MOST_ROWS))
+        step = stride * ROW_PERIOD
+        n = stride * np.arange(np.ceil(begin / step), np.floor((begin + motion.duration) / step) + 1)
         t = np.clip(n * ROW_PERIOD - begin, 0.0, motion.duration)
         if not len(t):
             return

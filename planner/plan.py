@@ -3,6 +3,7 @@
 And what holds a motion back when.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from os import PathLike
@@ -18,11 +19,9 @@ from kinematics.machine.machine import Machine
 from planner.certificate.certify import Certificate
 from planner.certificate.constant_speed import CONSTANT_SPEED, Stretch, find_stretches
 from planner.certificate.feasibility import Standing, prove_feasibility
+from planner.certificate.lower_bound import find_left_out
 from planner.limits import Limit, limits_of, usual_order
-from planner.limits.force import TorqueSpeed
-from planner.limits.limit import order_of
 from planner.limits.registry import geometric_limits
-from planner.limits.resonance import Resonance
 from planner.orientation.orient import orient_open
 from planner.parallel import Progress, ignore_progress
 from planner.path.actuation import MachinePath, actuate
@@ -43,15 +42,21 @@ from planner.pulses import (
 from planner.pulses.compensation.compensate import counted_motion
 from planner.pulses.schedule import schedule_tables
 from planner.pulses.triggers import Triggered, find_triggers, trigger_tables
-from planner.timing.certified_solve import certified_solve, timing_table
+from planner.timing.certified_solve import EFFORT, certified_solve, solve_within, timing_table
+from planner.timing.duration_bound import DurationBound, bound_duration
 from planner.timing.problem import Solver
 from planner.timing.profile import Profile, sample_limit_use
 from planner.timing.solvers.toppra_ import require
 from planner.timing.stated_duration import solve_stated
+from planner.tradeoffs.objective import TIME, Objective, read_objective, solve_objective
+from planner.tradeoffs.pareto import WEIGHTS, Tradeoff, trade
 from planner.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from planner.export.format import Exported
+    from planner.interruption.hold import Stops
+    from planner.interruption.section import Section, Whole
+    from planner.tradeoffs.limit_worth import Worth
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +69,7 @@ class Plan(Result):
     lower_estimate   s, about the least that any motion within the limits on speed and acceleration takes, with the
                      constant speeds that are asked for
     stated_duration  s, what was asked for instead of the fastest, if anything
+    objective        what it has least of: time, or a weighed sum with heat
     """
 
     program: Program
@@ -79,22 +85,47 @@ class Plan(Result):
     methods: tuple[str, ...]
     lower_estimate: float
     stated_duration: float | None = None
+    objective: Objective = TIME
+    known: list[DurationBound] = field(default_factory=list, repr=False, compare=False)
+
+    @property
+    def fastest(self) -> bool:
+        """Whether it was to be as fast as it can, and nothing else."""
+        return self.stated_duration is None and self.objective.heat == 0
+
+    @property
+    def bound(self) -> DurationBound:
+        """What is proved of the least time; worked out when first asked for, in some times the time of solving."""
+        if not self.known:
+            self.known.append(bound_duration(self.trajectory, self.limits, self.order))
+        return self.known[0]
+
+    @property
+    def lower_bound(self) -> float:
+        """s; no motion along this path that keeps the limits takes less, proved, whatever `left_out` names."""
+        return self.bound.value
 
     @property
     def gap(self) -> float | None:
-        """How far the duration is above the estimate of its lower bound, as a share of that; None if it was stated."""
-        return None if self.stated_duration is not None else self.trajectory.duration / self.lower_estimate - 1
+        """How far the duration is above the proven lower bound, as a share; None if it was not to be the fastest."""
+        return self.bound.gap if self.fastest else None
+
+    @property
+    def worth(self) -> "Worth | None":
+        """What one per cent more of each limit saves, to first order, by the bound's multipliers.
+
+        None if it was not to be the fastest.
+        """
+        if not self.fastest:
+            return None
+        from planner.tradeoffs.limit_worth import find_worth
+
+        return find_worth(self.trajectory, self.limits, self.order, self.certificate, self.bound)
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """What the estimate of the lower bound leaves out: it may lie below the least time by what that costs."""
-        found = ["jerk"] if order_of(self.limits) == 3 else []
-        for limit in self.limits:
-            if isinstance(limit, TorqueSpeed):
-                found.append("of torque-speed curves, what is not concave")
-            if isinstance(limit, Resonance) and limit.bands:
-                found.append("how long an axis may stay in a resonance band")
-        return tuple(found)
+        """What the lower bound leaves out: it may lie below the least time by what that costs."""
+        return find_left_out(self.path, self.limits)
 
     @property
     def triggers(self) -> tuple[Triggered, ...]:
@@ -130,11 +161,13 @@ class Plan(Result):
 
     def tables(self) -> tuple[Table, ...]:
         """How long it takes, what is proved of it, its blends, its pulses and its triggers."""
-        stated = None if self.stated_duration is None else "as stated"
+        stated = None if self.fastest else self.describe_objective()
         title = f"{self.program.name} on {self.machine.name}, order {self.order}"
         units = {axis.name: axis.unit for axis in self.machine.axes}
         return (
-            timing_table(title, self.trajectory.duration, self.lower_estimate, stated),
+            timing_table(
+                title, self.trajectory.duration, self.lower_estimate, self.known[0] if self.known else None, stated
+            ),
             *self.certificate.tables(),
             *fit_tables(self.path.fit),
             *blend_tables(self.path.blends),
@@ -142,6 +175,53 @@ class Plan(Result):
             *schedule_tables(self.pulses, units),
             *trigger_tables(self.triggers, self.path.names),
         )
+
+    def describe_objective(self) -> str:
+        """What it was to be instead of the fastest, in a few words; nothing if it was."""
+        if self.stated_duration is not None:
+            return "as stated"
+        return "" if self.fastest else f"with the least {self.objective}"
+
+    def trade(self, weights: Sequence[float] = WEIGHTS) -> Tradeoff:
+        """Duration against heat along this path, from the fastest motion on: the least of each objective.
+
+        Raises MotionError as `planner.tradeoffs.objective.solve_objective`.
+        """
+        return trade(self.path, self.limits, self.machine.axes, self.order, weights)
+
+    def hold(self, at: float) -> "Section":
+        """The soonest stop along the path from an instant `at` (s) on: certified, with pulses behind those sent before.
+
+        Raises MotionError for an instant at which it does not move (`planner.interruption.hold`).
+        """
+        from planner.interruption.hold import hold
+
+        return hold(self.whole(), at)
+
+    def resume(self, stop: "Section | float") -> "Section":
+        """The fastest motion from a stop, or from rest at a place (m of the path), to the end."""
+        from planner.interruption.hold import resume
+
+        return resume(self.whole(), stop if isinstance(stop, (int, float)) else stop.until)
+
+    def override(self, share: float) -> "Section":
+        """The whole motion at a share of its speed, above 0 and up to 1, certified, with pulses."""
+        from planner.interruption.hold import override
+
+        return override(self.whole(), share)
+
+    def stops(self, count: int = 50) -> "Stops":
+        """How soon and how far it comes to rest, if held, from each of `count` instants."""
+        from planner.interruption.hold import find_stops
+
+        return find_stops(self.whole(), count)
+
+    def whole(self) -> "Whole":
+        """What sections of it are made of (`planner.interruption`)."""
+        from planner.interruption.section import Whole
+
+        program, motion = self.program, (self.path, self.trajectory, self.certificate, self.pulses)
+        return Whole(program.name, self.machine, *motion, self.order, program.tool)
 
     def data(self) -> Table:
         """The motion over time; `certificate` and `pulses` have data of their own."""
@@ -155,6 +235,9 @@ def plan(
     order: int | None = None,
     clock_hz: int = 10_000_000,
     duration: float | None = None,
+    objective: str | Objective = TIME,
+    gap: float | None = None,
+    effort: int = EFFORT,
     rule: str | Rule = "nearest",
     solver: Solver = "passes",
     progress: Progress | None = None,
@@ -164,9 +247,12 @@ def plan(
     order 2 keeps speed and acceleration, 3 jerk as well; None: 3 where the machine states jerk limits. The pulse rates
     that it keeps are those that the clock's whole ticks and the rule can hold (`planner.pulses.pace_axes`).
     duration (s): the smoothest motion that takes so long instead (`planner.timing.stated_duration.solve_stated`);
-    None: what the program states, if it does. solver: of order 2, "passes" (our own) or "toppra", whose motion is
-    solved anew or slowed like ours until its proof holds. rule: of firing, or its name and options
-    ("sampled:period=50us"). progress is told how many of the runs between stops are solved, and of how many, and then
+    None: what the program states, if it does. objective: "time", or the least of a weighed sum with heat, as
+    "time + 0.2 heat" (`planner.tradeoffs.objective`). gap: the share of the least time that it is to be proved within,
+    by so many rounds (effort) of finer bounds and grids (`solve_within`); `Plan.gap` says what is proved.
+    solver: of order 2, "passes" (our own) or "toppra", whose motion is solved anew or slowed like ours until its proof
+    holds. rule: of firing, or its name and options ("sampled:period=50us"). progress is told how many of the runs
+    between stops are solved, and of how many, and then
     how far the pulses are. Raises Infeasible (what, where, by how much, remedy), OutOfReach, or MotionError.
     """
     if order is None:
@@ -178,14 +264,25 @@ def plan(
     duration = program.duration if duration is None else duration
     if duration is not None and not 0 < duration < np.inf:
         raise MotionError(f"duration {duration} s must be positive and finite")
+    objective = read_objective(objective) if isinstance(objective, str) else objective
+    if duration is not None and objective.heat > 0:
+        raise MotionError(f'objective "{objective}" finds a duration of its own: omit it, or the one of {duration:g} s')
+    if gap is not None:
+        _refuse_gap(gap, effort, duration is None and objective.heat == 0)
     rule = find_rule(rule) if isinstance(rule, str) else rule
     if solver != "passes":
         _refuse_solver(solver, order, duration)
+        if objective.heat > 0:
+            raise MotionError(f'solver toppra finds the fastest motion: omit it, or objective "{objective}"')
     program = orient_open(program, machine, order)
     try:
         path = actuate(program, machine)
         limits = limits_of(path, pace_axes(machine.axes, int(clock_hz), rule), order)
-        if duration is None:
+        if objective.heat > 0:
+            solution = solve_objective(path, limits, machine.axes, order, objective, progress)
+        elif gap is not None:
+            solution = solve_within(path, limits, order, gap, effort, progress, solver=solver)
+        elif duration is None:
             solution = certified_solve(path, limits, order, progress, solver=solver)
         else:
             solution = solve_stated(path, limits, machine.axes, order, duration, progress)
@@ -206,7 +303,18 @@ def plan(
         solution.methods,
         solution.lower_estimate,
         duration,
+        objective,
+        solution.known,
     )
+
+
+def _refuse_gap(gap: float, effort: int, fastest: bool) -> None:
+    if not 0 < gap < np.inf:
+        raise MotionError(f"gap {gap:g} must be a positive share, as 0.001 for 0.1 %")
+    if effort < 0:
+        raise MotionError(f"effort {effort} must be 0 rounds or more")
+    if not fastest:
+        raise MotionError("a gap is one to the fastest motion: omit it, or the duration or objective that is stated")
 
 
 def _refuse_solver(solver: str, order: int, duration: float | None) -> None:

@@ -19,6 +19,8 @@ from planner.limits import Limit
 from planner.plan import ACTIVE_SHARE, Plan, active_limits
 from planner.pulses import PulseCheck, RealisedPath
 from planner.pulses.schedule import RATE_WINDOWS
+from planner.tradeoffs.limit_worth import LimitChange, Worth
+from planner.tradeoffs.pareto import Tradeoff
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,6 +41,9 @@ def write_report(
     rig: Rig | None = None,
     untracked: str = "",
     crossed: CrossCheck | None = None,
+    worth: Worth | None = None,
+    change: LimitChange | None = None,
+    tradeoff: Tradeoff | None = None,
 ) -> None:
     """Write the report page to `path` and its figures to `figures/*.png` next to it.
 
@@ -51,11 +56,14 @@ def write_report(
     rig        that the laws were run on, which the page names
     untracked  why the page has no errors of laws, or what rig to take for them
     crossed    toppra's motion beside the plan's, if there is to be such a part
+    worth      what the limits are worth, if there is to be such a part; change: a motion with more of one
+    tradeoff   duration against heat, if there is to be such a part
     """
-    figures = draw(plan, classical, metrics, realised) if figures is None else figures
-    path.write_text(
-        _page(plan, classical, metrics, verdict, others, realised, figures, rig, untracked, crossed), encoding="utf-8"
+    figures = draw(plan, classical, metrics, realised) | draw_worth(worth, tradeoff) if figures is None else figures
+    page = _page(
+        plan, classical, metrics, verdict, others, realised, figures, rig, untracked, crossed, worth, change, tradeoff
     )
+    path.write_text(page, encoding="utf-8")
     folder = path.parent / "figures"
     for name, image in figures.items():
         folder.mkdir(exist_ok=True)
@@ -72,9 +80,10 @@ def summary(plan: Plan, classical: Classical, verdict: PulseCheck) -> dict[str, 
     again = f", run {plan.program.repeat} times" if plan.program.repeat > 1 else ""
     radian = f"a pure turn counts its angle times {1e3 * plan.machine.characteristic_length:.3f} mm"
     return {
-        "Duration": f"{plan.trajectory.duration:.6f} s{'' if plan.stated_duration is None else ', as stated'}",
+        "Duration": f"{plan.trajectory.duration:.6f} s{'' if plan.fastest else f', {plan.describe_objective()}'}",
         "Baseline timing": f"{classical.duration:.6f} s ({what})",
         "Time saved": f"{saved:.6f} s ({100 * saved / classical.duration:.2f} %{unlike})",
+        **_bound(plan),
         "Segments": f"{len(plan.program.segments)}{again}",
         "Length of the path": f"{1e3 * float(plan.path.breaks[-1]):.3f} mm ({radian})",
         **_fit(plan),
@@ -85,6 +94,14 @@ def summary(plan: Plan, classical: Classical, verdict: PulseCheck) -> dict[str, 
         "Highest pulse rate": f"{verdict.highest_rate:.1f} 1/s",
         "Pulse check": f"{verdict.fault_count} errors; {_exactness(plan, verdict)}",
     }
+
+
+def _bound(plan: Plan) -> dict[str, str]:
+    """How near to the fastest it is, where that was proved: reading it proves it, which may take long."""
+    if not plan.known:
+        return {}
+    near = f" ({plan.bound.describe()})" if plan.fastest else ""
+    return {"Lower bound, proved": f"{plan.lower_bound:.6f} s{near}"}
 
 
 def _fit(plan: Plan) -> dict[str, str]:
@@ -146,6 +163,13 @@ def draw_comparisons(plan: Plan, classical: Classical, realised: RealisedPath | 
         return figures | ({"realised": render_png(*_draw_realised(realised))} if realised else {})
 
 
+def draw_worth(worth: Worth | None, tradeoff: Tradeoff | None = None) -> dict[str, bytes]:
+    """The figures of what limits are worth, if any is worth anything, and of duration against heat."""
+    with style():
+        found = {"worth": render_png(*_draw_worth(worth))} if worth is not None and worth.rank() else {}
+        return found | ({"tradeoff": render_png(tradeoff.plot())} if tradeoff is not None else {})
+
+
 def draw_tracking(metrics: Sequence[Metrics]) -> dict[str, bytes]:
     """The figure of the laws' errors, if there are any."""
     with style():
@@ -173,6 +197,16 @@ def _draw_limit_use(plan: Plan) -> "list[Axes]":
     limit_use(plan, axes[0], "path")
     limit_use(plan, axes[1], "time")
     _add_legend(axes[0])
+    return axes
+
+
+def _draw_worth(worth: Worth) -> "list[Axes]":
+    from planner.tradeoffs.figures import worth_along
+
+    axes = _stack_axes(2, 3.6, share=False)
+    worth.plot(axes[0])
+    worth_along(worth, axes[1])
+    _add_legend(axes[1])
     return axes
 
 
@@ -236,6 +270,9 @@ def _page(
     rig: Rig | None,
     untracked: str,
     crossed: CrossCheck | None,
+    worth: Worth | None,
+    change: LimitChange | None,
+    tradeoff: Tradeoff | None,
 ) -> str:
     return render(
         "report.html.j2",
@@ -247,6 +284,9 @@ def _page(
         rig=rig,
         untracked=untracked,
         crossed=crossed,
+        worth=worth,
+        change=change,
+        tradeoff=tradeoff,
         verdict=verdict,
         realised=realised,
         triggers=plan.triggers,

@@ -76,7 +76,8 @@ def solve_balls(a_mid: Array, a_rad: Array, b_mid: Array, b_rad: Array, mid: Arr
                     error += abs(guess[i, k]) * a_rad[0, cell, k, j]
                 rows[i] += abs((1.0 if i == j else 0.0) - product) + error + terms * EPS * size
             rows[i] *= 1 + 2 * terms * EPS
-            norm = rows[i] if not rows[i] <= norm else norm  # also what is not a number
+            if norm == norm and not rows[i] <= norm:  # what is not a number stays
+                norm = rows[i]
         for k in range(len(mid)):
             for i in range(n):
                 known[i], blur[i] = b_mid[k, cell, i], b_rad[k, cell, i]

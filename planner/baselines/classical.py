@@ -26,7 +26,7 @@ from planner.limits.limit import Limit, Term
 from planner.limits.resonance import Resonance
 from planner.path.actuation import ActuatorPath, MachinePath, actuate
 from planner.plan import Plan
-from planner.program.model import Program, stop_at_joins
+from planner.program.model import MovingSegment, Program, stop_at_joins
 from planner.timing.certified_run import Timing, required_slowness
 from planner.timing.certified_solve import certified_solve
 from planner.timing.problem import Block, Problem, Run, make_grid, pose_problem
@@ -232,15 +232,23 @@ _STOPPING_PATHS: WeakKeyDictionary[MachinePath, tuple[MachinePath, tuple[Limit, 
 
 
 def _stopping_path(plan: Plan | Course) -> tuple[MachinePath, tuple[Limit, ...]]:
-    """The path with a stop at every join, and its violations that slowing down cannot fix.
+    """The path with a stop at every join and no constant speeds, and its violations that slowing down cannot fix.
 
     It is one path for all kinds, and the plan's own if that stops so, since what place alone asks is proved once for
     each path.
     """
-    if plan.path.stops(2).all() and plan.path.end_speeds == (0.0, 0.0):
+    free = all(plan.path.constant(piece) is None for piece in range(len(plan.path.breaks) - 1))
+    if free and plan.path.stops(2).all() and plan.path.end_speeds == (0.0, 0.0):
         return plan.path, tuple(limit for limit in plan.limits if limit.geometric)
     if plan.path not in _STOPPING_PATHS:
-        path = actuate(replace(stop_at_joins(plan.program), start_speed=0.0, end_speed=0.0), plan.machine)
+        program = stop_at_joins(plan.program)
+        segments = tuple(
+            replace(segment, speed_constant=False)
+            if isinstance(segment, MovingSegment) and segment.speed_constant
+            else segment
+            for segment in program.segments
+        )
+        path = actuate(replace(program, segments=segments, start_speed=0.0, end_speed=0.0), plan.machine)
         limits = limits_of(path, plan.machine.axes, 2)
         _STOPPING_PATHS[plan.path] = path, tuple(limit for limit in limits if limit.geometric)
     return _STOPPING_PATHS[plan.path]

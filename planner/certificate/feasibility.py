@@ -107,6 +107,10 @@ class Standing(Result):
         return uses, *fit_tables(self.fit), *blend_tables(self.blends), *departure_tables(self.departures)
 
 
+TIE_DIGITS = 9
+"""Of a limit's use, beyond which two are the same."""
+
+
 def prove_feasibility(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:
     """Bound the geometric limits over the path, walked at unit speed: what they use is the same under every timing."""
     along = unit_speed_trajectory(path)
@@ -149,7 +153,9 @@ def prove_feasibility(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:
                 if most[channel] > found.get((limit.name, piece, channel), (0.0,))[0]:
                     told = limit_violation(limit, float(value[rows[channel], channel]), channel, places[channel])
                     found[limit.name, piece, channel] = float(most[channel]), told
-    return Standing(tuple(told for _, told in sorted(found.values(), key=lambda pair: -pair[0])), largest)
+    # where two pieces meet both are as far out: that is the fault of the one that leads there
+    worst_first = sorted(found.items(), key=lambda item: (-round(item[1][0], TIE_DIGITS), item[0][1]))
+    return Standing(tuple(told for _, (_, told) in worst_first), largest)
 
 
 def _state_at_points(along: Trajectory, part: int) -> State:

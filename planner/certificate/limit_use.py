@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinematics.foundation.arrays import Array, largest_in_rows
+from planner.certificate.continuity import INSTANT_ROUNDING
 from planner.certificate.enclosure import Cells, bound_series, enclose, find_extremes
 from planner.certificate.ranges import Ranges, bound_balls, bound_ranges
 from planner.limits.limit import Limit
@@ -32,16 +33,19 @@ class ProvedUse:
     """What is proved already: per limit, use and attained of each time piece (M,), NaN where nothing is yet.
 
     Of geometric limits, what is attained: what they use is proved along the path.
+
+    of  (6, M)  that it was proved of: s, ṡ, s̈ at the start, s⃛, duration and path piece of each time piece
     """
 
     use: dict[str, Array]
     attained: dict[str, Array]
+    of: Array
 
     @classmethod
     def make_empty(cls, limits: Sequence[Limit], pieces: int) -> "ProvedUse":
         names = [[limit.name for limit in some] for some in ([each for each in limits if not each.geometric], limits)]
         use, attained = ({name: np.full(pieces, np.nan) for name in each} for each in names)
-        return cls(use, attained)
+        return cls(use, attained, np.full((6, pieces), np.nan))
 
     @classmethod
     def join(cls, parts: "Sequence[ProvedUse]") -> "ProvedUse":
@@ -50,7 +54,20 @@ class ProvedUse:
             {name: np.concatenate([getattr(part, each)[name] for part in parts]) for name in getattr(parts[0], each)}
             for each in ("use", "attained")
         )
-        return cls(use, attained)
+        return cls(use, attained, np.concatenate([part.of for part in parts], axis=1))
+
+    def fit(self, trajectory: Trajectory) -> "ProvedUse":
+        """What of it is of a trajectory: of time pieces with other numbers, rounded instants aside, nothing."""
+        lengths = np.diff(trajectory.knots)
+        own = np.stack([trajectory.s, trajectory.v, trajectory.a, trajectory.j, self.of[4], trajectory.piece])
+        with np.errstate(invalid="ignore"):
+            rounded = np.abs(lengths - self.of[4]) <= INSTANT_ROUNDING * trajectory.knots[1:]
+        same = rounded & (own == self.of).all(0)
+        if same.all():
+            return self
+        kinds = self.use, self.attained
+        use, attained = ({name: np.where(same, values, np.nan) for name, values in each.items()} for each in kinds)
+        return ProvedUse(use, attained, self.of)
 
 
 def prove(
@@ -63,10 +80,11 @@ def prove(
     attained = {limit.name: np.zeros(len(lengths)) for limit in limits}
     cells = whole
     if known is not None:
+        unknown = np.any([np.isnan(known.use[name]) for name in use], axis=0)
         for name, values in use.items():
             for new, old in ((values, known.use[name]), (attained[name], known.attained[name])):
-                new[:] = np.where(np.isnan(old), 0.0, old)
-        cells = whole[np.isnan(known.use[limits[0].name])[whole.k]]
+                new[:] = np.where(unknown, 0.0, old)
+        cells = whole[unknown[whole.k]]
     if not len(cells.k):
         return use, attained
     # what geometry asks for is not bounded over time

@@ -24,10 +24,8 @@ from planner.trajectory import MIN_PARTS, PER_RADIAN, Trajectory
 
 # Order of the series along the path, and how many stretches of it there are to one of `unit_speed_trajectory`.
 PATH_ORDER, STRETCHES = 8, 2
-# What a group of cells takes of its stretch at least.
-LEAST_EXTENT = 2.0**-29
-# Powers of τ that are kept beyond the highest derivative.
-MORE_POWERS = 4
+# What a group of cells takes of its stretch at least; powers of τ that are kept beyond the highest derivative.
+LEAST_EXTENT, MORE_POWERS = 2.0**-29, 4
 # Cells that are bounded together: their numbers stay in the processor's cache.
 CELLS = 64
 # Share of a polynomial's lower coefficients up to which its cubic one is little beside what bounds may be off.
@@ -365,11 +363,13 @@ def bound_motion(
                         if abs(a1[n]) < 2 * abs(a2[n]):
                             one[n] = -a1[n] / (2 * a2[n])
                     else:
-                        square = a2[n] * a2[n] - 3 * a1[n] * a3[n]
+                        unit = abs(a1[n]) + abs(a2[n]) + abs(a3[n])  # else squares vanish, or are beyond all numbers
+                        b1, b2, b3 = a1[n] / unit, a2[n] / unit, a3[n] / unit
+                        square = b2 * b2 - 3 * b1 * b3
                         if square > 0:
-                            root = -a2[n] - np.sqrt(square) if a2[n] > 0 else -a2[n] + np.sqrt(square)
-                            one[n] = root / (3 * a3[n]) if abs(root) < 3 * abs(a3[n]) else 0.0
-                            other[n] = a1[n] / root if abs(a1[n]) < abs(root) else 0.0
+                            root = -b2 - np.sqrt(square) if b2 > 0 else -b2 + np.sqrt(square)
+                            one[n] = root / (3 * b3) if abs(root) < 3 * abs(b3) else 0.0
+                            other[n] = b1 / root if abs(b1) < abs(root) else 0.0
                 for k in range(6, powers - m + 1):
                     for n in range(count):
                         slack[n] += abs(e[k, n])

@@ -203,6 +203,10 @@ class Force(AxisLimit):
     def tight(self, met: Array) -> Array:
         return tight(met)
 
+    def _scale(self, factors: Array) -> None:
+        super()._scale(factors)
+        self.__dict__.pop("holding_share", None)
+
     def rows(self, points: Points) -> Rows:
         found = force_terms(self.machine, points)
         return Rows({term: found[term] for term in found if term in self.terms}, self.bounds)
@@ -260,6 +264,9 @@ class TorqueSpeed(Limit):
 
     def tight(self, met: Array) -> Array:
         return tight(met)
+
+    def _scale(self, factors: Array) -> None:
+        raise MotionError(f"{self.name} is a curve, which no one number scales: state another in the machine's file")
 
     def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:
         fastest = np.maximum(np.abs(low), np.abs(high))

@@ -2,9 +2,10 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
 
@@ -138,6 +139,23 @@ class Limit(ABC):
         """A value as people say it and the limit that it is held against, SI."""
         return abs(value), float(self.bounds[channel])
 
+    def scale(self, factor: float, channel: int | None = None) -> Self:
+        """The same limit with the bounds of a channel, or of all, so many times as large, in both directions.
+
+        Raises MotionError where it is no matter of one number.
+        """
+        if self.geometric:
+            raise MotionError(f"{self.name} does not depend on timing: changing it saves no time along the same path")
+        changed = copy(self)
+        factors = np.ones(len(self.bounds))
+        factors[channel if channel is not None else slice(None)] = factor
+        changed._scale(factors)
+        return changed
+
+    def _scale(self, factors: Array) -> None:
+        """Multiply what states its bounds by factors (m,)."""
+        self.bounds = freeze_array(self.bounds * factors)
+
     def rows(self, points: Points) -> Rows:
         """What the solvers must keep at N grid points."""
         raise MotionError(f"{self.name} is geometric: it puts no row into a timing problem")
@@ -164,6 +182,9 @@ class AxisLimit(Limit):
 
     def report_value(self, value: float, channel: int) -> tuple[float, float]:
         return abs(value), float((self.bounds if value > 0 else self.below)[channel])
+
+    def _scale(self, factors: Array) -> None:
+        self.bounds, self.below = freeze_array(self.bounds * factors), freeze_array(self.below * factors)
 
 
 _UNITS: dict[str, Callable[[str], tuple[str, float]]] = {

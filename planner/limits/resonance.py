@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import Axis
 from planner.limits.limit import AxisLimit, LimitState, Quantity, Rows, Term
 from planner.path.actuation import Points
@@ -76,6 +77,9 @@ class Resonance(AxisLimit):
 
     def value(self, motion: LimitState) -> Quantity:
         return motion.qd
+
+    def _scale(self, factors: Array) -> None:
+        raise MotionError(f"{self.name} is a band, which no one number scales: state another in the machine's file")
 
     def rows(self, points: Points) -> Rows:
         bound: Array = np.tile(self.bounds, (len(points.s), 1))

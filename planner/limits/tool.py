@@ -31,6 +31,9 @@ class ToolLimit(Limit):
     def report_value(self, value: float, channel: int) -> tuple[float, float]:
         return float(np.sqrt(max(value, 0.0))), float(self.bounds[channel])
 
+    def _scale(self, factors: Array) -> None:
+        self.caps, self.bounds = freeze_array(self.caps * factors[0]), freeze_array(self.bounds * factors)
+
 
 def squared_norm(rates: Quantity, columns: Iterable[int]) -> Quantity:
     """‖·‖² (N, 1) of the vectors that some columns of rates make."""

@@ -226,10 +226,10 @@ class RunCertifier:
         attained |= use_at_knots(motion, [limit for limit in self.limits if limit.geometric])
         ends = np.cumsum([len(profile.h) for profile in profiles])[:-1]
         parts = [{name: np.split(values, ends) for name, values in each.items()} for each in (use, attained)]
-        return [
-            ProvedUse(*({name: values[n] for name, values in part.items()} for part in parts))
-            for n in range(len(profiles))
-        ]
+        used, met = (
+            [{name: values[n] for name, values in part.items()} for n in range(len(profiles))] for part in parts
+        )
+        return [ProvedUse(*each) for each in zip(used, met, (one.numbers() for one in profiles), strict=True)]
 
     def _tighten(self, one: CertifiedRun) -> CertifiedRun | MotionError | None:
         """Timed anew where it does not hold; None where it does, or where nothing is left to try."""
@@ -304,7 +304,7 @@ def _find_room(solution: RunSolution) -> Mapping[str, Array] | None:
     return {block.name: block.room for block in problem.blocks}
 
 
-NOTHING_KNOWN = ProvedUse({}, {})
+NOTHING_KNOWN = ProvedUse({}, {}, np.zeros((6, 0)))
 
 
 def hold_axes(limits: Sequence[Limit], held: Sequence[SpeedCap]) -> tuple[Limit, ...]:

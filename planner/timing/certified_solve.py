@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.errors import MotionError
+from kinematics.foundation.errors import MotionError, attempt
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from planner.certificate.certify import Certificate, certify
@@ -19,6 +19,7 @@ from planner.parallel import Progress, spread
 from planner.path.actuation import ActuatorPath
 from planner.path.stands import count_zero_derivatives
 from planner.timing.certified_run import MAX_CERTIFY_ROUNDS, CertifiedRun, RunCertifier, Timing, hold_axes, tighten_run
+from planner.timing.duration_bound import DurationBound, bound_duration
 from planner.timing.parts import solve_in_parts, tighten_in_parts
 from planner.timing.problem import Continuation, Run, Solver
 from planner.timing.profile import Profile
@@ -28,6 +29,8 @@ from planner.trajectory import Trajectory
 # Runs that are solved and proved together: what one of them takes is more than handing it to another process. Of many,
 # more, which takes less time each; parts that are left for each process to be through at about the same time.
 PART_RUNS, MANY_PARTS = 8, 32
+EFFORT = 3
+"""Rounds in which a motion and its bound come nearer to each other, if not told."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,26 +51,50 @@ class Solution(Result):
     methods: tuple[str, ...]
     lower_estimate: float
     last_room: Mapping[str, Array] | None = field(default=None, repr=False)
+    known: list[DurationBound] = field(default_factory=list, repr=False, compare=False)
+
+    @property
+    def bound(self) -> DurationBound:
+        """What is proved of the least time; worked out when first asked for, in some times the time of solving."""
+        if not self.known:
+            self.known.append(bound_duration(self.trajectory, self.limits, self.order))
+        return self.known[0]
+
+    @property
+    def lower_bound(self) -> float:
+        """s; no motion within the limits takes less, proved, whatever `bound.left_out` names."""
+        return self.bound.value
 
     @property
     def gap(self) -> float:
-        """How far the duration is above the estimate of its lower bound, as a share of that."""
-        return self.trajectory.duration / self.lower_estimate - 1
+        """How far the duration is above the proven lower bound, as a share of that."""
+        return self.bound.gap
 
     def tables(self) -> tuple[Table, ...]:
         """How long it takes, and how long about it must; its certificate."""
         title = f"motion at order {self.order}, by {', '.join(sorted(set(self.methods)))}"
-        return timing_table(title, self.trajectory.duration, self.lower_estimate), *self.certificate.tables()
+        bound = self.known[0] if self.known else None
+        return timing_table(title, self.trajectory.duration, self.lower_estimate, bound), *self.certificate.tables()
 
     def data(self) -> Table:
         """The motion over time."""
         return self.trajectory.data()
 
 
-def timing_table(title: str, duration: float, least: float | None = None, note: str | None = None) -> Table:
-    """What a motion takes, and the estimate of the least that any would; note: what there is to say of the first."""
+def timing_table(
+    title: str,
+    duration: float,
+    least: float | None = None,
+    bound: DurationBound | None = None,
+    note: str | None = None,
+) -> Table:
+    """What a motion takes, and what is proved or else estimated of the least that any would; note: of the first."""
     what, times, notes = ["duration"], [duration], [note]
-    if least is not None:
+    if bound is not None:
+        what.append("lower bound, proved")
+        times.append(bound.value)
+        notes.append(bound.describe())
+    elif least is not None:
         what.append("lower bound, estimated")
         times.append(least)
         notes.append(f"the duration is {100 * (duration / least - 1):.2f} % above it")
@@ -84,6 +111,7 @@ def certified_solve(
     solver: Solver = "passes",
     proving: bool = True,
     continuation: Continuation | None = None,
+    fineness: int = 1,
 ) -> Solution:
     """The motion of every run between stops, discretized, solved, certified and tightened until it holds, as a whole.
 
@@ -96,13 +124,14 @@ def certified_solve(
     solver    of order 2
     proving   else a motion of which no round holds is returned, its certificate as it is
     continuation  what the first run goes on with
+    fineness  times as many intervals as usual
     """
     if timing is None:
         for worst in prove_feasibility(path, limits).violations:
             raise worst
         timing = _fastest_timing(path, order)
     stops = np.flatnonzero(path.stops(order))
-    runs = [replace(run, solver=solver) for run in _split_runs(path, stops)]
+    runs = [replace(run, solver=solver, fineness=fineness) for run in _split_runs(path, stops)]
     runs[0] = replace(runs[0], continuation=continuation)
     size = max(PART_RUNS, -(-len(runs) // MANY_PARTS))
     parts = [runs[first : first + size] for first in range(0, len(runs), size)]
@@ -126,6 +155,35 @@ def certified_solve(
     if proving and not certificate.holds:
         raise _unproved_error(trajectory, limits, certificate)
     return Solution(trajectory, certificate, limits, order, rounds, methods, least, room)
+
+
+def solve_within(
+    path: ActuatorPath,
+    limits: Sequence[Limit],
+    order: int,
+    gap: float,
+    effort: int = EFFORT,
+    progress: Progress | None = None,
+    *,
+    solver: Solver = "passes",
+) -> Solution:
+    """The fastest motion, proved to be within a share (gap) of the least time, or as near as so many rounds come.
+
+    In each round the cells of the bound are made finer where they lose most; then the motion's grid is. A bound is one
+    of all motions: the best of all rounds counts. Raises as `certified_solve`.
+    """
+    best = certified_solve(path, limits, order, progress, solver=solver)
+    bound: DurationBound | None = None
+    for n in range(effort + 1):
+        found = bound_duration(best.trajectory, limits, order, gap=gap)
+        bound = found if bound is None or found.value > bound.value else bound
+        bound = replace(bound, duration=best.trajectory.duration)
+        if bound.gap <= gap or n == effort:
+            break
+        finer = attempt(partial(certified_solve, path, limits, order, solver=solver, fineness=2 ** (n + 1)))
+        if not isinstance(finer, MotionError) and finer.trajectory.duration < best.trajectory.duration:
+            best = finer
+    return replace(best, known=[bound] if bound is not None else [])
 
 
 def _fastest_timing(path: ActuatorPath, order: int) -> Timing:

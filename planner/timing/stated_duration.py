@@ -110,7 +110,7 @@ def solve_stated(
         return best
     rests = float(path.dwells.sum())
     slower = (duration - rests) / (shortest - rests)
-    smooth = SmoothTiming(order, tuple(axes), _axis_weights(path, axes), slower, _runs(path, best, order))
+    smooth = SmoothTiming(order, tuple(axes), _axis_weights(path, axes), slower, cut_runs(path, best, order))
     timing = Timing(smooth.solve, smooth.tighten)
     found = certified_solve(path, best.limits, order, progress, timing=timing)
     return replace(found, lower_estimate=best.lower_estimate)
@@ -130,7 +130,7 @@ def _refuse(path: ActuatorPath) -> None:
         )
 
 
-def _runs(path: ActuatorPath, best: Solution, order: int) -> dict[int, Profile]:
+def cut_runs(path: ActuatorPath, best: Solution, order: int) -> dict[int, Profile]:
     """The fastest motion of each run, out of the whole, by the run's first piece."""
     motion = best.trajectory
     moves = (motion.v != 0) | (motion.a != 0) | (motion.j != 0)

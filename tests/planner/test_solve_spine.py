@@ -18,7 +18,7 @@ PACKAGES = tuple(
     f"{ROOT / name}{os.sep}" for name in ("kinematics", "planner", "controllers", "benchmarks", "pulsepath")
 )
 # Reached with the circle at order 2, and room for a helper or two; the rest of its way is no longer than this.
-MOST_FILES, MOST_FUNCTIONS, DEEPEST = 57, 390, 7
+MOST_FILES, MOST_FUNCTIONS, DEEPEST = 58, 390, 7
 
 
 @pytest.fixture(scope="module")

@@ -20,7 +20,7 @@ from planner.figures import axis_motion, limit_use, path_in_space, pulse_rate
 from planner.plan import active_limits
 from planner.pulses import check
 
-FIGURES = {"path", "axes", "limits", "pulses", "realised", "tracking", "classical"}
+FIGURES = {"path", "axes", "limits", "pulses", "realised", "tracking", "classical", "worth"}
 
 
 class Page(HTMLParser):
@@ -80,7 +80,18 @@ def realised(planned):
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory, planned, baseline, metrics, verdict, realised):
     folder = tmp_path_factory.mktemp("report")
-    write_report(planned, baseline, metrics, folder / "report.html", verdict=verdict, realised=realised)
+    worth = planned.worth
+    change = worth.replan(*worth.best, 0.2)
+    write_report(
+        planned,
+        baseline,
+        metrics,
+        folder / "report.html",
+        verdict=verdict,
+        realised=realised,
+        worth=worth,
+        change=change,
+    )
     return folder
 
 
@@ -121,9 +132,19 @@ def test_every_figure_is_there_and_in_the_page(folder, page):
         assert png.startswith(b"\x89PNG\r\n\x1a\n")
 
 
+def test_it_says_what_limits_are_worth(text, page, planned):
+    worth = planned.worth
+    assert worth.describe() in text
+    assert "20 % higher saves" in text
+    rows = page.tables["worth"]
+    assert [row[:2] for row in rows[1:]] == [[worth.limits[k], worth.axes[k]] for k in worth.rank()]
+    assert number(rows[1][2]) == pytest.approx(1e3 * worth.saved.max(), abs=5e-5)
+
+
 def test_the_summary_shows_the_plans_numbers(page, planned, baseline, verdict):
     rows = dict(page.tables["summary"])
     assert rows == summary(planned, baseline, verdict)
+    assert ("Lower bound, proved" in rows) == bool(planned.known)
     saved = baseline.duration - planned.trajectory.duration
     assert number(rows["Duration"]) == pytest.approx(planned.trajectory.duration, abs=5e-7)
     assert number(rows["Baseline timing"]) == pytest.approx(baseline.duration, abs=5e-7)
@@ -187,7 +208,7 @@ def test_names_are_escaped(tmp_path, planned, baseline, verdict):
     assert text.count("&lt;script&gt;alert(&#39;x&#39;)&lt;/script&gt; &amp; &#34;quoted&#34;") == 2
     # and without the pulses' path there is no part about it; without laws no table, but how to come by one
     assert {"tracking", "realised"}.isdisjoint(Page(text).tables)
-    assert {path.stem for path in (tmp_path / "figures").iterdir()} == FIGURES - {"tracking", "realised"}
+    assert {path.stem for path in (tmp_path / "figures").iterdir()} == FIGURES - {"tracking", "realised", "worth"}
     assert "pulsepath track DIR --rig RIG" in text
 
 

@@ -367,7 +367,9 @@ def test_what_is_known_is_kept_and_the_rest_is_proved(planned):
         {name: np.where(unknown, np.nan, values) for name, values in kind.items()}
         for kind in (fresh.use, fresh.attained)
     ]
-    again = certify(plan.trajectory, plan.limits, ProvedUse(*told))
+    motion = plan.trajectory
+    numbers = np.stack([motion.s, motion.v, motion.a, motion.j, np.diff(motion.knots), motion.piece])
+    again = certify(motion, plan.limits, ProvedUse(*told, numbers))
     assert again.holds
     for limit in plan.limits:
         name = limit.name
@@ -378,4 +380,12 @@ def test_what_is_known_is_kept_and_the_rest_is_proved(planned):
         assert (again.use[name] >= dense_use(plan.trajectory, limit) - 1e-12).all()
     # a lie about what is known shows in the result: nothing else is looked at there
     told[0]["speed"][50] = 1.5
-    assert not certify(plan.trajectory, plan.limits, ProvedUse(*told)).holds
+    assert not certify(motion, plan.limits, ProvedUse(*told, numbers)).holds
+    # but what was proved of other numbers is not believed, be they ever so near
+    numbers[1, 50] = np.nextafter(numbers[1, 50], 1.0)
+    assert certify(motion, plan.limits, ProvedUse(*told, numbers)).holds
+    told[0]["speed"][50], told[0]["acceleration"][50] = 0.1, np.nan  # of one limit something, of another nothing
+    numbers[1, 50] = motion.v[50]
+    again = certify(motion, plan.limits, ProvedUse(*told, numbers))
+    for limit in plan.limits:
+        assert (again.use[limit.name] >= dense_use(motion, limit) - 1e-12).all()

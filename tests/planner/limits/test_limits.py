@@ -243,6 +243,24 @@ def test_slowness_brings_a_motion_to_the_limit(falling_limit, motion, excess):
     assert used(quick.slowed(k)) == pytest.approx(1.0, rel=1e-12)
 
 
+def test_scaled_bounds_are_used_by_as_much_less(limit, motion):
+    """In the certificate and in the rows; a curve, a band and what no timing changes are not scaled."""
+    if limit.geometric or isinstance(limit, (TorqueSpeed, Resonance)):
+        with pytest.raises(MotionError, match=limit.name):
+            limit.scale(2.0)
+        return
+    value, piece = limit.value(motion.state), motion.trajectory.piece
+    before, of_rows = limit.use(value, value, piece), row_sum(limit, motion)[1]
+    for channel in (None, 0):
+        twice = limit.scale(2.0, channel)
+        factor = np.ones(before.shape[1])
+        factor[channel if channel is not None else slice(None)] = 2.0
+        assert twice.use(value, value, piece) == pytest.approx(before / factor, rel=1e-14)
+        rows = row_sum(twice, motion)[1]
+        assert rows == pytest.approx(of_rows * (2.0 if isinstance(limit, ToolLimit) else factor), rel=1e-14)
+    assert limit.use(value, value, piece) == pytest.approx(before, rel=0)
+
+
 def test_slowness_is_one_where_a_limit_is_kept(limit):
     assert limit.slowness(0.0) == limit.slowness(0.7) == limit.slowness(1.0) == 1.0
 

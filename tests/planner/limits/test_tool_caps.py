@@ -51,7 +51,7 @@ def test_a_turn_on_the_spot(hexapod, order):
     angle, cap = np.deg2rad(8), np.deg2rad(4)
     made = plan(Program([Turn(Rotation.from_euler("z", angle), angular_speed=cap)], start=BESIDE), hexapod, order=order)
     assert made.certificate.holds
-    assert made.certificate.worst["angular speed"] == pytest.approx(1.0, abs=2e-6)  # solvers aim 1e-6 below
+    assert made.certificate.worst["angular speed"] == pytest.approx(1.0, abs=5e-6)  # as solvers aim
     assert angle / cap < made.trajectory.duration < angle / cap + 0.1
     poses = made.trajectory.at(np.linspace(0, made.trajectory.duration, 20001)).pose
     turned = (poses[:-1].rotation.inv() * poses[1:].rotation).magnitude() * 20000 / made.trajectory.duration

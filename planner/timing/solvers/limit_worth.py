@@ -1,0 +1,51 @@
+"""What limits on acceleration, jerk and speed are worth along a path, by the multipliers of the dual problem.
+
+A row |r| ≤ B that has the multiplier f saves f dB where B grows. Where another row of the same kind binds beside it,
+one alone may not grow by much: b, or c under jerk, moves until the other has no room left.
+"""
+
+import numpy as np
+
+from kinematics.foundation.arrays import Array
+from planner.timing.solvers.dual import DualCells, Multipliers
+
+PER_CENT = 0.01
+
+
+def weigh_limits(cells: DualCells, found: Multipliers, took: float) -> tuple[Array, Array]:
+    """(M, 3, n) s each, per unit of relative change: what each limit saves that grows with all that bind beside it,
+    and for a change of one per cent what it saves that grows alone.
+
+    Of each axis' acceleration and jerk; the third is of speeds, for whichever binds, in its first entry.
+    took: s, the cells' unit of time.
+    """
+    count, axes = len(cells.width), cells.q.shape[3]
+    half = took * cells.width[:, None] / 2
+    together, alone = np.zeros((2, count, 3, axes))
+    together[:, 2, 0] = alone[:, 2, 0] = 2 * (_finite(found.speed) * half).sum(1)
+    x = np.where(np.isfinite(found.x), found.x, 1.0)
+    a, b, c = (x[:, :, k, None] for k in range(3))
+    root = np.sqrt(np.maximum(a, 0.0))
+    first, second, third = (cells.q[:, :, k] for k in range(3))
+    values = first * b + second * a, root * (first * c + 3 * second * b + third * a)
+    for kind, (value, slope, size) in enumerate(zip(values, (first, root * first), (1.0, root), strict=True)):
+        bounds = (cells.acceleration, cells.jerk)[kind]
+        force = _finite(found.rows[:, :, kind])
+        bound = np.where(force > 0, bounds[0], bounds[1])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            worth = np.where(np.isfinite(bound), np.abs(force) / size * half[:, :, None], 0.0)
+            worth = _finite(worth)
+            together[:, kind] = worth.sum(1)
+            for i in range(axes):
+                # by how much the others' values go when the bound of this one grows by one of itself
+                rate = slope * (np.sign(force) * bound / slope)[:, :, i : i + 1]
+                room = np.where(rate > 0, bounds[0] - value, bounds[1] + value)
+                growth = np.where(np.abs(rate) > 0, np.maximum(room, 0.0) / np.abs(rate), np.inf)
+                growth[:, :, i] = np.inf
+                share = np.minimum(growth.min(-1) / PER_CENT, 1.0)
+                alone[:, kind, i] = (worth[:, :, i] * np.where(np.isfinite(share), share, 1.0)).sum(1)
+    return together, alone
+
+
+def _finite(values: Array) -> Array:
+    return np.where(np.isfinite(values), values, 0.0)

@@ -1,0 +1,1 @@
+"""What a motion's limits and its objective cost: seconds saved by each limit, and time against heat."""

@@ -1,0 +1,70 @@
+"""Figures of what limits are worth, and of time against heat; `planner.figures` loads them."""
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from kinematics.foundation.figure import PALETTE, draw_bars, escape_dollars, new_axes
+from kinematics.foundation.result import draws
+from planner.tradeoffs.limit_worth import ALL, LimitChange, Worth
+from planner.tradeoffs.pareto import Tradeoff
+
+# Limits that are drawn, in bars and along the path, the least of the bars beside the largest, and parts of the path.
+MOST_BARS, MOST_BANDS, LEAST_BAR, WINDOWS = 16, 5, 2e-3, 150
+
+
+@draws(Worth)
+def limit_worths(worth: Worth, ax: Axes | None = None) -> Axes:
+    """What one per cent more of each limit saves, the most valuable first."""
+    rows = [k for k in worth.rank() if worth.saved[k] >= LEAST_BAR * worth.saved.max()][:MOST_BARS]
+    names = [_name(worth, k) for k in rows]
+    ax = draw_bars(names, [1e3 * float(worth.saved[k]) for k in rows], "ms saved by one per cent more", ax)
+    ax.set_axisbelow(True)
+    return ax
+
+
+def worth_along(worth: Worth, ax: Axes | None = None) -> Axes:
+    """Where along the path one per cent more of each axis' limits saves how much, with what binds beside it."""
+    ax = new_axes(ax)
+    edges = np.linspace(worth.ends[0], worth.ends[-1], WINDOWS + 1)
+    passed = np.concatenate([np.zeros((len(worth.along), 1)), np.cumsum(worth.along, axis=1)], axis=1)
+    width = 1e3 * (edges[1] - edges[0])
+    density = np.array([1e6 * np.diff(np.interp(edges, worth.ends, each)) / width for each in passed])
+    own = sorted((k for k in worth.rank() if worth.axes[k] != ALL), key=lambda k: -worth.together[k])
+    bands = [(_name(worth, k), density[k]) for k in own[:MOST_BANDS]]
+    if own[MOST_BANDS:]:
+        bands.append(("others", density[own[MOST_BANDS:]].sum(0)))
+    low = np.zeros(WINDOWS)
+    for n, (name, height) in enumerate(bands):
+        color = "#C8C8C8" if name == "others" else PALETTE[n % len(PALETTE)]
+        ax.stairs(low + height, 1e3 * edges, baseline=low, fill=True, label=escape_dollars(name), color=color)
+        low = low + height
+    ax.set(xlabel="distance along the path (mm)", ylabel="µs saved per mm by one per cent", xlim=1e3 * edges[[0, -1]])
+    ax.set_ylim(bottom=0)
+    ax.set_axisbelow(True)
+    return ax
+
+
+@draws(LimitChange)
+def changed_duration(change: LimitChange, ax: Axes | None = None) -> Axes:
+    """Both durations."""
+    after = change.solution.trajectory.duration
+    return draw_bars(
+        ["before", f"{change.limit} {100 * change.by:+g} %"], [after + change.saved, after], "time (s)", ax
+    )
+
+
+@draws(Tradeoff)
+def heat_over_duration(trade: Tradeoff, ax: Axes | None = None) -> Axes:
+    """Heat over duration, each motion with its weight of heat."""
+    ax = new_axes(ax)
+    ax.plot(trade.duration, 100 * trade.heat, "o-", color=PALETTE[0])
+    for weight, duration, heat in zip(trade.weights, trade.duration, trade.heat, strict=True):
+        ax.annotate(f"{weight:g}", (duration, 100 * heat), xytext=(5, 4), textcoords="offset points", fontsize="small")
+    ax.set(xlabel="duration (s)", ylabel="heat (% of the fastest motion's)")
+    ax.set_ylim(bottom=0)
+    return ax
+
+
+def _name(worth: Worth, row: int) -> str:
+    axis = worth.axes[row]
+    return worth.limits[row] if axis == "tool" else f"{worth.limits[row]}, {'all axes' if axis == ALL else axis}"

@@ -1,0 +1,170 @@
+"""The lower bound of the duration: never above what is known exactly or was found, and near it."""
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline, PPoly
+from scipy.optimize import linprog
+
+from kinematics import load_machine
+from planner import load_program, plan, time_optimal
+from planner.certificate.lower_bound import bound_cells, enclose_rows
+from planner.limits import limits_of
+from planner.path.actuation import actuate
+from planner.timing.certified_solve import certified_solve
+from planner.timing.solvers.inner_minimum import solve_inner
+
+
+def straight(length):
+    return PPoly(np.array([[[length]], [[0.0]]]), np.array([0.0, 1.0]))
+
+
+@pytest.fixture(scope="module")
+def circle():
+    machine = load_machine("hexapod")
+    path = actuate(load_program("bare-circle"), machine)
+    return {order: certified_solve(path, limits_of(path, machine.axes, order), order) for order in (2, 3)}
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_the_circle_is_within_a_thousandth_of_the_least(circle, order):
+    bound = circle[order].bound
+    assert 0 < circle[order].gap <= 1e-3
+    assert circle[order].lower_bound == bound.value
+    # what is lost is lost cell by cell, and nowhere less than nothing
+    assert bound.loss.sum() == pytest.approx(bound.duration - bound.value, rel=1e-6)
+    assert bound.loss.min() > -1e-12
+    assert bound.left_out == ("force",)
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_what_the_limits_are_worth_is_the_duration(circle, order):
+    """Speeds k, accelerations k², jerks k³ times as large make T/k: so T is their worth, weighed by these powers."""
+    worth = circle[order].bound.worth.sum((0, 2))
+    assert worth @ [2, 3, 1] == pytest.approx(circle[order].trajectory.duration, rel=2e-3)
+    assert (worth[1] > 0) == (order == 3)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_straight_moves_in_closed_form(seed):
+    rng = np.random.default_rng(seed)
+    length = 10 ** rng.uniform(-2, 1)
+    speed, acceleration, jerk = 10 ** rng.uniform(-1, 1.5, 3)
+    found = time_optimal(straight(length), max_speed=speed, max_acceleration=acceleration, max_jerk=jerk)
+    # the motion is the exact optimum but for 1e-9 of the limits
+    assert found.lower_bound <= found.trajectory.duration
+    assert found.gap < 3e-3
+    found = time_optimal(straight(length), max_speed=1e6, max_acceleration=acceleration)
+    exact = 2 * np.sqrt(length / acceleration)
+    assert exact * (1 - 2e-3) <= found.lower_bound <= exact
+
+
+def test_given_speeds_at_the_ends():
+    found = time_optimal(straight(1.0), max_speed=2.0, max_acceleration=1.0, start_speed=0.5, end_speed=1.0)
+    top = np.sqrt((0.5**2 + 1.0**2) / 2 + 1.0)
+    exact = 2 * top - 0.5 - 1.0
+    assert exact * (1 - 2e-3) <= found.lower_bound <= exact * (1 + 1e-12)
+    found = time_optimal(
+        straight(1.0), max_speed=2.0, max_acceleration=1.0, max_jerk=4.0, start_speed=0.5, end_speed=1.0
+    )
+    assert 0 <= found.gap < 2e-3
+
+
+@pytest.mark.parametrize("jerk", [None, 20.0])
+@pytest.mark.parametrize("seed", range(3))
+def test_random_splines(seed, jerk):
+    rng = np.random.default_rng(seed)
+    curve = CubicSpline(np.arange(8.0), rng.uniform(-1, 1, (8, 3)))
+    found = time_optimal(curve, max_speed=1.0, max_acceleration=2.0, max_jerk=jerk)
+    assert 0 <= found.gap < 1e-2
+    # a faster machine's motion is no proof that this bound is wrong; a slower one's bound is no lower
+    slower = time_optimal(curve, max_speed=1.0, max_acceleration=1.8, max_jerk=jerk)
+    assert slower.trajectory.duration >= found.lower_bound
+
+
+@pytest.mark.parametrize("jerk", [None, 5.0])
+def test_where_a_path_stands_or_turns_back(jerk):
+    cusp = PPoly(np.array([[[0.0, 1.0]], [[1.0, 0.0]], [[0.0, 0.0]], [[0.0, 0.0]]]), np.array([0.0, 1.0]))
+    there_and_back = CubicSpline([0.0, 1.0, 2.0], [[0.0, 0.0], [1.0, 0.5], [0.0, 0.0]])
+    for path in (cusp, there_and_back):
+        found = time_optimal(path, max_speed=1.0, max_acceleration=2.0, max_jerk=jerk)
+        assert found.gap >= 0
+        assert found.lower_bound > 0.3 * found.trajectory.duration
+
+
+@pytest.mark.parametrize("wrong", ["random", "sign", "rows", "one", "nothing"])
+def test_no_multipliers_lead_above_the_truth(circle, wrong):
+    """Weak duality: whatever λ and rows are handed over, what is proved is below what a motion takes."""
+    rng = np.random.default_rng(3)
+    found = circle[3]
+    path = found.trajectory.path
+    nodes = np.linspace(path.breaks[0], path.breaks[-1], 201)
+    rows = enclose_rows(path, found.limits, nodes, np.zeros(200, int))
+    least = found.trajectory.duration
+    for scale in 10.0 ** rng.uniform(-6, 1, 20):
+        x = (nodes / nodes[-1])[:, None]
+        smooth = scale * np.hstack([4 * (x - 0.5) * 30, -x * (1 - x)])
+        multipliers = {
+            "random": scale * rng.normal(size=(201, 2)),
+            "sign": -smooth,
+            "rows": smooth,
+            "one": smooth * np.where(np.arange(201) == 77, 3.0, 1.0)[:, None],
+            "nothing": 0 * smooth,
+        }[wrong]
+        given = (
+            scale * rng.normal(size=(200, 3, 2, 2, 6)) if wrong in ("random", "rows") else np.zeros((200, 3, 2, 2, 6))
+        )
+        bulge = scale * rng.normal(size=200) * (wrong == "random")
+        out = np.zeros(200)
+        bound_cells(
+            rows, True, multipliers, bulge, given, np.abs(rng.normal(size=(200, 3, 2))), np.full(200, 1e-4), out
+        )
+        assert out.sum() <= least
+
+
+def test_the_inner_minimum_is_that_of_its_linear_programme():
+    rng = np.random.default_rng(5)
+    for _ in range(40):
+        q = rng.normal(size=(3, 4))
+        acceleration, jerk = rng.uniform(1, 3, (2, 2, 4))
+        a, e = rng.uniform(0.05, 0.4), rng.normal(size=2)
+        left = np.vstack([q[0], 0 * q[0]]).T, np.vstack([3 * q[1], q[0]]).T
+        right = [
+            (bound / root - rest) for bound, root, rest in ((acceleration, 1, q[1] * a), (jerk, np.sqrt(a), q[2] * a))
+        ]
+        low = [
+            (-bound[1] / root - rest)
+            for bound, root, rest in ((acceleration, 1, q[1] * a), (jerk, np.sqrt(a), q[2] * a))
+        ]
+        rows = np.vstack([left[0], -left[0], left[1], -left[1]])
+        bounds = np.concatenate([right[0][0], -low[0], right[1][0], -low[1]])
+        truth = linprog(e, rows, bounds, bounds=[(None, None)] * 2)
+        if truth.status != 0:
+            continue
+        out = np.zeros((2, 4))
+        solve_inner(q, acceleration, jerk, a, 100.0, e, np.array([1e3, 1e3]), out)
+        cost = np.where(out > 0, np.stack([acceleration, jerk])[:, 0], np.stack([acceleration, jerk])[:, 1])
+        value = -(np.abs(out) * cost)[0].sum() - (np.abs(out) * cost)[1].sum() / np.sqrt(a)
+        value += (out[1] * q[2] + out[0] * q[1]).sum() * a
+        assert e[1] + (out[1] * q[0]).sum() == pytest.approx(0, abs=1e-6)
+        assert value == pytest.approx(truth.fun, rel=1e-5, abs=1e-6)
+
+
+def test_a_plan_with_a_corner_and_a_dwell(tmp_path):
+    text = """schema = 1
+machine = "hexapod"
+length = "mm"
+[[segment]]
+line = { to = [0, 0, 8] }
+[[segment]]
+dwell = "0.2 s"
+[[segment]]
+line = { to = [5, 0, 8] }
+"""
+    (tmp_path / "corner.toml").write_text(text)
+    found = plan(load_program(tmp_path / "corner.toml"), load_machine("hexapod"))
+    assert 0 < found.gap < 2e-3
+    assert found.trajectory.duration / (1 + found.gap) == pytest.approx(found.lower_bound)
+    assert found.lower_bound > 0.2
+    assert "force" in found.left_out
+    (table, *_) = found.tables()
+    assert "lower bound, proved" in table.columns[0].values
