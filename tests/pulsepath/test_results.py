@@ -20,6 +20,7 @@ from controllers.metrics import Circle, IsoStyle, circular_test
 from controllers.metrics.iso_style import PathAccuracy, PoseAccuracy, VelocityAccuracy
 from kinematics.foundation.result import Result
 from planner.cross_check import CrossCheck
+from planner.interruption import hold as _hold  # noqa: F401  # so that the walk meets what it makes
 from planner.sources.source import Imported
 
 NAME = "<b>"
@@ -93,6 +94,12 @@ MAKERS = {
     "Plan": plan,
     "Trajectory": lambda: plan().trajectory,
     "Certificate": lambda: plan().certificate,
+    "DurationBound": lambda: plan().bound,
+    "Worth": lambda: plan().worth,
+    "LimitChange": lambda: plan().worth.replan("speed", "leg1", 0.01),
+    "Tradeoff": lambda: plan().trade((0.0, 1.0)),
+    "Section": lambda: plan().hold(0.5),
+    "Stops": lambda: plan().stops(4),
     "PulseSchedule": lambda: plan().pulses,
     "RealisedPath": lambda: plan().realised(stride=200),
     "Solution": solution,

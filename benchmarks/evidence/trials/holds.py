@@ -1,0 +1,139 @@
+"""Plans held at random instants: `python -m benchmarks.evidence.trials.holds [--instants 10] [--plans 20]`.
+
+Of the preset programs on their machines, at both orders where jerk is limited. Of each stop: whether its proof holds;
+the largest share of a speed, acceleration or jerk limit at 10⁵ instants; how far it leaves the path; its pulses beside
+those that were sent before; and its duration beside the soonest to many ends about its own, each solved for on a fine
+grid.
+"""
+
+from argparse import ArgumentParser
+from collections.abc import Iterator
+from functools import partial
+from time import process_time
+
+import numpy as np
+
+from kinematics import load_machine
+from kinematics.foundation.errors import MotionError, attempt
+from kinematics.machine.axis import directional_bounds
+from planner import Plan, load_program, plan, program_names
+from planner.interruption.section import Section
+from planner.limits import usual_order
+from planner.timing.problem import Continuation, Run
+from planner.timing.run import solve_run
+
+SAMPLES = 100_000
+ENDS = (0.8, 0.9, 0.95, 1.0, 1.05, 1.15, 1.3)
+"""Of the way that a stop takes, those of the others."""
+BATCH = 20_000
+
+
+def make_plans(count: int) -> Iterator[tuple[str, Plan]]:
+    """Of the presets in turn, so many."""
+    for name in program_names():
+        program = load_program(name)
+        if program.machine is None:
+            continue
+        machine = load_machine(program.machine)
+        for order in range(2, usual_order(machine.axes) + 1):
+            if count == 0:
+                return
+            count -= 1
+            yield f"{name}, order {order}", plan(program, machine, order=order)
+
+
+def measure_use(held: Section, order: int) -> float:
+    """The largest share of an axis' limit of speed, acceleration or jerk that is seen."""
+    most = 0.0
+    for t in np.array_split(np.linspace(0.0, held.duration, SAMPLES)[:-1], SAMPLES // BATCH):
+        state = held.trajectory.at(t)
+        rates = (state.qd, state.qdd, state.qddd)[:order]
+        for values, name in zip(rates, ("max_speed", "max_acceleration", "max_jerk"), strict=False):
+            for k, axis in enumerate(held.machine.axes):
+                bound = getattr(axis, name)
+                if bound is None:
+                    continue
+                low, high = directional_bounds(bound)
+                most = max(most, values[:, k].max() / high, values[:, k].min() / low)
+    return most
+
+
+def measure_distance(made: Plan, held: Section) -> float:
+    """The most that a coordinate is off the plan's own path at the same place, as a share of the largest one."""
+    state = held.trajectory.at(np.linspace(0.0, held.duration, 1000))
+    place = held.since + state.along
+    piece = np.clip(np.searchsorted(made.path.breaks, place, "right") - 1, 0, len(made.path.pieces) - 1)
+    there = made.path.derivatives(place, piece, 0)[0]
+    return float(np.abs(there - state.q).max() / np.abs(there).max())
+
+
+def find_soonest(made: Plan, held: Section) -> float:
+    """s to rest at the soonest of many ends; ∞ where none is found."""
+    whole, now = made.whole(), made.trajectory.at(held.at or 0.0)
+    speed, push, soonest = float(now.sd[0]), float(now.sdd[0]), np.inf
+    for share in ENDS:
+        until = held.since + share * held.distance
+        if until > made.path.breaks[-1]:
+            break
+        path = whole.draw(held.since, until, speed, push, held.at or 0.0, now.q[0])
+        if path.stops(made.order)[1:-1].any():
+            continue
+        going = Continuation(np.zeros(1), np.zeros((4, 0)), {}, push) if made.order == 3 else None
+        run = Run(0, len(path.pieces) - 1, start_speed=speed, continuation=going)
+        found = solve_run(path, whole.limits(path), run, made.order, probing=True)
+        soonest = min(soonest, found.duration if found.solved else np.inf)
+    return soonest
+
+
+def count_misfits(made: Plan, held: Section) -> int:
+    """Axes whose pulses do not go on with those that were sent, or do not end where the stop does."""
+    tick, wrong = round((held.at or 0.0) * made.pulses.clock_hz), 0
+    end = held.counted.at(np.array([held.duration])).q[0]
+    for k, (sent, own) in enumerate(zip(made.pulses.axes, held.pulses.axes, strict=True)):
+        joined = np.concatenate([sent.ticks[sent.ticks < tick], own.ticks + tick])
+        off = abs(own.final - (end[k] - own.home) / own.pulse)
+        wrong += own.start != sent.counts([tick - 1])[0] or not (np.diff(joined) > 0).all() or off > own.bound + 1e-6
+    return wrong
+
+
+def main() -> None:
+    parser = ArgumentParser(description=__doc__)
+    parser.add_argument("--instants", type=int, default=10)
+    parser.add_argument("--plans", type=int, default=20)
+    asked = parser.parse_args()
+    rng, told = np.random.default_rng(19), []
+    for name, made in make_plans(asked.plans):
+        for t in np.sort(rng.uniform(0, made.trajectory.duration, asked.instants)).tolist():
+            begin = process_time()
+            held = attempt(partial(made.hold, t))
+            took = process_time() - begin
+            if isinstance(held, MotionError):
+                print(f"{name}, {t:.4f} s: {str(held).splitlines()[0]}", flush=True)
+                continue
+            ratio = held.duration / find_soonest(made, held)
+            row = (
+                held.certificate.holds,
+                measure_use(held, made.order),
+                measure_distance(made, held),
+                count_misfits(made, held),
+                ratio,
+                took,
+            )
+            told.append(row)
+            if not row[0] or row[1] > 1 or row[3] or row[4] > 1.05:
+                print(
+                    f"{name}, {t:.4f} s: proved {row[0]}, use {row[1]:.9f}, misfits {row[3]}, {row[4]:.3f} of soonest",
+                    flush=True,
+                )
+        print(f"{name}: {len(told)} stops so far", flush=True)
+    proved, use, off, misfits, ratios, times = (np.array(each) for each in zip(*told, strict=True))
+    print(f"{len(told)} stops, {int(proved.sum())} proved; the largest use of a limit {use.max():.9f}")
+    print(f"off the path by {off.max():.1e} of the coordinates; {int(misfits.sum())} axes whose pulses do not go on")
+    print(
+        f"duration beside the soonest of {len(ENDS)} ends: median {np.median(ratios):.3f}, largest {ratios.max():.3f}"
+    )
+    print(f"processor time of a stop with its pulses: median {np.median(times):.2f} s, largest {times.max():.2f} s")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""A certified motion interrupted: stopped along its path, gone on with, and run slower."""

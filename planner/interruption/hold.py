@@ -1,0 +1,250 @@
+"""The soonest stop along a path from any instant of a motion, and the way on from there.
+
+From the state (s, ṡ, s̈) at an instant the engine's own problem is solved again, to rest at an end that is sought: the
+nearest to which a motion is found that keeps every limit. There is always one: the motion goes on to a rest of its own.
+A motion to a nearer rest takes less time, but for what limits change along the path: docs/theory/hold.md.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError, attempt
+from kinematics.foundation.result import Result
+from kinematics.foundation.table import Column, Table
+from planner.certificate.certify import Certificate, certify
+from planner.interruption.section import Section, Whole, make_section
+from planner.limits import Limit
+from planner.parallel import Progress, ignore_progress
+from planner.path.actuation import MachinePath
+from planner.timing.certified_solve import certified_solve
+from planner.timing.discretization import coarse_jerk_problem
+from planner.timing.jerk_limited import place_by_loss
+from planner.timing.problem import Continuation, Run
+from planner.timing.run import solve_run
+from planner.trajectory import Trajectory
+
+# Share of its way by which a stop may be longer than the nearest that is found; and how often it is halved at most.
+NEAR_SHARE, HALVINGS = 0.02, 24
+# By how much farther it is tried to stop in turn, where what a solve was promised is not proved.
+FARTHER = (1.0, 1.02, 1.1, 1.3)
+# Share of the largest ṡ up to which a motion rests at a knot, and up to which there is nothing to stop.
+REST_SHARE, RESTING_SHARE = 1e-12, 1e-6
+# s by which a stop begins later in turn, while a motion that is getting faster is found none but its own.
+LATER = (0.0, 1e-3, 3e-3, 1e-2, 3e-2)
+TRIED_FROM = 1.05
+"""Times the way of the nearest stop without jerk limits from which one with them is sought."""
+GROWTH = 1.3
+
+
+@dataclass(frozen=True, slots=True)
+class _Instant:
+    """The state of a motion in its midst: time and time piece, s and its rates, the coordinates."""
+
+    t: float
+    knot: int
+    s: float
+    v: float
+    a: float
+    q: Array
+
+
+class _Stop(NamedTuple):
+    """The path to a rest, its limits, the motion and its proof; own: whether it is the plan's own."""
+
+    path: MachinePath
+    limits: tuple[Limit, ...]
+    trajectory: Trajectory
+    certificate: Certificate
+    own: bool = False
+
+
+def hold(whole: Whole, at: float) -> Section:
+    """The soonest stop along the path from an instant (s) of a plan, on a whole tick of its clock.
+
+    From the first milliseconds of a motion, in which it hardly moves, it may begin some later: `Section.at` says when.
+    Constant speeds that segments ask for are left. Raises MotionError for an instant that is none of the plan's, and
+    for one at which it rests.
+    """
+    motion, clock = whole.trajectory, whole.pulses.clock_hz
+    if not 0 <= at <= motion.duration:
+        raise MotionError(f"hold at {at:g} s: the plan lasts from 0 to {motion.duration:.6f} s; give an instant of it")
+    for later in LATER:
+        tick = min(round((at + later) * clock), int(motion.duration * clock))
+        now = _look(motion, tick / clock)
+        if now.v <= RESTING_SHARE * motion.v.max():
+            raise MotionError(f"hold at {now.t:.6f} s: the plan rests there, and nothing is to stop; resume from there")
+        stop = _stop(whole, now)
+        if not stop.own or now.a <= 0:
+            break
+    sent = [int(axis.counts([tick - 1])[0]) for axis in whole.pulses.axes]
+    return make_section(whole, "hold", *stop[:4], now.s, sent, now.t)
+
+
+def _stop(whole: Whole, now: _Instant) -> _Stop:
+    """The path to the rest, its limits, the motion and its proof: the plan's, where it goes on to a rest of its own."""
+    motion, last = whole.trajectory, _next_rest(whole.trajectory, now)
+    end = float(motion.s[last]) if last < len(motion.s) else float(whole.path.breaks[-1])
+    ahead = whole.draw(now.s, end, now.v, now.a, now.t, now.q)
+    limits = whole.limits(ahead)
+    way = _find_way(whole, ahead, limits, now)
+    for farther in FARTHER:
+        until = now.s + farther * way
+        if until >= end:
+            break
+        path = whole.draw(now.s, until, now.v, now.a, now.t, now.q)
+        own = whole.limits(path)
+        found = attempt(partial(certified_solve, path, own, whole.order, continuation=_go_on(motion, now)))
+        if not isinstance(found, MotionError):
+            return _Stop(path, own, found.trajectory, found.certificate)
+    return _Stop(ahead, limits, _keep_on(motion, ahead, now, last), whole.certificate, True)
+
+
+@dataclass(frozen=True, slots=True)
+class Stops(Result):
+    """The soonest stop along a plan's path from each of some instants, each proved.
+
+    t (N,) s; place (N,) m along the path; time (N,) s to rest and distance (N,) m to it; 0 where it rests
+    """
+
+    name: str
+    t: Array
+    place: Array
+    time: Array
+    distance: Array
+
+    def tables(self) -> tuple[Table, ...]:
+        """The longest, and what holds of half of them."""
+        columns = (
+            Column("what", ["time to rest", "distance to rest"]),
+            Column("median", [f"{np.median(self.time):.4f} s", f"{1e3 * np.median(self.distance):.3f} mm"]),
+            Column("largest", [f"{self.time.max():.4f} s", f"{1e3 * self.distance.max():.3f} mm"]),
+            Column("at", [f"{self.t[np.argmax(each)]:.4f} s" for each in (self.time, self.distance)]),
+        )
+        return (Table(f"stops of {self.name}, from {len(self.t)} instants", columns),)
+
+    def data(self) -> Table:
+        """Each of them."""
+        columns = (
+            Column("t", self.t, "s"),
+            Column("s", self.place, "m"),
+            Column("time to rest", self.time, "s"),
+            Column("distance to rest", self.distance, "m"),
+        )
+        return Table(f"stops of {self.name}", columns)
+
+
+def find_stops(whole: Whole, count: int, progress: Progress = ignore_progress) -> Stops:
+    """From `count` instants at even distances, the first at the start of the plan."""
+    if count < 1:
+        raise MotionError(f"{count} stops: ask for 1 at least")
+    motion, found = whole.trajectory, []
+    for n, t in enumerate((np.arange(count) * motion.duration / count).tolist()):
+        now = _look(motion, t)
+        if now.v <= RESTING_SHARE * motion.v.max():
+            found.append((t, now.s, 0.0, 0.0))
+        else:
+            stop = _stop(whole, now)
+            found.append((t, now.s, stop.trajectory.duration, float(stop.path.breaks[-1])))
+        progress(n + 1, count)
+    return Stops(whole.name, *(np.array(each) for each in zip(*found, strict=True)))
+
+
+def override(whole: Whole, share: float) -> Section:
+    """The whole motion at a share of its speed: q̇ goes with it, q̈ with its square, q⃛ with its cube. Dwells stay.
+
+    Raises MotionError for a share that is not above 0 and up to 1, and where the slower motion breaks a limit, as one
+    on a band of speeds or of the torque that friction takes may be.
+    """
+    if not 0 < share <= 1:
+        raise MotionError(f"override {share:g}: must be above 0 and at most 1, which is the plan's own speed")
+    motion = whole.trajectory
+    path = whole.draw(0.0, float(whole.path.breaks[-1]))
+    h = np.diff(motion.knots)
+    rests = (motion.v == 0) & (motion.a == 0) & (motion.j == 0)
+    knots = np.concatenate([[0.0], np.cumsum(np.where(rests, h, h / share))])
+    slower = Trajectory(path, knots, motion.s, share * motion.v, share**2 * motion.a, share**3 * motion.j, motion.piece)
+    limits = whole.limits(path)
+    certificate = certify(slower, limits)
+    if not certificate.holds:
+        raise MotionError(f"override {share:g}: the slower motion does not keep every limit:\n{certificate}")
+    return make_section(whole, "override", path, limits, slower, certificate, 0.0)
+
+
+def resume(whole: Whole, since: float) -> Section:
+    """The fastest motion from rest at a place (m) of the path to its end. Raises as `certified_solve`."""
+    length = float(whole.path.breaks[-1])
+    if since == length:
+        raise MotionError(f"resume from {since:g} m: the path ends there, and nothing is left to go on with")
+    if not 0 <= since < length:
+        raise MotionError(f"resume from {since:g} m: the path goes from 0 to {length:.6g} m; give a place on it")
+    path = whole.draw(since, length)
+    limits = whole.limits(path)
+    found = certified_solve(path, limits, whole.order)
+    return make_section(whole, "resume", path, limits, found.trajectory, found.certificate, since)
+
+
+def _look(motion: Trajectory, t: float) -> _Instant:
+    state = motion.at(t)
+    knot = int(motion.locate(np.array([t]))[0])
+    return _Instant(t, knot, float(state.along[0]), float(state.sd[0]), float(state.sdd[0]), state.q[0])
+
+
+def _next_rest(motion: Trajectory, now: _Instant) -> int:
+    """The time piece before which the motion comes to rest next."""
+    later = np.flatnonzero(motion.v[now.knot + 1 :] <= REST_SHARE * motion.v.max())
+    return now.knot + 1 + int(later[0]) if len(later) else len(motion.s)
+
+
+def _go_on(motion: Trajectory, now: _Instant) -> Continuation:
+    """What the motion does next, up to its next knot."""
+    h = float(motion.knots[now.knot + 1]) - now.t
+    j = float(motion.j[now.knot])
+    way = h * (now.v + h * (now.a / 2 + h * j / 6))
+    return Continuation(np.array([0.0, way]), np.array([[now.v], [now.a], [j], [h]]), {}, now.a)
+
+
+def _find_way(whole: Whole, ahead: MachinePath, limits: tuple[Limit, ...], now: _Instant) -> float:
+    """m to the nearest rest to which a motion is found; all there is ahead where none is nearer."""
+    whole_way = float(ahead.breaks[-1])
+
+    def stops(order: int, way: float) -> bool:
+        last = int(np.clip(np.searchsorted(ahead.breaks, way, "left") - 1, 0, len(ahead.pieces) - 1))
+        known = _go_on(whole.trajectory, now) if order == 3 else None
+        if known is not None and known.s[-1] >= 0.9 * way:
+            known = Continuation(np.zeros(1), np.zeros((4, 0)), {}, now.a)
+        run = Run(0, last, start_speed=now.v, until=way, continuation=known)
+        if order == 2:
+            return solve_run(ahead, limits, run, order, probing=True).solved
+        found = place_by_loss(ahead, limits, run, coarse_jerk_problem(ahead, limits, run))
+        return found is not None and not isinstance(found, MotionError)
+
+    def narrow(order: int, low: float, high: float) -> float:
+        for _ in range(HALVINGS):
+            if high - low <= NEAR_SHARE * high:
+                break
+            middle = float(np.sqrt(low * high)) if low > 0.1 * high else (low + high) / 2
+            low, high = (low, middle) if stops(order, middle) else (middle, high)
+        return high
+
+    sharp = narrow(2, 0.0, whole_way)
+    if whole.order == 2:
+        return sharp
+    low, high = sharp, TRIED_FROM * sharp
+    while high < whole_way and not stops(3, high):
+        low, high = high, GROWTH * high
+    return narrow(3, low, min(high, whole_way))
+
+
+def _keep_on(motion: Trajectory, ahead: MachinePath, now: _Instant, last: int) -> Trajectory:
+    """The motion as it is, up to its next rest, before time piece `last`."""
+    behind = slice(now.knot + 1, last)
+    knots = np.concatenate([[now.t], motion.knots[now.knot + 1 : last + 1]])
+    s, v, a = (
+        np.append(here, each[behind]) for here, each in ((now.s, motion.s), (now.v, motion.v), (now.a, motion.a))
+    )
+    piece = motion.piece[now.knot : last]
+    return Trajectory(ahead, knots - now.t, s - now.s, v, a, motion.j[now.knot : last], piece - piece[0])

@@ -1,0 +1,167 @@
+"""A section of a plan's path with a motion of its own: certified, with pulses that go on with those before it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from os import PathLike
+from typing import Any
+
+import numpy as np
+
+from kinematics.foundation.errors import MotionError
+from kinematics.foundation.result import Result
+from kinematics.foundation.table import Column, Table
+from kinematics.machine.machine import Machine
+from kinematics.machine.pose import Pose
+from planner.certificate.certify import Certificate
+from planner.export.format import Exported, ExportSource, write_export
+from planner.limits import Limit, limits_of
+from planner.path.actuation import MachinePath
+from planner.pulses import AxesMotion, AxisPulses, PulseSchedule, find_rule, generate, pace_axes
+from planner.pulses.compensation.compensate import counted_motion
+from planner.trajectory import Trajectory
+
+
+@dataclass(frozen=True, slots=True)
+class Whole:
+    """What a section is one of: a plan's name, machine, path, motion, proof, pulses, order and tool."""
+
+    name: str
+    machine: Machine
+    path: MachinePath
+    trajectory: Trajectory
+    certificate: Certificate
+    pulses: PulseSchedule
+    order: int
+    tool: Pose | None
+
+    def limits(self, path: MachinePath) -> tuple[Limit, ...]:
+        """Those of a part of the path, with pulse rates that the plan's clock and rule can hold."""
+        rule = find_rule(self.pulses.rule)
+        return limits_of(path, pace_axes(self.machine.axes, self.pulses.clock_hz, rule), self.order)
+
+    def draw(
+        self,
+        since: float,
+        until: float,
+        speed: float = 0.0,
+        acceleration: float = 0.0,
+        time: float = 0.0,
+        near: np.ndarray | None = None,
+    ) -> MachinePath:
+        """The path between two lengths of it, begun with ṡ and s̈: no speed of it is to be constant.
+
+        One that begins in motion is left at once where it ends; else it has the dwells that the program states there.
+        """
+        path = self.path
+        first = int(np.clip(np.searchsorted(path.breaks, since, "right") - 1, 0, len(path.pieces) - 1))
+        last = int(np.clip(np.searchsorted(path.breaks, until, "left") - 1, first, len(path.pieces) - 1))
+        pieces = [replace(piece, constant=False) for piece in path.pieces[first : last + 1]]
+        stops, dwells = np.array(path.joins[first : last + 2]), np.array(path.dwells[first : last + 2])
+        after, before = path.breaks[last + 1] - until, since - path.breaks[first]
+        if before > 0 or speed > 0:
+            dwells[0] = 0.0
+        if after > 0 or speed > 0:
+            dwells[-1] = 0.0
+        pieces[-1] = pieces[-1].trim(0.0, after)
+        pieces[0] = pieces[0].trim(before, 0.0)
+        stops[[0, -1]] = 1
+        return MachinePath(
+            self.machine,
+            pieces,
+            stops,
+            dwells,
+            tool=self.tool,
+            end_speeds=(speed, 0.0),
+            end_accelerations=(acceleration, 0.0),
+            near=near,
+            origin=(since, time),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Section(Result):
+    """A motion along a section of a plan's path, whose pulses go on with those that were sent before it.
+
+    what        it is, in a few words
+    since       m of the plan's path, where it begins
+    at          s of the plan, at which it begins; None where it is not in the midst of it
+    limits      those that are proved, without constant speeds that segments ask for
+    """
+
+    what: str
+    name: str
+    machine: Machine = field(repr=False)
+    path: MachinePath = field(repr=False)
+    limits: tuple[Limit, ...] = field(repr=False)
+    trajectory: Trajectory = field(repr=False)
+    certificate: Certificate
+    counted: AxesMotion = field(repr=False)
+    pulses: PulseSchedule = field(repr=False)
+    since: float
+    at: float | None = None
+
+    @property
+    def duration(self) -> float:
+        """s."""
+        return self.trajectory.duration
+
+    @property
+    def distance(self) -> float:
+        """m along the path."""
+        return float(self.path.breaks[-1])
+
+    @property
+    def until(self) -> float:
+        """m of the plan's path, where it ends, at rest."""
+        return self.since + self.distance
+
+    def export(self, format: str, path: str | PathLike[str], *, force: bool = False, **options: Any) -> Exported:
+        """As `planner.Plan.export` writes a plan."""
+        source = ExportSource(f"{self.name}-{self.what}", self.machine, self.trajectory, self.pulses)
+        return write_export(source, format, path, force, options)
+
+    def tables(self) -> tuple[Table, ...]:
+        """How long it takes and how far it goes; what is proved of it."""
+        what = Column("what", ["duration", "distance along the path"])
+        values = Column("value", [f"{self.duration:.6f} s", f"{1e3 * self.distance:.3f} mm"])
+        begin = "" if self.at is None else f" from {self.at:.6f} s on"
+        return (Table(f"{self.what} of {self.name}{begin}", (what, values)), *self.certificate.tables())
+
+
+def make_section(
+    whole: Whole,
+    what: str,
+    path: MachinePath,
+    limits: tuple[Limit, ...],
+    trajectory: Trajectory,
+    certificate: Certificate,
+    since: float,
+    sent: Sequence[int] | None = None,
+    at: float | None = None,
+) -> Section:
+    """With pulses behind those that were sent: the counts (n,) before its first tick; None: none before its start.
+
+    Raises MotionError where these differ by more than rounding can.
+    """
+    machine, pulses = whole.machine, whole.pulses
+    motors = counted_motion(trajectory, machine.axes, machine.home_q)
+    own = generate(motors, machine.axes, machine.home_q, pulses.clock_hz, pulses.rule)
+    if sent is not None:
+        own = replace(own, axes=tuple(map(go_on, own.axes, sent)))
+    return Section(what, whole.name, machine, path, limits, trajectory, certificate, motors, own, since, at)
+
+
+def go_on(axis: AxisPulses, sent: int) -> AxisPulses:
+    """An axis' pulses behind a count: a crossing beside the first tick may have been rounded to either side of it."""
+    off = sent - axis.start
+    if off == 0:
+        return axis
+    if abs(off) > 1:
+        raise MotionError(
+            f"axis {axis.name}: {sent} counts were sent where the motion that goes on begins at {axis.start}; "
+            "axes with compensation cannot be interrupted where they turn: choose another instant"
+        )
+    if len(axis) and axis.ticks[0] == 0 and axis.direction[0] == off:  # sent already
+        return replace(axis, ticks=axis.ticks[1:], direction=axis.direction[1:], start=sent)
+    ticks = np.concatenate([[0], axis.ticks])  # not sent yet
+    return replace(axis, ticks=ticks, direction=np.concatenate([[-off], axis.direction]).astype(np.int8), start=sent)

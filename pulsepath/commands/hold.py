@@ -1,0 +1,138 @@
+"""`pulsepath hold`: the soonest stop along a plan's path, the way on from there, and how soon from anywhere."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from pulsepath import known_names
+from pulsepath.command_group import FormatCommand
+from pulsepath.known_names import make_completer
+from pulsepath.options import json_option, read_quantity, unverified_option
+from pulsepath.process.intent import writes
+from pulsepath.progress import say, step
+
+if TYPE_CHECKING:
+    from planner.interruption.section import Section, Whole
+    from pulsepath.output.plan_directory import StoredPlan
+
+
+class Hold(FormatCommand):
+    """Options of the export formats."""
+
+    formats = "EXPORTS"
+
+
+@click.command(cls=Hold)
+@click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
+@click.option("--at", metavar="TIME", help='Instant from which to stop, as "1.2 s".')
+@click.option(
+    "--stops",
+    type=click.IntRange(min=1),
+    metavar="COUNT",
+    help="Instead: time and distance to rest from so many instants; --out takes the table, as .csv or .json.",
+)
+@click.option("--format", "name", metavar="FORMAT", shell_complete=make_completer(known_names.exports),
+              help="Write the stop in this export format, listed below, to --out.")  # fmt: skip
+@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Output file of the stop, or the table.")
+@click.option(
+    "--resume", type=click.Path(path_type=Path), metavar="FILE", help="Write the motion from the stop to the end too."
+)
+@unverified_option
+@click.option("--force", is_flag=True, help="Replace files that are there.")
+@json_option
+def hold(
+    directory: Path,
+    at: str | None,
+    stops: int | None,
+    name: str | None,
+    out: Path | None,
+    resume: Path | None,
+    unverified: bool,
+    force: bool,
+    as_json: bool,
+    **given: Any,
+) -> None:
+    """Stop the plan in DIR along its path: as soon as its limits allow, certified, with pulses.
+
+    The plan is read and proved again. The stop goes on with the plan's motion and pulses at TIME; a file of it begins
+    there, with time 0. Constant speeds that segments ask for are left.
+
+    Example: pulsepath hold out/circle --at "1.2 s" --format steps --out stop.bin
+    """
+    from kinematics.foundation.errors import BadValue
+    from planner.interruption.hold import find_stops
+    from planner.interruption.hold import hold as stop_at
+    from planner.interruption.hold import resume as go_on
+    from pulsepath.output import plan_directory, record
+    from pulsepath.output.tables import show
+
+    if (at is None) == (stops is None):
+        raise BadValue("give --at TIME, or --stops COUNT")
+    if name is None and at is not None and (out is not None or resume is not None):
+        raise BadValue("--out and --resume write a format: give --format, as --format steps")
+    if name is not None and (at is None or out is None):
+        raise BadValue("--format needs --at TIME and --out FILE")
+    if resume is not None and out is None:
+        raise BadValue("--resume goes on with a stop that is written: give --out FILE too")
+    instant = None if at is None else read_quantity("--at", at, "s", least=0.0)
+    targets = [target for target in (out, resume) if target is not None]
+    writes(*targets)
+    planned = plan_directory.read(directory, unverified)
+    whole = _take(planned)
+    if stops is not None:
+        with step("stopping from everywhere") as tell:
+            found = find_stops(whole, stops, tell)
+        if out is not None:
+            found.save(out, force=force)
+        if as_json:
+            rows = {name: values.tolist() for name, values in (("t_s", found.t), ("s_m", found.place))}
+            rests = {"time_to_rest_s": found.time.tolist(), "distance_to_rest_m": found.distance.tolist()}
+            click.echo(record.as_json({**rows, **rests, **record.of_doubts(planned.doubts)}), nl=False)
+        else:
+            show(found.tables())
+        return
+    assert instant is not None
+    with step("stopping"):
+        made = [stop_at(whole, instant)]
+        if resume is not None:
+            made.append(go_on(whole, made[0].until))
+    files = [_write(each, name, target, force, given) for each, target in zip(made, targets, strict=False) if name]
+    if as_json:
+        told = {
+            "held_at_s": made[0].at,
+            "duration_s": made[0].duration,
+            "distance_m": made[0].distance,
+            "certified": made[0].certificate.holds,
+            "resumed_s": made[1].duration if len(made) > 1 else None,
+            "files": files,
+            **record.of_doubts(planned.doubts),
+        }
+        click.echo(record.as_json(told), nl=False)
+        return
+    show(made[0].tables())
+    if len(made) > 1:
+        say(f"from there to the end: {made[1].duration:.6f} s, certified")
+    for file in files:
+        say(f"{file['file']}: {file['error_pulses']:.3g} pulses from {file['against']}")
+
+
+def _take(planned: "StoredPlan") -> "Whole":
+    from planner.certificate.certify import certify
+    from planner.interruption.section import Whole
+    from planner.path.actuation import MachinePath
+
+    motion = planned.trajectory
+    with step("generating pulses") as tell:
+        pulses = planned.pulses(tell)
+    proof, program, path = certify(motion, planned.limits), planned.program, motion.path
+    assert isinstance(path, MachinePath)  # as every plan's
+    return Whole(program.name, planned.machine, path, motion, proof, pulses, planned.order, program.tool)
+
+
+def _write(made: "Section", name: str, target: Path, force: bool, given: dict[str, Any]) -> dict[str, Any]:
+    from pulsepath.format_options import EXPORTS
+    from pulsepath.output import record
+
+    done = made.export(name, target, force=force, **EXPORTS.options_of(name, given))
+    return record.of_export(name, str(target), done)

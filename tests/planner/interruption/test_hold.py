@@ -1,0 +1,134 @@
+"""A plan held, gone on with and run slower: limits kept, on the path, pulses that go on, and hardly a sooner stop."""
+
+import numpy as np
+import pytest
+
+from kinematics.foundation.errors import MotionError
+from planner.interruption.section import go_on
+from planner.pulses import AxisPulses
+from planner.timing.problem import Continuation, Run
+from planner.timing.run import solve_run
+
+INSTANTS = 20_000
+
+
+@pytest.fixture(scope="module", params=[2, 3])
+def circle(request, planned):
+    return planned("circle", request.param)
+
+
+def uses(made):
+    """The largest shares of speed, acceleration and jerk limits that are seen of a section."""
+    axes = made.machine.axes
+    state = made.trajectory.at(np.linspace(0, made.duration, INSTANTS)[:-1])
+    most = [np.abs(state.qd).max(0) / [axis.max_speed for axis in axes]]
+    most.append(np.abs(state.qdd).max(0) / [axis.max_acceleration for axis in axes])
+    if any(limit.name == "jerk" for limit in made.limits):
+        most.append(np.abs(state.qddd).max(0) / [axis.max_jerk for axis in axes])
+    return np.array(most)
+
+
+@pytest.mark.parametrize("share", [0.003, 0.31, 0.97])
+def test_a_stop_goes_on_with_the_motion_and_comes_to_rest_on_its_path(circle, share):
+    held = circle.hold(share * circle.trajectory.duration)
+    before, after = circle.trajectory.at(held.at), held.trajectory.at(0.0)
+    end = held.trajectory.at(held.duration)
+    assert held.certificate.holds
+    assert before.q == pytest.approx(after.q, abs=1e-12)
+    assert before.qd == pytest.approx(after.qd, abs=1e-12)
+    if circle.order == 3:
+        assert before.qdd == pytest.approx(after.qdd, abs=1e-9)
+        assert np.abs(end.qdd).max() < 1e-9
+    assert np.abs(end.qd).max() < 1e-12
+    assert held.duration <= circle.trajectory.duration - held.at + 1e-12
+    assert uses(held).max() <= 1 + 1e-9
+    # on the path: the same place is passed at the same pose
+    place = held.since + held.trajectory.at(np.linspace(0, held.duration, 50)).along
+    passed = np.searchsorted(circle.path.breaks, place, "right") - 1
+    there = circle.path.derivatives(place, np.clip(passed, 0, len(circle.path.pieces) - 1), 0)[0]
+    assert held.trajectory.at(np.linspace(0, held.duration, 50)).q == pytest.approx(there, abs=1e-10)
+
+
+@pytest.mark.parametrize("share", [0.2])
+def test_hardly_any_stop_is_sooner(circle, share):
+    """Than the soonest to any of many rests ahead, each by the engine's own solver on a fine grid."""
+    held = circle.hold(share * circle.trajectory.duration)
+    whole = circle.whole()
+    now = circle.trajectory.at(held.at)
+    speed, push = float(now.sd[0]), float(now.sdd[0])
+    soonest = np.inf
+    for way in held.distance * np.array([0.9, 0.96, 1.0, 1.1]):
+        path = whole.draw(held.since, held.since + way, speed, push, held.at, now.q[0])
+        going = Continuation(np.zeros(1), np.zeros((4, 0)), {}, push) if circle.order == 3 else None
+        run = Run(0, len(path.pieces) - 1, start_speed=speed, continuation=going)
+        found = solve_run(path, whole.limits(path), run, circle.order, probing=True)
+        soonest = min(soonest, found.duration if found.solved else np.inf)
+    assert held.duration < 1.05 * soonest
+
+
+@pytest.mark.parametrize("share", [0.31])
+def test_its_pulses_go_on_with_those_that_were_sent(circle, share):
+    held = circle.hold(share * circle.trajectory.duration)
+    tick = round(held.at * circle.pulses.clock_hz)
+    home, end = circle.machine.home_q, held.trajectory.at(held.duration).q[0]
+    for k, (sent, own) in enumerate(zip(circle.pulses.axes, held.pulses.axes, strict=True)):
+        assert own.start == sent.counts([tick - 1])[0]
+        assert abs(own.final - (end[k] - home[k]) / own.pulse) <= 0.5 + 1e-6
+        joined = np.concatenate([sent.ticks[sent.ticks < tick], own.ticks + tick])
+        assert (np.diff(joined) > 0).all()
+
+
+def test_a_crossing_beside_the_first_tick_is_sent_once():
+    axis = AxisPulses("leg", np.array([0, 90]), np.array([1, 1]), 7, 1e-6, 0.0)
+    assert go_on(axis, 7) is axis
+    sent = go_on(axis, 8)
+    assert (sent.start, sent.ticks.tolist(), sent.final) == (8, [90], axis.final)
+    late = go_on(AxisPulses("leg", np.array([90]), np.array([1]), 8, 1e-6, 0.0), 7)
+    assert (late.start, late.ticks.tolist(), late.direction.tolist(), late.final) == (7, [0, 90], [1, 1], 9)
+    with pytest.raises(MotionError, match="another instant"):
+        go_on(axis, 9)
+
+
+def test_what_is_held_can_be_resumed_to_the_end(circle):
+    held = circle.hold(0.31 * circle.trajectory.duration)
+    rest = circle.resume(held)
+    assert rest.certificate.holds
+    assert rest.since == held.until
+    ends = [made.trajectory.at(made.trajectory.duration).q for made in (rest, circle)]
+    assert ends[0] == pytest.approx(ends[1], abs=1e-12)
+    assert held.at + held.duration + rest.duration > circle.trajectory.duration
+    for own, sent in zip(rest.pulses.axes, held.pulses.axes, strict=True):
+        assert own.start == sent.final
+
+
+@pytest.mark.parametrize("share", [1.0, 0.37])
+def test_an_override_scales_rates_by_its_powers(circle, share):
+    slower = circle.override(share)
+    t = np.linspace(0.0, 1.5, 40)  # in the first segments, before any dwell
+    now, then = circle.trajectory.at(t), slower.trajectory.at(t / share)
+    assert slower.certificate.holds
+    assert then.q == pytest.approx(now.q, abs=1e-12)
+    assert then.qd == pytest.approx(share * now.qd, abs=1e-9)
+    assert slower.pulses.total == circle.pulses.total
+
+
+def test_stops_over_the_motion(circle):
+    found = circle.stops(3)
+    held = circle.hold(found.t[1])
+    assert (found.time[1], found.distance[1]) == pytest.approx((held.duration, held.distance), rel=0.05)
+    assert found.time[0] == 0
+    assert "distance to rest" in str(found)
+
+
+def test_what_cannot_be_is_refused(circle):
+    end = circle.trajectory.duration
+    for wrong, words in (
+        (lambda: circle.hold(-1.0), "give an instant"),
+        (lambda: circle.hold(end), "rests there"),
+        (lambda: circle.override(1.2), "at most 1"),
+        (lambda: circle.override(0.0), "above 0"),
+        (lambda: circle.resume(1e9), "give a place"),
+        (lambda: circle.stops(0), "1 at least"),
+    ):
+        with pytest.raises(MotionError, match=words):
+            wrong()

@@ -1,0 +1,50 @@
+"""The command `hold`: a stop, the way on, a table of stops; whole files or none."""
+
+import json
+
+import pytest
+
+from tests import read_lines
+
+
+def test_a_stop_and_the_way_on_in_files(call, plan, job):
+    made, rest = plan / "stop.csv", plan / "rest.csv"
+    done = call("hold", plan, "--at", "0.6 s", "--format", "pulses", "--out", made, "--resume", rest, "--json")
+    assert done.exit_code == 0, done.stderr
+    told, pulses = json.loads(done.stdout), job.plan.pulses
+    assert told["certified"]
+    assert told["verified"]
+    assert told["held_at_s"] == pytest.approx(0.6)
+    machine = job.plan.machine
+    stop, onward = (
+        read_lines.read(str(f), pulses.clock_hz, machine.axes, machine.home_q).schedule for f in (made, rest)
+    )
+    for before, own, after in zip(pulses.axes, stop.axes, onward.axes, strict=True):
+        assert before.counts([6_000_000 - 1])[0] + own.direction.sum() + after.direction.sum() == before.final
+
+
+def test_a_table_of_stops(call, plan):
+    done = call("hold", plan, "--stops", "4", "--out", plan / "stops.csv")
+    assert done.exit_code == 0, done.stderr
+    assert "distance to rest" in done.stdout
+    assert len((plan / "stops.csv").read_text().splitlines()) == 5
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ([], "--at TIME, or --stops"),
+        (["--at", "99 s"], "give an instant of it"),
+        (["--at", "0 s"], "rests there"),
+        (["--at", "1.2 s", "--format", "steps", "--out", "x", "--resume", "y"], "nothing is left"),
+        (["--at", "1 s", "--out", "x.bin"], "give --format"),
+        (["--at", "1 s", "--format", "steps"], "--out FILE"),
+        (["--at", "1 s", "--stops", "3"], "--at TIME, or --stops"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_a_line(call, plan, monkeypatch, given, words):
+    monkeypatch.chdir(plan)
+    done = call("hold", plan, *given)
+    assert done.exit_code == 2
+    assert words in done.stderr
+    assert not list(plan.glob("[xy]*"))
