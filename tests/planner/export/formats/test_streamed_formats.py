@@ -2,8 +2,11 @@
 
 import json
 import re
+import shutil
+import subprocess
 import tracemalloc
 from importlib.util import find_spec
+from pathlib import Path
 from types import SimpleNamespace
 from urllib.parse import unquote
 
@@ -191,6 +194,47 @@ def test_a_step_queue_holds_the_pulses_within_its_tolerance(tmp_path, options):
     first = next(line for line in (tmp_path / "p.steps").read_text().splitlines() if line[0] == "q")
     assert re.fullmatch(r"queue_step oid=\d interval=\d+ count=\d+ add=-?\d+" if options.get("named") else
                         r"queue_step \d \d+ \d+ -?\d+", first)  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def steps_decoder(tmp_path_factory):
+    """The decoder in C of docs/examples, compiled with every warning."""
+    compiler = shutil.which("cc")
+    if compiler is None:
+        pytest.skip("there is no C compiler (cc)")
+    program = tmp_path_factory.mktemp("c") / "steps_decoder"
+    source = Path(__file__).parents[4] / "docs" / "examples" / "steps_decoder.c"
+    subprocess.run([compiler, "-std=c11", "-Wall", "-Wextra", "-Werror", "-O2", "-o", program, source], check=True)
+    return lambda file: subprocess.run([program], stdin=file.open(), capture_output=True, text=True, check=False)
+
+
+def test_whole_number_firmware_steps_as_the_queue_says(tmp_path, steps_decoder):
+    source = pulsed(clock=12_000_000, pulses=2000)
+    find_format("steps")(within=0.0).write(source, tmp_path / "a.steps")
+    done = steps_decoder(tmp_path / "a.steps")
+    assert (done.returncode, done.stderr) == (0, "")
+    found = np.array([line.split() for line in done.stdout.splitlines()], np.int64)
+    for k, (own, axis) in enumerate(zip(source.pulses.axes, source.machine.axes, strict=True)):
+        mine = found[found[:, 0] == k]
+        assert np.array_equal(mine[:, 1], own.ticks)
+        assert np.array_equal(mine[:, 2], own.direction * axis.direction)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("queue_step 0 100 1 0\n", "before the axis has a clock"),
+        ("reset_step_clock 0 0\nset_next_step_dir 0 1\nqueue_step 0 10 3 -10\n", "line 3: steps that do not follow"),
+        ("reset_step_clock 0 0\nset_next_step_dir 0 1\nqueue_step 0 10 70000 0\n", "is no command"),
+        ("reset_step_clock 0 9\nreset_step_clock 0 8\n", "goes back"),
+        ("reset_step_clock 0 9", "ends within"),
+    ],
+)
+def test_the_decoder_in_c_refuses_what_is_no_queue(tmp_path, steps_decoder, text, words):
+    (tmp_path / "bad.steps").write_text(text)
+    done = steps_decoder(tmp_path / "bad.steps")
+    assert done.returncode == 1
+    assert words in done.stderr
 
 
 def test_steps_come_in_the_order_in_which_they_are_needed(tmp_path):
