@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any, TypeVar
 
 from pydantic_core import PydanticCustomError
@@ -38,6 +39,22 @@ def attempt(work: Callable[[], Found]) -> Found | MotionError:
         return work()
     except MotionError as no:
         return no
+
+
+def take_items(items: Iterator[Found], most: int) -> tuple[list[Found], Iterator[Found]]:
+    """So many items at most, and the others: which raise where taking these does."""
+    taken: list[Found] = []
+    try:
+        taken.extend(islice(items, most))
+    except MotionError as no:
+        return taken, refuse_items(no)
+    return taken, items
+
+
+def refuse_items(no: MotionError) -> Iterator[Any]:
+    """What refuses as soon as it is asked for an item."""
+    raise no
+    yield
 
 
 class BadValue(MotionError):

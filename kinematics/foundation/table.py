@@ -21,10 +21,11 @@ from kinematics.foundation.errors import MotionError, NotInstalled
 if TYPE_CHECKING:
     import pandas as pd
 
-Scale = Literal["", "human", "micro"]
+Scale = Literal["", "human", "milli", "micro"]
 SCALES: dict[str, dict[str, tuple[str, float]]] = {
     "": {},
     "human": {"m": ("mm", 1e3), "rad": ("°", degrees(1)), "kg": ("g", 1e3)},
+    "milli": {"s": ("ms", 1e3)},
     "micro": {"m": ("µm", 1e6), "rad": ("µrad", 1e6), "m or rad": ("µm or µrad", 1e6), "s": ("µs", 1e6)},
 }
 """What is read instead of an SI unit, and how many of it make one."""

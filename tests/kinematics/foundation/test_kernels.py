@@ -1,5 +1,6 @@
 """Compiled kernels and tapes: CasADi's own values to the last bit, and what is said while they are compiled."""
 
+import os
 import subprocess
 import sys
 
@@ -149,6 +150,7 @@ def test_large_batches_give_the_values_of_small_ones():
 
 def test_a_first_call_that_takes_long_is_announced_once(monkeypatch, caplog):
     monkeypatch.setattr(kernels, "PATIENCE", 0.0)
+    monkeypatch.setattr(kernels, "_keep", lambda _: None)  # what is on disk may be there before anything is said
     kernels._announce.cache_clear()
 
     @kernels.Kernel
@@ -169,3 +171,99 @@ def test_what_does_not_plan_does_not_load_the_compiler():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
+
+
+TINY = """
+import os, sys, threading, time
+from kinematics.foundation.kernels import kernel
+from constants import SCALE
+
+@kernel
+def scale(x):
+    return SCALE * x
+
+if __name__ == "__main__":
+    if "fork" in sys.argv:
+        import numba
+        thread = threading.Thread(target=scale, args=(1.0,))
+        thread.start()
+        time.sleep(0.02)
+        child = os.fork()
+        if child == 0:
+            os._exit(int(scale(2.0)))
+        print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+        thread.join()
+    if "full" in sys.argv:
+        import pathlib
+        def fail(*_): raise OSError(28, "No space left on device")
+        pathlib.Path.write_bytes = fail
+    print(scale(1.0), len(scale.stats.cache_hits))
+"""
+
+
+@pytest.fixture
+def tiny(tmp_path):
+    """Runs one small kernel in a process of its own, with its own cache."""
+
+    def call(*arguments, scale=3, timeout=60):
+        (tmp_path / "tiny.py").write_text(TINY)
+        (tmp_path / "constants.py").write_text(f"SCALE = {scale}.0\n")
+        roots = os.pathsep.join([str(tmp_path), os.getcwd()])  # noqa: PTH109
+        environment = os.environ | {"PYTHONPATH": roots, "NUMBA_CACHE_DIR": str(tmp_path / "kept")}
+        environment |= {"PYTHONDONTWRITEBYTECODE": "1"}
+        environment.pop("NUMBA_DISABLE_JIT", None)
+        return subprocess.run(
+            [sys.executable, tmp_path / "tiny.py", *arguments],
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=timeout,
+            check=True,
+        )
+
+    return call
+
+
+def test_a_constant_of_another_file_is_compiled_anew(tiny):
+    assert [tiny(scale=value).stdout for value in (3, 3, 4, 3)] == ["3.0 0\n", "3.0 1\n", "4.0 0\n", "3.0 1\n"]
+
+
+@pytest.mark.parametrize("length", [0, 40, -1])
+def test_a_damaged_file_is_replaced(tiny, tmp_path, length):
+    tiny()
+    (kept,) = (tmp_path / "kept").rglob("*scale*.*")
+    kept.write_bytes(kept.read_bytes()[:length])
+    assert [tiny().stdout for _ in range(2)] == ["3.0 0\n", "3.0 1\n"]
+
+
+def test_a_full_disk_loses_what_was_compiled_and_says_so(tiny):
+    done = tiny("full")
+    assert done.stdout == "3.0 0\n"
+    assert "No space left" in done.stderr
+    assert "NUMBA_CACHE_DIR" in done.stderr
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork there")
+def test_a_fork_waits_for_the_compiler(tiny):
+    assert tiny("fork").stdout.splitlines()[0] == "6"
+
+
+def test_files_of_a_kernel_are_bounded(tmp_path, monkeypatch):
+    for number in range(5):
+        (tmp_path / f"tiny.scale-{number}.kernel").touch()
+        os.utime(tmp_path / f"tiny.scale-{number}.kernel", (number, number))
+    monkeypatch.setattr(kernels, "KEPT", 2)
+    store = object.__new__(kernels._Store)
+    store.cache_path, store._name = str(tmp_path), "tiny.scale"
+    store._clear()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["tiny.scale-3.kernel", "tiny.scale-4.kernel"]
+
+
+def test_what_cannot_be_kept_is_not_said_to_be(monkeypatch, caplog):
+    monkeypatch.setattr(kernels, "_LOST", ["read-only"])
+    kernels._announce.cache_clear()
+    with caplog.at_level("WARNING", "pulsepath"):
+        kernels._announce()
+    kernels._announce.cache_clear()
+    assert "later runs find" not in caplog.text
+    assert "NUMBA_CACHE_DIR" in caplog.text
