@@ -30,6 +30,13 @@ def make_fact_finder(packages: Sequence[str] = PACKAGES, libraries: Sequence[str
         from pathlib import Path
         from platform import python_version
 
+        try:
+            from planner.environment import FIRST_FACTS as known
+        except ImportError:  # none here, or one too old to have it
+            known = {}
+        key = (*packages, "", *libraries)
+        if key in known:
+            return known[key]
         facts = {"python": python_version()}
         for library in libraries:
             try:
@@ -48,11 +55,7 @@ def make_fact_finder(packages: Sequence[str] = PACKAGES, libraries: Sequence[str
                 ):
                     digest.update(name.encode() + b"\0" + sha256(file.read_bytes()).digest())
             facts[f"sources of {package}"] = digest.hexdigest() if spec else "not installed"
-        try:
-            from planner.environment import FIRST_FACTS
-        except ImportError:  # none here, or one too old to have it
-            return facts
-        return FIRST_FACTS.setdefault((*packages, "", *libraries), facts)
+        return known.setdefault(key, facts)
 
     return look
 

@@ -40,6 +40,8 @@ Progress = Callable[[int, int], None]
 MIN_POOL_WORK = 4.0
 # Tasks done here first, to see what one takes: the first of all also builds what all share.
 FIRST_TASKS = 2
+# Tasks that a process is given at a time: one that it does, and one to go on with.
+TASKS_EACH = 2
 # Processes that a task may take along before it is done here, and pools that are begun anew for it.
 MAX_DEATHS, MAX_POOLS = 2, 8
 # New objects until the youngest, the younger and all are looked through. Python's own numbers have a process that loads
@@ -67,9 +69,24 @@ def cores() -> int:
         return os.cpu_count() or 1
 
 
+_WITHOUT = False
+"""Whether no processes are started for now."""
+
+
+@contextmanager
+def without_processes() -> Iterator[None]:
+    """Inside it, all is done by this process: as a worker of a cluster, which is one of many on its computer."""
+    global _WITHOUT
+    before, _WITHOUT = _WITHOUT, True
+    try:
+        yield
+    finally:
+        _WITHOUT = before
+
+
 def _may_start() -> bool:
     """Whether other processes help: not inside a process of another pool."""
-    return cores() > 1 and multiprocessing.parent_process() is None
+    return cores() > 1 and not _WITHOUT and multiprocessing.parent_process() is None
 
 
 def spread(
@@ -154,6 +171,13 @@ class PendingResult(Generic[Result]):
 
     future: "Future[bool]"
     file: Path
+
+    @classmethod
+    def none(cls) -> "PendingResult[Result]":
+        """Of what no process was asked for."""
+        nowhere: Future[bool] = Future()
+        nowhere.set_result(False)
+        return cls(nowhere, Path())
 
     def read(self) -> Result:
         """The result of what is done, once."""
@@ -267,9 +291,7 @@ class SideProcess:
         if self._pool is not None:
             with suppress(Exception):  # it is no more; and pickle raises whatever an object's own code does
                 return self._pool.submit(work)
-        nowhere: Future[bool] = Future()
-        nowhere.set_result(False)
-        return PendingResult(nowhere, Path())
+        return PendingResult.none()
 
 
 NO_PROCESS = SideProcess()
@@ -285,6 +307,55 @@ def side_process(modules: Sequence[str] = ()) -> Iterator[SideProcess]:
             with suppress(OSError):
                 pool = stack.enter_context(open_pool(pickle.dumps(operator.call), 1, modules))
         yield SideProcess(pool)
+
+
+class LocalHelpers:
+    """Processes of this computer that plan stretches, as `planner.windows.Helpers`, once a plan has taken a while.
+
+    One for each core but that of this process, which has other work too: what they have no time for, it does.
+    """
+
+    def __init__(self, stack: ExitStack) -> None:
+        """stack: ends the processes."""
+        self._stack, self._begin, self._deaths = stack, perf_counter(), 0
+        self._work: bytes | None = None
+        self._pool: Pool | None = None
+        self._given: list[PendingResult[Any]] = []
+
+    def prepare(self, work: Callable[[Task], Result]) -> Callable[[Task], PendingResult[Result]]:
+        """What gives a task of this work to a process."""
+        self._work = _pickle_work(work)
+
+        def submit(task: Task) -> PendingResult[Result]:
+            self._given = [each for each in self._given if not each.future.done()]
+            if self._pool is not None and len(self._given) < self._most:
+                try:
+                    self._given.append(self._pool.submit(task))
+                    return self._given[-1]
+                except (BrokenExecutor, OSError):  # one was killed, and others are started once more
+                    self._pool, self._deaths = None, self._deaths + 1
+                except Exception:  # pickle raises whatever an object's own code does
+                    self._deaths = MAX_DEATHS
+            return PendingResult.none()
+
+        return submit
+
+    def room(self) -> int:
+        """How many tasks there are at a time, with one for this process: none at first, nor where nobody can help."""
+        late = perf_counter() - self._begin > MIN_POOL_WORK
+        if self._pool is None and self._work is not None and late and self._deaths < MAX_DEATHS and _may_start():
+            try:
+                self._pool = self._stack.enter_context(open_pool(self._work, cores() - 1))
+            except OSError:
+                self._deaths = MAX_DEATHS
+        return 0 if self._pool is None else self._most + 1
+
+    @property
+    def _most(self) -> int:
+        return TASKS_EACH * (cores() - 1)
+
+    def tell_alone(self, segment: int) -> None:
+        """Nobody asked for processes."""
 
 
 @contextmanager

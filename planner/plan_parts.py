@@ -7,9 +7,12 @@ motion, certified, that ends at rest, and the next part takes the place of its s
 from collections import Counter, deque
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import partial
 
 import numpy as np
 
+from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Table
@@ -27,10 +30,12 @@ from planner.pulses.generation.stream import PulseStream
 from planner.pulses.schedule import schedule_tables
 from planner.timing.certified_solve import timing_table
 from planner.trajectory import Trajectory
-from planner.windows import PIECES, Start, Window, WindowPlanner
+from planner.windows import PIECES, Helpers, Start, Window, WindowPlanner
 
 MOST_WHOLE = 1000
 """Segments up to which a program is planned as a whole, unless something else is asked for."""
+MOST_ENTRIES = 512
+"""Of each limit in the certificate of a plan that was made in parts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +44,8 @@ class PlanStanding(Result):
 
     start        how the next part begins: its time is the duration so far, its length that of the path
     segment      number of the last one that is planned, from 1
-    certificate  over all of it; of `use` and `attained` one entry for each window
+    windows      how many it was planned in
+    certificate  over all of it; of `use` and `attained` one entry for each window, or for a few where there are many
     blends, stops  joins that ask for a blend or a curve: where one is, and where the motion stops instead
     pulses       what is stated of the axes' pulses, without these
     counted      of each axis how many pulses it has, and where they lead: its count behind the last less that at first
@@ -51,6 +57,7 @@ class PlanStanding(Result):
     order: int
     start: Start
     segment: int
+    windows: int
     certificate: Certificate
     fit: FitSummary | None
     blends: int
@@ -64,11 +71,6 @@ class PlanStanding(Result):
     def duration(self) -> float:
         """s, of the motion so far."""
         return self.start.begin
-
-    @property
-    def windows(self) -> int:
-        """How many it was planned in."""
-        return len(next(iter(self.certificate.use.values())))
 
     def tables(self) -> tuple[Table, ...]:
         """How long it takes, what is proved of it, what was fitted, its pulses."""
@@ -100,6 +102,7 @@ class PlanPart:
     pulses        those of the part that are final; rest_pulses: the others, and those of the rest
     until         tick before which all pulses are given
     limits        of the window
+    rest_proof    of the way to rest
     mark          where planning goes on behind it
     """
 
@@ -111,6 +114,7 @@ class PlanPart:
     rest_pulses: PulseSchedule | None
     until: int
     limits: tuple[Limit, ...]
+    rest_proof: Certificate | None
     mark: PlanMark
 
     @property
@@ -128,6 +132,7 @@ def plan_parts(
     rule: str | Rule = "nearest",
     pieces: int = PIECES,
     after: PlanMark | None = None,
+    helpers: Helpers | None = None,
 ) -> Iterator[PlanPart]:
     """Plan a program as it is read: the fastest motion, proved, and its pulses, in memory that does not grow with it.
 
@@ -141,23 +146,24 @@ def plan_parts(
         raise MotionError(f"program {program.name} on {machine.name} {why}: that is planned as a whole only")
     order = usual_order(machine.axes) if order is None else order
     paced = pace_axes(machine.axes, clock_hz, rule)
-    planner = WindowPlanner(machine, lambda path: limits_of(path, paced, order), order, program.tool, pieces)
+    planner = WindowPlanner(machine, partial(limits_of, axes=paced, order=order), order, program.tool, pieces)
     steps = _Steps(walk_path(program, machine))
     start, standing = Start(), None
     stream = PulseStream(machine, clock_hz, rule)
     if after is not None:
         start, standing, stream = after.standing.start, after.standing, after.stream
         steps.skip(start.steps)
-    for window in planner(steps, start):
+    for window in planner(steps, start, helpers):
         before, stream = stream, stream.copy()
         motion = window.solution.trajectory
         kept, rest = motion.cut(0, window.kept), None
         # the motion ends with a window only where that has the last of the path; else it goes on, be it from rest
         last = window.kept == len(motion.s) and steps.ended and window.next.steps == steps.taken
-        pulses, rest_pulses = stream.add(kept, last), None
+        pulses, rest_pulses, rest_proof = stream.add(kept, last), None, None
         if window.kept < len(motion.s):
             rest = motion.cut(window.kept, len(motion.s))
             rest_pulses = stream.copy().add(rest, last=True)
+            rest_proof = _summarise(window.solution.certificate, motion, slice(window.kept, len(motion.s)))
         elif not last:
             rest_pulses = _end_pulses(before, kept, stream.until)
         standing = _add_window(standing, program, machine, order, window, kept, steps, pulses)
@@ -170,6 +176,7 @@ def plan_parts(
             rest_pulses,
             stream.until,
             window.solution.limits,
+            rest_proof,
             PlanMark(standing, stream),
         )
 
@@ -183,12 +190,14 @@ def come_to_rest(part: PlanPart) -> PlanStanding:
         (number + len(axis), net + axis.final - axis.start)
         for (number, net), axis in zip(standing.counted, pulses.axes, strict=True)
     )
-    start = standing.start
-    if part.rest is not None:
+    start, segment, proof = standing.start, standing.segment, standing.certificate
+    if part.rest is not None and part.rest_proof is not None:
+        segment = part.rest.path.place(0.0, int(part.rest.piece[-1])).segment or segment
+        proof = _join_certificates(proof, part.rest_proof)
         length = part.start.length + float(part.rest.path.breaks[-1])
-        start = Start(start.begin + part.rest.duration, length, part.start.steps + part.steps)
+        start = Start(start.elapsed + Fraction(part.rest.duration), length, part.start.steps + part.steps)
     stated = _without_pulses(pulses, standing.pulses)
-    return replace(standing, start=start, pulses=stated, counted=counted)
+    return replace(standing, start=start, segment=segment, certificate=proof, pulses=stated, counted=counted)
 
 
 def _without_pulses(pulses: PulseSchedule, first: PulseSchedule) -> PulseSchedule:
@@ -232,15 +241,21 @@ class _Steps:
 
     def __init__(self, steps: Iterator[PathStep]) -> None:
         self._steps, self._held = steps, deque[tuple[int, PathStep]]()
-        self.taken, self.ended = 0, False
+        self._next = next(steps, None)
+        self.taken = 0
+
+    @property
+    def ended(self) -> bool:
+        """Whether all are taken."""
+        return self._next is None
 
     def __iter__(self) -> Iterator[PathStep]:
-        for step in self._steps:
+        while (step := self._next) is not None:
+            self._next = next(self._steps, None)
             self.taken += 1
             if step.blend is not None or step.fitted is not None:
                 self._held.append((self.taken, step))
             yield step
-        self.ended = True
 
     def skip(self, count: int) -> None:
         """Those that are planned already."""
@@ -282,7 +297,7 @@ def _add_window(
     blends = [step.blend for step in became if step.blend is not None]
     fit = summarise_fits([step.fitted for step in became if step.fitted is not None], blends)
     segment = kept.path.place(0.0, int(kept.piece[-1])).segment or 0
-    proved = _summarise(solution.certificate, kept)
+    proved = _summarise(solution.certificate, solution.trajectory, slice(0, window.kept))
     counted = [(len(axis), axis.final - axis.start) for axis in pulses.axes]
     stops = sum(bool(blend.stop) for blend in blends)
     found = PlanStanding(
@@ -291,6 +306,7 @@ def _add_window(
         order,
         window.next,
         segment,
+        1,
         proved,
         fit,
         len(blends),
@@ -304,6 +320,7 @@ def _add_window(
         return found
     return replace(
         found,
+        windows=before.windows + 1,
         certificate=_join_certificates(before.certificate, proved),
         fit=merge_fits(before.fit, fit),
         blends=before.blends + found.blends,
@@ -314,23 +331,25 @@ def _add_window(
     )
 
 
-def _summarise(certificate: Certificate, kept: Trajectory) -> Certificate:
-    """Of a window's certificate what concerns the time pieces that stay, as one entry of each limit."""
-    count = len(kept.s)
+def _summarise(certificate: Certificate, motion: Trajectory, part: slice) -> Certificate:
+    """Of a window's certificate what concerns some of its time pieces, as one entry of each limit."""
     worst, where, use, attained = dict[str, float](), dict[str, Place](), {}, {}
     for name, values in certificate.use.items():
-        worst[name] = float(values[:count].max())
+        worst[name] = float(values[part].max())
         where[name] = certificate.where[name]
-        if worst[name] < certificate.worst[name]:  # that place is on the way to the stop
-            k = int(np.argmax(certificate.attained[name][:count]))
-            where[name] = kept.path.place(float(kept.s[k]), int(kept.piece[k]), float(kept.knots[k]))
+        if worst[name] < certificate.worst[name]:  # that place is in another part
+            k = part.start + int(np.argmax(certificate.attained[name][part]))
+            where[name] = motion.path.place(float(motion.s[k]), int(motion.piece[k]), float(motion.knots[k]))
         use[name] = np.array([worst[name]])
-        attained[name] = certificate.attained[name][:count].max(keepdims=True)
+        attained[name] = certificate.attained[name][part].max(keepdims=True)
     return Certificate(certificate.holds, worst, where, use, attained)
 
 
 def _join_certificates(one: Certificate, other: Certificate) -> Certificate:
-    """One over the parts of both. A limit that has nothing to bind in one of them is used by nothing there."""
+    """One over the parts of both. A limit that has nothing to bind in one of them is used by nothing there.
+
+    Where there are many entries, two become one: what is kept does not grow with the program.
+    """
     names = dict.fromkeys((*one.use, *other.use))
     sizes = [len(next(iter(each.use.values()))) for each in (one, other)]
     use, attained = (
@@ -342,6 +361,8 @@ def _join_certificates(one: Certificate, other: Certificate) -> Certificate:
         }
         for what in ("use", "attained")
     )
+    if sum(sizes) > MOST_ENTRIES:
+        use, attained = ({name: _merge_pairs(values) for name, values in each.items()} for each in (use, attained))
     higher = {name: one if one.worst.get(name, -1.0) >= other.worst.get(name, -1.0) else other for name in names}
     return Certificate(
         one.holds and other.holds,
@@ -350,3 +371,8 @@ def _join_certificates(one: Certificate, other: Certificate) -> Certificate:
         use,
         attained,
     )
+
+
+def _merge_pairs(values: Array) -> Array:
+    """The larger of each two, and the last by itself where it has no other."""
+    return np.maximum.reduceat(values, np.arange(0, len(values), 2))

@@ -3,21 +3,28 @@
 A window is solved to a stop at its end and proved as a whole. The next one goes on from a break before that stop, with
 the speed and the acceleration there: what has been planned by any instant is a whole motion that is proved and comes to
 rest. The stop is so far behind that break that it changes the motion up to it next to nothing.
+
+From one stop of the path to another, windows depend on nothing else: such stretches can be planned anywhere.
 """
 
+from bisect import bisect_left
+from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from dataclasses import dataclass
-from functools import partial
-from itertools import islice
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import cache, partial
+from itertools import chain
+from typing import Protocol, cast
 
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.errors import MotionError, attempt
+from kinematics.foundation.errors import MotionError, attempt, refuse_items, require, take_items
 from kinematics.machine.machine import Machine
 from kinematics.machine.pose import Pose
 from planner.limits.limit import Limit
-from planner.path.actuation import MachinePath
+from planner.path.actuation import MachinePath, split_turns
 from planner.path.join_and_blend import PathStep
 from planner.timing.certified_solve import Solution, certified_solve
 from planner.timing.problem import Continuation
@@ -32,6 +39,8 @@ KNOWN_SHARE = 0.5
 """Of the time pieces behind a place that is gone on from, those whose grid stays; beside a stop it is far too fine."""
 SEAMS = 3
 """Breaks at most from which is gone on, one after the other, until one is found that leads to a motion."""
+MAX_SHARED = 4096
+"""Steps at most of a stretch that helpers plan: a longer one is planned here as its steps come, in little memory."""
 # Share of a path by which rounding may put the same place before itself.
 SEAM_ROUNDING = 1e-12
 
@@ -40,18 +49,23 @@ SEAM_ROUNDING = 1e-12
 class Start:
     """How a window begins: at rest, or in the midst of a motion, whose rest it may take.
 
-    begin   s, when it begins, counted from the start of the first window
+    elapsed  s, when it begins, counted from the start of the first window, exactly; length: m of the path before it
     steps   of the path before it
-    pieces  how many it takes at first; None: as many as the planner says
+    pieces  how many it takes at first; None: as many as the planner says, where a stretch from stop to stop begins
     """
 
-    begin: float = 0.0
+    elapsed: Fraction = Fraction(0)
     length: float = 0.0
     steps: int = 0
     pieces: int | None = None
     speed: float = 0.0
     near: Array | None = None
     continuation: Continuation | None = None
+
+    @property
+    def begin(self) -> float:
+        """s, when it begins: a running sum would drift."""
+        return float(self.elapsed)
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +87,30 @@ class Window:
     def duration(self) -> float:
         """s of what stays of it."""
         return float(self.solution.trajectory.knots[self.kept])
+
+
+Stretch = tuple[list[PathStep], Array]
+"""Steps from a stop to a stop, and the coordinates near which they begin."""
+
+
+class Share(Protocol):
+    """A stretch that was given to a helper."""
+
+    def result(self, here: Callable[[], list[Window]]) -> list[Window]:
+        """Wait for its windows; `here` plans them in this process, where that is all that is left."""
+
+
+class Helpers(Protocol):
+    """Other processes, here or on other computers, that plan stretches."""
+
+    def prepare(self, work: Callable[[Stretch], list[Window]]) -> Callable[[Stretch], Share]:
+        """Have them know the work; returns what gives a stretch to one of them."""
+
+    def room(self) -> int:
+        """How many stretches they can be given before the first is done; 0: plan the next without them."""
+
+    def tell_alone(self, segment: int) -> None:
+        """From this segment on it is a long way to the next stop, which is planned here."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +137,7 @@ class WindowPlanner:
     limit   a path -> its limits
     tool    its frame in the platform's, whose path length the pieces have; None: the platform's own
     pieces  of a window at first
+    placed  whether places in proofs and refusals count from where the path starts; else from where the window does
     """
 
     machine: Machine
@@ -106,23 +145,153 @@ class WindowPlanner:
     order: int
     tool: Pose | None = None
     pieces: int = PIECES
+    placed: bool = True
 
-    def __call__(self, steps: Iterable[PathStep], start: Start | None = None) -> Iterator[Window]:
-        """Of the steps from a start on, by default all of a path from rest.
+    def __call__(
+        self, steps: Iterable[PathStep], start: Start | None = None, helpers: Helpers | None = None
+    ) -> Iterator[Window]:
+        """Of the steps from a start on, by default all of a path from rest; with or without helpers, the same.
 
-        Raises as `certified_solve`, at the first window that cannot be, when those before it have been given.
+        Raises as `certified_solve`, and as the steps do, when all windows before the step that is refused are given.
         """
-        coming, ahead = iter(steps), list[PathStep]()  # from where the window held begins
+        start = start or Start()
+        stretches = self._split(steps, start.pieces is not None)
+        if helpers is not None:
+            yield from self._share(stretches, start, helpers)
+            return
+        for stretch in stretches:
+            start = yield from self._plan_stretch(stretch, start)
+
+    def _split(self, steps: Iterable[PathStep], begun: bool) -> Iterator[Iterator[PathStep]]:
+        """Stretches from stop to stop, each to be taken before the next.
+
+        Up to the last stop that a window at first reaches, or else to the next: which depends on the path alone.
+        begun: the first is what remains of one.
+        """
+        coming, ahead = iter(steps), list[PathStep]()
+        while True:
+            more, coming = take_items(coming, self.pieces - len(ahead))
+            ahead += more
+            if not ahead:
+                next(coming, None)  # raises what the steps end with, if that is a refusal
+                return
+            stops = [n + 1 for n, step in enumerate(ahead) if self._stops(step)]
+            if stops:
+                count = stops[0 if begun else -1]
+                yield iter(ahead[:count])
+                del ahead[:count]
+            else:
+                yield chain(ahead, self._take_to_stop(coming))
+                ahead = []
+            begun = False
+
+    def _stops(self, step: PathStep) -> bool:
+        """Whether a motion of this order rests behind it."""
+        return 0 < step.stop <= self.order
+
+    def _take_to_stop(self, steps: Iterator[PathStep]) -> Iterator[PathStep]:
+        for step in steps:
+            yield step
+            if self._stops(step):
+                return
+
+    def _share(self, stretches: Iterator[Iterator[PathStep]], start: Start, helpers: Helpers) -> Iterator[Window]:
+        """The windows of stretches that are given to helpers, in order.
+
+        Planned here are what is left of a stretch that was begun, one that is long, one that is the only one, and one
+        whose steps end with a refusal, so that it comes behind the same windows as without helpers.
+        """
+        submit, given = helpers.prepare(self.plan_share), deque[tuple[list[PathStep], Share]]()
+        coming, first = _find_next(stretches), True
+        if coming is not None and start.pieces is not None:
+            start, first = (yield from self._plan_stretch(coming, start)), False
+            coming = _find_next(stretches)
+        near, alone = self._near(start), list[PathStep]()
+        while True:
+            while coming is not None and not alone and len(given) < helpers.room():
+                steps, rest = take_items(coming, MAX_SHARED + 1)
+                if rest is not coming or len(steps) > MAX_SHARED:
+                    alone, coming = steps, rest
+                    break
+                coming = _find_next(stretches)
+                if first and coming is None:
+                    alone, coming = steps, iter(())
+                    break
+                given.append((steps, submit((steps, near))))
+                near, first = split_turns(self.machine, [step.piece for step in steps], near)[1][-1], False
+            if given:
+                start = yield from self._take_share(*given.popleft(), start)
+            elif coming is not None:
+                if len(alone) > self.pieces:
+                    helpers.tell_alone(alone[0].piece.segment)
+                start = yield from self._plan_stretch(chain(alone, coming), start)
+                coming, alone, near, first = _find_next(stretches), [], self._near(start), False
+            else:
+                return
+
+    def _near(self, start: Start) -> Array:
+        return self.machine.home_q if start.near is None else start.near
+
+    def _take_share(self, steps: list[PathStep], share: Share, start: Start) -> Generator[Window, None, Start]:
+        """The windows that a helper planned, put where they are on the path."""
+        done = 0
+        for window in share.result(partial(self.plan_share, (steps, self._near(start)))):
+            placed = self._place(window, steps[done:], start)
+            yield placed
+            done, start = window.next.steps, placed.next
+        if done < len(steps):  # which cannot be planned, and raises here
+            start = yield from self._plan_stretch(iter(steps[done:]), start)
+        return start
+
+    def plan_share(self, stretch: Stretch) -> list[Window]:
+        """What a helper does: the windows of a stretch, up to one that cannot be; without their paths and limits.
+
+        What they count begins with the stretch, their places with themselves.
+        """
+        steps, near = stretch
+        found: list[Window] = []
+        with suppress(MotionError):
+            for window in replace(self, placed=False)._plan_stretch(iter(steps), Start(near=near)):
+                motion = replace(window.solution.trajectory, path=cast(MachinePath, None))
+                solution = replace(window.solution, trajectory=motion, limits=(), last_room=None)
+                found.append(replace(window, solution=solution))
+        return found
+
+    def _place(self, window: Window, steps: Sequence[PathStep], start: Start) -> Window:
+        """A window that a helper planned, of the first of some steps, as it is where it begins."""
+        path, kept, onward = self._draw(steps[: window.steps], start), window.kept, window.next
+        motion = replace(window.solution.trajectory, path=path)
+        proof = window.solution.certificate
+        where = {
+            name: replace(at, s=start.length + at.s, t=None if at.t is None else start.begin + at.t)
+            for name, at in proof.where.items()
+        }
+        solution = replace(
+            window.solution, trajectory=motion, certificate=replace(proof, where=where), limits=tuple(self.limit(path))
+        )
+        length = float(motion.s[kept] if kept < len(motion.s) else path.breaks[-1])
+        onward = replace(
+            onward,
+            elapsed=start.elapsed + Fraction(float(motion.knots[kept])),
+            length=start.length + length,
+            steps=start.steps + onward.steps - window.start.steps,
+        )
+        return Window(solution, start, window.steps, kept, onward)
+
+    def _plan_stretch(self, coming: Iterator[PathStep], start: Start) -> Generator[Window, None, Start]:
+        """The windows of a stretch, or of what is left of it behind one of them; returns how the next begins."""
+        ahead = list[PathStep]()  # from where the window held begins
         held: _Held | None = None  # to be left in its midst
         rest: _Held | None = None  # the same, or one whose stop is near all of it: what to come to rest by
-        start = start or Start()
         count = start.pieces or self.pieces
         while True:
             skip = held.seams[-1].steps if held is not None else 0
-            ahead += islice(coming, max(0, skip + count + 1 - len(ahead)))
+            more, coming = take_items(coming, max(0, skip + count + 1 - len(ahead)))
+            ahead += more
             if len(ahead) == skip:
-                return
-            own = _cut_at_last_stop(ahead[skip : skip + count], self.order)
+                next(coming, None)
+                return start
+            own = ahead[skip : skip + count]
             onward = start if held is None else self._start_from(held, start, count)
             found = attempt(partial(self._solve, own, onward))
             if isinstance(found, MotionError) and held is not None:
@@ -131,6 +300,8 @@ class WindowPlanner:
                     continue
             if isinstance(found, MotionError):
                 if rest is None:
+                    if self.placed:  # else whoever places the windows does so
+                        yield from self._plan_before(own, start, count)
                     raise found
                 start = yield from self._stop(rest.solution, start, rest.steps, count)  # its stop remains
                 del ahead[: rest.steps]
@@ -140,7 +311,7 @@ class WindowPlanner:
                 yield Window(held.solution, start, held.steps, held.seams[-1].knot, onward)
                 start = onward
                 del ahead[:skip]
-            ends = len(own) == len(ahead) or 0 < own[-1].stop <= self.order
+            ends = len(own) == len(ahead)
             held = rest = _Held(found, len(own), [] if ends else _find_seams(found, own))
             if held.seams:
                 continue
@@ -148,21 +319,34 @@ class WindowPlanner:
             if not ends and count < MAX_GROWTH * self.pieces:
                 count *= 2  # the stop is near all of it
                 continue
-            start = yield from self._stop(found, start, len(own), count)
+            start = yield from self._stop(found, start, len(own), None if ends else count)
             rest = None
             del ahead[: len(own)]
 
-    def _stop(self, solution: Solution, start: Start, steps: int, count: int) -> Generator[Window, None, Start]:
+    def _plan_before(self, steps: Sequence[PathStep], start: Start, count: int) -> Generator[Window, None, None]:
+        """Of steps that are refused as a whole a window of those before the one that is, if there are any."""
+        solve = cache(lambda number: attempt(partial(self._solve, steps[:number], start)))
+        fine = bisect_left(range(1, len(steps)), True, key=lambda number: isinstance(solve(number), MotionError))
+        if fine:
+            yield from self._stop(require(solve(fine)), start, fine, count)
+
+    def _stop(self, solution: Solution, start: Start, steps: int, count: int | None) -> Generator[Window, None, Start]:
         """A window of which all stays, and how the next begins."""
         motion = solution.trajectory
         length = start.length + float(motion.path.breaks[-1])
-        onward = Start(start.begin + motion.duration, length, start.steps + steps, count)
+        end = motion.within(np.array([len(motion.s) - 1]), np.diff(motion.knots)[-1:])
+        elapsed = start.elapsed + Fraction(motion.duration)
+        onward = Start(elapsed, length, start.steps + steps, count, near=end.q[0])
         yield Window(solution, start, steps, len(motion.s), onward)
         return onward
 
     def _solve(self, steps: Sequence[PathStep], start: Start) -> Solution:
         """From a start to a stop behind the last step."""
-        path = MachinePath(
+        path = self._draw(steps, start)
+        return certified_solve(path, self.limit(path), self.order, continuation=start.continuation)
+
+    def _draw(self, steps: Sequence[PathStep], start: Start) -> MachinePath:
+        return MachinePath(
             self.machine,
             [step.piece for step in steps],
             np.array([1, *(step.stop for step in steps[:-1]), 1]),
@@ -171,9 +355,8 @@ class WindowPlanner:
             end_speeds=(start.speed, 0.0),
             end_accelerations=(0.0 if start.continuation is None else start.continuation.acceleration, 0.0),
             near=start.near,
-            origin=(start.length, start.begin),
+            origin=(start.length, start.begin) if self.placed else (0.0, 0.0),
         )
-        return certified_solve(path, self.limit(path), self.order, continuation=start.continuation)
 
     def _start_from(self, held: _Held, start: Start, count: int) -> Start:
         """Where the window held, which began at a start, is left."""
@@ -189,14 +372,16 @@ class WindowPlanner:
             {} if room is None else {name: values[first:last] for name, values in room.items()},
             float(motion.a[knot]),
         )
-        begin, length = start.begin + float(motion.knots[knot]), start.length + float(motion.s[knot])
-        return Start(begin, length, start.steps + seam.steps, count, float(motion.v[knot]), state.q[0], continuation)
+        elapsed, length = start.elapsed + Fraction(float(motion.knots[knot])), start.length + float(motion.s[knot])
+        return Start(elapsed, length, start.steps + seam.steps, count, float(motion.v[knot]), state.q[0], continuation)
 
 
-def _cut_at_last_stop(steps: list[PathStep], order: int) -> list[PathStep]:
-    """The steps up to the last at whose end a motion of this order rests; all where there is none."""
-    stops = [n for n, step in enumerate(steps) if 0 < step.stop <= order]
-    return steps[: stops[-1] + 1] if stops else steps
+def _find_next(stretches: Iterator[Iterator[PathStep]]) -> Iterator[PathStep] | None:
+    """A stretch that raises where finding it does."""
+    try:
+        return next(stretches, None)
+    except MotionError as error:
+        return refuse_items(error)
 
 
 def _find_seams(solution: Solution, steps: Sequence[PathStep]) -> list[_Seam]:

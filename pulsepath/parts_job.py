@@ -1,19 +1,27 @@
 """What the command `plan` computes of a long program: its plan part by part, written as it goes."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from time import perf_counter
 
 from kinematics import MotionError
-from planner import Infeasible
 from planner.limits import find_unkept_limits, usual_order
+from planner.parallel import LocalHelpers
 from planner.plan_parts import MOST_WHOLE, PlanStanding, find_whole_reason, plan_parts
 from planner.pulses import find_rule
+from planner.windows import Helpers
 from pulsepath.inputs import Inputs
 from pulsepath.output import parts_directory
-from pulsepath.progress import detail, note, step
+from pulsepath.progress import note, step
+
+INSTEAD = {
+    "--rig": ", and run pulsepath track on the plan later",
+    "--pulses csv": ", and run pulsepath export --format pulses on the plan later",
+}
+"""What has the same effect as an option that needs all of a motion, once that is planned."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,32 +42,54 @@ def choose_parts(stream: bool | None, inputs: Inputs, rule: str, whole: Sequence
     if stream is False or (stream is None and program.repeat * len(program.segments) <= MOST_WHOLE):
         return False
     if whole:
-        why = f"with {whole[0]}: omit that, or run pulsepath track or export on the plan later"
+        why = f"with {whole[0]}: omit that{INSTEAD.get(whole[0], '')}"
     elif (reason := find_whole_reason(program, inputs.machine, find_rule(rule))) is not None:
         why = f"{reason}: give --whole, or plan that part by itself"
     if why is not None and stream:
         raise MotionError(f"--stream: program {program.name} cannot be planned in parts {why}")
     if why is not None:
-        detail(f"planned as a whole: {why}")
+        note(f"note: planned as a whole, which takes long and much memory; it cannot be planned in parts {why}")
     return why is None
 
 
+@contextmanager
+def open_helpers(cluster: str | None) -> Iterator[Helpers]:
+    """The workers of a Dask scheduler by its address or file; None: processes of this computer.
+
+    Raises as `planner.cluster.open_cluster`.
+    """
+    with ExitStack() as stack:
+        if cluster is None:
+            yield LocalHelpers(stack)
+        else:
+            from planner.cluster import open_cluster
+
+            yield stack.enter_context(open_cluster(cluster, tell=lambda text: note(f"note: {text}")))
+
+
 def run_parts(
-    inputs: Inputs, order: int | None, firing: Firing, folder: Path, figures: bool, keep: bool
+    inputs: Inputs,
+    order: int | None,
+    firing: Firing,
+    folder: Path,
+    figures: bool,
+    keep: bool,
+    helpers: Helpers | None = None,
 ) -> tuple[PlanStanding, MotionError | None]:
     """Plan into a folder, or go on with what is there: what it holds then, and why it is not all.
 
-    Raises as `parts_directory.write`.
+    helpers: who plans what lies between stops, with the same result. Raises as `parts_directory.write`.
     """
     program, machine = inputs.program, inputs.machine
     for field in find_unkept_limits(machine):
         note(f"note: {machine.name} states {field} but no masses, so no plan can respect it")
     begin, reached = perf_counter(), 0.0
+    first: tuple[int, float] | None = None  # segments and s of motion by the first part of this run
 
     def describe(done: int, of: int) -> str:
-        spent = perf_counter() - begin
-        left = spent * (of - done) / max(done, 1)
-        speed = reached / max(spent, 1e-9)
+        spent, before = perf_counter() - begin, first or (0, 0.0)
+        left = spent * (of - done) / max(done - before[0], 1)
+        speed = (reached - before[1]) / max(spent, 1e-9)
         return (
             f"segment {done} of {of}, {reached:.1f} s of motion, {speed:.1f} times real time, about {left:.0f} s left"
         )
@@ -67,14 +97,19 @@ def run_parts(
     with step(f"planning {program.name} on {machine.name} part by part", describe) as tell:
 
         def tell_standing(standing: PlanStanding) -> None:
-            nonlocal reached
+            nonlocal reached, first
+            if first is None:
+                begun = standing.windows == 1
+                first = (0, 0.0) if begun else (standing.segment, standing.duration)
             reached = standing.duration
             tell(standing.segment, len(program.segments))
 
         kind = usual_order(machine.axes) if order is None else order
-        plan = partial(plan_parts, program, machine, order=kind, clock_hz=firing.clock_hz, rule=firing.rule)
+        plan = partial(
+            plan_parts, program, machine, order=kind, clock_hz=firing.clock_hz, rule=firing.rule, helpers=helpers
+        )
         options = {"order": kind, **asdict(firing)}
-        try:
+        with inputs.tell_lines():
             standing, no = parts_directory.write(
                 folder,
                 inputs,
@@ -85,19 +120,6 @@ def run_parts(
                 figures=figures,
                 keep=keep,
             )
-        except Infeasible as error:
-            _tell_line(inputs, error)
-            raise
-    if isinstance(no, Infeasible):
-        _tell_line(inputs, no)
+    if no is not None:
+        inputs.tell_line(no)
     return standing, no
-
-
-def _tell_line(inputs: Inputs, no: Infeasible) -> None:
-    """In which line of its file the segment is that is refused."""
-    program = inputs.program
-    number = None if no.place is None else no.place.segment
-    line = 0 if number is None else program.segments[number - 1].line_number
-    if line:
-        suffix = ".toml" if inputs.origin is None else inputs.origin.suffix
-        note(f"segment {number} is in line {line} of {program.name}{suffix}")

@@ -19,6 +19,7 @@ import json
 import struct
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from fractions import Fraction
 from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -30,6 +31,7 @@ import numpy as np
 from kinematics import Fault, FileError, Machine, MotionError, Pose
 from kinematics.files.chunk_file import Chunk, ChunkWriter, open_chunks, resume_chunks
 from kinematics.foundation.arrays import Array
+from planner.certificate.continuity import piece_end_lengths
 from planner.path.actuation import ActuatorPath, MachinePath
 from planner.path.join_and_blend import PathStep
 from planner.trajectory import Trajectory
@@ -72,15 +74,26 @@ class MotionPart:
 
 @dataclass(frozen=True, slots=True)
 class _Reached:
-    """Up to where a file goes: how many pieces, the head of their part, the knot at their end within it."""
+    """Up to where a file goes: how many pieces, the head of their part, the knot at their end within it.
+
+    before  s, of the parts before it, exactly
+    """
 
     pieces: int = 0
     head: PartHead | None = None
     knot: float | None = None
+    before: Fraction = Fraction(0)
 
     @property
     def duration(self) -> float:
-        return (0.0 if self.head is None else self.head.begin) + (self.knot or 0.0)
+        return float(self.before + Fraction(self.knot or 0.0))
+
+    def begin(self, head: PartHead) -> "_Reached":
+        """The same with another part begun. Raises MotionError where it does not begin when those before end."""
+        if head.begin != self.duration:
+            told = f"the part begins at {head.begin:.17g} s, and those before end at {self.duration:.17g} s"
+            raise MotionError(told)
+        return replace(self, head=head, knot=0.0, before=self.before + Fraction(self.knot or 0.0))
 
 
 class MotionWriter:
@@ -109,7 +122,7 @@ class MotionWriter:
         kept = _Reached()
         for chunk, contents in held.contents():
             if chunk.kind == "PART":
-                kept = replace(kept, head=_decode_head(contents, chunk, path), knot=None)
+                kept = kept.begin(_decode_head(contents, chunk, path))
             elif not chunk.kind.islower():
                 knots, columns = _decode(contents, chunk, path)
                 kept = replace(kept, pieces=kept.pieces + len(columns[0]), knot=float(knots[-1]))
@@ -126,7 +139,7 @@ class MotionWriter:
         reached = self._stop or self._kept
         if head is not None:
             self._chunks.add("part" if stop else "PART", json.dumps(asdict(head)).encode())
-            reached = replace(reached, head=head, knot=0.0)
+            reached = reached.begin(head)
         knot = reached.knot
         if knot is not None and len(motion.s) and motion.knots[0] != knot:
             raise MotionError(f"the pieces begin at {motion.knots[0]:.17g} s, and those before end at {knot:.17g} s")
@@ -169,7 +182,10 @@ def motion_parts(path: Path, partial: bool = False) -> Iterator[MotionPart]:
     reached = _Reached()
     for chunk, contents in held.contents():
         if chunk.kind.upper() == "PART":
-            reached = replace(reached, head=_decode_head(contents, chunk, path), knot=0.0)
+            try:
+                reached = reached.begin(_decode_head(contents, chunk, path))
+            except MotionError as error:
+                raise _refusal(path, f"chunk {chunk.number}: {error}") from None
             continue
         knots, columns = _decode(contents, chunk, path)
         if reached.knot is not None and knots[0] != reached.knot:
@@ -249,16 +265,24 @@ def _draw_path(machine: Machine, steps: Sequence[PathStep], tool: Pose | None, *
     return MachinePath(machine, [step.piece for step in steps], stops, dwells, tool=tool, **of)
 
 
+# By how much coordinates and their rates may jump from one part to the next: a share of the largest of that rate, of
+# the coordinates of their speed in a second, and of the value itself.
+SEAM_JUMP, SEAM_ROUNDING = 1e-9, 1e-12
+
+
 def follow_motion(
-    path: Path, steps: Iterator[PathStep], machine: Machine, tool: Pose | None, partial: bool = False
+    path: Path, steps: Iterator[PathStep], machine: Machine, tool: Pose | None, *, whole: bool = True
 ) -> Iterator[Trajectory]:
     """The trajectory in a file part by part, each on its own path, whose places and speeds at the ends are the whole's.
 
+    Each part begins where the one before ended, at its speed, and the last ends with the path; whole: False for a file
+    that is not finished, or a plan that ends before its path does.
     steps: of the whole path, from its start on, as `planner.path.chain.walk_path` has them. Raises as `read_motion`.
     """
-    ahead, skipped = list[PathStep](), 0
+    ahead, skipped, after = list[PathStep](), 0, 0
     speed = push = 0.0
-    parts = join_parts(motion_parts(path, partial))
+    last: Trajectory | None = None
+    parts = join_parts(motion_parts(path, partial=not whole))
     held = next(parts, None)
     while held is not None:
         part, held = held, next(parts, None)
@@ -267,10 +291,11 @@ def follow_motion(
         if head is None:
             ahead = list(steps)
             head = PartHead(0.0, 0.0, 0, len(ahead))
-        if head.step < skipped:
-            raise _refusal(path, f"the part from {head.begin} s goes back along its path")
+        first = after  # of the path behind the part before; another may go on with the path of that one
+        if head.step not in (skipped, first):
+            raise _refusal(path, f"the part from {head.begin} s does not go on with the path of the one before")
         del ahead[: head.step - skipped]
-        skipped = head.step
+        skipped, after = head.step, head.step + head.steps
         ahead += islice(steps, max(0, head.steps - len(ahead)))
         own = ahead[: head.steps]
         if len(own) < head.steps or not own:
@@ -287,8 +312,33 @@ def follow_motion(
         )
         _check_piece(part.columns[-1], len(along.breaks) - 1, path)
         own_s, own_v, own_a, own_j, piece = part.columns
-        yield Trajectory(along, part.knots - part.knots[0], own_s, own_v, own_a, own_j, piece)
-        speed, push = v, a
+        motion = Trajectory(along, part.knots - part.knots[0], own_s, own_v, own_a, own_j, piece)
+        behind = 0.0 if head.step == first else float(piece_end_lengths(last)[-1]) if last is not None else 0.0
+        if abs(float(own_s[0]) - behind) > SEAM_JUMP * float(along.breaks[-1]):
+            raise _refusal(path, f"the part from {head.begin} s does not go on with the path of the one before")
+        if last is not None:
+            _check_seam(last, motion, path)
+        yield motion
+        speed, push, last = v, a, motion
+    if whole and (last is None or len(ahead) > after - skipped or next(steps, None) is not None):
+        raise _refusal(path, "ends before the path of the program does")
+
+
+def _check_seam(one: Trajectory, other: Trajectory, path: Path) -> None:
+    """Raise FileError where a part does not begin where the one before ended, as fast in each axis."""
+    end = one.within(np.array([len(one.s) - 1]), np.diff(one.knots)[-1:])
+    start = other.within(np.array([0]), np.zeros(1))
+    both = [each.within(np.arange(len(each.s)), np.zeros(len(each.s))) for each in (one, other)]
+    kept = [("q", "qd"), ("qd", "qd")]
+    if one.j.any() or other.j.any():
+        kept.append(("qdd", "qdd"))
+    for name, rate in kept:
+        before, after = getattr(end, name)[0], getattr(start, name)[0]
+        most = max(float(np.abs(getattr(each, rate)).max()) for each in both)
+        jump = np.abs(after - before) - SEAM_JUMP * most - SEAM_ROUNDING * np.abs(before)
+        if not jump.max() <= 0:
+            place = other.path.place(float(other.s[0]), int(other.piece[0]), 0.0)
+            raise _refusal(path, f"jumps in {one.path.names[int(np.argmax(jump))]} at {place}")
 
 
 def _check_numbers(part: MotionPart, path: Path) -> None:

@@ -262,7 +262,7 @@ class MachinePath:
         self._shapes = list({piece.shape: None for piece in pieces})
         self._shape_of = np.array([self._shapes.index(piece.shape) for piece in self.pieces])
         self._parameters = [
-            np.array([p.parameters if p.shape is shape else np.zeros(shape.size) for p in self.pieces])
+            np.array([p.parameters if p.shape == shape else np.zeros(shape.size) for p in self.pieces])
             for shape in self._shapes
         ]
         self._refuse()

@@ -14,7 +14,7 @@ from numpy.polynomial import chebyshev, polynomial
 
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
-from planner.path.shape import Piece, Shape
+from planner.path.shape import Derived, Piece, Shape
 
 # Points of a panel (exact to degree 31), panels at first and at most, and how well twice as many must agree with them.
 PANEL_POINTS, FIRST_PANELS, MAX_PANELS, LENGTH_AGREEMENT = 16, 4, 2**12, 1e-14
@@ -222,7 +222,7 @@ def _condition_matrix(inner: Array) -> Array:
 @cache
 def _even_shape(shape: Shape) -> Shape:
     """u(s) = Σ c_k (s/h − 1)^k: the half length h and the coefficients are further parameters."""
-    return Shape(f"{shape.name}_even", shape.size + 2 + DEGREE, partial(_motion, shape))
+    return Shape(f"{shape.name}_even", shape.size + 2 + DEGREE, Derived(_motion, (shape,)))
 
 
 def _motion(shape: Shape, s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:

@@ -27,6 +27,8 @@ MAX_HALVINGS, TIGHTNESS = 10, 0.005
 MIN_CELLS = 16
 # Steps of Gauss and Newton to the nearest point.
 NEAREST_STEPS = 4
+# How far from its even share of the path, in tolerances, the like of a place is looked for at least.
+DRIFT = 16.0
 # Floor of a share of the tolerance below which no bound is made tighter.
 ENOUGH_SHARE = 0.02
 
@@ -143,7 +145,7 @@ def bound_distance(curve: Sequence[Piece], given: Sequence[Piece], tolerance: fl
     smaller. tolerance (m) and angle (rad) weigh the two against each other.
     """
     one, other = Track(curve), Track(given)
-    places = _corresponding_places(one, other)
+    places = _corresponding_places(one, other, DRIFT * tolerance)
     cells = _first_cells(one, other, places)
     while len(cells.piece) < MIN_CELLS:  # so many take as long as one
         cells = _halve(one, other, cells)
@@ -167,14 +169,17 @@ def bound_distance(curve: Sequence[Piece], given: Sequence[Piece], tolerance: fl
     return Closeness(along, beside, position[order], turned[order], places)
 
 
-def _corresponding_places(one: Track, other: Track) -> Array:
-    """s (P + 1,) on the first path next to the ends of the second's pieces, in their order."""
+def _corresponding_places(one: Track, other: Track, drift: float) -> Array:
+    """s (P + 1,) on the first path next to the ends of the second's pieces, in their order.
+
+    drift: m by which one may run ahead of the other at least, be its pieces ever so short.
+    """
     if len(other.pieces) == 1:
         return np.array([0.0, one.breaks[-1]])
     ratio = one.breaks[-1] / other.breaks[-1]
     inner, links = other.breaks[1:-1], np.arange(1, len(other.pieces))
     x = other.derivatives(inner, links)[0][:, :3]
-    reach = ratio * np.minimum(other.length[:-1], other.length[1:])
+    reach = np.maximum(ratio * np.minimum(other.length[:-1], other.length[1:]), drift)
     s = ratio * inner
     low, high = np.maximum(s - reach, 0.0), np.minimum(s + reach, one.breaks[-1])
     for _ in range(NEAREST_STEPS):

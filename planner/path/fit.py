@@ -287,10 +287,19 @@ def _fit(unit: _Unit, end: Array | None, spans: int, *, whole: bool) -> _Spline:
         if use <= 1:
             return found
         target *= LESS
+        knots = _halve_open_spans(found, knots, unit)
     raise MotionError(
         f"no curve within {unit.tolerance * 1e3:g} mm was proved from segment {unit.links[0].segment} to "
         f"{unit.links[-1].segment}: the best one leaves the path by {use:.3f} of the tolerance; use a blend there"
     )
+
+
+def _halve_open_spans(spline: _Spline, knots: Array, unit: _Unit) -> Array:
+    """The knots, and the middles of the spans where the proof finds the curve too far from the chain."""
+    proved = spline.proved
+    far = (proved.position > unit.tolerance) | (proved.angle > unit.angle)
+    span = np.unique(np.searchsorted(knots, (proved.s[:-1] + proved.s[1:])[far] / 2, side="right") - 1)
+    return np.sort(np.concatenate([knots, (knots[:-1] + knots[1:])[span] / 2]))
 
 
 def _refine(

@@ -5,7 +5,7 @@ In a blend one motion begins while the one before it ends, within a tolerance of
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache
 from typing import TypeVar
 
 import casadi as ca
@@ -14,7 +14,7 @@ import numpy as np
 from kinematics.foundation.arrays import Array, freeze_array
 from planner.path.closeness import bound_distance
 from planner.path.outcome import Blended
-from planner.path.shape import LINE, Drawn, Fitted, Piece, Shape, turning_angle
+from planner.path.shape import LINE, Derived, Drawn, Fitted, Piece, Shape, turning_angle
 from planner.program.modifiers import Blend, Fit, Stop
 
 # Where the deviation may lie, as a share of the tolerance, and where the search aims: under 1 by more than what the
@@ -59,7 +59,7 @@ def _shape(first: Shape, second: Shape) -> Shape:
     so the blend meets its neighbours with three continuous derivatives, whatever they are. Between lines it is the
     polynomial of degree 7 that does so.
     """
-    return Shape(f"blend_{first.name}_{second.name}", 15 + first.size + second.size, partial(_motion, first, second))
+    return Shape(f"blend_{first.name}_{second.name}", 15 + first.size + second.size, Derived(_motion, (first, second)))
 
 
 def _motion(first: Shape, second: Shape, s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
@@ -295,9 +295,9 @@ def _fit_proved_blend(before: Drawn, after: Drawn, most: float, tolerance: float
     if min(left, spare) <= 0:
         return None
     rate = MIDDLE_SHARE * jump
-    reach = min(most, left / rate) if rate > 0 else most
+    # of all that is to be had nothing is left: a piece of no length between two blends
+    reach = most if rate * most <= left * (1 - 2 * SAME_LENGTH) else left / rate * (1 - 2 * SAME_LENGTH)
     if all(part.shape is LINE and part.parameters[-1] == 0 for part in (a, b)) and not used.any():
-        reach *= 1 - 2 * SAME_LENGTH
         halves = _halve_blend(a, b, reach, tolerance / angle)
         return None if halves is None else BlendFit(halves, reach, reach * rate * (1 + SAME_LENGTH), 0.0)
     found, power, tried = None, 1.0 if rate > 0 else 2.0, list[tuple[float, float]]()

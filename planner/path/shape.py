@@ -7,7 +7,7 @@ tool's own axis, and a tilt of that axis within a cone. The platform's path take
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache
 from math import comb
 
 import casadi as ca
@@ -40,6 +40,20 @@ class Shape:
     name: str
     size: int
     motion: Callable[[ca.SX, ca.SX], tuple[ca.SX, ca.SX]]
+
+
+@dataclass(frozen=True, slots=True)
+class Derived:
+    """The motion of a shape that is made of others, or of a number: rule(*of, s, parameters).
+
+    Equal to any of the same, in another process too: what is built on a shape is built once wherever it comes to.
+    """
+
+    rule: Callable[..., tuple[ca.SX, ca.SX]]
+    of: tuple[Shape | int, ...]
+
+    def __call__(self, s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
+        return self.rule(*self.of, s, parameters)
 
 
 @dataclass(frozen=True, slots=True)
@@ -246,7 +260,7 @@ def free_piece(piece: Piece, controls: Array, offset: float, length: float) -> P
 @cache
 def _freed_shape(shape: Shape) -> Shape:
     """R = R_0(s) Rx(α(u)) Ry(β(u)) Rz(ψ(u)) with u = (s + offset)/length."""
-    return Shape(f"{shape.name}_freed", 2 + CONTROL_COUNT + shape.size, partial(_freed_motion, shape))
+    return Shape(f"{shape.name}_freed", 2 + CONTROL_COUNT + shape.size, Derived(_freed_motion, (shape,)))
 
 
 def _freed_motion(shape: Shape, s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
@@ -283,7 +297,7 @@ def carry_tool(piece: Piece, tool: Pose) -> Piece:
 @cache
 def _carried_shape(shape: Shape) -> Shape:
     """The tool's inverse is twelve more parameters, so that all tools share one expression."""
-    return Shape(f"{shape.name}_by_tool", shape.size + 12, partial(_carried_motion, shape))
+    return Shape(f"{shape.name}_by_tool", shape.size + 12, Derived(_carried_motion, (shape,)))
 
 
 def _carried_motion(shape: Shape, s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:

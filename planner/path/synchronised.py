@@ -7,7 +7,7 @@ forward solutions, and it is measured how straight the axes then are.
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache
 
 import casadi as ca
 import numpy as np
@@ -19,7 +19,7 @@ from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.machine.machine import Machine
 from kinematics.machine.pose import Pose, from_numbers, to_numbers
-from planner.path.shape import Piece, Shape, line, turn_angle, turning_angle
+from planner.path.shape import Derived, Piece, Shape, line, turn_angle, turning_angle
 from planner.path.spline import align_signs
 
 NAME, DEGREES = "synchronised", (8, 16, 24)
@@ -35,7 +35,7 @@ CHECK_POINTS = 129
 
 @cache
 def _shape(degree: int) -> Shape:
-    return Shape(f"{NAME}_{degree}", 1 + 7 * (degree + 1), partial(_motion, degree))
+    return Shape(f"{NAME}_{degree}", 1 + 7 * (degree + 1), Derived(_motion, (degree,)))
 
 
 def _motion(degree: int, s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:

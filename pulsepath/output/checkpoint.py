@@ -4,8 +4,10 @@ It holds plain numbers only, and what the plan is of: a run with other inputs or
 """
 
 import json
+import os
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -27,19 +29,37 @@ CHECKPOINT, KIND, SCHEMA = "checkpoint.json", "pulsepath unfinished plan", 1
 Record = dict[str, Any]
 
 
-def write_checkpoint(folder: Path, of: Mapping[str, Any], mark: PlanMark, sizes: Mapping[str, int]) -> None:
-    """of: inputs and options; sizes: bytes of the files that grow. The file is replaced at once, or not at all."""
+@dataclass(frozen=True, slots=True)
+class Checkpoint:
+    """Where a plan stands: sizes: bytes of the files that grow; complete: all is planned, to be checked and reported.
+
+    ending: why it ends before its program does
+    """
+
+    mark: PlanMark
+    sizes: Mapping[str, int]
+    complete: bool
+    ending: str = ""
+
+
+def write_checkpoint(folder: Path, of: Mapping[str, Any], reached: Checkpoint) -> None:
+    """of: inputs and options. The file is replaced at once, or not at all."""
     record = {
         "kind": KIND,
         "schema": SCHEMA,
         "version": __version__,
         "of": of,
-        "sizes": sizes,
-        "standing": _standing_record(mark.standing),
-        "stream": mark.stream.mark(),
+        "sizes": reached.sizes,
+        "complete": reached.complete,
+        "ending": reached.ending,
+        "standing": _standing_record(reached.mark.standing),
+        "stream": reached.mark.stream.mark(),
     }
     new = folder / f"{CHECKPOINT}.new"
-    new.write_text(json.dumps(record), encoding="utf-8")
+    with new.open("w", encoding="utf-8") as file:
+        json.dump(record, file)
+        file.flush()
+        os.fsync(file.fileno())
     new.replace(folder / CHECKPOINT)
 
 
@@ -47,8 +67,8 @@ def holds_checkpoint(folder: Path) -> bool:
     return (folder / CHECKPOINT).is_file()
 
 
-def read_checkpoint(folder: Path, of: Mapping[str, Any], machine: Machine) -> tuple[PlanMark, dict[str, int]]:
-    """Where the plan in a folder stands, and the sizes of its files there. Raises MotionError for another plan's."""
+def read_checkpoint(folder: Path, of: Mapping[str, Any], machine: Machine) -> Checkpoint:
+    """Where the plan in a folder stands. Raises MotionError for another plan's."""
     file = folder / CHECKPOINT
     try:
         record = json.loads(file.read_bytes())
@@ -60,15 +80,15 @@ def read_checkpoint(folder: Path, of: Mapping[str, Any], machine: Machine) -> tu
         raise MotionError(f"{file} was written by another version of pulsepath: omit --resume to begin anew")
     for name, value in json.loads(json.dumps(of)).items():
         if held.get(name) != value:
-            told = "other content" if isinstance(value, dict) else f"{held.get(name)}, not {value}"
-            raise MotionError(f"{file}: the plan was begun with {name} {told}: give the same, or omit --resume")
+            told = f"other {name}" if isinstance(value, dict) else f"{name} {held.get(name)}, not {value}"
+            raise MotionError(f"{file}: the plan was begun with {told}: give the same, or omit --resume")
     try:
         standing = _read_standing(record["standing"], machine)
         rule = find_rule(standing.pulses.rule)
         stream = PulseStream.resume(machine, standing.pulses.clock_hz, rule, record["stream"])
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise MotionError(f"{file}: no checkpoint can be read from it ({error!r}): omit --resume") from None
-    return PlanMark(standing, stream), sizes
+    return Checkpoint(PlanMark(standing, stream), sizes, bool(record["complete"]), str(record["ending"]))
 
 
 def _standing_record(standing: PlanStanding) -> Record:
@@ -78,6 +98,7 @@ def _standing_record(standing: PlanStanding) -> Record:
         "order": standing.order,
         "start": _start_record(standing.start),
         "segment": standing.segment,
+        "windows": standing.windows,
         "certificate": {
             "holds": proof.holds,
             "worst": proof.worst,
@@ -104,7 +125,7 @@ def _standing_record(standing: PlanStanding) -> Record:
 def _start_record(start: Start) -> Record:
     onward = start.continuation
     return {
-        "begin": start.begin,
+        "elapsed": start.elapsed.as_integer_ratio(),
         "length": start.length,
         "steps": start.steps,
         "pieces": start.pieces,
@@ -132,6 +153,7 @@ def _read_standing(record: Record, machine: Machine) -> PlanStanding:
         record["order"],
         _read_start(record["start"]),
         record["segment"],
+        record["windows"],
         Certificate(
             proof["holds"],
             proof["worst"],
@@ -156,7 +178,7 @@ def _read_start(record: Record) -> Start:
         room = {name: np.array(values, float) for name, values in held["room"].items()}
         onward = Continuation(np.array(held["s"], float), np.array(held["columns"], float), room, held["acceleration"])
     return Start(
-        record["begin"],
+        Fraction(*record["elapsed"]),
         record["length"],
         record["steps"],
         record["pieces"],

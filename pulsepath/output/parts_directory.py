@@ -1,7 +1,9 @@
 """The output of `plan` for a program that is planned in parts: written as it goes, each with the stop behind it."""
 
+import os
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +18,7 @@ from planner.pulses import open_pulses
 from planner.pulses.checking.edge_reader import check_file_parts
 from pulsepath.inputs import Inputs
 from pulsepath.job import Defect
-from pulsepath.output.checkpoint import CHECKPOINT, holds_checkpoint, read_checkpoint, write_checkpoint
+from pulsepath.output.checkpoint import CHECKPOINT, Checkpoint, holds_checkpoint, read_checkpoint, write_checkpoint
 from pulsepath.output.directory import BEGUN, RECORD
 from pulsepath.output.plan_directory import BINARY, CERTIFICATE, MOTION, REPORT, SOURCES
 from pulsepath.output.plan_record import of_parts, of_pulse_file
@@ -39,16 +41,29 @@ class PartsWriter:
             self._motion = MotionWriter.begin(self._files[MOTION])
             return
         for name, file in self._files.items():
+            size = file.seek(0, os.SEEK_END)
+            if size < sizes[name]:
+                told = f"has {size} bytes, and its checkpoint counts on {sizes[name]}: it cannot be gone on with"
+                raise MotionError(f"{folder / name} {told}; omit --resume, and give --force to begin anew")
             file.truncate(sizes[name])
         self._motion = MotionWriter.resume(folder / MOTION, self._files[MOTION])
         if pulses:
             held = open_pulses(folder / BINARY, partial=True)
             self._pulses = PulseWriter.resume(self._files[BINARY], held)
+        if self.sizes != {name: sizes[name] for name in self._files}:
+            raise MotionError(f"{folder}: its files are damaged: omit --resume, and give --force to begin anew")
 
     @property
     def sizes(self) -> dict[str, int]:
         """Bytes by the name of the file."""
         return {name: file.tell() for name, file in self._files.items()}
+
+    def secure(self) -> dict[str, int]:
+        """The same, once all of it is on the disk."""
+        for file in self._files.values():
+            file.flush()
+            os.fsync(file.fileno())
+        return self.sizes
 
     def add(self, part: PlanPart) -> None:
         """What stays of a part, and its stop."""
@@ -101,11 +116,16 @@ def write(
     pulses: their file as well. keep: where a part cannot be planned, the folder becomes a plan that ends with the stop
     before it, if there is any. Else raises as the parts do.
     """
-    seen, part, no, mark, sizes = Overview(), None, None, None, None
+    seen, part, no, mark, sizes, ending = Overview(), None, None, None, None, ""
     of = {**options, "inputs": inputs.digests, "fit": inputs.fit}
     of["reading"] = None if inputs.origin is None else {**inputs.origin.options, "format": inputs.origin.format}
     if holds_checkpoint(folder):
-        mark, sizes = read_checkpoint(folder, of, inputs.machine)
+        held = read_checkpoint(folder, of, inputs.machine)
+        mark, sizes = held.mark, held.sizes
+        if held.complete:
+            _look_again(seen, folder, inputs, mark)
+            _finish(folder, mark.standing, inputs, seen, pulses, figures, held.ending)
+            return mark.standing, MotionError(held.ending) if held.ending else None
     else:
         _write_inputs(folder, inputs)
     with ExitStack() as files:
@@ -116,7 +136,7 @@ def write(
             for part in plan(mark):
                 writer.add(part)
                 seen.add(part.motion, part.start.begin, part.start.length)
-                write_checkpoint(folder, of, part.mark, writer.sizes)
+                write_checkpoint(folder, of, Checkpoint(part.mark, writer.secure(), part.rest_pulses is None))
                 tell(part.standing)
         except MotionError as error:
             if not keep or part is None:
@@ -125,9 +145,11 @@ def write(
             writer.end(part)
             if part.rest is not None:
                 seen.add(part.rest, part.standing.start.begin, part.start.length)
+            ending = f"It ends before the program does, with a stop: {no}"
+            ended = replace(part.mark, standing=come_to_rest(part))
+            write_checkpoint(folder, of, Checkpoint(ended, writer.secure(), True, ending))
     assert part is not None  # a program has a segment that moves, or is refused
     standing = part.standing if no is None else come_to_rest(part)
-    ending = "" if no is None else f"It ends before the program does, with a stop: {no}"
     _finish(folder, standing, inputs, seen, pulses, figures, ending)
     return standing, no
 
@@ -143,7 +165,7 @@ def _look_again(seen: Overview, folder: Path, inputs: Inputs, mark: PlanMark) ->
     """At the parts that were planned before."""
     program, begin = inputs.program, 0.0
     steps = walk_path(program, inputs.machine)
-    for motion in follow_motion(folder / MOTION, steps, inputs.machine, program.tool, partial=True):
+    for motion in follow_motion(folder / MOTION, steps, inputs.machine, program.tool, whole=False):
         if begin >= mark.standing.duration:
             return  # its stop
         at = motion.path.place(0.0, 0, 0.0)
@@ -161,7 +183,8 @@ def _finish(
     if pulses:
         file = folder / BINARY
         with step("checking the pulses") as tell:
-            motions = follow_motion(folder / MOTION, walk_path(program, machine), machine, program.tool)
+            steps = walk_path(program, machine)
+            motions = follow_motion(folder / MOTION, steps, machine, program.tool, whole=not ending)
             verdict = check_file_parts(file, standing.pulses, machine, motions, tell)
         if not verdict.holds:
             raise Defect(f"{verdict.fault_count} faults in the pulses, the first: {verdict.faults[0]}")

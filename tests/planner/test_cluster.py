@@ -5,6 +5,7 @@ import pickle
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,7 @@ import pytest
 import planner
 from kinematics import MotionError
 from planner import Line, Program, plan_many
-from planner.cluster import _wrap_checked, run_on_cluster
+from planner.cluster import _wrap_checked, open_cluster, run_on_cluster
 from planner.environment import FIRST_FACTS, describe_mismatches, make_fact_finder
 
 LOADED = "import sys, cloudpickle; print(cloudpickle.loads(bytes.fromhex(sys.argv[1]))())"
@@ -57,6 +58,47 @@ def test_another_library_on_the_workers_is_refused(monkeypatch):
         monkeypatch.setitem(FIRST_FACTS, key, {**look(), "numpy": "1.0"})
         with pytest.raises(MotionError, match=rf"different results: numpy {numpy} \(here 1\.0\)\. Install the same"):
             list(run_on_cluster(divmod, [7], 2, cluster.scheduler_address))
+
+
+def test_a_worker_that_differs_later_gets_no_more(monkeypatch):
+    """What it was given is done here, which is told."""
+    distributed = pytest.importorskip("distributed", reason="the extra cluster")
+    look, told = make_fact_finder(), []
+    key = next(key for key, facts in FIRST_FACTS.items() if facts == look())
+    with (
+        distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None) as made,
+        open_cluster(made.scheduler_address, tell=told.append) as cluster,
+    ):
+        assert cluster.prepare(abs)(-7).result(lambda: None) == 7
+        monkeypatch.setitem(FIRST_FACTS, key, {**look(), "numpy": "1.0"})
+        assert cluster.prepare(abs)(-7).result(lambda: "here") == "here"
+        assert cluster.find_workers() == []
+        monkeypatch.undo()
+        assert cluster.prepare(divmod)(7).result(lambda: "here") == "here"  # of one argument: it raises
+    assert "done by this computer instead of the cluster" in told[0]
+    assert "numpy" in told[0]
+    assert "TypeError" in told[-1]
+
+
+def test_without_its_scheduler_all_is_done_here(monkeypatch):
+    distributed = pytest.importorskip("distributed", reason="the extra cluster")
+    monkeypatch.setattr("planner.cluster.MAX_CONNECTION_TIME", 0.5)
+    told = []
+    with (
+        distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as made,
+        open_cluster(made.scheduler_address, tell=told.append) as cluster,
+    ):
+        submit = cluster.prepare(abs)
+        assert submit(-7).result(lambda: None) == 7
+        assert submit(lambda: 0).result(lambda: "here") == "here"  # pickle cannot send it
+        made.close()
+        assert submit(-7).result(lambda: "here") == "here"
+        end = time.monotonic() + 10
+        while cluster.room() and time.monotonic() < end:
+            time.sleep(0.1)
+        assert cluster.room() == 0
+    assert "it cannot be sent" in told[0]
+    assert "instead of the cluster: it" in told[1]  # has no scheduler any more, or no worker
 
 
 def test_a_cluster_without_workers_is_told(monkeypatch):

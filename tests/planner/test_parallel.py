@@ -9,6 +9,7 @@ import sys
 import textwrap
 import threading
 import time
+from contextlib import ExitStack
 from functools import partial
 
 import numpy as np
@@ -111,6 +112,35 @@ def test_no_process_outlives_the_one_that_began_it(tmp_path):
     process.kill()
     process.communicate(timeout=15)
     assert ends(process.pid)
+
+
+def test_local_helpers_start_late_and_again_where_they_die(eager, monkeypatch):
+    def here(task):
+        return lambda: ("here", task)
+
+    with ExitStack() as stack:
+        helpers = parallel.LocalHelpers(stack)
+        assert helpers.room() == 0  # there is no work yet
+        submit = helpers.prepare(where)
+        monkeypatch.setattr(parallel, "MIN_POOL_WORK", np.inf)
+        assert helpers.room() == 0
+        assert submit(1).result(here(1)) == ("here", 1)
+        monkeypatch.setattr(parallel, "MIN_POOL_WORK", 0.0)
+        for _ in range(parallel.MAX_DEATHS):
+            assert helpers.room() == 3
+            found = [each.result(here(n)) for n, each in enumerate([submit(0), submit(1)])]
+            assert [task for task, _ in found] == [0, 1]
+            assert os.getpid() not in {process for _, process in found}
+            assert submit("infeasible").result(here(5)) == ("here", 5)
+            assert submit("dies").result(here(6)) == ("here", 6)
+            assert submit(7).result(here(7)) == ("here", 7)
+        assert helpers.room() == 0
+    assert not multiprocessing.active_children()
+
+
+def test_nothing_is_started_where_that_is_ruled_out(eager):
+    with parallel.without_processes():
+        assert {process for _, process in parallel.spread(where, range(20))} == {os.getpid()}
 
 
 def test_work_that_cannot_leave_the_process_is_done_here(eager):

@@ -1,5 +1,9 @@
 """A path planned window by window: as fast as planned whole, continuous where windows meet, at rest at every end."""
 
+import pickle
+from dataclasses import replace
+from fractions import Fraction
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -7,7 +11,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from kinematics import MotionError, load_machine
-from planner import load_program
+from planner import load_program, windows
 from planner.limits import limits_of
 from planner.path.actuation import MachinePath, actuate
 from planner.path.join_and_blend import PathStep
@@ -63,7 +67,7 @@ def test_a_window_goes_on_just_where_the_one_before_was_left(both):
     order = 3 if whole.trajectory.j.any() else 2
     for one, other in pairwise(windows):
         before, after = one.solution.trajectory, other.solution.trajectory
-        assert one.start.begin + one.duration == other.start.begin == one.next.begin
+        assert one.start.elapsed + Fraction(one.duration) == other.start.elapsed == one.next.elapsed
         assert before.v[one.kept] == after.v[0]
         if order == 3:
             assert before.a[one.kept] == after.a[0]
@@ -123,3 +127,127 @@ def test_coordinates_go_on_turn_after_turn():
     ends = [one.solution.trajectory.at(one.duration).q for one in windows]
     np.testing.assert_allclose(ends[-1], whole.trajectory.at(whole.trajectory.duration).q, atol=1e-9)
     assert sum(window.duration for window in windows) == pytest.approx(whole.trajectory.duration, rel=1e-3)
+
+
+class Pickled:
+    """Helpers of this process, which see what others would; the last that was given is done first."""
+
+    def __init__(self, places=3):
+        self.places, self.given, self.most, self.alone = places, [], 0, []
+
+    def room(self):
+        return self.places
+
+    def prepare(self, work):
+        packed = pickle.dumps(work)
+
+        def submit(stretch):
+            self.given.append([packed, pickle.dumps(stretch), None])
+            self.most = max(self.most, sum(each[2] is None for each in self.given))
+            return Done(self, len(self.given) - 1)
+
+        return submit
+
+    def tell_alone(self, segment):
+        self.alone.append(segment)
+
+
+class Done:
+    def __init__(self, helpers, n):
+        self.helpers, self.n = helpers, n
+
+    def result(self, here):
+        for each in reversed(self.helpers.given):
+            each[2] = each[2] or pickle.dumps(pickle.loads(each[0])(pickle.loads(each[1])))
+        return pickle.loads(self.helpers.given[self.n][2])
+
+
+def compare_windows(some, others):
+    assert len(some) == len(others)
+    for one, other in zip(some, others, strict=True):
+        for name in ("knots", "s", "v", "a", "j", "piece"):
+            here, there = (getattr(each.solution.trajectory, name) for each in (one, other))
+            np.testing.assert_array_equal(here, there, strict=True)
+        assert one.solution.certificate.worst == other.solution.certificate.worst
+        assert one.solution.certificate.where == other.solution.certificate.where
+        assert (one.steps, one.kept) == (other.steps, other.kept)
+        for a, b in ((one.start, other.start), (one.next, other.next)):
+            plain = [replace(each, near=None, continuation=None) for each in (a, b)]
+            assert plain[0] == plain[1]
+            assert (a.near is None) == (b.near is None)
+            assert a.near is None or np.array_equal(a.near, b.near)
+            assert (a.continuation is None) == (b.continuation is None)
+        end = one.solution.trajectory.duration
+        assert np.array_equal(one.solution.trajectory.at(end).q, other.solution.trajectory.at(end).q)
+
+
+def draw_stops(pattern, far=False):
+    """Short lines, stretches of so many between stops."""
+    segments = list(draw_polyline(sum(pattern)).segments)
+    for last in np.cumsum(pattern) - 1:
+        segments[last] = replace(segments[last], join=Stop())
+    if far:
+        segments.append(Line(np.array([5.0, 0.0, 0.025]), speed=SPEED))
+    return Program(start=RigidTransform.from_translation([0.0, 0.0, 0.025]), segments=tuple(segments))
+
+
+@pytest.fixture(scope="module")
+def stopping(hexapod):
+    """Stretches of many kinds, one of them longer than what is shared, and how to plan them."""
+    planner = WindowPlanner(hexapod, partial(limits_of, axes=hexapod.axes, order=2), 2, pieces=8)
+    steps = steps_of(actuate(draw_stops([2, 1, 9, 3, 1, 4, 20, 4, 4, 3]), hexapod))
+    return planner, steps, list(planner(steps))
+
+
+def test_who_helps_changes_nothing(stopping, monkeypatch):
+    planner, steps, alone = stopping
+    monkeypatch.setattr(windows, "MAX_SHARED", 36)
+    helpers = Pickled()
+    compare_windows(list(planner(steps, None, helpers)), alone)
+    assert len(helpers.given) > 4
+    assert helpers.most == 3
+    assert len(helpers.alone) == 1
+
+
+@pytest.mark.parametrize("after", [0, 2, 4, 6])
+def test_helpers_go_on_from_any_window(stopping, after):
+    planner, steps, alone = stopping
+    onward = alone[after].next
+    assert 0 < onward.steps < len(steps)
+    compare_windows(list(planner(steps[onward.steps :], onward, Pickled())), alone[after + 1 :])
+    compare_windows(list(planner(steps[onward.steps :], onward)), alone[after + 1 :])
+
+
+def test_with_helpers_refusals_come_where_they_do_alone(stopping, hexapod):
+    planner = stopping[0]
+    steps = steps_of(actuate(draw_stops([3, 9, 12], far=True), hexapod))
+
+    def break_off():
+        yield from steps[:20]
+        raise MotionError("no line")
+
+    for coming in (lambda: steps, break_off):
+        told = []
+        for helpers in (None, Pickled()):
+            given = []
+            with pytest.raises(MotionError) as no:
+                given.extend(planner(coming(), None, helpers))
+            told.append((given, str(no.value)))
+        compare_windows(told[0][0], told[1][0])
+        assert told[0][0]
+        assert told[0][1] == told[1][1]
+
+
+def test_the_same_shapes_in_another_process_are_the_same(hexapod):
+    """What is built on them is not built again."""
+    for step in steps_of(actuate(draw_polyline(2), hexapod)):
+        again = pickle.loads(pickle.dumps(step.piece.shape))
+        assert again == step.piece.shape
+        assert hash(again) == hash(step.piece.shape)
+
+
+def test_helpers_stay_on_the_turn_and_branch():
+    machine, program = load_machine("arm"), load_program("arm-circle-back")
+    steps = steps_of(actuate(program, machine))
+    planner = WindowPlanner(machine, partial(limits_of, axes=machine.axes, order=2), 2, pieces=1)
+    compare_windows(list(planner(steps, None, Pickled())), list(planner(steps)))

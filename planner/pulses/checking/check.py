@@ -65,7 +65,8 @@ class Gaps:
 
 
 BLOCK_PULSES = 1 << 13  # pulses gone through together: their arrays stay in the processor's cache
-GRID_INSTANTS = 8  # instants per knot interval besides the pulses' own
+# Instants per knot interval besides the pulses' own: one in each half of a millisecond, and how many at least and most.
+LEAST_INSTANTS, GRID_INSTANTS, INSTANT_PERIOD = 2, 8, 5e-4
 
 
 def check(
@@ -203,9 +204,11 @@ def _advance(motion: RollingMotion, searches: Sequence[Search], until: float, re
 def _make_grid(knots: Array, instants: int = 64 * GRID_INSTANTS + 1) -> Array:
     """Instants that see every knot from both sides, and each interval inside."""
     lo, hi = knots[:-1], knots[1:]
-    inside = lo[:, None] + (hi - lo)[:, None] * np.arange(GRID_INSTANTS) / GRID_INSTANTS
+    count = np.clip(np.ceil((hi - lo) / INSTANT_PERIOD), LEAST_INSTANTS, GRID_INSTANTS).astype(int)
+    nth = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    inside = np.repeat(lo, count) + np.repeat((hi - lo) / count, count) * nth
     throughout = np.linspace(knots[0], knots[-1], instants)
-    return np.unique(np.concatenate((inside.ravel(), np.nextafter(hi, lo), throughout)))
+    return np.unique(np.concatenate((inside, np.nextafter(hi, lo), throughout)))
 
 
 def _check_part(search: Search, carried: Search | None, part: AxisPulses, gaps: Gaps | None) -> None:

@@ -5,11 +5,14 @@ from itertools import count, islice, pairwise
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from kinematics import load_machine
 from planner import Arc, Blend, Fit, Line, Program, Stop, Trigger, plan
 from planner.path.actuation import actuate
-from planner.path.chain import draw_segments
+from planner.path.chain import draw_segments, walk_path
 from planner.path.closeness import bound_distance
 from planner.path.fit import fit_chains
 from planner.path.shape import LINE, Drawn, arc, line
@@ -286,3 +289,28 @@ def test_a_curve_leaves_a_turning_line_smoothly(hexapod):
     for k, (left, right) in enumerate(zip(*ends, strict=True)):
         assert np.abs(left - right).max() <= 1e-13 * 1e3**k
     assert path.stops(3).sum() == 2
+
+
+@settings(max_examples=20)
+@given(st.integers(0, 2**32))
+def test_no_piece_is_left_of_lines_whose_blends_take_both_halves(seed):
+    """Of lines of one length between corners nothing is left between two blends, not even rounding of it."""
+    rng = np.random.default_rng(seed)
+    turns = rng.choice([-1, 1], 12) * rng.uniform(0.7, 2.4, 12)
+    length = rng.uniform(2e-5, 2e-4)
+    steps = length * np.exp(1j * np.cumsum(turns))
+    points = np.concatenate([[0.0], np.cumsum(steps)]) + 1e-2
+    steps = walk_path(chain(np.column_stack([points.real, points.imag]), Fit(1e-4)), load_machine("hexapod"))
+    assert min(step.piece.length for step in steps) > 1e-3 * length
+
+
+def test_the_like_of_a_place_is_found_where_one_path_runs_ahead(hexapod):
+    """Lines of 20 µm, the second half of which are a zigzag: a straight line is ahead of them by eight of them."""
+    steps = 2e-5 * np.exp(1j * np.where(np.arange(500) < 250, 0.0, np.where(np.arange(500) % 2, 0.35, -0.35)))
+    points = np.concatenate([[0.0], np.cumsum(steps)]) + 1e-2
+    rows = np.column_stack([points.real, points.imag])
+    links, whole = (
+        [part.pieces[0] for part in draw_segments(chain(places), hexapod)] for places in (rows, rows[[0, -1]])
+    )
+    apart = np.abs(points.imag).max()
+    assert apart <= bound_distance(whole, links, TOLERANCE, 1.0).worst[0] < 1.01 * apart

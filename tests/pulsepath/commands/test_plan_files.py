@@ -2,9 +2,11 @@
 
 import json
 
+import numpy as np
 import pytest
 
-from pulsepath import FileError, load_program
+from planner.pulses import open_pulses
+from pulsepath import FileError, load_machine, load_program
 
 PART = """\
 G21 G90 G64 P0.02
@@ -87,3 +89,70 @@ def test_a_program_is_fitted_where_that_is_asked_for(call, part):
 def test_who_loads_it_as_a_program_is_told_what_to_do(part):
     with pytest.raises(FileError, match="by its suffix it is gcode: plan it with pulsepath plan"):
         load_program(part)
+
+
+LINES = [f"G1 X{5.1 + k / 10:.1f} Y{(k % 7) / 10:.1f}" for k in range(40)]
+MIDDLE = 25
+
+
+def write_with(file, bad):
+    """A file whose line MIDDLE is bad."""
+    head = ["G21 G90 G64 P0.02", "G1 X5 Y0 Z25 F1200"]
+    lines = [line.encode() for line in [*head, *LINES]]
+    lines[MIDDLE - 1] = bad
+    file.write_bytes(b"\n".join(lines) + b"\nM2\n")
+    return file
+
+
+@pytest.mark.parametrize("way", ["--stream", "--whole"])
+@pytest.mark.parametrize(
+    ("bad", "told"),
+    [
+        (b"G5 X1", "column 1: G5 is not supported; take it out"), (b"G1 X", 'column 4: "X" is not a word: write'),
+        (b"G2 X9 R0.1", "R 0.1 mm is too small: its ends are"), (b"G2 X9 Y1", "needs either its centre I J K or"),
+        (b"G1 Xnan", 'column 4: "Xnan" is not a word'), (b"X1" + b"0" * 10**6, "1000002 characters; a line has at"),
+        (bytes(range(128, 256)), "not the start of a word; take it out"), (b"X1 (no end", "the comment has no"),
+        (b"X1 no start)", 'column 4: "no start)" is not a word'), (b"G90 G91 X1", "G91 and G90 exclude each other"),
+        (b"X1 X2", "column 4: X appears twice"), (b"G80 X1", "no G0, G1, G2 or G3 is active"), (b"F0", "F0 must be"),
+        (b"X[1/0]", "column 3: 1/0 has no value"), (b"o1 while [1]", "o1 while has no end: write o1 endwhile"),
+        (b"G1 X5\0", "column 6"), (b"G64", "G64 needs P"), (b"G4 P-1", "G4 needs P, the dwell time"),
+    ],
+    ids=lambda value: value[:12].decode("latin1") if isinstance(value, bytes) else "",
+)  # fmt: skip
+def test_a_bad_line_in_the_middle_is_told_and_nothing_is_left(call, tmp_path, bad, told, way):
+    file = write_with(tmp_path / "part.nc", bad)
+    done = call("plan", file, "--machine", "hexapod", way, "--out", tmp_path / "out")
+    assert done.exit_code == 2
+    assert f"{file}:{MIDDLE}: " in done.stderr
+    assert told in done.stderr
+    assert "Traceback" not in done.stderr
+    assert list(tmp_path.iterdir()) == [file]
+
+
+def test_what_cannot_be_reached_in_the_middle_is_told_with_its_line(call, tmp_path):
+    """All or nothing; by a check as well."""
+    file, out = write_with(tmp_path / "part.nc", b"G1 Z-300"), tmp_path / "out"
+    asked = "--machine", "hexapod"
+    for done in (call("plan", file, *asked, "--order", "2", "--stream", "--out", out), call("check", file, *asked)):
+        assert done.exit_code == 1
+        assert f"segment {MIDDLE - 1} is in line {MIDDLE} of part.nc" in done.stderr
+        assert "is singular, or too close" in done.output
+        assert list(tmp_path.iterdir()) == [file]
+
+
+def test_what_was_proved_before_is_kept_where_that_is_asked_for(call, tmp_path):
+    """The motion rests where the line that is refused begins."""
+    file, out = write_with(tmp_path / "part.nc", b"G1 X500"), tmp_path / "out"
+    asked = "--machine", "hexapod", "--order", "2", "--no-figures", "--out", out
+    done = call("plan", file, *asked, "--stream", "--keep-certified")
+    assert done.exit_code == 1
+    assert f"segment {MIDDLE - 1} is in line {MIDDLE} of part.nc" in done.stderr
+    record = json.loads((out / "plan.json").read_text())
+    assert record["certificate"]["holds"]
+    assert "travel 370" in record["ends_before"]
+    machine, counted = load_machine("hexapod"), np.zeros(6)
+    for part in open_pulses(out / "pulses.bin").parts():
+        counted += [axis.direction.sum(dtype=np.int64) for axis in part.axes]
+    q = machine.home_q + counted * [axis.pulse for axis in machine.axes]
+    there = machine.forward(q).pose.translation - machine.home.translation
+    np.testing.assert_allclose(there * 1e3, [7.2, 0.0, 25.0], atol=0.15)  # on the rounding of the corner

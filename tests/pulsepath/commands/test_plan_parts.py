@@ -2,6 +2,11 @@
 
 import json
 import re
+from dataclasses import replace
+from fractions import Fraction
+from functools import partial
+from shutil import copytree
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,13 +14,14 @@ import pytest
 from benchmarks.evidence.speed.workpieces import spiral
 from kinematics import load_machine
 from planner.certificate.certify import certify
-from planner.export.motion_file import follow_motion, join_parts, motion_parts, read_motion
+from planner.export.motion_file import MotionWriter, follow_motion, join_parts, motion_parts, read_motion
 from planner.path.actuation import actuate
 from planner.path.chain import walk_path
-from planner.plan_parts import MOST_WHOLE
+from planner.plan_parts import MOST_WHOLE, plan_parts
 from planner.sources.source import import_program
-from pulsepath import load_plan
+from pulsepath import load_plan, parts_job
 from pulsepath.commands import plan as command
+from pulsepath.output.verification import seal_record
 
 LINES = 400
 FAR = "G1 X500 Y0"
@@ -86,6 +92,100 @@ def test_each_part_is_proved_by_itself_on_its_own_path(folder, planned):
         begin += part.duration
 
 
+STOPS = "\n".join(["G21 G90 G61", "G1 X1 Z25 F600", *(f"G1 X{k % 2} Y{k % 3}" for k in range(12)), "M2", ""])
+
+
+@pytest.fixture(scope="module")
+def stopping(call, folder):
+    """A plan in parts that all end with a stop of the program, without a file of pulses."""
+    file = folder / "stops.nc"
+    file.write_text(STOPS)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(parts_job, "plan_parts", partial(plan_parts, pieces=3))
+        more = ("--stream", "--order", "2", "--no-figures", "--pulses", "none")
+        done = call("plan", file, "--machine", "hexapod", *more, "--out", folder / "stops", "--json")
+    assert done.exit_code == 0, done.stderr
+    assert json.loads(done.stdout)["windows"] > 3
+    assert call("check", folder / "stops").exit_code == 0
+    return folder / "stops"
+
+
+def rewrite(path, parts):
+    """The parts of a motion, one after the other: each begins when the one before ends, as a writer asks for it."""
+    begin = Fraction(0)
+    with path.open("wb") as file:
+        writer = MotionWriter.begin(file)
+        for part in parts:
+            s, v, a, j, piece = part.columns
+            motion = SimpleNamespace(knots=part.knots, s=s, v=v, a=a, j=j, piece=piece)
+            writer.add(motion, replace(part.head, begin=float(begin)))
+            begin += Fraction(float(part.knots[-1]))
+        writer.mark(complete=True)
+    return float(begin)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda parts: parts[:-1], "ends before the path"),
+        (lambda parts: parts[1:], "does not go on"),
+        (lambda parts: [parts[0], *parts], "does not go on"),
+        (lambda parts: [*parts, parts[-1]], "does not go on"),
+        (lambda parts: [parts[0], *parts[2:]], "does not go on"),
+        (lambda parts: [parts[1], parts[0], *parts[2:]], "does not go on"),
+        (lambda parts: [replace(parts[0], head=replace(parts[0].head, steps=2)), *parts[1:]], ""),
+    ],
+    ids=["cut", "headless", "first twice", "last twice", "left out", "swapped", "fewer steps"],
+)
+def test_a_motion_whose_parts_are_not_the_program_is_no_plan(call, stopping, tmp_path, change, told):
+    forged = tmp_path / "forged"
+    copytree(stopping, forged)
+    duration = rewrite(forged / "motion.bin", change(list(join_parts(motion_parts(stopping / "motion.bin")))))
+    record = json.loads((forged / "plan.json").read_text())
+    for name in ("files", "record"):
+        record["provenance"].pop(name)
+    (forged / "plan.json").unlink()
+    sealed = seal_record({**record, "duration_s": duration}, forged)
+    (forged / "plan.json").write_text(json.dumps(sealed))
+    checked = call("check", forged)
+    assert checked.exit_code == 2
+    assert told in checked.stderr
+
+
+@pytest.mark.parametrize("lines", [120, 121, 122])
+def test_every_file_states_the_same_duration(call, folder, lines):
+    """The sum of many parts' durations is one number, wherever it is stated."""
+    file, out = folder / f"stops{lines}.nc", folder / f"stops{lines}"
+    file.write_text("\n".join(["G21 G90 G61", "G1 X1 Z25 F600", *(f"G1 X{k % 2} Y{k % 3}" for k in range(lines))]))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(parts_job, "plan_parts", partial(plan_parts, pieces=8))
+        more = ("--stream", "--order", "2", "--no-figures")
+        assert call("plan", file, "--machine", "hexapod", *more, "--out", out).exit_code == 0
+    checked = call("check", out)
+    assert checked.exit_code == 0, checked.stderr
+    assert load_plan(out).open_pulses() is not None
+
+
+def test_turns_go_on_behind_a_stop(call, folder):
+    """An axis that has turned more than half a turn is gone on with from there, not from home's side."""
+    turns = "".join("[[segment]]\nturn = { axis = [0, 0, 1], angle = 50 }\n" for _ in range(12))
+    file = folder / "turns.toml"
+    file.write_text(f'schema = 1\nmachine = "traverser"\nlength = "mm"\nangle = "deg"\n{turns}')
+    whole = call("plan", file, "--whole", "--order", "2", "--no-figures", "--out", folder / "turned", "--json")
+    if whole.exit_code:
+        pytest.skip(whole.stderr)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(parts_job, "plan_parts", partial(plan_parts, pieces=3))
+        more = ("--stream", "--order", "2", "--no-figures", "--json")
+        done = call("plan", file, *more, "--out", folder / "turns")
+    assert done.exit_code == 0, done.stderr
+    one, other = (json.loads(each.stdout)["pulses"]["axes"] for each in (whole, done))
+    assert {name: axis["final_count"] for name, axis in one.items()} == {
+        name: axis["final_count"] for name, axis in other.items()
+    }
+    assert call("check", folder / "turns").exit_code == 0
+
+
 def test_a_program_that_goes_out_of_reach_gives_nothing(call, folder):
     file = folder / "far.nc"
     file.write_text(code(FAR))
@@ -113,7 +213,12 @@ def test_or_what_was_certified_before_it(call, folder):
 
 
 def test_what_needs_the_whole_is_refused_with_the_remedy(call, folder):
-    for more, told in ((("--cross-check",), "--cross-check"), (("--duration", "20 s"), "--duration")):
+    for more, told in (
+        (("--cross-check",), "with --cross-check: omit that\n"),
+        (("--duration", "20 s"), "with --duration: omit that\n"),
+        (("--rig", "hexapod-steppers"), "with --rig: omit that, and run pulsepath track"),
+        (("--pulses", "csv"), "with --pulses csv: omit that, and run pulsepath export --format pulses"),
+    ):
         done = call("plan", "circle", "--stream", *more, "--out", folder / "none")
         assert done.exit_code == 2, done.stderr
         assert told in done.stderr

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -86,10 +87,41 @@ def test_it_goes_on_with_nothing_else(call, file, tmp_path, monkeypatch, small_w
         assert told in done.stderr
     file.write_text(file.read_text().replace("Z26", "Z26.1") + "G1 X1\n")
     done = call("plan", file, *ASKED, "--out", out, "--resume")
-    assert "begun with inputs other content" in done.stderr
+    assert "begun with other inputs" in done.stderr
     (tmp_path / "out.unfinished" / "checkpoint.json").write_text("{")
     assert "no checkpoint can be read" in call("plan", file, *ASKED, "--out", out, "--resume").stderr
     assert call("plan", file, *ASKED, "--out", out, "--force").exit_code == 0
+
+
+def test_what_was_planned_to_its_end_is_only_finished(call, file, tmp_path, monkeypatch, small_windows):
+    def break_here(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(parts_directory, "write_report", break_here)
+        assert call("plan", file, *ASKED, "--out", tmp_path / "out").exit_code == 130
+    done = call("plan", file, *ASKED, "--out", tmp_path / "out", "--resume")
+    assert done.exit_code == 0, done.stderr
+    assert call("check", tmp_path / "out").exit_code == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["out", file.name]
+    assert not {"begun", "checkpoint.json"} & {path.name for path in (tmp_path / "out").iterdir()}
+
+
+@pytest.mark.parametrize("name", ["motion.bin", "pulses.bin"])
+def test_files_shorter_than_the_checkpoint_says_are_refused(call, file, tmp_path, monkeypatch, small_windows, name):
+    break_off(monkeypatch, call, 3, "plan", file, *ASKED, "--out", tmp_path / "out")
+    damaged = tmp_path / "out.unfinished" / name
+    damaged.write_bytes(damaged.read_bytes()[:-20])
+    done = call("plan", file, *ASKED, "--out", tmp_path / "out", "--resume")
+    assert done.exit_code == 2
+    assert re.search(rf"{name} has \d+ bytes, and its checkpoint counts on \d+", done.stderr)
+    assert damaged.exists()
+
+
+def test_what_the_system_did_can_be_mended(call, file, tmp_path, monkeypatch, small_windows):
+    done = break_off(monkeypatch, call, 2, "plan", file, *ASKED, "--out", tmp_path / "out", by=OSError(28, "disk full"))
+    assert done.exit_code not in (0, 1)
+    assert call("plan", file, *ASKED, "--out", tmp_path / "out", "--resume").exit_code == 0
 
 
 def test_an_error_of_the_plan_leaves_nothing(call, file, tmp_path, small_windows):
