@@ -10,6 +10,7 @@ from pulsepath.commands.compare import compare
 from pulsepath.commands.completion import completion
 from pulsepath.commands.console import console
 from pulsepath.commands.export import export
+from pulsepath.commands.hold import hold
 from pulsepath.commands.import_ import import_
 from pulsepath.commands.init import init
 from pulsepath.commands.lists import laws, machines, programs, rigs, rules
@@ -21,7 +22,7 @@ from pulsepath.commands.view import view
 from pulsepath.process.exits import BAD_INPUT, INFEASIBLE, INTERNAL, INTERRUPTED
 
 SECTIONS = {
-    "Plan": ("init", "pose", "check", "plan", "view", "export"),
+    "Plan": ("init", "pose", "check", "plan", "view", "export", "hold"),
     "Import programs": ("import", "positions"),
     "Run and measure": ("track", "compare", "calibrate", "console"),
     "List bundled data": ("machines", "programs", "rigs", "laws", "rules"),
@@ -51,6 +52,7 @@ main.add_command(pose)
 main.add_command(check)
 main.add_command(view)
 main.add_command(export)
+main.add_command(hold)
 main.add_command(import_)
 main.add_command(positions)
 main.add_command(track)

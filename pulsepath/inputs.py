@@ -1,7 +1,9 @@
 """The program and machine that a command line names, with the text of their files."""
 
+import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from pathlib import Path
@@ -63,6 +65,28 @@ class Inputs:
         """What the program's file is called beside a plan."""
         return "program.toml" if self.origin is None else f"program{self.origin.suffix}"
 
+    @contextmanager
+    def tell_lines(self) -> Iterator[None]:
+        """Of a segment that is refused inside, the line of its file is told first."""
+        try:
+            yield
+        except FileError:
+            raise
+        except MotionError as no:
+            self.tell_line(no)
+            raise
+
+    def tell_line(self, no: MotionError) -> None:
+        """In which line of the program's file the segment is that a refusal names, if it names one."""
+        named = re.search(r"\bsegment (\d+)", str(no))
+        if named is None:
+            return
+        number, segments = int(named[1]), self.program.segments
+        line = segments[number - 1].line_number if number <= len(segments) else None
+        if line:
+            suffix = ".toml" if self.origin is None else self.origin.suffix
+            note(f"segment {number} is in line {line} of {self.program.name}{suffix}")
+
     @property
     def digests(self) -> dict[str, str]:
         """SHA-256 of each file's content."""
@@ -90,7 +114,7 @@ def read_inputs(program: str, machine: str | None, fit: float | None = None, ori
 
 def _joint_machine(name: str, file: Path, machine: str) -> dict[str, str]:
     """The machine of a file of joint axes, for a format that needs to be told."""
-    from planner.sources.gcode_joints import find_header
+    from planner.sources.rs274.joints import find_header
     from planner.sources.source import decode_text
 
     return {"machine": machine} if name == "gcode" and find_header(decode_text(file)) is not None else {}

@@ -13,7 +13,7 @@ from controllers.metrics.evaluate import PERIOD, evaluate_each
 from controllers.rig import Rig
 from controllers.tracking import track_each
 from kinematics import Machine, MotionError
-from planner import Plan, Program, plan
+from planner import LimitChange, Plan, Program, Tradeoff, Worth, plan
 from planner.baselines import KINDS, Classical, classical, pick_baseline
 from planner.baselines.classical import Course, course
 from planner.baselines.shapes import S_CURVE
@@ -22,11 +22,20 @@ from planner.limits import find_unkept_limits, usual_order
 from planner.orientation.orient import orient_open
 from planner.parallel import NO_PROCESS, SideProcess
 from planner.pulses import RealisedPath
+from planner.timing.certified_solve import EFFORT
+from planner.tradeoffs.objective import read_objective
 from pulsepath.options import LAWS
 from pulsepath.progress import detail, note, step
 
 REALISED_SAMPLES = 25_000
 """Intervals between pulses at which the realised path is looked at: well below a second, and within 2 % in its RMS."""
+
+MOST_BOUNDED = 5_000
+"""Time pieces up to which a lower bound of the duration is proved: some ten times the time of planning."""
+
+
+RAISED = 0.2
+"""By how much the most valuable limit is raised, to tell what that saves."""
 
 
 class Defect(MotionError):
@@ -102,6 +111,8 @@ class Job:
     seen: waits for the errors of the laws, and for some figures if the report is to have any
     rig: None: the plan is not tracked
     crossed: toppra's motion beside ours, where that was asked for
+    worth: what each limit is worth, where the bound is proved; change: the plan with the best of them RAISED
+    tradeoff: duration against heat, where heat is part of the objective
     """
 
     plan: Plan
@@ -112,6 +123,9 @@ class Job:
     figures: bool
     rig: Rig | None
     crossed: CrossCheck | None = None
+    worth: Worth | None = None
+    change: LimitChange | None = None
+    tradeoff: Tradeoff | None = None
 
     @property
     def time_saved(self) -> float:
@@ -130,16 +144,40 @@ def run(
     figures: bool = True,
     rig: Rig | None = None,
     crossed: bool = False,
+    objective: str = "time",
+    gap: float | None = None,
+    effort: int = EFFORT,
 ) -> Job:
     """Plan, prove and compare, in the other process as well. Raises as `planner.plan`."""
     for field in find_unkept_limits(machine):
         note(f"note: {machine.name} states {field} but no masses, so no plan can respect it")
+    aim = read_objective(objective)  # refused before the work
     with step(f"planning {program.name} on {machine.name}") as tell:
         program = orient_open(program, machine, usual_order(machine.axes) if order is None else order)
         timing = other.start(partial(time_baselines_ahead, program, machine))
-        planned = plan(program, machine, order=order, clock_hz=clock_hz, duration=duration, rule=rule, progress=tell)
+        planned = plan(
+            program,
+            machine,
+            order=order,
+            clock_hz=clock_hz,
+            duration=duration,
+            objective=aim,
+            gap=gap,
+            effort=effort,
+            rule=rule,
+            progress=tell,
+        )
+    if gap is not None and planned.bound.gap > gap:
+        note(
+            f"note: asked for a motion within {100 * gap:g} % of the fastest: {100 * planned.bound.gap:.3g} % is "
+            f"proved after {effort} rounds; more of them (--effort) may come nearer"
+        )
     look = partial(review_plan, planned, figures, rig)
     looking = other.start(look)
+    worth, change = None, None
+    if planned.known or len(planned.trajectory.s) <= MOST_BOUNDED:
+        with step("proving a lower bound"):
+            worth, change = _find_worth(planned)
     detail(_describe_solution(planned))
     realised = _compute_realised_path(planned)
     with step("computing baseline timings"):
@@ -149,7 +187,24 @@ def run(
     baseline = pick_baseline(planned, found.timings)
     others = tuple(timing for timing in found.timings if timing is not baseline)
     beside = _run_cross_check(planned) if crossed else None
-    return Job(planned, baseline, others, realised, cache(partial(looking.result, look)), figures, rig, beside)
+    tradeoff = None
+    if aim.heat > 0:
+        with step("trading time against heat"):
+            tradeoff = planned.trade()
+    seen = cache(partial(looking.result, look))
+    return Job(planned, baseline, others, realised, seen, figures, rig, beside, worth, change, tradeoff)
+
+
+def _find_worth(planned: Plan) -> tuple[Worth | None, LimitChange | None]:
+    """What limits are worth, by the lower bound, and what more of the best of them saves."""
+    _, worth = planned.bound, planned.worth
+    if worth is None or worth.best is None:
+        return worth, None
+    try:
+        return worth, worth.replan(*worth.best, RAISED)
+    except MotionError as error:
+        note(f"no motion with more of the most valuable limit: {error}")
+        return worth, None
 
 
 def _run_cross_check(planned: Plan) -> CrossCheck:
@@ -160,7 +215,7 @@ def _run_cross_check(planned: Plan) -> CrossCheck:
 def _describe_solution(planned: Plan) -> str:
     """How the motion was found."""
     runs = ", ".join(f"{count} by {method}" for method, count in Counter(planned.methods).items())
-    near = "" if planned.gap is None else f"; {100 * planned.gap:.3f} % above the estimated minimum time"
+    near = f"; {planned.bound.describe()}" if planned.known and planned.fastest else ""
     return f"order {planned.order}, solve rounds: {planned.rounds}, runs between stops: {runs}{near}"
 
 

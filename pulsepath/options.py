@@ -1,5 +1,6 @@
 """Arguments and options that several commands share, such as --motion: as the program says, or synchronised moves."""
 
+import re
 from dataclasses import replace
 from math import inf
 from pathlib import Path
@@ -18,6 +19,7 @@ LAWS = ("3", "6")
 """Tracking laws by default: open and closed loop."""
 MACHINE_FILE, PROGRAM_FILE = "machine.toml", "program.toml"
 """Files that a command writes for the user to start from."""
+PERCENT = re.compile(r"\s*(\d*\.?\d+(?:[eE][+-]?\d+)?)\s*%\s*")
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 ALLOW_MINUS = {"ignore_unknown_options": True}
 """Settings of a command whose arguments may begin with a minus, as the poses "-5,5,35" and "-10 mm, 0 mm, 25 mm" do."""
@@ -57,6 +59,17 @@ def read_quantity(flag: str, text: str, unit: str, above: float = -inf, least: f
         return Unit(unit, above=above, least=least).read(text, {})
     except BadValue as error:
         raise BadValue(f"option {flag}: {error}", allowed=error.allowed, nearest=error.nearest) from None
+
+
+def read_percent(flag: str, text: str) -> float:
+    """The share that an option gives in per cent, above 0. Raises BadValue, which names the option."""
+    from kinematics.foundation.errors import BadValue
+
+    found = PERCENT.fullmatch(text)
+    share = float(found[1]) / 100 if found else 0.0
+    if not 0 < share < inf:
+        raise BadValue(f'option {flag}: "{text}": write a positive share in per cent, as "0.1 %"')
+    return share
 
 
 PROGRAMMED, SYNCHRONISED = "programmed", "synchronised"

@@ -67,7 +67,10 @@ def check(
     if dumped is not None:
         dump(dumped, inputs, "check", {}, force, as_json)
         return
-    found = planner.check(inputs.program, inputs.machine)
+    with inputs.tell_lines():
+        found = planner.check(inputs.program, inputs.machine)
+    for violation in found.violations:
+        inputs.tell_line(violation)
     if as_json:
         click.echo(record.as_json(record.of_check(found)), nl=False)
     elif found.violations:
@@ -83,14 +86,18 @@ def _check_plan(folder: Path, as_json: bool) -> None:
     from pulsepath.progress import step
 
     taken = plan_directory.read(folder)
-    file = pulses = None
+    duration, file, pulses = taken.duration, None, None
     if taken.pulse_file is not None:
         with step("checking the pulses") as tell:
             found = plan_directory.check_pulses(taken.pulse_file, taken, tell)
         file, pulses = taken.pulse_file.name, sum(axis.pulses for axis in found.axes)
     if as_json:
-        told = {"holds": True, "duration_s": taken.trajectory.duration, "pulse_file": file, "pulses": pulses}
+        told = {"holds": True, "duration_s": duration, "pulse_file": file, "pulses": pulses}
         click.echo(record.as_json(told), nl=False)
         return
-    say(f"{folder}: its files are unchanged, and its motion of {taken.trajectory.duration:.6f} s is proved again")
-    say("it has no file of pulses" if file is None else f"{file}: {pulses} pulses, checked against the motion")
+    say(f"{folder}: its files are unchanged, and its motion of {duration:.6f} s is proved again")
+    say(
+        "it has no file of pulses: only the motion was checked"
+        if file is None
+        else f"{file}: {pulses} pulses, checked against the motion"
+    )

@@ -19,10 +19,11 @@ from pulsepath.options import (
     machine_option,
     motion_option,
     program_argument,
+    read_percent,
     read_quantity,
 )
 from pulsepath.process.intent import writes
-from pulsepath.progress import say
+from pulsepath.progress import QUIET, VERBOSE, level, say
 
 if TYPE_CHECKING:
     from planner.plan_parts import PlanStanding
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
 WORK_MODULES = ("pulsepath.job",)
 FIGURE_MODULES = ("benchmarks.reports.plan_report", "controllers.figures", "planner.figures")
 """What the second process loads."""
+MOST_EFFORT = 6
+"""Rounds of --gap: each has twice as many intervals as the one before."""
 MOST_WHOLE = 1000
 """As in planner.plan_parts, which would load all of planner here."""
 LONG_FILE = 1 << 16
@@ -56,6 +59,23 @@ LONG_FILE = 1 << 16
 )
 @click.option(
     "--duration", metavar="TIME", help='Plan the smoothest motion of this duration, as "12 s", not the fastest motion.'
+)
+@click.option(
+    "--objective",
+    metavar="SUM",
+    help='What to have least of: "time" (default), or a sum with the heat of the motors, both in units of the fastest '
+    'motion\'s, as "time + 0.2 heat".',
+)
+@click.option(
+    "--gap",
+    metavar="PERCENT",
+    help='Refine motion and lower bound until the motion is proved to be within this of the fastest, as "0.1 %".',
+)
+@click.option(
+    "--effort",
+    type=click.IntRange(0, MOST_EFFORT),
+    metavar="ROUNDS",
+    help="Rounds of refining for --gap at most, each several times as long as the one before. Default: 3.",
 )
 @click.option(
     "--rule",
@@ -109,6 +129,12 @@ LONG_FILE = 1 << 16
     is_flag=True,
     help="With --stream: go on with a run that was interrupted or killed; the result is the same to the last byte.",
 )
+@click.option(
+    "--cluster",
+    metavar="ADDRESS",
+    help="With --stream: have the workers of this Dask scheduler (its address, or its --scheduler-file) plan what lies "
+    "between stops; the result is the same to the last byte.",
+)
 @dump_option
 @click.option("--force", is_flag=True, help="Replace DIR if it holds an earlier plan.")
 @json_option
@@ -120,6 +146,9 @@ def plan(
     order: str | None,
     clock_hz: int,
     duration: str | None,
+    objective: str | None,
+    gap: str | None,
+    effort: int | None,
     rule: str,
     figures: bool,
     pulses: str,
@@ -129,6 +158,7 @@ def plan(
     stream: bool | None,
     keep: bool,
     resume: bool,
+    cluster: str | None,
     dumped: Path | None,
     force: bool,
     as_json: bool,
@@ -143,7 +173,10 @@ def plan(
     """
     if dumped is not None:
         inputs = _read(program, machine, fit, given, motion)
-        _dump(dumped, inputs, order, clock_hz, duration, rule, pulses, rig, crossed, force, as_json)
+        flags = {"cross-check": crossed, "stream": stream is True, "whole": stream is False, "keep-certified": keep}
+        chosen = {"rig": rig, "cluster": cluster}
+        chosen |= {"gap": gap, "effort": None if effort is None else str(effort)}
+        _dump(dumped, inputs, order, clock_hz, duration, objective, rule, pulses, chosen, flags, force, as_json)
         return
     if out is None:
         raise click.UsageError("Missing option '--out'.", click.get_current_context())
@@ -155,45 +188,74 @@ def plan(
     beside = nullcontext() if _is_long(program, stream) else side_process(modules)
     with reduce_garbage_collection(), beside as other:
         from planner.parallel import NO_PROCESS
+        from planner.timing.certified_solve import EFFORT
         from planner.timing.solvers.toppra_ import require
+        from planner.tradeoffs.objective import read_objective
         from pulsepath.inputs import read_rig
         from pulsepath.job import run
         from pulsepath.output import plan_directory, record, tables
         from pulsepath.output.checkpoint import CHECKPOINT
         from pulsepath.output.directory import RECORD, fill_directory, refuse_overwrite, replace_directory
-        from pulsepath.parts_job import Firing, choose_parts, run_parts
+        from pulsepath.parts_job import Firing, choose_parts, open_helpers, run_parts
 
         refuse_overwrite(out, force)
+        heated = objective is not None and read_objective(objective).heat > 0
         seconds = None if duration is None else read_quantity("--duration", duration, "s", above=0.0)
         inputs = _read(program, machine, fit, given, motion)
         kind = None if order is None else int(order)
+        if effort is not None and gap is None:
+            raise click.UsageError("--effort is of --gap.", click.get_current_context())
+        within = None if gap is None else read_percent("--gap", gap)
         if crossed:  # said before the work
             require("--cross-check")
         behind = read_rig(rig, inputs.machine)
-        whole = {"--duration": seconds is not None, "--rig": rig is not None, "--cross-check": crossed}
+        whole = {
+            "--duration": seconds is not None,
+            "--objective": heated,
+            "--gap": gap is not None,
+            "--rig": rig is not None,
+            "--cross-check": crossed,
+        }
         whole["--pulses csv"] = pulses == "csv"
         if choose_parts(stream, inputs, rule, [option for option, asked in whole.items() if asked]):
             writes(out, kept="what was planned, if anything, is kept for --resume")
-            with fill_directory(out, force, resume, CHECKPOINT) as folder:
+            with open_helpers(cluster) as helpers, fill_directory(out, force, resume, CHECKPOINT) as folder:
                 firing = Firing(clock_hz, rule, pulses != "none")
-                standing, no = run_parts(inputs, kind, firing, folder, figures, keep)
+                standing, no = run_parts(inputs, kind, firing, folder, figures, keep, helpers)
             _tell_parts(standing, out, as_json)
             if no is not None:
                 raise no
             return
-        if keep or resume:
-            given_option = "--keep-certified" if keep else "--resume"
-            raise click.UsageError(f"{given_option} is for --stream.", click.get_current_context())
+        for option, asked in {"--keep-certified": keep, "--resume": resume, "--cluster": cluster is not None}.items():
+            if asked:
+                raise click.UsageError(f"{option} is for --stream.", click.get_current_context())
         with replace_directory(out, force) as folder:  # where nothing can be written, that is said before the work
             other = other or NO_PROCESS
-            job = run(inputs.program, inputs.machine, kind, clock_hz, seconds, rule, other, figures, behind, crossed)
+            with inputs.tell_lines():
+                job = run(
+                    inputs.program,
+                    inputs.machine,
+                    kind,
+                    clock_hz,
+                    seconds,
+                    rule,
+                    other,
+                    figures,
+                    behind,
+                    crossed,
+                    objective or "time",
+                    within,
+                    EFFORT if effort is None else effort,
+                )
             plan_directory.write(folder, job, inputs, pulses)
     report = str(out / plan_directory.REPORT)
     if as_json:
         written = json.loads((out / RECORD).read_bytes())
         click.echo(record.as_json({**written, "report": report}), nl=False)
+    elif level() == QUIET:
+        say(report)
     else:
-        tables.show(tables.of_plan(job))
+        tables.show(tables.of_plan(job) if level() == VERBOSE else tables.sum_up(job))
         say(f"report: {report}")
 
 
@@ -233,27 +295,31 @@ def _dump(
     order: str | None,
     clock_hz: int,
     duration: str | None,
+    objective: str | None,
     rule: str,
     pulses: str,
-    rig: str | None,
-    crossed: bool,
+    chosen: Mapping[str, str | None],
+    flags: Mapping[str, bool],
     force: bool,
     as_json: bool,
 ) -> None:
     from planner.limits import usual_order
     from planner.pulses import find_rule
+    from planner.tradeoffs.objective import read_objective
     from pulsepath.inputs import read_rig
     from pulsepath.output.dump import dump
 
-    read_rig(rig, inputs.machine)  # refuses one that does not fit
+    read_rig(chosen["rig"], inputs.machine)  # refuses one that does not fit
     find_rule(rule)  # refuses what is none
-    chosen = usual_order(inputs.machine.axes) if order is None else int(order)
-    options: dict[str, int | str] = {"order": chosen, "clock-hz": clock_hz, "rule": rule, "pulses": pulses}
+    kind = usual_order(inputs.machine.axes) if order is None else int(order)
+    options: dict[str, int | str] = {"order": kind, "clock-hz": clock_hz, "rule": rule, "pulses": pulses}
     if duration is not None:
         read_quantity("--duration", duration, "s", above=0.0)
         options["duration"] = duration
-    if rig is not None:
-        options["rig"] = rig
-    if crossed:
-        options["cross-check"] = True
+    if chosen["gap"] is not None:
+        read_percent("--gap", chosen["gap"])
+    if objective is not None:
+        options["objective"] = str(read_objective(objective))
+    options |= {name: value for name, value in chosen.items() if value is not None}
+    options |= {name: True for name, given in flags.items() if given}
     dump(folder, inputs, "plan", options, force, as_json)

@@ -119,7 +119,7 @@ def fill_directory(target: Path, force: bool, resume: bool, checkpoint: str) -> 
     """A directory beside the target to fill over a long time, which becomes the target when the block ends well.
 
     Where the block is interrupted or killed it stays, if there is a checkpoint in it, a file of that name: `resume`
-    gives it again. What else raises leaves nothing that was not there before. Raises MotionError as
+    gives it again. A MotionError leaves nothing that was not there before. Raises MotionError as
     `replace_directory`, for nothing to resume, for what is there to be resumed and not asked for, unless `force`
     begins anew, and while another process fills it.
     """
@@ -140,15 +140,18 @@ def fill_directory(target: Path, force: bool, resume: bool, checkpoint: str) -> 
             (folder / BEGUN).write_text(f"{KIND} fills this directory, or did until it was interrupted\n")
         try:
             yield folder
-        except BaseException as error:
-            if not (resume or (not isinstance(error, Exception) and (folder / checkpoint).is_file())):
+        except BaseException as error:  # of the program itself nothing is left; what the system did can be mended
+            if not (folder / checkpoint).is_file() or (isinstance(error, MotionError) and not resume):
                 rmtree(folder)
             raise
-        with replace_directory(target, force) as new:
-            for path in sorted(folder.iterdir()):
-                if path.name not in (BEGUN, checkpoint):
-                    path.rename(new / path.name)
-        rmtree(folder)
+        if os.path.lexists(place):
+            with replace_directory(target, force) as new:
+                new.rmdir()
+                folder.rename(new)
+        else:
+            folder.rename(place)
+        for name in (checkpoint, BEGUN):
+            (place / name).unlink(missing_ok=True)
 
 
 @contextmanager

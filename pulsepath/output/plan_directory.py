@@ -91,6 +91,11 @@ class StoredPlan:
         """Its whole motion."""
         return self.load()
 
+    @property
+    def duration(self) -> float:
+        """s, of its motion."""
+        return self.trajectory.duration if self.stated is None else self.stated.duration
+
     def parts(self) -> Iterator[Trajectory]:
         """The same part by part, each on its own path, with a time from 0."""
         return iter([self.trajectory]) if self.follow is None else self.follow()
@@ -202,10 +207,16 @@ def _write_pulses(file: Path, plan: Plan, tell: Progress) -> None:
 
 
 def _write_report(page: Path, job: Job, verdict: PulseCheck) -> None:
-    from benchmarks.reports.plan_report import draw_axes, draw_comparisons, write_report
+    from benchmarks.reports.plan_report import draw_axes, draw_comparisons, draw_worth, write_report
 
-    with step("writing the report"):
-        drawn = draw_axes(job.plan) | draw_comparisons(job.plan, job.classical, job.realised) if job.figures else {}
+    drawn = {}
+    if job.figures:
+        with step("drawing the figures"):
+            drawn = (
+                draw_axes(job.plan)
+                | draw_comparisons(job.plan, job.classical, job.realised)
+                | draw_worth(job.worth, job.tradeoff)
+            )
     if job.rig is None:
         seen = job.seen()
     else:
@@ -225,6 +236,9 @@ def _write_report(page: Path, job: Job, verdict: PulseCheck) -> None:
             figures={**seen.figures, **drawn},
             rig=job.rig,
             crossed=job.crossed,
+            worth=job.worth,
+            change=job.change,
+            tradeoff=job.tradeoff,
             untracked=seen.note or rig_hint(job.plan.machine),
         )
 
@@ -270,7 +284,8 @@ def _load(folder: Path, unverified: bool, proving: AbstractContextManager[object
         _restore_orientation(program, folder / ORIENTATION), name=f"{name}{NOT_VERIFIED}" if unverified else name
     )
     machine = machine.rename(str(record.get("machine") or machine.name))
-    load, follow = _find_motion(folder / MOTION, program, machine, record.get("windows") is not None)
+    parts, whole = record.get("windows") is not None, record.get("ends_before") is None
+    load, follow = _find_motion(folder / MOTION, program, machine, parts, whole)
     duration = read_duration(folder / MOTION)
     stated = _state_pulses(pulses, duration, machine, clock, rule)
     held = next((folder / name for name in (BINARY, PULSES["csv"]) if name and (folder / name).is_file()), None)
@@ -287,7 +302,7 @@ def _load(folder: Path, unverified: bool, proving: AbstractContextManager[object
 
 
 def _find_motion(
-    file: Path, program: Program, machine: Machine, parts: bool
+    file: Path, program: Program, machine: Machine, parts: bool, whole: bool
 ) -> tuple[Callable[[], Trajectory], Callable[[], Iterator[Trajectory]] | None]:
     """How the motion in a file is loaded, and how it is followed part by part where it was planned so."""
     if not parts:
@@ -296,7 +311,7 @@ def _find_motion(
     tool = program.tool
     return (
         cache(lambda: read_parts(file, walk_path(program, machine), machine, tool)),
-        lambda: follow_motion(file, walk_path(program, machine), machine, tool),
+        lambda: follow_motion(file, walk_path(program, machine), machine, tool, whole=whole),
     )
 
 

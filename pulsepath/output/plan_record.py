@@ -8,7 +8,7 @@ from platform import python_version
 
 from kinematics import Axis, Machine
 from kinematics.files.plain_text import finite_or_none
-from planner import Triggered
+from planner import LimitChange, Triggered, Worth
 from planner.baselines import describe_differences, missing_limits
 from planner.certificate.certify import Certificate
 from planner.limits import find_unkept_limits
@@ -44,6 +44,7 @@ def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
         "order": plan.order,
         "duration_s": plan.trajectory.duration,
         "stated_duration_s": plan.stated_duration,
+        "objective": str(plan.objective),
         "path_length_m": float(plan.path.breaks[-1]),
         "classical": {
             "kind": job.classical.kind,
@@ -68,10 +69,18 @@ def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
         "synchronised_moves": departure_records(plan.departures),
         "stated_but_not_kept": list(find_unkept_limits(plan.machine)),
         "lower_bound": {
-            "kind": "estimate",
-            "duration_s": plan.lower_estimate,
-            "gap": plan.gap,
-            "leaves_out": list(plan.left_out),
+            "kind": "proved" if plan.known else "estimate",
+            "duration_s": plan.lower_bound if plan.known else plan.lower_estimate,
+            "gap": finite_or_none(plan.gap) if plan.known and plan.gap is not None else None,
+            "leaves_out": [*plan.left_out, *([] if plan.known or plan.order == 2 else ["jerk"])],
+        },
+        "worth": None if job.worth is None else _worth(job.worth, job.change),
+        "tradeoff": None
+        if job.tradeoff is None
+        else {
+            "heat_weights": job.tradeoff.weights.tolist(),
+            "duration_s": job.tradeoff.duration.tolist(),
+            "heat_of_the_fastest": job.tradeoff.heat.tolist(),
         },
         "solver": {"rounds": plan.rounds, "methods": list(plan.methods)},
         "pulses": _pulses(plan.pulses, plan.machine, counted, digest_pulses([plan.pulses]), verdict),
@@ -253,6 +262,21 @@ def of_pulse_file(
             }
             for one, held, driven, (_, net) in zip(verdict.axes, pulses.axes, machine.axes, counted, strict=True)
         },
+    }
+
+
+def _worth(worth: Worth, change: LimitChange | None) -> Record:
+    """What one per cent more of each limit saves, to first order, and what was planned again with more of one."""
+    rows = zip(worth.limits, worth.axes, worth.saved.tolist(), worth.together.tolist(), strict=True)
+    keys = ("limit", "axis", "saved_s", "saved_with_what_binds_beside_it_s")
+    return {
+        "of_more": 0.01,
+        "limits": [dict(zip(keys, row, strict=True)) for row in rows],
+        "not_known": list(worth.unknown),
+        "explained": finite_or_none(worth.explained),
+        "planned_again": None
+        if change is None
+        else {"limit": change.limit, "axis": change.axis, "by": change.by, "saved_s": change.saved},
     }
 
 

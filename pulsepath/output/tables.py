@@ -20,7 +20,7 @@ from planner import Classical, Plan
 from planner.baselines import describe_differences, missing_limits
 from planner.sources.position_list import PositionList
 from pulsepath.job import Job
-from pulsepath.progress import is_styled
+from pulsepath.progress import VERBOSE, is_styled, level
 
 WIDTH = 110
 """Columns where the output is no terminal, which would say."""
@@ -61,18 +61,72 @@ def of_plan(job: Job) -> list[Table]:
     percent = 100 * job.time_saved / job.classical.duration
     missing = missing_limits(plan, job.classical)
     unlike = f"; the baseline timing is without {', '.join(missing)}" if missing else ""
-    least = f"as stated; the fastest motion takes about {plan.lower_estimate:.6f} s or more"
-    rows = [
-        ("duration", plan.trajectory.duration, "" if plan.stated_duration is None else least),
+    told = plan.describe_objective()
+    told += f"; the fastest motion takes {plan.lower_bound:.6f} s or more" if plan.known else ""
+    rows: list[tuple[str, float | None, str]] = [
+        ("duration", plan.trajectory.duration, "" if plan.fastest else told),
         ("baseline timing", job.classical.duration, _describe_timing(plan, job.classical, job.classical.kind)),
         ("time saved", job.time_saved, f"{percent:.2f} %{unlike}"),
     ]
+    if plan.known:
+        rows.append(("lower bound, proved", plan.lower_bound, plan.bound.describe() if plan.fastest else ""))
+    if job.worth is not None:
+        rows.append(("saved by 1 % more of", None, job.worth.describe()))
     rows += [(other.kind, other.duration, _describe_timing(plan, other)) for other in job.others]
     what, times, notes = zip(*rows, strict=True)
     first, *rest = plan.tables()
     timed = (Column("what", what), Column("time", times, "s", form=".6f"), Column("note", notes))
     crossed = () if job.crossed is None else job.crossed.tables()
-    return [replace(first, columns=timed), *rest, *crossed]
+    worth = () if job.worth is None or level() < VERBOSE else job.worth.tables()
+    tradeoff = () if job.tradeoff is None else job.tradeoff.tables()
+    return [replace(first, columns=timed), *rest, *tradeoff, *worth, *crossed]
+
+
+NEARLY = 0.999
+"""Proven share of a limit from which a motion is said to use it up."""
+
+
+def sum_up(job: Job) -> list[Table]:
+    """A plan on a screen: its duration, how good it is, what it is proved to keep, what holds it back, its pulses."""
+    plan, proof = job.plan, job.plan.certificate
+    told = plan.describe_objective()
+    rows = [("duration", f"{plan.trajectory.duration:.6f} s{f', {told}' if told else ''}")]
+    if plan.fastest and not missing_limits(plan, job.classical):  # else they are unlike
+        percent = 100 * job.time_saved / job.classical.duration
+        rows.append(
+            ("saved", f"{percent:.2f} %: {job.time_saved:.3f} s less than {job.classical.kind}, the same limits")
+        )
+    if plan.fastest and plan.known:
+        rows.append(("gap", plan.bound.describe().removeprefix("the duration is ")))
+    used = [f"{name} ({proof.where[name].axis})" for name, share in proof.worst.items() if share > NEARLY]
+    rows.append(("limits", f"{len(proof.worst)} proved at every instant; used up: {', '.join(used) or 'none'}"))
+    if job.worth is not None and job.worth.best is not None:
+        rows.append(("saved by 1 % more of", job.worth.describe()))
+    if plan.path.fit is not None:
+        fit = plan.path.fit
+        rows.append(
+            ("fit", f"{fit.before} pieces made {fit.after}, within {1e3 * fit.deviation:.3g} mm of them, proved")
+        )
+    if plan.departures:
+        rows.append(
+            (
+                "off the line",
+                f"up to {1e3 * max(one.distance for one in plan.departures):.3f} mm, as moves are synchronised",
+            )
+        )
+    if plan.path.blends:
+        stops = sum(bool(blend.stop) for blend in plan.path.blends)
+        rows.append(("blends", f"{len(plan.path.blends)}, of which {stops} are stops instead" if stops else
+                     f"{len(plan.path.blends)}, all passed without a stop"))  # fmt: skip
+    bound = max(axis.bound for axis in plan.pulses.axes)
+    rows.append(("pulses", f"{plan.pulses.total} by the rule {plan.pulses.rule}, within {bound:.3f} of the motion"))
+    what, values = zip(*rows, strict=True)
+    summed = Table(
+        f"{plan.program.name} on {plan.machine.name}, order {plan.order}", (Column("what", what), Column("", values))
+    )
+    crossed = () if job.crossed is None else job.crossed.tables()
+    tradeoff = () if job.tradeoff is None else job.tradeoff.tables()
+    return [summed, *tradeoff, *crossed]
 
 
 def _describe_timing(plan: Plan, timing: Classical, *first: str) -> str:

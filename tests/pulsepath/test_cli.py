@@ -92,12 +92,13 @@ trigger = { name = "half", at = 0.5 }
 
 
 def test_triggers_repetitions_and_constant_speeds_are_told(call, tmp_path, program):
-    done = call("plan", program(MARKED), "--order", "2", "--out", tmp_path / "o")
+    done = call("plan", program(MARKED), "--order", "2", "--out", tmp_path / "o", "-v")
     assert done.exit_code == 0
     told = [line.split() for line in done.stdout.splitlines() if line.strip().startswith("top")]
     assert [row[1:3] for row in told] == [["1", "1"], ["1", "2"]]  # segment, repetition
     record = json.loads((tmp_path / "o" / "plan.json").read_text())
-    assert record["lower_bound"]["leaves_out"] == []
+    assert record["lower_bound"]["leaves_out"] == ["force", "constant speed"]
+    assert record["lower_bound"]["kind"] == "proved"
     names = [(event["name"], event["where"]["segment"], event["where"]["repetition"]) for event in record["triggers"]]
     assert names == [("top", 1, 1), ("half", 2, 1), ("top", 1, 2), ("half", 2, 2)]
     rows = [line.split(",") for line in (tmp_path / "o" / "triggers.csv").read_text().splitlines()]
@@ -120,12 +121,24 @@ def test_triggers_repetitions_and_constant_speeds_are_told(call, tmp_path, progr
 
 @pytest.mark.usefixtures("planned")
 def test_plan_prints_the_figures_and_where_the_report_is(call, tmp_path, job):
-    done = call("plan", "bare-circle", "--out", tmp_path / "o")
+    short = call("plan", "bare-circle", "--out", tmp_path / "o")
+    assert len(short.stdout.splitlines()) <= 12
+    assert job.worth.describe() in short.stdout
+    assert f"{job.plan.trajectory.duration:.6f} s" in short.stdout
+    assert call("plan", "bare-circle", "--out", tmp_path / "o", "--force", "-q").stdout == f"{tmp_path}/o/report.html\n"
+    done = call("plan", "bare-circle", "--out", tmp_path / "o", "--force", "-v")
     assert done.exit_code == 0
     assert f"report: {tmp_path / 'o' / 'report.html'}" in done.stdout
     lines = [re.split(r" {2,}", line.strip()) for line in done.stdout.splitlines()]  # names hold single spaces
-    rows = {name: " ".join(rest).split() for name, *rest in lines}
+    rows = {name: " ".join(rest).split() for name, *rest in reversed(lines)}  # the first of each name
     assert float(rows["duration"][0]) == pytest.approx(job.plan.trajectory.duration, abs=5e-7)
+    assert job.worth.describe() in done.stdout
+    worth = json.loads((tmp_path / "o" / "plan.json").read_text())["worth"]
+    assert [(row["limit"], row["axis"]) for row in worth["limits"]] == [
+        *zip(job.worth.limits, job.worth.axes, strict=True)
+    ]
+    assert [row["saved_s"] for row in worth["limits"]] == job.worth.saved.tolist()
+    assert worth["planned_again"]["saved_s"] == job.change.saved > 0
     assert "holding force" in job.plan.certificate.worst
     for name, worst in job.plan.certificate.worst.items():
         assert worst <= float(rows[name][0]) <= worst + 1.1e-7
@@ -147,9 +160,46 @@ def test_a_stated_duration(call, tmp_path):
     told = json.loads(done.stdout)
     assert told["duration_s"] == pytest.approx(1.5, abs=1e-9)
     assert told["stated_duration_s"] == 1.5
-    # how far it is from the fastest says nothing where it was not asked for
+    # how far it is from the fastest says nothing where it was not asked for, nor what would be faster
+    assert told["worth"] is None
     assert told["lower_bound"]["gap"] is None
     assert told["lower_bound"]["duration_s"] == pytest.approx(1.204, abs=2e-3)
+
+
+def test_an_objective_with_heat(call, tmp_path):
+    out = tmp_path / "o"
+    command = ["plan", "bare-circle", "--out", str(out), "--no-figures", "--pulses", "none"]
+    for objective, words in {"speed": "is not known", "time + 2e4 heat": "from 0 to 1000"}.items():
+        refused = call(*command, "--objective", objective)
+        assert refused.exit_code == 2
+        assert words in refused.stderr
+    assert not out.exists()
+    done = call(*command, "--objective", "time+heat", "--json")
+    assert done.exit_code == 0
+    told = json.loads(done.stdout)
+    assert told["objective"] == "time + heat"
+    assert told["worth"] is None
+    assert told["lower_bound"]["gap"] is None
+    assert told["lower_bound"]["duration_s"] < told["duration_s"] == told["tradeoff"]["duration_s"][4]
+    assert np.all(np.diff(told["tradeoff"]["heat_of_the_fastest"]) <= 1e-9)
+    assert "Duration against heat" in (out / "report.html").read_text()
+
+
+def test_a_gap_to_be_proved(call, tmp_path):
+    command = ["plan", "bare-circle", "--out", str(tmp_path / "o"), "--no-figures", "--pulses", "none", "--order", "2"]
+    for given, words in {
+        ("--gap", "0.1"): "in per cent",
+        ("--gap", "0 %"): "positive",
+        ("--effort", "2"): "--gap",
+    }.items():
+        refused = call(*command, *given)
+        assert refused.exit_code == 2
+        assert words in refused.stderr
+    assert not (tmp_path / "o").exists()
+    done = call(*command, "--gap", "0.019 %", "--json")
+    assert json.loads(done.stdout)["lower_bound"]["gap"] <= 1.9e-4
+    short = call(*command, "--gap", "0.001 %", "--effort", "0", "--force")
+    assert "is proved after 0 rounds" in short.stderr
 
 
 def test_the_machine_of_a_program_counts_from_its_folder(call, tmp_path, program, tilting):

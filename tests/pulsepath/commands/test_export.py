@@ -190,7 +190,7 @@ def test_what_compensates_is_exported_as_its_motors_run(call, tmp_path):
         '[[segment]]\ndwell = "0.2 s"\n[[segment]]\nline = { to = [90, 50, 80] }\n'
     )
     out = tmp_path / "o"
-    made = call("plan", tmp_path / "p.toml", "--machine", tmp_path / "m.toml", "--out", out)
+    made = call("plan", tmp_path / "p.toml", "--machine", tmp_path / "m.toml", "--out", out, "-v")
     assert made.exit_code == 0, made.stderr
     # 0.002 in of play while the axis rests, at the 0.3 in/s² of the axis
     assert "7.620 7.620" in " ".join(made.stdout.split())  # mm/s², of what is allowed

@@ -114,7 +114,7 @@ def test_after_it_is_written_that_is_said(call, tmp_path, monkeypatch):
     def come(_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("pulsepath.output.tables.of_plan", come)
+    monkeypatch.setattr("pulsepath.output.tables.sum_up", come)
     monkeypatch.setattr("benchmarks.reports.plan_report.write_report", lambda *args, **_: args[3].write_text(""))
     done = call("plan", "bare-circle", "--out", tmp_path / "o")
     assert done.exit_code == 130
