@@ -4,7 +4,7 @@
   a `literalinclude` of docs/examples.
 - Any other ```python fence is run; all of a page share their names. A ```text fence right after it is what it prints.
 - A ```console fence holds commands, each after "$ ", and what they print; a comment "# exit code 1" says how one ends.
-  A command that shows nothing may print anything.
+  A command that shows nothing may print anything. One that ends with " &" runs until the page ends.
 - Of a command that fails, errors are shown as well; how far it is, which goes to the standard error, never is.
 - "..." stands for any text, and runs of spaces are alike, as in doctest.
 """
@@ -54,6 +54,11 @@ def fences(text: str) -> list[Fence]:
 
 def run(page: Path) -> int:
     """Run a page in the current directory; how many blocks were run or written. Raises AssertionError where it lies."""
+    with contextlib.ExitStack() as background:
+        return run_blocks(page, background)
+
+
+def run_blocks(page: Path, background: contextlib.ExitStack) -> int:
     names: dict[str, Any] = {"__name__": "page"}
     blocks, count = fences(page.read_text(encoding="utf-8")), 0
     for fence, after in zip(blocks, [*blocks[1:], None], strict=True):
@@ -72,18 +77,25 @@ def run(page: Path) -> int:
             if after is not None and after.language == "text" and after.adjacent:
                 agree(where, after.body, printed.getvalue())
         elif fence.language == "console":
-            console(where, fence.body)
+            console(where, fence.body, background)
         else:
             continue
         count += 1
     return count
 
 
-def console(where: str, text: str) -> None:
+def console(where: str, text: str, background: contextlib.ExitStack) -> None:
     for part in re.split(r"^\$ ", text, flags=re.MULTILINE)[1:]:
         command, _, shown = part.partition("\n")
         told = EXIT.search(command)
         words = shlex.split(EXIT.sub("", command), comments=True)
+        if words[-1] == "&":
+            silent = subprocess.DEVNULL
+            process = background.enter_context(
+                subprocess.Popen(find_program(words[:-1]), stdout=silent, stderr=silent, env=environment())
+            )
+            background.callback(process.terminate)
+            continue
         code, printed, complained = pulsepath(words) if words[0] == "pulsepath" else other(words)
         assert code == (int(told[1]) if told else 0), f"{where}: {command}\nended with {code}\n{printed}{complained}"
         if shown.strip():
@@ -98,11 +110,19 @@ def pulsepath(words: list[str]) -> tuple[int, str, str]:
 
 
 def other(words: list[str]) -> tuple[int, str, str]:
-    words = [sys.executable if words[0] == "python" else words[0], *words[1:]]
-    searched = [str(Path(sys.executable).parent), os.environ.get("PATH", os.defpath)]  # a shell's "python" is ours too
-    paths = {"PYTHONPATH": str(DOCS.parent), "PATH": os.pathsep.join(searched)}
-    done = subprocess.run(words, capture_output=True, text=True, encoding="utf-8", env=os.environ | paths)
+    done = subprocess.run(find_program(words), capture_output=True, text=True, encoding="utf-8", env=environment())
     return done.returncode, done.stdout, done.stderr
+
+
+def find_program(words: list[str]) -> list[str]:
+    """A shell's "python" is ours, and so is what was installed with it."""
+    beside = Path(sys.executable).with_name(words[0])
+    return [str(beside) if beside.exists() else words[0], *words[1:]]
+
+
+def environment() -> dict[str, str]:
+    searched = [str(Path(sys.executable).parent), os.environ.get("PATH", os.defpath)]
+    return os.environ | {"PYTHONPATH": str(DOCS.parent), "PATH": os.pathsep.join(searched)}
 
 
 def agree(where: str, wanted: str, got: str) -> None:

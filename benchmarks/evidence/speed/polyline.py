@@ -1,7 +1,8 @@
 """How an order-3 run grows with its length: `python -m benchmarks.evidence.speed.polyline [--lines 20,60,200,1000]`.
 
 Lines of 0.4 mm by a seeded random walk of the hexapod, 25 mm above home, blended within 0.02 mm, so that nothing stops
-between the first and the last. From the path on: solved and proved; processor time of one process, kernels loaded.
+between the first and the last. Solved and proved in windows, as `plan` does with long programs, from the program on;
+and as a whole, from the path on. Processor time of one process, kernels loaded.
 """
 
 import resource
@@ -17,9 +18,11 @@ from benchmarks.evidence.timing import time_calls
 from kinematics import load_machine
 from planner.limits import limits_of
 from planner.path.actuation import actuate
+from planner.path.chain import walk_path
 from planner.program.model import Line, Program
 from planner.program.modifiers import Blend
 from planner.timing.certified_solve import certified_solve
+from planner.windows import Window, WindowPlanner
 
 # m: length and height of the lines, how far they stray from the middle, and the blends' tolerance; rad, a turn at most.
 STEP, HEIGHT, REACH, BLEND = 4e-4, 25e-3, 15e-3, 2e-5
@@ -62,15 +65,35 @@ def walk(lines: int, seed: int = 0) -> Program:
     return Program(start=RigidTransform.from_translation([0.0, 0.0, HEIGHT]), segments=tuple(segments))
 
 
+def run_in_windows(lines: int, order: int = 3) -> PolylineRun:
+    """Solve and prove such a walk in this process, window by window."""
+    machine = load_machine("hexapod")
+    program = walk(lines)
+    planner = WindowPlanner(machine, lambda path: limits_of(path, machine.axes, order), order)
+
+    def plan() -> tuple[Window, int, int]:
+        intervals = count = 0
+        for window in planner(walk_path(program, machine)):
+            intervals, count = intervals + window.kept, count + 1
+        return window, intervals, count
+
+    (last, intervals, count), (processor,) = time_calls(plan, clock=process_time)
+    told = f"{count} window{'s'[: count > 1]}"
+    return PolylineRun(lines, last.next.begin, intervals, told, processor, _peak_memory())
+
+
 def run(lines: int, order: int = 3) -> PolylineRun:
-    """Solve and prove such a walk in this process."""
+    """Solve and prove such a walk in this process, as a whole."""
     machine = load_machine("hexapod")
     path = actuate(walk(lines), machine)
     limits = limits_of(path, machine.axes, order)
     found, (processor,) = time_calls(lambda: certified_solve(path, limits, order), clock=process_time)
-    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     motion = found.trajectory
-    return PolylineRun(lines, motion.duration, len(motion.knots) - 1, found.methods[0], processor, memory)
+    return PolylineRun(lines, motion.duration, len(motion.knots) - 1, found.methods[0], processor, _peak_memory())
+
+
+def _peak_memory() -> float:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def table(runs: list[PolylineRun]) -> str:
@@ -104,8 +127,10 @@ def main() -> None:
     parser.add_argument("--lines", default=",".join(map(str, LENGTHS)))
     parser.add_argument("--order", type=int, choices=(2, 3), default=3)
     asked = parser.parse_args()
-    run(FIRST_LINES, asked.order)
-    print(table([run(int(lines), asked.order) for lines in asked.lines.split(",")]))
+    lengths = [int(lines) for lines in asked.lines.split(",")]
+    for way in (run_in_windows, run):  # which takes more memory comes last
+        way(FIRST_LINES, asked.order)
+        print(f"{table([way(lines, asked.order) for lines in lengths])}\n")
 
 
 if __name__ == "__main__":

@@ -2,8 +2,9 @@
 benchmarks.evidence.speed.workpieces [--lines N] [--order 2|3] [--whole] [--fit-only] [NAME …]`.
 
 Each is G-code, made line by line: a spiral pocket; a raster over a freeform surface, with z in every line; an engraving
-of letters, most of whose joins are corners; and slots of lines and arcs that meet smoothly and not. Each is planned
-part by part by the command line, with pulses and their check. Printed: seconds of motion, which share of them planning
+of letters, most of whose joins are corners; the same with a wait at each stroke, which several processes can plan; and
+slots of lines and arcs that meet smoothly and not. Each is planned part by part by the command line, with pulses and
+their check. Printed: seconds of motion, which share of them planning
 takes, memory, and how long the motion takes that is planned as a whole.
 """
 
@@ -99,6 +100,16 @@ def engraving(lines: int, text: str = "PULSE", scale: float = 0.5) -> Iterator[s
         row += 1
 
 
+def marking(lines: int) -> Iterator[str]:
+    """The same, with a wait of 50 ms where the pen is down."""
+    told = 0
+    for move in engraving(lines):
+        waits = move.startswith("G1 Z25")
+        if (told := told + 1 + waits) > lines + 1:
+            return
+        yield from (move, "G4 P0.05") if waits else (move,)
+
+
 def slots(lines: int) -> Iterator[str]:
     """Slots whose half circles meet their lines smoothly, and lenses whose arcs meet at corners; over and over."""
     yield HEAD
@@ -117,6 +128,7 @@ WORKPIECES: dict[str, Callable[[int], Iterator[str]]] = {
     "spiral": spiral,
     "surface": surface,
     "engraving": engraving,
+    "marking": marking,
     "slots": slots,
 }
 
@@ -157,7 +169,7 @@ class Planned:
     """What planning a file part by part, as the command line does, took and gave.
 
     processor, wall  s, of the whole command: reading, planning, proofs, pulses and their check, files
-    memory           bytes, at most
+    memory, files    bytes: of memory at most; of all that is written
     duration         s, of the motion; whole: the same planned at once, where that was asked for
     windows, worst   how many it was planned in; the largest proven share of a limit
     """
@@ -168,6 +180,7 @@ class Planned:
     processor: float
     wall: float
     memory: int
+    files: int
     duration: float
     windows: int
     worst: float
@@ -176,7 +189,8 @@ class Planned:
     def __str__(self) -> str:
         share = f"{self.processor / self.duration:.3f} of it in processor time, {self.wall / self.duration:.3f} in all"
         told = f"{self.name}, {self.lines} lines, order {self.order}: {self.duration:.3f} s of motion in {share}; "
-        told += f"{self.memory / 1e6:.0f} MB, {self.windows} windows, limits used to {self.worst:.7f}"
+        told += f"{self.memory / 1e6:.0f} MB, files of {self.files / 1e6:.1f} MB, {self.windows} windows, "
+        told += f"limits used to {self.worst:.7f}"
         if self.whole is not None:
             told += f"; planned as a whole {self.whole:.3f} s, {100 * (self.duration / self.whole - 1):+.4f} %"
         return told
@@ -213,6 +227,7 @@ def plan_workpiece(name: str, lines: int, order: int, machine: str, whole: bool 
             processor,
             wall,
             1024 * memory,
+            sum(written.stat().st_size for written in out.rglob("*") if written.is_file()),
             record["duration_s"],
             record["windows"],
             max(limit["worst_ratio"] for limit in record["certificate"]["limits"].values()),

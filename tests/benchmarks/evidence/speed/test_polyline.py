@@ -1,4 +1,4 @@
-from benchmarks.evidence.speed.polyline import run, walk
+from benchmarks.evidence.speed.polyline import run, run_in_windows, walk
 
 
 def test_a_longer_polyline_takes_no_more_intervals_a_line():
@@ -14,3 +14,9 @@ def test_walks_are_the_same_for_the_same_seed_and_stay_near_the_middle():
     ends = [segment.to for segment in walk(300).segments]
     assert [segment.to.tolist() for segment in walk(300).segments] == [end.tolist() for end in ends]
     assert max((end[:2] ** 2).sum() for end in ends) < 0.02**2
+
+
+def test_windows_lead_to_the_same_motion_as_the_whole():
+    whole, windows = run(40), run_in_windows(40)
+    assert windows.duration < 1.001 * whole.duration
+    assert windows.intervals < 1.3 * whole.intervals

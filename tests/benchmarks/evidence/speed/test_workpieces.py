@@ -18,3 +18,4 @@ def test_a_part_is_planned_as_fast_in_windows_as_at_once():
     assert found.duration == pytest.approx(found.whole, rel=1e-3)
     assert 0 < found.processor < 60
     assert 1e8 < found.memory < 6e8
+    assert 1e4 < found.files < 1e7
