@@ -13,13 +13,13 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
-from planner.certificate.lower_bound import RowCells, bound_cells, enclose_rows, find_left_out
+from planner.certificate.lower_bound import RowCells, bound_cells, bound_rest, enclose_rows, find_left_out, leave_rest
 from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath
 from planner.path.stands import count_zero_derivatives
 from planner.timing.solvers.dual import DualCells, Multipliers, maximise_dual
 from planner.timing.solvers.inner_minimum import NEAR, fill_sets
-from planner.timing.solvers.limit_worth import weigh_limits
+from planner.timing.solvers.limit_worth import weigh_limits, weigh_rest
 from planner.trajectory import Trajectory
 
 # Cells near rest begin at so much of a run's time after it, and grow by such a share of the time since.
@@ -34,8 +34,6 @@ MOST_PARTS, ROUNDS, MOST_GROWTH = 8, 2, {2: 1.0, 3: 3.0}
 SHRINKAGE, SHRINKAGES = 0.7, 40
 # Where a bound is no nearer than so, one round more is tried, and order 2.
 POOR_GAP = 0.01
-# Share of a run's time from rest in which λ is mended.
-MOST_MENDED = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,8 +146,6 @@ def _place_nodes(trajectory: Trajectory, order: int, ends: tuple[int, int]) -> _
     knots = trajectory.knots[own[0] : own[-1] + 2]
     begin, took = knots[0], knots[-1] - knots[0]
     growing = FIRST_CELL * (1 + CELL_GROWTH) ** np.arange(1 + int(np.log(0.3 / FIRST_CELL) / np.log(1 + CELL_GROWTH)))
-    if order == 2:  # s goes with t², not with t³: rounding leaves more of it
-        growing = np.append(growing[0] * np.array([1 / 16, 1 / 8, 1 / 4, 1 / 2]), growing)
     growing *= took
     wide = np.maximum(np.diff(knots), took * 1e-12)
 
@@ -221,12 +217,16 @@ def _bound_nodes(
     rows = enclose_rows(path, limits, nodes.s, nodes.piece)
     if order == 2:
         rows = rows._replace(jerk=np.full_like(rows.jerk, np.inf))
-    given, free = _find_end_states(path, order, ends, len(nodes.s))
-    free |= _find_dead_nodes(rows, order)[:, None]
+    given, free, still = _find_end_states(path, order, ends, len(nodes.s))
+    # cells beside rests are bounded in closed form, whatever is known of λ there
+    first, last = int(still[0] >= 0), len(nodes.piece) - int(still[1] >= 0)
+    free[first : last + 1] |= _find_dead_nodes(rows, order, first, last)[:, None]
     length, took = nodes.s[-1] - nodes.s[0], nodes.t[-1] - nodes.t[0]
     start = _guess_motion(trajectory, nodes, length, took)
     if order == 2:
         start[:, :, 2] = 0.0
+    state = np.stack([nodes.a, nodes.b], 1)
+    state[[0, -1]] = given
     scaled = DualCells(
         rows.width / length,
         np.ascontiguousarray(rows.ends * np.array([length, length**2, length**3])[:, None]),
@@ -234,12 +234,30 @@ def _bound_nodes(
         rows.acceleration * took**2,
         rows.jerk * took**3,
         np.sqrt(start[:, :, 0]),
-        given * np.array([(took / length) ** 2, took**2 / length]),
+        state[[first, last]] * np.array([(took / length) ** 2, took**2 / length]),
         free,
     )
-    found = maximise_dual(scaled, start)
+    inner = slice(first, last)
+    own = scaled._replace(
+        width=scaled.width[inner],
+        q=scaled.q[inner],
+        y=scaled.y[inner],
+        root=scaled.root[inner],
+        free=free[first : last + 1],
+    )
+    found = _pad(maximise_dual(own, start[inner]), first, len(nodes.piece) - last)
     with np.errstate(all="ignore"):
-        return _prove_run(rows, nodes, scaled, found, given, (length, took), order)
+        return _prove_run(rows, nodes, scaled, found, state, (length, took), order, still)
+
+
+def _pad(found: Multipliers, before: int, after: int) -> Multipliers:
+    """With cells before and after, in which all of them are 0."""
+
+    def pad(values: Array) -> Array:
+        return np.pad(values, [(before, after), *[(0, 0)] * (values.ndim - 1)])
+
+    nodes, bulge, rows, speed, x, iterations = found
+    return Multipliers(pad(nodes), pad(bulge), pad(rows), pad(speed), pad(x), iterations)
 
 
 def _prove_run(
@@ -247,9 +265,10 @@ def _prove_run(
     nodes: _Nodes,
     scaled: DualCells,
     found: Multipliers,
-    given: Array,
+    state: Array,
     unit: tuple[float, float],
     order: int,
+    still: np.ndarray,
 ) -> _RunBound:
     """What multipliers prove, in SI units."""
     length, took = unit
@@ -272,22 +291,17 @@ def _prove_run(
     x = np.where(np.isfinite(found.x), found.x, 1.0)
     about = x[:, :, 0].mean(1) * (length / took) ** 2
     out = np.zeros(len(rows.width))
-    state = np.stack([nodes.a, nodes.b], 1)
-    state[[0, -1]] = given
+    rests = [(side, int(still[side])) for side in (0, 1) if still[side] >= 0]
 
     def prove() -> Array:
         """What is lost on each cell."""
         fill_sets(rows.ends, rows.width, rows.acceleration, rows.jerk, multipliers, bulge, about, jerky, sets, speeds)
         bound_cells(rows, order == 3, multipliers, bulge, sets, speeds, about, out)
+        for side, zeros in rests:
+            out[-side] = bound_rest(leave_rest(rows, side, zeros), side, multipliers[1 - 3 * side])
         return np.asarray(np.diff(nodes.t) + np.diff(np.where(multipliers == 0, 0.0, multipliers * state).sum(1)) - out)
 
     loss = prove()
-    for side in range(2):
-        before = loss, out.copy(), multipliers.copy(), bulge.copy()
-        if (given[side] == 0).all() and _mend_rest(nodes, order, loss, multipliers, bulge, side):
-            loss = prove()
-            if not loss.sum() < before[0].sum():
-                loss, out[:], multipliers[:], bulge[:] = before
     for n in range(SHRINKAGES):
         weak = ~(out > -np.inf)
         if not weak.any():
@@ -301,59 +315,48 @@ def _prove_run(
     edge = np.where(multipliers == 0, 0.0, multipliers * state)
     value = float(out.sum() - edge[-1].sum() + edge[0].sum())
     value -= 1e-15 * len(out) * float(np.abs(out).sum() + np.abs(edge[[0, -1]]).sum())
-    return _RunBound(value, nodes.s[:-1], nodes.piece, loss, *weigh_limits(scaled, found, took))
+    worth, alone = weigh_limits(scaled, found, took)
+    for side, zeros in rests:
+        worth[-side], alone[-side] = weigh_rest(rows, side, zeros, multipliers[1 - 3 * side])
+    return _RunBound(value, nodes.s[:-1], nodes.piece, loss, worth, alone)
 
 
-def _mend_rest(nodes: _Nodes, order: int, loss: Array, multipliers: Array, bulge: Array, side: int) -> bool:
-    """λ in the first cells from rest (side 0) or the last, where some lose more than they take: as under constant
-    acceleration, λa ~ s^(−1/2), or jerk, λa ~ s^(−2/3) and λb′ = −2λa. Whether there are any.
+def _find_end_states(
+    path: ActuatorPath, order: int, ends: tuple[int, int], count: int
+) -> tuple[Array, np.ndarray, np.ndarray]:
+    """a and b at both ends (2, 2); which nodes' λ (count, 2) have to be 0 as these are not known; and how many of the
+    path's derivatives are 0 at the ends (2,) at which all axes rest, −1 at others.
     """
-    took = np.diff(nodes.t)
-    near = np.flatnonzero(np.cumsum(took if side == 0 else took[::-1]) < MOST_MENDED * took.sum())
-    own = near if side == 0 else len(took) - 1 - near
-    bad = np.flatnonzero(~(loss[own] < took[own]))
-    if not len(bad):
-        return False
-    count = min(int(bad[-1]) + 2, len(took) - 1)
-    inner = np.arange(count + 1) if side == 0 else len(took) - np.arange(count + 1)
-    way = np.abs(nodes.s[inner] - nodes.s[inner[0]])
-    way[0] = way[1] / 4
-    multipliers[inner, 0] = multipliers[inner[-1], 0] * (way[-1] / way) ** (1 / 2 if order == 2 else 2 / 3)
-    if order == 2:
-        return True
-    for k in range(count - 1, -1, -1):
-        here, there = inner[k], inner[k + 1]
-        step = (nodes.s[there] - nodes.s[here]) * (multipliers[here, 0] + multipliers[there, 0])
-        multipliers[here, 1] = multipliers[there, 1] + step
-        first = min(here, there)
-        bulge[first] = multipliers[first + 1, 0] - multipliers[first, 0]
-    return True
-
-
-def _find_end_states(path: ActuatorPath, order: int, ends: tuple[int, int], count: int) -> tuple[Array, np.ndarray]:
-    """a and b at both ends (2, 2), and which nodes' λ (count, 2) have to be 0 as these are not known."""
-    given, free = np.zeros((2, 2)), np.zeros((count, 2), bool)
+    given, free, rests = np.zeros((2, 2)), np.zeros((count, 2), bool), np.full(2, -1)
     still = count_zero_derivatives(path)
     last = len(path.breaks) - 1
     for side, stop in enumerate(ends):
         at = -1 if side else 0
         outer = stop in (0, last)
         own = int(still[side, ends[1] - 1 if side else ends[0]])
+        passed = own > 0 and not outer and still[1 - side, stop if side else stop - 1] > 0 and path.dwells[stop] == 0
         if outer:
             given[side] = path.end_speeds[side] ** 2, path.end_accelerations[side]
             stands = own if path.end_speeds[side] == 0 else 0
             free[at] = (stands > 0, True) if order == 2 else (stands > 1, stands > 0)
-        elif own > 0 and still[1 - side, stop if side else stop - 1] > 0 and path.dwells[stop] == 0:
-            free[at] = True  # it may be passed
+        elif passed:
+            free[at] = True
         elif own > 0:
             free[at] = (True, True) if order == 2 or own > 1 else (False, True)
-    return given, free
+        # q̇ = q′ṡ is 0 at order 2; at order 3 q̈ = q′s̈ + q″ṡ² too
+        resting = given[side, 0] == 0 and (order == 2 or own > 1 or (not passed and (own > 0 or given[side, 1] == 0)))
+        if resting and own < 3:
+            rests[side], free[at] = own, True
+    return given, free, rests
 
 
-def _find_dead_nodes(rows: RowCells, order: int) -> np.ndarray:
-    """Nodes (M+1,) beside cells in which no axis with a limit surely moves: there nothing can be balanced."""
-    most = np.abs(rows.ends[:, :, 0]).min(1) - rows.off[:, 0]
-    moves = (most > 0) & (rows.ends[:, 0, 0] * rows.ends[:, 1, 0] > 0)
+def _find_dead_nodes(rows: RowCells, order: int, first: int, last: int) -> np.ndarray:
+    """Nodes beside cells from the first to before the last in which no axis with a limit surely moves: there nothing
+    can be balanced.
+    """
+    ends, off = rows.ends[first:last], rows.off[first:last]
+    most = np.abs(ends[:, :, 0]).min(1) - off[:, 0]
+    moves = (most > 0) & (ends[:, 0, 0] * ends[:, 1, 0] > 0)
     dead = ~(moves & (rows.acceleration.max(0) < np.inf)).any(1)
     if order == 3:
         dead |= ~(moves & (rows.jerk.max(0) < np.inf)).any(1)

@@ -7,6 +7,7 @@ one alone may not grow by much: b, or c under jerk, moves until the other has no
 import numpy as np
 
 from kinematics.foundation.arrays import Array
+from planner.certificate.lower_bound import RowCells, bound_rest, leave_rest
 from planner.timing.solvers.dual import DualCells, Multipliers
 
 PER_CENT = 0.01
@@ -44,6 +45,25 @@ def weigh_limits(cells: DualCells, found: Multipliers, took: float) -> tuple[Arr
                 growth[:, :, i] = np.inf
                 share = np.minimum(growth.min(-1) / PER_CENT, 1.0)
                 alone[:, kind, i] = (worth[:, :, i] * np.where(np.isfinite(share), share, 1.0)).sum(1)
+    return together, alone
+
+
+def weigh_rest(rows: RowCells, side: int, still: int, inner: Array) -> tuple[Array, Array]:
+    """(3, n) s each, as `weigh_limits`, of a cell beside a rest: of the axis that takes longest to leave it."""
+    together, alone = np.zeros((2, 3, rows.ends.shape[3]))
+    leaving = leave_rest(rows, side, still)
+    longest = int(np.where(leaving.moves, leaving.time, 0.0).argmax())
+
+    def save(kind: int, axes: slice) -> float:
+        bounds = [rows.acceleration.copy(), rows.jerk.copy()]
+        bounds[kind][:, axes] *= 1 + PER_CENT
+        more = leave_rest(rows._replace(acceleration=bounds[0], jerk=bounds[1]), side, still)
+        saved = bound_rest(leaving, side, inner) - bound_rest(more, side, inner)
+        return saved / PER_CENT if np.isfinite(saved) else 0.0
+
+    for kind in range(2):
+        together[kind, longest] = save(kind, slice(None))
+        alone[kind, longest] = save(kind, slice(longest, longest + 1))
     return together, alone
 
 

@@ -7,7 +7,7 @@ from scipy.optimize import linprog
 
 from kinematics import load_machine
 from planner import load_program, plan, time_optimal
-from planner.certificate.lower_bound import bound_cells, enclose_rows
+from planner.certificate.lower_bound import bound_cells, bound_rest, enclose_rows, leave_rest
 from planner.limits import limits_of
 from planner.path.actuation import actuate
 from planner.timing.certified_solve import certified_solve
@@ -89,6 +89,79 @@ def test_where_a_path_stands_or_turns_back(jerk):
         found = time_optimal(path, max_speed=1.0, max_acceleration=2.0, max_jerk=jerk)
         assert found.gap >= 0
         assert found.lower_bound > 0.3 * found.trajectory.duration
+
+
+QUINTIC = PPoly(
+    np.array([6.0, -15.0, 10.0, 0.0, 0.0, 0.0])[:, None, None] * np.array([1.0, 0.5, -0.3]), np.array([0.0, 1.0])
+)
+
+
+@pytest.mark.parametrize("jerk", [None, 20.0])
+@pytest.mark.parametrize("ends", ["clamped", "natural", "quintic"])
+def test_where_a_path_stands_at_its_ends_the_bound_is_as_near_as_elsewhere(ends, jerk):
+    points = np.random.default_rng(1).uniform(-1, 1, (8, 3))
+    curve = QUINTIC if ends == "quintic" else CubicSpline(np.arange(8.0), points, bc_type=ends)
+    found = time_optimal(curve, max_speed=1.0, max_acceleration=2.0, max_jerk=jerk)
+    assert 0 <= found.gap < 2e-3
+    assert found.bound.loss[[0, -1]].max() < 1e-3
+
+
+@pytest.mark.parametrize("side", [0, 1])
+@pytest.mark.parametrize("still", [0, 1, 2])
+def test_no_motion_from_rest_is_below_the_bound_of_its_cell(still, side):
+    """x = s^(still + 1) from rest, by random ẍ and x⃛ within limits, forwards all the time; or that back in time."""
+    rng = np.random.default_rng(still)
+    power, last = still + 1, 0.7
+    most, least, jerk = 2.0, 3.0, (5.0, 4.0)
+    ways = np.poly1d(np.eye(power + 2)[1]), np.poly1d(1e-3 * np.eye(power + 2)[0])  # the other, so that it is no line
+    if side:  # the same path backwards
+        ways = tuple(way(np.poly1d([-1.0, 1.0])) for way in ways)
+    coefficients = np.stack([np.pad(way.coeffs, (power + 2 - len(way.coeffs), 0)) for way in ways], 1)
+    path = PPoly(coefficients[:, None], np.array([0.0, 1.0]))
+    found = time_optimal(
+        path, max_speed=1e3, max_acceleration=[(least, most), (1e6, 1e6)], max_jerk=[jerk[::-1], (1e6, 1e6)]
+    )
+    nodes = np.array([0.0, last, 1.0]) if side == 0 else np.array([0.0, 1 - last, 1.0])
+    rows = enclose_rows(found.trajectory.path, found.limits, nodes, np.zeros(2, int))
+    if side:  # x = q of falling s, looked at back in time: ẍ ≤ most still, and −x⃛ of the motion is x⃛
+        rows = rows._replace(jerk=rows.jerk[::-1].copy())
+    leaving = leave_rest(rows, side, still)
+    assert leaving.moves[0]
+    way = last**power
+    slope, bend = power * last ** (power - 1), power * (power - 1) * last ** max(power - 2, 0)
+    tried = 0
+    dt = 1e-3
+    for _ in range(150):
+        accelerations = _random_accelerations(rng, most, least, jerk, dt)
+        v = np.cumsum(accelerations) * dt
+        if (v < 0).any():
+            continue
+        x = np.cumsum(v) * dt
+        at = int(np.searchsorted(x, way))
+        if at >= len(x):
+            continue
+        tried += 1
+        a = (v[at] / slope) ** 2
+        b = (accelerations[at] - bend * a) / slope
+        for inner in rng.normal(size=(20, 2)) * 10.0 ** rng.uniform(-2, 1, (20, 1)):
+            bound = bound_rest(leaving, side, inner)
+            # back in time s̈ is the same, by s that falls the other way
+            value = at * dt + (1 - 2 * side) * inner[0] * a + inner[1] * b
+            assert bound <= value + 2e-2 * (1 + np.abs(inner) @ [a, abs(b)])
+    assert tried > 10
+    # and full acceleration or jerk all the way is as low as it says
+    assert leaving.time[0] == pytest.approx(max((6 * way / jerk[0]) ** (1 / 3), (2 * way / most) ** 0.5), rel=1e-6)
+
+
+def _random_accelerations(rng, most, least, jerk, dt):
+    """From 0 on, with slopes between −jerk[1] and jerk[0], for 3 s."""
+    slopes = np.repeat(rng.choice([jerk[0], -jerk[1], 0.3], 20), 150)
+    values = np.zeros(len(slopes))
+    now = 0.0
+    for k, slope in enumerate(slopes):
+        now = min(max(now + slope * dt, -least), most)
+        values[k] = now
+    return values
 
 
 @pytest.mark.parametrize("wrong", ["random", "sign", "rows", "one", "nothing"])
