@@ -34,6 +34,8 @@ MOST_PARTS, ROUNDS, MOST_GROWTH = 8, 2, {2: 1.0, 3: 3.0}
 SHRINKAGE, SHRINKAGES = 0.7, 40
 # Where a bound is no nearer than so, one round more is tried, and order 2.
 POOR_GAP = 0.01
+# Where a cell loses more than it takes by such a share of the run's time, λ beside it is 0, and sought again; so often.
+PARTING_LOSS, MOST_PARTINGS = 0.005, 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,6 +215,7 @@ def _bound_nodes(
     trajectory: Trajectory, limits: Sequence[Limit], order: int, ends: tuple[int, int], nodes: _Nodes
 ) -> _RunBound:
     """With multipliers found for these cells."""
+    partings = MOST_PARTINGS
     path = trajectory.path
     rows = enclose_rows(path, limits, nodes.s, nodes.piece)
     if order == 2:
@@ -245,9 +248,19 @@ def _bound_nodes(
         root=scaled.root[inner],
         free=free[first : last + 1],
     )
-    found = _pad(maximise_dual(own, start[inner]), first, len(nodes.piece) - last)
-    with np.errstate(all="ignore"):
-        return _prove_run(rows, nodes, scaled, found, state, (length, took), order, still)
+    best: _RunBound | None = None
+    while True:
+        found = _pad(maximise_dual(own, start[inner]), first, len(nodes.piece) - last)
+        with np.errstate(all="ignore"):
+            proved = _prove_run(rows, nodes, scaled, found, state, (length, took), order, still)
+        best = proved if best is None or proved.value > best.value else best
+        # what is before and after such cells is bounded as if it were not one motion
+        poor = np.flatnonzero(~(proved.loss < np.diff(nodes.t) + PARTING_LOSS * took))
+        poor = poor[(poor >= first) & (poor < last)]
+        partings -= 1
+        if partings < 0 or not len(poor):
+            return best
+        free[poor] = free[poor + 1] = True
 
 
 def _pad(found: Multipliers, before: int, after: int) -> Multipliers:

@@ -275,6 +275,8 @@ def run_iterations(cells: DualCells, x: Array, nodes: Array, bulge: Array, slack
                             hessian[i, j] += weight * g[i] * g[j]
                 factor = factors[k, e]
                 for i in range(3):
+                    if hessian[i, i] == 0:  # where the path stands, nothing tells b and c
+                        hessian[i, i] = 1.0
                     for j in range(i, 3):
                         factor[i, j] = hessian[i, j]
                 factorize(factor)
