@@ -18,6 +18,7 @@ from planner.baselines import KINDS, Classical, classical, pick_baseline
 from planner.baselines.classical import Course, course
 from planner.baselines.shapes import S_CURVE
 from planner.cross_check import CrossCheck, cross_check
+from planner.interruption.hold import Stops
 from planner.limits import find_unkept_limits, usual_order
 from planner.orientation.orient import orient_open
 from planner.parallel import NO_PROCESS, SideProcess
@@ -113,6 +114,7 @@ class Job:
     crossed: toppra's motion beside ours, where that was asked for
     worth: what each limit is worth, where the bound is proved; change: the plan with the best of them RAISED
     tradeoff: duration against heat, where heat is part of the objective
+    stops: how soon it can be stopped, where that was asked for
     """
 
     plan: Plan
@@ -126,6 +128,7 @@ class Job:
     worth: Worth | None = None
     change: LimitChange | None = None
     tradeoff: Tradeoff | None = None
+    stops: Stops | None = None
 
     @property
     def time_saved(self) -> float:
@@ -147,6 +150,7 @@ def run(
     objective: str = "time",
     gap: float | None = None,
     effort: int = EFFORT,
+    stops: int | None = None,
 ) -> Job:
     """Plan, prove and compare, in the other process as well. Raises as `planner.plan`."""
     for field in find_unkept_limits(machine):
@@ -191,8 +195,12 @@ def run(
     if aim.heat > 0:
         with step("trading time against heat"):
             tradeoff = planned.trade()
+    held = None
+    if stops is not None:
+        with step(f"stopping from {stops} instants"):
+            held = planned.stops(stops)
     seen = cache(partial(looking.result, look))
-    return Job(planned, baseline, others, realised, seen, figures, rig, beside, worth, change, tradeoff)
+    return Job(planned, baseline, others, realised, seen, figures, rig, beside, worth, change, tradeoff, held)
 
 
 def _find_worth(planned: Plan) -> tuple[Worth | None, LimitChange | None]:

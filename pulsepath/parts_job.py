@@ -19,6 +19,7 @@ from pulsepath.progress import note, step
 
 INSTEAD = {
     "--rig": ", and run pulsepath track on the plan later",
+    "--stops": ", and run pulsepath hold --stops on the plan later",
     "--pulses csv": ", and run pulsepath export --format pulses on the plan later",
 }
 """What has the same effect as an option that needs all of a motion, once that is planned."""

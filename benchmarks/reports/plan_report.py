@@ -15,6 +15,7 @@ from planner.baselines import Classical, describe_differences, missing_limits
 from planner.certificate.certify import CROSSING
 from planner.certificate.constant_speed import CONSTANT_SPEED, SPEED_TOLERANCE
 from planner.cross_check import CrossCheck
+from planner.interruption.hold import Stops
 from planner.limits import Limit
 from planner.plan import ACTIVE_SHARE, Plan, active_limits
 from planner.pulses import PulseCheck, RealisedPath
@@ -44,6 +45,7 @@ def write_report(
     worth: Worth | None = None,
     change: LimitChange | None = None,
     tradeoff: Tradeoff | None = None,
+    stops: Stops | None = None,
 ) -> None:
     """Write the report page to `path` and its figures to `figures/*.png` next to it.
 
@@ -58,10 +60,26 @@ def write_report(
     crossed    toppra's motion beside the plan's, if there is to be such a part
     worth      what the limits are worth, if there is to be such a part; change: a motion with more of one
     tradeoff   duration against heat, if there is to be such a part
+    stops      how soon it can be stopped, if there is to be such a part
     """
-    figures = draw(plan, classical, metrics, realised) | draw_worth(worth, tradeoff) if figures is None else figures
+    figures = (
+        draw(plan, classical, metrics, realised) | draw_worth(worth, tradeoff, stops) if figures is None else figures
+    )
     page = _page(
-        plan, classical, metrics, verdict, others, realised, figures, rig, untracked, crossed, worth, change, tradeoff
+        plan,
+        classical,
+        metrics,
+        verdict,
+        others,
+        realised,
+        figures,
+        rig,
+        untracked,
+        crossed,
+        worth,
+        change,
+        tradeoff,
+        stops,
     )
     path.write_text(page, encoding="utf-8")
     folder = path.parent / "figures"
@@ -163,11 +181,12 @@ def draw_comparisons(plan: Plan, classical: Classical, realised: RealisedPath | 
         return figures | ({"realised": render_png(*_draw_realised(realised))} if realised else {})
 
 
-def draw_worth(worth: Worth | None, tradeoff: Tradeoff | None = None) -> dict[str, bytes]:
-    """The figures of what limits are worth, if any is worth anything, and of duration against heat."""
+def draw_worth(worth: Worth | None, tradeoff: Tradeoff | None = None, stops: Stops | None = None) -> dict[str, bytes]:
+    """The figures of what limits are worth, if any is worth anything, of duration against heat, and of stops."""
     with style():
         found = {"worth": render_png(*_draw_worth(worth))} if worth is not None and worth.rank() else {}
-        return found | ({"tradeoff": render_png(tradeoff.plot())} if tradeoff is not None else {})
+        found |= {"tradeoff": render_png(tradeoff.plot())} if tradeoff is not None else {}
+        return found | ({"stops": render_png(stops.plot())} if stops is not None else {})
 
 
 def draw_tracking(metrics: Sequence[Metrics]) -> dict[str, bytes]:
@@ -273,6 +292,7 @@ def _page(
     worth: Worth | None,
     change: LimitChange | None,
     tradeoff: Tradeoff | None,
+    stops: Stops | None,
 ) -> str:
     return render(
         "report.html.j2",
@@ -287,6 +307,7 @@ def _page(
         worth=worth,
         change=change,
         tradeoff=tradeoff,
+        stops=stops,
         verdict=verdict,
         realised=realised,
         triggers=plan.triggers,

@@ -98,6 +98,12 @@ LONG_FILE = 1 << 16
     show_default=True,
     help="Form of the file of pulses: pulses.csv, one row per edge; pulses.bin, compressed; or no file.",
 )
+@click.option(
+    "--stops",
+    type=click.IntRange(min=1),
+    metavar="COUNT",
+    help="Also prove the soonest stop along the path from so many instants: stops.csv, and a figure in the report.",
+)
 @motion_option
 @click.option(
     "--rig",
@@ -152,6 +158,7 @@ def plan(
     rule: str,
     figures: bool,
     pulses: str,
+    stops: int | None,
     motion: str,
     rig: str | None,
     crossed: bool,
@@ -176,6 +183,7 @@ def plan(
         flags = {"cross-check": crossed, "stream": stream is True, "whole": stream is False, "keep-certified": keep}
         chosen = {"rig": rig, "cluster": cluster}
         chosen |= {"gap": gap, "effort": None if effort is None else str(effort)}
+        chosen |= {"stops": None if stops is None else str(stops)}
         _dump(dumped, inputs, order, clock_hz, duration, objective, rule, pulses, chosen, flags, force, as_json)
         return
     if out is None:
@@ -214,6 +222,7 @@ def plan(
             "--objective": heated,
             "--gap": gap is not None,
             "--rig": rig is not None,
+            "--stops": stops is not None,
             "--cross-check": crossed,
         }
         whole["--pulses csv"] = pulses == "csv"
@@ -246,6 +255,7 @@ def plan(
                     objective or "time",
                     within,
                     EFFORT if effort is None else effort,
+                    stops,
                 )
             plan_directory.write(folder, job, inputs, pulses)
     report = str(out / plan_directory.REPORT)

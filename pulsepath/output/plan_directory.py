@@ -56,9 +56,11 @@ PULSES = {"csv": "pulses.csv", "binary": BINARY, "none": None}
 DEFAULT_PULSES = "binary"
 TRIGGERS = "triggers.csv"
 """Only where the program has triggers."""
+STOPS = "stops.csv"
+"""Only where they were asked for."""
 ORIENTATION = "orientation.json"
 """Only where the program leaves orientation free: what was chosen, by the index of the segment, from 0."""
-DERIVED = (TRAJECTORY, *filter(None, PULSES.values()), CERTIFICATE, TRIGGERS, REPORT, "figures")
+DERIVED = (TRAJECTORY, *filter(None, PULSES.values()), CERTIFICATE, TRIGGERS, STOPS, REPORT, "figures")
 """What no command reads, so that it may be missing."""
 NOT_VERIFIED = ", NOT VERIFIED"
 """Behind the name of a program whose plan was taken up all the same."""
@@ -189,6 +191,8 @@ def write(folder: Path, job: Job, inputs: Inputs, pulses: str = DEFAULT_PULSES) 
     )
     if plan.triggers:
         plan_files.write_trigger_csv(plan.triggers, plan.machine.axes, folder / TRIGGERS)
+    if job.stops is not None:
+        job.stops.save(folder / STOPS)
     _write_report(folder / REPORT, job, verdict)
     (folder / RECORD).write_text(as_json(seal_record(of_plan(job, inputs, verdict), folder)), encoding="utf-8")
     return verdict
@@ -215,7 +219,7 @@ def _write_report(page: Path, job: Job, verdict: PulseCheck) -> None:
             drawn = (
                 draw_axes(job.plan)
                 | draw_comparisons(job.plan, job.classical, job.realised)
-                | draw_worth(job.worth, job.tradeoff)
+                | draw_worth(job.worth, job.tradeoff, job.stops)
             )
     if job.rig is None:
         seen = job.seen()
@@ -239,6 +243,7 @@ def _write_report(page: Path, job: Job, verdict: PulseCheck) -> None:
             worth=job.worth,
             change=job.change,
             tradeoff=job.tradeoff,
+            stops=job.stops,
             untracked=seen.note or rig_hint(job.plan.machine),
         )
 

@@ -82,6 +82,13 @@ def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
             "duration_s": job.tradeoff.duration.tolist(),
             "heat_of_the_fastest": job.tradeoff.heat.tolist(),
         },
+        "stops": None
+        if job.stops is None
+        else {
+            "instants": len(job.stops.t),
+            "longest_time_to_rest_s": float(job.stops.time.max()),
+            "longest_distance_to_rest_m": float(job.stops.distance.max()),
+        },
         "solver": {"rounds": plan.rounds, "methods": list(plan.methods)},
         "pulses": _pulses(plan.pulses, plan.machine, counted, digest_pulses([plan.pulses]), verdict),
         "tracking": None if job.rig is None else of_tracking(job.rig, job.seen().metrics),

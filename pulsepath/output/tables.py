@@ -79,7 +79,8 @@ def of_plan(job: Job) -> list[Table]:
     crossed = () if job.crossed is None else job.crossed.tables()
     worth = () if job.worth is None or level() < VERBOSE else job.worth.tables()
     tradeoff = () if job.tradeoff is None else job.tradeoff.tables()
-    return [replace(first, columns=timed), *rest, *tradeoff, *worth, *crossed]
+    stops = () if job.stops is None else job.stops.tables()
+    return [replace(first, columns=timed), *rest, *tradeoff, *worth, *stops, *crossed]
 
 
 NEARLY = 0.999
@@ -126,7 +127,8 @@ def sum_up(job: Job) -> list[Table]:
     )
     crossed = () if job.crossed is None else job.crossed.tables()
     tradeoff = () if job.tradeoff is None else job.tradeoff.tables()
-    return [summed, *tradeoff, *crossed]
+    held = () if job.stops is None else job.stops.tables()
+    return [summed, *tradeoff, *held, *crossed]
 
 
 def _describe_timing(plan: Plan, timing: Classical, *first: str) -> str:

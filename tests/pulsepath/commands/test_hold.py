@@ -30,6 +30,18 @@ def test_a_table_of_stops(call, plan):
     assert len((plan / "stops.csv").read_text().splitlines()) == 5
 
 
+def test_a_plan_with_its_stops(call, tmp_path):
+    out = tmp_path / "out"
+    done = call("plan", "bare-circle", "--out", out, "--stops", "3", "--no-figures", "--order", "2")
+    assert done.exit_code == 0, done.stderr
+    assert "3 instants" in done.stdout
+    told = json.loads((out / "plan.json").read_text())["stops"]
+    rows = [line.split(",") for line in (out / "stops.csv").read_text().splitlines()[1:]]
+    assert told["instants"] == len(rows) == 3
+    assert told["longest_time_to_rest_s"] == max(float(row[2]) for row in rows)
+    assert "How soon it can be stopped" in (out / "report.html").read_text()
+
+
 @pytest.mark.parametrize(
     ("given", "words"),
     [
