@@ -1,42 +1,58 @@
 """The options of formats on the command line, made from the fields of the formats themselves."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import Field, dataclass
 from pathlib import Path
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin, get_type_hints
 
 import click
 
-from kinematics.foundation.errors import MotionError
-from kinematics.foundation.options import options
-from planner.export.format import FORMATS, find_format
-from planner.sources.source import SOURCES, find_source, suffix_formats
-from pulsepath.inputs import Origin
+from pulsepath import known_names
 from pulsepath.options import read_quantity
+
+if TYPE_CHECKING:
+    from pulsepath.inputs import Origin
+
+TYPES = {"int": click.INT, "float": click.FLOAT, "str": click.STRING}
+"""Of options, as they are kept on disk."""
 
 
 @dataclass(frozen=True, slots=True)
 class Formats:
-    """The formats of a command: their names, and the frozen dataclass of each."""
+    """The formats of a command: what they are called together, their names, and how the dataclass of each is found.
 
-    names: Iterable[str]
+    Their options and first lines are kept on disk (`known_names.recall`), so that --help does not load them all.
+    """
+
+    what: str
+    list_names: Callable[[], list[str]]
     find: Callable[[str], type[Any]]
 
     def options(self) -> list[click.Parameter]:
         """One option per field name; its help lists the formats that have the field and their descriptions."""
+        return [_make_option(**told) for told in self._recall()["options"]]
+
+    def _recall(self) -> dict[str, Any]:
+        found: dict[str, Any] = known_names.recall(self.what, self._describe)
+        return found
+
+    def _describe(self) -> dict[str, Any]:
+        """The options of all formats and the first line of each format's docstring, as data for JSON."""
         known: dict[str, dict[str, list[str]]] = {}
         kinds: dict[str, list[Any]] = {}
-        described: dict[str, click.Option] = {}
-        for name in self.names:
+        options: dict[str, dict[str, Any]] = {}
+        first: dict[str, str] = {}
+        for name in self.list_names():
+            first[name] = (self.find(name).__doc__ or "").splitlines()[0]
             for field, kind in _fields(self.find(name)):
                 known.setdefault(field.name, {}).setdefault(field.metadata["help"], []).append(name)
                 kinds.setdefault(field.name, []).append(kind)
-                described.setdefault(field.name, _option(field, kind))
-        for name, option in described.items():
-            option.help = " ".join(f"[{', '.join(formats)}] {told}." for told, formats in known[name].items())[:-1]
-            if any(kind != kinds[name][0] for kind in kinds[name]) and isinstance(option.type, click.Choice):
-                option.type = click.STRING  # what each takes is looked at when it is made
-        return list(described.values())
+                options.setdefault(field.name, _describe_option(field, kind))
+        for name, option in options.items():
+            option["told"] = " ".join(f"[{', '.join(formats)}] {told}." for told, formats in known[name].items())[:-1]
+            if any(kind != kinds[name][0] for kind in kinds[name]):
+                option["choices"] = ()  # what each takes is looked at when it is made
+        return {"options": [*options.values()], "first": first}
 
     def make(self, name: str, given: Mapping[str, Any]) -> Any:
         """The format of a name with the options that were given (None: not given).
@@ -47,6 +63,8 @@ class Formats:
 
     def options_of(self, name: str, given: Mapping[str, Any]) -> dict[str, Any]:
         """Those that were given of a format, in SI units."""
+        from kinematics.foundation.errors import MotionError
+
         format_ = self.find(name)
         own = {field.name: field for field, _ in _fields(format_)}
         kinds = {field.name: kind for field, kind in _fields(format_)}
@@ -64,19 +82,35 @@ class Formats:
 
     def help_text(self) -> str:
         """A line for each format: its name and the first line of its docstring."""
-        first = {name: (self.find(name).__doc__ or "").splitlines()[0] for name in self.names}
+        first = self._recall()["first"]
         return "\n".join(f"  {name:<{max(map(len, first))}}  {line}" for name, line in first.items())
 
 
-EXPORTS = Formats(FORMATS, find_format)
-IMPORTS = Formats(SOURCES, find_source)
+def _find_export(name: str) -> type[Any]:
+    from planner.export.format import find_format
+
+    return find_format(name)
 
 
-def find_origin(program: str, given: Mapping[str, Any], fit: float | None) -> Origin | None:
+def _find_import(name: str) -> type[Any]:
+    from planner.sources.source import find_source
+
+    return find_source(name)
+
+
+EXPORTS = Formats("exports", known_names.exports, _find_export)
+IMPORTS = Formats("imports", known_names.imports, _find_import)
+
+
+def find_origin(program: str, given: Mapping[str, Any], fit: float | None) -> "Origin | None":
     """How a program is read that is a file of another format; None: it is none.
 
     given: options of formats, as the command line has them; fit: m, likewise. Raises MotionError for those of another.
     """
+    from kinematics.foundation.errors import MotionError
+    from planner.sources.source import suffix_formats
+    from pulsepath.inputs import Origin
+
     suffix = Path(program).suffix.lower()
     name = suffix_formats().get(suffix)
     if name is not None:
@@ -88,6 +122,8 @@ def find_origin(program: str, given: Mapping[str, Any], fit: float | None) -> Or
 
 
 def _fields(format_: type[Any]) -> list[tuple[Field[Any], Any]]:
+    from kinematics.foundation.options import options
+
     hints = get_type_hints(format_)
     return [(field, hints[name]) for name, field in options(format_).items()]
 
@@ -96,14 +132,18 @@ def _flag(name: str) -> str:
     return "--" + name.replace("_", "-")
 
 
-def _option(field: Field[Any], kind: Any) -> click.Option:
+def _describe_option(field: Field[Any], kind: Any) -> dict[str, Any]:
+    """The keywords of `_make_option` but for what is told, as data for JSON."""
     plain = [part for part in get_args(kind) if part is not type(None)] if get_origin(kind) is not Literal else [kind]
     kind = plain[0] if plain else kind
-    told = field.metadata["help"]
-    if field.metadata["unit"]:
-        return click.Option([_flag(field.name)], metavar="QUANTITY", help=told)
-    if kind is bool:
-        return click.Option([f"{_flag(field.name)}/--no-{_flag(field.name)[2:]}"], default=None, help=told)
-    if get_origin(kind) is Literal:
-        return click.Option([_flag(field.name)], type=click.Choice(get_args(kind)), help=told)
-    return click.Option([_flag(field.name)], type=kind, help=told)
+    chosen = get_origin(kind) is Literal and not field.metadata["unit"]
+    taken = "quantity" if field.metadata["unit"] else "str" if chosen else kind.__name__
+    return {"name": field.name, "kind": taken, "choices": get_args(kind) if chosen else ()}
+
+
+def _make_option(name: str, kind: str, choices: Sequence[str], told: str) -> click.Option:
+    if kind == "quantity":
+        return click.Option([_flag(name)], metavar="QUANTITY", help=told)
+    if kind == "bool":
+        return click.Option([f"{_flag(name)}/--no-{_flag(name)[2:]}"], default=None, help=told)
+    return click.Option([_flag(name)], type=click.Choice(choices) if choices else TYPES[kind], help=told)

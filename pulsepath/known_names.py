@@ -1,8 +1,14 @@
-"""The names that shell completion offers, found without importing their modules: a keypress must not wait."""
+"""Names for shell completion, and what lists say of them, without importing their modules: neither may wait.
 
+Names are read from files. What only the modules can tell is kept on disk until a file of the project changes.
+"""
+
+import json
+import os
+import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import click
@@ -62,6 +68,66 @@ def exports() -> list[str]:
 
 def imports() -> list[str]:
     return registered_names("planner/sources/source.py", "SOURCES")
+
+
+PACKAGES = ("kinematics", "planner", "controllers", "pulsepath")
+"""What lists tell of, or tell it."""
+
+
+def recall(what: str, make: Callable[[], Any]) -> Any:
+    """What `make` returns, data for JSON, as it was made before; made again where a file has changed since.
+
+    It is kept beside the source as compiled modules are or, where that may not be written, in the user's cache
+    directory. A copy that is damaged, or cannot be kept, is made again.
+    """
+    state = _list_files()
+    places = [Path(__file__).parent / "__pycache__", _user_cache()]
+    for place in places:
+        try:
+            kept = json.loads((place / f"{what}.json").read_bytes())
+            if kept["files"] == state:
+                return kept["data"]
+        except (OSError, ValueError, KeyError, TypeError):
+            continue
+    data = make()
+    text = json.dumps({"files": state, "data": data}).encode()
+    for place in places:
+        try:
+            place.mkdir(parents=True, exist_ok=True)
+            written = place / f"{what}.{os.getpid()}.json"
+            written.write_bytes(text)
+            written.replace(place / f"{what}.json")
+            break
+        except OSError:
+            continue
+    return json.loads(text)["data"]
+
+
+def _list_files() -> str:
+    """A digest of Python's version, and of name, size and time of every file of the packages."""
+    from hashlib import sha256
+
+    found, pending = [sys.version], [str(_package_path(package)) for package in PACKAGES]
+    while pending:
+        with os.scandir(pending.pop()) as entries:
+            for entry in entries:
+                if entry.is_dir():
+                    if entry.name != "__pycache__":
+                        pending.append(entry.path)
+                else:
+                    stat = entry.stat()
+                    found.append(f"{entry.path} {stat.st_size} {stat.st_mtime_ns}")
+    return sha256("\n".join(sorted(found)).encode(errors="surrogateescape")).hexdigest()
+
+
+def _user_cache() -> Path:
+    if sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+    elif sys.platform == "darwin":
+        base = Path.home() / "Library" / "Caches"
+    else:
+        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return base / "pulsepath"
 
 
 def make_completer(names: Callable[[], list[str]], *, files: bool = False) -> Completer:

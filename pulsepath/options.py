@@ -1,6 +1,7 @@
 """Arguments and options that several commands share, such as --motion: as the program says, or synchronised moves."""
 
 import re
+from collections.abc import Iterable
 from dataclasses import replace
 from math import inf
 from pathlib import Path
@@ -48,6 +49,36 @@ machine_option = click.option(
     help="Preset or file. Default: the machine that the program names.",
     shell_complete=make_completer(known_names.machines, files=True),
 )
+
+
+def refuse_unknown(
+    program: str | None = None,
+    machine: str | None = None,
+    rig: str | None = None,
+    laws: Iterable[str] = (),
+    rule: str | None = None,
+    format: str | None = None,
+) -> None:
+    """Raise MotionError for a name that nothing has, before the modules load that would tell it seconds later.
+
+    laws   with their gains or not; rule: with its options or not; format: of exports
+    """
+    from kinematics.foundation.names import find, unknown_name
+
+    for package, what, name in (
+        ("planner", "program", program),
+        ("kinematics", "machine", machine),
+        ("controllers", "rig", rig),
+    ):
+        if name is not None:
+            find(package, what, name)
+    written = [("law", law, known_names.laws) for law in laws]
+    written += [] if rule is None else [("firing rule", rule, known_names.rules)]
+    written += [] if format is None else [("format", format, known_names.exports)]
+    for what, text, list_names in written:
+        name = text.partition(":")[0].strip()
+        if name not in list_names():
+            raise unknown_name(what, name, list_names())
 
 
 def read_quantity(flag: str, text: str, unit: str, above: float = -inf, least: float = -inf) -> float:

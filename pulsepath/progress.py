@@ -1,15 +1,15 @@
 """What a command says beside its result: the progress of long work on stderr, as much as -q and -v ask for.
 
-On a terminal a spinner, elsewhere a line per step, and how far long steps are; plain where NO_COLOR or a dumb terminal
-asks for it.
+On a terminal a spinner, elsewhere a line per step, and every ten seconds how far it is; plain where NO_COLOR or a dumb
+terminal asks for it.
 """
 
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from time import perf_counter
-from typing import IO
+from typing import IO, Any
 
 import click
 
@@ -23,9 +23,10 @@ MAX_COUNTED = 1000
 
 @contextmanager
 def step(what: str, describe: Callable[[int, int], str] | None = None) -> Iterator[Callable[[int, int], None]]:
-    """Announce a step and, when it ends, its duration; yields a function that reports progress (done, total).
+    """Announce a step, which yields a function that reports progress (done, total).
 
-    describe: what is said of that; None: its share, or the numbers where they are small.
+    On a terminal or with -v its duration is told when it ends.
+    describe: what is said of progress; None: its share, or the numbers where they are small.
     """
     begin, what, describe = perf_counter(), escape_text(what), describe or _format_progress
     if level() == QUIET:
@@ -47,6 +48,8 @@ def step(what: str, describe: Callable[[int, int], str] | None = None) -> Iterat
                 print(f"{what}: {describe(done, of)}", file=sys.stderr, flush=True)
 
         yield tell
+        if level() < VERBOSE:
+            return
     print(f"{what}: {perf_counter() - begin:.1f} s", file=sys.stderr, flush=True)
 
 
@@ -100,6 +103,14 @@ def escape_text(text: str) -> str:
     return escaped
 
 
+def as_json(record: object) -> str:
+    """JSON text, indented, with all escaped that a terminal would obey; refuses numbers that JSON does not have."""
+    import json
+
+    text: str = load_alone("plain_text").plain_json(json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False))
+    return text + "\n"
+
+
 def note(text: str) -> None:
     """A line on stderr, unless all is to be quiet."""
     if level() > QUIET:
@@ -110,6 +121,39 @@ def detail(text: str) -> None:
     """A line on stderr where more is asked for."""
     if level() >= VERBOSE:
         say(text, err=True)
+
+
+Layout = dict[str, Any]
+"""A table as text: its title, columns (title, numeric, whole: never broken over lines), rows of cells, and notes."""
+WIDTH = 110
+"""Columns where the output is no terminal, which would say."""
+
+
+def draw(layouts: Iterable[Layout]) -> None:
+    """Print tables. Names in them come from files, so nothing is taken for markup."""
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(
+        width=None if sys.stdout.isatty() else WIDTH,
+        markup=False,
+        emoji=False,
+        highlight=False,
+        force_terminal=is_styled(sys.stdout),
+    )
+    with console.capture() as printed:
+        for layout in layouts:
+            drawn = Table(box=SIMPLE_HEAD, pad_edge=False)
+            for title, numeric, whole in layout["columns"]:
+                drawn.add_column(title, justify="right" if numeric else "left", no_wrap=whole, overflow="fold")
+            for row in layout["rows"]:
+                drawn.add_row(*row)
+            console.print(layout["title"], style="table.title")  # rich's own title would be as narrow as the table
+            console.print(drawn)
+            if layout["notes"]:
+                console.print("\n".join(layout["notes"]), style="table.caption")
+    click.echo("\n".join(line.rstrip() for line in printed.get().splitlines()))
 
 
 def is_styled(stream: IO[str]) -> bool:

@@ -11,7 +11,7 @@ from controllers.laws.open_loop import Feedforward, OpenPosition, OpenPositionTr
 from controllers.laws.predictive import Predictive
 from controllers.rig import Rig
 from kinematics.foundation.errors import MotionError
-from kinematics.foundation.names import nearest
+from kinematics.foundation.names import nearest, unknown_name
 
 LAWS: dict[tuple[str, str], Callable[..., Law]] = {
     ("1", "open-velocity"): OpenVelocity,
@@ -51,5 +51,4 @@ def find_law(name: str, rig: Rig | None = None, **gains: Gain) -> Law:
             if rig is not None and isinstance(law, Feedforward | Predictive):
                 return replace(law, axes=nominal_axes(rig))
             return law
-    choices = [word for known in LAWS for word in known]
-    raise MotionError(f"law {name!r} is not known{nearest(name, choices)}: choose among {', '.join(choices)}")
+    raise unknown_name("law", name, [word for known in LAWS for word in known])

@@ -40,6 +40,16 @@ def source_folder(package: str, source: Path | Traversable) -> Path | Traversabl
     return source.parent if isinstance(source, Path) else files(package) / "presets"
 
 
+def unknown_name(what: str, name: str, known: Iterable[str]) -> BadValue:
+    """The refusal of a name that is in no table of these names, to be raised."""
+    known = tuple(known)
+    return BadValue(
+        f'no {what} is called "{name}"{nearest(name, known)}; {what}s: {", ".join(known)}',
+        allowed=", ".join(known),
+        nearest=closest(name, known),
+    )
+
+
 def nearest(name: str, choices: Iterable[str]) -> str:
     """The clause that names the choice nearest to a mistaken name, empty if none comes close."""
     found = closest(name, choices)

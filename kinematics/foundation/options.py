@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import Any, get_type_hints
 
 from kinematics.foundation.errors import MotionError, locate_errors
-from kinematics.foundation.names import nearest
+from kinematics.foundation.names import nearest, unknown_name
 from kinematics.foundation.units import quantity
 
 
@@ -58,6 +58,6 @@ def split_options(text: str, what: str) -> tuple[str, dict[str, str]]:
 def load_plugin(what: str, table: Mapping[str, str], name: str) -> Any:
     """The class of a name in a table of "module:class". Raises MotionError for an unknown one, with the nearest."""
     if name not in table:
-        raise MotionError(f'no {what} is called "{name}"{nearest(name, table)}; {what}s: {", ".join(table)}')
+        raise unknown_name(what, name, table)
     module, _, kind = table[name].partition(":")
     return getattr(import_module(module), kind)

@@ -8,7 +8,7 @@ import click
 
 from pulsepath import known_names
 from pulsepath.known_names import make_completer
-from pulsepath.options import json_option
+from pulsepath.options import json_option, refuse_unknown
 from pulsepath.process.intent import writes
 from pulsepath.progress import say
 
@@ -48,6 +48,7 @@ def calibrate(
     Example: pulsepath calibrate hexapod cmm --out out/calibrated
     """
     writes(out)
+    refuse_unknown(machine=machine)
     from kinematics import calibration, load_machine
     from kinematics.calibration.measurement_file import load_measurements
     from kinematics.foundation.names import find

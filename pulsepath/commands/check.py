@@ -16,9 +16,10 @@ from pulsepath.options import (
     motion_option,
     program_argument,
     read_quantity,
+    refuse_unknown,
 )
 from pulsepath.process.exits import INFEASIBLE
-from pulsepath.progress import say
+from pulsepath.progress import VERBOSE, level, say
 
 
 @click.command(cls=ProgramCommand)
@@ -52,6 +53,7 @@ def check(
             raise click.UsageError("A plan has its own machine and program.", click.get_current_context())
         _check_plan(Path(program), as_json)
         return
+    refuse_unknown(program, machine)
     import planner
     from pulsepath.inputs import read_inputs
     from pulsepath.output import record, tables
@@ -76,7 +78,7 @@ def check(
     elif found.violations:
         say("\n".join(map(str, found.violations)))
     else:
-        tables.show(tables.of_results(found))
+        tables.show(tables.of_results(found) if level() == VERBOSE else tables.sum_up_check(found))
     if found.violations:
         click.get_current_context().exit(INFEASIBLE)
 

@@ -1,6 +1,8 @@
 """`pulsepath compare`: compare tracking laws and gains on a rig, or saved runs, in one report."""
 
+from collections import Counter
 from itertools import product
+from math import ceil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -8,6 +10,7 @@ import click
 
 from pulsepath import known_names
 from pulsepath.known_names import make_completer
+from pulsepath.options import refuse_unknown
 from pulsepath.process.exits import INFEASIBLE
 from pulsepath.process.intent import writes
 from pulsepath.progress import say
@@ -16,9 +19,11 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from benchmarks.reports.gain import Condition
-    from benchmarks.sweep import SavedRuns
+    from benchmarks.sweep import Grid, SavedRuns
     from controllers.rig import Rig
 
+STEP_COST, LANE_COST, FIXED_COST = 0.015, 0.0002, 15.0
+"""s of one core for a step of a batch, and for each run in it; s for starting and for the report: of servo-rig."""
 THESIS_LAWS = ("1", "2", "3", "4", "5", "6", "7")
 """The algorithms of [Sahbaz 2007, Table 7.5]."""
 
@@ -78,12 +83,14 @@ def compare(
 
     RIG is a bundled rig or a TOML file. Default: servo-rig.
 
-    Every law runs over its gain grid on every task, with inertia and friction as stated and 30 % off. Runs are saved in
-    DIR and are not repeated if they are already there; `--from DIR` compares them later.
+    Every law runs over its gain grid on every task, with inertia and friction as stated and 30 % off: by default in
+    about a minute on two cores. What is going to run, and for how long, is printed first. Runs are saved in DIR and are
+    not repeated if they are already there; `--from DIR` compares them later.
 
     Example: pulsepath compare servo-rig --law 3 --law 6 --out out/laws
     """
     writes(out / "compare.json", kept="" if saved else f"finished runs are kept in {out} and reused next time")
+    refuse_unknown(rig=rig, laws=laws)
     from benchmarks.reports import gain
     from benchmarks.sweep import load_runs
     from controllers.rig_file import load_rig
@@ -143,5 +150,27 @@ def _run(
     facts = described(grid, rig)
     for condition in asked:
         condition.check(facts)
+    note(_announce(grid, rig, out))
     with step(f"running {rig.name}") as tell:
         return sweep(grid, rig, out, address=address, progress=tell, tell=note)
+
+
+def _announce(grid: "Grid", rig: "Rig", out: Path) -> str:
+    """What is to be run, and about how long it takes; runs that are saved already take none of it."""
+    from planner.parallel import cores as count_cores
+
+    cells, cores = list(grid), count_cores()
+    lanes = Counter((cell.setting.law, cell.task) for cell in cells)
+    tasks = {name: rig.task(name) for name in grid.tasks}
+    steps = {name: task.motion.duration / task.dt for name, task in tasks.items()}
+    seconds = FIXED_COST + sum(steps[task] * (STEP_COST + LANE_COST * n) for (_, task), n in lanes.items()) / cores
+    counts = {
+        "settings": len({cell.setting for cell in cells}),
+        "tasks": len({cell.task for cell in cells}),
+        "variations of the rig": len({cell.variation for cell in cells}),
+        "seeds": len({cell.seed for cell in cells}),
+    }
+    told = " × ".join(f"{count} {what}" for what, count in counts.items() if count > 1)
+    time = f"{seconds / 60:.0f} min" if seconds > 90 else f"{10 * ceil(seconds / 10)} s"
+    saved = "; runs that are saved there are reused" if (out / "cells").is_dir() else ""
+    return f"{len(cells)} runs{told and f' ({told})'}: about {time} on {cores} cores{saved}"

@@ -10,6 +10,7 @@ import click
 
 from pulsepath import known_names
 from pulsepath.known_names import make_completer
+from pulsepath.options import refuse_unknown
 from pulsepath.process import supervisor
 from pulsepath.process.ending import EndSignal, raise_on_signal
 from pulsepath.process.exits import BAD_INPUT
@@ -88,6 +89,7 @@ def console(
     Exit codes: 0 done, 2 bad input or a rejected script line, 3 internal error, 130 interrupted, 143 terminated, 129
     hung up. After a signal the motion is stopped and the registers are saved.
     """
+    refuse_unknown(machine=machine)
     from controllers.console import Dispatcher, open_session, snapshot_session
     from controllers.console.interpret import describe_offer
     from controllers.console.links import LOOPBACK, Socket, Transport, pipe, require_pollable, serial_line

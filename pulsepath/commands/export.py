@@ -8,7 +8,7 @@ import click
 from pulsepath import known_names
 from pulsepath.command_group import FormatCommand
 from pulsepath.known_names import make_completer
-from pulsepath.options import unverified_option
+from pulsepath.options import refuse_unknown, unverified_option
 from pulsepath.process.intent import writes
 from pulsepath.progress import say
 
@@ -45,6 +45,7 @@ def export(
 
     Example: pulsepath export out/circle --format vcd
     """
+    refuse_unknown(format=name)
     from kinematics.files.atomic_files import Destination
     from planner.export.format import ExportSource, export, find_format
     from pulsepath.format_options import EXPORTS

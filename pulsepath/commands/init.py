@@ -6,7 +6,7 @@ import click
 
 from pulsepath import known_names
 from pulsepath.known_names import make_completer
-from pulsepath.options import MACHINE_FILE, PROGRAM_FILE, json_option
+from pulsepath.options import MACHINE_FILE, PROGRAM_FILE, json_option, refuse_unknown
 from pulsepath.process.intent import writes
 from pulsepath.progress import say
 
@@ -35,6 +35,7 @@ def init(directory: Path, machine: str | None, program: str | None, force: bool,
 
     Example: pulsepath init mine --machine tripod
     """
+    refuse_unknown(program, machine)
     from kinematics import load_machine
     from kinematics.machine.machine_writer import companions, machine_starter
     from planner.program.program_writer import machine_of, program_starter

@@ -1,13 +1,22 @@
-"""`pulsepath machines`, `programs`, `rigs`, `laws`, `rules`: list the bundled data; what each is, its own file says."""
+"""`pulsepath machines`, `programs`, `rigs`, `laws`, `rules`: list the bundled data; what each is, its own file says.
 
+What is listed is kept on disk (`known_names.recall`), since the modules that tell it take seconds to load.
+"""
+
+from collections.abc import Callable, Iterable
 from functools import partial
 from inspect import getdoc
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from pulsepath.known_names import recall
 from pulsepath.options import json_option
-from pulsepath.progress import say
+from pulsepath.progress import as_json as to_json
+from pulsepath.progress import draw, say
+
+if TYPE_CHECKING:
+    from kinematics.foundation.table import Table
 
 Record = dict[str, Any]
 
@@ -21,19 +30,7 @@ def machines(as_json: bool) -> None:
 
     Example: pulsepath machines --json
     """
-    from kinematics import NotInstalled, load_machine, machine_names
-    from pulsepath.output import record, tables
-
-    known = []
-    for name in machine_names():
-        try:
-            known.append(load_machine(name))
-        except NotInstalled as absent:  # the others are there all the same
-            say(f"note: {name} is left out: {absent}", err=True)
-    if as_json:
-        click.echo(record.as_json([record.of_machine(machine) for machine in known]), nl=False)
-    else:
-        tables.show(tables.of_machines(known))
+    _show("machines", _list_machines, as_json)
 
 
 @click.command()
@@ -43,14 +40,7 @@ def programs(as_json: bool) -> None:
 
     Example: pulsepath programs
     """
-    _show(
-        "bundled programs",
-        [
-            {"name": name, "machine": data.get("machine"), "segments": len(data["segment"]), "about": about}
-            for name, data, about in _read_presets("planner")
-        ],
-        as_json,
-    )
+    _show("programs", _list_programs, as_json)
 
 
 @click.command()
@@ -62,19 +52,7 @@ def rigs(as_json: bool) -> None:
 
     Example: pulsepath rigs
     """
-    _show(
-        "bundled rigs",
-        [
-            {
-                "name": name,
-                "machine": data["machine"],
-                "tasks": list(dict.fromkeys(task["name"] for task in data.get("task", []))),
-                "about": about,
-            }
-            for name, data, about in _read_presets("controllers")
-        ],
-        as_json,
-    )
+    _show("rigs", _list_rigs, as_json)
 
 
 @click.command()
@@ -86,16 +64,7 @@ def laws(as_json: bool) -> None:
 
     Example: pulsepath laws --json
     """
-    from controllers.laws.registry import LAWS
-
-    found = []
-    for (number, name), make in LAWS.items():
-        told = getdoc(make.func if isinstance(make, partial) else make) or ""
-        own = make.keywords if isinstance(make, partial) else {}
-        about = told.splitlines()[0] + "".join(f" ({key}: {value})" for key, value in own.items())
-        gains = {gain: [float(value) for value in values] for gain, values in make().grid.items()}
-        found.append({"number": number, "name": name, "gains": gains, "about": about})
-    _show("tracking laws", found, as_json)
+    _show("laws", _list_laws, as_json)
 
 
 @click.command()
@@ -107,22 +76,88 @@ def rules(as_json: bool) -> None:
 
     Example: pulsepath rules
     """
+    _show("rules", _list_rules, as_json)
+
+
+def _show(what: str, make: Callable[[], Record], as_json: bool) -> None:
+    listed = recall(what, make)
+    for note in listed.get("notes", ()):
+        say(note, err=True)
+    if as_json:
+        click.echo(to_json(listed["records"]), nl=False)
+    else:
+        draw(listed["tables"])
+
+
+def _lay_out(records: object, tables: "Iterable[Table]", notes: Iterable[str] = ()) -> Record:
+    """A list as it is kept: its records, and its tables as they are drawn."""
+    from pulsepath.output.tables import lay_out
+
+    return {"records": records, "tables": [lay_out(table) for table in tables], "notes": [*notes]}
+
+
+def _lay_out_list(title: str, listed: list[Record]) -> Record:
+    from pulsepath.output import tables
+
+    return _lay_out(listed, tables.of_list(title, listed))
+
+
+def _list_machines() -> Record:
+    from kinematics import NotInstalled, load_machine, machine_names
+    from pulsepath.output import record, tables
+
+    known, absent = [], []
+    for name in machine_names():
+        try:
+            known.append(load_machine(name))
+        except NotInstalled as reason:  # the others are there all the same
+            absent.append(f"note: {name} is left out: {reason}")
+    return _lay_out([record.of_machine(machine) for machine in known], tables.of_machines(known), absent)
+
+
+def _list_programs() -> Record:
+    return _lay_out_list(
+        "bundled programs",
+        [
+            {"name": name, "machine": data.get("machine"), "segments": len(data["segment"]), "about": about}
+            for name, data, about in _read_presets("planner")
+        ],
+    )
+
+
+def _list_rigs() -> Record:
+    return _lay_out_list(
+        "bundled rigs",
+        [
+            {
+                "name": name,
+                "machine": data["machine"],
+                "tasks": list(dict.fromkeys(task["name"] for task in data.get("task", []))),
+                "about": about,
+            }
+            for name, data, about in _read_presets("controllers")
+        ],
+    )
+
+
+def _list_laws() -> Record:
+    from controllers.laws.registry import LAWS
+
+    found = []
+    for (number, name), make in LAWS.items():
+        told = getdoc(make.func if isinstance(make, partial) else make) or ""
+        own = make.keywords if isinstance(make, partial) else {}
+        about = told.splitlines()[0] + "".join(f" ({key}: {value})" for key, value in own.items())
+        gains = {gain: [float(value) for value in values] for gain, values in make().grid.items()}
+        found.append({"number": number, "name": name, "gains": gains, "about": about})
+    return _lay_out_list("tracking laws", found)
+
+
+def _list_rules() -> Record:
     from pulsepath.output import record, tables
 
     found = record.of_rules()
-    if as_json:
-        click.echo(record.as_json(found), nl=False)
-    else:
-        tables.show(tables.of_rules(found))
-
-
-def _show(title: str, listed: list[Record], as_json: bool) -> None:
-    from pulsepath.output import record, tables
-
-    if as_json:
-        click.echo(record.as_json(listed), nl=False)
-    else:
-        tables.show(tables.of_list(title, listed))
+    return _lay_out(found, tables.of_rules(found))
 
 
 def _read_presets(package: str) -> list[tuple[str, Record, str]]:

@@ -21,6 +21,7 @@ from pulsepath.options import (
     program_argument,
     read_percent,
     read_quantity,
+    refuse_unknown,
 )
 from pulsepath.process.intent import writes
 from pulsepath.progress import QUIET, VERBOSE, level, say
@@ -178,6 +179,7 @@ def plan(
 
     Example: pulsepath plan circle --out out/circle
     """
+    refuse_unknown(program, machine, rig, rule=rule)
     if dumped is not None:
         inputs = _read(program, machine, fit, given, motion)
         flags = {"cross-check": crossed, "stream": stream is True, "whole": stream is False, "keep-certified": keep}

@@ -8,7 +8,7 @@ import click
 
 from pulsepath import known_names
 from pulsepath.known_names import make_completer
-from pulsepath.options import ALLOW_MINUS, json_option
+from pulsepath.options import ALLOW_MINUS, json_option, refuse_unknown
 from pulsepath.process.exits import INFEASIBLE
 from pulsepath.progress import say
 
@@ -55,6 +55,7 @@ def pose(
 
     Example: pulsepath pose hexapod 5,5,35 --turn 3,-4,2
     """
+    refuse_unknown(machine=machine)
     from kinematics import MotionError, load_machine
     from kinematics.analysis.posture import posture_of_axes, posture_of_pose
     from pulsepath.output import record, tables

@@ -6,7 +6,7 @@ import click
 
 from pulsepath import known_names
 from pulsepath.known_names import make_completer
-from pulsepath.options import LAWS, json_option, unverified_option
+from pulsepath.options import LAWS, json_option, refuse_unknown, unverified_option
 from pulsepath.process.intent import writes
 from pulsepath.progress import say
 
@@ -44,6 +44,7 @@ def track(
     Example: pulsepath track out/circle --rig hexapod-steppers --law 3 --law 6:gain=0.7
     """
     writes(directory / "track.json")
+    refuse_unknown(rig=rig, laws=laws)
     import controllers
     from benchmarks.sweep import read_setting
     from controllers.metrics.evaluate import PERIOD

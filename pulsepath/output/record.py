@@ -1,6 +1,5 @@
 """Results of the commands as plain data: the content of plan.json, track.json and `--json`."""
 
-import json
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from math import isnan, pi
@@ -8,7 +7,7 @@ from typing import Any
 
 from controllers import Metrics, Rig
 from kinematics import Axis, Machine, MotionError, Pose, Posture
-from kinematics.files.plain_text import finite_or_none, plain_json
+from kinematics.files.plain_text import finite_or_none
 from kinematics.foundation.options import options
 from planner import Infeasible, Place, Standing
 from planner.export.format import Exported
@@ -19,8 +18,8 @@ from planner.sources.arm_simulation import ArmSimulation
 from planner.sources.outline import Outline
 from planner.sources.position_list import PositionList
 from planner.sources.source import Imported
-
-SCHEMA = 1
+from pulsepath.process.exits import SCHEMA as SCHEMA
+from pulsepath.progress import as_json as as_json
 
 Record = dict[str, Any]
 
@@ -176,11 +175,6 @@ def of_machine(machine: Machine) -> Record:
         "freedom": list(machine.freedom),
         "axes": [_axis(axis) for axis in machine.axes],
     }
-
-
-def as_json(record: object) -> str:
-    """JSON text, indented, with all escaped that a terminal would obey; refuses numbers that JSON does not have."""
-    return plain_json(json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False)) + "\n"
 
 
 def _fields(of: object, *names: str) -> Record:

@@ -1,53 +1,33 @@
-"""The tables that the commands print, rendered by rich."""
+"""The tables that the commands print, of their results."""
 
-import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import inf
-from typing import Any, Literal
-
-import click
-from rich.box import SIMPLE_HEAD
-from rich.console import Console
-from rich.table import Table as Drawn
+from typing import Any
 
 from controllers import Metrics
 from kinematics import Axis, Machine
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import SCALES, Column, Table
 from kinematics.machine.axis import Magnitude, directional_bounds
-from planner import Classical, Plan
+from planner import Classical, Plan, Standing
 from planner.baselines import describe_differences, missing_limits
+from planner.path.outcome import Blended, FitSummary
+from planner.path.point_to_point import Departure
 from planner.sources.position_list import PositionList
 from pulsepath.job import Job
-from pulsepath.progress import VERBOSE, is_styled, level
-
-WIDTH = 110
-"""Columns where the output is no terminal, which would say."""
+from pulsepath.progress import VERBOSE, Layout, draw, level
 
 
 def show(tables: Iterable[Table]) -> None:
-    """Print tables. Names in them come from files, so nothing is taken for markup."""
-    console = Console(
-        width=None if sys.stdout.isatty() else WIDTH,
-        markup=False,
-        emoji=False,
-        highlight=False,
-        force_terminal=is_styled(sys.stdout),
-    )
-    with console.capture() as printed:
-        for table in tables:
-            drawn = Drawn(box=SIMPLE_HEAD, pad_edge=False)
-            for column in table.read:
-                justify: Literal["left", "right"] = "right" if column.numeric else "left"
-                drawn.add_column(column.title, justify=justify, no_wrap=column.whole, overflow="fold")
-            for row in table.cells():
-                drawn.add_row(*row)
-            console.print(table.title, style="table.title")  # rich's own title would be as narrow as the table
-            console.print(drawn)
-            if table.notes:
-                console.print("\n".join(table.notes), style="table.caption")
-    click.echo("\n".join(line.rstrip() for line in printed.get().splitlines()))
+    """Print tables."""
+    draw(map(lay_out, tables))
+
+
+def lay_out(table: Table) -> Layout:
+    """What is drawn of a table, as data for JSON."""
+    columns = [(column.title, column.numeric, column.whole) for column in table.read]
+    return {"title": table.title, "columns": columns, "rows": table.cells(), "notes": [*table.notes]}
 
 
 def of_results(*results: Result) -> list[Table]:
@@ -104,21 +84,11 @@ def sum_up(job: Job) -> list[Table]:
     if job.worth is not None and job.worth.best is not None:
         rows.append(("saved by 1 % more of", job.worth.describe()))
     if plan.path.fit is not None:
-        fit = plan.path.fit
-        rows.append(
-            ("fit", f"{fit.before} pieces made {fit.after}, within {1e3 * fit.deviation:.3g} mm of them, proved")
-        )
+        rows.append(("fit", _sum_up_fit(plan.path.fit)))
     if plan.departures:
-        rows.append(
-            (
-                "off the line",
-                f"up to {1e3 * max(one.distance for one in plan.departures):.3f} mm, as moves are synchronised",
-            )
-        )
+        rows.append(("off the line", _sum_up_departures(plan.departures)))
     if plan.path.blends:
-        stops = sum(bool(blend.stop) for blend in plan.path.blends)
-        rows.append(("blends", f"{len(plan.path.blends)}, of which {stops} are stops instead" if stops else
-                     f"{len(plan.path.blends)}, all passed without a stop"))  # fmt: skip
+        rows.append(("blends", _sum_up_blends(plan.path.blends)))
     bound = max(axis.bound for axis in plan.pulses.axes)
     rows.append(("pulses", f"{plan.pulses.total} by the rule {plan.pulses.rule}, within {bound:.3f} of the motion"))
     what, values = zip(*rows, strict=True)
@@ -129,6 +99,32 @@ def sum_up(job: Job) -> list[Table]:
     tradeoff = () if job.tradeoff is None else job.tradeoff.tables()
     held = () if job.stops is None else job.stops.tables()
     return [summed, *tradeoff, *held, *crossed]
+
+
+def sum_up_check(found: Standing) -> list[Table]:
+    """What a check found on a screen: the limits' uses, and a line each for fits, blends and synchronised moves."""
+    uses, *rest = found.tables()
+    told = [("blends", _sum_up_blends(found.blends))] if found.blends else []
+    if found.fit is not None:
+        told.append(("fit", _sum_up_fit(found.fit)))
+    if found.departures:
+        told.append(("off the line", _sum_up_departures(found.departures)))
+    more = ["with -v: a table of each"] if rest else []
+    return [replace(uses, notes=(*uses.notes, *(f"{what}: {text}" for what, text in told), *more))]
+
+
+def _sum_up_blends(blends: Sequence[Blended]) -> str:
+    stops = sum(bool(blend.stop) for blend in blends)
+    told = f"{stops} of them replaced by stops" if stops else "all passed without a stop"
+    return f"{len(blends)}, {told}"
+
+
+def _sum_up_fit(fit: FitSummary) -> str:
+    return f"{fit.before} pieces made {fit.after}, within {1e3 * fit.deviation:.3g} mm of them, proved"
+
+
+def _sum_up_departures(departures: Sequence[Departure]) -> str:
+    return f"up to {1e3 * max(one.distance for one in departures):.3f} mm, as moves are synchronised"
 
 
 def _describe_timing(plan: Plan, timing: Classical, *first: str) -> str:

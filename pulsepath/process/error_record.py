@@ -1,17 +1,22 @@
 """An error as data: what `--json` prints on stdout when a command fails."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from kinematics.foundation.errors import Fault, FileError, MotionError, OutOfReach
-from kinematics.foundation.units import describe_value
-from planner.place import Infeasible
-from pulsepath.output.record import SCHEMA, as_json, violation_record
-from pulsepath.process.exits import INTERNAL
+from pulsepath.process.exits import ERRORS, INTERNAL, SCHEMA, is_of
+from pulsepath.progress import as_json
 
-KINDS = {FileError: "file", Infeasible: "infeasible", OutOfReach: "reach", MotionError: "input", OSError: "input"}
-"""What went wrong, the most special first."""
+if TYPE_CHECKING:
+    from kinematics.foundation.errors import Fault
+
+KINDS = {
+    "file": (ERRORS, "FileError"),
+    "infeasible": ("planner.place", "Infeasible"),
+    "reach": (ERRORS, "OutOfReach"),
+    "input": (ERRORS, "MotionError"),
+}
+"""What went wrong, by the module and name of its class, the most special first."""
 
 
 def error_json(error: Exception, code: int) -> str:
@@ -20,14 +25,20 @@ def error_json(error: Exception, code: int) -> str:
     A fault has its file, line (from 1) and key, the value as it is written, what is allowed there and the nearest valid
     name, null for what it has not.
     """
-    known = (name for each, name in KINDS.items() if isinstance(error, each))
+    known = (name for name, each in KINDS.items() if is_of(error, *each))
     kind = "internal" if code == INTERNAL else next(known, "input")
     told: dict[str, Any] = {"exit_code": code, "kind": kind, "message": _message(error)}
-    match error:
-        case FileError():
-            told["faults"] = [{"file": error.file, **_fault(fault)} for fault in error.faults]
-        case Infeasible():
-            told["violation"] = violation_record(error)
+    if kind == "file":
+        from kinematics.foundation.errors import FileError
+
+        assert isinstance(error, FileError)
+        told["faults"] = [{"file": error.file, **_fault(fault)} for fault in error.faults]
+    if kind == "infeasible":
+        from planner import Infeasible
+        from pulsepath.output.record import violation_record
+
+        assert isinstance(error, Infeasible)
+        told["violation"] = violation_record(error)
     return as_json({"schema": SCHEMA, "error": told})
 
 
@@ -36,7 +47,9 @@ def _message(error: Exception) -> str:
     return error.format_message() if isinstance(error, click.ClickException) else str(error)
 
 
-def _fault(fault: Fault) -> dict[str, Any]:
+def _fault(fault: "Fault") -> dict[str, Any]:
+    from kinematics.foundation.units import describe_value
+
     return {
         "line": fault.line,
         "key": fault.key or None,

@@ -6,11 +6,14 @@ Of an interrupted command it is said what becomes of what it was about to write.
 """
 
 import os
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 INFEASIBLE, BAD_INPUT, INTERNAL, INTERRUPTED = 1, 2, 3, 130
+SCHEMA = 1
+"""Of what --json prints."""
 JSON = "pulsepath.json"
 """Where a context keeps whether JSON is asked for."""
 TRACEBACK = "PULSEPATH_TRACEBACK"
@@ -19,24 +22,26 @@ TRACEBACK = "PULSEPATH_TRACEBACK"
 
 def describe_error(error: Exception) -> tuple[int, str]:
     """The exit code that an error asks for, and what to say about it."""
-    from kinematics.foundation.errors import FileError, MotionError, OutOfReach
-    from planner.place import Infeasible
-    from pulsepath.job import Defect
+    if is_of(error, "pulsepath.job", "Defect"):
+        return INTERNAL, f"internal error: {error}; please report it"
+    if is_of(error, "planner.place", "Infeasible") or is_of(error, ERRORS, "OutOfReach"):
+        return INFEASIBLE, f"infeasible: {error}"
+    if is_of(error, ERRORS, "FileError"):  # one fault a line, each with its file
+        return BAD_INPUT, str(error)
+    if is_of(error, ERRORS, "MotionError"):
+        return BAD_INPUT, f"error: {error}"
+    if isinstance(error, OSError) and isinstance(error.strerror, str):
+        return BAD_INPUT, f"error: {error.filename or 'a file'}: {error.strerror}"
+    hint = f"please report it, with the traceback that {TRACEBACK}=1 shows"
+    return INTERNAL, f"internal error: {type(error).__name__}: {error}; {hint}"
 
-    match error:
-        case Defect():
-            return INTERNAL, f"internal error: {error}; please report it"
-        case Infeasible() | OutOfReach():
-            return INFEASIBLE, f"infeasible: {error}"
-        case FileError():  # one fault a line, each with its file
-            return BAD_INPUT, str(error)
-        case MotionError():
-            return BAD_INPUT, f"error: {error}"
-        case OSError(strerror=str(reason)):
-            return BAD_INPUT, f"error: {error.filename or 'a file'}: {reason}"
-        case _:
-            hint = f"please report it, with the traceback that {TRACEBACK}=1 shows"
-            return INTERNAL, f"internal error: {type(error).__name__}: {error}; {hint}"
+
+ERRORS = "kinematics.foundation.errors"
+
+
+def is_of(error: Exception, module: str, name: str) -> bool:
+    """Whether an error is of a class, whose module is not loaded for it: who raised one has loaded it."""
+    return isinstance(error, getattr(sys.modules.get(module), name, ()))
 
 
 Stamp = list[int] | None

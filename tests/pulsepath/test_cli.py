@@ -147,6 +147,15 @@ def test_plan_prints_the_figures_and_where_the_report_is(call, tmp_path, job):
         assert rows[axis.name] == [str(len(axis)), "0", "0.500"]
 
 
+def test_check_sums_up_blends_in_a_line(call):
+    """And lists them with -v."""
+    short, long = call("check", "blended"), call("check", "blended", "-v")
+    assert short.exit_code == long.exit_code == 0
+    assert "blends: 5, all passed without a stop" in short.stdout
+    assert "after segment" in long.stdout
+    assert "after segment" not in short.stdout
+
+
 def test_a_stated_duration(call, tmp_path):
     out = tmp_path / "o"
     command = ["plan", "bare-circle", "--order", "2", "--out", str(out)]
@@ -358,7 +367,7 @@ def test_a_check_names_the_blends_and_what_cuts_them_short(call, tmp_path):
     dwell = '[[segment]]\ndwell = "1 s"'
     back = '[[segment]]\nline = { to = ["0 mm", "0 mm", "25 mm"] }'
     short.write_text("\n".join(["schema = 1", 'start = ["0 mm", "0 mm", "25 mm"]', *lines, dwell, back]))
-    table = call("check", short, "--machine", "hexapod").stdout
+    table = call("check", short, "--machine", "hexapod", "-v").stdout
     assert table.count("half of segment 2") == 2
     assert "stops: a dwell" in table
 
@@ -483,7 +492,7 @@ def test_a_terminal_without_the_letters_still_gets_the_table():
 @pytest.mark.parametrize(
     ("rule", "told"),
     [
-        ("sampeld", 'unknown firing rule "sampeld", nearest is "sampled"'),
+        ("sampeld", 'no firing rule is called "sampeld", nearest is "sampled"'),
         ("sampled:perod=1us", 'has no option "perod", nearest is "period"'),
     ],
 )

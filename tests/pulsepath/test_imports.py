@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 import pulsepath as pp
+from pulsepath.known_names import recall
 from tests.pace import slowness
 
 SLOW = {
@@ -39,6 +40,59 @@ def loaded_after(code):
 def test_help_loads_nothing_slow(arguments):
     code = f"from pulsepath.cli import main\ntry: main({arguments!r})\nexcept SystemExit as end: assert not end.code"
     assert loaded_after(code) == []
+
+
+LISTS = [[name] for name in ("machines", "programs", "rigs", "laws", "rules")]
+FORMATS = [[name, "--help"] for name in ("export", "import", "hold")]
+UNKNOWN = [
+    ["check", "circel"],
+    ["plan", "circle", "--machine", "hexapodd", "--out", "o"],
+    ["plan", "circle", "--rule", "nearst", "--out", "o"],
+    ["plan", "circle", "--rig", "servo", "--out", "o", "--json"],
+    ["pose", "hexapodd"],
+    ["init", "--machine", "hexapodd"],
+    ["calibrate", "hexapodd", "cmm", "--out", "o"],
+    ["console", "--machine", "hexapodd"],
+    ["track", "o", "--law", "9"],
+    ["compare", "servo", "--out", "o"],
+    ["export", "o", "--format", "zabber"],
+]
+
+
+@pytest.mark.parametrize("arguments", [*LISTS, *FORMATS, *UNKNOWN], ids=" ".join)
+def test_what_plans_nothing_loads_nothing_that_computes(arguments, tmp_path):
+    """Of lists and formats the second time: the first makes what is kept on disk, which is told alike then."""
+    from click.testing import CliRunner
+
+    from pulsepath.cli import main
+
+    first = CliRunner().invoke(main, arguments)
+    code = 0 if arguments not in UNKNOWN else 2
+    told = f"import os\nos.chdir({str(tmp_path)!r})\nfrom pulsepath.cli import main\ntry: main({arguments!r})\n"
+    loaded = loaded_after(f"{told}except SystemExit as end: assert (end.code or 0) == {code}, end.code")
+    assert set(loaded) <= {"rich"}
+    assert first.exit_code == code
+    assert ("nearest is" in first.stderr) == (code == 2 and arguments[-1] != "9"), first.stderr
+
+
+def test_lists_are_made_again_where_a_file_changes_or_what_is_kept_is_damaged(tmp_path, monkeypatch):
+    monkeypatch.setattr("pulsepath.known_names.__file__", str(tmp_path / "known_names.py"))
+    monkeypatch.setattr("pulsepath.known_names.PACKAGES", ("tests",))
+    monkeypatch.setattr("pulsepath.known_names._package_path", lambda _: tmp_path / "source")
+    (tmp_path / "source").mkdir()
+    (tmp_path / "source" / "law.py").write_text("one")
+    made = []
+
+    def make():
+        made.append(len(made))
+        return {"count": len(made)}
+
+    assert [recall("counts", make), recall("counts", make)] == [{"count": 1}] * 2
+    (tmp_path / "source" / "law.py").write_text("two, longer")
+    assert [recall("counts", make), recall("counts", make)] == [{"count": 2}] * 2
+    (kept,) = (tmp_path / "__pycache__").iterdir()
+    kept.write_text(kept.read_text()[:20])
+    assert [recall("counts", make), recall("counts", make)] == [{"count": 3}] * 2
 
 
 @pytest.mark.skipif(os.name != "posix", reason="Windows has no console")

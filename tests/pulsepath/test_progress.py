@@ -1,12 +1,19 @@
 """Progress goes to stderr."""
 
+import click
+
 from pulsepath import progress
 from pulsepath.progress import step
 
 
-def test_a_step_tells_what_and_how_long_on_stderr(capsys):
+def test_a_step_is_one_line_on_stderr_and_with_v_its_duration_another(capsys):
     with step("counting"):
         assert capsys.readouterr() == ("", "counting …\n")
+    assert capsys.readouterr() == ("", "")
+    with click.Context(click.Command("count")) as context:
+        context.meta["pulsepath.progress"] = progress.VERBOSE
+        with step("counting"):
+            assert capsys.readouterr() == ("", "counting …\n")
     out, err = capsys.readouterr()
     assert out == ""
     assert err.startswith("counting: ")

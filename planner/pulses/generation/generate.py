@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.foundation import names
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import unknown_name
 from kinematics.foundation.options import read_options, split_options
 from kinematics.machine.axis import Axis
 from planner.parallel import Progress, ignore_progress
@@ -38,7 +38,7 @@ def find_rule(text: str) -> Rule:
     """
     name, given = split_options(text, "firing rule")
     if name not in RULES:
-        raise MotionError(f'unknown firing rule "{name}"{names.nearest(name, RULES)}; rules: {", ".join(RULES)}')
+        raise unknown_name("firing rule", name, RULES)
     return RULES[name](**read_options(RULES[name], given, f"firing rule {name}"))
 
 

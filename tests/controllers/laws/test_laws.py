@@ -61,7 +61,7 @@ def test_every_law_is_found_by_number_and_by_name():
     ("name", "gains", "reason"),
     [
         ("closed-postion", {}, "closed-position"),
-        ("8", {}, "choose among 1, open-velocity"),
+        ("8", {}, "laws: 1, open-velocity"),
         ("3", {"gain": 1.0}, "gain"),
         ("6", {"gain": np.nan}, "finite"),
     ],

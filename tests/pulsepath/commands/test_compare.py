@@ -1,7 +1,9 @@
 """`pulsepath compare`: what it writes, what it refuses, and how it ends."""
 
 import json
+import re
 
+import numpy as np
 import pytest
 
 from benchmarks.sweep import VARIATIONS, Grid, read_setting, sweep
@@ -60,6 +62,24 @@ def test_the_rig_is_run_once_and_its_runs_stay(tmp_path, runs, call, monkeypatch
     assert call(*arguments, "--out", out).exit_code == 0
 
 
+def test_what_is_going_to_run_and_for_how_long_is_told_first(tmp_path, call, monkeypatch):
+    def never(*_, **__):
+        raise NotImplementedError
+
+    monkeypatch.setattr("benchmarks.sweep.sweep", never)
+    monkeypatch.setattr("planner.parallel.cores", lambda: 2)
+    counts = {}
+    for more in ((), ("--seeds", "2", "--task", "line")):
+        done = call("compare", *more, "--out", tmp_path / "out")
+        said = done.stderr.splitlines()[0]
+        runs, *factors = map(int, re.findall(r"\d+", said.partition(")")[0]))
+        counts[more] = runs
+        assert runs == np.prod(factors)
+        seconds = int(re.search(r"about (\d+) s on 2 cores", said)[1])
+        assert 20 <= seconds <= (70 if not more else 30)
+    assert counts["--seeds", "2", "--task", "line"] == 2 * counts[()] / 5
+
+
 def test_what_is_no_comparison_is_not_touched(tmp_path, runs, call):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").write_text("x")
@@ -75,7 +95,7 @@ def test_what_is_no_comparison_is_not_touched(tmp_path, runs, call):
         (["servo-rig", "--from", "."], "with --from nothing is run"),
         (["--from", "nowhere"], "holds no saved runs"),
         (["servo-rigg"], 'no rig is called "servo-rigg"'),
-        (["--law", "8"], "law '8' is not known"),
+        (["--law", "8"], 'no law is called "8"'),
         (["--task", "lines"], 'no task "lines"'),
         (["--fail-if", "contour_rms"], "is not understood"),
         (["--fail-if", "contur_rms > 1x"], "no figure contur_rms"),

@@ -131,7 +131,7 @@ def test_a_damaged_plan_is_refused(call, plan, name, text, told):
 
 def test_other_bad_calls(call, plan, tmp_path):
     for arguments, told in [
-        ([plan, "--law", "9"], "law '9' is not known"),
+        ([plan, "--law", "9"], 'no law is called "9"'),
         ([tmp_path / "none", "--law", "3"], "holds no plan"),
     ]:
         done = call("track", *arguments)

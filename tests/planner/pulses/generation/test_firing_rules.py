@@ -413,7 +413,7 @@ def test_a_rule_is_told_as_it_is_read(rule):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("sampeld", 'unknown firing rule "sampeld", nearest is "sampled"; rules: nearest, floor, sampled'),
+        ("sampeld", 'no firing rule is called "sampeld", nearest is "sampled"; firing rules: nearest, floor, sampled'),
         ("sampled:perod=1us", 'firing rule sampled has no option "perod", nearest is "period"; its options: period'),
         ("floor:period=1us", 'floor has no option "period"; its options: none'),
         ("sampled:period=1", "without a unit"),
