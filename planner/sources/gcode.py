@@ -31,9 +31,11 @@
 A file of joint axes, as the export g93 writes it, says so in its header: its places are found by forward kinematics of
 the option `machine`, and without that it is refused (planner.sources.rs274.joints).
 
-Everything else is a fault with its line and column; words named in the option `ignore` are left out and counted, where
-leaving them out leaves the path as it is. F is a cap: the machine is as fast as it can under it. Coordinates that are
-rounded make small corners where curves were smooth, at which G61 stops: G64 P passes them.
+Words of spindle, coolant and tool (S T M3 to M9 M19 G97) are skipped with a warning that counts them, or with the
+option `strict` refused. Everything else is a fault with its line and column; further words named in the option `ignore`
+are skipped and counted likewise, where the path stays as it is without them. F is a cap: the machine is as fast as it
+can under it. Coordinates that are rounded make small corners where curves were smooth, at which G61 stops: G64 P passes
+them.
 """
 
 from collections.abc import Iterator, Sequence
@@ -53,13 +55,13 @@ from planner.program.validation import check_positive
 from planner.sources.positions import read_frame
 from planner.sources.rs274.joints import find_header, read_joints, refuse_options
 from planner.sources.rs274.run import GcodeRun
-from planner.sources.rs274.words import is_ignorable, split_lines
+from planner.sources.rs274.words import MACHINING_WORDS, is_ignorable, split_lines
 from planner.sources.source import Faults, Imported, decode_text, zero_segment
 
 
 @dataclass(frozen=True, slots=True)
 class Gcode:
-    """G-code (RS-274): lines, arcs, helices and dwells; anything else is refused with line and column."""
+    """G-code (RS-274): lines, arcs, helices and dwells; what is not supported is refused with line and column."""
 
     suffixes: ClassVar[tuple[str, ...]] = (".ngc", ".nc", ".gcode", ".tap", ".cnc")
     join: Literal["through", "stop"] = option(
@@ -80,7 +82,8 @@ class Gcode:
     origin: str | None = option(
         None, 'position of the file\'s zero from home, as "0 mm, 0 mm, 25 mm" or with three angles. Default: at home'
     )
-    ignore: str | None = option(None, 'words to ignore, as "S T M3 M5 G54"')
+    ignore: str | None = option(None, 'further words to skip, as "M0 M48 G43 H"')
+    strict: bool = option(False, "refuse spindle, coolant and tool words instead of skipping them with a warning")
     machine: str | None = option(None, "for a file of joint axes, as written by the export g93: the machine it is for")
 
     def __post_init__(self) -> None:
@@ -95,8 +98,9 @@ class Gcode:
 
     @property
     def ignored_words(self) -> frozenset[str]:
-        """The words to leave out, without leading zeros."""
-        return frozenset(_normal(word) for word in (self.ignore or "").replace(",", " ").split())
+        """The words to skip, without leading zeros."""
+        asked = frozenset(_normal(word) for word in (self.ignore or "").replace(",", " ").split())
+        return asked if self.strict else asked | MACHINING_WORDS
 
     @property
     def first_join(self) -> Join:

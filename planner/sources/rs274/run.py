@@ -148,7 +148,7 @@ class GcodeRun:
                 silent.append((letter, value))
             else:
                 word = f"{letter}{value:g}"
-                remedy = f', or leave it out by the option ignore="{word}"' if is_ignorable(word) else ""
+                remedy = f', or skip it by the option ignore="{word}"' if is_ignorable(word) else ""
                 raise WordFault(given + text, f"{given}{text[:20]} is not supported; take it out{remedy}")
         for letter, owner in (("L", codes.get("once") == 10), ("Q", codes.get("join") == 64)):
             if letter in values and not owner:
@@ -380,7 +380,7 @@ class GcodeRun:
         told = []
         if self.unstated:
             told.append(f"no G20 or G21: unit {self.options.length} was assumed")
-        told += [f"{word} was ignored {count} times" for word, count in sorted(self.left_out.items())]
+        told += [f"skipped {word} ({count}x)" for word, count in sorted(self.left_out.items())]
         if self.nowhere:
             told.append(f"blocks that end where they start were skipped: {self.nowhere}")
         if self.several:

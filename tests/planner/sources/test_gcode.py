@@ -252,7 +252,7 @@ def test_rounded_arcs_stay_where_the_file_has_them(read):
     ("G1 X1", "column 1: no F is active"),
     ("X1", "column 1: no G0, G1, G2 or G3 is active"),
     ("F60 G5 X1", "column 5: G5 is not supported"),
-    ("G0 X1 M3 S100", "column 7: M3 is not supported"),
+    ("G0 X1 M0", "column 7: M0 is not supported; take it out, or skip it by the option ignore=\"M0\""),
     ("G0 X1 E2", "column 7: E2 is not supported"),
     ("G0 X1 X2", "column 7: X appears twice"),
     ("G0 G1 X2", "column 4: G1 and G0 exclude each other"),
@@ -308,7 +308,7 @@ def test_faults_name_their_place(text, words, read):
 
 def test_all_faults_come_in_one_pass_and_no_more_than_make_sense(read):
     with pytest.raises(FileError) as refused:
-        read("G0 X1\nG5\nX2\nM3\nQ1 Y2\nX3")
+        read("G0 X1\nG5\nX2\nM0\nQ1 Y2\nX3")
     assert [fault.line for fault in refused.value.faults] == [2, 4, 5]
     with pytest.raises(FileError) as refused:
         read("Q1\n" * 100_000)
@@ -328,12 +328,26 @@ def test_words_are_left_out_on_demand_and_counted(read):
     done = read(text, ignore="S T M3 M6, H g43 M5 M09 G54")
     assert done.program.segments[0].to == pytest.approx([0.001, 0, 0])
     assert done.program.segments[1].to == pytest.approx([0.001, 0, 0.005])
-    assert [warning for warning in done.warnings if warning.startswith("M3 was ignored 1")]
+    assert "skipped M3 (1x)" in done.warnings
     with pytest.raises(FileError, match="G43 is not supported"):
         read(text, ignore="S T M H")
     for word in ("G92", "G28", "X", "M98", "M30", "G1", "E", "G", "F", "?"):  # their words would be taken for a path
         with pytest.raises(MotionError, match="cannot be ignored"):
             read(text, ignore=word)
+
+
+def test_spindle_coolant_and_tool_words_are_skipped_with_a_warning_or_refused(read):
+    """The path is as without them; with `strict`, each is refused at its place."""
+    text = "G21 G0 X1 S100 M03\nT1 M6 M8\nG97 S200 M4\nG1 X2 F600 M9\nM5 M7 M19"
+    done = read(text)
+    assert [line.to[0] for line in done.program.segments] == [1e-3, 2e-3]
+    words = ("G97", "M19", "M3", "M4", "M5", "M6", "M7", "M8", "M9")
+    assert done.warnings == (*(f"skipped {word} (1x)" for word in words), "skipped S (2x)", "skipped T (1x)")
+    with pytest.raises(FileError) as refused:
+        read(text, strict=True)
+    assert [fault.line for fault in refused.value.faults] == [1, 2, 3, 4, 5]
+    assert "column 11: S100 is not supported" in str(refused.value)
+    assert read(text, strict=True, ignore="S T M3 M4 M5 M6 M7 M8 M9 M19 G97").warnings == done.warnings
 
 
 def test_what_follows_the_end_is_told(read):

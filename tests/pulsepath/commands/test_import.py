@@ -74,6 +74,21 @@ def test_bad_input_leaves_nothing(call, part, tmp_path, text, options, words):
     assert [path.name for path in tmp_path.iterdir()] == ["part.nc"]
 
 
+def test_spindle_words_are_warned_of_and_with_strict_refused(call, part, tmp_path):
+    """When a file is imported, and when it is planned or checked as it is."""
+    part.write_text("G21 M3 S900\nG1 Z3 F600\nM5\n")
+    done = call("import", part, "--out", tmp_path / "p.toml")
+    assert done.exit_code == 0, done.stderr
+    assert "warning: skipped M3 (1x)" in done.stdout
+    checked = call("check", part, "--machine", "hexapod")
+    assert checked.exit_code == 0, checked.stderr
+    assert "skipped M5 (1x)" in checked.stderr
+    for command in (("import", part, "--out", tmp_path / "p.toml", "--force"), ("check", part, "--machine", "hexapod")):
+        strict = call(*command, "--strict")
+        assert strict.exit_code == 2
+        assert "part.nc:1: column 5: M3 is not supported" in strict.stderr
+
+
 def test_nothing_is_replaced_unasked(call, part, tmp_path):
     for taken in ("p.toml", "p.png"):
         (tmp_path / taken).write_text("mine")
