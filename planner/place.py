@@ -59,7 +59,8 @@ class Infeasible(MotionError):
         where = "" if place is None else f" at {place}"
         who = f"{axis} " if axis and (place is None or not place.axis) else ""
         reached, allowed = format_distinct(value, limit)
-        super().__init__(f"{who}{kind} {reached} {unit} is beyond {allowed} {unit}{where}")
+        told = f"beyond {allowed} {unit}" if value >= limit else f"below the {allowed} {unit} minimum"
+        super().__init__(f"{who}{kind} {reached} {unit} is {told}{where}")
 
     def __str__(self) -> str:
         return f"{self.args[0]}; {self.remedy}"

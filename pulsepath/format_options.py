@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import Field, dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin, get_type_hints
 
@@ -19,13 +20,13 @@ TYPES = {"int": click.INT, "float": click.FLOAT, "str": click.STRING}
 
 @dataclass(frozen=True, slots=True)
 class Formats:
-    """The formats of a command: what they are called together, their names, and how the dataclass of each is found.
+    """The formats of a command: what they are called together, the table of names, how each dataclass is found.
 
     Their options and first lines are kept on disk (`known_names.recall`), so that --help does not load them all.
     """
 
     what: str
-    list_names: Callable[[], list[str]]
+    table: str
     find: Callable[[str], type[Any]]
 
     def options(self) -> list[click.Parameter]:
@@ -42,7 +43,7 @@ class Formats:
         kinds: dict[str, list[Any]] = {}
         options: dict[str, dict[str, Any]] = {}
         first: dict[str, str] = {}
-        for name in self.list_names():
+        for name in getattr(import_module(known_names.TABLES[self.what]), self.table):
             first[name] = (self.find(name).__doc__ or "").splitlines()[0]
             for field, kind in _fields(self.find(name)):
                 known.setdefault(field.name, {}).setdefault(field.metadata["help"], []).append(name)
@@ -98,8 +99,8 @@ def _find_import(name: str) -> type[Any]:
     return find_source(name)
 
 
-EXPORTS = Formats("exports", known_names.exports, _find_export)
-IMPORTS = Formats("imports", known_names.imports, _find_import)
+EXPORTS = Formats("exports", "FORMATS", _find_export)
+IMPORTS = Formats("imports", "SOURCES", _find_import)
 
 
 def find_origin(program: str, given: Mapping[str, Any], fit: float | None) -> "Origin | None":

@@ -70,6 +70,13 @@ def imports() -> list[str]:
     return registered_names("planner/sources/source.py", "SOURCES")
 
 
+TABLES = {
+    "laws": "controllers.laws.registry",
+    "rules": "planner.pulses.generation.generate",
+    "exports": "planner.export.format",
+    "imports": "planner.sources.source",
+}
+"""Modules whose tables a program may add its own names to: once they are loaded, they tell, and not their files."""
 PACKAGES = ("kinematics", "planner", "controllers", "pulsepath")
 """What lists tell of, or tell it."""
 
@@ -80,6 +87,8 @@ def recall(what: str, make: Callable[[], Any]) -> Any:
     It is kept beside the source as compiled modules are or, where that may not be written, in the user's cache
     directory. A copy that is damaged, or cannot be kept, is made again.
     """
+    if TABLES.get(what) in sys.modules:
+        return json.loads(json.dumps(make()))
     state = _list_files()
     places = [Path(__file__).parent / "__pycache__", _user_cache()]
     for place in places:

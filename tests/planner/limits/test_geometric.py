@@ -69,7 +69,9 @@ def test_legs_that_collide_are_refused_by_name_place_and_amount(loose, own_legs)
         assert broken[pair].value == pytest.approx(values[worst] * 1e3, abs=0.05)
         assert broken[pair].place.segment == 1
         assert broken[pair].place.s == pytest.approx(s[worst], abs=s[1])
-    with pytest.raises(Infeasible, match=r"clearance -.* mm is beyond 0 mm at leg\d–leg\d, .*keeps .* mm more"):
+    with pytest.raises(
+        Infeasible, match=r"clearance -.* mm is below the 0 mm minimum at leg\d–leg\d, .*keeps .* mm more"
+    ):
         plan(TURNED, loose, order=2)
 
 
