@@ -17,6 +17,7 @@ from pulsepath.commands.lists import laws, machines, programs, rigs, rules
 from pulsepath.commands.plan import plan
 from pulsepath.commands.pose import pose
 from pulsepath.commands.positions import positions
+from pulsepath.commands.send import send
 from pulsepath.commands.track import track
 from pulsepath.commands.view import view
 from pulsepath.process.exits import BAD_INPUT, INFEASIBLE, INTERNAL, INTERRUPTED
@@ -24,7 +25,7 @@ from pulsepath.process.exits import BAD_INPUT, INFEASIBLE, INTERNAL, INTERRUPTED
 SECTIONS = {
     "Plan": ("init", "pose", "check", "plan", "view", "export", "hold"),
     "Import programs": ("import", "positions"),
-    "Run and measure": ("track", "compare", "calibrate", "console"),
+    "Run and measure": ("track", "compare", "calibrate", "console", "send"),
     "List bundled data": ("machines", "programs", "rigs", "laws", "rules"),
 }
 
@@ -59,6 +60,7 @@ main.add_command(track)
 main.add_command(compare)
 main.add_command(calibrate)
 main.add_command(console)
+main.add_command(send)
 main.add_command(machines)
 main.add_command(programs)
 main.add_command(rigs)

@@ -61,7 +61,7 @@ class Columns:
 
         In blocks of knots.
 
-        rest  the rates at both ends are 0, not what solving left of them
+        rest  the speeds at both ends are 0, not what solving left of them
         """
         scale = self.factor * 10.0**self.decimals
         lasting = np.diff(knots.steps, prepend=0)
@@ -71,9 +71,9 @@ class Columns:
             told[0] -= self.zero
             units = np.rint(told * scale)
             if rest and first == 0:
-                units[1:, 0] = 0.0
+                units[1, 0] = 0.0
             if rest and first + BLOCK_POINTS >= len(knots.steps):
-                units[1:, -1] = 0.0
+                units[1, -1] = 0.0
             yield lasting[first : first + BLOCK_POINTS], units + 0.0  # no −0
 
     def text_rows(self, units: Array) -> list[list[str]]:

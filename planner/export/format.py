@@ -115,6 +115,7 @@ FORMATS = {
     "g93": "planner.export.formats.g93:InverseTime",
     "ros": "planner.export.formats.ros:JointTrajectory",
     "halstreamer": "planner.export.formats.halstreamer:Halstreamer",
+    "csp": "planner.export.formats.csp:CyclicPosition",
     "galil": "planner.export.formats.galil:Galil",
     "adlink": "planner.export.formats.adlink:AdlinkC",
     "adlink-csv": "planner.export.formats.adlink:AdlinkCsv",

@@ -9,7 +9,8 @@
         time_from_start: {sec: 0, nanosec: 0}
 
 - Metres and radians; natural coordinates (a joint's angle, a leg's length) or, with origin home, from the machine's.
-- The usual controller goes from point to point by the quintic that meets all three at both.
+- The usual controller, joint_trajectory_controller, goes from point to point by the quintic that meets all three at both.
+  It refuses a trajectory that ends at a speed, unless allow_nonzero_velocity_at_trajectory_end is set.
 - Times are whole nanoseconds: sec and nanosec (ROS 2), or secs and nsecs (ROS 1).
 - ASCII YAML, names in double quotes with escapes, line ends \\n, decimal points whatever the locale.
 """
@@ -26,7 +27,7 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.options import option
 from planner.export.columns import BLOCK_POINTS, Columns, line_blocks, make_columns, origin_option
 from planner.export.format import Exported, ExportSource
-from planner.export.knots import KnotFormat, compare
+from planner.export.knots import REST_SPEED, KnotFormat, compare
 
 PER_SECOND = 10**9
 ROWS = ("positions", "velocities", "accelerations")
@@ -46,21 +47,25 @@ class JointTrajectory(KnotFormat):
         axes, motion = source.machine.axes, source.counted
         knots = self.knots(source, 3, 1 / PER_SECOND)
         form = make_columns(source, knots.tolerance, origin=self.origin, unit="SI")
+        speeds = motion.at(np.array([0.0, motion.duration])).qd
+        rest = bool((abs(speeds) <= REST_SPEED * np.array([axis.pulse for axis in axes])).all())
         whole, rest = TIMES[self.ros]
         with path.open("w", encoding="ascii", newline="") as file:
             names = ", ".join(quote(axis.name) for axis in axes)
             file.write(f"joint_names: [{names}]\npoints:\n")
             at = 0
-            for steps, units in form.blocks(source, knots, 3):
+            for steps, units in form.blocks(source, knots, 3, rest=rest):
                 for lasting, row in zip(steps.tolist(), form.text_rows(units), strict=True):
                     at += lasting
                     told = (f"{name}: [{', '.join(row[k::3])}]" for k, name in enumerate(ROWS))
                     second, nanosecond = divmod(at, PER_SECOND)
                     file.write("  - " + "\n    ".join(told) + "\n    effort: []\n")
                     file.write(f"    time_from_start: {{{whole}: {second}, {rest}: {nanosecond}}}\n")
-        notes = (
-            f"positions {'of' if self.origin == 'natural' else 'from home,'} the axes, in their sense; in {form.unit}",
+        origin = "of" if self.origin == "natural" else "from home,"
+        moving = (
+            "" if rest else "; it begins or ends at a speed: allow_nonzero_velocity_at_trajectory_end has to be true"
         )
+        notes = (f"positions {origin} the axes, in their sense; in {form.unit}{moving}",)
         return compare(motion, axes, knots, _points(path, form), notes)
 
 

@@ -296,6 +296,63 @@ def test_zaber_reads_its_file(tmp_path):
     assert off(Decoded(t, [q + source.machine.home_q, qd]), source) <= 0.5
 
 
+FLOAT_EPSILON = 2.0**-23  # joint_trajectory_controller's least end speed that is one
+
+
+def accept_trajectory(message, names):
+    """What validate_trajectory_msg of joint_trajectory_controller asks for, as its documentation states it.
+
+    With its defaults: no partial goals, and no speed at the end. Returns the points' times in ns.
+    """
+    assert sorted(message["joint_names"]) == sorted(names)
+    points = message["points"]
+    assert points
+    times = []
+    for point in points:
+        stamp = point["time_from_start"]
+        assert 0 <= stamp["nanosec"] < 10**9
+        times.append(stamp["sec"] * 10**9 + stamp["nanosec"])
+        assert len(point["positions"]) == len(names)
+        assert len(point["velocities"]) in (0, len(names))
+        assert len(point["accelerations"]) in (0, len(names))
+        assert point["effort"] == []  # there is no effort interface to take it
+    assert all(one < other for one, other in zip(times, times[1:], strict=False))
+    assert max(map(abs, points[-1]["velocities"])) <= FLOAT_EPSILON
+    return np.array(times)
+
+
+def follow_quintics(times, points, when):
+    """(N, axes) its interpolation where positions, velocities and accelerations are given: from each to the next."""
+    q, v, a = (np.array([point[name] for point in points]) for name in ("positions", "velocities", "accelerations"))
+    t = times * 1e-9
+    k = np.clip(np.searchsorted(t, when, side="right") - 1, 0, len(t) - 2)
+    h, u = (t[k + 1] - t[k])[:, None], (when - t[k])[:, None]
+    (p0, p1), (v0, v1), (a0, a1) = ((row[k], row[k + 1]) for row in (q, v, a))
+    c3 = (-20 * p0 + 20 * p1 - 3 * a0 * h**2 + a1 * h**2 - 12 * v0 * h - 8 * v1 * h) / (2 * h**3)
+    c4 = (30 * p0 - 30 * p1 + 3 * a0 * h**2 - 2 * a1 * h**2 + 16 * v0 * h + 14 * v1 * h) / (2 * h**4)
+    c5 = (-12 * p0 + 12 * p1 - a0 * h**2 + a1 * h**2 - 6 * v0 * h - 6 * v1 * h) / (2 * h**5)
+    return p0 + u * (v0 + u * (a0 / 2 + u * (c3 + u * (c4 + u * c5))))
+
+
+@pytest.mark.parametrize("order", [2, 3])
+@pytest.mark.parametrize("tolerance", [None, 3.0])
+def test_joint_trajectory_controller_takes_the_file_and_follows_the_plan(order, tolerance, hexapod, tmp_path):
+    """By its own rules and formula, at ten thousand instants: as far off as the export states, and no farther."""
+    yaml = pytest.importorskip("yaml")
+    program = Program((Line([0, 0, 0.02]), Dwell(0.2), Line([0.01, 0, 0.025])), name="rest")
+    made = plan(program, hexapod, order=order)
+    source = ExportSource(program.name, hexapod, made.trajectory, made.pulses)
+    told = find_format("ros")(tolerance=tolerance).write(source, tmp_path / "file")
+    message = yaml.safe_load((tmp_path / "file").read_text())
+    times = accept_trajectory(message, [axis.name for axis in hexapod.axes])
+    t = np.linspace(0, made.trajectory.duration, 10_000)
+    off = abs(follow_quintics(times, message["points"], t) - made.trajectory.at(t).q)
+    found = (off / [axis.pulse for axis in hexapod.axes]).max()
+    assert "quintic between the points" in told.against
+    assert 0.3 * told.error <= found <= told.error + EPS
+    assert told.error <= (tolerance or 0.5)
+
+
 def test_natural_coordinates_are_the_axes_own(tmp_path):
     motion = Stops([[0.3], [0.31]], [0.5], smooth=True)
     source = source_of(motion, (Axis("X", pulse=1e-6),), [0.25])
@@ -410,6 +467,7 @@ def test_a_motion_that_ends_at_a_speed(name, tmp_path):
     if name in ("g93", "ros"):
         told = find_format(name)().write(source, tmp_path / "file")
         assert off(READERS[name](tmp_path / "file", source), source) <= told.error + EPS <= 0.5
+        assert ("allow_nonzero_velocity" in " ".join(told.notes)) == (name == "ros")
     else:
         with pytest.raises(MotionError, match=r"axis X: ends at 1\.875 m/s"):
             find_format(name)().write(source, tmp_path / "file")
