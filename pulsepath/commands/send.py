@@ -76,24 +76,25 @@ def read_gcode(path: Path, longest: int) -> GcodeFile:
     Raises FileError, one fault a line, for a line that is too long or has characters that it obeys at once.
     """
     from kinematics import FileError, MotionError
+    from kinematics.foundation.errors import Fault
 
     text = path.read_text(encoding="utf-8", errors="replace")
     lines, faults = [], []
     for number, line in enumerate(text.splitlines(), 1):
-        told = re.sub(r"\([^()]*\)|;.*", "", line)
-        plain = re.sub(r"\s", "", told)
+        plain = re.sub(r"\([^()]*\)|;.*|\s", "", line)
         bad = sorted({char for char in plain if not "!" <= char <= "~" or char in REAL_TIME})
         if bad:
-            faults.append(f"{path}:{number}: {bad[0]!r} is no character of a line of G-code: take it out")
+            faults.append(Fault("", f"{bad[0]!r} is no character of a line of G-code: take it out", number))
         elif len(plain) > longest:
-            faults.append(
-                f"{path}:{number}: {len(plain)} characters without spaces and comments, limit {longest}; "
+            told = (
+                f"{len(plain)} characters without spaces and comments, limit {longest}; "
                 "write fewer decimals or axes, or tell the controller's own limit with --line"
             )
+            faults.append(Fault("", told, number))
         elif plain not in ("", "%"):
             lines.append(GcodeLine(number, plain))
     if faults:
-        raise FileError(faults)
+        raise FileError(str(path), faults)
     if not lines:
         raise MotionError(f"{path}: there is no line to send; give a file of G-code")
     header = STAND.search(text)

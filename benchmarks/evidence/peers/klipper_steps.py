@@ -20,8 +20,8 @@ from planner import load_program, plan
 
 PROGRAMS = "bare-circle,circle,arm-square,tripod-circle,traverser-scan,linkage-line"
 CLOCK_HZ = 16_000_000
-PULSE_TICKS = 32
-"""Klipper's usual 2 us that STEP is high, of CLOCK_HZ."""
+PULSE_TICKS = 2
+"""Klipper's usual 100 ns that STEP is high with Trinamic drives, of CLOCK_HZ; with others it is 2 us."""
 SHIM = {
     "autoconf.h": "#define CONFIG_CLOCK_FREQ 16000000\n#define CONFIG_INLINE_STEPPER_HACK 0\n",
     "board/gpio.h": """#include <stdint.h>

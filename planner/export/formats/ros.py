@@ -9,8 +9,8 @@
         time_from_start: {sec: 0, nanosec: 0}
 
 - Metres and radians; natural coordinates (a joint's angle, a leg's length) or, with origin home, from the machine's.
-- The usual controller, joint_trajectory_controller, goes from point to point by the quintic that meets all three at both.
-  It refuses a trajectory that ends at a speed, unless allow_nonzero_velocity_at_trajectory_end is set.
+- joint_trajectory_controller goes from point to point by the quintic that meets all three at both. It refuses a
+  trajectory that ends at a speed, unless allow_nonzero_velocity_at_trajectory_end is set.
 - Times are whole nanoseconds: sec and nanosec (ROS 2), or secs and nsecs (ROS 1).
 - ASCII YAML, names in double quotes with escapes, line ends \\n, decimal points whatever the locale.
 """
@@ -48,13 +48,13 @@ class JointTrajectory(KnotFormat):
         knots = self.knots(source, 3, 1 / PER_SECOND)
         form = make_columns(source, knots.tolerance, origin=self.origin, unit="SI")
         speeds = motion.at(np.array([0.0, motion.duration])).qd
-        rest = bool((abs(speeds) <= REST_SPEED * np.array([axis.pulse for axis in axes])).all())
+        at_rest = bool((abs(speeds) <= REST_SPEED * np.array([axis.pulse for axis in axes])).all())
         whole, rest = TIMES[self.ros]
         with path.open("w", encoding="ascii", newline="") as file:
             names = ", ".join(quote(axis.name) for axis in axes)
             file.write(f"joint_names: [{names}]\npoints:\n")
             at = 0
-            for steps, units in form.blocks(source, knots, 3, rest=rest):
+            for steps, units in form.blocks(source, knots, 3, rest=at_rest):
                 for lasting, row in zip(steps.tolist(), form.text_rows(units), strict=True):
                     at += lasting
                     told = (f"{name}: [{', '.join(row[k::3])}]" for k, name in enumerate(ROWS))
@@ -63,7 +63,7 @@ class JointTrajectory(KnotFormat):
                     file.write(f"    time_from_start: {{{whole}: {second}, {rest}: {nanosecond}}}\n")
         origin = "of" if self.origin == "natural" else "from home,"
         moving = (
-            "" if rest else "; it begins or ends at a speed: allow_nonzero_velocity_at_trajectory_end has to be true"
+            "" if at_rest else "; it begins or ends at a speed: allow_nonzero_velocity_at_trajectory_end has to be true"
         )
         notes = (f"positions {origin} the axes, in their sense; in {form.unit}{moving}",)
         return compare(motion, axes, knots, _points(path, form), notes)

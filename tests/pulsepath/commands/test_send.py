@@ -222,7 +222,7 @@ def test_a_board_that_falls_silent_is_given_up(call, grbl, program, monkeypatch)
     [
         ("G1 X1 !", "way.ngc:405: '!' is no character of a line of G-code"),
         ("G1 X1 µ", "way.ngc:405: 'µ' is no character"),
-        ("G1 " + "X1.0000000000 " * 7, "way.ngc:405: 86 characters without spaces and comments, limit 79"),
+        ("G1 " + "X1.0000000000 " * 7, "way.ngc:405: 93 characters without spaces and comments, limit 79"),
     ],
 )
 def test_a_line_that_grbl_cannot_take_is_told_before_the_port_is_opened(call, program, line, words):
