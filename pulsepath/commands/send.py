@@ -1,289 +1,12 @@
-"""`pulsepath send`: a file of G-code to grbl, grblHAL or FluidNC on a serial port, and a safe stop when it goes wrong.
+"""`pulsepath send`: a file of G-code to grbl, grblHAL or FluidNC on a serial port, and a safe stop on trouble."""
 
-grbl answers each line with ok or error:N once it has taken it out of its receive buffer. So what it holds is known by
-counting characters, and the buffer is kept full without ever flowing over [grbl wiki, Interface, "Streaming a G-Code
-Program"]. Feed hold (!), soft reset (0x18) and the question for its status (?) are taken at once, past the buffer.
-"""
-
-import re
 import time
-from collections import deque
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import click
 
 from pulsepath.process import supervisor
-from pulsepath.progress import note, say
-
-BUFFER = 127
-"""Bytes that every grbl takes: its buffer has 128 places, and early versions leave one empty."""
-LONGEST_LINE = 79
-"""Characters of a line of grbl's: its line buffer has 80 with the end."""
-HOLD, RESET, STATUS = b"!", b"\x18", b"?"
-REAL_TIME = "!~?"
-"""Characters that grbl takes out of lines and obeys at once, comments too."""
-READ_TIMEOUT, STATUS_PERIOD = 0.02, 0.25
-"""s that a read waits, and between two questions for the status."""
-START_PATIENCE, PATIENCE, STOP_PATIENCE = 5.0, 5.0, 10.0
-"""s within which a board starts, answers a question, and slows down to rest."""
-STAND_TOLERANCE = 0.02
-"""mm or degrees by which the axes may stand off where the file begins: grbl tells thousandths, steps are up to 1/80."""
-ERRORS = {
-    1: "a word without its letter",
-    2: "a number that is none",
-    3: "a $ command that it does not know",
-    8: "not idle",
-    9: "locked by an alarm or by jogging",
-    10: "soft limits need homing",
-    11: "the line is too long",
-    20: "a command that it does not know",
-    21: "two commands of a group in a block",
-    22: "no feed rate",
-    23: "a command needs a whole number",
-    24: "two commands that need axis words",
-    26: "a command without its axis words",
-    33: "a target that is none",
-}
-ALARMS = {1: "a hard limit", 2: "a target beyond soft limits", 3: "reset in motion, its position is lost"}
-STAND = re.compile(r"\(the axes must stand at ([^)]*)\)")
-LETTERS = "XYZABCUVW"
-"""Axes in the order in which a status tells them."""
-
-
-@dataclass(frozen=True, slots=True)
-class GcodeLine:
-    """A line as it is sent: without comments and spaces; number: of the file."""
-
-    number: int
-    text: str
-
-
-@dataclass(frozen=True, slots=True)
-class GcodeFile:
-    """What is sent of a file; start: where its header has the axes stand, by letter, end: where its last move leads."""
-
-    lines: tuple[GcodeLine, ...]
-    start: dict[str, float]
-    end: dict[str, float]
-
-
-def read_gcode(path: Path, longest: int) -> GcodeFile:
-    """The lines that a controller is to take.
-
-    Raises FileError, one fault a line, for a line that is too long or has characters that it obeys at once.
-    """
-    from kinematics import FileError, MotionError
-    from kinematics.foundation.errors import Fault
-
-    text = path.read_text(encoding="utf-8", errors="replace")
-    lines, faults = [], []
-    for number, line in enumerate(text.splitlines(), 1):
-        plain = re.sub(r"\([^()]*\)|;.*|\s", "", line)
-        bad = sorted({char for char in plain if not "!" <= char <= "~" or char in REAL_TIME})
-        if bad:
-            faults.append(Fault("", f"{bad[0]!r} is no character of a line of G-code: take it out", number))
-        elif len(plain) > longest:
-            told = (
-                f"{len(plain)} characters without spaces and comments, limit {longest}; "
-                "write fewer decimals or axes, or tell the controller's own limit with --line"
-            )
-            faults.append(Fault("", told, number))
-        elif plain not in ("", "%"):
-            lines.append(GcodeLine(number, plain))
-    if faults:
-        raise FileError(str(path), faults)
-    if not lines:
-        raise MotionError(f"{path}: there is no line to send; give a file of G-code")
-    header = STAND.search(text)
-    start = _words(header[1]) if header else {}
-    moves = [line.text for line in lines if line.text.startswith("G1")]
-    end = {letter: at for letter, at in _words(moves[-1]).items() if letter in start} if moves else {}
-    return GcodeFile(tuple(lines), start, end)
-
-
-def _words(text: str) -> dict[str, float]:
-    return {letter: float(number) for letter, number in re.findall(r"([A-Z])(-?\d+(?:\.\d*)?)", text)}
-
-
-class Controller:
-    """grbl on a port that reads and writes bytes: how much of its buffer is used, and what it says."""
-
-    def __init__(self, port: Any, name: str, buffer: int = BUFFER) -> None:
-        self.port, self.name, self.buffer = port, name, buffer
-        self._held: deque[tuple[int, GcodeLine]] = deque()
-        self._partial = b""
-        self._heard = self._asked = time.monotonic()
-        self._offset: list[float] | None = None
-        self.state, self.place = "", {}  # type: tuple[str, dict[str, float]]
-
-    def wake(self) -> None:
-        """Wait until the board has started, and drop what is left of a line. Raises MotionError unless it is idle."""
-        from kinematics import MotionError
-
-        begin = time.monotonic()
-        while not self.state:
-            if time.monotonic() - begin > START_PATIENCE:
-                raise MotionError(
-                    f"{self.name}: nothing that is grbl answers within {START_PATIENCE:g} s; "
-                    "check the port, its --baud and the board"
-                )
-            self._ask()
-            self._listen()
-        if self._base != "Idle":
-            remedy = "unlock it ($X) or home it ($H) first" if self._base == "Alarm" else "wait until it is idle"
-            raise MotionError(f"{self.name}: the controller is in the state {self.state}, not Idle; {remedy}")
-        self.stream([GcodeLine(0, "")])
-
-    @property
-    def _base(self) -> str:
-        return self.state.partition(":")[0]
-
-    def find_place(self) -> dict[str, float]:
-        """Where the axes stand in work coordinates, by letter; {}: the controller does not tell."""
-        begin = time.monotonic()
-        self.place, self._offset = {}, None
-        while not self.place and time.monotonic() - begin < PATIENCE:
-            self._ask()
-            self._listen()
-        return self.place
-
-    def stream(self, lines: Sequence[GcodeLine], tell: Callable[[int, int], None] = lambda done, of: None) -> None:
-        """Send lines, the buffer as full as it gets, until each is answered.
-
-        Raises MotionError for the first that is refused, an alarm, a reset of the board, or silence.
-        """
-        from kinematics import MotionError
-
-        done = sent = 0
-        self._heard = time.monotonic()
-        while done < len(lines):
-            while sent < len(lines) and self._used + len(lines[sent].text) + 1 <= self.buffer:
-                data = lines[sent].text.encode("ascii") + b"\n"
-                self._held.append((len(data), lines[sent]))
-                self._write(data)
-                sent += 1
-            for answer in self._listen():
-                at = self._held[0][1] if self._held else GcodeLine(0, "")
-                if answer == "ok" and self._held:
-                    self._held.popleft()
-                    done += 1
-                elif answer.startswith("error:"):
-                    raise MotionError(f'line {at.number} "{at.text}": {answer}{_explain(answer, ERRORS)}')
-                elif answer.startswith("ALARM:"):
-                    raise MotionError(f"{self.name}: {answer}{_explain(answer, ALARMS)}, at line {at.number} or before")
-                elif answer.lower().startswith("grbl"):
-                    raise MotionError(f"{self.name}: the board was reset, at line {at.number} or before")
-            tell(done, len(lines))
-            self._ask()
-            if time.monotonic() - self._heard > PATIENCE:
-                raise MotionError(f"{self.name}: no answer for {PATIENCE:g} s; check the cable and the board")
-
-    @property
-    def _used(self) -> int:
-        return sum(length for length, _ in self._held)
-
-    def wait_idle(self) -> None:
-        """Until all that was sent has been moved. Raises MotionError for an alarm, or silence."""
-        from kinematics import MotionError
-
-        self.state, self._heard = "", time.monotonic()
-        while self._base != "Idle":
-            for answer in self._listen():
-                if answer.startswith("ALARM:"):
-                    raise MotionError(f"{self.name}: {answer}{_explain(answer, ALARMS)}")
-            self._ask()
-            if time.monotonic() - self._heard > PATIENCE:
-                raise MotionError(f"{self.name}: no answer for {PATIENCE:g} s; check the cable and the board")
-
-    def stop(self) -> bool:
-        """Feed hold, then, once the axes stand, a soft reset, which drops all that is left; whether they came to rest.
-
-        grbl keeps its position when it is reset at rest.
-        """
-        begin, self.state = time.monotonic(), ""
-        self._write(HOLD)
-        rest = False
-        while not rest and time.monotonic() - begin < STOP_PATIENCE:
-            self._ask()
-            self._listen()
-            rest = self.state == "Hold:0" or self._base in ("Idle", "Alarm", "Check")
-        self._write(RESET)
-        self._held.clear()
-        self._listen()
-        return rest
-
-    def _write(self, data: bytes) -> None:
-        self.port.write(data)
-
-    def _ask(self) -> None:
-        if time.monotonic() - self._asked > STATUS_PERIOD:
-            self._asked = time.monotonic()
-            self._write(STATUS)
-
-    def _listen(self) -> list[str]:
-        """The lines that have come, but for the status, which is noted."""
-        data = self.port.read(max(1, self.port.in_waiting))
-        *ended, self._partial = (self._partial + data).replace(b"\r", b"\n").split(b"\n")
-        answers = [text for line in ended if (text := line.decode("ascii", "replace").strip())]
-        if answers:
-            self._heard = time.monotonic()
-        for answer in answers:
-            if answer.startswith("<") and answer.endswith(">"):
-                self._note_status(answer[1:-1])
-        return [answer for answer in answers if not answer.startswith("<")]
-
-    def _note_status(self, text: str) -> None:
-        self.state, *fields = text.split("|")
-        told = {name: values.split(",") for name, _, values in (field.partition(":") for field in fields)}
-        try:
-            if "WCO" in told:
-                self._offset = [float(value) for value in told["WCO"]]
-            if "WPos" in told:
-                at = [float(value) for value in told["WPos"]]
-            elif "MPos" in told and self._offset is not None:
-                at = [float(m) - w for m, w in zip(told["MPos"], self._offset, strict=True)]
-            else:
-                return
-        except ValueError:  # a line that noise has changed
-            return
-        self.place = dict(zip(LETTERS, at, strict=False))
-
-
-def _explain(answer: str, known: dict[int, str]) -> str:
-    code = answer.partition(":")[2]
-    told = known.get(int(code)) if code.isdigit() else None
-    return f" ({told})" if told else ""
-
-
-def refuse_elsewhere(place: dict[str, float], wanted: dict[str, float], what: str) -> None:
-    """Raise MotionError where an axis is not where it should be, or the controller does not tell."""
-    from kinematics import MotionError
-
-    for letter, at in wanted.items():
-        if letter not in place:
-            raise MotionError(f"{what}: the controller does not tell where axis {letter} is; --anywhere goes on")
-        if abs(place[letter] - at) > STAND_TOLERANCE:
-            raise MotionError(
-                f"{what}: axis {letter} is at {place[letter]:.3f} in work coordinates, and has to be at {at:.3f} "
-                f"within {STAND_TOLERANCE:g}; move it there, or set the work offset (G10 L20 P1)"
-            )
-
-
-def open_port(port: str, baud: int) -> Any:
-    """A serial port, 8N1, by pyserial. Raises MotionError where it cannot be opened."""
-    from kinematics import MotionError, NotInstalled
-
-    try:
-        import serial
-    except ImportError:
-        raise NotInstalled("pulsepath send", "pyserial", "serial") from None
-    try:
-        return serial.Serial(port, baud, timeout=READ_TIMEOUT, write_timeout=PATIENCE, exclusive=True)
-    except (OSError, ValueError) as error:  # SerialException is an OSError
-        raise MotionError(f"serial port {port} at {baud} baud: {error}") from None
+from pulsepath.progress import note, say, step
 
 
 @click.command()
@@ -293,14 +16,14 @@ def open_port(port: str, baud: int) -> Any:
 @click.option(
     "--buffer",
     type=click.IntRange(32),
-    default=BUFFER,
+    default=127,
     show_default=True,
     help="Bytes of the controller's receive buffer: grblHAL and FluidNC have more.",
 )
 @click.option(
     "--line",
     type=click.IntRange(16),
-    default=LONGEST_LINE,
+    default=79,
     show_default=True,
     help="Longest line that it takes, in characters: grblHAL and FluidNC take up to 255.",
 )
@@ -315,8 +38,8 @@ def send(file: Path, port: str, baud: int, buffer: int, line: int, anywhere: boo
 
     Exit codes: 0 moved, 2 bad input, or a line was refused, 130 interrupted.
     """
+    from controllers.console.grbl import PATIENCE, STOP_PATIENCE, Controller, open_port, read_gcode, refuse_elsewhere
     from kinematics import MotionError
-    from pulsepath.progress import step
 
     if line >= buffer:
         raise MotionError(f"--line {line}: a line and its end have to fit the --buffer of {buffer} bytes; give less")

@@ -20,10 +20,10 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from benchmarks.evidence.published.compared import markdown
+from controllers.console.grbl import Controller, GcodeLine, open_port
 from kinematics import load_machine
 from kinematics.machine.axis import directional_bounds
 from planner import Plan, load_program, plan
-from pulsepath.commands.send import Controller, GcodeLine, open_port
 
 PROGRAMS = "linkage-line"
 AXES = 3

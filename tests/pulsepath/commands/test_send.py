@@ -193,7 +193,7 @@ def test_ctrl_c_holds_and_then_resets(call, grbl, program):
     ],
 )
 def test_a_board_that_is_not_ready_gets_no_line(call, grbl, program, monkeypatch, options, words):
-    monkeypatch.setattr("pulsepath.commands.send.START_PATIENCE", 0.3)
+    monkeypatch.setattr("controllers.console.grbl.START_PATIENCE", 0.3)
     board = grbl(**{"place": START, **options})
     done = call("send", program, "--port", board.port)
     assert done.exit_code == 2
@@ -202,8 +202,8 @@ def test_a_board_that_is_not_ready_gets_no_line(call, grbl, program, monkeypatch
 
 
 def test_a_board_that_falls_silent_is_given_up(call, grbl, program, monkeypatch):
-    monkeypatch.setattr("pulsepath.commands.send.PATIENCE", 0.4)
-    monkeypatch.setattr("pulsepath.commands.send.STOP_PATIENCE", 0.4)
+    monkeypatch.setattr("controllers.console.grbl.PATIENCE", 0.4)
+    monkeypatch.setattr("controllers.console.grbl.STOP_PATIENCE", 0.4)
     board = grbl(pace=1e-3, place=START)
 
     def fall_silent():
