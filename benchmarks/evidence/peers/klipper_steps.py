@@ -141,11 +141,11 @@ def build_firmware(klipper: Path, folder: Path) -> Path:
     return program
 
 
-def step(program: Path, file: Path, axes: int) -> list[tuple[np.ndarray, np.ndarray]]:
+def step(program: Path, file: Path, axes: int, pulse_ticks: int) -> list[tuple[np.ndarray, np.ndarray]]:
     """Ticks and levels of DIR at every rise of STEP, of each axis."""
     with file.open() as commands:
         done = subprocess.run(
-            [program, str(axes), str(PULSE_TICKS)], stdin=commands, capture_output=True, text=True, check=False
+            [program, str(axes), str(pulse_ticks)], stdin=commands, capture_output=True, text=True, check=False
         )
     if done.returncode:
         raise RuntimeError(f"{file.name}: Klipper's firmware ended with {done.stderr.strip()}")
@@ -157,6 +157,7 @@ def main() -> None:
     parser = ArgumentParser(description=__doc__)
     parser.add_argument("klipper", nargs="?", type=Path, default=Path.home() / "klipper")
     parser.add_argument("--programs", default=PROGRAMS)
+    parser.add_argument("--pulse-ticks", type=int, default=PULSE_TICKS)
     asked = parser.parse_args()
     if not (asked.klipper / "src" / "stepper.c").is_file():
         print(f"there is no checkout of Klipper in {asked.klipper} (github.com/Klipper3d/klipper): skipped")
@@ -178,7 +179,10 @@ def main() -> None:
                 commands = sum(line.startswith("queue_step") for line in file.open())
                 late, wrong, pulses = 0, 0, 0
                 for (ticks, level), own, axis in zip(
-                    step(firmware, file, len(made.pulses.axes)), made.pulses.axes, made.machine.axes, strict=True
+                    step(firmware, file, len(made.pulses.axes), asked.pulse_ticks),
+                    made.pulses.axes,
+                    made.machine.axes,
+                    strict=True,
                 ):
                     pulses += len(own)
                     same = min(len(ticks), len(own))
