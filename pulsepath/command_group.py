@@ -162,8 +162,8 @@ class ProgramCommand(click.Command):
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         formatter.write_paragraph()
         formatter.write_text(
-            "A file that `pulsepath import` reads is planned as it is, with the options of import (--order and --rule "
-            "of import are called --import-order and --import-rule here)."
+            "PROGRAM may be any file that `pulsepath import` reads, with the options of import (its --order and --rule "
+            "are called --import-order and --import-rule here)."
         )
 
 

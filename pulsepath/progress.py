@@ -81,7 +81,7 @@ def options() -> list[click.Option]:
 
     return [
         flag(QUIET, "-q", "--quiet", told="Print results and errors only."),
-        flag(VERBOSE, "-v", "--verbose", told="Also print how the result was found: solve rounds, methods, times."),
+        flag(VERBOSE, "-v", "--verbose", told="Also print details: all tables, solve rounds, methods, times."),
     ]
 
 

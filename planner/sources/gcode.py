@@ -73,10 +73,10 @@ class Gcode:
     feed: float | None = option(None, "limit of the tool speed before the first F. Default: F is required", "m/s")
     length: Literal["mm", "in"] = option("mm", "unit before G20 or G21. Default mm")
     arc_tolerance: float | None = option(
-        None, "largest difference of an arc's radii at its ends. Default: as rounding makes it", "m"
+        None, "largest difference of an arc's radii at its ends. Default: that of rounded coordinates", "m"
     )
     block_delete: Literal["skip", "run"] | None = option(
-        None, "what becomes of blocks that begin with /. Default: they are refused"
+        None, "skip or run blocks that begin with /. Default: refuse them"
     )
     dwell: Literal["s", "ms"] = option("s", "unit of P of G4. Default s")
     origin: str | None = option(

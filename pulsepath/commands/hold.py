@@ -30,16 +30,16 @@ class Hold(FormatCommand):
     "--stops",
     type=click.IntRange(min=1),
     metavar="COUNT",
-    help="Instead: time and distance to rest from so many instants; --out takes the table, as .csv or .json.",
+    help="Instead of --at: time and distance to rest from COUNT instants; --out writes the table as .csv or .json.",
 )
 @click.option("--format", "name", metavar="FORMAT", shell_complete=make_completer(known_names.exports),
               help="Write the stop in this export format, listed below, to --out.")  # fmt: skip
 @click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Output file of the stop, or the table.")
 @click.option(
-    "--resume", type=click.Path(path_type=Path), metavar="FILE", help="Write the motion from the stop to the end too."
+    "--resume", type=click.Path(path_type=Path), metavar="FILE", help="Also write the motion from the stop to the end."
 )
 @unverified_option
-@click.option("--force", is_flag=True, help="Replace files that are there.")
+@click.option("--force", is_flag=True, help="Overwrite existing files.")
 @json_option
 def hold(
     directory: Path,
@@ -55,8 +55,8 @@ def hold(
 ) -> None:
     """Stop the plan in DIR along its path: as soon as its limits allow, certified, with pulses.
 
-    The plan is read and proved again. The stop goes on with the plan's motion and pulses at TIME; a file of it begins
-    there, with time 0. Constant speeds that segments ask for are left.
+    Reads the plan and proves it again. The stop continues the plan's motion and pulses from TIME; its file starts there,
+    at time 0. Constant speeds that segments require are not kept.
 
     Example: pulsepath hold out/circle --at "1.2 s" --format steps --out stop.bin
     """
@@ -81,7 +81,7 @@ def hold(
     planned = plan_directory.read(directory, unverified)
     whole = _take(planned)
     if stops is not None:
-        with step("stopping from everywhere") as tell:
+        with step("computing stops") as tell:
             found = find_stops(whole, stops, tell)
         if out is not None:
             found.save(out, force=force)
@@ -93,7 +93,7 @@ def hold(
             show(found.tables())
         return
     assert instant is not None
-    with step("stopping"):
+    with step("computing the stop"):
         made = [stop_at(whole, instant)]
         if resume is not None:
             made.append(go_on(whole, made[0].until))

@@ -64,19 +64,19 @@ LONG_FILE = 1 << 16
 @click.option(
     "--objective",
     metavar="SUM",
-    help='What to have least of: "time" (default), or a sum with the heat of the motors, both in units of the fastest '
+    help='What to minimize: "time" (default), or a sum with the heat of the motors, both in units of the fastest '
     'motion\'s, as "time + 0.2 heat".',
 )
 @click.option(
     "--gap",
     metavar="PERCENT",
-    help='Refine motion and lower bound until the motion is proved to be within this of the fastest, as "0.1 %".',
+    help='Refine motion and lower bound until the motion is proved to be this close to the fastest, as "0.1 %".',
 )
 @click.option(
     "--effort",
     type=click.IntRange(0, MOST_EFFORT),
     metavar="ROUNDS",
-    help="Rounds of refining for --gap at most, each several times as long as the one before. Default: 3.",
+    help="Maximum refinement rounds for --gap; each takes several times as long as the one before. Default: 3.",
 )
 @click.option(
     "--rule",
@@ -97,13 +97,13 @@ LONG_FILE = 1 << 16
     type=click.Choice(["csv", "binary", "none"]),
     default="binary",
     show_default=True,
-    help="Form of the file of pulses: pulses.csv, one row per edge; pulses.bin, compressed; or no file.",
+    help="Format of the pulse file: pulses.csv, one row per edge; pulses.bin, compressed; or no file.",
 )
 @click.option(
     "--stops",
     type=click.IntRange(min=1),
     metavar="COUNT",
-    help="Also prove the soonest stop along the path from so many instants: stops.csv, and a figure in the report.",
+    help="Also prove the earliest stop along the path from COUNT instants: stops.csv, and a figure in the report.",
 )
 @motion_option
 @click.option(
@@ -121,26 +121,26 @@ LONG_FILE = 1 << 16
 @click.option(
     "--stream/--whole",
     default=None,
-    help="Plan part by part as PROGRAM is read, in memory that does not grow with it, or as a whole, which the report "
-    f"says more of. Default: --stream above {MOST_WHOLE} segments.",
+    help="Plan part by part while PROGRAM is read, in constant memory, or as a whole, with a more detailed report. "
+    f"Default: --stream above {MOST_WHOLE} segments.",
 )
 @click.option(
     "--keep-certified",
     "keep",
     is_flag=True,
-    help="With --stream: where PROGRAM cannot be planned, keep what was proved before, which comes to rest. "
+    help="With --stream: if a segment cannot be planned, keep the certified motion before it, which ends at rest. "
     "Default: all or nothing.",
 )
 @click.option(
     "--resume",
     is_flag=True,
-    help="With --stream: go on with a run that was interrupted or killed; the result is the same to the last byte.",
+    help="With --stream: continue a run that was interrupted or killed; the result is identical, byte for byte.",
 )
 @click.option(
     "--cluster",
     metavar="ADDRESS",
-    help="With --stream: have the workers of this Dask scheduler (its address, or its --scheduler-file) plan what lies "
-    "between stops; the result is the same to the last byte.",
+    help="With --stream: plan the parts between stops on the workers of this Dask scheduler (its address or its "
+    "--scheduler-file); the result is identical, byte for byte.",
 )
 @dump_option
 @click.option("--force", is_flag=True, help="Replace DIR if it holds an earlier plan.")
