@@ -36,7 +36,7 @@ dump_option = click.option(
 fit_option = click.option(
     "--fit",
     metavar="LENGTH",
-    help='Fit smooth curves to the path within this tolerance, as "0.02 mm"; remaining corners are rounded within it.',
+    help='Fit smooth curves to the path within this tolerance, as "0.02 mm"; other corners are rounded within it.',
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
 unverified_option = click.option(

@@ -84,8 +84,8 @@ def compare(
     RIG is a bundled rig or a TOML file. Default: servo-rig.
 
     Every law runs over its gain grid on every task, with inertia and friction as stated and 30 % off: by default in
-    about a minute on two cores. Prints the number of runs and the estimated time first. Runs are saved in DIR and are not
-    repeated if they are already there; `--from DIR` compares them later.
+    about a minute on two cores. Prints the number of runs and the estimated time first. Runs are saved in DIR and
+    are not repeated if they are already there; `--from DIR` compares them later.
 
     Example: pulsepath compare servo-rig --law 3 --law 6 --out out/laws
     """

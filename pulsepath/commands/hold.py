@@ -55,8 +55,8 @@ def hold(
 ) -> None:
     """Stop the plan in DIR along its path: as soon as its limits allow, certified, with pulses.
 
-    Reads the plan and proves it again. The stop continues the plan's motion and pulses from TIME; its file starts there,
-    at time 0. Constant speeds that segments require are not kept.
+    Reads the plan and proves it again. The stop continues the plan's motion and pulses from TIME; its file starts
+    there, at time 0. Constant speeds that segments require are not kept.
 
     Example: pulsepath hold out/circle --at "1.2 s" --format steps --out stop.bin
     """

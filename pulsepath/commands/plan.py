@@ -70,13 +70,13 @@ LONG_FILE = 1 << 16
 @click.option(
     "--gap",
     metavar="PERCENT",
-    help='Refine motion and lower bound until the motion is proved to be this close to the fastest, as "0.1 %".',
+    help='Refine motion and lower bound until the motion is proved this close to the fastest, as "0.1 %".',
 )
 @click.option(
     "--effort",
     type=click.IntRange(0, MOST_EFFORT),
     metavar="ROUNDS",
-    help="Maximum refinement rounds for --gap; each takes several times as long as the one before. Default: 3.",
+    help="Refinement rounds for --gap at most; each takes several times as long as the previous. Default: 3.",
 )
 @click.option(
     "--rule",
