@@ -102,11 +102,11 @@ class Kind(ABC):
     name: str
     axes: tuple[Axis, ...]
     home: Pose
-    freedom: ClassVar[tuple[str, ...]] = COMPONENTS
-    follows: ClassVar[tuple[str, ...]] = ()
-    branched: ClassVar[bool] = False
+    freedom: tuple[str, ...] = COMPONENTS
+    follows: tuple[str, ...] = ()
+    branched: bool = False
     lengths: ClassVar[bool] = False
-    sorts: ClassVar[tuple[str, ...]] = ()
+    sorts: tuple[str, ...] = ()
     legs: ClassVar[int] = 0
     characteristic_length: float
     """m that count as one radian where lengths and angles meet, as in the path parameter of a pure turn."""

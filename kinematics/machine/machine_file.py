@@ -14,6 +14,7 @@ from kinematics.foundation.names import closest, find, nearest, presets, source_
 from kinematics.foundation.units import describe_value
 from kinematics.kinds.arm import ArmFile, build_arm, find_stray_axis_tables, joints_of
 from kinematics.kinds.axis_keys import MachineFile, find_pulse_faults, find_repeated_names, find_wiring_faults
+from kinematics.kinds.equations import EquationsFile, build_equations
 from kinematics.kinds.hexapod import LEGS, HexapodFile, build_hexapod
 from kinematics.kinds.linkage import NAMES, LinkageFile, build_linkage
 from kinematics.kinds.traverser import ROTARY, SLIDES, TraverserFile, build_traverser
@@ -77,6 +78,7 @@ KINDS: dict[str, tuple[type[MachineFile], Callable[[Any, str, Path | Traversable
     "linkage": (LinkageFile, build_linkage, NAMES),
     "traverser": (TraverserFile, build_traverser, (*SLIDES, ROTARY)),
     "arm": (ArmFile, build_arm, ()),
+    "equations": (EquationsFile, build_equations, ()),
 }
 """Every kind of machine: the schema of its file, what makes the machine of a valid one, its name and folder, and the
 names of its axes where the kind says them."""

@@ -193,7 +193,7 @@ def _starter_tables(preset: str, data: dict[str, Any]) -> Iterator[str]:
     yield from table_lines("[geometry]", keys["geometry"], data["geometry"])
     for table in ("axes", "rotary"):
         if table in keys:
-            yield from table_lines(f"[{table}]", keys[table], data[table], about[table])
+            yield from table_lines(f"[{table}]", keys[table], data.get(table), about[table])
     name = Key("name", f"of the axis: {', '.join(names)}", f'"{names[0]}"')
     for one in data.get("axis", ()):
         own = [Key(key, "its own") for key in one if key != "name"]

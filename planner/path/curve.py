@@ -11,11 +11,11 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kinematics.foundation.arrays import MAX_DISTANCE, Array, freeze_array
 from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.formula import formula
 from kinematics.foundation.taylor_model import Series
 from kinematics.machine.pose import Pose, column, split_pose_symbols, to_numbers
 from planner.path.arc_length import draw_by_length, is_uneven, measure_length
 from planner.path.shape import Piece, Shape, axis_rotation, turning_angle
-from planner.program.formula import formula
 from planner.program.model import MIN_MOVE, Curve
 
 # Cells of t at first, how often each may be halved until it is proved, and how many there may be.

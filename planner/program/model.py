@@ -13,10 +13,10 @@ from scipy.spatial.transform import Rotation
 
 from kinematics.foundation.arrays import Array, is_within_limit, most
 from kinematics.foundation.errors import Fault, FileError, MotionError
+from kinematics.foundation.formula import check_names, formula
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.pose import Pose
-from planner.program.formula import check_names, formula
 from planner.program.modifiers import STOP, Fit, Free, Join, Stop, Trigger
 from planner.program.validation import (
     MOST_SEGMENTS,
@@ -131,7 +131,8 @@ class Spline(MovingSegment):
 class Curve(MovingSegment):
     """A curve by equations x(t), y(t), z(t), and optional angles, for t from begin to end.
 
-    position     three formulas (planner.program.formula) that give `length` m each 1;  begin, end  of t, also downwards
+    position     three formulas (kinematics.foundation.formula) that give `length` m each 1
+    begin, end   of t, also downwards
     rotate       three formulas of θx, θy, θz, `angle` rad each 1, as Rx · Ry · Rz; None: the orientation is kept
     constants    names that stand for numbers in them, and the numbers
     It begins where the path stands, and must be smooth and not stand still (planner.path.curve).

@@ -16,8 +16,8 @@ from pydantic import AfterValidator, Field, PlainValidator, ValidationInfo, mode
 from kinematics.files.keys import Chosen, key
 from kinematics.files.schema import Number, TableSchema
 from kinematics.foundation.errors import as_validation_error, validation_error
+from kinematics.foundation.formula import check_names, constant, formula
 from kinematics.foundation.units import Unit, describe_value
-from planner.program.formula import check_names, constant, formula
 from planner.program.model import Curve, Segment
 from planner.program.modifiers import CORNER_ANGLE, Blend, Fit, Free, Join, Stop, Through, Trigger
 

@@ -74,7 +74,7 @@ def optional(*models):
     return {f.alias or name for model in models for name, f in model.model_fields.items() if not f.is_required()}
 
 
-@pytest.fixture(scope="module", params=sorted({*KINDS, *machine_names()}))
+@pytest.fixture(scope="module", params=sorted(machine_names()))
 def machine(request):
     if request.param in NEEDS_PINOCCHIO:
         pytest.importorskip("pinocchio")

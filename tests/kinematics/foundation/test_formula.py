@@ -12,7 +12,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from kinematics import MotionError
-from planner.program.formula import MAX_CHARACTERS, MAX_DEPTH, check_names, constant, formula
+from kinematics.foundation.formula import MAX_CHARACTERS, MAX_DEPTH, check_names, constant, formula
 from tests.pace import cpu_limit
 
 T = ca.SX.sym("t")

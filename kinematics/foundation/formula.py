@@ -77,8 +77,10 @@ _OPERATORS: dict[type[ast.operator], Callable[[ca.SX, ca.SX], ca.SX]] = {
 _PRODUCT = re.compile(r"(?<![\w.])([\d.]+) *([A-Za-z]\w*)")
 
 
-def formula(text: str, constants: Mapping[str, float], t: ca.SX | None = None) -> ca.SX:
-    """The expression of a formula, of t where it is given; else it may not stand in it.
+def formula(
+    text: str, constants: Mapping[str, float], t: ca.SX | None = None, variables: Mapping[str, ca.SX] | None = None
+) -> ca.SX:
+    """The expression of a formula, of t where it is given, else it may not stand in it; and of variables by name.
 
     Raises MotionError for anything that the allow-list has not, and for what is not finite or not real.
     """
@@ -101,6 +103,7 @@ def formula(text: str, constants: Mapping[str, float], t: ca.SX | None = None) -
     known = {"pi": ca.SX(math.pi), **{name: ca.SX(value) for name, value in constants.items()}}
     if t is not None:
         known["t"] = t
+    known |= variables or {}
     with locate_errors(str(describe_value(text))):
         return _build_node(tree, text, known, 0)
 
@@ -154,7 +157,8 @@ def _build_node(node: ast.expr, text: str, known: Mapping[str, ca.SX], depth: in
             raise BadValue(told, allowed=", ".join(_FUNCTIONS), nearest=closest(name, _FUNCTIONS))
         case _:
             raise MotionError(
-                f"{_source(node, text)}: not allowed in formulas, which have numbers, names, + - * / ** and functions"
+                f"{_source(node, text)}: not allowed in formulas, which have numbers, names, + - * / ** and functions: "
+                f"{', '.join(_FUNCTIONS)}"
             )
     _check_finite(made, node, text)
     return made

@@ -1,0 +1,269 @@
+"""A machine that its file states by formulas of the inverse map; and that file's TOML. Nothing of it is code."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import BeforeValidator
+
+from kinematics.files.keys import Chosen, key
+from kinematics.files.schema import TableSchema
+from kinematics.foundation.arrays import LEAST_POSITIVE, finite_array
+from kinematics.foundation.errors import BadValue, MotionError, locate_errors, validation_error
+from kinematics.foundation.formula import check_names, formula
+from kinematics.foundation.names import closest, nearest
+from kinematics.foundation.units import Unit, describe_value, quantity
+from kinematics.kinds.axis_keys import GEOMETRY, KIND, OWN_AXES, LinearAxis, LinearDefaults, RotaryAxis, axes
+from kinematics.kinds.load_keys import HOME, HomeTable, LoadedFile
+from kinematics.kinds.traverser import nearest_turn
+from kinematics.machine.axis import Axis
+from kinematics.machine.kind import Bar, Pivot, Skeleton, Sort
+from kinematics.machine.load import Load
+from kinematics.machine.machine import Machine
+from kinematics.machine.pose import COMPONENTS, Pose
+
+POSITIONS = ("x", "y", "z")
+ROTATIONS = tuple(f"r{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3))
+COORDINATE = "q"
+"""What formulas of bars call the coordinate of their axis."""
+RESERVED = (*POSITIONS, *ROTATIONS, COORDINATE)
+
+
+@dataclass(frozen=True, slots=True)
+class BarFormulas:
+    """A bar to draw for each axis: three formulas (m, base frame) of either end, which may contain q."""
+
+    start: tuple[str, str, str]
+    end: tuple[str, str, str]
+    sort: Sort = "link"
+
+
+class Equations(Machine):
+    """q_k = f_k(x, y, z, r11 … r33): a formula for each axis, of the pose in the base frame, in m and rad.
+
+    moves         the components of the pose that it controls, as many as it has axes; the others are held as at home
+    coordinates   a formula for each axis, or one for all: see `kinematics.foundation.formula`
+    constants     name -> a number (SI), or one number for each axis
+    definitions   name -> a formula of the pose, of constants and of definitions before it
+    bars          what is drawn
+    length        m that count as one radian
+
+    r11 … r33 are the rotation matrix of the platform, row and column. A rotary axis takes the turn of its angle that is
+    nearest to where it stands. Raises MotionError, with what is allowed, for a formula that is none.
+    """
+
+    branched = True
+
+    def __init__(
+        self,
+        moves: Sequence[str],
+        coordinates: str | Sequence[str],
+        *,
+        axes: Iterable[Axis],
+        home: Pose,
+        constants: Mapping[str, ArrayLike] | None = None,
+        definitions: Mapping[str, str] | None = None,
+        bars: Sequence[BarFormulas] = (),
+        length: float = 0.1,
+        name: str = "equations",
+        load: Load | None = None,
+    ) -> None:
+        given = tuple(axes)
+        for component in moves:
+            if component not in COMPONENTS:
+                told = (
+                    f"machine {name}: moves {describe_value(component)}{nearest(component, COMPONENTS)}; components: "
+                )
+                raise BadValue(told + ", ".join(COMPONENTS), key=("moves",), nearest=closest(component, COMPONENTS))
+        if len(set(moves)) < len(moves):
+            raise BadValue(f"machine {name}: moves {', '.join(moves)}: name each component once", key=("moves",))
+        self.freedom = tuple(component for component in COMPONENTS if component in moves)
+        count = len(self.freedom)
+        texts = (coordinates,) * count if isinstance(coordinates, str) else tuple(coordinates)
+        if len(texts) != count or len(given) != count:
+            raise BadValue(
+                f"machine {name}: {len(given)} axes and {len(texts)} formulas for {count} components "
+                f"({', '.join(self.freedom)}); give as many of each",
+                key=("coordinates",),
+            )
+        self.coordinates, self.bars = texts, tuple(bars)
+        self.definitions = dict(definitions or {})
+        self._constants = [self._constants_of(name, constants or {}, k, count) for k in range(count)]
+        self.sorts = tuple(axis.kind for axis in given)
+        self.characteristic_length = float(
+            finite_array(length, f"machine {name}: length", (), unit="m", least=LEAST_POSITIVE)
+        )
+        self.name, self.axes = name, given
+        super().__init__(name, given, home, load=load)
+        x = ca.SX.sym("x", 12)
+        # whatever is wrong with a formula of a bar is told when the machine is made
+        self.skeleton(x[:3], ca.reshape(x[3:], 3, 3), ca.SX.sym("q", count))
+
+    @staticmethod
+    def _constants_of(name: str, constants: Mapping[str, ArrayLike], k: int, count: int) -> dict[str, float]:
+        """Those of axis k."""
+        found = {}
+        for constant, value in constants.items():
+            with locate_errors(f"machine {name}"):
+                row = finite_array(value, f"constant {constant} (one number, or one per axis)", (), (count,))
+            found[constant] = float(row if row.ndim == 0 else row[k])
+        return found
+
+    def _known(self, k: int, position: ca.SX, rotation: ca.SX, more: Mapping[str, ca.SX]) -> dict[str, ca.SX]:
+        """What formulas of axis k may name, with its definitions worked out in turn."""
+        entries = (rotation[row, column] for row in range(3) for column in range(3))
+        known = dict(zip((*POSITIONS, *ROTATIONS), (*(position[i] for i in range(3)), *entries), strict=True))
+        known |= more
+        names = dict.fromkeys((*self._constants[k], *self.definitions), 0.0)
+        check_names(names)
+        for name in names:
+            if name in RESERVED or (name in self.definitions and name in self._constants[k]):
+                raise MotionError(f"machine {self.name}: {name} has a meaning already; choose another name")
+        for name, text in self.definitions.items():
+            known[name] = self._expression(k, f"definition {name}", text, known)
+        return known
+
+    def _expression(self, k: int, of: str, text: str, known: Mapping[str, ca.SX]) -> ca.SX:
+        with locate_errors(f"machine {self.name}: axis {self.axes[k].name}: {of}"):
+            return formula(text, self._constants[k], variables=known)
+
+    def expression(self, position: ca.SX, rotation: ca.SX, near: ca.SX) -> ca.SX:
+        found = []
+        for k, (axis, text) in enumerate(zip(self.axes, self.coordinates, strict=True)):
+            value = self._expression(k, "coordinates", text, self._known(k, position, rotation, {}))
+            if axis.kind == "rotary":
+                # of atan2 itself, so that its arguments are enclosed once and not through sine and cosine of an angle
+                whole = value.is_op(ca.OP_ATAN2)
+                sine, cosine = (value.dep(0), value.dep(1)) if whole else (ca.sin(value), ca.cos(value))
+                value = nearest_turn(sine, cosine, near[k])
+            found.append(value)
+        return ca.vertcat(*found)
+
+    def skeleton(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> Skeleton:
+        """Each bar once for every axis, and a pivot where a link begins."""
+        bars = []
+        for k, axis in enumerate(self.axes):
+            known = self._known(k, position, rotation, {COORDINATE: q[k]}) if self.bars else {}
+            for bar in self.bars:
+                start, end = (
+                    ca.vertcat(*(self._expression(k, "bar", text, known) for text in texts))
+                    for texts in (bar.start, bar.end)
+                )
+                bars.append(Bar(bar.sort, start, end, axis.name))
+        return Skeleton(tuple(bars), tuple(Pivot(bar.start) for bar in bars if bar.sort == "link"))
+
+
+def _read_number(value: object) -> object:
+    """A plain number, a length or an angle, SI; of an array each."""
+    if isinstance(value, (tuple, list)):
+        return tuple(_read_number(entry) for entry in value)
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        return float(value)
+    for unit in ("m", "rad"):
+        try:
+            return quantity(value, unit)
+        except MotionError:
+            continue
+    told = f'{describe_value(value)} is neither a number nor a length or an angle: write 2, "20 mm" or "30 deg"'
+    raise validation_error(told)
+
+
+Constant = Annotated[Any, BeforeValidator(_read_number)]
+Place = tuple[str, str, str]
+
+
+class BarTable(TableSchema):
+    """What is drawn of each axis."""
+
+    start: Place = key("three formulas, which may contain q, the axis' coordinate", '["0", "0", "q"]')
+    end: Place = key("likewise", '["x", "y", "z"]')
+    sort: Literal["frame", "actuator", "link", "platform"] = key(
+        "frame, actuator, link or platform: stands still, changes its length, is moved, or carries the tool",
+        '"link"',
+        "link",
+    )
+
+
+class EquationsGeometry(TableSchema):
+    """How the machine moves: formulas of its inverse map, in m and rad."""
+
+    moves: tuple[str, ...] = key("of x y z rx ry rz, those it controls", '["x", "y", "z"]')
+    joints: tuple[str, ...] = key("names of the axes", '["a", "b", "c"]')
+    rotary: tuple[str, ...] = key("those of them that turn", '["c"]', ())
+    coordinates: Annotated[Any, Chosen(lambda value: str if isinstance(value, str) else tuple[str, ...])] = key(
+        "a formula for each axis, of x, y, z (m) and r11 … r33; or one for all", '["x + y", "x - y", "z"]'
+    )
+    constants: dict[str, Constant] = key(
+        "numbers, lengths or angles by name, or one for each axis", '{ rod = "250 mm" }', {}
+    )
+    definitions: dict[str, str] = key("formulas by name, each of those before it", '{ reach = "x**2 + y**2" }', {})
+    bar: tuple[BarTable, ...] = key(
+        "what is drawn of each axis", '[{ start = ["0", "0", "q"], end = ["x", "y", "z"] }]', ()
+    )
+    length: Annotated[float, Unit("m", above=0)] = key("lever at which a turn counts as a way", '"100 mm"', 0.1)
+    home: HomeTable = HOME
+
+
+class OwnLinear(LinearAxis):
+    name: str
+
+
+class OwnTurning(RotaryAxis):
+    name: str
+
+
+def _pick_axis_table(value: Any) -> type[TableSchema]:
+    """By its units: what turns states angles. What its own name says, the machine's tables cannot know."""
+    texts = str(value.values()) if isinstance(value, dict) else ""
+    return OwnTurning if any(unit in texts for unit in ("deg", "rad", "rev", "turn")) else OwnLinear
+
+
+class EquationsFile(LoadedFile):
+    """A machine of formulas, key by key."""
+
+    kind: Literal["equations"] = KIND
+    geometry: EquationsGeometry = GEOMETRY
+    axes: LinearDefaults | None = key("what all linear axes have", default=None)
+    rotary: RotaryAxis | None = key("what all rotary axes have", default=None)
+    axis: tuple[Annotated[Any, Chosen(_pick_axis_table)], ...] = OWN_AXES
+
+
+def build_equations(file: EquationsFile, name: str, folder: Path | Traversable) -> Equations:
+    geometry = file.geometry
+    names = geometry.joints
+    for known, stated in ((names, geometry.rotary), (names, [own.name for own in file.axis])):
+        for one in stated:
+            if one not in known:
+                told = (
+                    f"machine {name}: {describe_value(one)} is no axis{nearest(one, known)}; axes: {', '.join(known)}"
+                )
+                raise BadValue(told, key=("joints",), allowed=", ".join(known), nearest=closest(one, known))
+    for own in file.axis:
+        turns = own.name in geometry.rotary
+        if turns != isinstance(own, OwnTurning):  # its numbers are read in the units of the other sort
+            sort = 'turns: state angles, as "90 deg/s"' if turns else 'slides: state lengths, as "20 mm/s"'
+            raise BadValue(f"machine {name}: axis {own.name} {sort}", key=(own.name, "name"))
+    tables = {}
+    for one in names:
+        table = file.rotary if one in geometry.rotary else file.axes
+        if table is None:
+            missing = "rotary" if one in geometry.rotary else "axes"
+            raise BadValue(f"machine {name}: axis {one} needs the table [{missing}]: add it", key=("joints",))
+        tables[one] = table
+    return Equations(
+        geometry.moves,
+        geometry.coordinates,
+        axes=axes(names, tables, file.axis, file),
+        home=geometry.home.pose,
+        constants={constant: np.asarray(value) for constant, value in geometry.constants.items()},
+        definitions=geometry.definitions,
+        bars=[BarFormulas(bar.start, bar.end, bar.sort) for bar in geometry.bar],
+        length=geometry.length,
+        name=name,
+        load=file.load(),
+    )

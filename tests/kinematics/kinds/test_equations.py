@@ -1,0 +1,134 @@
+"""Machines of formulas: the files that the docs show, against geometry worked out otherwise, and as plans."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from kinematics import FileError, MotionError, OutOfReach, load_machine
+from kinematics.machine.model import place_skeleton
+from kinematics.machine.pose import COMPONENTS, to_numbers
+from planner import Arc, Line, Program, plan
+
+EXAMPLES = Path(__file__).parents[3] / "docs" / "examples"
+NAMES = ("corexy", "delta", "delta-rotary", "scara", "hexapod-rotary", "hexaglide")
+
+
+@pytest.fixture(scope="module", params=NAMES)
+def machine(request):
+    return load_machine(EXAMPLES / f"{request.param}.toml")
+
+
+def move(machine, twists):
+    """Home's pose moved by (N, 6) of position and rotation vector, in what the machine controls."""
+    free = [name in machine.freedom for name in COMPONENTS]
+    kept = np.asarray(twists) * free
+    turned = Rotation.from_rotvec(kept[:, 3:]) * machine.home.rotation
+    return RigidTransform.from_components(machine.home.translation + kept[:, :3], turned)
+
+
+def test_forward_of_inverse_is_the_pose_certified(machine):
+    poses = move(machine, np.random.default_rng(0).uniform(-1, 1, (20, 6)) * ([0.01] * 3 + [0.05] * 3))
+    found = machine.forward(machine.inverse(poses))
+    assert found.certified.all()
+    assert np.abs(found.pose.as_matrix() - poses.as_matrix()).max() < 1e-9  # Newton's residual at this conditioning
+
+
+def test_the_jacobian_is_that_of_differences(machine):
+    twists = np.random.default_rng(1).uniform(-1, 1, (5, 6)) * ([0.01] * 3 + [0.05] * 3)
+    poses, step = move(machine, twists), 1e-6
+    jacobian = machine.jacobian(poses)
+    for k, name in enumerate(COMPONENTS):
+        if name in machine.freedom:
+            ways = [np.eye(6)[k] * size for size in (step, -step)]
+            after, before = (
+                machine.inverse(
+                    RigidTransform.from_components(
+                        poses.translation + way[:3], Rotation.from_rotvec(way[3:]) * poses.rotation
+                    )
+                )
+                for way in ways
+            )
+            # central differences: step² of the third derivative, and rounding/step
+            assert np.allclose((after - before) / (2 * step), jacobian[:, :, k], rtol=1e-6, atol=1e-7)
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_plans_are_certified_and_their_pulses_follow(machine, order):
+    loop = Program((Line([0.01, 0, 0.005]), Arc([0, 0, 0.005], [0, 0, 1], 2 * np.pi), Line([0, 0, 0])))
+    made = plan(loop, machine, order=order)
+    assert made.certificate.holds
+    assert max(made.certificate.worst.values()) <= 1 + 1e-9
+    times = np.linspace(0, made.trajectory.duration, 200)
+    state = made.trajectory.at(times)
+    pulses = np.array([axis.pulse for axis in machine.axes])
+    late = made.pulses.counts(times) * pulses - (state.q - machine.home_q)
+    tick = np.abs(state.qd).max() / made.pulses.clock_hz
+    assert (np.abs(late) <= pulses / 2 + tick + 1e-12).all()  # the nearest count, and one tick's travel
+    assert np.allclose(machine.inverse(state.pose), state.q, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "lengths"),
+    [
+        ("delta-rotary", (0.15, 0.32)),
+        ("hexapod-rotary", (0.06, 0.2)),
+        ("hexaglide", (0.35, 0.1)),
+        ("scara", (0.2, 0.18)),
+    ],
+)
+def test_drawn_links_keep_their_lengths(name, lengths):
+    """The bars are worked out from the coordinates, the rods' ends from the pose: a wrong branch would stretch them."""
+    machine = load_machine(EXAMPLES / f"{name}.toml")
+    poses = move(machine, np.random.default_rng(2).uniform(-1, 1, (10, 6)) * ([0.01] * 3 + [0.05] * 3))
+    bars = place_skeleton(machine, to_numbers(poses), machine.inverse(poses)).bars
+    found = np.linalg.norm(bars[:, :, 1] - bars[:, :, 0], axis=2)
+    each = found.reshape(len(found), len(machine.axes), -1)
+    for k, length in enumerate(lengths):
+        assert np.allclose(each[:, :, k], length, atol=1e-12)
+
+
+def changed(tmp_path, name, old, new):
+    text = (EXAMPLES / f"{name}.toml").read_text(encoding="utf-8")
+    assert old in text
+    (tmp_path / "machine.toml").write_text(text.replace(old, new), encoding="utf-8")
+    return tmp_path / "machine.toml"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("sqrt(", "root(", "there are sin, cos, tan"),
+        ("sqrt(rod", "sqrt(rood", 'rood is not defined, nearest is "rod"'),
+        ("z + sqrt", "z.real + sqrt", "functions: sin, cos"),
+        ("z + sqrt", "__import__('os') + sqrt", "is not allowed in a formula"),
+        ('"x", "y", "z"]\njoints', '"x", "y", "w"]\njoints', "components: x, y, z, rx, ry, rz"),
+        ('moves = ["x", "y", "z"]', 'moves = ["x", "y"]', "3 axes and 2 formulas for 2 components"),
+        ('rod = "250 mm"', 'rod = "250 kg"', "neither a number nor a length or an angle"),
+        ('rod = "250 mm"', 'x = "250 mm", rod = "250 mm"', "has a meaning already"),
+        ("[axes]", '[[axis]]\nname = "a"\nmax_speed = "5 deg/s"\n[axes]', "slides"),
+        ('rod = "250 mm"', 'rod = "100 mm"', "no actuator coordinates reach"),
+    ],
+)
+def test_what_is_wrong_in_a_file_is_refused_by_name(tmp_path, old, new, told):
+    with pytest.raises(FileError) as refusal:
+        load_machine(changed(tmp_path, "delta", old, new))
+    assert told in str(refusal.value)
+
+
+def test_out_of_reach_and_singular_are_refused():
+    """A SCARA reaches 380 mm; where its arm is straight, no speed of the tool along it has a finite speed of joints."""
+    scara = load_machine(EXAMPLES / "scara.toml")
+    with pytest.raises(OutOfReach, match="bring it nearer"):
+        scara.inverse(RigidTransform.from_translation([0.381, 0, 0]))
+    with pytest.raises(MotionError):
+        plan(Program((Line([0.2, 0, 0]),)), scara)
+
+
+def test_a_turning_axis_goes_on_past_half_a_turn():
+    scara = load_machine(EXAMPLES / "scara.toml")
+    turned = scara.home * RigidTransform.from_rotation(Rotation.from_euler("z", 2.0))
+    near = scara.home_q + np.array([0, 0, 0, 2 * np.pi])
+    assert scara.inverse(scara.home, near)[3] == pytest.approx(scara.home_q[3] + 2 * np.pi)
+    assert scara.inverse(turned)[3] == pytest.approx(scara.home_q[3] + 2.0)
