@@ -264,7 +264,7 @@ def _refuse_times(dt: float, sample: float, exact: bool, settle: float, period: 
     inner = round(dt / sample) if 0 < dt < float("inf") else 0
     if inner < 1 or (exact and abs(inner * sample - dt) > 1e-9 * dt):
         raise MotionError(
-            f"track: the host's step {dt * 1e3:g} ms is no whole multiple of the drives' sample time "
+            f"track: the host's step {dt * 1e3:g} ms is not a whole multiple of the drives' sample time "
             f"{sample * 1e3:g} ms; use {max(inner, 1) * sample * 1e3:g} ms"
         )
     if not 0 <= settle < float("inf"):

@@ -187,7 +187,7 @@ def _position(first: str, rest: list[str], names: Sequence[str], signs: dict[str
     steps = []
     for axis, sign, number in zip(rest[::3], rest[1::3], rest[2::3], strict=True):
         if not STEPS.fullmatch(number):
-            raise MisreadLine(f"{number} is no number of steps: at most nine digits, and nothing else")
+            raise MisreadLine(f"{number} is not a number of steps: at most nine digits, and nothing else")
         steps.append((_axis(axis, names), _sign(sign, signs) * int(number)))
     _refuse_repeated([axis for axis, _ in steps], names)
     return Position(tuple(steps))

@@ -213,7 +213,7 @@ def _read(line: bytes) -> TextLine:
         plain = plain.replace(key, b"T" * len(key))
     for place, byte in enumerate(plain):
         if not (0x20 <= byte < 0x7F or byte == 0x09):
-            return TextLine("", f"byte 0x{byte:02X} at {place + 1} of a line is no character of a command")
+            return TextLine("", f"byte 0x{byte:02X} at {place + 1} of a line is not a character of a command")
     return TextLine(line.decode())
 
 

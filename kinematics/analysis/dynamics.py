@@ -299,7 +299,7 @@ def forces(
         raise MotionError(f"machine {machine.name}: reflected inertias {own.tolist()} must not be below 0")
     if legs is not None:
         if not isinstance(machine, Hexapod):
-            raise MotionError(f"machine {machine.name} is no hexapod: legs with inertia are known for hexapods only")
+            raise MotionError(f"machine {machine.name} is not a hexapod: legs with inertia are known for hexapods only")
         six = (legs,) if isinstance(legs, Leg) else tuple(legs) if isinstance(legs, Sequence) else (legs,)
         if len(six) not in (1, 6) or not all(isinstance(leg, Leg) for leg in six):
             kinds = ", ".join(sorted({type(leg).__name__ for leg in six}))

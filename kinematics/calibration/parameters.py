@@ -78,11 +78,11 @@ def full_vector(machine: Machine) -> FullVector:
 def free_parameters(vector: FullVector, parts: Sequence[str]) -> tuple[FreeParameter, ...]:
     """The free parameters of a model that consists of `parts`. Raises MotionError for parts that make no model."""
     if isinstance(parts, str) or not isinstance(parts, Sequence):
-        raise MotionError(f"calibration model: {parts!r} is no sequence of parts; parts: {', '.join(PARTS)}")
+        raise MotionError(f"calibration model: {parts!r} is not a sequence of parts; parts: {', '.join(PARTS)}")
     for part in parts:
         if part not in PARTS:
             raise MotionError(
-                f'"{part}" is no part of a calibration model{nearest(part, PARTS)}; parts: {", ".join(PARTS)}'
+                f'"{part}" is not part of a calibration model{nearest(part, PARTS)}; parts: {", ".join(PARTS)}'
             )
     for whole, contained in (("factors", "factor"), ("frame", "frame-yaw")):
         if whole in parts and contained in parts:

@@ -208,6 +208,6 @@ def _cost(text: str, column: _Column) -> tuple[float, float]:
     low, high = (float(match[1]), float(match[2] or match[1])) if match else (1.0, 0.0)
     if low > high:
         raise MotionError(
-            f"{describe_value(text)} is no price in {column.unit or 'money'}: write e.g. 120, or a range 1700-2000"
+            f"{describe_value(text)} is not a price in {column.unit or 'money'}: write e.g. 120, or a range 1700-2000"
         )
     return low, high

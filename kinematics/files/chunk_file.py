@@ -163,7 +163,7 @@ def _counts(chunk: Chunk, latest: bool) -> bool:
 def _read_start(file: BinaryIO, place: Path) -> None:
     start = file.read(START.size)
     if start[: len(SIGNATURE)] != SIGNATURE[: len(start)]:
-        raise _refusal(place, f"is no binary file of pulsepath: it begins with {start[:8]!r}", "give one")
+        raise _refusal(place, f"is not a binary file of pulsepath: it begins with {start[:8]!r}", "give one")
     if len(start) < START.size:
         raise _refusal(place, f"is cut at byte {len(start)}, before its first chunk", AGAIN)
     version = START.unpack(start)[1]
@@ -221,7 +221,7 @@ def _read_record(file: BinaryIO, chunk: Chunk, place: Path) -> Mapping[str, Any]
     except ValueError as error:
         raise _refusal(place, f"chunk {chunk.number} ({chunk.kind}) is no JSON: {error}", AGAIN) from None
     if not isinstance(record, dict):
-        raise _refusal(place, f"chunk {chunk.number} ({chunk.kind}) is no JSON object", AGAIN)
+        raise _refusal(place, f"chunk {chunk.number} ({chunk.kind}) is not a JSON object", AGAIN)
     return record
 
 

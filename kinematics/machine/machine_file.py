@@ -40,7 +40,9 @@ def read_machine(source: Path | Traversable) -> Machine:
     refuse_wrong_kind(document, MachineFile.what)
     kind = document.data.get("kind")
     if not isinstance(kind, str) or kind not in KINDS:
-        told = "missing" if kind is None else f"{describe_value(kind)} is no kind of machine{nearest(str(kind), KINDS)}"
+        told = (
+            "missing" if kind is None else f"{describe_value(kind)} is not a kind of machine{nearest(str(kind), KINDS)}"
+        )
         known = ", ".join(map(describe_value, KINDS))
         no = BadValue(f"{told}; kinds: {known}", allowed=known, nearest=closest(str(kind), KINDS))
         raise FileError(document.file, [document.fault(("kind",), no)])

@@ -91,7 +91,7 @@ def motion_of_axes(machine: MachineModel, state: AxesAndPose) -> Motion:
     Raises MotionError where the machine is singular, so that the axes do not tell the motion.
     """
     if not all(hasattr(state, name) for name in ("pose", "q", "qd", "qdd")):
-        raise MotionError(f"{type(state).__name__} is no motion; motion_of_poses makes one of poses")
+        raise MotionError(f"{type(state).__name__} is not a motion; motion_of_poses makes one from poses")
     if state.pose is None:
         raise MotionError("forces need a pose; this motion has no machine")
     free, n, x = columns(machine), len(machine.axes), to_numbers(state.pose)

@@ -293,7 +293,7 @@ def follow_motion(
             head = PartHead(0.0, 0.0, 0, len(ahead))
         first = after  # of the path behind the part before; another may go on with the path of that one
         if head.step not in (skipped, first):
-            raise _refusal(path, f"the part from {head.begin} s does not go on with the path of the one before")
+            raise _refusal(path, f"the part from {head.begin} s does not continue the path of the previous part")
         del ahead[: head.step - skipped]
         skipped, after = head.step, head.step + head.steps
         ahead += islice(steps, max(0, head.steps - len(ahead)))
@@ -315,7 +315,7 @@ def follow_motion(
         motion = Trajectory(along, part.knots - part.knots[0], own_s, own_v, own_a, own_j, piece)
         behind = 0.0 if head.step == first else float(piece_end_lengths(last)[-1]) if last is not None else 0.0
         if abs(float(own_s[0]) - behind) > SEAM_JUMP * float(along.breaks[-1]):
-            raise _refusal(path, f"the part from {head.begin} s does not go on with the path of the one before")
+            raise _refusal(path, f"the part from {head.begin} s does not continue the path of the previous part")
         if last is not None:
             _check_seam(last, motion, path)
         yield motion

@@ -178,7 +178,7 @@ def resume(whole: Whole, since: float) -> Section:
     """The fastest motion from rest at a place (m) of the path to its end. Raises as `certified_solve`."""
     length = float(whole.path.breaks[-1])
     if since == length:
-        raise MotionError(f"resume from {since:g} m: the path ends there, and nothing is left to go on with")
+        raise MotionError(f"resume from {since:g} m: the path ends there, so there is nothing to resume")
     if not 0 <= since < length:
         raise MotionError(f"resume from {since:g} m: the path goes from 0 to {length:.6g} m; give a place on it")
     path = whole.draw(since, length)

@@ -74,7 +74,7 @@ def hold(
     if name is not None and (at is None or out is None):
         raise BadValue("--format needs --at TIME and --out FILE")
     if resume is not None and out is None:
-        raise BadValue("--resume goes on with a stop that is written: give --out FILE too")
+        raise BadValue("--resume continues from a written stop: give --out FILE too")
     instant = None if at is None else read_quantity("--at", at, "s", least=0.0)
     targets = [target for target in (out, resume) if target is not None]
     writes(*targets)

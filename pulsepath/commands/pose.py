@@ -150,5 +150,5 @@ def _read_count(text: str) -> int:
     from kinematics.foundation.units import describe_value
 
     if not re.fullmatch(r"[+-]?\d{1,15}", text, re.ASCII):
-        raise MotionError(f"--counts: {describe_value(text)} is no whole number of pulses")
+        raise MotionError(f"--counts: {describe_value(text)} is not a whole number of pulses")
     return int(text)

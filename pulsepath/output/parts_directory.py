@@ -43,7 +43,7 @@ class PartsWriter:
         for name, file in self._files.items():
             size = file.seek(0, os.SEEK_END)
             if size < sizes[name]:
-                told = f"has {size} bytes, and its checkpoint counts on {sizes[name]}: it cannot be gone on with"
+                told = f"has {size} bytes, and its checkpoint counts on {sizes[name]}: it cannot be resumed"
                 raise MotionError(f"{folder / name} {told}; omit --resume, and give --force to begin anew")
             file.truncate(sizes[name])
         self._motion = MotionWriter.resume(folder / MOTION, self._files[MOTION])

@@ -213,7 +213,7 @@ class Cursor:
         number = self.value()
         if abs(number - round(number)) > 1e-4 or not 1 <= round(number) <= LAST_NUMBER:
             raise ExpressionFault(
-                begin + 1, f"#{number:g} is no parameter of a program: those are #1 to #{LAST_NUMBER} and #<names>"
+                begin + 1, f"#{number:g} is not a parameter of a program: those are #1 to #{LAST_NUMBER} and #<names>"
             )
         return round(number)
 

@@ -135,7 +135,7 @@ class Flow:
                     if len(calls) == MAX_CALLS:
                         raise ExpressionFault(word.column, f"calls within calls: more than {MAX_CALLS} deep")
                     if word.label not in self.subs:
-                        raise ExpressionFault(word.column, f"{word.label} is no sub of this file: put it there")
+                        raise ExpressionFault(word.column, f"{word.label} is not a sub of this file: add it there")
                     self.parameters.enter(self._values(word, None))
                     calls.append((at + 1, turns))
                     at, turns = self.subs[word.label].line + 1, {}

@@ -144,7 +144,7 @@ def test_parity_is_sent_and_looked_at(server, wire, monkeypatch, parity, letter)
     remote.step()
     os.write(here, b"P X + 1\x0000\rP X + 5\r")
     assert answered(remote, here, 2).split(b"\r\n")[:2] == [
-        b"ERROR byte 0x00 at 8 of a line is no character of a command; no motion",
+        b"ERROR byte 0x00 at 8 of a line is not a character of a command; no motion",
         b"DONE",
     ]
     with pytest.raises(MotionError, match='parity "mark" is not known; there are none, even, odd'):

@@ -239,7 +239,7 @@ def test_no_such_body(made, phrase):
         ({"wrench": [0, 0, np.inf, 0, 0, 0]}, "wrench must be finite numbers"),
         ({"gravity": -9.8}, "gravity must be finite numbers"),
         ({"reflected": -1.0}, "must not be below 0"),
-        ({"legs": Leg(Body(), Body())}, "machine tripod is no hexapod"),
+        ({"legs": Leg(Body(), Body())}, "machine tripod is not a hexapod"),
     ],
 )
 def test_loads_that_say_nothing_are_refused(options, phrase):

@@ -185,8 +185,8 @@ def test_masses_that_no_rigid_body_has_are_a_fault(load):
     ("text", "line", "key", "phrase"),
     [
         ("schema = 1\n", 1, "kind", "missing; kinds: "),
-        ('schema = 1\nkind = "hexpod"\n', 2, "kind", '"hexpod" is no kind of machine, nearest is "hexapod"'),
-        ("schema = 1\nkind = [1]\n", 2, "kind", "is no kind of machine"),
+        ('schema = 1\nkind = "hexpod"\n', 2, "kind", '"hexpod" is not a kind of machine, nearest is "hexapod"'),
+        ("schema = 1\nkind = [1]\n", 2, "kind", "is not a kind of machine"),
         (with_geometry('home = { to = ["0 m", "0 m", "1 m"] }'), None, "geometry", "incomplete: give base_radius, "),
         (
             with_geometry(f'base_gap = "1 deg"\nbase_joints = {points(BASE)}'),

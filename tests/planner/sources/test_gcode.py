@@ -263,7 +263,7 @@ def test_rounded_arcs_stay_where_the_file_has_them(read):
     ("G0 X[1+]", "column 8: \"]\" is no value"),
     ("G0 X[1+2", "column 9: \"]\" is missing here, to close the bracket"),
     ("#3=2\nX[#3/0]", "column 3: #3/0 has no value"),
-    ("#5221=2", "column 2: #5221 is no parameter of a program"),
+    ("#5221=2", "column 2: #5221 is not a parameter of a program"),
     ("G0 X1 @2 ^30", "column 7: \"@2 ^30\": polar coordinates are not supported"),
     ("G0 X1 (a (nested) one)", "column 7: the comment has no end, or contains another"),
     ("G0 X1 (open", "column 7: the comment has no end"),

@@ -72,7 +72,7 @@ def test_units_may_be_said(call):
         (["hexapod", "5,5,5 kg"], 2, "POSE: "),
         (["hexapod", "-5,0,35", "--lengths", "1"], 2, "--lengths beside a POSE: give a POSE, or one of --lengths"),
         (["hexapod", "--lengths", "1", "--counts", "1"], 2, "--lengths and --counts: give a POSE, or one of"),
-        (["hexapod", "--counts", "1,2,3,4,5,6.5"], 2, '"6.5" is no whole number of pulses'),
+        (["hexapod", "--counts", "1,2,3,4,5,6.5"], 2, '"6.5" is not a whole number of pulses'),
         (["traverser", "--turn", "0,0,400"], 2, "θz of 400° is more than a whole turn"),
         (["hexapodd", "0,0,0"], 2, "hexapod"),
     ],

@@ -307,7 +307,7 @@ def changed(content, number, change):
         ),
         (lambda c: changed(c, -1, lambda h: h.replace(b'"pulses":[4', b'"pulses":[5')), "holds .* pulses"),
         (lambda c: c + b"\0", "cut at byte"),
-        (lambda _: b"Time[s], X STEP", "is no binary file of pulsepath: it begins with b'Time"),
+        (lambda _: b"Time[s], X STEP", "is not a binary file of pulsepath: it begins with b'Time"),
         (lambda _: b"", "is cut at byte 0"),
     ],
 )
