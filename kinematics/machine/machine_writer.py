@@ -67,7 +67,10 @@ def _file_of(machine: Machine) -> tuple[str, type[MachineFile], Sequence[str]]:
         if base.__name__.lower() in written:
             return base.__name__.lower(), *written[base.__name__.lower()]
     kinds = ", ".join(written)
-    raise MotionError(f"machine {machine.name}: a {type(machine).__name__} is not written; these kinds are: {kinds}")
+    raise MotionError(
+        f"machine {machine.name}: machines of kind {type(machine).__name__.lower()} cannot be written, only {kinds}; keep "
+        "the file or the code that it came from"
+    )
 
 
 def _lines(table: Any, values: Mapping[str, Any], rows: bool = False) -> Iterator[str]:

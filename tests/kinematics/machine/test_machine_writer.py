@@ -128,7 +128,7 @@ def test_what_a_file_cannot_say(preset):
     with pytest.raises(MotionError, match=r"axes are called strut0, .* in a file of a hexapod they are leg1"):
         machine_toml(Hexapod(preset.base, preset.platform, axes=renamed, home=preset.home))
     pytest.importorskip("pinocchio")
-    with pytest.raises(MotionError, match="a Arm is not written"):
+    with pytest.raises(MotionError, match="kind arm cannot be written"):
         machine_toml(load_machine("arm"))
 
 

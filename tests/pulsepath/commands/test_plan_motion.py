@@ -53,7 +53,7 @@ def test_a_program_is_planned_exported_and_taken_up_so(call, out):
 def test_check_and_dump_know_it_and_what_cannot_move_is_refused(call, tmp_path):
     file = tmp_path / "there.toml"
     file.write_text(PROGRAM)
-    done = call("check", file, "--motion", "synchronised")
+    done = call("-v", "check", file, "--motion", "synchronised")
     assert done.exit_code == 0
     assert "straight in the axes, not in space" in done.stdout
     assert "synchronised = { to" in call("check", file, "--motion", "synchronised", "--dump-config", "-").stdout
