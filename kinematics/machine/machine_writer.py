@@ -68,8 +68,8 @@ def _file_of(machine: Machine) -> tuple[str, type[MachineFile], Sequence[str]]:
             return base.__name__.lower(), *written[base.__name__.lower()]
     kinds = ", ".join(written)
     raise MotionError(
-        f"machine {machine.name}: machines of kind {type(machine).__name__.lower()} cannot be written, only {kinds}; keep "
-        "the file or the code that it came from"
+        f"machine {machine.name}: machines of kind {type(machine).__name__.lower()} cannot be written, only "
+        f"{kinds}; keep the file or the code that it came from"
     )
 
 
