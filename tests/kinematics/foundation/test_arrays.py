@@ -89,7 +89,7 @@ def test_budgets_of_no_pose(preset, given, told):
         ({"reflected": [1.0] * 5}, r"reflected must be finite numbers one or \(6,\)"),
         ({"platform": 4.0}, "platform must be a Body"),
         ({"legs": 3}, r"1 legs with inertia \(int\); give one Leg"),
-        ({"motion": None}, "NoneType is no motion"),
+        ({"motion": None}, "NoneType is not a motion"),
     ],
 )
 def test_forces_of_what_does_not_fit(preset, motion, given, told):

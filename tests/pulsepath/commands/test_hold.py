@@ -48,7 +48,7 @@ def test_a_plan_with_its_stops(call, tmp_path):
         ([], "--at TIME, or --stops"),
         (["--at", "99 s"], "give an instant of it"),
         (["--at", "0 s"], "rests there"),
-        (["--at", "1.2 s", "--format", "steps", "--out", "x", "--resume", "y"], "nothing is left"),
+        (["--at", "1.2 s", "--format", "steps", "--out", "x", "--resume", "y"], "nothing to resume"),
         (["--at", "1 s", "--out", "x.bin"], "give --format"),
         (["--at", "1 s", "--format", "steps"], "--out FILE"),
         (["--at", "1 s", "--stops", "3"], "--at TIME, or --stops"),
