@@ -1,22 +1,26 @@
 """How fast the machine is that the tests run on, so that bounds of time hold on slower ones and beside other work."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import process_time
 
-LOOP = 300_000
-WRITTEN_ON = 0.0175
-"""s of CPU that the loop took on the machine that the bounds were written on."""
+WORK: dict[Callable[[], object], float] = {
+    lambda: sum(k * k for k in range(300_000)): 0.0175,
+    lambda: {str(k): (float(f"{k}.25"), [k]) for k in range(60_000)}: 0.06,
+}
+"""Arithmetic, and making objects, which slows down more beside others that do; and s of CPU that each took on the
+machine that the bounds were written on."""
 
 
 def slowness() -> float:
-    """Times that this machine is slower, 1 at least: by the CPU time of a loop, the least of five."""
-    took = []
-    for _ in range(5):
-        begin = process_time()
-        sum(k * k for k in range(LOOP))
-        took.append(process_time() - begin)
-    return max(1.0, min(took) / WRITTEN_ON)
+    """Times that this machine is slower, 1 at least: by the CPU time of two kinds of work, each the least of five."""
+    return max(1.0, *(min(_took(work) for _ in range(5)) / written_on for work, written_on in WORK.items()))
+
+
+def _took(work: Callable[[], object]) -> float:
+    begin = process_time()
+    work()
+    return process_time() - begin
 
 
 @contextmanager

@@ -23,7 +23,7 @@ def check_point(segment: str, name: str, value: ArrayLike) -> Array:
         found = freeze_array(value, float)
     except (TypeError, ValueError):
         found = freeze_array([])
-    if found.shape != (3,) or not np.isfinite(found).all():
+    if found.shape != (3,) or not all(map(isfinite, found.tolist())):  # of three numbers, sooner than numpy
         raise MotionError(f"{segment}: {name} must be three finite numbers, not {value!r}")
     return found
 
@@ -31,12 +31,11 @@ def check_point(segment: str, name: str, value: ArrayLike) -> Array:
 def check_place(segment: str, name: str, value: ArrayLike) -> Array:
     """A point (3,) in m that is not farther away than any machine reaches."""
     found = check_point(segment, name, value)
-    _refuse_far(segment, name, found)
+    _refuse_far(segment, name, max(map(abs, found.tolist())))
     return found
 
 
-def _refuse_far(segment: str, name: str, found: Array) -> None:
-    farthest = float(np.abs(found).max())
+def _refuse_far(segment: str, name: str, farthest: float) -> None:
     if farthest > MAX_DISTANCE:
         raise MotionError(f"{segment}: {name} lies {farthest:g} m away; at most {MAX_DISTANCE:g} m can be taken")
 
@@ -58,7 +57,7 @@ def check_points(segment: str, name: str, value: ArrayLike) -> Array:
         found = freeze_array([])
     if found.ndim != 2 or found.shape[1:] != (3,) or not len(found) or not np.isfinite(found).all():
         raise MotionError(f"{segment}: {name} must be points of three finite numbers, at least one, not {value!r:.100}")
-    _refuse_far(segment, name, found)
+    _refuse_far(segment, name, float(np.abs(found).max()))
     return found
 
 
@@ -91,7 +90,8 @@ def legible(segment: str, name: str, value: str | None) -> None:
 def check_caps(stated: object, what: str) -> None:
     """The caps that a segment or a program states, and the speed that a constant one needs."""
     for name, unit in CAPS.items():
-        check_positive(what, name, getattr(stated, name, None), unit)
+        if (value := getattr(stated, name, None)) is not None:
+            check_positive(what, name, value, unit)
     if getattr(stated, "speed_constant", False) and getattr(stated, "speed", None) is None:
         raise MotionError(f"{what}: speed_constant needs a speed: give speed too")
 
