@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
 from functools import partial
+from itertools import islice
 from pathlib import Path
 from time import perf_counter
 
@@ -84,16 +85,15 @@ def run_parts(
     program, machine = inputs.program, inputs.machine
     for field in find_unkept_limits(machine):
         note(f"note: {machine.name} states {field} but no masses, so no plan can respect it")
-    begin, reached = perf_counter(), 0.0
+    begin, reached, place = perf_counter(), 0.0, _Place(inputs)
     first: tuple[int, float] | None = None  # segments and s of motion by the first part of this run
 
     def describe(done: int, of: int) -> str:
         spent, before = perf_counter() - begin, first or (0, 0.0)
         left = spent * (of - done) / max(done - before[0], 1)
         speed = (reached - before[1]) / max(spent, 1e-9)
-        return (
-            f"segment {done} of {of}, {reached:.1f} s of motion, {speed:.1f} times real time, about {left:.0f} s left"
-        )
+        where = place.find(done, of)
+        return f"{where}, {reached:.1f} s of motion, {speed:.1f} times real time, about {left:.0f} s left"
 
     with step(f"planning {program.name} on {machine.name} part by part", describe) as tell:
 
@@ -124,3 +124,19 @@ def run_parts(
     if no is not None:
         inputs.tell_line(no)
     return standing, no
+
+
+class _Place:
+    """Where in a program's file planning is: its lines are read once more, as far as that has come."""
+
+    def __init__(self, inputs: Inputs) -> None:
+        self._lines = (segment.line_number for segment in inputs.program.segments)
+        self._total = inputs.program_toml.rstrip().count(b"\n") + 1
+        self._segment = 0
+        self._line: int | None = None
+
+    def find(self, segment: int, of: int) -> str:
+        """The line of a segment, or where it has none its number; none before those asked for already."""
+        for line in islice(self._lines, max(0, segment - self._segment)):
+            self._segment, self._line = self._segment + 1, line
+        return f"segment {segment} of {of}" if self._line is None else f"line {self._line} of {self._total}"

@@ -19,7 +19,7 @@ from planner.path.actuation import actuate
 from planner.path.chain import walk_path
 from planner.plan_parts import MOST_WHOLE, plan_parts
 from planner.sources.source import import_program
-from pulsepath import load_plan, parts_job
+from pulsepath import load_plan, parts_job, progress
 from pulsepath.commands import plan as command
 from pulsepath.output.verification import seal_record
 
@@ -102,9 +102,14 @@ def stopping(call, folder):
     file.write_text(STOPS)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(parts_job, "plan_parts", partial(plan_parts, pieces=3))
+        patch.setattr(progress, "REPORT_PERIOD", 0.0)
         more = ("--stream", "--order", "2", "--no-figures", "--pulses", "none")
         done = call("plan", file, "--machine", "hexapod", *more, "--out", folder / "stops", "--json")
     assert done.exit_code == 0, done.stderr
+    at = [int(line) for line in re.findall(r"part by part: line (\d+) of 15, [\d.]+ s of motion, ", done.stderr)]
+    assert at == sorted(set(at))
+    assert len(at) > 3
+    assert at[-1] == 14  # the last that moves, before M2
     assert json.loads(done.stdout)["windows"] > 3
     assert call("check", folder / "stops").exit_code == 0
     return folder / "stops"
