@@ -32,8 +32,11 @@ MAX_COUNT = 65535
 """Most pulses of a command, an unsigned 16-bit number."""
 MAX_ADD = 32767
 """Largest magnitude of a command's add, a signed 16-bit number."""
-MAX_INTERVAL = 2**32 - 1
-"""Most ticks of a command's interval, an unsigned 32-bit number."""
+MAX_INTERVAL = 3 << 28
+"""Most ticks of a command's interval, as Klipper's host has it (chelper/stepcompress.c, CLOCK_DIFF_MAX).
+
+Firmware compares times of 32 bits by the sign of their difference: what is 2³¹ or more ahead is past to it.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +47,7 @@ class StepQueue:
 
     where last is the last pulse of the command before, or the tick that the clock is reset to.
 
-    interval   (M,) int64, 0 to 2³²-1: from the pulse before to the first
+    interval   (M,) int64, 0 to MAX_INTERVAL: from the pulse before to the first
     count      (M,) int64, 1 to 65535 pulses
     add        (M,) int64, ±32767: what the interval grows by after every pulse
     direction  (M,) int8, +1/-1 in q

@@ -8,7 +8,8 @@
     queue_step 0 35092 3 -5122
 
 - queue_step oid interval count add: pulse k (from 0) falls at last + (k+1)·interval + add·k(k+1)/2, where last is the
-  axis' last pulse, or the tick of its reset_step_clock. count is 1 to 65535, add ±32767, interval below 2³².
+  axis' last pulse, or the tick of its reset_step_clock. count is 1 to 65535, add ±32767, interval up to 3·2²⁸,
+  since firmware takes what is 2³¹ ticks ahead for past.
 - reset_step_clock oid clock stands before an axis' first pulse, and after a wait longer than an interval can be.
 - set_next_step_dir oid dir stands before the first command, and before each that goes the other way.
 - Commands of all axes stand in the order of the ticks from which they count. With --named each number is written with
