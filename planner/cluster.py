@@ -116,7 +116,9 @@ def open_cluster(
         if address is None:
             with _hide_main():
                 count = min(cores(), most or cores())
-                local = LocalCluster(n_workers=count, threads_per_worker=1, processes=True, dashboard_address=None)
+                local = LocalCluster(
+                    n_workers=count, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0"
+                )
                 there = stack.enter_context(local)
         try:
             client = stack.enter_context(Client(there, timeout=MAX_CONNECTION_TIME))

@@ -18,12 +18,13 @@ from pulsepath.commands.plan import plan
 from pulsepath.commands.pose import pose
 from pulsepath.commands.positions import positions
 from pulsepath.commands.send import send
+from pulsepath.commands.studio import studio
 from pulsepath.commands.track import track
 from pulsepath.commands.view import view
 from pulsepath.process.exits import BAD_INPUT, INFEASIBLE, INTERNAL, INTERRUPTED
 
 SECTIONS = {
-    "Plan": ("init", "pose", "check", "plan", "view", "export", "hold"),
+    "Plan": ("init", "pose", "check", "plan", "view", "studio", "export", "hold"),
     "Import programs": ("import", "positions"),
     "Run and measure": ("track", "compare", "calibrate", "console", "send"),
     "List bundled data": ("machines", "programs", "rigs", "laws", "rules"),
@@ -52,6 +53,7 @@ main.add_command(plan)
 main.add_command(pose)
 main.add_command(check)
 main.add_command(view)
+main.add_command(studio)
 main.add_command(export)
 main.add_command(hold)
 main.add_command(import_)

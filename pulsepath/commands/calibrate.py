@@ -53,7 +53,7 @@ def calibrate(
     from kinematics.calibration.measurement_file import load_measurements
     from kinematics.foundation.names import find
     from pulsepath.output import calibration_directory, record, tables
-    from pulsepath.output.directory import CALIBRATION, CALIBRATION_KIND, replace_directory
+    from pulsepath.output.directory import CALIBRATION, CALIBRATION_KIND, REPORT, replace_directory
     from pulsepath.progress import detail, step
 
     nominal, measured = load_machine(machine), load_measurements(measurements)
@@ -69,7 +69,7 @@ def calibrate(
         detail(f"{len(found.parameters)} parameters, {found.observability.rank} combinations of them identifiable")
         with step("writing files"):
             calibration_directory.write(folder, found, sources)
-    report = str(out / calibration_directory.REPORT)
+    report = str(out / REPORT)
     if as_json:
         written = json.loads((out / CALIBRATION).read_bytes())
         click.echo(record.as_json({**written, "report": report}), nl=False)

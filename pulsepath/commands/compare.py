@@ -96,6 +96,7 @@ def compare(
     from controllers.rig_file import load_rig
     from kinematics import MotionError
     from pulsepath.output import compare_directory, record
+    from pulsepath.output.directory import REPORT
     from pulsepath.progress import step
 
     if saved and (rig or laws or tasks or address or seeds != 1):
@@ -112,7 +113,7 @@ def compare(
         found = gain.compare(runs, baseline)
         verdict = compare_directory.write(to, found)
     met = [reason for condition in asked for reason in condition.list_reasons(found, verdict.best)]
-    report = str(out / compare_directory.REPORT)
+    report = str(out / REPORT)
     if as_json:
         told = {"verdict": verdict.text, "gains": verdict.gains, "report": report, "failed": met}
         click.echo(record.as_json(told), nl=False)

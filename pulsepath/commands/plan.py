@@ -205,7 +205,7 @@ def plan(
         from pulsepath.job import run
         from pulsepath.output import plan_directory, record, tables
         from pulsepath.output.checkpoint import CHECKPOINT
-        from pulsepath.output.directory import RECORD, fill_directory, refuse_overwrite, replace_directory
+        from pulsepath.output.directory import RECORD, REPORT, fill_directory, refuse_overwrite, replace_directory
         from pulsepath.parts_job import Firing, choose_parts, open_helpers, run_parts
 
         refuse_overwrite(out, force)
@@ -260,7 +260,7 @@ def plan(
                     stops,
                 )
             plan_directory.write(folder, job, inputs, pulses)
-    report = str(out / plan_directory.REPORT)
+    report = str(out / REPORT)
     if as_json:
         written = json.loads((out / RECORD).read_bytes())
         click.echo(record.as_json({**written, "report": report}), nl=False)
@@ -278,10 +278,10 @@ def _is_long(program: str, stream: bool | None) -> bool:
 
 
 def _tell_parts(standing: "PlanStanding", out: Path, as_json: bool) -> None:
-    from pulsepath.output import plan_directory, record, tables
-    from pulsepath.output.directory import RECORD
+    from pulsepath.output import record, tables
+    from pulsepath.output.directory import RECORD, REPORT
 
-    report = str(out / plan_directory.REPORT)
+    report = str(out / REPORT)
     if as_json:
         written = json.loads((out / RECORD).read_bytes())
         click.echo(record.as_json({**written, "report": report}), nl=False)

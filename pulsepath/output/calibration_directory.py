@@ -15,11 +15,11 @@ from kinematics.files.plain_text import finite_or_none
 from kinematics.foundation.arrays import Array
 from kinematics.machine.machine_writer import machine_toml
 from pulsepath import __version__
-from pulsepath.output.directory import CALIBRATION, CALIBRATION_KIND
+from pulsepath.output.directory import CALIBRATION, CALIBRATION_KIND, REPORT
 from pulsepath.output.record import SCHEMA, Record, as_json
 from pulsepath.output.verification import seal_record
 
-MACHINE, REPORT = "machine.toml", "report.html"
+MACHINE = "machine.toml"
 SOURCES = {"machine": "nominal.toml", "measurements": "measurements.toml"}
 
 

@@ -5,9 +5,9 @@ from pathlib import Path
 from benchmarks.reports.gain import Comparison, Verdict
 from kinematics.files.atomic_files import Destination, stage_files
 from kinematics.foundation.errors import MotionError
+from pulsepath.output.directory import COMPARISON, COMPARISON_KIND, REPORT
 
-RECORD, KIND = "compare.json", "pulsepath compare"
-REPORT, TABLE = "report.html", "runs.csv"
+TABLE = "runs.csv"
 
 
 def destinations(target: Path, force: bool) -> list[Destination]:
@@ -21,12 +21,12 @@ def destinations(target: Path, force: bool) -> list[Destination]:
 
     if target.exists() and not target.is_dir():
         raise MotionError(f"{target} exists and is not a directory; give another --out")
-    if (target / RECORD).exists():
+    if (target / COMPARISON).exists():
         if not force:
             raise MotionError(f"{target} holds a comparison; give another --out, or --force to replace it")
     elif target.exists() and any(target.iterdir()) and not (target / CELLS).is_dir():
         raise MotionError(f"{target} is not empty and holds no saved runs; give another --out")
-    return [Destination(target / name, force=True) for name in (REPORT, TABLE, RECORD)]
+    return [Destination(target / name, force=True) for name in (REPORT, TABLE, COMPARISON)]
 
 
 def write(to: list[Destination], comparison: Comparison) -> Verdict:
@@ -35,7 +35,7 @@ def write(to: list[Destination], comparison: Comparison) -> Verdict:
     from pulsepath.output import record
 
     verdict, page = gain_report(comparison)
-    text = record.as_json({"schema": record.SCHEMA, "kind": KIND, **comparison_record(comparison, verdict)})
+    text = record.as_json({"schema": record.SCHEMA, "kind": COMPARISON_KIND, **comparison_record(comparison, verdict)})
     to[0].place.parent.mkdir(parents=True, exist_ok=True)
     with stage_files(to) as files:
         for file, content in zip(files, (page, runs_csv(comparison), text), strict=True):

@@ -26,7 +26,11 @@ RECORD, KIND = "plan.json", "pulsepath plan"
 """The file by which a directory that `plan` wrote is known, and what it says it is."""
 CALIBRATION, CALIBRATION_KIND = "calibration.json", "pulsepath calibrate"
 """The same of `calibrate`."""
-RECORDS = {KIND: RECORD, CALIBRATION_KIND: CALIBRATION}
+COMPARISON, COMPARISON_KIND = "compare.json", "pulsepath compare"
+"""The same of `compare`."""
+RECORDS = {KIND: RECORD, CALIBRATION_KIND: CALIBRATION, COMPARISON_KIND: COMPARISON}
+REPORT = "report.html"
+"""Of each of them the page for its reader."""
 
 
 def refuse_overwrite(target: Path, force: bool, kind: str = KIND) -> None:

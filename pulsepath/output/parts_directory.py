@@ -19,8 +19,8 @@ from planner.pulses.checking.edge_reader import check_file_parts
 from pulsepath.inputs import Inputs
 from pulsepath.job import Defect
 from pulsepath.output.checkpoint import CHECKPOINT, Checkpoint, holds_checkpoint, read_checkpoint, write_checkpoint
-from pulsepath.output.directory import BEGUN, RECORD
-from pulsepath.output.plan_directory import BINARY, CERTIFICATE, MOTION, REPORT, SOURCES
+from pulsepath.output.directory import BEGUN, RECORD, REPORT
+from pulsepath.output.plan_directory import BINARY, CERTIFICATE, MOTION, SOURCES
 from pulsepath.output.plan_record import of_parts, of_pulse_file
 from pulsepath.output.record import as_json
 from pulsepath.output.verification import digest_pulses, seal_record

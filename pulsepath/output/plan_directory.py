@@ -34,7 +34,7 @@ from planner.pulses.schedule import AxisPulses, MovedPulses
 from pulsepath.inputs import Inputs, Origin
 from pulsepath.job import Defect, Job
 from pulsepath.options import LAWS
-from pulsepath.output.directory import RECORD, is_ours
+from pulsepath.output.directory import RECORD, REPORT, is_ours
 from pulsepath.output.plan_record import of_plan, of_pulse_file
 from pulsepath.output.record import Record, as_json
 from pulsepath.output.verification import (
@@ -49,7 +49,7 @@ from pulsepath.progress import note, step
 
 CERTIFICATE = "certificate.json"
 """What the check of the pulse file found: beside it."""
-MOTION, TRAJECTORY, REPORT, TRACK = "motion.bin", "trajectory.csv", "report.html", "track.json"
+MOTION, TRAJECTORY, TRACK = "motion.bin", "trajectory.csv", "track.json"
 BINARY = "pulses.bin"
 PULSES = {"csv": "pulses.csv", "binary": BINARY, "none": None}
 """The file of pulses by the form that is asked for."""

@@ -30,7 +30,7 @@ def test_other_sources_on_a_worker_are_refused_before_any_work(tmp_path, monkeyp
     command = [sys.executable, "-m", "distributed.cli.dask_worker", "--nthreads=1", "--no-nanny", "--no-dashboard"]
     paths, asked = [str(tmp_path), *filter(None, sys.path)], [Program((Line((0, 0, 1e-3)),))]
     with (
-        distributed.LocalCluster(n_workers=0, processes=True, dashboard_address=None) as cluster,
+        distributed.LocalCluster(n_workers=0, processes=True, dashboard_address="127.0.0.1:0") as cluster,
         subprocess.Popen(
             [*command, cluster.scheduler_address],
             stdout=subprocess.DEVNULL,
@@ -53,7 +53,9 @@ def test_another_library_on_the_workers_is_refused(monkeypatch):
     distributed = pytest.importorskip("distributed", reason="the extra cluster")
     look = make_fact_finder()
     key = next(key for key, facts in FIRST_FACTS.items() if facts == look())
-    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0"
+    ) as cluster:
         numpy = look()["numpy"]
         monkeypatch.setitem(FIRST_FACTS, key, {**look(), "numpy": "1.0"})
         with pytest.raises(MotionError, match=rf"different results: numpy {numpy} \(here 1\.0\)\. Install the same"):
@@ -66,7 +68,9 @@ def test_a_worker_that_differs_later_gets_no_more(monkeypatch):
     look, told = make_fact_finder(), []
     key = next(key for key, facts in FIRST_FACTS.items() if facts == look())
     with (
-        distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None) as made,
+        distributed.LocalCluster(
+            n_workers=1, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0"
+        ) as made,
         open_cluster(made.scheduler_address, tell=told.append) as cluster,
     ):
         assert cluster.prepare(abs)(-7).result(lambda: None) == 7
@@ -85,7 +89,9 @@ def test_without_its_scheduler_all_is_done_here(monkeypatch):
     monkeypatch.setattr("planner.cluster.MAX_CONNECTION_TIME", 0.5)
     told = []
     with (
-        distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as made,
+        distributed.LocalCluster(
+            n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0"
+        ) as made,
         open_cluster(made.scheduler_address, tell=told.append) as cluster,
     ):
         submit = cluster.prepare(abs)
@@ -105,7 +111,7 @@ def test_a_cluster_without_workers_is_told(monkeypatch):
     distributed = pytest.importorskip("distributed", reason="the extra cluster")
     monkeypatch.setattr("planner.cluster.MAX_CONNECTION_TIME", 0.5)
     with (
-        distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=None) as cluster,
+        distributed.LocalCluster(n_workers=0, processes=False, dashboard_address="127.0.0.1:0") as cluster,
         pytest.raises(MotionError, match=r"no worker after 0\.5 s: start some"),
     ):
         list(run_on_cluster(divmod, [7], 2, cluster.scheduler_address))

@@ -39,7 +39,7 @@ def test_each_program_gets_its_plan_or_its_refusal_in_order(hexapod):
 def test_an_existing_cluster_by_address(hexapod):
     distributed = pytest.importorskip("distributed", reason="the extra cluster")
     with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0"
     ) as cluster:
         (found,) = plan_many([raster(2)], hexapod, order=2, address=cluster.scheduler_address)
         assert found.certificate.holds

@@ -282,7 +282,9 @@ def test_a_killed_worker_loses_nothing(tmp_path, rig, grid, monkeypatch):
     distributed = pytest.importorskip("distributed", reason="the extra cluster")
     monkeypatch.setattr(run, "MAX_LANES", 1)
     grid = replace(grid, tasks=("dash",), variations=VARIATIONS[:1])
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0"
+    ) as cluster:
         first, *_ = (worker.pid for worker in cluster.workers.values())
         killed = threading.Event()
 

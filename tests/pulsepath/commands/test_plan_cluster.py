@@ -30,7 +30,9 @@ def cluster():
     """Two workers, each of which is started again where it dies."""
     distributed = pytest.importorskip("distributed", reason="the extra cluster")
     with (
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as made,
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0"
+        ) as made,
         distributed.Client(made, set_as_default=False) as client,
     ):
         yield client
@@ -135,7 +137,9 @@ def test_without_workers_it_is_planned_here(call, file, alone, tmp_path, monkeyp
     distributed = pytest.importorskip("distributed", reason="the extra cluster")
     monkeypatch.setattr("planner.cluster.MAX_CONNECTION_TIME", 1.0)
 
-    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as made:
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0"
+    ) as made:
         at_checkpoint(monkeypatch, 1, lambda: made.scale(0))
         address = made.scheduler_address
         done = call("plan", file, *ASKED, "--stream", "--cluster", address, "--out", tmp_path / "out")

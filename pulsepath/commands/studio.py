@@ -1,0 +1,103 @@
+"""`pulsepath studio`: the reports below a folder in a browser, shown again when they are written again."""
+
+import shlex
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from pulsepath.options import json_option, machine_option
+from pulsepath.process.ending import EndSignal, raise_on_signal
+from pulsepath.process.exits import INTERRUPTED
+
+
+@click.command()
+@click.argument("directory", metavar="[DIR]", type=click.Path(path_type=Path, file_okay=False), default="out")
+@click.option(
+    "--program",
+    type=click.Path(path_type=Path, exists=True, dir_okay=False),
+    metavar="FILE",
+    help="Plan FILE to a folder of its name in DIR, and again whenever it or the machine's file is saved.",
+)
+@machine_option
+@click.option(
+    "--options",
+    default="",
+    metavar="OPTIONS",
+    help='With --program: options of pulsepath plan, as "--order 2 --rule dda".',
+)
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=0,
+    metavar="PORT",
+    help="Local port to serve on. Default: a free one.",
+)
+@click.option("--no-browser", is_flag=True, help="Print the address only.")
+@json_option
+def studio(
+    directory: Path,
+    program: Path | None,
+    machine: str | None,
+    options: str,
+    port: int,
+    no_browser: bool,
+    as_json: bool,
+) -> None:
+    """Show the reports below DIR (default: out) in a browser, two side by side if you like.
+
+    A report that is written again is shown again by itself. With --program, saving the program plans it again.
+    The pages are served on loopback (127.0.0.1) only, until Ctrl-C.
+
+    Example: pulsepath studio out --program program.toml
+    """
+    import webbrowser
+    from contextlib import nullcontext
+
+    from kinematics.foundation.errors import MotionError
+    from pulsepath import progress
+    from pulsepath.output.studio import Replanner, Studio
+    from pulsepath.page_server import serve_pages
+
+    arguments = _split(options)
+    if program is None and (machine is not None or arguments):
+        raise click.UsageError("--machine and --options are for --program: give that too.", click.get_current_context())
+    if program is None and not directory.is_dir():
+        raise MotionError(f"{directory}: there is no such folder; give that of a plan, or one above several")
+    replanner = None if program is None else Replanner(program, machine, arguments, directory)
+    shown = Studio(directory, replanner)
+    with raise_on_signal():
+        try:
+            with serve_pages(shown.answer, port) as address, replanner or nullcontext():
+                told: dict[str, Any] = {"folder": str(directory), "address": address}
+                click.echo(progress.as_json(told) if as_json else address, nl=not as_json)
+                sys.stdout.flush()
+                progress.note("press Ctrl-C to stop")
+                if not no_browser:
+                    webbrowser.open(address)
+                while True:
+                    time.sleep(3600)
+        except EndSignal as end:
+            progress.note("stopped")
+            if end.code != INTERRUPTED:
+                click.get_current_context().exit(end.code)
+
+
+def _split(options: str) -> Sequence[str]:
+    """The options of a plan, as a shell would split them; not those that say where it goes."""
+    try:
+        arguments = shlex.split(options)
+    except ValueError as error:
+        raise click.UsageError(f"--options: {error}.", click.get_current_context()) from None
+    for argument in arguments:
+        name = argument.partition("=")[0]
+        if name in ("--out", "--machine", "--dump-config") or not (arguments[0].startswith("-")):
+            raise click.UsageError(
+                f"--options: {argument} cannot stand here; write options of pulsepath plan other than --out, --machine "
+                "and --dump-config.",
+                click.get_current_context(),
+            )
+    return arguments

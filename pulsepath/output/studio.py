@@ -1,0 +1,167 @@
+"""What `pulsepath studio` serves: a page with the list of plans, their reports, and the state of planning anew."""
+
+import subprocess
+import sys
+from collections.abc import Iterable, Sequence
+from hashlib import sha256
+from pathlib import Path
+from threading import Event, Thread
+from types import TracebackType
+from typing import Self
+
+from benchmarks.reports.page import render
+from pulsepath.output.plan_list import Listed, PlanList
+from pulsepath.page_server import DATA, PAGE, Query
+
+SAVED_PERIOD = 0.3
+"""s between two looks whether a file was saved."""
+END_TIME = 5.0
+"""s that a plan in progress may take to end when it is asked to."""
+
+
+class Replanner:
+    """Plans a program's file, and again whenever that or its machine's file is saved; in a process of its own."""
+
+    def __init__(self, program: Path, machine: str | None, options: Sequence[str], folder: Path) -> None:
+        """folder: the plan goes into one of the program's name below it."""
+        self.state, self.refused = "", False
+        target = folder / program.stem
+        self._command = [sys.executable, "-m", "pulsepath", "-q", "plan", str(program), "--out", str(target), "--force"]
+        self._command += [*(() if machine is None else ("--machine", machine)), *options]
+        self._name = program.name
+        self._files = [program, *(() if machine is None else (Path(machine),))]
+        self._ended = Event()
+        self._thread = Thread(target=self._run, daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._ended.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        seen: list[tuple[int, int] | None] | None = None
+        while not self._ended.wait(0.0 if seen is None else SAVED_PERIOD):
+            now = [_stamp(file) for file in self._files]
+            if now != seen:
+                seen = now
+                self._plan()
+
+    def _plan(self) -> None:
+        self.state, self.refused = f"planning {self._name} …", False
+        with subprocess.Popen(
+            self._command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, encoding="utf-8"
+        ) as process:
+            while True:
+                try:
+                    _, said = process.communicate(timeout=SAVED_PERIOD)
+                    break
+                except subprocess.TimeoutExpired:
+                    if self._ended.is_set():
+                        _end(process)
+                        return
+        self.refused = process.returncode != 0
+        self.state = said.strip() if self.refused else ""
+
+
+def _end(process: "subprocess.Popen[str]") -> None:
+    process.terminate()
+    try:
+        process.communicate(timeout=END_TIME)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.communicate()
+
+
+def _stamp(file: Path) -> tuple[int, int] | None:
+    try:
+        seen = file.stat()
+    except OSError:  # a preset, or just being saved
+        return None
+    return seen.st_mtime_ns, seen.st_size
+
+
+class Studio:
+    """Answers what a browser asks for: / with ?show=NAME of one plan or two, /report?of=NAME, /stamp."""
+
+    def __init__(self, folder: Path, replanner: Replanner | None = None) -> None:
+        self._folder, self._plans, self._replanner = folder, PlanList(folder), replanner
+
+    def answer(self, path: str, query: Query) -> tuple[str, bytes] | None:
+        """What is asked for, and its type; None: there is no such thing."""
+        listed = self._plans.find()
+        if path == "/":
+            return PAGE, self._draw(listed, query.get("show", ())[:2]).encode()
+        if path == "/stamp":
+            return DATA, f'"{self._digest(listed)}"'.encode()
+        if path == "/report":
+            names = query.get("of", ())
+            for one in listed:  # nothing but what is listed can be asked for
+                if [one.name] == list(names):
+                    try:
+                        return PAGE, one.report.read_bytes()
+                    except OSError:
+                        return None
+        return None
+
+    @property
+    def _state(self) -> tuple[str, bool]:
+        return ("", False) if self._replanner is None else (self._replanner.state, self._replanner.refused)
+
+    def _digest(self, listed: Iterable[Listed]) -> str:
+        """Another one whenever the page looks different."""
+        return sha256(repr([*((one.name, one.stamp) for one in listed), self._state]).encode()).hexdigest()
+
+    def _draw(self, listed: Sequence[Listed], names: Sequence[str]) -> str:
+        known = {one.name: one for one in listed}
+        shown = [known[name] for name in dict.fromkeys(names) if name in known]
+        if not names and len(listed) == 1:
+            shown = list(listed)
+        state, refused = self._state
+        return render(
+            "studio.html.j2",
+            {},
+            folder=str(self._folder),
+            listed=listed,
+            shown=shown,
+            differences=_compare(*shown) if len(shown) == 2 and all(one.figures for one in shown) else [],
+            state=state,
+            refused=refused,
+            stamp=self._digest(listed),
+        )
+
+
+UNITS = {"duration_s": ("duration", "s"), "baseline_s": ("baseline", "s"), "path_length_m": ("path length", "m")}
+SHARES = ("gap", "use of ")
+
+
+def _compare(first: Listed, second: Listed) -> list[tuple[str, str, str, str]]:
+    """Rows: label, both values, and by how much the second is more; of what either of two plans states."""
+    rows: list[tuple[str, str, str, str]] = []
+    for key in dict.fromkeys((*first.figures, *second.figures)):
+        before, after = first.figures.get(key), second.figures.get(key)
+        if before is None and after is None:
+            continue
+        label, unit = UNITS.get(key, (key, ""))
+        scale, unit = (100.0, "%") if key.startswith(SHARES) else (1.0, unit)
+        changed = _tell_change(before, after, scale, unit)
+        rows.append((label, _tell(before, scale, unit), _tell(after, scale, unit), changed))
+    return rows
+
+
+def _tell(value: float | None, scale: float, unit: str) -> str:
+    if value is None:
+        return "–"
+    return f"{value * scale:.{4 if unit == '%' else 7}g} {unit}".rstrip()
+
+
+def _tell_change(before: float | None, after: float | None, scale: float, unit: str) -> str:
+    if before is None or after is None:
+        return "–"
+    change = (after - before) * scale
+    share = "" if unit == "%" or not before or not change else f" ({100 * (after - before) / before:+.3g} %)"
+    return f"{change:+.4g} {unit}".rstrip() + share if change else "0"

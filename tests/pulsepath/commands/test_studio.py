@@ -1,0 +1,151 @@
+"""The command `studio`: the list of plans, two side by side, reports shown again, and planning when a file is saved."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from shutil import copytree
+from urllib.error import HTTPError
+from urllib.parse import quote
+from urllib.request import Request, urlopen
+
+import pytest
+
+from pulsepath.output.plan_list import PlanList
+from pulsepath.output.studio import Replanner, Studio
+
+
+@pytest.fixture
+def two(directory, tmp_path):
+    """A folder of two plans, the second a tenth longer, and much that is no plan."""
+    folder = tmp_path / "plans"
+    for name in ("first", "deep/er/second <b>"):
+        copytree(directory, folder / name)
+    record = json.loads((folder / "deep/er/second <b>/plan.json").read_text(encoding="utf-8"))
+    record["duration_s"] *= 1.1
+    (folder / "deep/er/second <b>/plan.json").write_text(json.dumps(record), encoding="utf-8")
+    (folder / "damaged").mkdir()
+    (folder / "damaged/plan.json").write_text("{", encoding="utf-8")
+    (folder / "damaged/report.html").write_text("not to be seen", encoding="utf-8")
+    (folder / "else").mkdir()
+    (folder / "else/report.html").write_text("not to be seen", encoding="utf-8")
+    return folder
+
+
+def page_of(studio, *names):
+    kind, content = studio.answer("/", {"show": list(names)})
+    assert kind.startswith("text/html")
+    return content.decode()
+
+
+def test_plans_are_found_and_nothing_else(two):
+    assert [one.name for one in PlanList(two).find()] == ["deep/er/second <b>", "first"]
+    assert [one.name for one in PlanList(two / "first").find()] == ["."]
+
+
+def test_the_page_names_them_and_obeys_no_name(two):
+    page = page_of(Studio(two))
+    assert "second &lt;b&gt;" in page
+    assert "<b>" not in page
+    assert page.count('<a class="beside"') == 0
+    assert "bare-circle on hexapod" in page
+
+
+def test_two_are_held_against_each_other(two):
+    page = page_of(Studio(two), "first", "deep/er/second <b>")
+    assert page.count("<iframe") == 2
+    row = page.split('<th scope="row">duration</th>')[1].split("</tr>")[0]
+    assert "(+10 %)" in row
+    assert page_of(Studio(two), "first").count("<iframe") == 1
+    assert page_of(Studio(two), "none").count("<iframe") == 0
+
+
+def test_a_report_is_given_and_no_other_file(two):
+    studio = Studio(two)
+    kind, content = studio.answer("/report", {"of": ["first"]})
+    assert kind.startswith("text/html")
+    assert content == (two / "first/report.html").read_bytes()
+    for name in ("../plans/first", "/etc", "else", "damaged", "first/", ""):
+        assert studio.answer("/report", {"of": [name]}) is None
+    assert studio.answer("/first/plan.json", {}) is None
+    assert studio.answer("/report", {}) is None
+
+
+def test_the_stamp_changes_when_a_plan_is_written_again_and_only_then(two):
+    studio = Studio(two)
+    before = studio.answer("/stamp", {})
+    assert studio.answer("/stamp", {}) == before
+    record = two / "first/plan.json"
+    os.utime(record, ns=(10**18, 10**18))
+    after = studio.answer("/stamp", {})
+    assert after != before
+    for file in (two / "first").iterdir():
+        if file.is_file():
+            file.unlink()
+    assert studio.answer("/stamp", {}) not in (before, after)
+
+
+@pytest.fixture
+def serving(two):
+    """The address at which two plans are served, and the process."""
+    command = [sys.executable, "-m", "pulsepath", "studio", str(two), "--no-browser"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        yield process.stdout.readline().strip(), process
+        process.kill()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows sends no SIGINT to one process")
+def test_it_is_served_on_loopback_alone_until_ctrl_c(serving):
+    address, process = serving
+    with urlopen(address + "report?of=" + quote("deep/er/second <b>"), timeout=10) as answer:
+        assert b"bare-circle" in answer.read()
+    request = Request(address, headers={"Host": "elsewhere.example"})
+    with pytest.raises(HTTPError) as refused:
+        urlopen(request, timeout=10)
+    assert refused.value.code == 403
+    refused.value.close()
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=20)
+    assert process.returncode == 0
+    assert said.endswith("stopped\n")
+
+
+def test_bad_calls(call, tmp_path):
+    program = tmp_path / "a.toml"
+    program.write_text("", encoding="utf-8")
+    for arguments, told in [
+        ([tmp_path / "none"], "no such folder"),
+        ([tmp_path, "--machine", "hexapod"], "are for --program"),
+        ([tmp_path, "--program", tmp_path / "none.toml"], "does not exist"),
+        ([tmp_path, "--program", program, "--options", "--out x"], "--out cannot stand here"),
+        ([tmp_path, "--program", program, "--options", "circle"], "circle cannot stand here"),
+        ([tmp_path, "--program", program, "--options", '"'], "No closing quotation"),
+    ]:
+        done = call("studio", *arguments, "--no-browser")
+        assert done.exit_code == 2, arguments
+        assert told in done.stderr
+
+
+def wait_for(condition, seconds=60.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it did not come"
+        time.sleep(0.05)
+
+
+def test_a_program_that_is_saved_is_planned_again(tmp_path):
+    """A refusal is shown as it is; what is mended is planned, into the folder of the program's name."""
+    program, folder = tmp_path / "part.toml", tmp_path / "out"
+    text = 'schema = 1\nmachine = "{}"\n[[segment]]\nline = {{ to = ["4 mm", "0 mm", "0 mm"] }}\n'
+    program.write_text(text.format("nobody"), encoding="utf-8")
+    with Replanner(program, None, ["--no-figures"], folder) as replanner:
+        studio = Studio(folder, replanner)
+        wait_for(lambda: replanner.refused)
+        assert "nobody" in page_of(studio)
+        program.write_text(text.format("traverser"), encoding="utf-8")
+        wait_for(lambda: (folder / "part/plan.json").exists() and not replanner.state)
+    page = page_of(studio, "part")
+    assert "part on traverser" in page
+    assert page.count("<iframe") == 1
