@@ -83,7 +83,7 @@ def sum_up(job: Job) -> list[Table]:
     rows.append(("limits", f"{len(proof.worst)} proved at every instant; used up: {', '.join(used) or 'none'}"))
     if job.worth is not None and job.worth.best is not None:
         rows.append(("saved by 1 % more of", job.worth.describe()))
-    if plan.path.fit is not None:
+    if plan.path.fit is not None and plan.path.fit.before:
         rows.append(("fit", _sum_up_fit(plan.path.fit)))
     if plan.departures:
         rows.append(("off the line", _sum_up_departures(plan.departures)))
@@ -105,7 +105,7 @@ def sum_up_check(found: Standing) -> list[Table]:
     """What a check found on a screen: the limits' uses, and a line each for fits, blends and synchronised moves."""
     uses, *rest = found.tables()
     told = [("blends", _sum_up_blends(found.blends))] if found.blends else []
-    if found.fit is not None:
+    if found.fit is not None and found.fit.before:
         told.append(("fit", _sum_up_fit(found.fit)))
     if found.departures:
         told.append(("off the line", _sum_up_departures(found.departures)))
