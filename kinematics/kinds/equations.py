@@ -19,7 +19,7 @@ from kinematics.foundation.formula import check_names, formula
 from kinematics.foundation.names import closest, nearest
 from kinematics.foundation.units import Unit, describe_value, quantity
 from kinematics.kinds.axis_keys import GEOMETRY, KIND, OWN_AXES, LinearAxis, LinearDefaults, RotaryAxis, axes
-from kinematics.kinds.load_keys import HOME, HomeTable, LoadedFile
+from kinematics.kinds.load_keys import HOME, HomeTable, LoadedFile, home_entries
 from kinematics.kinds.traverser import nearest_turn
 from kinematics.machine.axis import Axis
 from kinematics.machine.kind import Bar, Pivot, Skeleton, Sort
@@ -103,6 +103,12 @@ class Equations(Machine):
         x = ca.SX.sym("x", 12)
         # whatever is wrong with a formula of a bar is told when the machine is made
         self.skeleton(x[:3], ca.reshape(x[3:], 3, 3), ca.SX.sym("q", count))
+
+    @property
+    def constants(self) -> dict[str, float | tuple[float, ...]]:
+        """Name -> a number (SI), or where they differ one for each axis."""
+        found = {name: tuple(own[name] for own in self._constants) for name in self._constants[0]}
+        return {name: row[0] if len(set(row)) == 1 else row for name, row in found.items()}
 
     @staticmethod
     def _constants_of(name: str, constants: Mapping[str, ArrayLike], k: int, count: int) -> dict[str, float]:
@@ -231,6 +237,24 @@ class EquationsFile(LoadedFile):
     axes: LinearDefaults | None = key("what all linear axes have", default=None)
     rotary: RotaryAxis | None = key("what all rotary axes have", default=None)
     axis: tuple[Annotated[Any, Chosen(_pick_axis_table)], ...] = OWN_AXES
+
+    @staticmethod
+    def geometry_of(machine: Equations, complete: bool) -> dict[str, Any]:
+        """Constants are written in SI units, whatever they were read in."""
+        texts = machine.coordinates
+        rotary = tuple(axis.name for axis in machine.axes if axis.kind == "rotary")
+        bars = tuple({"start": bar.start, "end": bar.end, "sort": bar.sort} for bar in machine.bars)
+        return {
+            "moves": machine.freedom,
+            "joints": tuple(axis.name for axis in machine.axes),
+            "rotary": rotary or None,
+            "coordinates": texts[0] if len(set(texts)) == 1 else texts,
+            "constants": machine.constants or None,
+            "definitions": machine.definitions or None,
+            "bar": bars or None,
+            "length": machine.characteristic_length,
+            "home": home_entries(machine.home),
+        }
 
 
 def build_equations(file: EquationsFile, name: str, folder: Path | Traversable) -> Equations:

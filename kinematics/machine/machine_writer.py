@@ -96,7 +96,7 @@ def _body(body: Body) -> dict[str, Any]:
 def _axes(machine: Machine, kind: str, known: Sequence[str], complete: bool) -> Iterator[str]:
     """What most axes of a kind share, then what each has of its own."""
     names = tuple(axis.name for axis in machine.axes)
-    if names != tuple(known):
+    if known and names != tuple(known):
         raise MotionError(
             f"machine {machine.name}: its axes are called {', '.join(names)}; in a file of a {kind} "
             f"they are {', '.join(known)}: name them so"

@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import FileError, MotionError, OutOfReach, load_machine
+from kinematics.machine.machine_writer import machine_toml
 from kinematics.machine.model import place_skeleton
 from kinematics.machine.pose import COMPONENTS, to_numbers
 from planner import Arc, Line, Program, plan
@@ -132,3 +133,16 @@ def test_a_turning_axis_goes_on_past_half_a_turn():
     near = scara.home_q + np.array([0, 0, 0, 2 * np.pi])
     assert scara.inverse(scara.home, near)[3] == pytest.approx(scara.home_q[3] + 2 * np.pi)
     assert scara.inverse(turned)[3] == pytest.approx(scara.home_q[3] + 2.0)
+
+
+@pytest.mark.parametrize("complete", [False, True])
+def test_what_is_written_is_the_same_machine(machine, tmp_path, complete):
+    """Its axes, its places at poses about home, its skeleton; and the text of what is read back is the text."""
+    file = tmp_path / f"{machine.name}.toml"
+    file.write_text(machine_toml(machine, complete=complete), encoding="utf-8")
+    again = load_machine(file)
+    assert again.axes == machine.axes
+    poses = move(machine, np.random.default_rng(2).uniform(-1, 1, (5, 6)) * ([0.01] * 3 + [0.05] * 3))
+    np.testing.assert_allclose(again.inverse(poses), machine.inverse(poses), rtol=1e-12, atol=1e-12)
+    assert len(again.bars) == len(machine.bars)
+    assert machine_toml(again, complete=complete) == file.read_text(encoding="utf-8")
