@@ -25,22 +25,18 @@ from planner.limits.limit import AxisLimit, Limit
 from planner.limits.tool import AngularSpeed, ToolLimit, ToolSpeed
 from planner.path.actuation import ActuatorPath
 
-AXIS_ROWS = (Acceleration, Jerk)
-"""Limits with rows of their own for each axis, in the order of `inner_minimum`'s kinds."""
+AXIS_ROWS = (Acceleration, Jerk)  # limits with rows of their own for each axis
 SPEED_LIMITS = (Speed, PulseRate, ToolSpeed, AngularSpeed)
 
-# Of the series of q over a cell: q‴ keeps its slope.
-PATH_ORDER = 6
-# Share of a piece that is enclosed around a cell at least, as half of a stretch.
-LEAST_STRETCH = 2.0**-8
-# Roundings of any one sum or product below: fewer.
-ROUNDINGS = 256 * EPS
+PATH_ORDER = 6  # of the series of q over a cell: q‴ keeps its slope
+LEAST_STRETCH = 2.0**-8  # share of a piece that is enclosed around a cell at least, as half of a stretch
+ROUNDINGS = 256 * EPS  # of any one sum or product below: fewer
 
 
 class RowCells(NamedTuple):
     """What rows are over M cells of a path, as values at both ends of a cell and how far from their chord it may be.
 
-    width (M,) m, nodes (M+1,)
+    width (M,) m, between nodes (M+1,)
     ends (M, 2, 3, n) of q′, q″, q‴; off (M, 3, n): that and the error of the ends
     speed (M, 2): y of ya ≤ 1 from speeds, 0 where there is none; speed_off (M,)
     acceleration, jerk (2, n): bounds towards greater and smaller values, ∞ where there is none
@@ -251,8 +247,7 @@ def sum_rows(
     q, off = rows.ends[k], rows.off[k]
     m = np.empty((2, 2, n))
     # the rows that balance: of which the axis moves most beside its bound, at the end where it does least
-    first = second = -1
-    most_first = most_second = 0.0
+    first, second, most_first, most_second = -1, -1, 0.0, 0.0
     for i in range(n):
         least = min(abs(q[0, 0, i]), abs(q[1, 0, i])) - off[0, i]
         if q[0, 0, i] * q[1, 0, i] <= 0 or not least > 0:
@@ -389,8 +384,7 @@ def bound_cells(
     sets = given.shape[1]
     sums, ends = np.empty((sets, 2, 3)), np.empty(2)
     for k in range(len(out)):
-        # the largest a that speeds let pass anywhere in the cell
-        y = min(rows.speed[k, 0], rows.speed[k, 1]) - rows.speed_off[k]
+        y = min(rows.speed[k, 0], rows.speed[k, 1]) - rows.speed_off[k]  # speeds let no more than 1/y pass
         cap = 1 / y * (1 + ROUNDINGS) if y > 0 else np.inf
         if nodes[k, 0] == 0 and nodes[k, 1] == 0 and nodes[k + 1, 0] == 0 and nodes[k + 1, 1] == 0 and bulge[k] == 0:
             out[k] = rows.width[k] / np.sqrt(cap) * (1 - ROUNDINGS)
