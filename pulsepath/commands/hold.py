@@ -53,10 +53,11 @@ def hold(
     as_json: bool,
     **given: Any,
 ) -> None:
-    """Stop the plan in DIR along its path: as soon as its limits allow, certified, with pulses.
+    """Stop the plan in DIR along its path, certified.
 
-    Reads the plan and proves it again. The stop continues the plan's motion and pulses from TIME; its file starts
-    there, at time 0. Constant speeds that segments require are not kept.
+    The stop is as soon as the limits allow, and has pulses. Reads the plan and proves it again. The stop continues
+    the plan's motion and pulses from TIME; its file starts there, at time 0. Constant speeds that segments require
+    are not kept.
 
     Example: pulsepath hold out/circle --at "1.2 s" --format steps --out stop.bin
     """

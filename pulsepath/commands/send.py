@@ -29,10 +29,11 @@ from pulsepath.progress import note, say, step
 )
 @click.option("--anywhere", is_flag=True, help="Do not compare where the axes stand with the file's header.")
 def send(file: Path, port: str, baud: int, buffer: int, line: int, anywhere: bool) -> None:
-    """Send FILE, G-code as written by export --format g93, to grbl, grblHAL or FluidNC, and wait until it has moved.
+    """Send FILE, written by export --format g93, to grbl.
 
-    Checks every line and where the axes stand before anything moves. After an error or an alarm no further line is
-    sent, the axes are slowed down (feed hold) and the rest is dropped (soft reset); so also after Ctrl-C.
+    Waits until it has moved; grblHAL and FluidNC take it too. Checks every line and where the axes stand before
+    anything moves. After an error or an alarm no further line is sent, the axes are slowed down (feed hold) and the
+    rest is dropped (soft reset); so also after Ctrl-C.
 
     Example: pulsepath send out/mine/g93.ngc --port /dev/ttyUSB0
 

@@ -47,10 +47,11 @@ def studio(
     no_browser: bool,
     as_json: bool,
 ) -> None:
-    """Show the reports below DIR (default: out) in a browser, two side by side if you like.
+    """Show the reports below DIR side by side.
 
-    A report that is written again is shown again by itself. With --program, saving the program plans it again.
-    The pages are served on loopback (127.0.0.1) only, until Ctrl-C.
+    DIR is by default out. Opens a browser with the list of plans, comparisons and calibrations. A report that is
+    written again is shown again by itself. With --program, saving the program plans it again. The pages are served
+    on loopback (127.0.0.1) only, until Ctrl-C.
 
     Example: pulsepath studio out --program program.toml
     """
