@@ -23,6 +23,7 @@ from pydantic import (
     ValidationError,
     model_validator,
 )
+from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, InitErrorDetails
 
 from kinematics.files.keys import Chosen, key, remedy_of
@@ -101,6 +102,8 @@ class TableSchema(BaseModel):
                 if expected == "1" and isinstance(value, int) and value > 1:
                     message = f"{value} is newer than this version of pulsepath, which reads schema = 1: update it"
                 told = BadValue(message, allowed=expected, nearest=closest(str(value), choices))
+            case "tuple_type" if isinstance(value, dict) and last in keys and (example := _number_array(keys[last])):
+                told = BadValue(f"is a table, and an array is asked for: write {last} = {example}")
             case "tuple_type" if isinstance(value, dict):
                 told = BadValue(f"is one table, and an array of them is asked for: write [[{last}]]")
             case "model_type" | "tuple_type" as kind:
@@ -113,6 +116,12 @@ class TableSchema(BaseModel):
             case _:
                 told = BadValue(f"{describe_value(value)}: {error['msg'][0].lower()}{error['msg'][1:]}")
         return {"type": validation_error(told, "explained"), "loc": error["loc"], "input": value}
+
+
+def _number_array(field: FieldInfo) -> str:
+    """The array that its declaration shows, if it is one of numbers or texts, not of tables."""
+    example = str((field.examples or [""])[0])
+    return example if example.startswith("[") and "{" not in example else ""
 
 
 _UNKNOWN = "unknown key"

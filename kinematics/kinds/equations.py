@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import BeforeValidator
+from scipy.spatial.transform import Rotation
 
 from kinematics.files.keys import Chosen, key
 from kinematics.files.schema import TableSchema
@@ -25,10 +26,12 @@ from kinematics.machine.axis import Axis
 from kinematics.machine.kind import Bar, Pivot, Skeleton, Sort
 from kinematics.machine.load import Load
 from kinematics.machine.machine import Machine
-from kinematics.machine.pose import COMPONENTS, Pose
+from kinematics.machine.pose import COMPONENTS, Pose, to_numbers
 
 POSITIONS = ("x", "y", "z")
 ROTATIONS = tuple(f"r{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3))
+TRIED_TURN, SAME_COORDINATES = 0.01, 1e-9
+"""rad by which home is turned to try formulas of the orientation, and by which coordinates may come back other."""
 COORDINATE = "q"
 """What formulas of bars call the coordinate of their axis."""
 RESERVED = (*POSITIONS, *ROTATIONS, COORDINATE)
@@ -43,10 +46,20 @@ class BarFormulas:
     sort: Sort = "link"
 
 
+@dataclass(frozen=True, slots=True)
+class TurnFormula:
+    """A turn about a coordinate axis, by a formula (rad) of the coordinates of the axes, by their names."""
+
+    about: Literal["x", "y", "z"]
+    angle: str
+
+
 class Equations(Machine):
     """q_k = f_k(x, y, z, r11 … r33): a formula for each axis, of the pose in the base frame, in m and rad.
 
     moves         the components of the pose that it controls, as many as it has axes; the others are held as at home
+    follows       of rx, ry, rz, those that go along with them, as the spin of the tool of a five-axis machine does
+    orientation   where some follow: the platform's orientation in the base frame, turn after turn of moved axes
     coordinates   a formula for each axis, or one for all: see `kinematics.foundation.formula`
     constants     name -> a number (SI), or one number for each axis
     definitions   name -> a formula of the pose, of constants and of definitions before it
@@ -66,6 +79,8 @@ class Equations(Machine):
         *,
         axes: Iterable[Axis],
         home: Pose,
+        follows: Sequence[str] = (),
+        orientation: Sequence[TurnFormula] = (),
         constants: Mapping[str, ArrayLike] | None = None,
         definitions: Mapping[str, str] | None = None,
         bars: Sequence[BarFormulas] = (),
@@ -83,6 +98,12 @@ class Equations(Machine):
         if len(set(moves)) < len(moves):
             raise BadValue(f"machine {name}: moves {', '.join(moves)}: name each component once", key=("moves",))
         self.freedom = tuple(component for component in COMPONENTS if component in moves)
+        self.follows, self.orientation = tuple(follows), tuple(orientation)
+        if twice := [component for component in follows if component in moves]:
+            raise BadValue(f"machine {name}: {twice[0]} is among moves and follows: choose one", key=("follows",))
+        if bool(follows) != bool(orientation):
+            told = "follows and orientation need each other: say what follows, and how the joints turn the platform"
+            raise BadValue(f"machine {name}: {told}", key=("follows" if follows else "orientation",))
         count = len(self.freedom)
         texts = (coordinates,) * count if isinstance(coordinates, str) else tuple(coordinates)
         if len(texts) != count or len(given) != count:
@@ -103,6 +124,32 @@ class Equations(Machine):
         x = ca.SX.sym("x", 12)
         # whatever is wrong with a formula of a bar is told when the machine is made
         self.skeleton(x[:3], ca.reshape(x[3:], 3, 3), ca.SX.sym("q", count))
+        if self.follows:
+            self._check_orientation()
+
+    def _check_orientation(self) -> None:
+        """Raise MotionError where the orientation that is stated is of other coordinates than it was made from."""
+        poses = to_numbers(self.home) + np.zeros((1 + 3, 1))
+        turns = Rotation.from_rotvec(TRIED_TURN * np.eye(3)) * self.home.rotation
+        poses[1:, 3:] = turns.as_matrix().reshape(3, 9)
+        q = self.inverse_map(self.inputs(poses, self.home_q))
+        again = self.inverse_map(self.inputs(self.carried_map(self.inputs(poses, q)), q))
+        off = np.abs(again - q)
+        if not off.max() < SAME_COORDINATES:
+            k = int(np.nanargmax(off.max(0))) if np.isfinite(off).any() else 0
+            told = "the orientation that is stated has other coordinates than those that it is worked out from"
+            raise BadValue(f"machine {self.name}: axis {self.axes[k].name}: {told}", key=("orientation",))
+
+    def fill_pose(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> tuple[ca.SX, ca.SX]:
+        if not self.follows:
+            return position, rotation
+        known = {axis.name: q[k] for k, axis in enumerate(self.axes)}
+        shared = {name: value for name, value in self.constants.items() if isinstance(value, float)}
+        turned = ca.SX.eye(3)
+        for turn in self.orientation:
+            with locate_errors(f"machine {self.name}: orientation"):
+                turned = turned @ _turn(turn.about, formula(turn.angle, shared, variables=known))
+        return position, turned
 
     @property
     def constants(self) -> dict[str, float | tuple[float, ...]]:
@@ -164,6 +211,16 @@ class Equations(Machine):
         return Skeleton(tuple(bars), tuple(Pivot(bar.start) for bar in bars if bar.sort == "link"))
 
 
+def _turn(about: str, angle: ca.SX) -> ca.SX:
+    """(3, 3) rotation about a coordinate axis."""
+    first = POSITIONS.index(about)
+    turned, (k, n) = ca.SX.eye(3), ((first + 1) % 3, (first + 2) % 3)
+    turned[k, k] = turned[n, n] = ca.cos(angle)
+    turned[n, k] = ca.sin(angle)
+    turned[k, n] = -turned[n, k]
+    return turned
+
+
 def _read_number(value: object) -> object:
     """A plain number, a length or an angle, SI; of an array each."""
     if isinstance(value, (tuple, list)):
@@ -195,12 +252,27 @@ class BarTable(TableSchema):
     )
 
 
+class TurnTable(TableSchema):
+    """A turn of the platform."""
+
+    about: Literal["x", "y", "z"] = key("x, y or z", '"z"')
+    angle: str = key("a formula (rad), which may contain joints by their names", '"-c"')
+
+
 class EquationsGeometry(TableSchema):
     """How the machine moves: formulas of its inverse map, in m and rad."""
 
     moves: tuple[str, ...] = key("of x y z rx ry rz, those it controls", '["x", "y", "z"]')
     joints: tuple[str, ...] = key("names of the axes", '["a", "b", "c"]')
     rotary: tuple[str, ...] = key("those of them that turn", '["c"]', ())
+    follows: tuple[Literal["rx", "ry", "rz"], ...] = key(
+        "those that go along with the others, such as the spin of a five-axis machine's tool", '["rz"]', ()
+    )
+    orientation: tuple[TurnTable, ...] = key(
+        "with follows: the platform's orientation by the joints, one turn after the other about axes turned so far",
+        '[{ about = "z", angle = "-c" }, { about = "x", angle = "-a" }]',
+        (),
+    )
     coordinates: Annotated[Any, Chosen(lambda value: str if isinstance(value, str) else tuple[str, ...])] = key(
         "a formula for each axis, of x, y, z (m) and r11 … r33; or one for all", '["x + y", "x - y", "z"]'
     )
@@ -248,6 +320,8 @@ class EquationsFile(LoadedFile):
             "moves": machine.freedom,
             "joints": tuple(axis.name for axis in machine.axes),
             "rotary": rotary or None,
+            "follows": machine.follows or None,
+            "orientation": tuple({"about": one.about, "angle": one.angle} for one in machine.orientation) or None,
             "coordinates": texts[0] if len(set(texts)) == 1 else texts,
             "constants": machine.constants or None,
             "definitions": machine.definitions or None,
@@ -284,6 +358,8 @@ def build_equations(file: EquationsFile, name: str, folder: Path | Traversable) 
         geometry.coordinates,
         axes=axes(names, tables, file.axis, file),
         home=geometry.home.pose,
+        follows=geometry.follows,
+        orientation=[TurnFormula(turn.about, turn.angle) for turn in geometry.orientation],
         constants={constant: np.asarray(value) for constant, value in geometry.constants.items()},
         definitions=geometry.definitions,
         bars=[BarFormulas(bar.start, bar.end, bar.sort) for bar in geometry.bar],

@@ -17,9 +17,9 @@ def call(*arguments):
     return CliRunner().invoke(main, arguments, catch_exceptions=False)
 
 
-def test_there_are_twelve_each_with_its_picture():
+def test_each_has_its_picture():
     names = [name for _, name in PLANS]
-    assert len(set(names)) == 12
+    assert len(set(names)) == len(names) >= 12
     pictures = re.findall(r"\(images/gallery/(\S+)\.png\)", PAGE)
     assert pictures == names
     assert {file.stem for file in (DOCS / "images/gallery").iterdir()} == set(names)

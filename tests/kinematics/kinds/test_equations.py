@@ -9,11 +9,11 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kinematics import FileError, MotionError, OutOfReach, load_machine
 from kinematics.machine.machine_writer import machine_toml
 from kinematics.machine.model import place_skeleton
-from kinematics.machine.pose import COMPONENTS, to_numbers
-from planner import Arc, Line, Program, plan
+from kinematics.machine.pose import COMPONENTS, from_numbers, to_numbers
+from planner import Arc, Curve, Line, Program, Turn, plan
 
 EXAMPLES = Path(__file__).parents[3] / "docs" / "examples"
-NAMES = ("corexy", "delta", "delta-rotary", "scara", "hexapod-rotary", "hexaglide")
+NAMES = ("corexy", "delta", "delta-rotary", "scara", "hexapod-rotary", "hexaglide", "five-axis")
 
 
 @pytest.fixture(scope="module", params=NAMES)
@@ -26,7 +26,11 @@ def move(machine, twists):
     free = [name in machine.freedom for name in COMPONENTS]
     kept = np.asarray(twists) * free
     turned = Rotation.from_rotvec(kept[:, 3:]) * machine.home.rotation
-    return RigidTransform.from_components(machine.home.translation + kept[:, :3], turned)
+    poses = RigidTransform.from_components(machine.home.translation + kept[:, :3], turned)
+    if not machine.follows:
+        return poses
+    inputs = machine.inputs(to_numbers(poses), machine.inverse(poses))
+    return from_numbers(machine.carried_map(inputs))  # with what follows filled in
 
 
 def test_forward_of_inverse_is_the_pose_certified(machine):
@@ -133,6 +137,54 @@ def test_a_turning_axis_goes_on_past_half_a_turn():
     near = scara.home_q + np.array([0, 0, 0, 2 * np.pi])
     assert scara.inverse(scara.home, near)[3] == pytest.approx(scara.home_q[3] + 2 * np.pi)
     assert scara.inverse(turned)[3] == pytest.approx(scara.home_q[3] + 2.0)
+
+
+DOME = Curve(
+    ("r*s*cos(t)", "r*s*sin(t)", "r*c"),
+    0,
+    2 * np.pi,
+    rotate=("atan2(-s*sin(t), c)", "asin(s*cos(t))", "0"),
+    constants=(("r", 0.03), ("s", 0.5), ("c", 0.75**0.5)),
+)
+
+
+def test_a_five_axis_table_holds_the_tool_upright_on_a_dome():
+    """Where the slides hold the tool's tip, carried by the table that A tilts and C turns, is the point of the part."""
+    machine = load_machine(EXAMPLES / "five-axis.toml")
+    start = RigidTransform.from_components([0.015, 0, 0.03 * 0.75**0.5], Rotation.from_euler("y", 30, degrees=True))
+    made = plan(Program((DOME,), start=start, frame="base"), machine)
+    assert made.certificate.holds
+    state = made.trajectory.at(np.linspace(0, made.trajectory.duration, 100))
+    x, a, c = state.q[:, :3], state.q[:, 3], state.q[:, 4]
+    tilted = Rotation.from_rotvec(np.outer(-a, [1, 0, 0]))
+    tip = Rotation.from_rotvec(np.outer(-c, [0, 0, 1])).apply(tilted.apply(x))
+    outwards = Rotation.from_rotvec(np.outer(-c, [0, 0, 1])).apply(tilted.apply([0, 0, 1]))
+    assert np.allclose(np.linalg.norm(tip, axis=1), 0.03, atol=1e-12)
+    assert np.allclose(outwards, tip / 0.03, atol=1e-9)
+    assert np.ptp(c) == pytest.approx(2 * np.pi, rel=1e-9)  # C turns with the way, and never back
+    assert np.ptp(x, axis=0).max() < 1e-9  # all that is left for the slides
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ('follows = ["rz"]\n', "", "need each other"),
+        ('follows = ["rz"]', 'follows = ["rx"]', "among moves and follows"),
+        ('angle = "-C"', 'angle = "C"', "has other coordinates"),
+        ('angle = "-C"', 'angle = "-B"', "B is not defined"),
+        ('about = "z"', 'about = "w"', "about"),
+    ],
+)
+def test_an_orientation_that_is_not_that_of_the_coordinates_is_refused(tmp_path, old, new, told):
+    with pytest.raises(FileError) as refusal:
+        load_machine(changed(tmp_path, "five-axis", old, new))
+    assert told in str(refusal.value)
+
+
+def test_a_five_axis_table_is_singular_where_the_tool_stands_along_its_turning_axis(tmp_path):
+    machine = load_machine(EXAMPLES / "five-axis.toml")
+    with pytest.raises(MotionError, match=r"singular|no actuator coordinates"):
+        plan(Program((Turn(Rotation.from_euler("x", 30, degrees=True)),)), machine)
 
 
 @pytest.mark.parametrize("complete", [False, True])
