@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache, partial
+from typing import TYPE_CHECKING
 
 from controllers import Metrics, find_law
 from controllers.metrics.evaluate import PERIOD, evaluate_each
@@ -27,6 +28,9 @@ from planner.timing.certified_solve import EFFORT
 from planner.tradeoffs.objective import read_objective
 from pulsepath.options import LAWS
 from pulsepath.progress import detail, note, step
+
+if TYPE_CHECKING:
+    from benchmarks.reports.page import Drawing
 
 REALISED_SAMPLES = 25_000
 """Intervals between pulses at which the realised path is looked at: well below a second, and within 2 % in its RMS."""
@@ -78,7 +82,7 @@ class PlanReview:
     """Of a plan: the errors of each law on a rig, and some of the figures; note: why there are no errors."""
 
     metrics: tuple[Metrics, ...]
-    figures: Mapping[str, bytes]
+    figures: "Mapping[str, Drawing]"
     note: str = ""
 
 

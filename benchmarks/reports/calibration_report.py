@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.reports.page import render, render_png, style
+from benchmarks.reports.page import Drawing, draw_figure, render, save_figures, style
 from kinematics.calibration import Calibration
 from kinematics.calibration.checks import axis_checks
 from kinematics.calibration.measurements import COMPONENTS
@@ -26,20 +26,17 @@ def write_calibration_report(calibration: Calibration, path: Path) -> None:
     """Write the page to `path` and its figures to `figures/*.png` beside it."""
     figures = draw(calibration)
     path.write_text(_page(calibration, figures), encoding="utf-8")
-    folder = path.parent / "figures"
-    folder.mkdir(exist_ok=True)
-    for name, image in figures.items():
-        (folder / f"{name}.png").write_bytes(image)
+    save_figures(figures, path)
 
 
-def draw(calibration: Calibration) -> dict[str, bytes]:
+def draw(calibration: Calibration) -> dict[str, Drawing]:
     """Every figure of the page as a PNG, by name."""
     from kinematics.figures import singular_values
 
     with style():
         groups = [group for group in GROUPS if np.isfinite(calibration.rms(calibration.before, group))]
-        figures = {group: render_png(calibration.plot(group=group)) for group in groups}
-        return figures | {"singular": render_png(singular_values(calibration.observability))}
+        figures = {group: draw_figure(calibration.plot(group=group)) for group in groups}
+        return figures | {"singular": draw_figure(singular_values(calibration.observability))}
 
 
 def rms_by_stage(calibration: Calibration) -> dict[str, tuple[float, float, float]]:
@@ -82,7 +79,7 @@ def _row(estimate: Estimate) -> tuple[str, str, str, str, str, str]:
     return estimate.name, nominal, value, f"{change:+.2f} {small}" if unit else f"{change:+.6f}", error, unit
 
 
-def _page(calibration: Calibration, figures: dict[str, bytes]) -> str:
+def _page(calibration: Calibration, figures: dict[str, Drawing]) -> str:
     observed, data = calibration.observability, calibration.measurements
     names = calibration.names
     return render(

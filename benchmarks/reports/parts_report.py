@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from benchmarks.reports.page import group_digits, render, render_png, style
+from benchmarks.reports.page import Drawing, draw_figure, group_digits, render, save_figures, style
 from planner.overview import Overview
 from planner.plan_parts import PlanStanding
 from planner.pulses import PulseCheck
@@ -38,10 +38,7 @@ def write_report(
         ),
         encoding="utf-8",
     )
-    folder = path.parent / "figures"
-    for name, image in drawn.items():
-        folder.mkdir(exist_ok=True)
-        (folder / f"{name}.png").write_bytes(image)
+    save_figures(drawn, path)
 
 
 def summary(standing: PlanStanding) -> dict[str, str]:
@@ -66,15 +63,15 @@ def summary(standing: PlanStanding) -> dict[str, str]:
     return told
 
 
-def draw(standing: PlanStanding, seen: Overview) -> dict[str, bytes]:
+def draw(standing: PlanStanding, seen: Overview) -> dict[str, Drawing]:
     """Every figure of the page as a PNG, by name."""
     from planner.figures import window_uses
 
     with style():
         return {
-            "path": render_png(_draw_path(seen)),
-            "axes": render_png(*_draw_axes(standing, seen)),
-            "limits": render_png(window_uses(standing)),
+            "path": draw_figure(_draw_path(seen)),
+            "axes": draw_figure(*_draw_axes(standing, seen)),
+            "limits": draw_figure(window_uses(standing)),
         }
 
 

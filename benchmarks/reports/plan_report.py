@@ -4,11 +4,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import cycle
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.reports.page import group_digits, render, render_png, style
+from benchmarks.reports.page import Drawing, draw_figure, group_digits, render, save_figures, style
 from controllers.metrics import Metrics
 from controllers.rig import Rig
 from planner.baselines import Classical, describe_differences, missing_limits
@@ -22,6 +22,11 @@ from planner.pulses import PulseCheck, RealisedPath
 from planner.pulses.schedule import RATE_WINDOWS
 from planner.tradeoffs.limit_worth import LimitChange, Worth
 from planner.tradeoffs.pareto import Tradeoff
+
+POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
+"""What a browser lets the page load: nothing but what is in it."""
+MOST_WORTH, MOST_RUNS = 5, 2000
+"""Limits on the first screen, and changes of the active limit that are told."""
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,7 +43,7 @@ def write_report(
     verdict: PulseCheck,
     others: Sequence[Classical] = (),
     realised: RealisedPath | None = None,
-    figures: Mapping[str, bytes] | None = None,
+    figures: Mapping[str, Drawing] | None = None,
     rig: Rig | None = None,
     untracked: str = "",
     crossed: CrossCheck | None = None,
@@ -82,10 +87,7 @@ def write_report(
         stops,
     )
     path.write_text(page, encoding="utf-8")
-    folder = path.parent / "figures"
-    for name, image in figures.items():
-        folder.mkdir(exist_ok=True)
-        (folder / f"{name}.png").write_bytes(image)
+    save_figures(figures, path)
 
 
 def summary(plan: Plan, classical: Classical, verdict: PulseCheck) -> dict[str, str]:
@@ -153,46 +155,46 @@ def _exactness(plan: Plan, verdict: PulseCheck) -> str:
 
 def draw(
     plan: Plan, classical: Classical, metrics: Sequence[Metrics], realised: RealisedPath | None = None
-) -> dict[str, bytes]:
+) -> dict[str, Drawing]:
     """Every figure of the page as a PNG, by name."""
     return draw_axes(plan) | draw_path(plan) | draw_comparisons(plan, classical, realised) | draw_tracking(metrics)
 
 
-def draw_axes(plan: Plan) -> dict[str, bytes]:
+def draw_axes(plan: Plan) -> dict[str, Drawing]:
     """The figures of what the axes do."""
     from planner.figures import pulse_rate
 
     with style():
-        return {"axes": render_png(*_draw_axis_motion(plan)), "pulses": render_png(_add_legend(pulse_rate(plan)))}
+        return {"axes": draw_figure(*_draw_axis_motion(plan)), "pulses": draw_figure(_add_legend(pulse_rate(plan)))}
 
 
-def draw_path(plan: Plan) -> dict[str, bytes]:
+def draw_path(plan: Plan) -> dict[str, Drawing]:
     """The figures of the path, and of the limits along it."""
     from planner.figures import path_in_space
 
     with style():
-        return {"path": render_png(path_in_space(plan)), "limits": render_png(*_draw_limit_use(plan))}
+        return {"path": draw_figure(path_in_space(plan)), "limits": draw_figure(*_draw_limit_use(plan))}
 
 
-def draw_comparisons(plan: Plan, classical: Classical, realised: RealisedPath | None) -> dict[str, bytes]:
+def draw_comparisons(plan: Plan, classical: Classical, realised: RealisedPath | None) -> dict[str, Drawing]:
     """The figures of the baseline timing, and of the path of the pulses."""
     with style():
-        figures = {"classical": render_png(_draw_classical(plan, classical))}
-        return figures | ({"realised": render_png(*_draw_realised(realised))} if realised else {})
+        figures = {"classical": draw_figure(_draw_classical(plan, classical))}
+        return figures | ({"realised": draw_figure(*_draw_realised(realised))} if realised else {})
 
 
-def draw_worth(worth: Worth | None, tradeoff: Tradeoff | None = None, stops: Stops | None = None) -> dict[str, bytes]:
+def draw_worth(worth: Worth | None, tradeoff: Tradeoff | None = None, stops: Stops | None = None) -> dict[str, Drawing]:
     """The figures of what limits are worth, if any is worth anything, of duration against heat, and of stops."""
     with style():
-        found = {"worth": render_png(*_draw_worth(worth))} if worth is not None and worth.rank() else {}
-        found |= {"tradeoff": render_png(tradeoff.plot())} if tradeoff is not None else {}
-        return found | ({"stops": render_png(stops.plot())} if stops is not None else {})
+        found = {"worth": draw_figure(*_draw_worth(worth))} if worth is not None and worth.rank() else {}
+        found |= {"tradeoff": draw_figure(tradeoff.plot())} if tradeoff is not None else {}
+        return found | ({"stops": draw_figure(stops.plot())} if stops is not None else {})
 
 
-def draw_tracking(metrics: Sequence[Metrics]) -> dict[str, bytes]:
+def draw_tracking(metrics: Sequence[Metrics]) -> dict[str, Drawing]:
     """The figure of the laws' errors, if there are any."""
     with style():
-        return {"tracking": render_png(*_draw_law_errors(metrics))} if metrics else {}
+        return {"tracking": draw_figure(*_draw_law_errors(metrics))} if metrics else {}
 
 
 def _draw_axis_motion(plan: Plan) -> "list[Axes]":
@@ -285,7 +287,7 @@ def _page(
     verdict: PulseCheck,
     others: Sequence[Classical],
     realised: RealisedPath | None,
-    figures: Mapping[str, bytes],
+    figures: Mapping[str, Drawing],
     rig: Rig | None,
     untracked: str,
     crossed: CrossCheck | None,
@@ -319,6 +321,10 @@ def _page(
         active=dict(_active_time(plan)),
         active_share=ACTIVE_SHARE,
         window=plan.pulses.duration / RATE_WINDOWS,
+        policy=POLICY,
+        top_worth=_list_top_worth(worth),
+        band=_make_band(plan),
+        segments=_list_segments(plan),
         axes=list(zip(plan.pulses.axes, verdict.axes, plan.machine.axes, strict=True)),
     )
 
@@ -347,3 +353,44 @@ def _active_time(plan: Plan) -> Iterator[tuple[str, float]]:
         if not limit.geometric:
             yield limit.name, float(lengths[active == n].sum())
     yield "none of them", float(lengths[active < 0].sum())
+
+
+def _list_top_worth(worth: Worth | None) -> list[tuple[str, float, float]]:
+    """The limits that are worth most, with the ms that one per cent more of each saves, and its share of the most."""
+    from planner.tradeoffs.limit_worth import call
+
+    rows = [] if worth is None else worth.rank()[:MOST_WORTH]
+    if worth is None or not rows or worth.saved[rows[0]] <= 0:
+        return []
+    most = float(worth.saved[rows[0]])
+    return [
+        (call(worth.limits[k], worth.axes[k]), 1e3 * float(worth.saved[k]), max(float(worth.saved[k]), 0.0) / most)
+        for k in rows
+    ]
+
+
+def _make_band(plan: Plan) -> dict[str, Any]:
+    """From when on which limit is active: (s, its index or −1), and the names and colours of those that ever are."""
+    from kinematics.foundation.figure import line_style
+
+    active, knots = active_limits(plan), plan.trajectory.knots
+    if len(active) > MOST_RUNS:  # what is active in the middle of each of so many windows
+        knots = np.linspace(0.0, plan.trajectory.duration, MOST_RUNS + 1)
+        middle = np.searchsorted(plan.trajectory.knots, (knots[1:] + knots[:-1]) / 2, side="right") - 1
+        active = active[middle]
+    begins = np.flatnonzero(np.diff(active, prepend=-2))
+    owners = sorted({int(owner) for owner in active if owner >= 0})
+    limits = [{"name": plan.limits[n].name, "color": line_style(n)["color"]} for n in owners]
+    runs = [(float(knots[k]), owners.index(int(active[k])) if active[k] >= 0 else -1) for k in begins]
+    return {"limits": limits, "runs": runs}
+
+
+def _list_segments(plan: Plan) -> list[tuple[float, str]]:
+    """When each segment of the program begins, and what it is called."""
+    motion = plan.trajectory
+    begins = np.flatnonzero(np.diff(motion.piece, prepend=-1))
+    numbers = [motion.path.segment(int(motion.piece[k])) for k in begins]
+    named = [(float(motion.knots[k]), number) for k, number in zip(begins, numbers, strict=True) if number is not None]
+    kept = [entry for k, entry in enumerate(named) if k == 0 or entry[1] != named[k - 1][1]]
+    kinds = plan.program.segments
+    return [(t, f"{type(kinds[number - 1]).__name__.lower()} {number}") for t, number in kept]

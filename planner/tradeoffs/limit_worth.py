@@ -59,14 +59,14 @@ class LimitChange(Result):
         kind = "saves" if self.saved >= 0 else "costs"
         way = "higher" if self.by > 0 else "lower"
         change = f"{100 * abs(self.by):g} % {way}"
-        return f"{_call(self.limit, self.axis)} {change} {kind} {1e3 * abs(self.saved):.3g} ms, planned again"
+        return f"{call(self.limit, self.axis)} {change} {kind} {1e3 * abs(self.saved):.3g} ms, planned again"
 
     def tables(self) -> tuple[Table, ...]:
         """What it saves, beside the prediction."""
         after = self.solution.trajectory.duration
         times = [after + self.saved, after, self.saved, self.predicted]
         what = ["duration", "duration, changed", "saved", "saved, predicted to first order"]
-        title = f"{_call(self.limit, self.axis)}, {100 * self.by:+g} %"
+        title = f"{call(self.limit, self.axis)}, {100 * self.by:+g} %"
         return (Table(title, (Column("what", what), Column("time", times, "s", form=".6f"))),)
 
 
@@ -155,7 +155,7 @@ class Worth(Result):
         every = next((k for k in rows if self.axes[k] == ALL), None)
         more = every is not None and (one is None or self.saved[every] > self.saved[one] * LITTLE_MORE)
         told = [k for k in (one, every if more else None) if k is not None]
-        return "; ".join(f"{_call(self.limits[k], self.axes[k])}, {1e3 * self.saved[k]:.3g} ms" for k in told)
+        return "; ".join(f"{call(self.limits[k], self.axes[k])}, {1e3 * self.saved[k]:.3g} ms" for k in told)
 
     def tables(self) -> tuple[Table, ...]:
         """What each limit saves, the most valuable first; below, what saves nothing, and what is not known."""
@@ -183,7 +183,8 @@ class Worth(Result):
             yield f"rough: the limits make up {100 * self.explained:.1f} % of the duration"
 
 
-def _call(limit: str, axis: str) -> str:
+def call(limit: str, axis: str) -> str:
+    """What to call a limit of an axis in a sentence."""
     return f"the {limit} of {'all axes' if axis == ALL else axis}" if axis != "tool" else f"the {limit}"
 
 

@@ -16,7 +16,7 @@ from benchmarks.reports.gain.comparison import RANK, Comparison
 from benchmarks.reports.gain.courses import IsoBlock, SettingSeries, path_offsets
 from benchmarks.reports.gain.criteria import HUMAN
 from benchmarks.reports.gain.setting_figures import WIDTH, add_shared_legend, gains, line_style, make_panels, pareto
-from benchmarks.reports.page import render_png, style
+from benchmarks.reports.page import Drawing, draw_figure, style
 from benchmarks.sweep import RunSeries
 from kinematics.foundation.arrays import Array
 
@@ -68,7 +68,7 @@ MAX_POINTS = 1500
 """Instants that a line is drawn with: more than a page's pixels show nothing more."""
 
 
-def draw(comparison: Comparison, shown: SettingSeries, iso: IsoBlock) -> dict[str, bytes]:
+def draw(comparison: Comparison, shown: SettingSeries, iso: IsoBlock) -> dict[str, Drawing]:
     """Every figure of the page as a PNG, by name; those that have nothing to show are missing."""
     with style():
         made: dict[str, list[Axes]] = {
@@ -82,7 +82,7 @@ def draw(comparison: Comparison, shown: SettingSeries, iso: IsoBlock) -> dict[st
             "pareto": pareto(comparison),
         }
         made |= {f"axes-{n}": axes_over_time(comparison, shown, task) for n, task in enumerate(comparison.tasks)}
-        return {name: render_png(*axes, colours=64) for name, axes in made.items() if axes}
+        return {name: draw_figure(*axes, small=True) for name, axes in made.items() if axes}
 
 
 def _draw_panels(

@@ -1,0 +1,123 @@
+"""Series over time that a page redraws: read from the figures, thinned by their extremes, packed as text."""
+
+from base64 import b64encode
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.figure import DASHES
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+TIME = "time (s)"
+"""The label of axes that are drawn anew."""
+MOST_POINTS = 4000
+"""Points of a series in a page: more than a screen has columns, and little enough to draw at every move."""
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """One line: t (N,) s, values (N,) in the unit of its panel; step: each value holds up to the next instant."""
+
+    name: str
+    t: Array
+    values: Array
+    color: str
+    dash: int = 0
+    step: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """What one pair of axes shows over time; levels: horizontal lines, most of them limits."""
+
+    label: str
+    series: tuple[Series, ...]
+    levels: tuple[float, ...]
+
+
+def read_panels(axes: Sequence["Axes"]) -> tuple[Panel, ...]:
+    """The panels of those axes that are over time."""
+    shared = axes[-1].get_xlabel() == TIME
+    over_time = [ax for ax in axes if ax.get_xlabel() == TIME or (shared and _share_x(ax, axes[-1]))]
+    panels = (Panel(ax.get_ylabel(), tuple(_read_series(ax)), tuple(_read_levels(ax))) for ax in over_time)
+    return tuple(panel for panel in panels if panel.series)
+
+
+def _share_x(ax: "Axes", other: "Axes") -> bool:
+    return bool(ax.get_shared_x_axes().joined(ax, other))
+
+
+def _read_series(ax: "Axes") -> Iterator[Series]:
+    from matplotlib.colors import to_hex
+    from matplotlib.patches import StepPatch
+
+    for line in ax.lines:
+        if line.get_transform() == ax.transData and not str(line.get_label()).startswith("_"):
+            t, values = (np.asarray(each, float) for each in line.get_data())
+            dash = DASHES.index(str(line.get_linestyle())) if line.get_linestyle() in DASHES else 1
+            yield Series(_unescape(line.get_label()), t, values, to_hex(line.get_color()), dash)
+    for patch in ax.patches:
+        if isinstance(patch, StepPatch):
+            values, edges, _ = patch.get_data()
+            dash = 0 if patch.get_linestyle() in ("-", "solid") else 1
+            held = np.append(values, values[-1:])
+            yield Series(
+                _unescape(patch.get_label()), np.asarray(edges), held, to_hex(patch.get_edgecolor()), dash, True
+            )
+
+
+def _read_levels(ax: "Axes") -> Iterator[float]:
+    """The values of lines from one side of the axes to the other, at one height."""
+    for line in ax.lines:
+        if line.get_transform() == ax.get_yaxis_transform(which="grid"):
+            yield float(np.asarray(line.get_ydata(), float)[0])
+
+
+def _unescape(label: object) -> str:
+    """A name as it was before matplotlib could have taken it for maths."""
+    return str(label).replace(r"\$", "$")
+
+
+def keep_extremes(t: Array, values: Array, most: int = MOST_POINTS) -> tuple[Array, Array]:
+    """A series (N,) with at most `most` points: the least and the greatest of each stretch, in their order and place.
+
+    Nothing is left out of a series that is no longer. The first and the last point stay.
+    """
+    if len(t) <= most:
+        return t, values
+    size = -(-(len(t) - 2) // (most // 2 - 1))
+    inner = np.arange(1, len(t) - 1)
+    rows = np.pad(inner, (0, -len(inner) % size), mode="edge").reshape(-1, size)
+    found = np.stack([values[rows].argmin(1), values[rows].argmax(1)])
+    chosen = np.take_along_axis(rows, np.sort(found, axis=0).T, axis=1).ravel()
+    kept = np.unique(np.concatenate([[0], chosen, [len(t) - 1]]))
+    return t[kept], values[kept]
+
+
+def pack_panels(panels: Mapping[str, Sequence[Panel]]) -> dict[str, Any]:
+    """The panels of figures, by name, as a page's script reads them; instants that series share are held once."""
+    times: dict[str, int] = {}
+    packed = {name: [_pack_panel(panel, times) for panel in each] for name, each in panels.items() if each}
+    return {"times": list(times), "figures": packed}
+
+
+def _pack_panel(panel: Panel, times: dict[str, int]) -> dict[str, Any]:
+    series = [_pack_series(one, times) for one in panel.series]
+    return {"label": panel.label, "levels": list(panel.levels), "series": series}
+
+
+def _pack_series(series: Series, times: dict[str, int]) -> dict[str, Any]:
+    t, values = keep_extremes(series.t, series.values)
+    style = {"name": series.name, "color": series.color, "dash": series.dash, "step": series.step}
+    at = times.setdefault(_pack(t), len(times))
+    return {**style, "t": at, "y": _pack(values), "thinned": len(t) < len(series.t)}
+
+
+def _pack(values: Array) -> str:
+    """As the base64 of little-endian float32."""
+    return b64encode(np.ascontiguousarray(values, "<f4").tobytes()).decode("ascii")

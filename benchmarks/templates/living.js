@@ -1,0 +1,208 @@
+// The figures over time, drawn by uPlot from the page's data: one cursor, one zoom and one legend for all of them.
+(() => {
+  const page = JSON.parse(document.getElementById("data").textContent);
+  const root = document.documentElement, style = name => getComputedStyle(root).getPropertyValue(name).trim();
+  const read = text => {
+    const bytes = Uint8Array.from(atob(text), one => one.charCodeAt(0));
+    return new Float32Array(bytes.buffer); // little-endian, as every machine with a browser is
+  };
+  const times = page.series.times.map(read), end = page.duration;
+  const plots = [], dashes = [[], [8, 4], [8, 3, 2, 3], [2, 3]], levelDash = [6, 4];
+  let shown = [0, end], now = 0, busy = false, hidden = new Set();
+
+  // Series with instants of their own share an axis once each has a value at the instants of all.
+  const align = panel => {
+    const used = [...new Set(panel.series.map(one => one.t))];
+    if (used.length === 1) return [times[used[0]], ...panel.series.map(one => read(one.y))];
+    const t = Float32Array.from(new Set(used.flatMap(k => Array.from(times[k])))).sort();
+    return [t, ...panel.series.map(one => {
+      const from = times[one.t], y = read(one.y), last = from.length - 1;
+      let k = 0;
+      return Array.from(t, at => {
+        if (at < from[0] || at > from[last]) return null;
+        while (k < last && from[k + 1] <= at) k++;
+        if (one.step || k === last || from[k] === at) return y[k];
+        return y[k] + (y[k + 1] - y[k]) * (at - from[k]) / (from[k + 1] - from[k]);
+      });
+    })];
+  };
+  const write = value => value == null ? "–" : Math.abs(value) >= 1e5 || (value && Math.abs(value) < 1e-3)
+    ? value.toExponential(3) : value.toFixed(Math.abs(value) < 10 ? 4 : Math.abs(value) < 1000 ? 3 : 1);
+  const everywhere = action => {
+    if (busy) return;
+    busy = true;
+    plots.forEach(action);
+    busy = false;
+  };
+
+  const drawLines = panel => u => {
+    const { ctx, bbox } = u, [low, high] = [u.scales.y.min, u.scales.y.max], line = (x0, y0, x1, y1) => {
+      ctx.beginPath(); ctx.moveTo(x0, y0); ctx.lineTo(x1, y1); ctx.stroke();
+    };
+    ctx.save();
+    ctx.lineWidth = devicePixelRatio;
+    const ends = page.segments.filter(([at]) => at > u.scales.x.min && at < u.scales.x.max);
+    ctx.strokeStyle = style("--line");
+    if (ends.length <= 60) for (const [at] of ends) {
+      const x = Math.round(u.valToPos(at, "x", true));
+      line(x, bbox.top, x, bbox.top + bbox.height);
+    }
+    ctx.strokeStyle = style("--ink");
+    ctx.setLineDash(levelDash.map(part => part * devicePixelRatio));
+    for (const level of panel.levels) if (level >= low && level <= high) {
+      const y = u.valToPos(level, "y", true);
+      line(bbox.left, y, bbox.left + bbox.width, y);
+    }
+    ctx.restore();
+  };
+  const makePlot = (panel, box) => {
+    const axis = { stroke: () => style("--soft"), grid: { stroke: () => style("--line"), width: 1 }, ticks: { stroke: () => style("--line"), width: 1 } };
+    const range = (u, low, high) => {
+      const whole = shown[0] <= 0 && shown[1] >= end, held = whole ? panel.levels : [];
+      const [from, to] = [Math.min(low ?? 0, ...held), Math.max(high ?? 1, ...held)], room = 0.04 * (to - from || Math.abs(to) || 1);
+      return [from - room, to + room];
+    };
+    const u = new uPlot({
+      width: box.clientWidth, height: 210,
+      title: panel.label,
+      scales: { x: { time: false, range: (_, low, high) => [Math.max(low, 0), high] }, y: { range } },
+      axes: [{ ...axis, size: 34 }, { ...axis, size: 62 }],
+      cursor: { y: false, sync: { key: "time", scales: ["x", null] }, drag: { x: true, y: false, dist: 4 }, bind: { mouseleave: () => null },
+        points: { size: 6 }, focus: { prox: -1 } },
+      series: [{ label: "time", value: (_, t) => t == null ? "–" : t.toFixed(4) + " s" }, ...panel.series.map(one => ({
+        label: one.name, stroke: one.color === "#000000" ? () => style("--ink") : one.color, width: 1.3, dash: dashes[one.dash], spanGaps: false,
+        points: { show: false }, value: (_, value) => write(value), ...(one.step ? { paths: uPlot.paths.stepped({ align: 1 }) } : {}) }))],
+      hooks: {
+        draw: [drawLines(panel)],
+        setCursor: [me => { if (!busy && me.cursor.event && me.cursor.left >= 0) goTo(me.posToVal(me.cursor.left, "x"), me); }],
+        setScale: [(me, which) => { if (which === "x" && !busy && me.scales.x.min != null) zoom(me.scales.x.min, me.scales.x.max); }],
+        setSeries: [(me, k, options) => { if (k != null && options.show != null && !busy) show(me.series[k].label, options.show); }],
+      },
+    }, align(panel), box);
+    return u;
+  };
+
+  // One time for all: the cursor of every figure, the scrubber, and the machine in space.
+  const strip = document.getElementById("strip"), slider = strip.querySelector("input"), canvas = strip.querySelector("canvas");
+  const said = strip.querySelector("output"), mark = strip.querySelector("i");
+  const segmentAt = t => page.segments.findLast(([at]) => at <= t)?.[1] ?? "";
+  const ownerAt = t => page.band.runs.findLast(([from]) => from <= t)?.[1] ?? -1;
+  const goTo = (t, source, quiet) => {
+    now = Math.min(Math.max(t, 0), end);
+    busy = true;
+    for (const u of plots) if (u !== source) u.setCursor({ left: u.valToPos(now, "x"), top: 10 }, true, false);
+    busy = false;
+    placeMark();
+    if (!quiet) sendTime();
+  };
+  const placeMark = () => {
+    const share = (now - shown[0]) / (shown[1] - shown[0]), owner = ownerAt(now);
+    mark.hidden = share < 0 || share > 1;
+    mark.style.left = 100 * share + "%";
+    const limit = owner < 0 ? "no limit is active" : "held by " + page.band.limits[owner].name;
+    said.textContent = [now.toFixed(4) + " s", segmentAt(now), limit].filter(Boolean).join(" · ");
+    slider.value = now;
+    slider.setAttribute("aria-valuetext", said.textContent);
+  };
+  const zoom = (from, to) => {
+    const [low, high] = from < to ? [Math.max(from, 0), Math.min(to, end)] : [0, end];
+    shown = high > low ? [low, high] : [0, end];
+    everywhere(u => u.setScale("x", { min: shown[0], max: u.data[0].at(-1) > end && shown[1] === end ? u.data[0].at(-1) : shown[1] }));
+    [slider.min, slider.max, slider.step] = [shown[0], shown[1], (shown[1] - shown[0]) / 2000];
+    strip.querySelector("button").hidden = shown[0] <= 0 && shown[1] >= end;
+    drawStrip();
+    goTo(now, null, true);
+  };
+  const show = (name, visible) => {
+    hidden[visible ? "delete" : "add"](name);
+    everywhere(u => u.series.forEach((one, k) => { if (k && one.label === name && one.show !== visible) u.setSeries(k, { show: visible }); }));
+  };
+  const drawStrip = () => {
+    const ratio = devicePixelRatio, width = canvas.clientWidth, height = canvas.clientHeight, ctx = canvas.getContext("2d");
+    [canvas.width, canvas.height] = [width * ratio, height * ratio];
+    ctx.scale(ratio, ratio);
+    const place = t => width * (t - shown[0]) / (shown[1] - shown[0]), bar = 18;
+    page.band.runs.forEach(([from, owner], k) => {
+      const to = page.band.runs[k + 1]?.[0] ?? end;
+      if (to < shown[0] || from > shown[1]) return;
+      ctx.fillStyle = owner < 0 ? style("--line") : page.band.limits[owner].color;
+      ctx.fillRect(place(from), 0, Math.max(place(to) - place(from), 0.5), bar);
+    });
+    ctx.font = "12px system-ui, sans-serif";
+    ctx.textBaseline = "middle";
+    let free = -1;
+    page.segments.forEach(([from, name], k) => {
+      const left = Math.max(place(from), 0), right = Math.min(place(page.segments[k + 1]?.[0] ?? end), width);
+      if (right < 0 || left > width || left < free) return;
+      ctx.fillStyle = style("--soft");
+      ctx.fillRect(left, bar, 1, height - bar);
+      const short = name.replace(/^\D*/, ""), text = [name, short].find(one => ctx.measureText(one).width + 8 < right - left);
+      if (text) ctx.fillText(text, left + 4, bar + (height - bar) / 2);
+      free = left + 2;
+    });
+  };
+
+  try {
+    for (const still of document.querySelectorAll("figure[data-figure]")) {
+      const panels = page.series.figures[still.dataset.figure];
+      if (!panels) continue;
+      const living = document.createElement("div");
+      living.className = "living";
+      still.before(living);
+      root.classList.add("lives"); // before the figures, which take the width that they then have
+      for (const panel of panels) {
+        const box = living.appendChild(document.createElement("div"));
+        plots.push(makePlot(panel, box));
+      }
+      still.classList.add("still");
+      const text = still.querySelector("figcaption").cloneNode(true);
+      const thinned = panels.some(panel => panel.series.some(one => one.thinned));
+      if (thinned) text.append(" Each line is thinned to its extremes: zooming shows the least and the greatest of each stretch, and no values between.");
+      living.append(text);
+    }
+  } catch (error) {
+    root.classList.remove("lives"); // the still figures say the same
+    throw error;
+  }
+  strip.hidden = !plots.length;
+  const legend = strip.querySelector("ul");
+  for (const { name, color } of page.band.limits) {
+    const entry = legend.appendChild(document.createElement("li"));
+    entry.append(name);
+    entry.style.setProperty("--chip", color);
+  }
+  slider.addEventListener("input", () => goTo(slider.valueAsNumber));
+  strip.querySelector("button").addEventListener("click", () => zoom(0, end));
+  const resize = () => {
+    for (const u of plots) u.setSize({ width: u.root.parentNode.clientWidth, height: u.root.parentNode.clientWidth < 500 ? 170 : 210 });
+    if (plots.length) { // the scrubber is as wide as the figures are inside
+      const inside = plots[0].over.getBoundingClientRect(), outside = plots[0].root.parentNode.getBoundingClientRect();
+      canvas.parentNode.style.margin = `0 ${outside.right - inside.right}px 0 ${inside.left - outside.left}px`;
+    }
+    drawStrip();
+    goTo(now, null, true);
+  };
+  new ResizeObserver(resize).observe(document.querySelector(".living") ?? strip);
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { plots.forEach(u => u.redraw(false, true)); drawStrip(); });
+
+  const space = document.getElementById("space"), button = space?.querySelector("button");
+  let frame = null, asked = 0;
+  const sendTime = () => {
+    if (!frame || asked) return;
+    asked = requestAnimationFrame(() => {
+      asked = 0;
+      frame.contentWindow.postMessage({ seek: now }, "*");
+    });
+  };
+  button?.addEventListener("click", () => {
+    frame = document.createElement("iframe");
+    frame.title = "The machine in 3-D";
+    frame.srcdoc = JSON.parse(document.getElementById("machine").textContent);
+    space.replaceChildren(frame);
+    root.classList.add("spacious");
+  });
+  addEventListener("message", event => {
+    if (frame && event.source === frame.contentWindow && typeof event.data?.time === "number") goTo(event.data.time, null, true);
+  });
+  zoom(0, end);
+})();

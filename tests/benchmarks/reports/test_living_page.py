@@ -1,0 +1,110 @@
+"""The report in a browser: figures, scrubber and legend follow each other, and show the plan's own values."""
+
+import json
+import re
+import shutil
+import subprocess
+from html import unescape
+
+import numpy as np
+import pytest
+
+from benchmarks.reports.plan_report import write_report
+from kinematics import load_machine
+from planner import classical, load_program, plan
+from planner.pulses import check
+
+BROWSER = ("--headless=new", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", "--virtual-time-budget=400")
+WHEN = 0.5
+"""s at which the page is read."""
+ACT = """
+const said = {}, slider = document.querySelector("#strip input"), output = document.querySelector("#strip output");
+const text = (row, part) => row.querySelector(part).textContent, pause = () => new Promise(go => setTimeout(go, 60));
+const rows = (of = document) => [...of.querySelectorAll(".u-series")];
+const over = document.querySelector(".u-over"), box = over.getBoundingClientRect();
+const at = (type, share, on = over) => on.dispatchEvent(new MouseEvent(type, {
+  bubbles: true, button: 0, clientX: box.left + share * box.width, clientY: box.top + 20, movementX: 9 }));
+(async () => {
+  slider.value = WHEN;
+  slider.dispatchEvent(new Event("input"));
+  await pause();
+  Object.assign(said, { at: slider.valueAsNumber, text: output.textContent, spoken: slider.ariaValueText });
+  said.legends = [...document.querySelectorAll(".uplot")].map(one => [text(one, ".u-title"),
+    Object.fromEntries(rows(one).map(row => [text(row, ".u-label"), text(row, ".u-value")]))]);
+  rows().find(row => text(row, ".u-label") === "leg2").querySelector("th").click();
+  said.off = rows().filter(row => row.classList.contains("u-off")).map(row => text(row, ".u-label"));
+  for (const [type, share] of [["mouseenter", 0.25], ["mousemove", 0.25], ["mousedown", 0.25]]) at(type, share);
+  at("mousemove", 0.75);
+  at("mouseup", 0.75, document);
+  await pause();
+  said.zoomed = [+slider.min, +slider.max];
+  at("dblclick", 0.5);
+  await pause();
+  said.whole = [+slider.min, +slider.max];
+  document.title = JSON.stringify(said);
+})();
+"""
+
+
+def chromium():
+    """The path of a browser; `.ci/run` installs one where it can."""
+    return next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+
+
+def browse(folder, page, *arguments):
+    options = [*BROWSER, f"--user-data-dir={folder / 'profile'}", *arguments, "--dump-dom", page.as_uri()]
+    return subprocess.run([chromium(), *options], capture_output=True, text=True, timeout=60, check=True)
+
+
+@pytest.fixture(scope="module")
+def planned():
+    return plan(load_program("bare-circle"), load_machine("hexapod"))
+
+
+@pytest.fixture(scope="module")
+def page(planned, tmp_path_factory):
+    file = tmp_path_factory.mktemp("page") / "report.html"
+    write_report(planned, classical(planned), [], file, verdict=check(planned.pulses, planned.trajectory))
+    return file
+
+
+@pytest.mark.skipif(chromium() is None, reason="no Chromium here; .ci/run installs one")
+def test_cursor_zoom_and_legend_hold_for_all_figures(planned, page, tmp_path):
+    acting = tmp_path / "acting.html"
+    script = f"<script>{ACT.replace('WHEN', str(WHEN))}</script></body>"
+    acting.write_text(page.read_text(encoding="utf-8").replace("</body>", script), encoding="utf-8")
+    opened = browse(tmp_path, acting, "--window-size=1400,900")
+    assert "CONSOLE" not in opened.stderr
+    said = json.loads(unescape(re.search(r"<title>(.*?)</title>", opened.stdout, re.DOTALL)[1]))
+    duration = planned.trajectory.duration
+    assert said["at"] == pytest.approx(WHEN, abs=duration / 2000)
+    assert said["text"] == said["spoken"]
+    assert re.match(r"0\.\d{4} s · arc 1 · (held by \w|no limit)", said["text"])
+    figures = dict(said["legends"])
+    state = planned.trajectory.at(WHEN)
+    # between two instants that are drawn, values move by less than their derivative's limit times the step
+    step = duration / 1000
+    for label, values, rate in (
+        ("position (mm)", state.q[0] - planned.machine.home_q, 20),
+        ("speed (mm/s)", state.qd[0], 225),
+        ("acceleration (mm/s²)", state.qdd[0], 4000),
+    ):
+        shown = [float(figures[label][axis.name]) for axis in planned.machine.axes]
+        np.testing.assert_allclose(shown, 1e3 * values, rtol=0, atol=rate * step + 1e-4)
+    # one click hides the axis in all five figures of axes: four of motion, one of pulses
+    assert said["off"] == ["leg2"] * 5
+    assert said["zoomed"] == pytest.approx([0.25 * duration, 0.75 * duration], rel=0.02)
+    assert said["whole"] == pytest.approx([0, duration])
+
+
+@pytest.mark.skipif(chromium() is None, reason="no Chromium here; .ci/run installs one")
+def test_print_shows_the_still_figures(page, tmp_path):
+    """Without scripts, as when printed, nothing of what a script draws is there."""
+    text = page.read_text(encoding="utf-8")
+    assert text.count("<figure data-figure=") == text.count("data:image/png;base64,") > 3
+    pdf = tmp_path / "page.pdf"
+    printed = browse(tmp_path, page, f"--print-to-pdf={pdf}", "--no-pdf-header-footer")
+    assert "CONSOLE" not in printed.stderr
+    content = pdf.read_bytes()
+    assert content.startswith(b"%PDF")
+    assert len(re.findall(rb"/Subtype\s*/Image", content)) >= text.count("<figure data-figure=")
