@@ -314,11 +314,17 @@ def _example(kind: str, name: str) -> str:
     return next(part.example for part in stated if isinstance(part, Unit))
 
 
-def load_rig(name_or_path: str | PathLike[str]) -> Rig:
-    """Load a rig from a preset name or a TOML file, with its machine and the motions of its tasks.
+RigSource = Rig | str | PathLike[str]
+"""A rig, or what `load_rig` loads one from."""
+
+
+def load_rig(name_or_path: RigSource) -> Rig:
+    """Load a rig from a preset name or a TOML file, with its machine and its tasks' motions; a rig stays as it is.
 
     Raises FileError with every fault of the file; MotionError for an unknown name, with the nearest and all known ones.
     """
+    if isinstance(name_or_path, Rig):
+        return name_or_path
     return read_rig(find("controllers", "rig", name_or_path))
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from controllers.card import Command
 from controllers.laws.law import Feedback, Law, Reference
+from controllers.laws.registry import find_law
 from controllers.rig import Rig, Timer
 from controllers.rig_choice import choose_rig
 from controllers.simulate import HOST_STEP, SETTLING_TIME, sample, simulate
@@ -21,6 +22,7 @@ from kinematics.foundation.arrays import Array, freeze_fields
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
+from kinematics.machine.machine_file import MachineSource, load_machine
 
 if TYPE_CHECKING:
     from kinematics.machine.machine import Machine
@@ -137,8 +139,8 @@ def motion_of(plan: AxesMotion | HasTrajectory) -> AxesMotion:
 
 def track(
     plan: AxesMotion | HasTrajectory,
-    machine: Machine,
-    law: Law,
+    machine: MachineSource,
+    law: Law | str,
     *,
     rig: Rig | str | PathLike[str] | None = None,
     dt: float = HOST_STEP,
@@ -154,12 +156,14 @@ def track(
 
     Raises MotionError where the rig does not fit the machine, and where none is given and not exactly one fits.
     """
+    machine = load_machine(machine)
+    law = find_law(law) if isinstance(law, str) else law
     return _track_lanes(plan, machine, law, [law], rig=rig, dt=dt, settle=settle, period=period)[0]
 
 
 def track_each(
     plan: AxesMotion | HasTrajectory,
-    machine: Machine,
+    machine: MachineSource,
     laws: Sequence[Law],
     *,
     rig: Rig | str | PathLike[str] | None = None,
@@ -167,7 +171,9 @@ def track_each(
 ) -> tuple[Tracking, ...]:
     """The same under each of several laws, in the time of one. Raises MotionError for laws that are no `SideBySide`."""
     law = SideBySide(tuple(laws))
-    return _track_lanes(plan, machine, law, laws, rig=rig, dt=HOST_STEP, settle=SETTLING_TIME, period=period)
+    return _track_lanes(
+        plan, load_machine(machine), law, laws, rig=rig, dt=HOST_STEP, settle=SETTLING_TIME, period=period
+    )
 
 
 def _track_lanes(

@@ -19,10 +19,12 @@ from typing import Any, Generic, TypeVar
 
 from kinematics.foundation.errors import MotionError, NotInstalled
 from kinematics.machine.machine import Machine
+from kinematics.machine.machine_file import MachineSource, load_machine
 from planner.environment import PACKAGES, Facts, Look, describe_mismatches, make_fact_finder
 from planner.parallel import TASKS_EACH, Progress, cores, without_processes
 from planner.plan import Plan, plan
 from planner.program.model import Program
+from planner.program.program_file import ProgramSource, load_program
 
 Task = TypeVar("Task")
 Shared = TypeVar("Shared")
@@ -346,8 +348,8 @@ def _call(task: Task, work: Callable[[Task], Result]) -> Result:
 
 
 def plan_many(
-    programs: Iterable[Program],
-    machine: Machine,
+    programs: Iterable[ProgramSource],
+    machine: MachineSource,
     *,
     order: int | None = None,
     clock_hz: int = 10_000_000,
@@ -360,7 +362,7 @@ def plan_many(
     progress is told how many programs are done, and of how many. Raises MotionError where Dask is not installed or
     nothing answers.
     """
-    asked = list(programs)
+    asked, machine = [load_program(program) for program in programs], load_machine(machine)
     found: dict[int, Plan | MotionError] = {}
     if not asked:
         return []

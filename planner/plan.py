@@ -16,6 +16,7 @@ from kinematics.foundation.errors import MotionError, NotFree, OutOfReach
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Table
 from kinematics.machine.machine import Machine
+from kinematics.machine.machine_file import MachineSource, load_machine
 from planner.certificate.certify import Certificate
 from planner.certificate.constant_speed import CONSTANT_SPEED, Stretch, find_stretches
 from planner.certificate.feasibility import Standing, prove_feasibility
@@ -29,6 +30,7 @@ from planner.path.outcome import blend_tables, fit_tables
 from planner.path.point_to_point import Departure, departure_tables, departures
 from planner.place import Infeasible, LostPath
 from planner.program.model import Program
+from planner.program.program_file import ProgramSource, load_program
 from planner.pulses import (
     AxesMotion,
     PulseSchedule,
@@ -229,8 +231,8 @@ class Plan(Result):
 
 
 def plan(
-    program: Program,
-    machine: Machine,
+    program: ProgramSource,
+    machine: MachineSource,
     *,
     order: int | None = None,
     clock_hz: int = 10_000_000,
@@ -255,6 +257,7 @@ def plan(
     between stops are solved, and of how many, and then
     how far the pulses are. Raises Infeasible (what, where, by how much, remedy), OutOfReach, or MotionError.
     """
+    program, machine = load_program(program), load_machine(machine)
     if order is None:
         order = usual_order(machine.axes)
     if order not in (2, 3):
@@ -345,11 +348,12 @@ def _generate_pulses(
         raise Infeasible(no.kind, no.axis, place, no.value, no.limit, no.unit, no.remedy) from None
 
 
-def check(program: Program, machine: Machine) -> Standing:
+def check(program: ProgramSource, machine: MachineSource) -> Standing:
     """Limits that slowing down cannot fix, proved over a program's path: violations, the worst first, and margins.
 
     Raises MotionError for a path that cannot be drawn.
     """
+    program, machine = load_program(program), load_machine(machine)
     program = orient_open(program, machine, usual_order(machine.axes))
     try:
         path = actuate(program, machine)

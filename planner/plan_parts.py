@@ -17,6 +17,7 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Table
 from kinematics.machine.machine import Machine
+from kinematics.machine.machine_file import MachineSource, load_machine
 from planner.certificate.certify import Certificate
 from planner.limits import Limit, limits_of, usual_order
 from planner.limits.resonance import Resonance
@@ -25,6 +26,7 @@ from planner.path.join_and_blend import PathStep
 from planner.path.outcome import FitSummary, fit_tables, merge_fits, summarise_fits
 from planner.place import Place
 from planner.program.model import Dwell, Program, SegmentStream, Synchronised
+from planner.program.program_file import ProgramSource, load_program
 from planner.pulses import PulseSchedule, Rule, find_rule, pace_axes
 from planner.pulses.generation.stream import PulseStream
 from planner.pulses.schedule import schedule_tables
@@ -124,8 +126,8 @@ class PlanPart:
 
 
 def plan_parts(
-    program: Program,
-    machine: Machine,
+    program: ProgramSource,
+    machine: MachineSource,
     *,
     order: int | None = None,
     clock_hz: int = 10_000_000,
@@ -140,6 +142,7 @@ def plan_parts(
     (`planner.windows`). pieces: of path that a window has at first. after: go on from there. Raises as
     `planner.plan` does, when the parts before have been given; MotionError for what can only be planned as a whole.
     """
+    program, machine = load_program(program), load_machine(machine)
     rule = find_rule(rule) if isinstance(rule, str) else rule
     why = find_whole_reason(program, machine, rule)
     if why is not None:

@@ -31,6 +31,7 @@ from controllers.tracking import HasTrajectory, Tracking, motion_of
 from kinematics.analysis.forward import RESIDUAL_TOLERANCE, iterate_newton
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
+from kinematics.machine.machine_file import MachineSource, load_machine
 from kinematics.machine.pose import from_numbers, to_numbers
 from planner.path.actuation import MachinePath
 from planner.place import Place
@@ -218,7 +219,7 @@ BATCH_PERIOD = 5e-3
 def evaluate(
     tracking: Tracking,
     plan: AxesMotion | HasTrajectory,
-    machine: Machine,
+    machine: MachineSource,
     *,
     period: float = PERIOD,
     band: float = END_BAND,
@@ -236,12 +237,13 @@ def evaluate(
 def evaluate_each(
     tracked: Sequence[Tracking],
     plan: AxesMotion | HasTrajectory,
-    machine: Machine,
+    machine: MachineSource,
     *,
     period: float = PERIOD,
     band: float = END_BAND,
 ) -> tuple[Metrics, ...]:
     """The same of several trackings at the same instants (`track_each`), in less time for each."""
+    machine = load_machine(machine)
     first = tracked[0]
     pulse = np.array([axis.pulse for axis in machine.axes])
     actual = np.stack([(each.actual - machine.home_q) / pulse for each in tracked], 1)

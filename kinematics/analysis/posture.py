@@ -15,7 +15,8 @@ from kinematics.foundation.arrays import Array, freeze_fields
 from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import SCALES, Column, Table
-from kinematics.machine.pose import COMPONENTS, Pose, from_numbers, to_numbers
+from kinematics.machine.machine_file import MachineSource, load_machine
+from kinematics.machine.pose import COMPONENTS, Pose, PoseLike, from_numbers, to_numbers
 
 if TYPE_CHECKING:
     from kinematics.machine.machine import Machine
@@ -165,24 +166,27 @@ class Posture(Result):
         return Table(table.title, table.columns[1:], table.notes)
 
 
-def posture_of_pose(machine: Machine, pose: Pose, near: ArrayLike | None = None) -> Posture:
+def posture_of_pose(machine: MachineSource, pose: PoseLike, near: ArrayLike | None = None) -> Posture:
     """Inverse kinematics of a pose in the base frame: lengths, tilts, margins and proof.
 
     near (n,) picks the branch, as in `Machine.inverse`. Raises OutOfReach where no coordinates lead there, and
     MotionError for a pose that is none, or several.
     """
+    machine = load_machine(machine)
+    pose = machine.read_pose(pose)
     if not pose.single:
         raise MotionError(f"machine {machine.name}: a posture is of one pose, not of {len(pose)}")
     x, q = machine.locate_pose(pose, near)
     return _posture(machine, x, q[0])
 
 
-def posture_of_axes(machine: Machine, q: ArrayLike, near: Pose | None = None) -> Posture:
+def posture_of_axes(machine: MachineSource, q: ArrayLike, near: Pose | None = None) -> Posture:
     """Forward kinematics of coordinates (n,), from `near` (default: home): pose, tilts, margins and proof.
 
     The proof is about the way from home. Raises OutOfReach where no pose has these coordinates, and MotionError for
     what are none, or several rows of them.
     """
+    machine = load_machine(machine)
     rows = np.asarray(q, float)
     if rows.ndim != 1:
         raise MotionError(f"machine {machine.name}: a posture is of one row of coordinates, not of shape {rows.shape}")

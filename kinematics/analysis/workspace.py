@@ -24,6 +24,7 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.kind import HELD_TOLERANCE, refuse_uncontrolled
+from kinematics.machine.machine_file import MachineSource, load_machine
 from kinematics.machine.pose import check_pose
 
 if TYPE_CHECKING:
@@ -235,7 +236,7 @@ class Workspace(Result):
 
 
 def workspace(
-    machine: Machine,
+    machine: MachineSource,
     *,
     x: Range = None,
     y: Range = None,
@@ -250,6 +251,7 @@ def workspace(
 
     Raises OutOfReach where the machine does not control what is asked, MotionError where a range is none.
     """
+    machine = load_machine(machine)
     if not isinstance(cells, Integral) or isinstance(cells, bool) or cells < 1:
         raise MotionError(
             f"workspace of {machine.name}: cells must be a whole number of at least 1, not {cells!r:.100}"

@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 
 from kinematics.calibration.checks import select_reachable
+from kinematics.calibration.measurement_file import MeasurementSource, load_measurements
 from kinematics.calibration.measurements import AXIS, POSITION, Measurements, Noise, whole_poses
 from kinematics.calibration.parameters import (
     DEFAULT,
@@ -29,6 +30,7 @@ from kinematics.foundation.errors import MotionError
 from kinematics.kinds.hexapod import Hexapod
 from kinematics.machine.axis import Axis
 from kinematics.machine.machine import Machine
+from kinematics.machine.machine_file import MachineSource, load_machine
 from kinematics.machine.pose import Pose, from_numbers, to_numbers
 
 BODY_KEYS = ("leg_radius", "leg_ends", "base_disc", "platform_disc")
@@ -94,7 +96,11 @@ MAX_LEVERAGE = 1 - 1e-9
 
 
 def calibrate(
-    machine: Machine, measured: Measurements, parts: Sequence[str] = DEFAULT, *, use: Use | None = None
+    machine: MachineSource,
+    measured: MeasurementSource,
+    parts: Sequence[str] = DEFAULT,
+    *,
+    use: Use | None = None,
 ) -> Calibration:
     """Identify the parameters of `parts` (see PARTS) by maximum likelihood under the measurements' noise.
 
@@ -109,6 +115,7 @@ def calibrate(
     an unknown part, fewer values than parameters, fitted poses that the machine cannot be sent to, a search that does
     not converge, and measurements that contradict the machine; never gives parameters that explain them worse.
     """
+    machine, measured = load_machine(machine), load_measurements(measured)
     _check_arguments(machine, measured, use)
     vector = full_vector(machine)
     parameters = free_parameters(vector, parts)

@@ -27,8 +27,12 @@ SAME_ANGLE = np.deg2rad(0.01)
 """How far θ and the direction angles of one command may be apart: half a unit of the second decimal of a degree."""
 
 
-def load_measurements(name_or_path: str | PathLike[str]) -> Measurements:
-    """Load measurements from a preset name or a TOML file.
+MeasurementSource = Measurements | str | PathLike[str]
+"""Measurements, or what `load_measurements` loads them from."""
+
+
+def load_measurements(name_or_path: MeasurementSource) -> Measurements:
+    """Load measurements from a preset name or a TOML file; what are measurements already stays as it is.
 
     Each [[pose]] says what was commanded and what was measured, from the home pose, in one of two ways: commanded and
     measured, both x, y, z, θx, θy, θz (measured: or x, y, z alone); or, as coordinate measuring machines see a plane,
@@ -36,6 +40,8 @@ def load_measurements(name_or_path: str | PathLike[str]) -> Measurements:
     [[rotation]] is a check that nothing is fitted to: direction angles of a turn θ, at the position `at`.
     Raises FileError with every fault of the file; MotionError for an unknown name, with the nearest and all known ones.
     """
+    if isinstance(name_or_path, Measurements):
+        return name_or_path
     source = find("kinematics.calibration", "measurement file", name_or_path)
     document = read(source)
     model = build(document, MeasurementFile, plain=read_declared_units({**DEFAULT_UNITS, **document.data}, PLAIN_UNITS))

@@ -18,7 +18,8 @@ from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
-from kinematics.machine.pose import COMPONENTS, Pose, from_numbers, to_numbers
+from kinematics.machine.machine_file import MachineSource, load_machine
+from kinematics.machine.pose import COMPONENTS, Pose, PoseLike, from_numbers, to_numbers
 
 if TYPE_CHECKING:
     from kinematics.machine.machine import Machine
@@ -136,8 +137,8 @@ class Budget(Result):
 
 
 def error_budget(
-    machine: Machine,
-    pose: Pose,
+    machine: MachineSource,
+    pose: PoseLike,
     sources: Sequence[ErrorSource],
     *,
     near: ArrayLike | None = None,
@@ -157,13 +158,14 @@ def error_budget(
           what `Temperature` lets grow.
     Raises OutOfReach for a pose off the machine, MotionError for a singular one, and what the sources raise.
     """
+    machine = load_machine(machine)
     if not isinstance(sources, Sequence) or not all(hasattr(source, "effect") for source in sources):
         raise MotionError(
             f"error budget of {machine.name}: sources must be a list such as [Quantization()], not {sources!r}"
         )
     if not sources:
         raise MotionError(f"error budget of {machine.name}: no sources; give at least one, e.g. Quantization()")
-    x = to_numbers(pose)
+    x = to_numbers(machine.read_pose(pose))
     if not len(x):
         raise MotionError(f"error budget of {machine.name}: no poses")
     q = np.atleast_2d(machine.inverse(pose, near))

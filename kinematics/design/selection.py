@@ -19,11 +19,12 @@ from kinematics.foundation.names import nearest
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.foundation.units import describe
+from kinematics.machine.machine_file import MachineSource, load_machine
 from kinematics.machine.motion import Motion
-from kinematics.machine.pose import Pose, to_numbers
+from kinematics.machine.pose import PoseLike, to_numbers
 
 if TYPE_CHECKING:
-    from kinematics.machine.machine import Machine
+    pass
 
 UNITS = {"stroke": "mm", "speed": "mm/s", "force": "N", "precision": "um", "tilt": "deg"}
 """The unit in which a property is shown."""
@@ -128,10 +129,12 @@ def _read_motion(motion: AxisMotion | Motion | Forces) -> AxisMotion:
             raise MotionError(f"selection: {motion!r} is no motion; give AxisMotion, Motion or Forces")
 
 
-def joint_need(machine: Machine, pose: Pose, force: ArrayLike | None = None) -> JointNeed:
+def joint_need(machine: MachineSource, pose: PoseLike, force: ArrayLike | None = None) -> JointNeed:
     """Requirements on one type of joint: largest tilt over N poses, largest |force| (any shape, N)."""
+    machine = load_machine(machine)
     if not machine.tilt_names:
         raise MotionError(f"machine {machine.name} has no joints that tilt")
+    pose = machine.read_pose(pose)
     machine.inverse(pose)  # refuses what cannot be reached
     tilt = float(np.arccos(np.clip(machine.tilt_map(to_numbers(pose)), -1.0, 1.0)).max())
     return JointNeed(tilt or None, None if force is None else float(np.abs(finite_array(force, "force")).max()) or None)

@@ -19,10 +19,14 @@ def presets(package: str) -> dict[str, Traversable]:
 def find(package: str, what: str, name_or_path: str | PathLike[str]) -> Path | Traversable:
     """Where a preset or a file is: a plain word is a preset's name, anything with a folder or suffix a file's path."""
     if not isinstance(name_or_path, str | PathLike):
-        raise MotionError(f"a {what} is given by its name or the path of a file, not as {name_or_path!r}")
+        raise MotionError(
+            f"a {what} is given by its name or the path of a file, or as it is, not as {name_or_path!r:.80}"
+        )
     path = Path(name_or_path)
     name = fspath(name_or_path)
     if isinstance(name_or_path, PathLike) or path.suffix or path.name != name:
+        if name in presets(package) and not path.exists():
+            raise MotionError(f'no such file: {name}; the bundled {what} is given as a text, "{name}"')
         return path
     known = presets(package)
     if name not in known:

@@ -26,7 +26,7 @@ from kinematics.machine.axis import Axis
 from kinematics.machine.kind import Bar, Pivot, Skeleton, Sort
 from kinematics.machine.load import Load
 from kinematics.machine.machine import Machine
-from kinematics.machine.pose import COMPONENTS, Pose, to_numbers
+from kinematics.machine.pose import COMPONENTS, Pose, PoseLike, to_numbers
 
 POSITIONS = ("x", "y", "z")
 ROTATIONS = tuple(f"r{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3))
@@ -78,7 +78,7 @@ class Equations(Machine):
         coordinates: str | Sequence[str],
         *,
         axes: Iterable[Axis],
-        home: Pose,
+        home: PoseLike,
         follows: Sequence[str] = (),
         orientation: Sequence[TurnFormula] = (),
         constants: Mapping[str, ArrayLike] | None = None,

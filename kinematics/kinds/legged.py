@@ -27,7 +27,7 @@ from kinematics.machine.kind import Bar, Pivot, Skeleton, ring
 from kinematics.machine.load import Body, Leg, Load
 from kinematics.machine.machine import Machine
 from kinematics.machine.model import scaled_jacobian
-from kinematics.machine.pose import Pose, column, to_numbers
+from kinematics.machine.pose import PoseLike, column, to_numbers
 
 # Sine of the angle between a universal joint's first axis and the leg at home below which it cannot tilt the leg.
 MIN_AXIS_SINE = 1e-6
@@ -87,7 +87,7 @@ class Legged(Machine):
         platform: ArrayLike,
         *,
         axes: Iterable[Axis],
-        home: Pose,
+        home: PoseLike,
         base_rest: ArrayLike | None = None,
         platform_rest: ArrayLike | None = None,
         max_tilt: float | tuple[float | None, float | None] | None = None,

@@ -20,7 +20,7 @@ from kinematics.machine.axis import Axis
 from kinematics.machine.kind import Bar, Pivot, Skeleton, side
 from kinematics.machine.load import Load
 from kinematics.machine.machine import Machine
-from kinematics.machine.pose import Pose
+from kinematics.machine.pose import PoseLike
 
 
 class Linkage(Machine):
@@ -53,7 +53,7 @@ class Linkage(Machine):
         angle: float,
         *,
         axes: Iterable[Axis],
-        home: Pose,
+        home: PoseLike,
         near: ArrayLike | None = None,
         name: str = "linkage",
         load: Load | None = None,
@@ -75,10 +75,10 @@ class Linkage(Machine):
                     f"machine {name}: axis {axis.name} measures {length * 1e3:.6g} mm at home, and its travel takes "
                     f"{-axis.travel[0] * 1e3:.6g} mm off that; no actuator is shorter than nothing"
                 )
-        c, s = np.asarray(self._joint(ca.DM(home.translation), ca.DM(self.home_q))[1]).ravel()
+        c, s = np.asarray(self._joint(ca.DM(self.home.translation), ca.DM(self.home_q))[1]).ravel()
         base, way = self.base_b - self.base_a, np.array([c, s])
         self._side = 1 if base[0] * way[1] - base[1] * way[0] >= 0 else -1
-        self._at_home = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) @ home.rotation.as_matrix()
+        self._at_home = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) @ self.home.rotation.as_matrix()
 
     def _joint(self, position: ca.SX | ca.DM, near: ca.SX | ca.DM) -> tuple[ca.SX, ca.SX]:
         """q_a and the unit vector from a to J."""

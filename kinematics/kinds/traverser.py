@@ -20,7 +20,7 @@ from kinematics.machine.axis import Axis
 from kinematics.machine.kind import Bar, Pivot, Skeleton, Sort
 from kinematics.machine.load import Load
 from kinematics.machine.machine import Machine
-from kinematics.machine.pose import Pose, check_pose
+from kinematics.machine.pose import PoseLike, check_pose, read_pose
 
 # Sine of the angle between two slides below which they count as one.
 MIN_SLIDE_SINE = 1e-6
@@ -43,7 +43,7 @@ class Traverser(Machine):
         self,
         *,
         axes: Iterable[Axis],
-        home: Pose,
+        home: PoseLike,
         directions: ArrayLike | None = None,
         length: float = 0.1,
         name: str = "traverser",
@@ -56,6 +56,7 @@ class Traverser(Machine):
         self.characteristic_length = float(
             finite_array(length, f"machine {name}: length", (), unit="m", least=LEAST_POSITIVE)
         )
+        home = read_pose(f"machine {name}: home", home)
         self._held = check_pose(name, "home", home, single=True)[0, 3:].reshape(3, 3)
         super().__init__(name, axes, home, load=load)
 

@@ -7,11 +7,12 @@ from numpy.typing import ArrayLike
 from kinematics.analysis.forward import Forward, solve
 from kinematics.analysis.margins import Margins, measure
 from kinematics.analysis.virtual_work import Balance, force_map, force_terms_map, has_load, holding_map
+from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.axis import Axis, Magnitude, directional_bounds
 from kinematics.machine.model import MachineModel
-from kinematics.machine.pose import Pose
+from kinematics.machine.pose import Pose, PoseLike
 
 UNLIMITED = {"inf": "unlimited", "-inf": "unlimited", "None": "unlimited"}
 
@@ -79,14 +80,20 @@ class Machine(MachineModel, Result):
         for coordinates that are none, OutOfReach where no pose is found that has the lengths q (n,); among several,
         their `residual` tells.
         """
+        # numbers could as well be the coordinates that inverse takes as its near
+        if not (near is None or isinstance(near, Pose)):
+            raise MotionError(
+                f"machine {self.name}: near must be a pose: a scipy RigidTransform, not {near!r:.80}; "
+                "RigidTransform.from_components(position, rotation) makes one"
+            )
         return solve(self, q, self.home if near is None else near, certify)
 
-    def check(self, pose: Pose, near: ArrayLike | None = None) -> Margins:
+    def check(self, pose: PoseLike, near: ArrayLike | None = None) -> Margins:
         """Travel, tilt and clearance against their limits, conditioning, and distance to the nearest singularity.
 
         near (n,) as in `inverse`: which of a pose's coordinates are meant, where there are several.
         """
-        return measure(self, pose, near)
+        return measure(self, self.read_pose(pose), near)
 
     def tables(self) -> tuple[Table, ...]:
         """Its axes and their limits."""

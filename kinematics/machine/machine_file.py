@@ -86,11 +86,17 @@ KINDS: dict[str, tuple[type[MachineFile], Callable[[Any, str, Path | Traversable
 names of its axes where the kind says them."""
 
 
-def load_machine(name_or_path: str | PathLike[str]) -> Machine:
-    """Load a machine from a preset name or a TOML file.
+MachineSource = Machine | str | PathLike[str]
+"""A machine, or what `load_machine` loads one from."""
+
+
+def load_machine(name_or_path: MachineSource) -> Machine:
+    """Load a machine from a preset name or a TOML file; one that is a machine already stays as it is.
 
     Raises FileError with every fault of the file; MotionError for an unknown name, with the nearest and all known ones.
     """
+    if isinstance(name_or_path, Machine):
+        return name_or_path
     return read_machine(find("kinematics", "machine", name_or_path))
 
 

@@ -22,7 +22,7 @@ from kinematics.foundation.errors import BadValue, MotionError, OutOfReach
 from kinematics.machine.axis import Axis
 from kinematics.machine.kind import Kind, PlacedSkeleton, Skeleton, columns, refuse_uncontrolled
 from kinematics.machine.load import Load
-from kinematics.machine.pose import Pose, check_pose, column, split_pose_symbols, to_numbers
+from kinematics.machine.pose import Pose, PoseLike, check_pose, column, read_pose, split_pose_symbols, to_numbers
 
 
 class MovingPose:
@@ -117,13 +117,14 @@ class MachineModel(Kind):
         self,
         name: str,
         axes: Iterable[Axis],
-        home: Pose,
+        home: PoseLike,
         near: ArrayLike | None = None,
         load: Load | None = None,
     ) -> None:
         """near (n,): which of the home pose's coordinates are meant, where there are several (zeros by default)."""
         if not isinstance(name, str) or not name:
             raise MotionError(f"a machine needs a name, a text that is not empty, not {name!r}")
+        home = read_pose(f"machine {name}: home", home)
         check_pose(name, "home", home, single=True)
         self.name, self.axes, self.home = name, check_axes(self, name, axes), home
         self._derived: dict[Callable[..., Any], Any] = {}
@@ -216,14 +217,19 @@ class MachineModel(Kind):
             return x
         return np.concatenate([x, np.broadcast_to(near, (len(x), len(self.axes)))], 1)
 
-    def inverse(self, pose: Pose, near: ArrayLike | None = None) -> Array:
-        """Actuator coordinates q (N, n) of N poses, (n,) of one.
+    def inverse(self, pose: PoseLike, near: ArrayLike | None = None) -> Array:
+        """Actuator coordinates q (N, n) of N poses, (n,) of one; a pose may be numbers, see `read_pose`.
 
         near (n,) picks branch and turn where there are several (home's by default). Raises OutOfReach where no solution
         exists: too far, or off the machine's freedom; MotionError for what is no pose, such as a mirrored one.
         """
+        pose = self.read_pose(pose)
         q = self.locate_pose(pose, near)[1]
         return q[0] if pose.single else q
+
+    def read_pose(self, pose: PoseLike) -> Pose:
+        """A pose as it is, or of numbers in the base frame (`kinematics.machine.pose.read_pose`)."""
+        return read_pose(f"machine {self.name}: pose", pose)
 
     def locate_pose(self, pose: Pose, near: ArrayLike | None = None) -> tuple[Array, Array]:
         """Numbers (N, 12) and coordinates (N, n) of the poses that a caller gives; see `inverse` for what it raises."""
@@ -246,12 +252,13 @@ class MachineModel(Kind):
     def _find_unreachable(self, q: Array) -> np.ndarray:
         return np.asarray(~(np.isfinite(q) & (q >= (0.0 if self.lengths else -np.inf))).all(1))
 
-    def jacobian(self, pose: Pose, near: ArrayLike | None = None) -> Array:
+    def jacobian(self, pose: PoseLike, near: ArrayLike | None = None) -> Array:
         """J (N, n, 6) of N poses, (n, 6) of one: dq = J [dx, dy, dz, wx, wy, wz] in the base frame.
 
         The velocity is that of the platform's origin, the reference point. near as in `inverse`. Raises what `inverse`
         does, and MotionError where coordinates have no finite rates: an arm stretched out, a leg of no length.
         """
+        pose = self.read_pose(pose)
         x, q = self.locate_pose(pose, near)
         j = self.jacobian_map(self.inputs(x, q)).reshape(-1, len(self.axes), 6)
         endless = ~np.isfinite(j).all((1, 2))

@@ -10,7 +10,7 @@ from kinematics.foundation.arrays import Array, finite_array, freeze_fields
 from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.machine.kind import columns
 from kinematics.machine.model import MachineModel, square_jacobian
-from kinematics.machine.pose import COMPONENTS, Pose, from_numbers, to_numbers
+from kinematics.machine.pose import COMPONENTS, Pose, PoseLike, from_numbers, to_numbers
 
 # Condition of the Jacobian (turns at the characteristic length) above which coordinates no longer tell the motion.
 MAX_CONDITION = 1e10
@@ -58,7 +58,7 @@ class Motion:
 
 def motion_of_poses(
     machine: MachineModel,
-    pose: Pose,
+    pose: PoseLike,
     twist: ArrayLike | None = None,
     acceleration: ArrayLike | None = None,
     near: ArrayLike | None = None,
@@ -68,6 +68,7 @@ def motion_of_poses(
     What follows is filled in, whatever is given for it. Raises OutOfReach where a pose has no coordinates, MotionError
     where a twist leaves the machine's freedom. near as in `Machine.inverse`.
     """
+    pose = machine.read_pose(pose)
     q = np.atleast_2d(machine.inverse(pose, near))
     held = [k for k, name in enumerate(COMPONENTS) if name not in machine.freedom + machine.follows]
     given = []

@@ -8,12 +8,15 @@ from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics.foundation.arrays import Array
+from kinematics.foundation.arrays import Array, numeric_array
 from kinematics.foundation.errors import MotionError, OutOfReach
 
 Pose = RigidTransform
+PoseLike = Pose | ArrayLike
+"""A pose, or the numbers of one or of many: see `read_pose`."""
 
 # How far R Rᵀ may be from the identity, entry by entry: far above rounding, far below what a measurement sees.
 ROTATION_TOLERANCE = 1e-9
@@ -27,17 +30,49 @@ def make_pose(position: Array | Sequence[float], angles: Array | Sequence[float]
     return RigidTransform.from_components(position, Rotation.from_euler("XYZ", angles))
 
 
-def check_pose(machine: str, what: str, pose: object, *, single: bool = False) -> Array:
+def read_pose(what: str, given: object) -> Pose:
+    """A pose as it is, or made of numbers: x, y, z (m), or these and θx, θy, θz (rad), one row a pose.
+
+    Angles are about the moving axes in turn, Rx · Ry · Rz, as in files; three numbers are not turned. Raises
+    MotionError for anything else.
+    """
+    if isinstance(given, RigidTransform):
+        return given
+    numbers = numeric_array(given)
+    if numbers is None or numbers.ndim not in (1, 2) or numbers.shape[-1] not in (3, 6) or not numbers.size:
+        raise MotionError(
+            f"{what} must be a pose: a scipy RigidTransform, or numbers x, y, z (m), or these and θx, θy, θz (rad), "
+            f"not {given!r:.80}"
+        )
+    if not np.isfinite(numbers).all():
+        raise OutOfReach(f"{what} must be finite, not {numbers.tolist()!s:.80}")
+    angles = numbers[..., 3:] if numbers.shape[-1] == 6 else np.zeros_like(numbers)
+    return make_pose(numbers[..., :3], angles)
+
+
+def read_rotation(what: str, given: object, *shape: int) -> Rotation:
+    """A rotation as it is, or made of θx, θy, θz (…, 3) rad about the moving axes in turn; shape: of how many.
+
+    Raises MotionError for anything else.
+    """
+    if isinstance(given, Rotation):
+        return given
+    angles = numeric_array(given)
+    if angles is None or angles.shape != (*shape, 3) or not np.isfinite(angles).all():
+        rows = f"{shape[0]} rows of " if shape else ""
+        raise MotionError(
+            f"{what} must be a rotation: a scipy Rotation, or {rows}three finite angles θx, θy, θz (rad), "
+            f"not {given!r:.80}"
+        )
+    return Rotation.from_euler("XYZ", angles)
+
+
+def check_pose(machine: str, what: str, pose: Pose, *, single: bool = False) -> Array:
     """(N, 12) numbers of the poses that a caller gives to a machine.
 
-    Raises MotionError for what is no pose, or not a single one where one is wanted, and for rotations that are none:
-    scaled, as from a quaternion that was not normalised, or mirrored; OutOfReach for a pose that is not finite.
+    Raises MotionError for what is not a single pose where one is wanted, and for rotations that are none: scaled, as
+    from a quaternion that was not normalised, or mirrored; OutOfReach for a pose that is not finite.
     """
-    if not isinstance(pose, RigidTransform):
-        raise MotionError(
-            f"machine {machine}: {what} must be a pose; a pose is a scipy RigidTransform, not {type(pose).__name__}; "
-            "RigidTransform.from_components(position, rotation) makes one"
-        )
     if single and not pose.single:
         raise MotionError(f"machine {machine}: {what} must be one pose, not {len(pose)}; index the one that is meant")
     x = to_numbers(pose)

@@ -15,6 +15,7 @@ import numpy as np
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.machine import Machine
+from kinematics.machine.machine_file import MachineSource, load_machine
 from planner.limits import limits_of, usual_order
 from planner.orientation.nlp import FreePart, Objective, PartEnd, solve_controls
 from planner.path.actuation import MachinePath, actuate
@@ -22,6 +23,7 @@ from planner.path.chain import chain_pieces, draw_segments
 from planner.path.shape import DEGREE, Piece, carry_tool
 from planner.program.model import Dwell, Program, SegmentStream
 from planner.program.modifiers import Free
+from planner.program.program_file import ProgramSource, load_program
 from planner.timing.certified_solve import certified_solve
 from planner.trajectory import Trajectory
 
@@ -29,7 +31,9 @@ Choice = Mapping[int, Array]
 """Controls (3, DEGREE + 1) of free segments, by their index."""
 
 
-def orient(program: Program, machine: Machine, objective: Objective = "time", order: int | None = None) -> Program:
+def orient(
+    program: ProgramSource, machine: MachineSource, objective: Objective = "time", order: int | None = None
+) -> Program:
     """Choose the orientation of a program's free segments.
 
     "time": as fast as the machine's limits on speed and acceleration allow, and at the order planned (None: as `plan`
@@ -38,6 +42,7 @@ def orient(program: Program, machine: Machine, objective: Objective = "time", or
     together; they begin, and unless they end the program also end, in the orientation that it says.
     Raises MotionError where the machine does not control what is left free.
     """
+    program, machine = load_program(program), load_machine(machine)
     if objective not in get_args(Objective):
         raise MotionError(f'no objective "{objective}"; objectives: {", ".join(get_args(Objective))}')
     free = {k: each for k, segment in enumerate(program.segments) if (each := _segment_freedom(segment)) is not None}

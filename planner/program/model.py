@@ -22,9 +22,11 @@ from planner.program.validation import (
     MOST_SEGMENTS,
     check_angle,
     check_caps,
+    check_frame,
     check_place,
     check_points,
     check_positive,
+    check_rotation,
     legible,
     repeats,
     unit_direction,
@@ -72,6 +74,7 @@ class Line(MovingSegment):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "to", check_place("line", "to", self.to))
+        check_rotation(self, "line", "rotate")
         check_caps(self, "line")
 
 
@@ -96,6 +99,7 @@ class Arc(MovingSegment):
         object.__setattr__(self, "centre", check_place("arc", "centre", self.centre))
         object.__setattr__(self, "normal", unit_direction("arc", "normal", self.normal))
         check_angle("arc", self.angle)
+        check_rotation(self, "arc", "rotate")
         if not is_within_limit(self.rise, "m"):
             raise MotionError(f"arc: rise {self.rise} m must be finite, and at most {most('m'):g} m either way")
         check_caps(self, "arc")
@@ -121,6 +125,8 @@ class Spline(MovingSegment):
         repeated = np.flatnonzero(np.linalg.norm(np.diff(through, axis=0), axis=1) <= MIN_MOVE)
         if len(repeated):
             raise MotionError(f"spline: {repeats(int(repeated[0]) + 1)}")
+        if not isinstance(self.rotate, Rotation):
+            check_rotation(self, "spline", "rotate", len(through))
         if self.rotate is not None and (self.rotate.single or len(self.rotate) != len(through)):
             given = 1 if self.rotate.single else len(self.rotate)
             raise MotionError(f"spline: {given} orientations for {len(through)} points; give one for each, or none")
@@ -183,6 +189,7 @@ class Turn:
     def __post_init__(self) -> None:
         if (self.to is None) == (self.about is None):
             raise MotionError("turn: give the orientation `to`, or `about` and `angle`; exactly one of the two")
+        check_rotation(self, "turn", "to")
         if self.about is not None:
             object.__setattr__(self, "about", unit_direction("turn", "about", self.about))
             check_angle("turn", self.angle)
@@ -210,6 +217,7 @@ class Synchronised:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "to", check_place("synchronised", "to", self.to))
+        check_rotation(self, "synchronised", "rotate")
         check_caps(self, "synchronised")
 
 
@@ -295,6 +303,9 @@ class Program(Result):
     def __post_init__(self) -> None:
         if not isinstance(self.segments, SegmentStream):
             object.__setattr__(self, "segments", tuple(self.segments))
+        for frame in ("start", "tool", "work"):
+            if (given := getattr(self, frame)) is not None:
+                object.__setattr__(self, frame, check_frame(f"program {self.name}: {frame}", given))
         if not self.segments:
             raise MotionError(
                 f"program {self.name} is empty: give it a line, arc, spline, curve, turn, synchronised move or dwell"

@@ -274,11 +274,17 @@ PLAIN_UNITS = {"length": "m", "angle": "rad"}
 """The declarations that give plain numbers their unit, and the SI unit of each."""
 
 
-def load_program(name_or_path: str | PathLike[str]) -> Program:
-    """Load a program from a preset name or a TOML file.
+ProgramSource = Program | str | PathLike[str]
+"""A program, or what `load_program` loads one from."""
+
+
+def load_program(name_or_path: ProgramSource) -> Program:
+    """Load a program from a preset name or a TOML file; one that is a program already stays as it is.
 
     Raises FileError with every fault of the file; MotionError for an unknown name, with the nearest and all known ones.
     """
+    if isinstance(name_or_path, Program):
+        return name_or_path
     source = find("planner", "program", name_or_path)
     try:
         document = read(source)

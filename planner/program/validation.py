@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from kinematics.files.plain_text import describe_control_character
 from kinematics.foundation.arrays import MAX_DISTANCE, MAX_TURNS, MIN_MAGNITUDE, Array, freeze_array, most
 from kinematics.foundation.errors import MotionError
+from kinematics.machine.pose import Pose, read_pose, read_rotation
 
 CAPS = {"speed": "m/s", "acceleration": "m/s²", "angular_speed": "rad/s"}
 """What segments may cap, as far as they have it, and its unit."""
@@ -70,6 +71,23 @@ def unit_direction(segment: str, name: str, value: ArrayLike) -> Array:
     scaled = given / largest  # the norm of very large or very small vectors would overflow
     unit = scaled / np.linalg.norm(scaled)
     return freeze_array(given if np.abs(given - unit).max() <= UNIT_VECTOR_ROUNDING else unit)
+
+
+def check_rotation(segment: object, what: str, name: str, *count: int) -> None:
+    """Make an orientation that a frozen segment states a Rotation; count: of how many, one by default."""
+    if (given := getattr(segment, name)) is not None:
+        turned = read_rotation(f"{what}: {name}", given, *count)
+        if not count and not turned.single:
+            raise MotionError(f"{what}: {name} must be one rotation, not {len(turned)}; index the one that is meant")
+        object.__setattr__(segment, name, turned)
+
+
+def check_frame(what: str, given: object) -> Pose:
+    """One pose, or the numbers of one."""
+    pose = read_pose(what, given)
+    if not pose.single:
+        raise MotionError(f"{what} must be one pose, not {len(pose)}; index the one that is meant")
+    return pose
 
 
 def check_positive(segment: str, name: str, value: float | None, unit: str) -> None:

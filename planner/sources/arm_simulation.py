@@ -14,7 +14,7 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.kinds.tripod import Tripod
-from kinematics.machine.machine import Machine
+from kinematics.machine.machine_file import MachineSource, load_machine
 from planner.sources.position_list import PositionList
 from planner.sources.positions import step_poses
 
@@ -71,12 +71,13 @@ class ArmSimulation(Result):
         return (Table(title, columns, (*self.notes, *(told if count else ()), *(beyond if any(short) else ()))),)
 
 
-def simulate_arms(listed: PositionList, machine: Machine, *, unit: float | None = None) -> ArmSimulation:
+def simulate_arms(listed: PositionList, machine: MachineSource, *, unit: float | None = None) -> ArmSimulation:
     """Arm lengths at the poses of a list; rotation R = Ry · Rz · Rx if the list states so.
 
     unit  m: every step of the source's rule (`positions.step_poses`), of a unit or of 1°; None: the listed poses
     Raises MotionError for a machine without three arms, and for a list without a pose.
     """
+    machine = load_machine(machine)
     if not isinstance(machine, Tripod):
         raise MotionError(f"arm simulation: machine {machine.name} is not a tripod; the simulation is for three arms")
     if not len(listed):

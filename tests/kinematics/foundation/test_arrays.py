@@ -65,7 +65,7 @@ def test_sources_of_another_shape(preset, sources, told):
 @pytest.mark.parametrize(
     ("given", "told"),
     [
-        ({"pose": [0, 0, 1]}, "a pose is a scipy RigidTransform, not list"),
+        ({"pose": "up"}, "pose must be a pose: a scipy RigidTransform, or numbers"),
         ({"near": [1, 2]}, r"near must be finite numbers \(6,\)"),
         ({"tool": "tip"}, r"tool must be finite numbers \(3,\) in m"),
     ],

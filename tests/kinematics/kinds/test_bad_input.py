@@ -61,10 +61,10 @@ def test_what_are_no_such_numbers_is_told(values):
         (lambda: hexapod(base=[["a"] * 3] * 6), "mine: base must be finite numbers .6, 3. in m"),
         (lambda: hexapod(platform=RAGGED * 3), "mine: platform must be finite numbers .6, 3. in m"),
         (lambda: hexapod(base=1j * BASE), "mine: base must be finite numbers .6, 3. in m"),
-        (lambda: hexapod(home=None), "mine: home must be a pose; a pose is a scipy"),
-        (lambda: hexapod(home=np.eye(4)), "mine: home must be a pose; a pose is a scipy"),
-        (lambda: hexapod(home=Rotation.identity()), "mine: home must be a pose; a pose is a scipy"),
-        (lambda: traverser(home=None), "mine: home must be a pose; a pose is a scipy"),
+        (lambda: hexapod(home=None), "mine: home must be a pose: a scipy"),
+        (lambda: hexapod(home=np.eye(4)), "mine: home must be a pose: a scipy"),
+        (lambda: hexapod(home=Rotation.identity()), "mine: home must be a pose: a scipy"),
+        (lambda: traverser(home=None), "mine: home must be a pose: a scipy"),
         (
             lambda: traverser(home=RigidTransform.from_translation(np.zeros((0, 3)))),
             "mine: home must be one pose, not 0",
@@ -96,11 +96,11 @@ def test_what_are_no_such_numbers_is_told(values):
         (lambda: tripod(tool="abc"), "mine: tool must be finite numbers"),
         (lambda: traverser(directions=RAGGED), "mine: directions must be finite numbers"),
         (lambda: traverser(length="a"), "mine: length must be .*not 'a'"),
-        (lambda: load_machine(None), "a machine is given by its name or the path of a file, not as None"),
+        (lambda: load_machine(None), "a machine is given by its name or the path of a file, or as it is, not as None"),
         (lambda: hexapod().check(RigidTransform.from_translation(np.zeros((0, 3)))).worst(), "margins of no poses"),
         (lambda: hexapod().forward(["a"] * 6), "mine: forward takes finite coordinates"),
         (lambda: hexapod().forward(RAGGED), "mine: forward takes finite coordinates"),
-        (lambda: hexapod().forward(hexapod().home_q, hexapod().home_q), "mine: near must be a pose; a pose is a scipy"),
+        (lambda: hexapod().forward(hexapod().home_q, hexapod().home_q), "mine: near must be a pose: a scipy"),
         (lambda: traverser().inverse(HOME, HOME), "mine: near must be finite numbers .4,."),
         (lambda: traverser().inverse(HOME, "a"), "mine: near must be finite numbers .4,."),
         (lambda: workspace(hexapod(), cells=2.5), "cells must be a whole number of at least 1, not 2.5"),
@@ -243,8 +243,8 @@ QUESTIONS = {
 def test_what_is_no_pose_is_refused(machine, question):
     ask = QUESTIONS[question]
     nothing = () if question == "forward" else (None,)  # there it is home
-    for pose in (*nothing, np.eye(4), [0, 0, 0.3], "home", Rotation.identity(), machine.home_q):
-        with pytest.raises(MotionError, match=f"machine {machine.name}: (pose|near) must be a pose; a pose is a scipy"):
+    for pose in (*nothing, np.eye(4), [0, 0.3], "home", Rotation.identity(), np.zeros(7)):
+        with pytest.raises(MotionError, match=f"machine {machine.name}: (pose|near) must be a pose: a scipy"):
             ask(machine, pose)
     for make, told in ((doubled, "R Rᵀ is 3 off"), (mirrored, "mirrored"), (unnormalised, "R Rᵀ is 15 off")):
         with pytest.raises(MotionError, match=f"machine {machine.name}: (pose|near) 0 has a rotation .*{told}"):
