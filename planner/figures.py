@@ -16,6 +16,7 @@ from kinematics.foundation.figure import PALETTE, draw_bars, escape_dollars, lin
 from kinematics.foundation.result import draws
 from kinematics.machine.axis import Axis
 from kinematics.machine.pose import from_numbers
+from planner.active_limits import active_limits, limit_shares
 from planner.baselines.classical import Classical
 from planner.certificate.certify import Certificate
 from planner.certificate.feasibility import Standing
@@ -23,7 +24,7 @@ from planner.cross_check import CrossCheck
 from planner.interruption.hold import Stops
 from planner.interruption.section import Section
 from planner.path.actuation import MachinePath
-from planner.plan import Plan, active_limits, limit_shares
+from planner.plan import Plan
 from planner.plan_parts import PlanStanding
 from planner.program.model import Program
 from planner.pulses.realised_path import RealisedPath

@@ -1,7 +1,4 @@
-"""The main job, top to bottom: program -> path -> limits -> certified motion -> pulses.
-
-And what holds a motion back when.
-"""
+"""The main job, top to bottom: program -> path -> limits -> certified motion -> pulses."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -11,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError, NotFree, OutOfReach
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Table
@@ -21,8 +17,8 @@ from planner.certificate.certify import Certificate
 from planner.certificate.constant_speed import CONSTANT_SPEED, Stretch, find_stretches
 from planner.certificate.feasibility import Standing, prove_feasibility
 from planner.certificate.lower_bound import find_left_out
-from planner.limits import Limit, limits_of, usual_order
-from planner.limits.registry import geometric_limits
+from planner.limits import Limit, OwnLimit, limits_of, usual_order
+from planner.limits.registry import geometric_limits, make_own_limits
 from planner.orientation.orient import orient_open
 from planner.parallel import Progress, ignore_progress
 from planner.path.actuation import MachinePath, actuate
@@ -47,8 +43,7 @@ from planner.pulses.triggers import Triggered, find_triggers, trigger_tables
 from planner.timing.certified_solve import EFFORT, certified_solve, solve_within, timing_table
 from planner.timing.duration_bound import DurationBound, bound_duration
 from planner.timing.problem import Solver
-from planner.timing.profile import Profile, sample_limit_use
-from planner.timing.solvers.toppra_ import require
+from planner.timing.solvers.toppra_ import refuse_solver
 from planner.timing.stated_duration import solve_stated
 from planner.tradeoffs.objective import TIME, Objective, read_objective, solve_objective
 from planner.tradeoffs.pareto import WEIGHTS, Tradeoff, trade
@@ -72,6 +67,7 @@ class Plan(Result):
                      constant speeds that are asked for
     stated_duration  s, what was asked for instead of the fastest, if anything
     objective        what it has least of: time, or a weighed sum with heat
+    own_limits       what was asked for beside the machine's and the program's own limits
     """
 
     program: Program
@@ -88,6 +84,7 @@ class Plan(Result):
     lower_estimate: float
     stated_duration: float | None = None
     objective: Objective = TIME
+    own_limits: tuple[OwnLimit, ...] = field(default=(), repr=False)
     known: list[DurationBound] = field(default_factory=list, repr=False, compare=False)
 
     @property
@@ -223,7 +220,7 @@ class Plan(Result):
         from planner.interruption.section import Whole
 
         program, motion = self.program, (self.path, self.trajectory, self.certificate, self.pulses)
-        return Whole(program.name, self.machine, *motion, self.order, program.tool)
+        return Whole(program.name, self.machine, *motion, self.order, program.tool, self.own_limits)
 
     def data(self) -> Table:
         """The motion over time; `certificate` and `pulses` have data of their own."""
@@ -242,20 +239,53 @@ def plan(
     effort: int = EFFORT,
     rule: str | Rule = "nearest",
     solver: Solver = "passes",
+    limits: Sequence[OwnLimit] = (),
     progress: Progress | None = None,
 ) -> Plan:
     """Plan the fastest motion of a machine along a program, proved to respect every limit, and its pulses.
 
-    order 2 keeps speed and acceleration, 3 jerk as well; None: 3 where the machine states jerk limits. The pulse rates
-    that it keeps are those that the clock's whole ticks and the rule can hold (`planner.pulses.pace_axes`).
-    duration (s): the smoothest motion that takes so long instead (`planner.timing.stated_duration.solve_stated`);
-    None: what the program states, if it does. objective: "time", or the least of a weighed sum with heat, as
-    "time + 0.2 heat" (`planner.tradeoffs.objective`). gap: the share of the least time that it is to be proved within,
-    by so many rounds (effort) of finer bounds and grids (`solve_within`); `Plan.gap` says what is proved.
-    solver: of order 2, "passes" (our own) or "toppra", whose motion is solved anew or slowed like ours until its proof
-    holds. rule: of firing, or its name and options ("sampled:period=50us"). progress is told how many of the runs
-    between stops are solved, and of how many, and then
-    how far the pulses are. Raises Infeasible (what, where, by how much, remedy), OutOfReach, or MotionError.
+    Parameters
+    ----------
+    program, machine
+        As they are, by the name of a bundled one, or by the path of a file.
+    order
+        2 keeps speed and acceleration, 3 jerk as well. None: 3 where the machine states jerk limits.
+    clock_hz
+        Ticks per second of the pulses' clock. The pulse rates that the motion keeps are those that whole ticks and the
+        rule can hold (`planner.pulses.pace_axes`).
+    duration
+        s, of the smoothest motion that takes so long instead (`planner.timing.stated_duration.solve_stated`). None:
+        what the program states, if it does.
+    objective
+        "time", or the least of a weighed sum with heat, as "time + 0.2 heat" (`planner.tradeoffs.objective`).
+    gap
+        The share of the least time that it is to be proved within (`solve_within`); `Plan.gap` says what is proved.
+    effort
+        Rounds of finer bounds and grids for the gap, at most.
+    rule
+        Of firing, or its name and options ("sampled:period=50us").
+    solver
+        Of order 2: "passes" (our own) or "toppra", whose motion is solved anew or slowed like ours until its proof
+        holds.
+    limits
+        Of your own, kept and proved beside the others by this call alone: instances of `planner.limits.Limit`, or
+        functions of the machine and the path that return one. An orientation left free is chosen without them.
+    progress
+        Called with how many of the runs between stops are solved, and of how many; then with how far the pulses are.
+
+    Returns
+    -------
+    Plan
+        Motion, certificate and pulses.
+
+    Raises
+    ------
+    Infeasible
+        What breaks a limit, where, by how much, and the remedy.
+    OutOfReach
+        A pose that no axis position leads to.
+    MotionError
+        What is asked for cannot be.
     """
     program, machine = load_program(program), load_machine(machine)
     if order is None:
@@ -274,21 +304,21 @@ def plan(
         _refuse_gap(gap, effort, duration is None and objective.heat == 0)
     rule = find_rule(rule) if isinstance(rule, str) else rule
     if solver != "passes":
-        _refuse_solver(solver, order, duration)
+        refuse_solver(solver, order, duration)
         if objective.heat > 0:
             raise MotionError(f'solver toppra finds the fastest motion: omit it, or objective "{objective}"')
     program = orient_open(program, machine, order)
     try:
         path = actuate(program, machine)
-        limits = limits_of(path, pace_axes(machine.axes, int(clock_hz), rule), order)
+        kept = limits_of(path, pace_axes(machine.axes, int(clock_hz), rule), order, limits)
         if objective.heat > 0:
-            solution = solve_objective(path, limits, machine.axes, order, objective, progress)
+            solution = solve_objective(path, kept, machine.axes, order, objective, progress)
         elif gap is not None:
-            solution = solve_within(path, limits, order, gap, effort, progress, solver=solver)
+            solution = solve_within(path, kept, order, gap, effort, progress, solver=solver)
         elif duration is None:
-            solution = certified_solve(path, limits, order, progress, solver=solver)
+            solution = certified_solve(path, kept, order, progress, solver=solver)
         else:
-            solution = solve_stated(path, limits, machine.axes, order, duration, progress)
+            solution = solve_stated(path, kept, machine.axes, order, duration, progress)
     except (Infeasible, OutOfReach) as no:
         raise _add_advice(no, program, machine, order) from None
     motors, pulses = _generate_pulses(solution.trajectory, machine, int(clock_hz), rule, progress or ignore_progress)
@@ -296,7 +326,7 @@ def plan(
         program,
         machine,
         path,
-        limits,
+        kept,
         solution.trajectory,
         solution.certificate,
         motors,
@@ -307,6 +337,7 @@ def plan(
         solution.lower_estimate,
         duration,
         objective,
+        tuple(limits),
         solution.known,
     )
 
@@ -318,19 +349,6 @@ def _refuse_gap(gap: float, effort: int, fastest: bool) -> None:
         raise MotionError(f"effort {effort} must be 0 rounds or more")
     if not fastest:
         raise MotionError("a gap is one to the fastest motion: omit it, or the duration or objective that is stated")
-
-
-def _refuse_solver(solver: str, order: int, duration: float | None) -> None:
-    """Raise MotionError for a solver that is unknown, not there, or not for what is asked of it."""
-    if solver != "toppra":
-        raise MotionError(f"solver {solver!r} is not known; solvers: passes (our own) and toppra")
-    if order != 2:
-        raise MotionError("solver toppra has no jerk limits: give order=2, or omit the solver for order 3")
-    if duration is not None:
-        raise MotionError(
-            f"solver toppra finds the fastest motion, not one of {duration:g} s: omit the solver or the duration"
-        )
-    require("solver toppra")
 
 
 def _generate_pulses(
@@ -348,8 +366,10 @@ def _generate_pulses(
         raise Infeasible(no.kind, no.axis, place, no.value, no.limit, no.unit, no.remedy) from None
 
 
-def check(program: ProgramSource, machine: MachineSource) -> Standing:
+def check(program: ProgramSource, machine: MachineSource, *, limits: Sequence[OwnLimit] = ()) -> Standing:
     """Limits that slowing down cannot fix, proved over a program's path: violations, the worst first, and margins.
+
+    limits: of your own, as of `plan`.
 
     Raises MotionError for a path that cannot be drawn.
     """
@@ -359,7 +379,8 @@ def check(program: ProgramSource, machine: MachineSource) -> Standing:
         path = actuate(program, machine)
     except OutOfReach as no:
         raise _add_advice(no, program, machine, 2) from None
-    found = prove_feasibility(path, limits_of(path, machine.axes, 2))
+    own = (each for each in make_own_limits(path, limits) if each.geometric)
+    found = prove_feasibility(path, (*limits_of(path, machine.axes, 2), *own))
     worst = tuple(_add_advice(no, program, machine, 2) for no in found.violations[:1])
     violations = (*worst, *found.violations[1:])
     return replace(found, violations=violations, blends=path.blends, fit=path.fit, departures=departures(path))
@@ -375,29 +396,3 @@ def _add_advice(no: MotionError, program: Program, machine: Machine, order: int)
     if isinstance(no, Infeasible):
         return no.add_advice(more) if no.kind in geometric_limits() else no
     return LostPath(str(no), more)
-
-
-ACTIVE_SHARE = 0.99
-"""The share of a limit from which on it holds the motion back."""
-
-
-def limit_shares(plan: Plan) -> dict[str, Array]:
-    """(M,) the largest share of each limit that the motion is seen to use in each time piece.
-
-    Of limits that do not depend on timing, the proven share. What is proved of the others is as close only where they
-    are used most: elsewhere a bound need not be.
-    """
-    motion = plan.trajectory
-    profile = Profile(motion.s, motion.v, motion.a, motion.j, np.diff(motion.knots), motion.piece)
-    standing = {limit.name: plan.certificate.use[limit.name] for limit in plan.limits if limit.geometric}
-    return standing | sample_limit_use(motion.path, plan.limits, profile)
-
-
-def active_limits(plan: Plan) -> np.ndarray:
-    """(M,) for each time piece the index in `plan.limits` of the limit that holds the motion back; −1 where none does.
-
-    It is the most used one from 99 % on. Geometric limits never do: they do not depend on timing.
-    """
-    seen = limit_shares(plan)
-    use = np.stack([seen[limit.name] * (not limit.geometric) for limit in plan.limits])
-    return np.where(use.max(0) >= ACTIVE_SHARE, use.argmax(0), -1)

@@ -5,7 +5,7 @@ motion, certified, that ends at rest, and the next part takes the place of its s
 """
 
 from collections import Counter, deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
@@ -19,7 +19,7 @@ from kinematics.foundation.table import Table
 from kinematics.machine.machine import Machine
 from kinematics.machine.machine_file import MachineSource, load_machine
 from planner.certificate.certify import Certificate
-from planner.limits import Limit, limits_of, usual_order
+from planner.limits import Limit, OwnLimit, limits_of, usual_order
 from planner.limits.resonance import Resonance
 from planner.path.chain import walk_path
 from planner.path.join_and_blend import PathStep
@@ -132,6 +132,7 @@ def plan_parts(
     order: int | None = None,
     clock_hz: int = 10_000_000,
     rule: str | Rule = "nearest",
+    limits: Sequence[OwnLimit] = (),
     pieces: int = PIECES,
     after: PlanMark | None = None,
     helpers: Helpers | None = None,
@@ -139,8 +140,28 @@ def plan_parts(
     """Plan a program as it is read: the fastest motion, proved, and its pulses, in memory that does not grow with it.
 
     What a part's motion costs beside that of the whole planned at once is what it looks ahead too little: below 0.1 %
-    (`planner.windows`). pieces: of path that a window has at first. after: go on from there. Raises as
-    `planner.plan` does, when the parts before have been given; MotionError for what can only be planned as a whole.
+    (`planner.windows`).
+
+    Parameters
+    ----------
+    program, machine, order, clock_hz, rule, limits
+        As of `plan`.
+    pieces
+        Of path that a window has at first.
+    after
+        Go on from there.
+    helpers
+        Processes that solve windows beside this one; None: none.
+
+    Yields
+    ------
+    PlanPart
+        What stays of each window.
+
+    Raises
+    ------
+    MotionError
+        What can only be planned as a whole; and as `plan` does, when the parts before have been given.
     """
     program, machine = load_program(program), load_machine(machine)
     rule = find_rule(rule) if isinstance(rule, str) else rule
@@ -149,7 +170,8 @@ def plan_parts(
         raise MotionError(f"program {program.name} on {machine.name} {why}: that is planned as a whole only")
     order = usual_order(machine.axes) if order is None else order
     paced = pace_axes(machine.axes, clock_hz, rule)
-    planner = WindowPlanner(machine, partial(limits_of, axes=paced, order=order), order, program.tool, pieces)
+    find_limits = partial(limits_of, axes=paced, order=order, own=tuple(limits))
+    planner = WindowPlanner(machine, find_limits, order, program.tool, pieces)
     steps = _Steps(walk_path(program, machine))
     start, standing = Start(), None
     stream = PulseStream(machine, clock_hz, rule)

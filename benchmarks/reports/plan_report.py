@@ -11,13 +11,14 @@ import numpy as np
 from benchmarks.reports.page import Drawing, draw_figure, group_digits, render, save_figures, style
 from controllers.metrics import Metrics
 from controllers.rig import Rig
+from planner.active_limits import ACTIVE_SHARE, active_limits
 from planner.baselines import Classical, describe_differences, missing_limits
 from planner.certificate.certify import CROSSING
 from planner.certificate.constant_speed import CONSTANT_SPEED, SPEED_TOLERANCE
 from planner.cross_check import CrossCheck
 from planner.interruption.hold import Stops
 from planner.limits import Limit
-from planner.plan import ACTIVE_SHARE, Plan, active_limits
+from planner.plan import Plan
 from planner.pulses import PulseCheck, RealisedPath
 from planner.pulses.schedule import RATE_WINDOWS
 from planner.tradeoffs.limit_worth import LimitChange, Worth

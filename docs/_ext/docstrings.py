@@ -2,7 +2,7 @@
 
 A paragraph stays one, with names in `quotes` set as code; lines that begin with a dash become a list; names with their
 meaning two spaces or more behind them become definitions; whatever is set in by itself, as equations are, stays as it
-stands.
+stands. Sections in numpydoc form become tables: `sphinx.ext.napoleon` makes lists, and reads markup into signs.
 """
 
 import re
@@ -16,6 +16,9 @@ from sphinx.application import Sphinx
 _MARKUP = re.compile(r"([\\*|_])")
 _CODE = re.compile(r"`([^`]+)`")
 _TERM = re.compile(r"([\w*][\w.*]*(?:,? [\w.*]+)*) {2,}(\S.*)")
+_SECTION = re.compile(r"^(\w[\w ]*)\n-{3,}$", re.MULTILINE)
+TABLES = ("Parameters", "Other Parameters", "Attributes", "Returns", "Yields", "Raises")
+"""Sections of numpydoc that name things: each is shown as a table. All others, as Notes, are prose."""
 _LONGEST = re.compile(r"^(\w[\w, ]*\w) $")
 # What signatures spell out, and how the code calls it.
 _ALIASES = (
@@ -28,8 +31,25 @@ OPTIONS = {"members": True, "member-order": "bysource"}
 
 
 def as_rest(text: str) -> str:
-    """The reST that shows a docstring as it was written."""
-    return "\n\n".join("\n".join(_block(part)) for part in re.split(r"\n\s*\n", dedent(text).strip("\n")))
+    """The reST that shows a docstring as it was written, its numpydoc sections as tables."""
+    before, *sections = _SECTION.split(dedent(text).strip("\n"))
+    shown = [_prose(before)] if before.strip() else []
+    for title, body in zip(sections[::2], sections[1::2], strict=True):
+        shown.append(f".. rubric:: {title}\n\n{_table(dedent(body)) if title in TABLES else _prose(dedent(body))}")
+    return "\n\n".join(shown)
+
+
+def _prose(text: str) -> str:
+    return "\n\n".join("\n".join(_block(part)) for part in re.split(r"\n\s*\n", text.strip("\n")))
+
+
+def _table(body: str) -> str:
+    """Names, each with what is set in below it, as rows of two cells."""
+    rows = [".. list-table::", "   :widths: 25 75", "   :class: arguments", ""]
+    for name, meaning in re.findall(r"^(\S.*)\n((?:(?: .*)?\n)*)", body.strip("\n") + "\n", re.MULTILINE):
+        cell = _prose(dedent(meaning)).splitlines()
+        rows += [f"   * - ``{name}``", f"     - {cell[0]}", *(f"       {line}".rstrip() for line in cell[1:])]
+    return "\n".join(rows)
 
 
 def _block(part: str) -> Iterator[str]:

@@ -20,9 +20,10 @@ from kinematics.machine.machine import Machine
 from planner.baselines.moves import Deviation, deviation, independent_ramps, synchronised_ramps, time_moves
 from planner.baselines.shapes import QUARTER_SINE, S_CURVE, TRAPEZOID, Shapes
 from planner.certificate.certify import CROSSING, Certificate, certify
-from planner.limits import limits_of
+from planner.limits import OwnLimit, limits_of
 from planner.limits.geometric import Travel
 from planner.limits.limit import Limit, Term
+from planner.limits.registry import make_own_limits
 from planner.limits.resonance import Resonance
 from planner.path.actuation import ActuatorPath, MachinePath, actuate
 from planner.plan import Plan
@@ -42,6 +43,7 @@ class Course:
     machine: Machine
     path: MachinePath
     limits: tuple[Limit, ...] = field(repr=False)
+    own_limits: tuple[OwnLimit, ...] = field(default=(), repr=False)
 
 
 def course(program: Program, machine: Machine, order: int) -> Course:
@@ -222,7 +224,7 @@ def classical(plan: Plan | Course, kind: str = "trapezoid") -> Classical:
     if shapes.order == 3 and all(axis.max_jerk is None for axis in plan.machine.axes):
         raise MotionError(f"baseline timing {kind}: no axis states a jerk limit; state one, or choose another kind")
     path, standing = _stopping_path(plan)
-    limits = _reuse_limits(standing, limits_of(path, _axes(plan), shapes.order))
+    limits = _reuse_limits(standing, limits_of(path, _axes(plan), shapes.order, _own(plan, path, shapes.order)))
     family = FamilyTiming(shapes)
     solution = certified_solve(path, limits, shapes.order, timing=Timing(family.solve, family.tighten))
     return Classical(kind, shapes.order, solution.trajectory, solution.certificate)
@@ -249,7 +251,7 @@ def _stopping_path(plan: Plan | Course) -> tuple[MachinePath, tuple[Limit, ...]]
             for segment in program.segments
         )
         path = actuate(replace(program, segments=segments, start_speed=0.0, end_speed=0.0), plan.machine)
-        limits = limits_of(path, plan.machine.axes, 2)
+        limits = limits_of(path, plan.machine.axes, 2, _own(plan, path, 2))
         _STOPPING_PATHS[plan.path] = path, tuple(limit for limit in limits if limit.geometric)
     return _STOPPING_PATHS[plan.path]
 
@@ -258,6 +260,11 @@ def _reuse_limits(standing: Sequence[Limit], limits: Sequence[Limit]) -> tuple[L
     """The limits; geometric ones as already evaluated."""
     known = {limit.name: limit for limit in standing}
     return tuple(known.get(limit.name, limit) for limit in limits)
+
+
+def _own(plan: Plan | Course, path: MachinePath, order: int) -> list[Limit]:
+    """A caller's own limits, as far as a motion of an order can keep them: of jerk only at order 3."""
+    return [limit for limit in make_own_limits(path, plan.own_limits) if order == 3 or Term.SDDD not in limit.terms]
 
 
 def _axes(plan: Plan | Course) -> list[Axis]:

@@ -14,7 +14,7 @@ from kinematics.machine.machine import Machine
 from kinematics.machine.pose import Pose
 from planner.certificate.certify import Certificate
 from planner.export.format import Exported, ExportSource, write_export
-from planner.limits import Limit, limits_of
+from planner.limits import Limit, OwnLimit, limits_of
 from planner.path.actuation import MachinePath
 from planner.pulses import AxesMotion, AxisPulses, PulseSchedule, find_rule, generate, pace_axes
 from planner.pulses.compensation.compensate import counted_motion
@@ -23,7 +23,7 @@ from planner.trajectory import Trajectory
 
 @dataclass(frozen=True, slots=True)
 class Whole:
-    """What a section is one of: a plan's name, machine, path, motion, proof, pulses, order and tool."""
+    """What a section is one of: a plan's name, machine, path, motion, proof, pulses, order, tool and own limits."""
 
     name: str
     machine: Machine
@@ -33,11 +33,13 @@ class Whole:
     pulses: PulseSchedule
     order: int
     tool: Pose | None
+    own_limits: tuple[OwnLimit, ...] = ()
 
     def limits(self, path: MachinePath) -> tuple[Limit, ...]:
         """Those of a part of the path, with pulse rates that the plan's clock and rule can hold."""
         rule = find_rule(self.pulses.rule)
-        return limits_of(path, pace_axes(self.machine.axes, self.pulses.clock_hz, rule), self.order)
+        paced = pace_axes(self.machine.axes, self.pulses.clock_hz, rule)
+        return limits_of(path, paced, self.order, self.own_limits)
 
     def draw(
         self,

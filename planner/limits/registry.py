@@ -1,13 +1,16 @@
-"""Which limits there are: one line each."""
+"""Which limits there are: one line each; and those that one plan alone has beside them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
+import numpy as np
+
+from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import Axis
 from kinematics.machine.machine import Machine
 from planner.limits.axis import Acceleration, Jerk, PulseRate, Speed
 from planner.limits.force import Force, Holding, TorqueSpeed
 from planner.limits.geometric import Clearance, Tilt, Travel
-from planner.limits.limit import Limit
+from planner.limits.limit import Limit, Term
 from planner.limits.resonance import Resonance
 from planner.limits.tool import AngularSpeed, ToolAcceleration, ToolSpeed
 from planner.path.actuation import ActuatorPath, MachinePath
@@ -35,12 +38,62 @@ MACHINE_LIMITS: dict[type[Limit], Callable[[Machine, MachinePath], Limit]] = {
 }
 
 
-def limits_of(path: ActuatorPath, axes: Sequence[Axis], order: int) -> tuple[Limit, ...]:
-    """The limits of a motion of an order (2: to acceleration, 3: to jerk) along a path, if they bind anything."""
+OwnLimit = Limit | Callable[[Machine, MachinePath], Limit]
+"""A limit of a caller's own: itself, or what makes it for a machine and a path, where it depends on them."""
+
+
+def limits_of(path: ActuatorPath, axes: Sequence[Axis], order: int, own: Sequence[OwnLimit] = ()) -> tuple[Limit, ...]:
+    """The limits of a motion of an order (2: to acceleration, 3: to jerk) along a path, if they bind anything.
+
+    own: limits beside those of the table. Raises MotionError for one that the motion cannot be held to.
+    """
     limits = [make(axes) for least, make in AXIS_LIMITS.values() if least <= order]
     if isinstance(path, MachinePath):
         limits += [make(path.machine, path) for make in MACHINE_LIMITS.values()]
-    return tuple(limit for limit in limits if limit.binds)
+    found = [limit for limit in limits if limit.binds]
+    for limit in make_own_limits(path, own):
+        if any(limit.name == other.name for other in found):
+            raise MotionError(f'limits: there is a limit "{limit.name}" already; give yours a name of its own')
+        if Term.SDDD in limit.terms and order < 3:
+            raise MotionError(f'limits: "{limit.name}" limits jerk, and the motion is of order {order}; give order=3')
+        if limit.binds:
+            found.append(limit)
+    return tuple(found)
+
+
+def make_own_limits(path: ActuatorPath, own: Sequence[OwnLimit]) -> Iterator[Limit]:
+    """A caller's own limits along a path. Raises MotionError for what is none, and for one that is not whole."""
+    for given in own:
+        made: object = given
+        if not isinstance(given, Limit | type) and callable(given) and isinstance(path, MachinePath):
+            made = given(path.machine, path)
+        if not isinstance(made, Limit):
+            raise MotionError(
+                f"limits: {made!r:.80} is no limit: give an instance of planner.limits.Limit, or a function of the "
+                "machine and the path that returns one"
+            )
+        _check_statement(made)
+        yield made
+
+
+def _check_statement(limit: Limit) -> None:
+    """Raise MotionError for a limit that leaves out what the table's own state, or states what does not agree."""
+    named = f"limits: {type(limit).__name__}"
+    if not isinstance(getattr(limit, "name", None), str) or not limit.name:
+        raise MotionError(f"{named} has no name, by which the certificate calls it")
+    missing = [part for part in ("channels", "bounds", "units") if not hasattr(limit, part)]
+    if missing:
+        raise MotionError(f'{named} "{limit.name}" states no {missing[0]}; see planner.limits.Limit')
+    bounds = np.asarray(limit.bounds)
+    count = len(limit.channels)
+    if bounds.shape != (count,) or len(limit.units) != count or not (bounds > 0).all():
+        raise MotionError(
+            f'{named} "{limit.name}": bounds and units must be {count}, one for each of its channels '
+            f"({', '.join(map(str, limit.channels))}), and bounds above 0, not {bounds.tolist()!s:.80}"
+        )
+    strange = set(limit.terms) - set(Term)
+    if strange:
+        raise MotionError(f'{named} "{limit.name}": {strange!s:.80} are no terms; terms are of planner.limits.Term')
 
 
 def geometric_limits() -> tuple[str, ...]:

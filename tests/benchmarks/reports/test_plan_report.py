@@ -17,8 +17,8 @@ from controllers.figures import contour_error, following_error
 from controllers.rig import assumed_rig
 from kinematics import load_machine
 from planner import classical, load_program, plan
+from planner.active_limits import active_limits
 from planner.figures import axis_motion, limit_use, path_in_space, pulse_rate
-from planner.plan import active_limits
 from planner.pulses import check
 
 FIGURES = {"path", "axes", "limits", "pulses", "realised", "tracking", "classical", "worth"}

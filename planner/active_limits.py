@@ -1,0 +1,32 @@
+"""What holds the motion of a plan back, and when."""
+
+import numpy as np
+
+from kinematics.foundation.arrays import Array
+from planner.plan import Plan
+from planner.timing.profile import Profile, sample_limit_use
+
+ACTIVE_SHARE = 0.99
+"""The share of a limit from which on it holds the motion back."""
+
+
+def limit_shares(plan: Plan) -> dict[str, Array]:
+    """(M,) the largest share of each limit that the motion is seen to use in each time piece.
+
+    Of limits that do not depend on timing, the proven share. What is proved of the others is as close only where they
+    are used most: elsewhere a bound need not be.
+    """
+    motion = plan.trajectory
+    profile = Profile(motion.s, motion.v, motion.a, motion.j, np.diff(motion.knots), motion.piece)
+    standing = {limit.name: plan.certificate.use[limit.name] for limit in plan.limits if limit.geometric}
+    return standing | sample_limit_use(motion.path, plan.limits, profile)
+
+
+def active_limits(plan: Plan) -> np.ndarray:
+    """(M,) for each time piece the index in `plan.limits` of the limit that holds the motion back; −1 where none does.
+
+    It is the most used one from 99 % on. Geometric limits never do: they do not depend on timing.
+    """
+    seen = limit_shares(plan)
+    use = np.stack([seen[limit.name] * (not limit.geometric) for limit in plan.limits])
+    return np.where(use.max(0) >= ACTIVE_SHARE, use.argmax(0), -1)
