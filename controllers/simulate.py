@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from math import ceil
 from typing import TYPE_CHECKING, Any
@@ -18,10 +19,11 @@ from controllers.card import DStop, at_rest, current_speed, send
 from controllers.drives.axes import Axes, AxesResponse
 from controllers.drives.servo import Servo, servo_axes
 from controllers.drives.stepper import Stepper, stepper_axes
-from controllers.laws.law import Feedback, Law, Reference
+from controllers.laws.law import AnyLaw, Feedback, Reference, begin_law, step_law
 from controllers.rig import Rig, instants
 from kinematics.foundation.arrays import Array, freeze_fields
 from kinematics.foundation.errors import MotionError
+from planner.parallel import Progress, ignore_progress
 
 if TYPE_CHECKING:
     from kinematics.machine.machine import Machine
@@ -176,7 +178,13 @@ class Runs:
 
 
 def simulate(
-    reference: Reference, law: Law, rigs: Sequence[Rig], *, settle: float = SETTLING_TIME, period: float | None = None
+    reference: Reference,
+    law: AnyLaw,
+    rigs: Sequence[Rig],
+    *,
+    settle: float = SETTLING_TIME,
+    period: float | None = None,
+    progress: Progress = ignore_progress,
 ) -> Runs:
     """B = len(rigs) runs of a reference under a law, whose gains are numbers or arrays (B, 1); a run is on its own rig.
 
@@ -187,6 +195,7 @@ def simulate(
     on. The rigs share one machine, one model of card and the kinds of their drives.
 
     period  s between the instants that are kept, brought to whole samples of the drives; None: every sample
+    progress  is told how many samples of the drives are done, and of how many
 
     Raises MotionError for a dt that does not fit the drives, and Refused by the card for a command outside its range.
     """
@@ -210,6 +219,7 @@ def simulate(
     rates = np.array([rig.host.speed_from == "card" for rig in rigs])
     closing = np.array([np.nan if rig.host.closing_stop is None else rig.host.closing_stop for rig in rigs])
     before, last = axes.reading(drives) / pulse, at[0]
+    memory = begin_law(law, lanes)
     pulses, lost = np.empty((2, *lanes), np.int64)
     moments = np.unique(at).tolist()
     for start, stop in pairwise([*moments, moments[-1]]):
@@ -225,7 +235,8 @@ def simulate(
             here = Feedback(position, speed, state.counter(now)[0])
             asked = due & ~((k >= reference.steps) & np.isfinite(closing))
             if asked.any():
-                told = law.command(int(k[0]) if (k == k[0]).all() else k, reference, here)
+                told, after = step_law(law, int(k[0]) if (k == k[0]).all() else k, reference, here, memory)
+                memory = tuple(map(partial(_choose_runs, asked), after, memory))  # of the others as it was
                 state = send(card, state, told, now, None if asked.all() else asked[:, None])
             ends = due & (k == reference.steps)
             for tdec in np.unique(closing[ends & np.isfinite(closing)]).tolist():
@@ -236,9 +247,15 @@ def simulate(
             counter = state.counter(np.arange(first, min(first + block, stop)) * h)
             response, drives = axes.run(drives, counter * pulse, recorder.select_kept(first, len(counter)))
             recorder.put(first, counter, response)
+            progress(min(first + block, stop), moments[-1])
     records = recorder.finish()
     t = np.asarray(np.arange(len(records["command"])) * (every * h), float)
     return Runs(t=t, **records, pulses=pulses, lost=lost, steps=begin)
+
+
+def _choose_runs(chosen: np.ndarray, one: Array, other: Array) -> Array:
+    """(B, …) one where a run is chosen (B,), else the other."""
+    return np.where(chosen.reshape(-1, *(1,) * (one.ndim - 1)), one, other)
 
 
 BLOCK_VALUES = 1 << 15

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from controllers.card import Command
-from controllers.laws.law import Feedback, Law, Reference
+from controllers.laws.law import AnyLaw, Feedback, Memory, Reference, begin_law, step_law
 from controllers.laws.registry import find_law
 from controllers.rig import Rig, Timer
 from controllers.rig_choice import choose_rig
@@ -23,6 +23,7 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.machine_file import MachineSource, load_machine
+from planner.parallel import Progress, ignore_progress
 
 if TYPE_CHECKING:
     from kinematics.machine.machine import Machine
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 class SideBySide:
     """Run b of B is commanded by the b-th law. Their hosts keep time alike, and they send the same kind of command."""
 
-    laws: tuple[Law, ...]
+    laws: tuple[AnyLaw, ...]
 
     def __post_init__(self) -> None:
         if len({law.host for law in self.laws}) != 1:
@@ -51,8 +52,23 @@ class SideBySide:
     def grid(self) -> dict[str, tuple[float, ...]]:
         return {}
 
-    def command(self, k: int | np.ndarray, reference: Reference, feedback: Feedback) -> Command:
-        commands = [law.command(k, reference, feedback) for law in self.laws]
+    def begin(self, lanes: tuple[int, int]) -> Memory:
+        return tuple(each for law in self.laws for each in begin_law(law, lanes))
+
+    def step(
+        self, k: int | np.ndarray, reference: Reference, feedback: Feedback, memory: Memory
+    ) -> tuple[Command, Memory]:
+        commands: list[Command] = []
+        left = memory
+        after: Memory = ()
+        for law in self.laws:
+            count = len(begin_law(law, feedback.position.shape))
+            command, own = step_law(law, k, reference, feedback, left[:count])
+            commands.append(command)
+            left, after = left[count:], (*after, *own)
+        return self._join(commands, feedback), after
+
+    def _join(self, commands: Sequence[Command], feedback: Feedback) -> Command:
         kind: Any = type(commands[0])
         lanes = feedback.position.shape
         if any(type(command) is not kind for command in commands):
@@ -140,31 +156,55 @@ def motion_of(plan: AxesMotion | HasTrajectory) -> AxesMotion:
 def track(
     plan: AxesMotion | HasTrajectory,
     machine: MachineSource,
-    law: Law | str,
+    law: AnyLaw | str,
     *,
     rig: Rig | str | PathLike[str] | None = None,
     dt: float = HOST_STEP,
     settle: float = SETTLING_TIME,
     period: float | None = None,
+    progress: Progress = ignore_progress,
 ) -> Tracking:
-    """Track a plan (or its trajectory) on a rig, then hold its end for `settle` seconds, see `simulate`.
+    """Track a plan on a rig, then hold its end for a while, see `controllers.simulate.simulate`.
 
-    rig     drives, card and host behind the machine's axes: a `Rig`, or the name or file of one. None: the one bundled
-            rig that fits the machine (`Tracking.rig` names it); nothing is assumed of a machine that none fits
-    dt      s between two commands of the host
-    period  s between the instants that are kept; None: every sample of the drives
+    Parameters
+    ----------
+    plan
+        The plan, or its trajectory.
+    machine
+        The machine, its name, or the path of its file.
+    law
+        The tracking law, or its number or name, with its usual gains.
+    rig
+        Drives, card and host behind the machine's axes: a `Rig`, or the name or file of one. None: the one bundled rig
+        that fits the machine (`Tracking.rig` names it); nothing is assumed of a machine that none fits.
+    dt
+        s between two commands of the host.
+    settle
+        s for which the end is held.
+    period
+        s between the instants that are kept. None: every sample of the drives.
+    progress
+        Called with how many samples of the drives are simulated, and of how many.
 
-    Raises MotionError where the rig does not fit the machine, and where none is given and not exactly one fits.
+    Returns
+    -------
+    Tracking
+        What the axes were to do, were told to do, and did.
+
+    Raises
+    ------
+    MotionError
+        The rig does not fit the machine, or none is given and not exactly one fits.
     """
     machine = load_machine(machine)
     law = find_law(law) if isinstance(law, str) else law
-    return _track_lanes(plan, machine, law, [law], rig=rig, dt=dt, settle=settle, period=period)[0]
+    return _track_lanes(plan, machine, law, [law], rig=rig, dt=dt, settle=settle, period=period, progress=progress)[0]
 
 
 def track_each(
     plan: AxesMotion | HasTrajectory,
     machine: MachineSource,
-    laws: Sequence[Law],
+    laws: Sequence[AnyLaw],
     *,
     rig: Rig | str | PathLike[str] | None = None,
     period: float | None = None,
@@ -179,20 +219,22 @@ def track_each(
 def _track_lanes(
     plan: AxesMotion | HasTrajectory,
     machine: Machine,
-    law: Law,
-    laws: Sequence[Law],
+    law: AnyLaw,
+    laws: Sequence[AnyLaw],
     *,
     rig: Rig | str | PathLike[str] | None,
     dt: float,
     settle: float,
     period: float | None,
+    progress: Progress = ignore_progress,
 ) -> tuple[Tracking, ...]:
     """law: that of the batch, of which every run is called by its own of `laws`."""
     motion = motion_of(plan)
     chosen = choose_rig(machine, rig)
     if not 0 < dt < float("inf"):
         raise MotionError(f"track: the host's step {dt * 1e3:g} ms must be above zero")
-    runs = simulate(sample(motion, machine, dt), law, [chosen] * len(laws), settle=settle, period=period)
+    rigs = [chosen] * len(laws)
+    runs = simulate(sample(motion, machine, dt), law, rigs, settle=settle, period=period, progress=progress)
     pulse = np.array([axis.pulse for axis in machine.axes])
     planned = motion.at(np.minimum(runs.t, motion.duration)).q
     command, actual = (machine.home_q + of * pulse for of in (runs.command, runs.actual))

@@ -87,6 +87,8 @@ MIN_PATH_INSTANTS, PATH_INSTANT_RATE, MAX_PATH_INSTANTS = 1200, 100.0, 6000
 the page stays small."""
 DRAWN_ERROR_SHARE = 0.04
 """Share of the path's size that the largest error of the pulses is drawn as, at most, if nothing else is asked for."""
+TOOL_AXES_SHARE = 0.15
+"""Share of the path's extent that the axes of the tool are long, by which a machine without a skeleton is drawn."""
 FLATNESS_SHARE = 1e-6
 """Share of its size up to which a machine lies in one plane."""
 
@@ -121,7 +123,8 @@ class DrawnPlan:
 class Frames:
     """The machine at instants t (N,) s, everything in the base frame, m.
 
-    bars, pivots  what the skeleton consists of, and the tool's shank;  placed: where they are
+    bars, pivots  what the skeleton consists of, and the tool's shank; of a machine without a skeleton the tool's axes
+    placed        where they are
     tool          (N, 3) its place: the platform's origin's where there is none
     axes, units   names of the axes, and m or rad of each
     q             (N, axes) their coordinates, which are `what`: lengths of legs between joints, or positions
@@ -193,6 +196,8 @@ def compute_frames(plan: AnimatablePlan, t: Array, magnified: float | None = Non
         errors = None
     pivots, tool = machine.parts.pivots, _tool(plan, x)
     bars, placed = _add_tool_bar(plan, place_skeleton(machine, x, state.q), x[:, :3], tool)
+    if not bars:
+        bars, placed = _draw_tool_axes(placed, x, tool, float(np.linalg.norm(np.ptp(planned, axis=0))))
     return Frames(
         plan.program.name,
         machine.name,
@@ -255,6 +260,18 @@ def _add_tool_bar(
         (*bars, Bar("platform", x[:3], tool.function(x)[:3])),
         PlacedSkeleton(freeze_array(np.concatenate([placed.bars, shank], 1)), placed.pivots),
     )
+
+
+def _draw_tool_axes(
+    placed: PlacedSkeleton, x: Array, tip: Array, extent: float
+) -> tuple[tuple[Bar, ...], PlacedSkeleton]:
+    """Of a machine that has no skeleton: the tool's three axes at its place (N, 3), long as a share of the path's extent
+    (m), or of a metre where the tool stands."""
+    length = TOOL_AXES_SHARE * (extent or 1.0)
+    ends = tip[:, None] + length * x[:, 3:].reshape(-1, 3, 3).swapaxes(1, 2)
+    bars = np.stack([np.broadcast_to(tip[:, None], ends.shape), ends], 2)
+    at = ca.SX.sym("x", 12)
+    return (Bar("platform", at[:3], at[:3]),) * 3, PlacedSkeleton(freeze_array(bars), placed.pivots)
 
 
 def _tool(plan: AnimatablePlan, x: Array) -> Array:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from controllers.laws.law import Law
+from controllers.laws.law import AnyLaw
 from controllers.laws.registry import LAWS, find_law
 from controllers.rig import Rig
 from kinematics.files.atomic_files import write_whole
@@ -47,7 +47,7 @@ class Setting:
         """For tables and figures: "closed-position gain 0.7"."""
         return " ".join([self.law, *(f"{name.replace('_', ' ')} {value:g}" for name, value in self.gains)])
 
-    def make_law(self, rig: Rig | None = None) -> Law:
+    def make_law(self, rig: Rig | None = None) -> AnyLaw:
         """The law itself; a law by model knows the axes of the rig, or those that it assumes where none is given."""
         return find_law(self.law, rig, **dict(self.gains))
 
@@ -78,7 +78,7 @@ def _full_name(name: str) -> str:
     return next(known[-1] for known in LAWS if name in known)
 
 
-def batch_law(settings: Sequence[Setting], rig: Rig) -> Law:
+def batch_law(settings: Sequence[Setting], rig: Rig) -> AnyLaw:
     """One law whose gains are arrays (B, 1), of B settings of the same law; the rig as stated is what it knows of."""
     values = {gain: np.array([[dict(setting.gains)[gain]] for setting in settings]) for gain, _ in settings[0].gains}
     return find_law(settings[0].law, rig, **values)

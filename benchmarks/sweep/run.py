@@ -32,7 +32,7 @@ from benchmarks.sweep.result import (
     load_runs,
 )
 from controllers.metrics import BATCH_PERIOD, Metrics, evaluate_runs
-from controllers.metrics.evaluate import PlannedStates, sample_plan
+from controllers.metrics.contour import PlannedStates, sample_plan
 from controllers.metrics.metrics import torque_limits
 from controllers.rig import Rig, Task, disturb_rig
 from controllers.simulate import sample, simulate

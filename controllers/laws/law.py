@@ -1,5 +1,7 @@
 """What a tracking law is: at each step of the host, the next command from the reference and the feedback.
 
+One that remembers gets its memory of the step before as well.
+
 Its gains are a number each, or one for each run of a batch. A stretch of command whose speed is a straight line goes to
 the card as one command.
 """
@@ -8,13 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from controllers.card import Command, TAMove
 from controllers.rig import Timer
-from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.arrays import Array, freeze_array, numeric_array
 from kinematics.foundation.errors import MotionError
 
 Gain = float | Array
@@ -141,7 +143,9 @@ class Feedback:
 
 
 class Law(Protocol):
-    """A tracking law. All axes, and all runs of a batch, are commanded at once; a law keeps no state of its own.
+    """A tracking law. All axes, and all runs of a batch, are commanded at once; a law object never changes.
+
+    One that has to remember something from step to step is a `StatefulLaw`.
 
     Gains are numbers, or arrays (B, 1) with one value for each run of a batch. `grid` says which of the law's fields
     are gains, and the values of each that reports sweep.
@@ -161,6 +165,70 @@ class Law(Protocol):
 
     def command(self, k: int | np.ndarray, reference: Reference, feedback: Feedback) -> Command:
         """What to send at step k, in force until step k + 1 begins; k (B,) where runs are at steps of their own."""
+
+
+Memory = tuple[Array, ...]
+"""What a law remembers from step to step: arrays (B, n, …), first the B runs and n axes."""
+
+
+@runtime_checkable
+class StatefulLaw(Protocol):
+    """A tracking law that remembers, as an integral does. Its memory is handed in and out and never kept in the law.
+
+    So every run begins afresh, runs of a batch do not mix, and the same run twice gives the same result. `host`, `grid`
+    and `name` are as of `Law`.
+    """
+
+    @property
+    def host(self) -> Timer: ...
+    @property
+    def grid(self) -> Grid: ...
+    @property
+    def name(self) -> str: ...
+
+    def begin(self, lanes: tuple[int, int]) -> Memory:
+        """The memory before the first step of B runs of n axes; lanes: (B, n)."""
+
+    def step(
+        self, k: int | np.ndarray, reference: Reference, feedback: Feedback, memory: Memory
+    ) -> tuple[Command, Memory]:
+        """What to send, as `Law.command`, and the memory after it: as many arrays, of the same shapes, as before it."""
+
+
+AnyLaw = Law | StatefulLaw
+
+
+def begin_law(law: AnyLaw, lanes: tuple[int, int]) -> Memory:
+    """The memory that a law begins with. Raises MotionError for one that does not fit runs and axes (B, n)."""
+    return _check_memory(law, "begin", law.begin(lanes), lanes) if isinstance(law, StatefulLaw) else ()
+
+
+def step_law(
+    law: AnyLaw, k: int | np.ndarray, reference: Reference, feedback: Feedback, memory: Memory
+) -> tuple[Command, Memory]:
+    """The law's command and its memory afterwards. Raises MotionError for memory of another shape than before."""
+    if not isinstance(law, StatefulLaw):
+        return law.command(k, reference, feedback), ()
+    made: Any = law.step(k, reference, feedback, memory)
+    if not isinstance(made, tuple) or len(made) != 2:
+        raise MotionError(f"law {law.name}: step must return the command and the memory, not {made!r:.80}")
+    after = _check_memory(law, "step", made[1], np.shape(feedback.position))
+    before = [np.shape(each) for each in memory]
+    if [each.shape for each in after] != before:
+        raise MotionError(
+            f"law {law.name}: step returned memory of shapes {[each.shape for each in after]}; it got {before}"
+        )
+    return made[0], after
+
+
+def _check_memory(law: StatefulLaw, method: str, memory: object, lanes: tuple[int, ...]) -> Memory:
+    arrays = [numeric_array(each) for each in memory] if isinstance(memory, tuple) else [None]
+    if any(each is None or each.shape[: len(lanes)] != tuple(lanes) for each in arrays):
+        raise MotionError(
+            f"law {law.name}: {method} must return a tuple of arrays {tuple(lanes)}, runs and axes first, "
+            f"not {memory!r:.80}"
+        )
+    return tuple(each for each in arrays if each is not None)
 
 
 def ramp(target: Array, start: Array, end: Array, counter: Array, dt: float) -> TAMove:

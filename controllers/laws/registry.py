@@ -5,7 +5,7 @@ from dataclasses import replace
 from functools import partial
 
 from controllers.laws.closed_loop import ClosedError, ClosedErrorSpeed, ClosedPosition
-from controllers.laws.law import Gain, Law
+from controllers.laws.law import AnyLaw, Gain
 from controllers.laws.nominal import nominal_axes
 from controllers.laws.open_loop import Feedforward, OpenPosition, OpenPositionTrapezoid, OpenVelocity
 from controllers.laws.predictive import Predictive
@@ -13,7 +13,7 @@ from controllers.rig import Rig
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import nearest, unknown_name
 
-LAWS: dict[tuple[str, str], Callable[..., Law]] = {
+LAWS: dict[tuple[str, str], Callable[..., AnyLaw]] = {
     ("1", "open-velocity"): OpenVelocity,
     ("2", "open-velocity-sleep"): partial(OpenVelocity, host="sleep"),
     ("3", "open-position"): OpenPosition,
@@ -35,7 +35,7 @@ def law_names() -> tuple[str, ...]:
     return tuple(name for _, name in LAWS)
 
 
-def find_law(name: str, rig: Rig | None = None, **gains: Gain) -> Law:
+def find_law(name: str, rig: Rig | None = None, **gains: Gain) -> AnyLaw:
     """The law of a number ("6") or name ("closed-position"), with given gains. Raises MotionError.
 
     rig  whose nominal axes a law by model is to assume; it must be the rig as stated, also where others are tried

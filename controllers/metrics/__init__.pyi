@@ -1,4 +1,4 @@
-from .evaluate import PlannedStates as PlannedStates, sample_plan as sample_plan
+from .contour import PlannedStates as PlannedStates, sample_plan as sample_plan
 from .circular_test import Circle as Circle, CircularTest as CircularTest, circular_test as circular_test
 from .evaluate import (
     BATCH_PERIOD as BATCH_PERIOD,

@@ -4,15 +4,21 @@ against, with what a projection onto it needs.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.errors import MotionError
 from planner.path.actuation import MachinePath
+from planner.place import Place
 from planner.pulses.motion import AxesMotion
+
+if TYPE_CHECKING:
+    from kinematics.machine.machine import Machine
 
 INSTANTS_PER_PIECE, BISECTIONS_OF_PLACE = 64, 52
 """Instants of a piece between which axes may turn back once; halvings until the instant is found to its rounding."""
@@ -279,3 +285,57 @@ def _projection(y: Array, curve: ReferenceCurve, s: Array, piece: np.ndarray) ->
     offset = y - r
     distance: Array = np.linalg.norm(offset, axis=1)
     return distance, (offset * tangent).sum(1), (tangent * tangent).sum(1)
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedStates:
+    """What a motion plans at instants t (N,): axis positions q (N, n); on its curve s (N,) and piece (N,).
+
+    path   None: the curve is that of the axes' own positions
+    unit   of distances on the curve, m or rad
+    place  what to call the k-th instant
+    """
+
+    t: Array
+    q: Array
+    s: Array
+    piece: np.ndarray
+    curve: ReferenceCurve
+    path: MachinePath | None
+    unit: str
+    place: Callable[[int], Place]
+
+
+def sample_plan(motion: AxesMotion, machine: Machine, t: Array) -> PlannedStates:
+    """Raises MotionError for a motion without a path in space whose axes are of two kinds: they have no distance."""
+    state = motion.at(np.minimum(t, motion.duration))
+    path = getattr(motion, "path", None)
+    if isinstance(path, MachinePath):
+        piece = state.piece  # type: ignore[attr-defined]  # of a trajectory
+        return PlannedStates(
+            t,
+            state.q,
+            state.s,
+            piece,
+            PathCurve(path),
+            path,
+            "m",
+            lambda k: path.place(float(state.s[k]), int(piece[k]), float(t[k])),
+        )
+    units = {axis.unit for axis in machine.axes}
+    if len(units) > 1:
+        raise MotionError(
+            f"metrics: the motion has no path in space, and axes of machine {machine.name} in m and in rad have no "
+            "common distance; plan it on the machine, or take errors per axis"
+        )
+    curve, since = MotionCurve(motion), np.minimum(t, motion.duration)
+    return PlannedStates(
+        t,
+        state.q,
+        since,
+        piece_of(curve, since),
+        curve,
+        None,
+        units.pop(),
+        lambda k: Place(float(getattr(state, "s", t)[k]), None, float(t[k])),
+    )

@@ -6,13 +6,13 @@ worked out where a motion plans the machine to be, and which poses it really had
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from controllers.metrics.contour import MotionCurve, PathCurve, ReferenceCurve, contour_error, directions, piece_of
+from controllers.metrics.contour import PlannedStates, contour_error, directions, sample_plan
 from controllers.metrics.metrics import (
     END_BAND,
     Effort,
@@ -33,8 +33,8 @@ from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.machine_file import MachineSource, load_machine
 from kinematics.machine.pose import from_numbers, to_numbers
+from planner.parallel import Progress, ignore_progress, share_progress
 from planner.path.actuation import MachinePath
-from planner.place import Place
 from planner.pulses.motion import AxesMotion
 
 if TYPE_CHECKING:
@@ -45,62 +45,14 @@ SAME_BRANCH = 0.1
 taken for the one that Newton finds from there: other assemblies of the same legs are about that length away."""
 
 
-@dataclass(frozen=True, slots=True)
-class PlannedStates:
-    """What a motion plans at instants t (N,): axis positions q (N, n); on its curve s (N,) and piece (N,).
-
-    path   None: the curve is that of the axes' own positions
-    unit   of distances on the curve, m or rad
-    place  what to call the k-th instant
-    """
-
-    t: Array
-    q: Array
-    s: Array
-    piece: np.ndarray
-    curve: ReferenceCurve
-    path: MachinePath | None
-    unit: str
-    place: Callable[[int], Place]
-
-
-def sample_plan(motion: AxesMotion, machine: Machine, t: Array) -> PlannedStates:
-    """Raises MotionError for a motion without a path in space whose axes are of two kinds: they have no distance."""
-    state = motion.at(np.minimum(t, motion.duration))
-    path = getattr(motion, "path", None)
-    if isinstance(path, MachinePath):
-        piece = state.piece  # type: ignore[attr-defined]  # of a trajectory
-        return PlannedStates(
-            t,
-            state.q,
-            state.s,
-            piece,
-            PathCurve(path),
-            path,
-            "m",
-            lambda k: path.place(float(state.s[k]), int(piece[k]), float(t[k])),
-        )
-    units = {axis.unit for axis in machine.axes}
-    if len(units) > 1:
-        raise MotionError(
-            f"metrics: the motion has no path in space, and axes of machine {machine.name} in m and in rad have no "
-            "common distance; plan it on the machine, or take errors per axis"
-        )
-    curve, since = MotionCurve(motion), np.minimum(t, motion.duration)
-    return PlannedStates(
-        t,
-        state.q,
-        since,
-        piece_of(curve, since),
-        curve,
-        None,
-        units.pop(),
-        lambda k: Place(float(getattr(state, "s", t)[k]), None, float(t[k])),
-    )
-
-
 def attained_poses(
-    actual: Array, planned: PlannedStates, path: MachinePath, machine: Machine, *, certify: bool
+    actual: Array,
+    planned: PlannedStates,
+    path: MachinePath,
+    machine: Machine,
+    *,
+    certify: bool,
+    tell: Progress = ignore_progress,
 ) -> tuple[Array, Array, np.ndarray]:
     """Numbers of the planned poses (N, 12), of those attained at axis positions (N, B, n), (N, B, 12), and which (N, B)
     of them are known.
@@ -113,21 +65,28 @@ def attained_poses(
     reference = path.pose_numbers(planned.s, planned.piece)
     # the planned pose is as near to the attained one as any: a short way to go, and to certify
     q, start = actual.reshape(-1, axes), np.repeat(reference, runs, axis=0)
-    x, known = _prove_poses(q, start, planned, machine) if certify else _estimate_poses(q, start, machine)
+    x, known = _prove_poses(q, start, planned, machine, tell) if certify else _estimate_poses(q, start, machine)
     return reference, x.reshape(n, runs, 12), known.reshape(n, runs)
 
 
-def _prove_poses(q: Array, start: Array, planned: PlannedStates, machine: Machine) -> tuple[Array, np.ndarray]:
+def _prove_poses(
+    q: Array, start: Array, planned: PlannedStates, machine: Machine, tell: Progress
+) -> tuple[Array, np.ndarray]:
     """Numbers (M, 12) of poses that are all proved."""
-    found = machine.forward(q, near=from_numbers(start))
-    lost = ~found.certified
-    if lost.any():
-        first = int(np.argmax(lost)) * len(planned.t) // len(q)
-        raise MotionError(
-            f"metrics: the axis positions at t = {planned.t[first]:.4g} s are not a certain pose of machine "
-            f"{machine.name}; the tracking left the machine's reach: slow the motion down, or use a law that tracks it"
-        )
-    return to_numbers(found.pose), found.certified
+    x = np.empty_like(start)
+    for first in range(0, len(q), PROVED_AT_ONCE):
+        some = slice(first, first + PROVED_AT_ONCE)
+        found = machine.forward(q[some], near=from_numbers(start[some]))
+        if not found.certified.all():
+            lost = (first + int(np.argmin(found.certified))) * len(planned.t) // len(q)
+            raise MotionError(
+                f"metrics: the axis positions at t = {planned.t[lost]:.4g} s are not a certain pose of machine "
+                f"{machine.name}; the tracking left the machine's reach: slow the motion down, or use a law that "
+                "tracks it"
+            )
+        x[some] = to_numbers(found.pose)
+        tell(min(first + PROVED_AT_ONCE, len(q)), len(q))
+    return x, np.ones(len(q), bool)
 
 
 def _estimate_poses(q: Array, start: Array, machine: Machine) -> tuple[Array, np.ndarray]:
@@ -141,6 +100,8 @@ def _estimate_poses(q: Array, start: Array, machine: Machine) -> tuple[Array, np
 
 BLOCK_POSES = 1 << 17
 """Poses worked on together: they take some hundred megabytes."""
+PROVED_AT_ONCE = 1 << 12
+"""Poses proved between two words of progress: some tenths of a second."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,25 +119,35 @@ class SpaceErrors:
     orientation: Array | None
 
 
-def space_errors(actual: Array, planned: PlannedStates, machine: Machine, *, certify: bool) -> Iterator[SpaceErrors]:
+def space_errors(
+    actual: Array,
+    planned: PlannedStates,
+    machine: Machine,
+    *,
+    certify: bool,
+    progress: Progress = ignore_progress,
+) -> Iterator[SpaceErrors]:
     """Of axis positions (N, B, n), some runs at a time; certify as in `attained_poses`.
 
     A run with a pose that is not known has nan throughout.
     """
-    at_once, path = max(1, BLOCK_POSES // len(actual)), planned.path
-    for start in range(0, actual.shape[1], at_once):
+    n, runs, _ = actual.shape
+    at_once, path = max(1, BLOCK_POSES // n), planned.path
+    for start in range(0, runs, at_once):
         some = actual[:, start : start + at_once]
+        tell = share_progress(progress, start // at_once, -(-runs // at_once))
         yield (
             _curve_errors(some, planned.q, planned, None)
             if path is None
-            else _pose_errors(some, planned, path, machine, certify)
+            else _pose_errors(some, planned, path, machine, certify, tell)
         )
+        tell(1, 1)
 
 
 def _pose_errors(
-    actual: Array, planned: PlannedStates, path: MachinePath, machine: Machine, certify: bool
+    actual: Array, planned: PlannedStates, path: MachinePath, machine: Machine, certify: bool, tell: Progress
 ) -> SpaceErrors:
-    reference, attained, known = attained_poses(actual, planned, path, machine, certify=certify)
+    reference, attained, known = attained_poses(actual, planned, path, machine, certify=certify, tell=tell)
     turned = _angles(reference[:, None, 3:], attained[..., 3:])
     errors = _curve_errors(attained[..., :3], reference[:, :3], planned, turned)
     sure = np.asarray(known.all(0))
@@ -223,15 +194,35 @@ def evaluate(
     *,
     period: float = PERIOD,
     band: float = END_BAND,
+    progress: Progress = ignore_progress,
 ) -> Metrics:
-    """Errors of a tracked plan every `period` seconds, settling included; every pose is certified.
+    """Errors of a tracked plan, settling included; every pose is certified.
 
-    Settling, overshoot and vibration are taken at every sample of the record. band: pulses, see `Ending`.
+    Parameters
+    ----------
+    tracking
+        What `track` gave.
+    plan, machine
+        As they were given to `track`.
+    period
+        s between the instants at which errors are taken; settling, overshoot and vibration are taken at every sample
+        of the record.
+    band
+        Pulses around the end in which an axis has arrived, see `Ending`.
+    progress
+        Called with how many poses are worked out, and of how many.
 
-    Raises MotionError if a tracked position is no pose of the machine; of a motion that has no path in space see
-    `sample_plan`.
+    Returns
+    -------
+    Metrics
+        Following, tracking, contour and orientation errors over time, and what follows from them.
+
+    Raises
+    ------
+    MotionError
+        A tracked position is no pose of the machine; of a motion that has no path in space see `sample_plan`.
     """
-    return evaluate_each([tracking], plan, machine, period=period, band=band)[0]
+    return evaluate_each([tracking], plan, machine, period=period, band=band, progress=progress)[0]
 
 
 def evaluate_each(
@@ -241,6 +232,7 @@ def evaluate_each(
     *,
     period: float = PERIOD,
     band: float = END_BAND,
+    progress: Progress = ignore_progress,
 ) -> tuple[Metrics, ...]:
     """The same of several trackings at the same instants (`track_each`), in less time for each."""
     machine = load_machine(machine)
@@ -251,7 +243,7 @@ def evaluate_each(
     task = Task(first.law, motion_of(plan), first.dt)
     names = [each.law for each in tracked]
     lanes = _RunRecords(first.t, actual, end, lost=np.stack([each.lost for each in tracked]))
-    return _build_metrics(names, lanes, task, machine, period, band, certify=True)
+    return _build_metrics(names, lanes, task, machine, period, band, certify=True, progress=progress)
 
 
 def evaluate_runs(
@@ -292,7 +284,15 @@ class _RunRecords:
 
 
 def _build_metrics(
-    names: Sequence[str], lanes: _RunRecords, task: Task, machine: Machine, period: float, band: float, *, certify: bool
+    names: Sequence[str],
+    lanes: _RunRecords,
+    task: Task,
+    machine: Machine,
+    period: float,
+    band: float,
+    *,
+    certify: bool,
+    progress: Progress = ignore_progress,
 ) -> tuple[Metrics, ...]:
     t = lanes.t
     pulse = freeze_array([axis.pulse for axis in machine.axes])
@@ -301,7 +301,7 @@ def _build_metrics(
     few, planned = machine.home_q + lanes.actual[::every] * pulse, sample_plan(task.motion, machine, t[::every])
     following, until = few - planned.q[:, None], lanes.samples(every)
     found: list[Metrics] = []
-    for errors in space_errors(few, planned, machine, certify=certify):
+    for errors in space_errors(few, planned, machine, certify=certify, progress=progress):
         for lane in range(errors.tracking.shape[1]):
             b = len(found)
             own = slice(until[b])

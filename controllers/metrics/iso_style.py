@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from controllers.metrics.contour import directions, piece_of
-from controllers.metrics.evaluate import attained_poses, sample_plan
+from controllers.metrics.contour import directions, piece_of, sample_plan
+from controllers.metrics.evaluate import attained_poses
 from controllers.rig import Rig, Task
 from controllers.simulate import Runs
 from kinematics.foundation.arrays import Array, freeze_array

@@ -150,7 +150,7 @@ class Kind(ABC):
     def skeleton(self, position: ca.SX, rotation: ca.SX, q: ca.SX) -> Skeleton:
         """Bars and pivots to draw, at a pose with what follows filled in and the coordinates that belong to it.
 
-        Nothing by default: the machine is then shown by its tool alone.
+        Nothing by default: the machine is then drawn by the axes of its tool alone.
         """
         return Skeleton()
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from benchmarks.evidence.published.compared import markdown
 from controllers.card import Refused
-from controllers.laws.law import Law
+from controllers.laws.law import AnyLaw
 from controllers.laws.nominal import nominal_axes
 from controllers.laws.open_loop import Feedforward
 from controllers.laws.registry import LAWS, find_law
@@ -66,13 +66,13 @@ class LawRow:
         return [self.number, self.name, *(f"{1e6 * error:.1f}" for error in errors), *effort]
 
 
-def run_law(law: Law, task: Task, rigs: Sequence[Rig]) -> tuple[Metrics, ...]:
+def run_law(law: AnyLaw, task: Task, rigs: Sequence[Rig]) -> tuple[Metrics, ...]:
     """A law on one task, on several rigs."""
     runs = simulate(sample(task.motion, rigs[0].machine, task.dt), law, rigs, period=1e-3)
     return evaluate_runs(runs, task, rigs)
 
 
-def tune_law(number: str, rig: Rig) -> Law:
+def tune_law(number: str, rig: Rig) -> AnyLaw:
     """The law at the gains of its grid with the least RMS contour error on the tuned path; all gains in one batch."""
     grid = find_law(number).grid
     cells = list(product(*grid.values()))
@@ -86,7 +86,7 @@ def tune_law(number: str, rig: Rig) -> Law:
 
 def row(
     number: str,
-    law: Law,
+    law: AnyLaw,
     rig: Rig,
     others: Sequence[str] = OTHER_PATHS,
     name: str = "",

@@ -1,7 +1,6 @@
 """Errors in space through the hexapod's forward kinematics."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ from controllers import Tracking, evaluate
 from controllers.drives.servo import leg_servo
 from controllers.laws.open_loop import OpenPosition
 from controllers.metrics import ErrorSeries
-from kinematics import Axis, MotionError
+from kinematics import MotionError, load_machine
 from planner import Place, Trajectory
 from planner.path.polynomial import PolynomialPath
 from tests.controllers.servos import track
@@ -134,10 +133,9 @@ def test_without_a_path_in_space_errors_are_those_of_the_axes(hexapod, tracked):
 
 
 def test_axes_of_two_kinds_have_no_distance(axis_motion, tracked):
-    axes = (Axis("x", pulse=1e-6), Axis("turn", kind="rotary", pulse=1e-6))
-    mixed = SimpleNamespace(name="mixed", axes=axes, home_q=np.zeros(2))
-    flat = replace(tracked, actual=tracked.actual[:, :2], reference=tracked.reference[:, :2])
-    motion = replace(axis_motion("smooth"), home=np.zeros(2), stroke=np.ones(2))
+    mixed = load_machine("traverser")
+    flat = replace(tracked, actual=tracked.actual[:, :4], reference=tracked.reference[:, :4])
+    motion = replace(axis_motion("smooth"), home=np.zeros(4), stroke=np.ones(4))
     with pytest.raises(MotionError, match="no common distance"):
         evaluate(flat, motion, mixed)
 
