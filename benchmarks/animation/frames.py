@@ -265,8 +265,10 @@ def _add_tool_bar(
 def _draw_tool_axes(
     placed: PlacedSkeleton, x: Array, tip: Array, extent: float
 ) -> tuple[tuple[Bar, ...], PlacedSkeleton]:
-    """Of a machine that has no skeleton: the tool's three axes at its place (N, 3), long as a share of the path's extent
-    (m), or of a metre where the tool stands."""
+    """Of a machine without a skeleton: the tool's three axes at its place (N, 3), long as a share of the path's extent.
+
+    extent: m; 0: of a metre
+    """
     length = TOOL_AXES_SHARE * (extent or 1.0)
     ends = tip[:, None] + length * x[:, 3:].reshape(-1, 3, 3).swapaxes(1, 2)
     bars = np.stack([np.broadcast_to(tip[:, None], ends.shape), ends], 2)

@@ -9,8 +9,8 @@ import casadi as ca
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.errors import MotionError
 from kinematics.foundation.kernels import compiler_is_loaded
+from kinematics.foundation.operations import refuse_unknown, rewrite
 from kinematics.foundation.tape import Tape, make_tape, run_tape
 from kinematics.foundation.taylor_model import Series
 from kinematics.foundation.taylor_tape import enclose_tape, is_enclosable, lower_degrees
@@ -31,11 +31,11 @@ class Expression:
     """A function of one column of inputs, x (k,) -> values (m,); called on (N, k) it returns (N, m).
 
     The input is handed to CasADi as it lies in memory: time first is column-major for CasADi, so nothing is copied
-    twice.
+    twice. Operations are those of `kinematics.foundation.operations`; others have values alone.
     """
 
     def __init__(self, name: str, inputs: ca.SX, outputs: ca.SX) -> None:
-        self._set_function(ca.Function(name, [ca.vec(inputs)], [ca.densify(ca.vec(outputs))], {"cse": True}))
+        self._set_function(rewrite(ca.Function(name, [ca.vec(inputs)], [ca.densify(ca.vec(outputs))], {"cse": True})))
 
     def _set_function(self, function: ca.Function) -> None:
         self.function = function
@@ -168,9 +168,7 @@ class Expression:
             elif operation in _RULES:
                 work[write[0]] = _RULES[operation](*(work[k] for k in read))
             else:
-                raise MotionError(
-                    f"{self.function.name()}: CasADi operation {operation} has no rule for enclosures; add it to _RULES"
-                )
+                refuse_unknown(self.function)
         return out
 
 

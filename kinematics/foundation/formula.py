@@ -1,7 +1,7 @@
 """Formulas of files: text -> a CasADi expression, by an allow-list of what may stand in them; nothing is evaluated.
 
     15*cos(t) + r/2      numbers, + − * / **, signs, parentheses, pi, t, named constants
-    sin cos tan asin acos atan2 sqrt exp log abs min max
+    sin cos tan asin acos atan atan2 hypot sinh cosh tanh sqrt exp log abs min max
 
 It becomes what derivatives and guaranteed enclosures know: |a| = a sign(a), max(a, b) = (a + b + |a − b|)/2,
 asin(a) = atan2(a, √(1 − a²)), powers are products, or exp and log.
@@ -16,6 +16,7 @@ from functools import reduce
 
 import casadi as ca
 
+from kinematics.foundation import operations
 from kinematics.foundation.errors import BadValue, MotionError, locate_errors
 from kinematics.foundation.names import closest, nearest
 from kinematics.foundation.units import describe_value
@@ -31,39 +32,27 @@ _FORBIDDEN = re.compile(r"[^A-Za-z0-9_+\-*/()., \t]")
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
 
 
-def _absolute(a: ca.SX) -> ca.SX:
-    return a * ca.sign(a)
-
-
-def _tangent(a: ca.SX) -> ca.SX:
-    ratio: ca.SX = ca.sin(a) / ca.cos(a)
-    return ratio
-
-
-def _largest(a: ca.SX, b: ca.SX) -> ca.SX:
-    return (a + b + _absolute(a - b)) / 2
-
-
-def _least(a: ca.SX, b: ca.SX) -> ca.SX:
-    return (a + b - _absolute(a - b)) / 2
-
-
 _FUNCTIONS: dict[str, tuple[int, Callable[..., ca.SX]]] = {
     "sin": (1, ca.sin),
     "cos": (1, ca.cos),
-    "tan": (1, _tangent),
-    "asin": (1, lambda a: ca.atan2(a, ca.sqrt(1 - a * a))),
-    "acos": (1, lambda a: ca.atan2(ca.sqrt(1 - a * a), a)),
+    "tan": (1, operations.tangent),
+    "asin": (1, operations.arc_sine),
+    "acos": (1, operations.arc_cosine),
+    "atan": (1, operations.arc_tangent),
     "atan2": (2, ca.atan2),
+    "hypot": (2, operations.hypotenuse),
+    "sinh": (1, operations.hyperbolic_sine),
+    "cosh": (1, operations.hyperbolic_cosine),
+    "tanh": (1, operations.hyperbolic_tangent),
     "sqrt": (1, ca.sqrt),
     "exp": (1, ca.exp),
     "log": (1, ca.log),
-    "abs": (1, _absolute),
-    "min": (2, _least),
-    "max": (2, _largest),
+    "abs": (1, operations.absolute),
+    "min": (2, lambda *values: reduce(operations.least, values)),
+    "max": (2, lambda *values: reduce(operations.largest, values)),
 }
-"""How many arguments each takes, min and max at least, and what it is."""
-_VARIADIC = ("min", "max")
+"""How many arguments each takes, hypot, min and max at least, and what it is."""
+_VARIADIC = ("hypot", "min", "max")
 KNOWN_NAMES = ("t", "pi", *_FUNCTIONS)
 _OPERATORS: dict[type[ast.operator], Callable[[ca.SX, ca.SX], ca.SX]] = {
     ast.Add: lambda a, b: a + b,
@@ -149,7 +138,7 @@ def _build_node(node: ast.expr, text: str, known: Mapping[str, ca.SX], depth: in
             if len(arguments) < count or (len(arguments) > count and name not in _VARIADIC):
                 raise MotionError(f"{name} takes {count} argument{'s' * (count > 1)}, not {len(arguments)}")
             values = [_build_node(argument, text, known, depth + 1) for argument in arguments]
-            made = reduce(function, values) if name in _VARIADIC else function(*values)
+            made = function(*values)
         case ast.Call(func=ast.Name(id=name)):
             told = (
                 f"{name[:40]}(…) is not a known function{nearest(name, _FUNCTIONS)}; there are {', '.join(_FUNCTIONS)}"
@@ -207,17 +196,6 @@ def _power(base: ca.SX, exponent: ca.SX) -> ca.SX:
         if not base.is_constant() or float(base) <= 0:
             raise MotionError("a variable exponent needs a constant base above 0; write exp(b*log(a))")
         return ca.exp(exponent * math.log(float(base)))
-    power = float(exponent)
-    if abs(power) > MAX_EXPONENT:
-        raise MotionError(f"exponent {power:g}: at most {MAX_EXPONENT} for a variable base")
-    if power != int(power):
-        return ca.exp(power * ca.log(base))
-    whole = _product(base, abs(int(power)))
-    return whole if power >= 0 else 1 / whole
-
-
-def _product(base: ca.SX, count: int) -> ca.SX:
-    if count == 0:
-        return ca.SX(1)
-    half = _product(base, count // 2)
-    return half * half * base if count % 2 else half * half
+    if abs(float(exponent)) > MAX_EXPONENT:
+        raise MotionError(f"exponent {float(exponent):g}: at most {MAX_EXPONENT} for a variable base")
+    return operations.power(base, exponent)

@@ -26,7 +26,7 @@ from kinematics.machine.axis import Axis
 from kinematics.machine.kind import Bar, Pivot, Skeleton, Sort
 from kinematics.machine.load import Load
 from kinematics.machine.machine import Machine
-from kinematics.machine.pose import COMPONENTS, Pose, PoseLike, to_numbers
+from kinematics.machine.pose import COMPONENTS, PoseLike, to_numbers
 
 POSITIONS = ("x", "y", "z")
 ROTATIONS = tuple(f"r{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3))

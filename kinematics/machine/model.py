@@ -18,7 +18,8 @@ from numpy.typing import ArrayLike
 
 from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.casadi_function import Expression
-from kinematics.foundation.errors import BadValue, MotionError, OutOfReach
+from kinematics.foundation.errors import BadValue, MotionError, OutOfReach, locate_errors
+from kinematics.foundation.operations import refuse_unknown
 from kinematics.machine.axis import Axis
 from kinematics.machine.kind import Kind, PlacedSkeleton, Skeleton, columns, refuse_uncontrolled
 from kinematics.machine.load import Load
@@ -130,6 +131,8 @@ class MachineModel(Kind):
         self._derived: dict[Callable[..., Any], Any] = {}
         self._of_load: dict[Callable[..., Any], Any] = {}
         self.load = check_load(self, self.name, Load() if load is None else load)
+        with locate_errors(f"machine {name}"):  # operations that nothing here can bound
+            refuse_unknown(self.inverse_map.function)
         self.home_q: Array = freeze_array(self.inverse(home, np.zeros(len(self.axes)) if near is None else near))
 
     def carrying(self, load: Load) -> Self:

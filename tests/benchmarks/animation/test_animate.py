@@ -32,9 +32,9 @@ from benchmarks.animation.frames import (
     parse_colour,
     tilt_use,
 )
-from kinematics import MotionError, load_machine
+from kinematics import Axis, Machine, MotionError, load_machine
 from kinematics.machine.pose import to_numbers
-from planner import load_program, plan
+from planner import Line, Program, load_program, plan
 
 SIZE = 1_500_000
 """Bytes that 240 frames may take."""
@@ -465,3 +465,37 @@ def test_that_test_would_see_a_request_and_what_the_policy_forbids(circle, tmp_p
     _, said, askers = browse(tmp_path, file)
     assert askers == set()
     assert [line for line in said if "violates" in line]
+
+
+class Bare(Machine):
+    """Three slides that nothing is drawn of."""
+
+    freedom, sorts, characteristic_length = ("x", "y", "z"), ("linear",) * 3, 0.1
+
+    def __init__(self):
+        axes = [Axis(name, travel=(-0.1, 0.1), max_speed=0.1, max_acceleration=1.0) for name in "xyz"]
+        super().__init__("bare", axes, [0, 0, 0.1])
+
+    def expression(self, position, rotation, near):
+        return position
+
+
+@pytest.mark.parametrize("tool", [None, [0, 0, 0.01, 0.5, 0, 0]])
+def test_a_machine_without_a_skeleton_is_drawn_by_its_tool(tool, tmp_path):
+    """Its three axes, at its place and orthogonal, in pictures and in the recorded page."""
+    start = [0.0, 0.0, 0.0] if tool is None else tool
+    made = plan(Program([Line([0.02, 0, start[2]])], start=start, tool=tool), Bare())
+    t = np.array([0.0, made.trajectory.duration])
+    frames = compute_frames(made, t)
+    if tool is None:
+        ways = np.diff(frames.placed.bars, axis=2)[:, :, 0]
+        np.testing.assert_allclose(frames.placed.bars[:, :, 0], np.repeat(frames.tool[:, None], 3, 1))
+        np.testing.assert_allclose(
+            ways @ ways.swapaxes(1, 2), np.tile((0.15 * 0.02) ** 2 * np.eye(3), (2, 1, 1)), atol=1e-18
+        )
+    assert len(frames.bars) == (3 if tool is None else 1)  # its shank shows where it is
+    assert save_four_views(made, tmp_path / "bare.png").stat().st_size > 0
+    animate(made, tmp_path / "bare.html")
+    assert (tmp_path / "bare.html").stat().st_size > 0
+    assert made.machine.plot()._repr_png_()
+    assert made.plot()._repr_png_()

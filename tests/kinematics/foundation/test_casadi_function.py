@@ -8,7 +8,6 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from kinematics import MotionError
 from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.taylor_model import Series
 from kinematics.machine.pose import to_numbers
@@ -167,15 +166,3 @@ def test_every_operation_has_its_own_enclosure(operation):
     random = np.random.default_rng(operation)
     centre, half = random.uniform(1, 3, (50, 2)), random.uniform(-0.3, 0.3, (50, 2))
     assert np.isfinite(assert_encloses(expression, centre, half)).all()
-
-
-@pytest.mark.parametrize(
-    ("operation", "formula"),
-    [(ca.OP_TANH, ca.tanh), (ca.OP_TAN, ca.tan), (ca.OP_ASIN, ca.asin), (ca.OP_FLOOR, ca.floor)],
-)
-def test_an_operation_without_a_rule_is_refused_by_name(operation, formula):
-    x = ca.SX.sym("x")
-    expression = Expression("exotic", x, formula(x))
-    assert expression(np.array([[0.5]])).shape == (1, 1)  # numbers need no rule
-    with pytest.raises(MotionError, match=rf"exotic.*operation {operation} .*_RULES"):
-        expression.enclose([Series.constant(np.ones(1), 2)])
