@@ -40,7 +40,9 @@ from planner.pulses import (
 from planner.pulses.compensation.compensate import counted_motion
 from planner.pulses.schedule import schedule_tables
 from planner.pulses.triggers import Triggered, find_triggers, trigger_tables
-from planner.timing.certified_solve import EFFORT, certified_solve, solve_within, timing_table
+from planner.shaping.keep_limits import solve_shaped
+from planner.shaping.shaped_proof import ShapedProof
+from planner.timing.certified_solve import EFFORT, Solution, certified_solve, solve_within, timing_table
 from planner.timing.duration_bound import DurationBound, bound_duration
 from planner.timing.problem import Solver
 from planner.timing.solvers.toppra_ import refuse_solver
@@ -60,7 +62,7 @@ if TYPE_CHECKING:
 class Plan(Result):
     """A program on a machine: the path in actuator coordinates, the fastest motion, its certificate and pulses.
 
-    counted          the motion, or where axes ask for compensation what their motors make of it, which the pulses count
+    counted          what the pulses count: the motion, behind its shapers, as motors that compensate make it
     order            2: to acceleration, 3: to jerk
     rounds, methods  of solving until the proof held; the solver of each run
     lower_estimate   s, about the least that any motion within the limits on speed and acceleration takes, with the
@@ -68,6 +70,7 @@ class Plan(Result):
     stated_duration  s, what was asked for instead of the fastest, if anything
     objective        what it has least of: time, or a weighed sum with heat
     own_limits       what was asked for beside the machine's and the program's own limits
+    shaped           the motion behind input shapers, and its proof; trajectory and certificate are those before them
     """
 
     program: Program
@@ -86,6 +89,7 @@ class Plan(Result):
     objective: Objective = TIME
     own_limits: tuple[OwnLimit, ...] = field(default=(), repr=False)
     known: list[DurationBound] = field(default_factory=list, repr=False, compare=False)
+    shaped: ShapedProof | None = field(default=None, repr=False)
 
     @property
     def fastest(self) -> bool:
@@ -129,7 +133,8 @@ class Plan(Result):
     @property
     def triggers(self) -> tuple[Triggered, ...]:
         """What the program marks by `trigger`: when, where, and the counts by then."""
-        return find_triggers(self.program, self.path, self.trajectory, self.pulses)
+        delay = 0.0 if self.shaped is None else self.shaped.delay
+        return find_triggers(self.program, self.path, self.trajectory, self.pulses, delay)
 
     @property
     def departures(self) -> tuple[Departure, ...]:
@@ -168,6 +173,7 @@ class Plan(Result):
                 title, self.trajectory.duration, self.lower_estimate, self.known[0] if self.known else None, stated
             ),
             *self.certificate.tables(),
+            *(() if self.shaped is None else self.shaped.tables()),
             *fit_tables(self.path.fit),
             *blend_tables(self.path.blends),
             *departure_tables(self.departures),
@@ -311,14 +317,17 @@ def plan(
     try:
         path = actuate(program, machine)
         kept = limits_of(path, pace_axes(machine.axes, int(clock_hz), rule), order, limits)
-        if objective.heat > 0:
-            solution = solve_objective(path, kept, machine.axes, order, objective, progress)
-        elif gap is not None:
-            solution = solve_within(path, kept, order, gap, effort, progress, solver=solver)
-        elif duration is None:
-            solution = certified_solve(path, kept, order, progress, solver=solver)
-        else:
-            solution = solve_stated(path, kept, machine.axes, order, duration, progress)
+
+        def solve(under: tuple[Limit, ...]) -> Solution:
+            if objective.heat > 0:
+                return solve_objective(path, under, machine.axes, order, objective, progress)
+            if gap is not None:
+                return solve_within(path, under, order, gap, effort, progress, solver=solver)
+            if duration is None:
+                return certified_solve(path, under, order, progress, solver=solver)
+            return solve_stated(path, under, machine.axes, order, duration, progress)
+
+        solution, certificate, shaped = solve_shaped(solve, path, kept, machine.axes)
     except (Infeasible, OutOfReach) as no:
         raise _add_advice(no, program, machine, order) from None
     motors, pulses = _generate_pulses(solution.trajectory, machine, int(clock_hz), rule, progress or ignore_progress)
@@ -328,7 +337,7 @@ def plan(
         path,
         kept,
         solution.trajectory,
-        solution.certificate,
+        certificate,
         motors,
         pulses,
         order,
@@ -339,6 +348,7 @@ def plan(
         objective,
         tuple(limits),
         solution.known,
+        shaped,
     )
 
 

@@ -245,6 +245,8 @@ def find_whole_reason(program: Program, machine: Machine, rule: Rule) -> str | N
         return "may cross bands of resonance, in a time that is proved of the whole"
     if any(axis.compensate for axis in machine.axes):
         return "makes up for play or lead error of axes, which looks ahead"
+    if any(axis.shaper for axis in machine.axes):
+        return "has input shapers, which spread every instant over the parts beside it"
     if isinstance(program.segments, SegmentStream):
         return None
     for number, segment in enumerate(program.segments, 1):

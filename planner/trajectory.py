@@ -6,6 +6,7 @@ What depends on the place alone is the same under every timing: a path walked at
 from dataclasses import dataclass, field
 from functools import partial
 from math import ceil, log10
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +17,7 @@ from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
+from kinematics.machine.motion import AxesState
 from kinematics.machine.pose import Pose, from_numbers
 from planner.path.actuation import ActuatorPath, MachinePath
 
@@ -124,7 +126,7 @@ class Trajectory(Result):
     def tables(self) -> tuple[Table, ...]:
         """Between what each axis moves, and the largest of its derivatives that is seen."""
 
-        seen, units = self.at(row_instants(self)), axis_units(self.path)
+        seen, units = self.at(row_instants(self.duration)), axis_units(self.path)
         rates = (("speed", seen.qd, "/s"), ("acceleration", seen.qdd, "/s^2"), ("jerk", seen.qddd, "/s^3"))
         names = Column("axis", self.path.names)
         ends = (Column(name, of(seen.q, axis=0), units, "human") for name, of in (("from", np.min), ("to", np.max)))
@@ -138,7 +140,7 @@ class Trajectory(Result):
     def data(self) -> Table:
         """The motion every millisecond (above 1000 s, less often): distance, pose, the axes with their derivatives."""
 
-        values = rows(self, row_instants(self))
+        values = rows(self, row_instants(self.duration))
         columns = (Column(name, values[:, k], unit) for k, (name, unit) in enumerate(column_headings(self.path)))
         return Table(f"motion of {self.duration:.6f} s", tuple(columns))
 
@@ -216,6 +218,15 @@ MOST_ROWS = 1_000_000
 QUANTITIES = {"q": "", "qd": "/s", "qdd": "/s^2", "qddd": "/s^3"}
 
 
+class RowState(AxesState, Protocol):
+    """Path length s (N,), and q, q̇, q̈, q⃛ (N, axes) of any motion."""
+
+    @property
+    def s(self) -> Array: ...
+    @property
+    def qddd(self) -> Array: ...
+
+
 def column_headings(path: ActuatorPath) -> list[tuple[str, str]]:
     """Name and SI unit of each column; of a motion without a machine nothing has a unit but time."""
     units = axis_units(path)
@@ -241,20 +252,24 @@ def period(duration: float) -> float:
     return ROW_PERIOD * 10.0 ** max(0, ceil(log10(duration / ROW_PERIOD / MOST_ROWS))) if duration > 0 else ROW_PERIOD
 
 
-def row_instants(trajectory: Trajectory) -> Array:
+def row_instants(duration: float) -> Array:
     """(N,) s, every `period` and the end."""
-    step = period(trajectory.duration)
-    rows = ceil(trajectory.duration / step) + 1
-    return np.asarray(np.minimum(np.arange(rows) * step, trajectory.duration), float)
+    step = period(duration)
+    rows = ceil(duration / step) + 1
+    return np.asarray(np.minimum(np.arange(rows) * step, duration), float)
 
 
 def rows(trajectory: Trajectory, t: Array) -> Array:
     """(N, columns) at t (N,), rx, ry, rz about the moving axes in turn."""
     state = trajectory.at(t)
-    columns = [t, state.s]
     pose = trajectory.path.pose_numbers(state.s, state.piece) if isinstance(trajectory.path, MachinePath) else None
-    if pose is not None:
-        poses = from_numbers(pose)
+    return put_in_rows(t, state, None if pose is None else from_numbers(pose))
+
+
+def put_in_rows(t: Array, state: "RowState", poses: Pose | None) -> Array:
+    """(N, columns) of what is known at t (N,)."""
+    columns = [t, state.s]
+    if poses is not None:
         columns += [poses.translation, poses.rotation.as_euler("XYZ", suppress_warnings=True)]
     axes = np.stack([state.q, state.qd, state.qdd, state.qddd], 2).reshape(len(t), -1)
     return np.asarray(np.column_stack([*columns, axes]) + 0.0)  # no row shows −0

@@ -12,6 +12,7 @@ from kinematics.files.toml_document import Key
 from kinematics.foundation.errors import BadValue, MotionError, validation_error
 from kinematics.foundation.names import closest, nearest
 from kinematics.foundation.units import Length, Unit, describe_value
+from kinematics.kinds.shaper_keys import StatedShaper
 from kinematics.machine.axis import Axis, AxisKind, Magnitude, StepTiming, find_drive
 
 MICROSTEPS = tuple(sorted({200, 400, 1000, 2000, 5000, 10_000, 25_000, 50_000} | {400 << k for k in range(8)}))
@@ -252,6 +253,11 @@ def declares_keys(table: type[Table]) -> type[Table]:
         take_up_acceleration: Annotated[float, Unit(f"{way}/s^2", above=0)] | None = key(
             "of a motor that crosses its play; max_acceleration if not stated",
             choose('"500 mm/s^2"', '"500 deg/s^2"'),
+            None,
+        )
+        shaper: StatedShaper | None = key(
+            "input shaper against a vibration of what it moves: zv, zvd, mzv or ei",
+            '{ kind = "zv", frequency = "35 Hz", damping = 0.05 }',
             None,
         )
 

@@ -12,6 +12,7 @@ from typing import Literal
 from kinematics.foundation.arrays import LEAST_POSITIVE, MAX_FLOAT, finite_array, numeric_array
 from kinematics.foundation.errors import BadValue, MotionError
 from kinematics.foundation.names import closest, nearest
+from kinematics.machine.shaper import Shaper
 
 TIME_ROUNDING = 1e-12
 """Share of a time that decimal fractions of seconds may be off."""
@@ -150,6 +151,7 @@ class Axis:
                     max_acceleration
     compensate      what its pulses make up for, of "lead" and "backlash": then they count the motor, not the axis
     timing          what its drive asks of the pulses; None: nothing
+    shaper          what its motion is convolved with, against a vibration of what it moves; None: nothing
     card, channel   which motion card drives it, and which of the card's axes it is: both or neither
     """
 
@@ -174,6 +176,7 @@ class Axis:
     lead_error: tuple[tuple[float, float], ...] | None = None
     compensate: tuple[str, ...] = ()
     timing: StepTiming | None = None
+    shaper: Shaper | None = None
     card: str | None = None
     channel: int | None = None
 
@@ -226,6 +229,8 @@ class Axis:
             )
         if self.timing is not None and not isinstance(self.timing, StepTiming):
             raise MotionError(f"axis {self.name}: timing must be a StepTiming, or None, not {self.timing!r:.100}")
+        if self.shaper is not None and not isinstance(self.shaper, Shaper):
+            raise MotionError(f"axis {self.name}: shaper must be a Shaper, or None, not {self.shaper!r:.100}")
         self._check_wiring()
 
     def _travel(self) -> None:

@@ -8,7 +8,7 @@ which unit its value is written, the schemas of the kinds say (`kinematics.kinds
 import tomllib
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import asdict, fields, replace
 from importlib.resources.abc import Traversable
 from math import isfinite
 from pathlib import Path
@@ -28,6 +28,7 @@ from kinematics.machine.axis import DRIVES, Axis, StepTiming
 from kinematics.machine.load import GRAVITY, Body, Load
 from kinematics.machine.machine import Machine
 from kinematics.machine.machine_file import KINDS, load_machine, read_machine
+from kinematics.machine.shaper import Shaper
 
 _SKIPPED_FIELDS = ("name", "kind", "card", "channel")
 
@@ -138,8 +139,15 @@ def _fields(machine: str, axis: Axis, complete: bool) -> Iterator[tuple[str, str
                 f"machine {machine}: axis {axis.name} has unlimited travel, which a machine file cannot say; "
                 "give it bounds"
             )
-        values[field.name] = _timing(value) if isinstance(value, StepTiming) else value
+        values[field.name] = _plain(value)
     return format_entries(LinearAxis if axis.kind == "linear" else RotaryAxis, values)
+
+
+def _plain(value: Any) -> Any:
+    """A value as its table says it."""
+    if isinstance(value, Shaper):
+        return {name: told for name, told in asdict(value).items() if name != "tolerance" or value.kind == "ei"}
+    return _timing(value) if isinstance(value, StepTiming) else value
 
 
 def _timing(timing: StepTiming) -> str | dict[str, Any]:

@@ -89,6 +89,17 @@ def refuse_compensated(source: ExportSource, format_: str) -> None:
                 f"{format_}: axis {axis.name} compensates {' and '.join(axis.compensate)} along the motion, which its "
                 "controller does not follow; take compensate out of the machine's file"
             )
+    refuse_shaped(source, format_)
+
+
+def refuse_shaped(source: ExportSource, format_: str) -> None:
+    """Raise MotionError for axes with input shapers, in a format that is made from the path."""
+    for axis in source.machine.axes:
+        if axis.shaper:
+            raise MotionError(
+                f"{format_}: axis {axis.name} has an input shaper ({axis.shaper}), and this format follows the path "
+                "before it; take a format of pulses or of positions over time, or take shaper out of the machine's file"
+            )
 
 
 class Format(Protocol):

@@ -17,20 +17,27 @@ import numpy as np
 
 from kinematics import Axis
 from planner.pulses.triggers import Triggered
+from planner.shaping.shaped_motion import ShapedMotion, rows_of_shaped
 from planner.trajectory import Trajectory, column_headings, row_instants, rows
 
 BLOCK_ROWS = 1 << 13
 """Rows computed and written together, so that memory stays bounded."""
 
 
-def write_trajectory_csv(trajectory: Trajectory, path: Path) -> None:
-    """Write the table: 12 significant digits, line ends \\n, decimal points whatever the locale."""
-    t = row_instants(trajectory)
+def write_trajectory_csv(trajectory: Trajectory, path: Path, shaped: ShapedMotion | None = None) -> None:
+    """Write the table: 12 significant digits, line ends \\n, decimal points whatever the locale.
+
+    shaped: what the axes do behind input shapers, and the pose that they reach, instead of the trajectory itself; the
+    distance along the path is that of the trajectory, as late as the shapers make it
+    """
+    t = row_instants((trajectory if shaped is None else shaped).duration)
     header = [f"{name} [{unit}]" if unit else name for name, unit in column_headings(trajectory.path)]
     with path.open("w", encoding="utf-8", newline="") as file:
         csv.writer(file, lineterminator="\n").writerow(header)
         for first in range(0, len(t), BLOCK_ROWS):
-            np.savetxt(file, rows(trajectory, t[first : first + BLOCK_ROWS]), fmt="%.12g", delimiter=",")
+            some = t[first : first + BLOCK_ROWS]
+            table = rows(trajectory, some) if shaped is None else rows_of_shaped(trajectory, shaped, some)
+            np.savetxt(file, table, fmt="%.12g", delimiter=",")
 
 
 def write_trigger_csv(triggers: Sequence[Triggered], axes: Sequence[Axis], path: Path) -> None:

@@ -35,6 +35,13 @@ class Whole:
     tool: Pose | None
     own_limits: tuple[OwnLimit, ...] = ()
 
+    def __post_init__(self) -> None:
+        if any(axis.shaper for axis in self.machine.axes):
+            raise MotionError(
+                f"machine {self.machine.name}: motions behind input shapers are not held, resumed or overridden: their "
+                "pulses lag behind the path; plan with a machine file without shapers where that is needed"
+            )
+
     def limits(self, path: MachinePath) -> tuple[Limit, ...]:
         """Those of a part of the path, with pulse rates that the plan's clock and rule can hold."""
         rule = find_rule(self.pulses.rule)

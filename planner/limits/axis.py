@@ -20,7 +20,7 @@ class Speed(AxisLimit):
     r = max 1/(1 + slope) of a lead error that is made up for, else 1: max_speed is the motor's.
     """
 
-    name, dimension, by_axis = "speed", "/s", True
+    name, dimension, by_axis, convex = "speed", "/s", True, True
     terms = frozenset({Term.SD})
 
     def __init__(self, axes: Sequence[Axis], bounds: Sequence[Magnitude | None]) -> None:
@@ -38,7 +38,7 @@ class Speed(AxisLimit):
 class Acceleration(AxisLimit):
     """q̈ = q′ s̈ + q″ ṡ²."""
 
-    name, dimension, by_axis = "acceleration", "/s²", True
+    name, dimension, by_axis, convex = "acceleration", "/s²", True, True
     terms = frozenset({Term.SDD, Term.SD2})
 
     def value(self, motion: LimitState) -> Quantity:
@@ -51,7 +51,7 @@ class Acceleration(AxisLimit):
 class Jerk(AxisLimit):
     """q⃛ = q′ s⃛ + 3 q″ ṡ s̈ + q‴ ṡ³."""
 
-    name, dimension, by_axis = "jerk", "/s³", True
+    name, dimension, by_axis, convex = "jerk", "/s³", True, True
     terms = frozenset({Term.SDDD, Term.SDSDD, Term.SD3})
 
     def value(self, motion: LimitState) -> Quantity:
@@ -68,7 +68,7 @@ class PulseRate(AxisLimit):
     r = max 1/(1 + slope) of a lead error that is made up for, else 1: behind such a screw the motor runs ahead.
     """
 
-    name, dimension, by_axis = "pulse rate", "/s", True
+    name, dimension, by_axis, convex = "pulse rate", "/s", True, True
     terms = frozenset({Term.SD})
 
     def __init__(self, axes: Sequence[Axis]) -> None:

@@ -19,7 +19,7 @@ from planner.limits.limit import AxisLimit, Limit, LimitState, Quantity
 class Travel(AxisLimit):
     """Counted as |q − middle| / half range, so that 1 is an end of travel."""
 
-    name, dimension = "travel", ""
+    name, dimension, convex = "travel", "", True
 
     def __init__(self, axes: Sequence[Axis], home: Array) -> None:
         lo, hi = np.array([axis.travel for axis in axes]).T

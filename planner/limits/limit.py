@@ -95,6 +95,9 @@ class Limit(ABC):
     """What a path must do that breaks it by so much."""
     by_axis: ClassVar[bool] = False
     """Whether its value is one derivative of each axis, times a number: then its channels are looked at one by one."""
+    convex: ClassVar[bool] = False
+    """Whether it keeps one coordinate's value or rate within bounds that are the same all along: then a weighed mean of
+    motions that keep it keeps it."""
     channels: tuple[str, ...]
     bounds: Array
     """(m,) SI; ∞ where a channel is free."""

@@ -43,7 +43,7 @@ class Resonance(AxisLimit):
     the axis is `held` below the band.
     """
 
-    name, dimension = "resonance", "/s"
+    name, dimension, convex = "resonance", "/s", True
     terms = frozenset({Term.SD})
 
     def __init__(self, axes: Sequence[Axis], held: Sequence[SpeedCap] = ()) -> None:

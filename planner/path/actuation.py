@@ -340,22 +340,25 @@ class MachinePath:
         return out
 
     def enclose(self, s: Series, piece: np.ndarray) -> Series:
-        return self.machine.inverse_map.enclose_columns(self._enclose_inputs(s, piece))
+        return self.machine.inverse_map.enclose_columns(self.enclose_inputs(s, piece))
 
     def enclose_pose(self, s: Series, piece: np.ndarray) -> Series:
-        inputs = self._enclose_inputs(s, piece)
+        inputs = self.enclose_inputs(s, piece)
         return self.machine.carried_map.enclose_columns(inputs) if self.machine.follows else inputs[:, :12]
 
     def jacobian(self, s: Series, piece: np.ndarray) -> Series:
         """The square Jacobian (order+1, N, n · n), row by row; columns of rotation by the characteristic length."""
-        entries = self.machine.jacobian_map.enclose_columns(self._enclose_inputs(s, piece))
+        entries = self.machine.jacobian_map.enclose_columns(self.enclose_inputs(s, piece))
         free = columns(self.machine)
         scale = np.where(free < 3, 1.0, 1 / self.machine.characteristic_length)
         chosen = (6 * np.arange(len(self.names))[:, None] + free).ravel()
         return entries[:, chosen] * np.tile(scale, len(self.names))
 
-    def _enclose_inputs(self, s: Series, piece: np.ndarray) -> Series:
-        """What the machine's maps take, along the path: (order+1, N, k); the last is kept, for axes and pose."""
+    def enclose_inputs(self, s: Series, piece: np.ndarray) -> Series:
+        """What the machine's maps take, along the path: (order+1, N, k); the last is kept, for axes and pose.
+
+        The pose's numbers (12), and where the machine is branched the coordinates (n) near which it is meant.
+        """
         if self._enclosed is not None and self._enclosed[0] is s and np.array_equal(self._enclosed[1], piece):
             return self._enclosed[2]
         pose = Series.zeros(s.order, (len(piece), 12))

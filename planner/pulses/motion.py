@@ -64,6 +64,25 @@ class MotorMotion(AxesMotion, Protocol):
     def planned(self) -> AxesMotion: ...
 
 
+class Impulses(Protocol):
+    """Copies of a motion: delays (K,) s and the weights (K, n) that each axis has of them."""
+
+    @property
+    def delays(self) -> Array: ...
+    @property
+    def weights(self) -> Array: ...
+
+
+@runtime_checkable
+class ShapedAxesMotion(AxesMotion, Protocol):
+    """What axes do behind input shapers: the copies of a motion, summed."""
+
+    @property
+    def base(self) -> AxesMotion: ...
+    @property
+    def copies(self) -> Impulses: ...
+
+
 def play_operator(motor: Array, width: float, before: float) -> Array:
     """(N,) where play of a width leaves what a motor at (N,) pushes: yᵢ = min(max(yᵢ₋₁, mᵢ), mᵢ + width).
 

@@ -18,11 +18,12 @@ from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.axis import Axis
 from kinematics.machine.machine import Machine
-from kinematics.machine.pose import COMPONENTS
+from kinematics.machine.pose import COMPONENTS, to_numbers
 from planner.place import Place, where_columns
 from planner.pulses.compensation.compensate import CompensatedMotion
 from planner.pulses.motion import AxesMotion, apply_play, apply_screw, describe_mechanics, invert_screw, solve_poses
 from planner.pulses.schedule import PulseSchedule
+from planner.shaping.shaped_motion import ShapedMotion, reached_poses
 from planner.trajectory import State, Trajectory
 
 
@@ -289,7 +290,7 @@ def _compare(
     """Add the errors of some intervals to what has been found; how many instants that were."""
     machine, path = plan.machine, plan.trajectory.path
     ticks, where = np.unique(np.concatenate([begin, end]), return_inverse=True)
-    planned = _pose_numbers(plan.trajectory.at(ticks / schedule.clock_hz))
+    planned = _planned_poses(plan, ticks / schedule.clock_hz)[0]
     first, last = np.split(where, 2)
     reached = solve_poses(machine, q, begin / schedule.clock_hz, planned[first])
     if path.tool is not None:
@@ -310,6 +311,22 @@ def _compare(
     found.largest = np.where(beaten, both[worst, every], found.largest)
     found.when = np.where(beaten, at / schedule.clock_hz, found.when)
     return 2 * len(begin)
+
+
+def _planned_poses(plan: CountedMotion, t: Array) -> tuple[Array, Array]:
+    """Pose numbers (N, 12) and coordinates (N, n) planned at t (N,): behind input shapers, where there are any."""
+    shaped = _find_shaped(plan)
+    if shaped is None:
+        state = plan.trajectory.at(t)
+        return _pose_numbers(state), state.q
+    q = shaped.at(t).q
+    return to_numbers(reached_poses(plan.trajectory, shaped, t, q)), q
+
+
+def _find_shaped(plan: CountedMotion) -> ShapedMotion | None:
+    """The motion behind input shapers that is counted, as it is or as motors make it."""
+    motion = plan.counted.planned if isinstance(plan.counted, CompensatedMotion) else plan.counted
+    return motion if isinstance(motion, ShapedMotion) else None
 
 
 def _pose_numbers(state: State) -> Array:
@@ -337,13 +354,12 @@ def _error_bounds(plan: CountedMotion, schedule: PulseSchedule, behind: Compensa
 
     Σⱼ |J⁻¹ᵢⱼ| bⱼ of a component; in space the largest ‖J⁻¹ b‖ at the corners of the box of b, where a norm is largest.
     """
-    state = plan.trajectory.at(t)
-    x, path = _pose_numbers(state), plan.trajectory.path
-    step = sensitivity(plan.machine, x, state.q)
+    (x, q), path = _planned_poses(plan, t), plan.trajectory.path
+    step = sensitivity(plan.machine, x, q)
     if path.tool is not None:  # v of the tool = v + ω × r
         lever = path.tool(x)[:, :3] - x[:, :3]
         step[:, :3] += np.cross(step[:, 3:], lever[:, :, None], axis=1)
-    step *= bound_axis_errors(plan.trajectory, plan.machine.axes, schedule, behind, t)[:, None, :]
+    step *= bound_axis_errors(_find_shaped(plan) or plan.trajectory, plan.machine.axes, schedule, behind, t)[:, None, :]
     signs = np.array([(1, *rest) for rest in product((1, -1), repeat=len(schedule.axes) - 1)], float).T
     corners = step @ signs
     sizes = [np.linalg.norm(corners[:, part], axis=1).max(1)[:, None] for part in ROW_COMPONENTS.values()]

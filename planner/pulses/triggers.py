@@ -50,9 +50,12 @@ def trigger_tables(events: "Sequence[Triggered]", axes: Sequence[str]) -> tuple[
 
 
 def find_triggers(
-    program: Program, path: MachinePath, trajectory: Trajectory, pulses: PulseSchedule
+    program: Program, path: MachinePath, trajectory: Trajectory, pulses: PulseSchedule, delay: float = 0.0
 ) -> tuple[Triggered, ...]:
-    """Every trigger of a program, in the order of its segments, repetition after repetition."""
+    """Every trigger of a program, in the order of its segments, repetition after repetition.
+
+    delay: s, by which the pulses are behind the trajectory, as input shapers put them
+    """
     if isinstance(program.segments, SegmentStream):
         return ()
     events = {
@@ -67,9 +70,11 @@ def find_triggers(
             continue
         s = _place(path, first, last, event.at)
         t = arrival_time(trajectory, s)
-        state, counts = trajectory.at(t), pulses.counts(np.array([t]))[0]
+        state, counts = trajectory.at(t), pulses.counts(np.array([t + delay]))[0]
         assert state.pose is not None  # a machine's path has one
-        found.append(Triggered(event.name, path.place(s, first, t), state.pose[0], freeze_array(counts, np.int64)))
+        found.append(
+            Triggered(event.name, path.place(s, first, t + delay), state.pose[0], freeze_array(counts, np.int64))
+        )
     return tuple(found)
 
 

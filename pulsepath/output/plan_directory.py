@@ -31,6 +31,7 @@ from planner.pulses.checking.pulse_reader import list_statements, read_compensat
 from planner.pulses.compensation.compensate import counted_motion
 from planner.pulses.motion import AxesMotion
 from planner.pulses.schedule import AxisPulses, MovedPulses
+from planner.shaping.shaped_motion import shaper_length
 from pulsepath.inputs import Inputs, Origin
 from pulsepath.job import Defect, Job
 from pulsepath.options import LAWS
@@ -173,7 +174,9 @@ def write(folder: Path, job: Job, inputs: Inputs, pulses: str = DEFAULT_PULSES) 
     write_motion(plan.trajectory, folder / MOTION)
     if choice := find_choice(plan.program):
         (folder / ORIENTATION).write_text(as_json({str(k): chosen.tolist() for k, chosen in choice.items()}))
-    plan_files.write_trajectory_csv(plan.trajectory, folder / TRAJECTORY)
+    plan_files.write_trajectory_csv(
+        plan.trajectory, folder / TRAJECTORY, None if plan.shaped is None else plan.shaped.motion
+    )
     form = PULSES[pulses]
     file = None if form is None else folder / form
     if file is not None:
@@ -291,14 +294,14 @@ def _load(folder: Path, unverified: bool, proving: AbstractContextManager[object
     machine = machine.rename(str(record.get("machine") or machine.name))
     parts, whole = record.get("windows") is not None, record.get("ends_before") is None
     load, follow = _find_motion(folder / MOTION, program, machine, parts, whole)
-    duration = read_duration(folder / MOTION)
+    duration = read_duration(folder / MOTION) + shaper_length(machine.axes)
     stated = _state_pulses(pulses, duration, machine, clock, rule)
     held = next((folder / name for name in (BINARY, PULSES["csv"]) if name and (folder / name).is_file()), None)
     taken = StoredPlan(program, machine, load, clock, rule, order, follow, digest, stated, held)
     if unverified:
         return replace(taken, pulse_file=None, doubts=(*doubts, "the motion was not proved again"))
     with proving:
-        proofs = (find_violation(motion, taken.find_limits(motion)) for motion in taken.parts())
+        proofs = (find_violation(motion, taken.find_limits(motion), machine.axes) for motion in taken.parts())
         found = next(filter(None, proofs), None)
     refuse([] if found is None else [f"{folder / MOTION}: {found}"])
     if record.get("duration_s") != duration:

@@ -14,6 +14,7 @@ from planner.certificate.certify import Certificate
 from planner.limits import find_unkept_limits
 from planner.plan_parts import PlanStanding
 from planner.pulses import PulseCheck, PulseSchedule
+from planner.shaping.shaped_proof import ShapedProof
 from pulsepath import __version__
 from pulsepath.inputs import Inputs
 from pulsepath.job import Job
@@ -42,7 +43,7 @@ def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
         "program": plan.program.name,
         "machine": plan.machine.name,
         "order": plan.order,
-        "duration_s": plan.trajectory.duration,
+        "duration_s": plan.pulses.duration,
         "stated_duration_s": plan.stated_duration,
         "objective": str(plan.objective),
         "path_length_m": float(plan.path.breaks[-1]),
@@ -64,6 +65,7 @@ def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
             },
         },
         "certificate": _certificate(plan.certificate),
+        "shaping": None if plan.shaped is None else _shaping(plan.shaped),
         "fit": fit_record(plan.path.fit),
         "blends": blend_records(plan.path.blends),
         "synchronised_moves": departure_records(plan.departures),
@@ -145,6 +147,34 @@ def _certificate(certificate: Certificate) -> Record:
                 "where": place_record(certificate.where[name]),
             }
             for name, worst in certificate.worst.items()
+        },
+    }
+
+
+def _shaping(shaped: ShapedProof) -> Record:
+    """The motion behind input shapers: what is proved of it, and how far it is from the path (upper bounds)."""
+    return {
+        "duration_before_s": shaped.motion.base.duration,
+        "delay_s": shaped.delay,
+        "axes": {
+            axis.name: {
+                "shaper": None if axis.shaper is None else asdict(axis.shaper),
+                "deviation": float(off),
+                "unit": axis.unit,
+            }
+            for axis, off in zip(shaped.axes, shaped.axis_deviation, strict=True)
+        },
+        "tool_deviation_um": 1e6 * shaped.deviation,
+        "turn_deviation_rad": shaped.turn,
+        "deviates_at": place_record(shaped.deviates_at),
+        "holds": shaped.holds,
+        "limits": {
+            name: {
+                "worst_ratio": worst,
+                "by_convexity": name in shaped.convex,
+                "where": place_record(shaped.where[name]),
+            }
+            for name, worst in shaped.worst.items()
         },
     }
 

@@ -11,9 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from kinematics.foundation.errors import MotionError
-from planner.certificate.certify import certify
+from kinematics.machine.axis import Axis
+from planner.certificate.certify import Certificate, certify
 from planner.limits import Limit
 from planner.pulses import PulseSchedule
+from planner.shaping.shaped_motion import shape_motion
+from planner.shaping.shaped_proof import ShapedProof, prove_shaped
 from planner.trajectory import Trajectory
 
 Record = dict[str, Any]
@@ -91,13 +94,20 @@ def changes(record: Record, folder: Path, name: str, target: Path, made: Path) -
     return any(place == (folder / file).resolve() and digest(made) != known[file] for file in known)
 
 
-def find_violation(trajectory: Trajectory, limits: Sequence[Limit]) -> str | None:
-    """Why a motion does not keep its limits, of several the worst; None where it is proved that it does."""
+def find_violation(trajectory: Trajectory, limits: Sequence[Limit], axes: Sequence[Axis] = ()) -> str | None:
+    """Why a motion does not keep its limits, of several the worst; None where it is proved that it does.
+
+    axes: behind whose input shapers it has to keep them as well
+    """
     certificate = certify(trajectory, limits)
-    if certificate.holds:
-        return None
-    name = max(certificate.worst, key=lambda each: certificate.worst[each])
-    return f"the motion uses {certificate.worst[name]:.6g} times its limit on {name}, at {certificate.where[name]}"
+    proofs: list[tuple[str, Certificate | ShapedProof]] = [("", certificate)]
+    if certificate.holds and (shaped := shape_motion(trajectory, axes)) is not None:
+        proofs.append((" behind its input shapers", prove_shaped(shaped, trajectory, axes, limits, certificate)))
+    for where, proof in proofs:
+        if not proof.holds:
+            name = max(proof.worst, key=lambda each: proof.worst[each])
+            return f"the motion{where} uses {proof.worst[name]:.6g} times its limit on {name}, at {proof.where[name]}"
+    return None
 
 
 def refuse(doubts: Sequence[str]) -> None:

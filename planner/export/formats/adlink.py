@@ -37,7 +37,7 @@ from typing import ClassVar
 
 from kinematics.foundation.options import option
 from planner.export.card_calls import KINDS, Call, CallList, call_list, replay_error
-from planner.export.format import Exported, ExportSource
+from planner.export.format import Exported, ExportSource, refuse_shaped
 
 WAIT_LINE = re.compile(r"    wait_until\(([0-9.]+)\);")
 CALL_LINE = re.compile(r"    DO\((\w+)\((\d+), (-?\d+), ([^,]+), ([^,]+), ([^,]+), ([^,)]+)\)\);")
@@ -65,6 +65,7 @@ class _CallFile(ABC):
     )
 
     def write(self, source: ExportSource, path: Path) -> Exported:
+        refuse_shaped(source, "adlink")
         made = call_list(source, self.spacing, self.speed_range)
         self._write(source, made, path)
         calls = self._read(source, path)

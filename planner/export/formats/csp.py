@@ -33,7 +33,7 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import option
 from kinematics.machine.axis import directional_bounds
 from planner.export.columns import Columns, line_blocks, make_columns
-from planner.export.format import Exported, ExportSource
+from planner.export.format import Exported, ExportSource, refuse_shaped
 from planner.export.knots import CHECK_PROBES, Knots, choose_knots, compare, refuse_moving_ends, steps_to_seconds
 
 SHORTEST_CYCLE, LONGEST_CYCLE = 0.25e-3, 4e-3
@@ -157,6 +157,7 @@ def _floor(increments: float) -> int:
 
 def _find_torques(source: ExportSource, t: Array, rated: Array) -> Array:
     """(K, n) whole thousandths of the rated torque, in the sense of the wiring."""
+    refuse_shaped(source, "csp with rated")
     state = source.trajectory.at(np.minimum(t, source.trajectory.duration))
     signs = np.array([axis.direction for axis in source.machine.axes])
     return np.rint(forces(source.machine, state).force * (signs * PER_MILLE / rated)) + 0.0

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import Axis
+from planner.pulses.checking.convolution import rebuild_motion
 from planner.pulses.checking.rolling_motion import RollingMotion
 from planner.pulses.checking.search import HALF_TICK, PART_INSTANTS, X_ROUNDING, Search, check_band, check_between
 from planner.pulses.checking.standards import MechanicsStandard, find_standard, search_behind
@@ -107,11 +108,12 @@ def check_parts(
     home_q: ArrayLike | None = None,
 ) -> PulseCheck:
     """The same of parts that follow each other in time, in memory for one: `stated` says all but their pulses."""
+    trajectory = rebuild_motion(trajectory)
     searches = _begin(stated, trajectory, machine_axes, home_q)
     carried: dict[int, Search] = {}
     if isinstance(trajectory, MotorMotion) and machine_axes is not None:
-        grid = _make_grid(trajectory.knots)
-        carried = {search.k: search for search in search_behind(stated, trajectory.planned, machine_axes, grid)}
+        grid, planned = _make_grid(trajectory.knots), rebuild_motion(trajectory.planned)
+        carried = {search.k: search for search in search_behind(stated, planned, machine_axes, grid)}
     gaps = _list_gaps(searches, machine_axes)
     for part in parts:
         for search, axis, gap in zip(searches, part.axes, gaps, strict=True):

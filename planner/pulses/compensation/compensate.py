@@ -15,6 +15,7 @@ from planner.pulses.generation.motion_parts import JoinedMotion, MotionSpan, Pie
 from planner.pulses.generation.pieces import FIT_TOLERANCE, Stretches, cut_monotone, fit
 from planner.pulses.motion import AxesMotion, MotionState
 from planner.pulses.schedule import Compensation
+from planner.shaping.shaped_motion import ShapedMotion, shape_motion
 
 # Share of a stretch to which a time on it is found.
 TIME_TOLERANCE = 1e-12
@@ -187,11 +188,12 @@ def merge_costs(before: Compensation, after: Compensation) -> Compensation:
 
 
 def counted_motion(motion: AxesMotion, axes: Sequence[Axis], home: Array) -> AxesMotion:
-    """What the pulses count: the motion, or where axes ask for compensation what their motors make of it.
+    """What the pulses count: the motion, behind the shapers that axes have, and what motors that compensate make of it.
 
-    Raises as `compensate_motion` does.
+    One that is shaped already is not shaped again. Raises as `compensate_motion` does.
     """
-    return compensate_motion(motion, axes, home) or motion
+    shaped = motion if isinstance(motion, ShapedMotion) else shape_motion(motion, axes) or motion
+    return compensate_motion(shaped, axes, home) or shaped
 
 
 def _table(axis: Axis) -> Array | None:

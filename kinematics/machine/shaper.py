@@ -1,0 +1,113 @@
+"""Input shapers: the impulses that a command is convolved with so that a vibration of the load cancels itself.
+
+q_s(t) = Σ Aᵢ q(t − tᵢ) with Aᵢ > 0 and Σ Aᵢ = 1. A mode of frequency f and damping ζ that is driven by q_s is left with
+
+    V(f, ζ) = e^(−ζ ω tₙ) √(C² + S²),   C + i S = Σ Aᵢ e^(ζ ω tᵢ) e^(i ω √(1 − ζ²) tᵢ),   ω = 2π f
+
+times the amplitude of an impulse that is not shaped [Singer and Seering 1990]. With K = e^(−ζ π/√(1 − ζ²)) and the
+damped period T = 1/(f √(1 − ζ²)), the impulses are (`IMPULSES`):
+
+    zv    1, K                                     at 0, T/2          V = 0 at f           [Singer and Seering 1990]
+    zvd   1, 2 K, K²                               at 0, T/2, T       V and ∂V/∂f = 0 at f [Singer and Seering 1990]
+    mzv   1 − 1/√2, (√2 − 1) k, (1 − 1/√2) k²      at 0, 3T/8, 3T/4   V = 0 at f, k = K^(3/4), as Klipper defines it
+    ei    (1 + V)/4, (1 − V) K/2, (1 + V) K²/4     at 0, T/2, T       V ≤ the tolerance about f [Singhose et al. 1994],
+                                                   whose undamped impulses are damped here as those of zvd are
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import exp, pi, sqrt
+from typing import Literal, get_args
+
+import numpy as np
+
+from kinematics.foundation.arrays import Array, finite_array, freeze_array
+from kinematics.foundation.errors import MotionError
+
+ShaperKind = Literal["zv", "zvd", "mzv", "ei"]
+LEAST_FREQUENCY, MOST_FREQUENCY = 0.1, 1e5
+"""Hz. Below, a shaper lasts longer than most motions; above, no clock tells its impulses apart."""
+MOST_DAMPING = 0.9
+DEFAULT_TOLERANCE, MOST_TOLERANCE = 0.05, 0.5
+
+
+def _zv(k: float, tolerance: float) -> tuple[list[float], list[float]]:
+    return [1.0, k], [0.0, 0.5]
+
+
+def _zvd(k: float, tolerance: float) -> tuple[list[float], list[float]]:
+    return [1.0, 2 * k, k * k], [0.0, 0.5, 1.0]
+
+
+def _mzv(k: float, tolerance: float) -> tuple[list[float], list[float]]:
+    outer, step = 1 - sqrt(0.5), k**0.75
+    return [outer, (sqrt(2) - 1) * step, outer * step * step], [0.0, 0.375, 0.75]
+
+
+def _ei(k: float, tolerance: float) -> tuple[list[float], list[float]]:
+    outer = (1 + tolerance) / 4
+    return [outer, (1 - tolerance) / 2 * k, outer * k * k], [0.0, 0.5, 1.0]
+
+
+IMPULSES: dict[str, Callable[[float, float], tuple[list[float], list[float]]]] = {
+    "zv": _zv,
+    "zvd": _zvd,
+    "mzv": _mzv,
+    "ei": _ei,
+}
+"""By kind: K and the tolerance -> amplitudes, whose sum is not 1 yet, and times in damped periods."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shaper:
+    """A shaper of an axis, for a mode of a frequency (Hz) and a damping ratio.
+
+    tolerance  of "ei": the share of the unshaped vibration that is left at the frequency itself, undamped
+    Raises MotionError for a kind that is none, and numbers out of range.
+    """
+
+    kind: ShaperKind
+    frequency: float
+    damping: float = 0.0
+    tolerance: float = DEFAULT_TOLERANCE
+
+    def __post_init__(self) -> None:
+        if self.kind not in get_args(ShaperKind):
+            raise MotionError(f"shaper {self.kind!r} is none of {', '.join(get_args(ShaperKind))}")
+        for name, least, most, unit in (
+            ("frequency", LEAST_FREQUENCY, MOST_FREQUENCY, " Hz"),
+            ("damping", 0.0, MOST_DAMPING, ""),
+            ("tolerance", 0.0, MOST_TOLERANCE, ""),
+        ):
+            value = float(finite_array(getattr(self, name), f"shaper {self.kind}: {name}", ()))
+            if not least <= value <= most:
+                raise MotionError(
+                    f"shaper {self.kind}: {name} {value:g}{unit} must be from {least:g} to {most:g}{unit}"
+                )
+            object.__setattr__(self, name, value)
+
+    @property
+    def impulses(self) -> tuple[Array, Array]:
+        """Amplitudes (n,), whose sum is 1, and times (n,) s from 0."""
+        root = sqrt(1 - self.damping**2)
+        amplitudes, times = (
+            np.array(each) for each in IMPULSES[self.kind](exp(-self.damping * pi / root), self.tolerance)
+        )
+        return freeze_array(amplitudes / amplitudes.sum()), freeze_array(times / (self.frequency * root))
+
+    @property
+    def delay(self) -> float:
+        """s: Σ Aᵢ tᵢ, by which the shaped motion is late on average."""
+        amplitudes, times = self.impulses
+        return float(amplitudes @ times)
+
+    def vibration(self, frequency: float, damping: float) -> float:
+        """V of a mode: the share of the vibration of an impulse that is not shaped."""
+        amplitudes, times = self.impulses
+        omega = 2 * pi * frequency
+        turning = complex(damping * omega, omega * sqrt(1 - damping**2))
+        left = abs(amplitudes @ np.exp(turning * times))
+        return float(exp(-damping * omega * times[-1]) * left)
+
+    def __str__(self) -> str:
+        return f"{self.kind} {self.frequency:g} Hz" + (f", damping {self.damping:g}" if self.damping else "")

@@ -1,0 +1,219 @@
+"""What is proved of a motion behind input shapers: that it keeps every limit, and how far it is from the path.
+
+Limits of one coordinate's value or rate, the same all along (`Limit.convex`): a weighed mean of motions that keep one
+keeps it, so what is proved of the motion that is shaped holds. Every other limit is bounded over cells of time from the
+axes' copies and from the pose that the axes reach (`planner.shaping.shaped_enclosure`). Caps of a segment's tool hold
+while all copies are on that segment; while some are on the next, the larger cap of the two does: there the tool rounds
+the corner between them.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from kinematics.foundation.arrays import Array, freeze_fields, largest_in_rows
+from kinematics.foundation.errors import MotionError
+from kinematics.foundation.result import Result
+from kinematics.foundation.table import Column, Table
+from kinematics.machine.axis import Axis
+from planner.certificate.certify import Certificate
+from planner.certificate.enclosure import Cells, bound_series
+from planner.certificate.limit_use import round_reached_use
+from planner.limits.limit import Limit
+from planner.limits.resonance import Resonance
+from planner.path.actuation import ActuatorPath, MachinePath
+from planner.place import Place, where_columns
+from planner.shaping.shaped_enclosure import ShapedEnclosure, enclose_shaped
+from planner.shaping.shaped_motion import ShapedMotion
+from planner.trajectory import Trajectory
+
+OVER = 1e-3
+"""How far beyond a limit a bound may stay: what is planned anew keeps that much away, at little cost."""
+LONGEST_CELL, SHORTEST_CELL = 4e-3, 1e-4
+"""s: cells of time that are looked at first, and below which none is cut."""
+CELL_BATCH, MOST_CELLS = 512, 200_000
+
+
+@dataclass(frozen=True, slots=True)
+class ShapedProof(Result):
+    """A motion behind its axes' shapers, and what is proved of it.
+
+    motion         q_s(t) = Σ Aᵢ q(t − tᵢ)
+    worst, where   per limit, the proven bound of value/limit over continuous time, and its place
+    convex         names of the limits that follow from those of the motion that is shaped
+    deviation      m: of the tool from where the path was `delay` earlier, so from the path; a proven bound
+    turn           rad: of the platform likewise
+    axis_deviation (n,) m or rad: of each axis likewise: ½ Σ Aᵢ (tᵢ − t̄)² · sup |q̈|, or tighter
+    """
+
+    motion: ShapedMotion = field(repr=False)
+    axes: tuple[Axis, ...] = field(repr=False)
+    worst: Mapping[str, float]
+    where: Mapping[str, Place]
+    convex: tuple[str, ...]
+    deviation: float
+    turn: float
+    deviates_at: Place
+    axis_deviation: Array
+
+    def __post_init__(self) -> None:
+        freeze_fields(self, "axis_deviation")
+
+    @property
+    def holds(self) -> bool:
+        """Whether every limit is kept."""
+        return all(use <= 1 for use in self.worst.values())
+
+    @property
+    def delay(self) -> float:
+        """s, by which the shaped motion is behind the one that is shaped."""
+        return self.motion.copies.centre
+
+    def tables(self) -> tuple[Table, ...]:
+        """The shaper of each axis and how far it moves the axis; the limits after shaping."""
+        names, units = [axis.name for axis in self.axes], [axis.unit for axis in self.axes]
+        shapers = [str(axis.shaper or "none") for axis in self.axes]
+        title = (
+            f"behind its input shapers the motion lasts {self.motion.duration:.6f} s, is {1e3 * self.delay:.3f} ms "
+            f"late, and the tool leaves the path by {1e6 * self.deviation:.3f} µm at most, proved"
+        )
+        columns = (
+            Column("axis", names),
+            Column("shaper", shapers),
+            Column("axis off by at most", self.axis_deviation, units, "micro", ".3f", up=True),
+        )
+        limits = (
+            Column("limit", [*self.worst]),
+            Column("bound", [*self.worst.values()], form=".7f", up=True),
+            *where_columns([self.where[name] for name in self.worst]),
+        )
+        head = "the certificate holds" if self.holds else "THE CERTIFICATE DOES NOT HOLD"
+        return (Table(title, columns), Table(f"{head} behind the shapers: value/limit", limits))
+
+
+def refuse_unshaped(limits: Sequence[Limit], path: ActuatorPath) -> None:
+    """Raise MotionError for what no motion behind shapers is proved to keep."""
+    for limit in limits:
+        if isinstance(limit, Resonance) and limit.bands:
+            axis = limit.channels[limit.bands[0].axis]
+            raise MotionError(
+                f"axis {axis}: resonance_time cannot be proved behind an input shaper: the axis stays in a band "
+                "longer; remove resonance_time, which keeps the axis below its first band, or the shaper"
+            )
+    for piece in range(len(path.breaks) - 1):
+        if path.constant(piece) is not None:
+            raise MotionError(
+                f"segment {path.segment(piece)}: a constant tool speed cannot be held behind an input shaper, which "
+                "spreads every change of speed; remove speed_constant, or the shapers from the machine's file"
+            )
+
+
+def prove_shaped(
+    motion: ShapedMotion,
+    trajectory: Trajectory,
+    axes: Sequence[Axis],
+    limits: Sequence[Limit],
+    certificate: Certificate,
+) -> ShapedProof:
+    """What is proved of a trajectory behind shapers, of whose certificate (of the same limits) it makes use.
+
+    Raises MotionError where the pose that the axes reach is not proved to be near the path, and as `refuse_unshaped`.
+    """
+    refuse_unshaped(limits, trajectory.path)
+    convex = [limit for limit in limits if limit.convex]
+    others = [limit for limit in limits if not limit.convex]
+    worst = {limit.name: certificate.worst[limit.name] for limit in convex}
+    where = {limit.name: certificate.where[limit.name] for limit in convex}
+    search = _Search(motion, trajectory, others)
+    search.run()
+    for n, limit in enumerate(others):
+        worst[limit.name] = float(search.bound[n])
+        where[limit.name] = search.place(search.at[n])
+    return ShapedProof(
+        motion,
+        tuple(axes),
+        worst,
+        where,
+        tuple(limit.name for limit in convex),
+        float(search.away),
+        float(search.turned),
+        search.place(search.away_at),
+        search.axes,
+    )
+
+
+class _Search:
+    """Cells of time, cut where a limit may be broken: the largest bound of each limit, and of the deviations."""
+
+    def __init__(self, motion: ShapedMotion, trajectory: Trajectory, limits: Sequence[Limit]) -> None:
+        self.motion, self.trajectory, self.limits = motion, trajectory, limits
+        self.bound, self.at = np.zeros((2, len(limits)))
+        self.away = self.away_at = self.turned = 0.0
+        self.axes = np.zeros(motion.copies.weights.shape[1])
+
+    def run(self) -> None:
+        """Look at all cells, and at parts of those whose bounds are loose."""
+        lengths = np.diff(self.motion.knots)
+        k = np.arange(len(lengths))
+        parts = np.maximum(np.ceil(lengths / LONGEST_CELL), 1).astype(int)
+        k, share = np.repeat(k, parts), lengths / parts
+        nth = np.arange(len(k)) - np.repeat(np.cumsum(parts) - parts, parts)
+        cells = Cells(k, share[k] * nth, share[k] * (nth + 1))
+        looked = 0
+        while len(cells.k):
+            looked += len(cells.k)
+            found = [self._look(cells[part]) for part in _batches(len(cells.k))]
+            uses, away, turned, axes = (np.concatenate(each, axis=-1) for each in zip(*found, strict=True))
+            loose = (uses > 1 + OVER).any(0) | ~np.isfinite(away)
+            loose &= (cells.hi - cells.lo > SHORTEST_CELL) & (looked <= MOST_CELLS)
+            self._keep(cells[~loose], uses[:, ~loose], away[~loose], turned[~loose], axes[:, ~loose])
+            cells = cells[loose].parts(2)
+
+    def _look(self, cells: Cells) -> tuple[Array, Array, Array, Array]:
+        """Of N cells: bounds of the uses (limits, N), of the deviations (N,) and (N,), and of the axes' (n, N)."""
+        count = len(cells.k)
+        with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+            enclosure = enclose_shaped(self.motion, self.trajectory, cells)
+            uses = np.zeros((len(self.limits), count))
+            for n, limit in enumerate(self.limits):
+                uses[n] = _use(limit, *bound_series(limit.value(enclosure), count), enclosure)
+            away, turned = enclosure.away()
+            low, high = bound_series(enclosure.apart, count)
+        return np.where(np.isnan(uses), np.inf, uses), away, turned, np.maximum(np.abs(low), np.abs(high)).T
+
+    def _keep(self, cells: Cells, uses: Array, away: Array, turned: Array, axes: Array) -> None:
+        if not len(cells.k):
+            return
+        middle = self.motion.knots[cells.k] + (cells.lo + cells.hi) / 2
+        if not np.isfinite(away).all():
+            lost = self.place(float(middle[int(np.argmin(np.isfinite(away)))]))
+            raise MotionError(
+                f"behind its input shapers the machine is not proved to stay near the path at {lost}: it may be "
+                "singular there; keep away from it, or remove the shapers"
+            )
+        for n in range(len(self.limits)):
+            first = int(uses[n].argmax())
+            if uses[n, first] > self.bound[n]:
+                self.bound[n], self.at[n] = float(round_reached_use(uses[n, first : first + 1])[0]), middle[first]
+        first = int(away.argmax())
+        if away[first] > self.away:
+            self.away, self.away_at = float(away[first]), float(middle[first])
+        self.turned = max(self.turned, float(turned.max()))
+        self.axes = np.maximum(self.axes, axes.max(1))
+
+    def place(self, t: float) -> Place:
+        """Where the path is `centre` before t; its time is that of the shaped motion."""
+        state = self.trajectory.at(np.clip(t - self.motion.copies.centre, 0.0, self.trajectory.duration))
+        path = self.trajectory.path
+        assert isinstance(path, MachinePath)
+        return path.place(float(state.s[0]), int(state.piece[0]), float(t))
+
+
+def _batches(count: int) -> list[np.ndarray]:
+    return [np.arange(first, min(first + CELL_BATCH, count)) for first in range(0, count, CELL_BATCH)]
+
+
+def _use(limit: Limit, low: Array, high: Array, enclosure: ShapedEnclosure) -> Array:
+    """(N,) the share of a limit that is used: of caps on several segments, the largest holds."""
+    return np.asarray(np.min([largest_in_rows(limit.use(low, high, piece)) for piece in enclosure.pieces], axis=0))
