@@ -13,10 +13,10 @@ def shared_proof(monkeypatch, request):
     They are those of pulsepath.output.verification.
     """
 
-    def prove(trajectory, limits):
+    def prove(trajectory, limits, axes):
         shared = request.getfixturevalue("job").plan.trajectory
         names = ("knots", "s", "v", "a", "j", "piece")
         same = all(np.array_equal(getattr(trajectory, name), getattr(shared, name)) for name in names)
-        return None if same else find_violation(trajectory, limits)
+        return None if same else find_violation(trajectory, limits, axes)
 
     monkeypatch.setattr("pulsepath.output.plan_directory.find_violation", prove)

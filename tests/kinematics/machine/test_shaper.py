@@ -1,0 +1,120 @@
+"""Input shapers: their impulses against the literature, and what they leave of a vibration against its equation."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from kinematics import load_machine
+from kinematics.foundation.errors import MotionError
+from kinematics.machine.machine_writer import machine_toml
+from kinematics.machine.shaper import IMPULSES, Shaper
+
+KINDS = sorted(IMPULSES)
+
+
+def oscillation(shaper, frequency, damping):
+    """Amplitude after the last impulse of ẍ + 2ζωẋ + ω²x = Σ Aᵢ δ(t − tᵢ), over that of one impulse at 0.
+
+    By the motion's exact transition from impulse to impulse, as a matrix exponential: no formula of shapers takes part.
+    """
+    from scipy.linalg import expm
+
+    omega = 2 * np.pi * frequency
+    system = np.array([[0.0, 1.0], [-(omega**2), -2 * damping * omega]])
+    amplitudes, times = shaper.impulses
+    state = np.zeros(2)
+    for n, amplitude in enumerate(amplitudes):
+        state[1] += amplitude
+        if n + 1 < len(times):
+            state = expm(system * (times[n + 1] - times[n])) @ state
+    root = np.sqrt(1 - damping**2)
+
+    def envelope(x):
+        return np.hypot(x[0], (x[1] + damping * omega * x[0]) / (omega * root))
+
+    return envelope(state) / envelope(np.array([0.0, 1.0]))
+
+
+@pytest.mark.parametrize(
+    ("kind", "amplitudes", "periods"),
+    [
+        ("zv", (1 / 2, 1 / 2), (0, 1 / 2)),  # [Singer and Seering 1990], without damping
+        ("zvd", (1 / 4, 1 / 2, 1 / 4), (0, 1 / 2, 1)),
+        ("mzv", (1 - 0.5**0.5, 2**0.5 - 1, 1 - 0.5**0.5), (0, 3 / 8, 3 / 4)),
+        ("ei", (1.05 / 4, 0.95 / 2, 1.05 / 4), (0, 1 / 2, 1)),  # [Singhose et al. 1994], of 5 %
+    ],
+)
+def test_undamped_impulses_are_those_published(kind, amplitudes, periods):
+    found, times = Shaper(kind, 20.0).impulses
+    assert np.allclose(found, amplitudes, rtol=0, atol=1e-15)
+    assert np.allclose(times * 20.0, periods, rtol=0, atol=1e-15)
+
+
+def test_a_damped_zv_is_that_of_singer_and_seering():
+    """K = exp(−ζπ/√(1 − ζ²)): 1/(1 + K) and K/(1 + K), half a damped period apart."""
+    amplitudes, times = Shaper("zv", 10.0, 0.1).impulses
+    k = np.exp(-0.1 * np.pi / np.sqrt(0.99))
+    assert np.allclose(amplitudes, [1 / (1 + k), k / (1 + k)], rtol=1e-15)
+    assert times[1] == pytest.approx(0.05 / np.sqrt(0.99), rel=1e-15)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("damping", [0.0, 0.05, 0.2])
+def test_the_vibration_left_is_that_of_the_equation(kind, damping):
+    shaper = Shaper(kind, 35.0, damping)
+    amplitudes, times = shaper.impulses
+    assert amplitudes.sum() == pytest.approx(1, abs=1e-15)
+    assert (amplitudes > 0).all()
+    assert times[0] == 0
+    assert all(before < after for before, after in pairwise(times))
+    for frequency in (28.0, 31.5, 35.0, 38.5, 50.0):
+        assert shaper.vibration(frequency, damping) == pytest.approx(oscillation(shaper, frequency, damping), abs=1e-12)
+    left = shaper.vibration(35.0, damping)
+    assert left <= (0.05 + 1e-12 if kind == "ei" else 1e-12)
+
+
+def test_the_longer_shapers_bear_a_wrong_frequency_better():
+    left = {kind: max(Shaper(kind, 35.0).vibration(f, 0.0) for f in (31.5, 38.5)) for kind in KINDS}
+    assert left["ei"] < 0.05 < left["mzv"] < left["zv"]
+    assert left["zvd"] < left["mzv"]
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"kind": "zw", "frequency": 35}, "none of zv, zvd, mzv, ei"),
+        ({"kind": "zv", "frequency": 0.0}, "frequency 0 Hz must be from 0.1"),
+        ({"kind": "zv", "frequency": 35, "damping": 1.0}, "damping 1 must be from 0 to 0.9"),
+        ({"kind": "ei", "frequency": 35, "tolerance": 0.7}, "tolerance 0.7 must be from 0 to 0.5"),
+        ({"kind": "zv", "frequency": float("nan")}, "frequency"),
+    ],
+)
+def test_what_is_no_shaper_is_refused(given, told):
+    with pytest.raises(MotionError, match=told):
+        Shaper(**given)
+
+
+@pytest.mark.parametrize("shaper", [Shaper("zv", 35.5), Shaper("mzv", 12.0, 0.1), Shaper("ei", 80.0, 0.05, 0.1)])
+def test_a_machine_file_keeps_it(shaper, tmp_path):
+    machine = load_machine("tripod")
+    axes = [replace(axis, shaper=shaper if n else None) for n, axis in enumerate(machine.axes)]
+    file = tmp_path / "shaped.toml"
+    file.write_text(machine_toml(machine.driven_by(axes)), encoding="utf-8")
+    assert [axis.shaper for axis in load_machine(file).axes] == [axis.shaper for axis in axes]
+
+
+def test_a_file_with_a_wrong_shaper_is_refused_by_line(tmp_path):
+    text = machine_toml(load_machine("hexapod"))
+    file = tmp_path / "wrong.toml"
+    for given, told in (
+        ('{ kind = "zvv", frequency = "35 Hz" }', "zvv"),
+        ('{ kind = "zv" }', "frequency"),
+        ('{ kind = "zv", frequency = 35 }', "without a unit"),
+        ('{ kind = "zv", frequency = "35 Hz", tolerance = 0.1 }', "tolerance is of the shaper ei"),
+        ('{ kind = "zv", frequency = "35 Hz", damp = 0.1 }', "damping"),
+    ):
+        file.write_text(text.replace("[axes]", f"[axes]\nshaper = {given}"), encoding="utf-8")
+        with pytest.raises(MotionError, match=told):
+            load_machine(file)

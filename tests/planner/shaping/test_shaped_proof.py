@@ -1,0 +1,163 @@
+"""What is proved of shaped motions, against samples of what the axes reach: limits, rates of the pose, deviations."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from kinematics import load_machine
+from kinematics.foundation.errors import MotionError
+from kinematics.machine.shaper import Shaper
+from planner import Infeasible, load_program, plan
+from planner.certificate.enclosure import Cells, bound_series
+from planner.limits import limits_of
+from planner.path.actuation import actuate
+from planner.shaping.keep_limits import solve_shaped
+from planner.shaping.shaped_enclosure import enclose_shaped
+from planner.shaping.shaped_motion import reached_poses
+from planner.timing.certified_solve import certified_solve
+
+KINDS = {
+    "hexapod": ("blended", Shaper("zv", 35.0, 0.05)),
+    "tripod": ("tripod-circle", Shaper("zvd", 35.0, 0.05)),
+    "linkage": ("linkage-line", Shaper("mzv", 30.0)),
+    "arm": ("arm-line", Shaper("ei", 25.0, 0.1)),
+    "traverser": ("traverser-scan", Shaper("zv", 10.0)),
+}
+
+
+@cache
+def solve(name, order=None, shaper=None):
+    program, given = KINDS[name]
+    machine = load_machine(name)
+    machine = machine.driven_by([replace(axis, shaper=shaper or given) for axis in machine.axes])
+    path = actuate(load_program(program), machine)
+    order = order or (3 if machine.axes[0].max_jerk else 2)
+    limits = limits_of(path, machine.axes, order)
+    solution, _, proof = solve_shaped(lambda kept: certified_solve(path, kept, order), path, limits, machine.axes)
+    return machine, limits, solution.trajectory, proof
+
+
+def sample(machine, trajectory, proof, t):
+    """Positions (N, 3) of the platform and of the path `delay` before, and its rotations, at t (N,)."""
+    shaped = proof.motion
+    poses = reached_poses(trajectory, shaped, t, shaped.at(t).q)
+    about = trajectory.at(np.clip(t - proof.delay, 0.0, trajectory.duration)).pose
+    return poses, about
+
+
+@pytest.fixture(scope="module", params=sorted(KINDS))
+def solved(request):
+    return solve(request.param)
+
+
+def test_every_limit_is_kept_behind_the_shapers(solved):
+    machine, limits, _, proof = solved
+    assert proof.holds
+    assert set(proof.worst) == {limit.name for limit in limits}
+    shaped = proof.motion
+    t = np.linspace(0, shaped.duration, 20_001)
+    state, axes = shaped.at(t), machine.axes
+    for values, name in ((state.qd, "max_speed"), (state.qdd, "max_acceleration"), (state.qddd, "max_jerk")):
+        bounds = [getattr(axis, name) for axis in axes]
+        if None not in bounds and not (name == "max_jerk" and len(limits) and "jerk" not in proof.worst):
+            assert (np.abs(values).max(0) <= np.array(bounds) * (1 + 1e-9)).all(), name
+    lo, hi = np.array([axis.travel for axis in axes]).T
+    assert ((state.q - machine.home_q >= lo - 1e-12) & (state.q - machine.home_q <= hi + 1e-12)).all()
+
+
+def test_the_deviation_holds_and_is_close(solved):
+    machine, _, trajectory, proof = solved
+    t = np.linspace(0, proof.motion.duration, 20_001)
+    poses, about = sample(machine, trajectory, proof, t)
+    away = np.linalg.norm(poses.translation - about.translation, axis=1).max()
+    turned = (poses.rotation * about.rotation.inv()).magnitude().max()
+    assert away <= proof.deviation <= 1.3 * away
+    assert turned <= proof.turn + 1e-12
+    moved = np.abs(proof.motion.at(t).q - trajectory.at(np.clip(t - proof.delay, 0, trajectory.duration)).q).max(0)
+    spread = proof.motion.copies.spread
+    most = np.abs(trajectory.at(np.linspace(0, trajectory.duration, 20_001)).qdd).max(0)
+    assert (moved <= proof.axis_deviation + 1e-15).all()
+    assert (proof.axis_deviation <= 0.5 * spread * most * 1.01 + 1e-12).all()
+
+
+def test_rates_of_the_pose_are_enclosed(solved):
+    """Against central differences of the poses that forward kinematics finds."""
+    machine, _, trajectory, proof = solved
+    shaped = proof.motion
+    cells = np.flatnonzero(np.diff(shaped.knots) > 1e-3)
+    cells = cells[:: max(1, len(cells) // 40)]
+    begin = 0.4 * np.diff(shaped.knots)[cells]
+    found = enclose_shaped(shaped, trajectory, Cells(cells, begin, begin + 4e-4))
+    middle, h = shaped.knots[cells] + begin + 2e-4, 1e-4
+    x = [
+        np.concatenate([p.translation, p.rotation.as_matrix().reshape(-1, 9)], 1)
+        for p in (sample(machine, trajectory, proof, middle + d)[0] for d in (-h, 0, h))
+    ]
+    first, second = (x[2] - x[0]) / (2 * h), (x[2] - 2 * x[1] + x[0]) / h**2
+    for times, wanted, tolerance in ((0, x[1], 1e-9), (1, first, 2e-4), (2, second, 5e-2)):
+        low, high = bound_series(found.pose_rate(times), len(cells))
+        size = max(1e-3, np.abs(wanted).max())
+        assert ((wanted >= low - tolerance * size) & (wanted <= high + tolerance * size)).all(), times
+        assert np.isfinite(high).all()
+
+
+def test_tilt_tool_speed_and_force_are_bounded():
+    """The hexapod's by its own inverse maps, at what its legs reach."""
+    machine, limits, trajectory, proof = solve("hexapod")
+    shaped, h = proof.motion, 1e-5
+    t = np.linspace(0.01, shaped.duration - 0.01, 4001)
+    poses = [sample(machine, trajectory, proof, t + d)[0] for d in (-h, h)]
+    speed = np.linalg.norm(poses[1].translation - poses[0].translation, axis=1) / (2 * h)
+    caps = next(limit for limit in limits if limit.name == "tool speed").caps
+    on = [np.clip(t - delay, 0, trajectory.duration) for delay in shaped.copies.delays]
+    use = (speed / np.max([caps[trajectory.at(own).piece] for own in on], axis=0)).max()
+    assert 0.99 < use <= proof.worst["tool speed"] <= 1
+    margins = machine.check(poses[0])
+    assert 0.9 * proof.worst["tilt"] < margins.tilt.max() <= proof.worst["tilt"]
+    assert {"tool speed", "tilt", "clearance", "force", "holding force"} <= set(proof.worst) - set(proof.convex)
+
+
+def test_axes_with_shapers_of_their_own_stay_together():
+    """Different shapers, one centroid: what is left of second order is bounded as well."""
+    machine = load_machine("tripod")
+    own = [Shaper("zv", 20.0), None, Shaper("ei", 45.0, 0.1)]
+    machine = machine.driven_by([replace(a, shaper=s) for a, s in zip(machine.axes, own, strict=True)])
+    path = actuate(load_program("tripod-circle"), machine)
+    limits = limits_of(path, machine.axes, 2)
+    solution, _, proof = solve_shaped(lambda kept: certified_solve(path, kept, 2), path, limits, machine.axes)
+    t = np.linspace(0, proof.motion.duration, 20_001)
+    poses, about = sample(machine, solution.trajectory, proof, t)
+    away = np.linalg.norm(poses.translation - about.translation, axis=1).max()
+    assert proof.holds
+    assert away <= proof.deviation <= 1.3 * away
+
+
+def test_what_cannot_be_proved_is_refused_by_name():
+    machine = load_machine("hexapod")
+    shaped = [replace(axis, shaper=Shaper("zv", 35.0)) for axis in machine.axes]
+    banded = [replace(axis, resonance=((0.004, 0.005),), resonance_time=0.02) for axis in shaped]
+    program = load_program("bare-circle")
+    with pytest.raises(MotionError, match="resonance_time cannot be proved behind an input shaper"):
+        plan(program, machine.driven_by(banded))
+    constant = replace(
+        program, segments=tuple(replace(s, speed=0.005, speed_constant=True) for s in program.segments[:1])
+    )
+    with pytest.raises(MotionError, match="constant tool speed"):
+        plan(constant, machine.driven_by(shaped))
+
+
+def test_a_stop_of_a_shaped_plan_is_refused():
+    machine = load_machine("hexapod")
+    made = plan(
+        load_program("bare-circle"), machine.driven_by([replace(a, shaper=Shaper("zv", 35.0)) for a in machine.axes])
+    )
+    with pytest.raises(MotionError, match="not held, resumed or overridden"):
+        made.hold(0.5)
+
+
+def test_a_limit_that_only_shaping_breaks_is_told():
+    """Far from the path for a shaper of half a second, the hexapod's struts come too near to each other."""
+    with pytest.raises((Infeasible, MotionError), match="behind"):
+        solve("hexapod", shaper=Shaper("zvd", 0.5))
