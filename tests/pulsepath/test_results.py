@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
@@ -19,6 +20,7 @@ from benchmarks.sweep.result import Cell, RunResult, SavedRuns, Setting
 from controllers.metrics import Circle, IsoStyle, circular_test
 from controllers.metrics.iso_style import PathAccuracy, PoseAccuracy, VelocityAccuracy
 from kinematics.foundation.result import Result
+from kinematics.machine.shaper import Shaper
 from planner.cross_check import CrossCheck
 from planner.interruption import hold as _hold  # noqa: F401  # so that the walk meets what it makes
 from planner.sources.source import Imported
@@ -35,6 +37,11 @@ def machine():
 @cache
 def plan():
     return pp.plan(pp.load_program("bare-circle"), machine())
+
+
+def shaped():
+    axes = [replace(axis, shaper=Shaper("zv", 35.0)) for axis in machine().axes]
+    return pp.plan(pp.load_program("bare-circle"), machine().driven_by(axes)).shaped
 
 
 @cache
@@ -139,6 +146,7 @@ MAKERS = {
     "Comparison": comparison,
     "Verdict": lambda: Verdict(comparison().baseline, 0.5, (Margin("gain", 0.7, None, 1.4),), "<i>"),
     "SavedRuns": runs,
+    "ShapedProof": shaped,
     "Observability": lambda: made("Calibration").observability,
 }  # fmt: skip
 
