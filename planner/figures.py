@@ -29,6 +29,7 @@ from planner.plan_parts import PlanStanding
 from planner.program.model import Program
 from planner.pulses.realised_path import RealisedPath
 from planner.pulses.schedule import RATE_WINDOWS, PulseSchedule
+from planner.shaping import figures as _shaping_figures  # noqa: F401  # registers its own
 from planner.sources.arm_simulation import ArmSimulation
 from planner.sources.outline import Outline, outline
 from planner.sources.position_list import PositionList
