@@ -42,7 +42,7 @@ from planner.pulses.schedule import schedule_tables
 from planner.pulses.triggers import Triggered, find_triggers, trigger_tables
 from planner.shaping.keep_limits import solve_shaped
 from planner.shaping.shaped_proof import ShapedProof
-from planner.timing.certified_solve import EFFORT, Solution, certified_solve, solve_within, timing_table
+from planner.timing.certified_solve import EFFORT, Solution, certified_solve, refuse_gap, solve_within, timing_table
 from planner.timing.duration_bound import DurationBound, bound_duration
 from planner.timing.problem import Solver
 from planner.timing.solvers.toppra_ import refuse_solver
@@ -307,7 +307,7 @@ def plan(
     if duration is not None and objective.heat > 0:
         raise MotionError(f'objective "{objective}" finds a duration of its own: omit it, or the one of {duration:g} s')
     if gap is not None:
-        _refuse_gap(gap, effort, duration is None and objective.heat == 0)
+        refuse_gap(gap, effort, duration is None and objective.heat == 0)
     rule = find_rule(rule) if isinstance(rule, str) else rule
     if solver != "passes":
         refuse_solver(solver, order, duration)
@@ -350,15 +350,6 @@ def plan(
         solution.known,
         shaped,
     )
-
-
-def _refuse_gap(gap: float, effort: int, fastest: bool) -> None:
-    if not 0 < gap < np.inf:
-        raise MotionError(f"gap {gap:g} must be a positive share, as 0.001 for 0.1 %")
-    if effort < 0:
-        raise MotionError(f"effort {effort} must be 0 rounds or more")
-    if not fastest:
-        raise MotionError("a gap is one to the fastest motion: omit it, or the duration or objective that is stated")
 
 
 def _generate_pulses(

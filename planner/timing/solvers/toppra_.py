@@ -37,19 +37,6 @@ def require(what: str) -> None:
     _toppra(what)
 
 
-def refuse_solver(solver: str, order: int, duration: float | None) -> None:
-    """Raise MotionError for a solver that is unknown, not there, or not for what is asked of it."""
-    if solver != "toppra":
-        raise MotionError(f"solver {solver!r} is not known; solvers: passes (our own) and toppra")
-    if order != 2:
-        raise MotionError("solver toppra has no jerk limits: give order=2, or omit the solver for order 3")
-    if duration is not None:
-        raise MotionError(
-            f"solver toppra finds the fastest motion, not one of {duration:g} s: omit the solver or the duration"
-        )
-    require("solver toppra")
-
-
 class _Interval:
     """What toppra asks of a path when the rows come ready made: its interval."""
 
