@@ -127,7 +127,7 @@ def axis_motion(
 
     kind  which axes, since lengths and angles share no scale; None: the kind of the first axis
     """
-    ax = new_axes(ax)
+    alone, ax = ax is None, new_axes(ax)
     axes = plan.machine.axes
     kind = axes[0].kind if kind is None else kind
     unit, scale = _UNIT[kind]
@@ -143,6 +143,8 @@ def axis_motion(
         color = "black" if len(owners) == len(chosen) else PALETTE[owners[0] % len(PALETTE)]
         ax.axhline(scale * level, color=color, linestyle=(0, (6, 3)), linewidth=1)
     ax.set(xlabel="time (s)", ylabel=f"{quantity} ({unit}{per})", xlim=(0, plan.trajectory.duration))
+    if alone:
+        ax.legend(ncols=2, fontsize="small")
     return ax
 
 

@@ -45,6 +45,10 @@ ERRORS = {
     33: "a target that is none",
 }
 ALARMS = {1: "a hard limit", 2: "a target beyond soft limits", 3: "reset in motion, its position is lost"}
+WORDS = re.compile(r"(?:[A-Za-z][+-]?(?:\d+\.?\d*|\.\d+))+|\$.*")
+"""A line of G-code without spaces, or one of grbl's own commands."""
+MAX_FAULTS = 20
+"""Faults of a file that are told."""
 STAND = re.compile(r"\(the axes must stand at ([^)]*)\)")
 LETTERS = "XYZABCUVW"
 """Axes in the order in which a status tells them."""
@@ -67,32 +71,46 @@ class GcodeFile:
     end: dict[str, float]
 
 
-def read_gcode(path: Path, longest: int) -> GcodeFile:
-    """The lines that a controller is to take.
+def read_gcode(path: Path, longest: int, anywhere: bool = False) -> GcodeFile:
+    """The lines that a controller is to take; anywhere: also of a file that does not say where its axes must stand.
 
-    Raises FileError, one fault a line, for a line that is too long or has characters that it obeys at once.
+    Raises FileError, one fault a line, for what is no G-code or has characters that a controller obeys at once, and one
+    for all lines that are too long; MotionError for a file without lines or without that.
     """
 
     text = path.read_text(encoding="utf-8", errors="replace")
-    lines, faults = [], []
+    lines, faults, long = [], [], []
     for number, line in enumerate(text.splitlines(), 1):
         plain = re.sub(r"\([^()]*\)|;.*|\s", "", line)
         bad = sorted({char for char in plain if not "!" <= char <= "~" or char in REAL_TIME})
         if bad:
             faults.append(Fault("", f"{bad[0]!r} is no character of a line of G-code: take it out", number))
+        elif plain in ("", "%"):
+            continue
+        elif not WORDS.fullmatch(plain):
+            faults.append(Fault("", f"{plain[:40]} is no line of G-code: letters, each with a number", number))
         elif len(plain) > longest:
-            told = (
-                f"{len(plain)} characters without spaces and comments, limit {longest}; "
-                "write fewer decimals or axes, or tell the controller's own limit with --line"
-            )
-            faults.append(Fault("", told, number))
-        elif plain not in ("", "%"):
+            long.append((number, len(plain)))
+        else:
             lines.append(GcodeLine(number, plain))
+    if long:
+        more = f", and {len(long) - 1} lines more" if len(long) > 1 else ""
+        told = (
+            f"{max(length for _, length in long)} characters without spaces and comments{more}, limit {longest}; "
+            "export fewer axes, or state the controller's own limit with --line"
+        )
+        faults.append(Fault("", told, long[0][0]))
+    faults = faults if len(faults) <= MAX_FAULTS else [*faults[:MAX_FAULTS], Fault("", "and more such lines")]
     if faults:
         raise FileError(str(path), faults)
     if not lines:
         raise MotionError(f"{path}: there is no line to send; give a file of G-code")
     header = STAND.search(text)
+    if header is None and not anywhere:
+        raise MotionError(
+            f"{path}: it has no header of pulsepath export --format g93, so where its axes must stand is not known; "
+            "give --anywhere to send it nevertheless"
+        )
     start = _words(header[1]) if header else {}
     moves = [line.text for line in lines if line.text.startswith("G1")]
     end = {letter: at for letter, at in _words(moves[-1]).items() if letter in start} if moves else {}
@@ -250,8 +268,8 @@ def _explain(answer: str, known: dict[int, str]) -> str:
     return f" ({told})" if told else ""
 
 
-def refuse_elsewhere(place: dict[str, float], wanted: dict[str, float], what: str) -> None:
-    """Raise MotionError where an axis is not where it should be, or the controller does not tell."""
+def refuse_elsewhere(place: dict[str, float], wanted: dict[str, float], what: str, remedy: str) -> None:
+    """Raise MotionError, with the remedy, where an axis is not where it should be, or the controller does not tell."""
 
     for letter, at in wanted.items():
         if letter not in place:
@@ -259,7 +277,7 @@ def refuse_elsewhere(place: dict[str, float], wanted: dict[str, float], what: st
         if abs(place[letter] - at) > STAND_TOLERANCE:
             raise MotionError(
                 f"{what}: axis {letter} is at {place[letter]:.3f} in work coordinates, and has to be at {at:.3f} "
-                f"within {STAND_TOLERANCE:g}; move it there, or set the work offset (G10 L20 P1)"
+                f"within {STAND_TOLERANCE:g}; {remedy}"
             )
 
 

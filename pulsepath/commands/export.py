@@ -66,7 +66,7 @@ def export(
     if as_json:
         click.echo(record.as_json(record.of_export(name, str(target), done, planned.doubts)), nl=False)
     else:
-        say(f"{target}: {done.error:.3g} pulses from {done.against}")
+        say(f"{target}: error {done.error:.3g} pulses against {done.against}")
         if made_up := sorted({kind for axis in planned.machine.axes for kind in axis.compensate}):
             say(f"  positions are the motors': {' and '.join(made_up)} made up for")
         for note in (*done.notes, *(f"NOT VERIFIED: {doubt}" for doubt in planned.doubts)):

@@ -8,6 +8,10 @@ import click
 from pulsepath.process import supervisor
 from pulsepath.progress import note, say, step
 
+PLACE_IT = "move it there, or set the work offset (G10 L20 P1)"
+FIND_IT = "it has lost steps, or does not move: home it before it moves again"
+"""Remedies for an axis that is elsewhere before the first line, and after the last."""
+
 
 @click.command()
 @click.argument("file", metavar="FILE", type=click.Path(path_type=Path, exists=True, dir_okay=False))
@@ -27,7 +31,9 @@ from pulsepath.progress import note, say, step
     show_default=True,
     help="Longest line that it takes, in characters: grblHAL and FluidNC take up to 255.",
 )
-@click.option("--anywhere", is_flag=True, help="Do not compare where the axes stand with the file's header.")
+@click.option(
+    "--anywhere", is_flag=True, help="Do not compare where the axes stand with the file's header; it need not have one."
+)
 def send(file: Path, port: str, baud: int, buffer: int, line: int, anywhere: bool) -> None:
     """Send FILE, written by export --format g93, to grbl.
 
@@ -44,13 +50,13 @@ def send(file: Path, port: str, baud: int, buffer: int, line: int, anywhere: boo
 
     if line >= buffer:
         raise MotionError(f"--line {line}: a line and its end have to fit the --buffer of {buffer} bytes; give less")
-    program = read_gcode(file, line)
+    program = read_gcode(file, line, anywhere)
     device = open_port(port, baud)
     try:
         controller = Controller(device, port, buffer)
         controller.wake()
         if program.start and not anywhere:
-            refuse_elsewhere(controller.find_place(), program.start, "before the first line")
+            refuse_elsewhere(controller.find_place(), program.start, "before the first line", PLACE_IT)
         begin = time.monotonic()
         try:
             with step(f"sending {file}") as tell:
@@ -64,7 +70,7 @@ def send(file: Path, port: str, baud: int, buffer: int, line: int, anywhere: boo
         lasted = time.monotonic() - begin
         place = controller.find_place()
         if program.end and not anywhere:
-            refuse_elsewhere(place, program.end, "after the last line")
+            refuse_elsewhere(place, program.end, "after the last line", FIND_IT)
     except OSError as error:
         raise MotionError(f"serial port {port}: {error}; its axes may still move: stop them by hand") from None
     finally:

@@ -135,8 +135,14 @@ class Studio:
         )
 
 
-UNITS = {"duration_s": ("duration", "s"), "baseline_s": ("baseline", "s"), "path_length_m": ("path length", "m")}
+UNITS = {
+    "duration_s": ("duration", 1.0, "s"),
+    "baseline_s": ("baseline", 1.0, "s"),
+    "path_length_m": ("path length", 1e3, "mm"),
+}
 SHARES = ("gap", "use of ")
+SAME_SHARE = 1e-5
+"""Uses of a limit that differ by less are alike: the rest is how a solver ends."""
 
 
 def _compare(first: Listed, second: Listed) -> list[tuple[str, str, str, str]]:
@@ -146,9 +152,9 @@ def _compare(first: Listed, second: Listed) -> list[tuple[str, str, str, str]]:
         before, after = first.figures.get(key), second.figures.get(key)
         if before is None and after is None:
             continue
-        label, unit = UNITS.get(key, (key, ""))
-        scale, unit = (100.0, "%") if key.startswith(SHARES) else (1.0, unit)
-        changed = _tell_change(before, after, scale, unit)
+        label, scale, unit = (key, 100.0, "%") if key.startswith(SHARES) else UNITS.get(key, (key, 1.0, ""))
+        alike = key == "order" or (unit == "%" and abs((after or 0.0) - (before or 0.0)) < SAME_SHARE)
+        changed = "" if alike else _tell_change(before, after, scale, unit)
         rows.append((label, _tell(before, scale, unit), _tell(after, scale, unit), changed))
     return rows
 

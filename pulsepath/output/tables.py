@@ -12,6 +12,7 @@ from kinematics.foundation.table import SCALES, Column, Table
 from kinematics.machine.axis import Magnitude, directional_bounds
 from planner import Classical, Plan, Standing
 from planner.baselines import describe_differences, missing_limits
+from planner.limits.registry import geometric_limits
 from planner.path.outcome import Blended, FitSummary
 from planner.path.point_to_point import Departure
 from planner.sources.position_list import PositionList
@@ -74,12 +75,17 @@ def sum_up(job: Job) -> list[Table]:
     rows = [("duration", f"{plan.trajectory.duration:.6f} s{f', {told}' if told else ''}")]
     if plan.fastest and not missing_limits(plan, job.classical):  # else they are unlike
         percent = 100 * job.time_saved / job.classical.duration
-        rows.append(
-            ("saved", f"{percent:.2f} %: {job.time_saved:.3f} s less than {job.classical.kind}, the same limits")
-        )
+        unlike = "".join(f", but it {each}" for each in describe_differences(plan, job.classical))
+        told = f"{percent:.2f} %: {job.time_saved:.3f} s less than {job.classical.kind}, the same limits{unlike}"
+        rows.append(("saved", told))
     if plan.fastest and plan.known:
         rows.append(("gap", plan.bound.describe().removeprefix("the duration is ")))
-    used = [f"{name} ({proof.where[name].axis})" for name, share in proof.worst.items() if share > NEARLY]
+    still = geometric_limits()  # of which a motion may reach the end, as home may be one
+    used = [
+        f"{name} ({proof.where[name].axis})"
+        for name, share in proof.worst.items()
+        if share > NEARLY and name not in still
+    ]
     rows.append(("limits", f"{len(proof.worst)} proved at every instant; used up: {', '.join(used) or 'none'}"))
     if job.worth is not None and job.worth.best is not None:
         rows.append(("saved by 1 % more of", job.worth.describe()))

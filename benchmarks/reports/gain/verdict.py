@@ -169,6 +169,30 @@ def _margins(comparison: Comparison, best: SettingEntry) -> tuple[Margin, ...]:
     return tuple(found)
 
 
+SAME_RATIO = 1e-9
+"""Relative difference of errors below which a gain changed nothing."""
+
+
+def _describe_edges(comparison: Comparison, best: SettingEntry) -> list[str]:
+    """A sentence for each gain whose best value is the smallest tried, or that changes nothing."""
+    told = []
+    for gain, value in best.setting.gains:
+        alike = {
+            dict(entry.setting.gains)[gain]: ratio
+            for entry in comparison.entries
+            if entry.source == best.source
+            and _differ_in_one_gain(entry.setting, best.setting, gain)
+            and isfinite(ratio := comparison.mean_ratio(entry))
+        }
+        if len(alike) < 2:
+            continue
+        if max(alike.values()) - min(alike.values()) <= SAME_RATIO * max(alike.values()):
+            told.append(f"Changing {gain} changes nothing on this rig, as where no encoder is read.")
+        elif value == min(alike):
+            told.append(f"{gain} {value:g} is the smallest tried: a smaller one may be better.")
+    return told
+
+
 def _differ_in_one_gain(one: Setting, other: Setting, gain: str) -> bool:
     """Of the same law, and of the same gains but for one."""
     same = [dict(setting.gains) | {gain: 0.0} for setting in (one, other)]
@@ -225,6 +249,7 @@ def _describe_verdict(
             pieces.append(
                 f"Its {what} is at most {format_unit(own, '')} of the limit (baseline {format_unit(base, '')})."
             )
+    pieces += _describe_edges(comparison, best)
     pieces += (
         [f"Margin: {'; '.join(map(str, margins))}."] if margins else ["Margin: the law has no gain that was varied."]
     )

@@ -139,7 +139,7 @@ def _compare(source: ExportSource, path: Path, commands: int) -> Exported:
         for one, other in ((ticks, axis.ticks), (axis.ticks, ticks)):
             worst = max(worst, float(abs(np.interp(one, other, nth) - nth).max(initial=0.0)) if len(nth) else 0.0)
     notes = (
-        f"commands: {commands}, of {pulses.total / max(commands, 1):.1f} pulses",
+        f"commands: {commands}, each of {pulses.total / max(commands, 1):.1f} pulses on average",
         f"a pulse is off by up to {1e6 * late / pulses.clock_hz:.4g} us",
     )
     return Exported(worst, "the pulses, joined by straight lines", notes, sum(len(ticks) for ticks, _ in held))

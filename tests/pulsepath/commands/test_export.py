@@ -62,7 +62,7 @@ def test_the_error_and_what_to_know_are_printed(call, plan):
     done = call("export", plan, "--format", "xps", "--spacing", "20 ms", "--out", plan / "mine.trj")
     assert done.exit_code == 0, done.stderr
     first, *notes = done.stdout.splitlines()
-    assert re.fullmatch(r".*mine\.trj: 0\.\d+ pulses from the motion, cubic between the points", first)
+    assert re.fullmatch(r".*mine\.trj: error 0\.\d+ pulses against the motion, cubic between the points", first)
     assert notes[:2] == ["  segments: 64, of 20 ms", "  group in the order leg1, leg2, leg3, leg4, leg5, leg6; in mm"]
 
 

@@ -222,6 +222,8 @@ def test_a_board_that_falls_silent_is_given_up(call, grbl, program, monkeypatch)
     [
         ("G1 X1 !", "way.ngc:405: '!' is no character of a line of G-code"),
         ("G1 X1 µ", "way.ngc:405: 'µ' is no character"),
+        ("#oid0=0", "way.ngc:405: #oid0=0 is no line of G-code"),
+        ("queue_step oid=1", "is no line of G-code: letters, each with a number"),
         ("G1 " + "X1.0000000000 " * 7, "way.ngc:405: 93 characters without spaces and comments, limit 79"),
     ],
 )
@@ -233,6 +235,34 @@ def test_a_line_that_grbl_cannot_take_is_told_before_the_port_is_opened(call, pr
     done = call("send", program, "--port", "/dev/nowhere")
     assert done.exit_code == 2
     assert words in done.stderr
+
+
+def test_lines_that_are_too_long_are_told_once(call, program):
+    with program.open("a") as file:
+        file.write(("G1 " + "X1.0000000000 " * 7 + "\n") * 500)
+    done = call("send", program, "--port", "/dev/nowhere")
+    assert "93 characters without spaces and comments, and 499 lines more, limit 79" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_a_file_without_a_header_is_refused_unless_it_may_begin_anywhere(call, grbl, tmp_path):
+    plain = tmp_path / "plain.nc"
+    plain.write_text("G21\nG90\nG1 X20 F600\n", encoding="utf-8")
+    done = call("send", plain, "--port", "/dev/nowhere")
+    assert done.exit_code == 2
+    assert "no header of pulsepath export --format g93" in done.stderr
+    board = grbl(place=START)
+    assert call("send", plain, "--port", board.port, "--anywhere").exit_code == 0
+    assert board.taken == ["G21", "G90", "G1X20F600"]
+
+
+def test_axes_that_did_not_get_there_are_told_to_be_homed(call, grbl, program):
+    board = grbl(place=START)
+    board.on_line[len(lines_of(program))] = lambda: board.place.__setitem__(0, 498.0)
+    done = call("send", program, "--port", board.port)
+    assert done.exit_code == 2
+    assert "after the last line" in done.stderr
+    assert "it has lost steps, or does not move: home it" in done.stderr
 
 
 def test_a_port_that_is_none_is_told(call, program):
