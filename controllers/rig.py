@@ -19,6 +19,7 @@ from controllers.drives.stepper import Stepper
 from kinematics.foundation.arrays import Array, freeze_array, freeze_fields
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import nearest
+from kinematics.foundation.short_repr import short_repr
 from kinematics.machine.machine import Machine
 from planner.baselines.shapes import quarter_sine, trapezoid
 from planner.path.actuation import MachinePath
@@ -184,6 +185,8 @@ class Rig:
     host    when the law is asked
     tasks   what the rig is asked to do
     """
+
+    __repr__ = short_repr
 
     machine: Machine
     drives: tuple[Drive, ...]

@@ -123,6 +123,9 @@ class Tracking(Result):
     def __post_init__(self) -> None:
         freeze_fields(self, "t", "reference", "command", "actual", "pulses", "lost")
 
+    def __repr__(self) -> str:
+        return f"<Tracking under {self.law} on rig {self.rig}: {len(self.axes)} axes at {len(self.t)} instants>"
+
     def tables(self) -> tuple[Table, ...]:
         """The following error of each axis, and its pulses; `controllers.evaluate` tells more."""
         names, units = zip(*self.axes, strict=True)

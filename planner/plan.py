@@ -91,6 +91,9 @@ class Plan(Result):
     known: list[DurationBound] = field(default_factory=list, repr=False, compare=False)
     shaped: ShapedProof | None = field(default=None, repr=False)
 
+    def __repr__(self) -> str:
+        return f"<Plan {self.program.name} on {self.machine.name}: {self.trajectory!r}, {self.certificate!r}>"
+
     @property
     def fastest(self) -> bool:
         """Whether it was to be as fast as it can, and nothing else."""
@@ -182,7 +185,7 @@ class Plan(Result):
         )
 
     def describe_objective(self) -> str:
-        """What it was to be instead of the fastest, in a few words; nothing if it was."""
+        """What it was to be instead of the fastest; nothing if it was."""
         if self.stated_duration is not None:
             return "as stated"
         return "" if self.fastest else f"with the least {self.objective}"
@@ -260,14 +263,12 @@ def plan(
         Ticks per second of the pulses' clock. The pulse rates that the motion keeps are those that whole ticks and the
         rule can hold (`planner.pulses.pace_axes`).
     duration
-        s, of the smoothest motion that takes so long instead (`planner.timing.stated_duration.solve_stated`). None:
-        what the program states, if it does.
+        s, of the smoothest motion that takes so long instead (`solve_stated`). None: what the program states, if any.
     objective
         "time", or the least of a weighed sum with heat, as "time + 0.2 heat" (`planner.tradeoffs.objective`).
-    gap
-        The share of the least time that it is to be proved within (`solve_within`); `Plan.gap` says what is proved.
-    effort
-        Rounds of finer bounds and grids for the gap, at most.
+    gap, effort
+        The share of the least time that it is to be proved within (`solve_within`; `Plan.gap` says what is proved), and
+        the rounds of finer bounds and grids for that, at most.
     rule
         Of firing, or its name and options ("sampled:period=50us").
     solver

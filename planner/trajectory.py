@@ -16,6 +16,7 @@ from kinematics.foundation.arrays import Array, freeze_fields
 from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
+from kinematics.foundation.short_repr import short_repr
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.motion import AxesState
 from kinematics.machine.pose import Pose, from_numbers
@@ -31,6 +32,7 @@ class State:
     pose is None without a machine.
     """
 
+    __repr__ = short_repr
     t: Array
     along: Array
     q: Array
@@ -122,6 +124,10 @@ class Trajectory(Result):
         speed = np.array([np.nan if each is None else each for each in asked])[self.piece]
         at_it = (self.v == speed) & (self.a == 0) & (self.j == 0) & (np.diff(self.knots) > 0)
         return np.where(at_it, speed, np.nan)
+
+    def __repr__(self) -> str:
+        axes = len(self.path.names)
+        return f"<Trajectory: {self.duration:.6g} s, {axes} ax{'i' if axes == 1 else 'e'}s, {len(self.s)} time pieces>"
 
     def tables(self) -> tuple[Table, ...]:
         """Between what each axis moves, and the largest of its derivatives that is seen."""

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 from kinematics.files.atomic_files import Destination
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import nearest
+from kinematics.foundation.short_repr import short_repr
 from kinematics.foundation.table import Table
 
 if TYPE_CHECKING:
@@ -82,6 +83,13 @@ class Result(ABC):
     """
 
     __slots__ = ()
+
+    def __init_subclass__(cls, **of: Any) -> None:
+        """A short repr, which `dataclass` leaves as it is; of a class that has none of its own."""
+        super().__init_subclass__(**of)
+        if "__repr__" not in cls.__dict__ and cls.__repr__ in (object.__repr__, short_repr):
+            cls.__repr__ = short_repr  # type: ignore[method-assign]
+
     saved_as: ClassVar[str] = ""
     """What files and messages call it, where that is not the class' name."""
 

@@ -3,19 +3,26 @@
 To the wiring belongs what the step and direction inputs of a drive ask of the pulses; some drives are known by name.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import pairwise
-from math import ceil, floor, inf, isinf
+from math import ceil, floor, inf, isfinite, isinf, pi
 from numbers import Integral
 from typing import Literal
 
 from kinematics.foundation.arrays import LEAST_POSITIVE, MAX_FLOAT, finite_array, numeric_array
 from kinematics.foundation.errors import BadValue, MotionError
 from kinematics.foundation.names import closest, nearest
+from kinematics.foundation.short_repr import fit_lines
 from kinematics.machine.shaper import Shaper
 
 TIME_ROUNDING = 1e-12
 """Share of a time that decimal fractions of seconds may be off."""
+PER_TIME = {"pulse": "", "backlash": "", "max_speed": "/s", "max_acceleration": "/s²", "max_jerk": "/s³",
+            "take_up_acceleration": "/s²", "resonance": "/s"}  # fmt: skip
+"""What follows an axis' own unit, m or rad, in the unit of a field."""
+PLAIN_UNITS = {"max_pulse_rate": "1/s", "resonance_time": "s"}
+STATED_FROM = 9
+"""The field of an axis from which on a repr says only that it is stated."""
 MAX_SHORTENING_SHARE = 1e-3
 """Share of its interval by which whole ticks may shorten one at a stated rate; where a tick is more, they do not."""
 
@@ -262,10 +269,16 @@ class Axis:
         """none: what None means where it is allowed."""
         value, told = getattr(self, field), f"axis {self.name}: {field}"
         if value is not None or not none:
-            array = finite_array(value, f"{told} (None: {none})" if none else told, *shapes, least=least)
+            wanted = f"{told} (None: {none})" if none else told
+            array = finite_array(value, wanted, *shapes, unit=self._unit_of(field), least=least)
             rows = array.tolist()
             pairs = tuple(tuple(row) if array.ndim == 2 else row for row in rows) if array.ndim else rows
             object.__setattr__(self, field, pairs)
+
+    def _unit_of(self, field: str) -> str:
+        if field in PER_TIME:
+            return f"{self.unit}{PER_TIME[field]}"
+        return {"max_force": "N·m" if self.rotary else "N", **PLAIN_UNITS}.get(field, "")
 
     @property
     def pulse_rate(self) -> float:
@@ -308,3 +321,22 @@ class Axis:
     @property
     def unit(self) -> str:
         return "m" if self.kind == "linear" else "rad"
+
+    @property
+    def rotary(self) -> bool:
+        """Whether it turns: its coordinate is an angle (rad), else a length (m)."""
+        return self.kind == "rotary"
+
+    def __repr__(self) -> str:
+        unit, scale = ("deg", 180 / pi) if self.rotary else ("mm", 1e3)
+        low, high = (f"{scale * end:.6g}" for end in self.travel)
+        told = [f"{self.kind}", f"travel {low} to {high} {unit}" if isfinite(self.travel[1]) else "no end of travel"]
+        told.append(f"pulse {scale * self.pulse:.6g} {unit}")
+        for name, per in (("speed", "/s"), ("acceleration", "/s²"), ("jerk", "/s³")):
+            if (most := getattr(self, f"max_{name}")) is not None:
+                ways = most if isinstance(most, tuple) else (most,)
+                told.append(f"{name} {' and '.join(f'{scale * way:.6g}' for way in ways)} {unit}{per}")
+        if self.max_force is not None:
+            told.append(f"force {self.max_force:.6g} {'N·m' if self.rotary else 'N'}")
+        own = [field.name for field in fields(self)[STATED_FROM:] if getattr(self, field.name) != field.default]
+        return fit_lines(f"<Axis {self.name}: {', '.join([*told, *own])}>")

@@ -6,6 +6,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.short_repr import short_repr
 
 # Rounding, as a share of the largest moment, that an inertia may be off what a rigid body can have.
 INERTIA_ROUNDING = 1e-9
@@ -23,6 +24,7 @@ class Body:
     Raises MotionError for what no rigid body has: principal moments must be ≥ 0, none above the sum of the others.
     """
 
+    __repr__ = short_repr
     mass: float = 0.0
     centre: Array = field(default_factory=lambda: np.zeros(3))
     inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
@@ -81,6 +83,7 @@ class Leg:
     At home, x of both frames is the first axis made perpendicular to the leg.
     """
 
+    __repr__ = short_repr
     barrel: Body
     rod: Body
     first_axis: Array | None = None
@@ -113,6 +116,7 @@ class Load:
     What an axis carries by itself (`friction`, `reflected`) is the axis' own.
     """
 
+    __repr__ = short_repr
     platform: Body = field(default_factory=Body)
     legs: tuple[Leg, ...] = ()
     gravity: Array = field(default_factory=lambda: freeze_array(GRAVITY))

@@ -84,7 +84,8 @@ def check_axes(of: Kind, name: str, given: Iterable[Axis]) -> tuple[Axis, ...]:
         raise MotionError(f"machine {name}: {len(axes)} axes; a {kind} has {count}, for {', '.join(of.freedom)}")
     for axis, sort in zip(axes, of.sorts, strict=False):
         if axis.kind != sort:
-            raise MotionError(f"machine {name}: axis {axis.name} is {axis.kind}; a {kind} has a {sort} one there")
+            told = f"axis {axis.name} is {axis.kind}; a {kind} has a {sort} one there"
+            raise MotionError(f'machine {name}: {told}: give it kind="{sort}"')
     if len({axis.name for axis in axes}) < count:
         raise MotionError(f"machine {name}: two axes have the same name; names tell the limits of one from another's")
     wired = Counter((axis.card, axis.channel) for axis in axes if axis.card is not None)

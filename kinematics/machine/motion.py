@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from kinematics.foundation.arrays import Array, finite_array, freeze_fields
 from kinematics.foundation.errors import MotionError, OutOfReach
+from kinematics.foundation.short_repr import short_repr
 from kinematics.machine.kind import columns
 from kinematics.machine.model import MachineModel, square_jacobian
 from kinematics.machine.pose import COMPONENTS, Pose, PoseLike, from_numbers, to_numbers
@@ -42,6 +43,7 @@ class Motion:
     acceleration  (N, 6) their rates
     """
 
+    __repr__ = short_repr
     pose: Pose
     q: Array
     qd: Array

@@ -45,6 +45,11 @@ class Certificate(Result):
     use: dict[str, Array] = field(repr=False)
     attained: dict[str, Array] = field(repr=False)
 
+    def __repr__(self) -> str:
+        most = max(self.worst, key=lambda name: self.worst[name], default="")
+        used = f": {self.worst[most]:.7f} of {most}, of {len(self.worst)} limits" if most else ""
+        return f"<Certificate {'holds' if self.holds else 'DOES NOT HOLD'}{used}>"
+
     def tables(self) -> tuple[Table, ...]:
         """The worst proven use of each limit, and where."""
         head = "the certificate holds" if self.holds else "THE CERTIFICATE DOES NOT HOLD"

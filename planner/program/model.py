@@ -15,6 +15,7 @@ from kinematics.foundation.arrays import Array, is_within_limit, most
 from kinematics.foundation.errors import Fault, FileError, MotionError
 from kinematics.foundation.formula import check_names, formula
 from kinematics.foundation.result import Result
+from kinematics.foundation.short_repr import short_repr
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.pose import Pose
 from planner.program.modifiers import STOP, Fit, Free, Join, Stop, Trigger
@@ -67,6 +68,7 @@ class Line(MovingSegment):
     and what `MovingSegment` has, as all that move the tool
     """
 
+    __repr__ = short_repr
     to: Array
     rotate: Rotation | None = None
     speed: float | None = None
@@ -87,6 +89,7 @@ class Arc(MovingSegment):
     rotate, speed, join  as of a line
     """
 
+    __repr__ = short_repr
     centre: Array
     normal: Array
     angle: float
@@ -114,6 +117,7 @@ class Spline(MovingSegment):
     speed, join  as of a line
     """
 
+    __repr__ = short_repr
     through: Array
     rotate: Rotation | None = None
     speed: float | None = None
@@ -145,6 +149,7 @@ class Curve(MovingSegment):
     speed, join  as of a line
     """
 
+    __repr__ = short_repr
     position: tuple[str, str, str]
     begin: float
     end: float
@@ -178,6 +183,7 @@ class Turn:
     angular_speed, trigger, line_number  as of what moves the tool;  join  as of a line
     """
 
+    __repr__ = short_repr
     to: Rotation | None = None
     join: Join = STOP
     angular_speed: float | None = field(default=None, kw_only=True)
@@ -206,6 +212,7 @@ class Synchronised:
     speed, acceleration, angular_speed, trigger, join, line_number  as of a line
     """
 
+    __repr__ = short_repr
     to: Array
     rotate: Rotation | None = None
     speed: float | None = None
@@ -328,6 +335,10 @@ class Program(Result):
         legible(f"program {self.name}", "machine", self.machine)
         check_positive(f"program {self.name}", "duration", self.duration, "s")
         check_caps(self, f"program {self.name}")
+
+    def __repr__(self) -> str:
+        count = len(self.segments)
+        return f"<Program {self.name}: {count} segment{'s' * (count > 1)}, from {self.frame}>"
 
     def tables(self) -> tuple[Table, ...]:
         """Its segments, one a row: where each leads as far as it says so itself, its caps, join and trigger."""

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinematics.foundation.arrays import freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
+from kinematics.foundation.short_repr import short_repr
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.axis import Axis
 
@@ -36,6 +37,7 @@ class AxisPulses:
     prove.
     """
 
+    __repr__ = short_repr
     name: str
     ticks: Ticks
     direction: Signs
@@ -150,6 +152,11 @@ class PulseSchedule(Result):
         object.__setattr__(self, "axes", tuple(self.axes))
         if not (self.clock_hz > 0 and self.clock_hz == int(self.clock_hz)):
             raise MotionError(f"clock {self.clock_hz} Hz: must be a positive whole number of ticks per second")
+
+    def __repr__(self) -> str:
+        count = len(self.axes)
+        axes = f"{count} ax{'i' if count == 1 else 'e'}s"
+        return f"<PulseSchedule: {self.total} pulses on {axes} in {self.duration:.6g} s, clock {self.clock_hz} Hz>"
 
     def tables(self) -> tuple[Table, ...]:
         """The pulses of each axis; what keeping them apart and the compensation cost, if anything."""
