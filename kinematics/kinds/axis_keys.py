@@ -25,9 +25,9 @@ def _check_direction(direction: int) -> int:
     return direction
 
 
-def _check_travel(travel: tuple[float, float]) -> tuple[float, float]:
+def check_range(travel: tuple[float, float]) -> tuple[float, float]:
     if not travel[0] < travel[1]:
-        raise validation_error("empty travel: the first bound must be the smaller")
+        raise validation_error("empty range: the first bound must be the smaller")
     return travel
 
 
@@ -160,7 +160,7 @@ def declares_keys(table: type[Table]) -> type[Table]:
         return linear_axes if linear else rotary_axes
 
     class Keys(AxisTable):
-        travel: Annotated[tuple[place, place], AfterValidator(_check_travel)] | None = key(
+        travel: Annotated[tuple[place, place], AfterValidator(check_range)] | None = key(
             "of each axis from home", choose(TRAVEL, '["-90 deg", "90 deg"]'), None
         )
         pulse: Annotated[float, Unit(way, above=0, file_unit=choose("um", "rad"))] | None = key(
@@ -283,7 +283,7 @@ class RotaryAxis(AxisTable):
 class LinearDefaults(LinearAxis):
     """What all linear axes have unless their own table says otherwise."""
 
-    travel: Annotated[tuple[Length, Length], AfterValidator(_check_travel)] = key(
+    travel: Annotated[tuple[Length, Length], AfterValidator(check_range)] = key(
         "of each axis from home", TRAVEL, remedy=f"write e.g. {TRAVEL}"
     )
 

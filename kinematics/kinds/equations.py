@@ -3,13 +3,14 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources.abc import Traversable
+from math import inf
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import BeforeValidator
+from pydantic import AfterValidator, BeforeValidator
 from scipy.spatial.transform import Rotation
 
 from kinematics.files.keys import Chosen, key
@@ -18,8 +19,17 @@ from kinematics.foundation.arrays import LEAST_POSITIVE, finite_array
 from kinematics.foundation.errors import BadValue, MotionError, locate_errors, validation_error
 from kinematics.foundation.formula import check_names, formula
 from kinematics.foundation.names import closest, nearest
-from kinematics.foundation.units import Unit, describe_value, quantity
-from kinematics.kinds.axis_keys import GEOMETRY, KIND, OWN_AXES, LinearAxis, LinearDefaults, RotaryAxis, axes
+from kinematics.foundation.units import Length, Unit, describe_value, quantity
+from kinematics.kinds.axis_keys import (
+    GEOMETRY,
+    KIND,
+    OWN_AXES,
+    LinearAxis,
+    LinearDefaults,
+    RotaryAxis,
+    axes,
+    check_range,
+)
 from kinematics.kinds.load_keys import HOME, HomeTable, LoadedFile, home_entries
 from kinematics.kinds.traverser import nearest_turn
 from kinematics.machine.axis import Axis
@@ -59,6 +69,7 @@ class Equations(Machine):
 
     moves         the components of the pose that it controls, as many as it has axes; the others are held as at home
     follows       of rx, ry, rz, those that go along with them, as the spin of the tool of a five-axis machine does
+    room          (3, 2) m from which to which x, y and z may be, in the base frame; None: anywhere
     orientation   where some follow: the platform's orientation in the base frame, turn after turn of moved axes
     coordinates   a formula for each axis, or one for all: see `kinematics.foundation.formula`
     constants     name -> a number (SI), or one number for each axis
@@ -81,6 +92,7 @@ class Equations(Machine):
         home: PoseLike,
         follows: Sequence[str] = (),
         orientation: Sequence[TurnFormula] = (),
+        room: Sequence[tuple[float, float]] | None = None,
         constants: Mapping[str, ArrayLike] | None = None,
         definitions: Mapping[str, str] | None = None,
         bars: Sequence[BarFormulas] = (),
@@ -104,6 +116,8 @@ class Equations(Machine):
         if bool(follows) != bool(orientation):
             told = "follows and orientation need each other: say what follows, and how the joints turn the platform"
             raise BadValue(f"machine {name}: {told}", key=("follows" if follows else "orientation",))
+        if room is not None:
+            self.room = room
         count = len(self.freedom)
         texts = (coordinates,) * count if isinstance(coordinates, str) else tuple(coordinates)
         if len(texts) != count or len(given) != count:
@@ -259,6 +273,17 @@ class TurnTable(TableSchema):
     angle: str = key("a formula (rad), which may contain joints by their names", '"-c"')
 
 
+Range = Annotated[tuple[Length, Length], AfterValidator(check_range)]
+
+
+class RoomTable(TableSchema):
+    """A box in the base frame that the platform's origin stays in; no bound where none is stated."""
+
+    x: Range | None = key("from, to", '["0 mm", "220 mm"]', None)
+    y: Range | None = key("likewise", '["0 mm", "220 mm"]', None)
+    z: Range | None = key("likewise", '["0 mm", "250 mm"]', None)
+
+
 class EquationsGeometry(TableSchema):
     """How the machine moves: formulas of its inverse map, in m and rad."""
 
@@ -284,6 +309,7 @@ class EquationsGeometry(TableSchema):
         "what is drawn of each axis", '[{ start = ["0", "0", "q"], end = ["x", "y", "z"] }]', ()
     )
     length: Annotated[float, Unit("m", above=0)] = key("lever at which a turn counts as a way", '"100 mm"', 0.1)
+    room: RoomTable | None = key("where x, y and z may be, beside the travel of the axes", default=None)
     home: HomeTable = HOME
 
 
@@ -327,8 +353,18 @@ class EquationsFile(LoadedFile):
             "definitions": machine.definitions or None,
             "bar": bars or None,
             "length": machine.characteristic_length,
+            "room": _write_room(machine.room),
             "home": home_entries(machine.home),
         }
+
+
+def _read_room(table: RoomTable) -> tuple[tuple[float, float], ...]:
+    return tuple((-inf, inf) if stated is None else stated for stated in (table.x, table.y, table.z))
+
+
+def _write_room(room: Sequence[tuple[float, float]]) -> dict[str, tuple[float, float]] | None:
+    """Ways that are bounded."""
+    return {name: row for name, row in zip(POSITIONS, room, strict=True) if np.isfinite(row).all()} or None
 
 
 def build_equations(file: EquationsFile, name: str, folder: Path | Traversable) -> Equations:
@@ -360,6 +396,7 @@ def build_equations(file: EquationsFile, name: str, folder: Path | Traversable) 
         home=geometry.home.pose,
         follows=geometry.follows,
         orientation=[TurnFormula(turn.about, turn.angle) for turn in geometry.orientation],
+        room=None if geometry.room is None else _read_room(geometry.room),
         constants={constant: np.asarray(value) for constant, value in geometry.constants.items()},
         definitions=geometry.definitions,
         bars=[BarFormulas(bar.start, bar.end, bar.sort) for bar in geometry.bar],

@@ -7,9 +7,10 @@ straight bars and pivots.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from math import inf
 from typing import ClassVar, Literal
 
 import casadi as ca
@@ -136,6 +137,9 @@ class Kind(ABC):
     tilt_names: tuple[str, ...] = ()
     max_tilt: Array = freeze_array([])
     """(m,) rad, one per joint of `tilts`."""
+
+    room: Sequence[tuple[float, float]] = ((-inf, inf),) * 3
+    """m from which to which x, y and z of the platform's origin may be, in the base frame."""
 
     bodies: Bodies | None = None
     """What takes up room, so that its clearance can be measured; nothing by default."""

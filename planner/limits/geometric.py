@@ -1,7 +1,7 @@
-"""Limits of the place alone: travel, tilt and clearance.
+"""Limits of the place alone: travel, room, tilt and clearance.
 
-lo ≤ q − home ≤ hi of every axis; the angle of every joint to its rest axis ≤ its limit; and no two of the machine's
-bodies overlap.
+lo ≤ q − home ≤ hi of every axis; lo ≤ x, y, z ≤ hi of the platform; the angle of every joint to its rest axis ≤ its
+limit; and no two of the machine's bodies overlap.
 """
 
 from collections.abc import Hashable, Sequence
@@ -40,6 +40,32 @@ class Travel(AxisLimit):
         lo, hi = self.travel[channel]
         middle = (lo + hi) / 2 if np.isfinite([lo, hi]).all() else 0.0
         return value + middle, float(hi if value > 0 else lo)
+
+
+class Room(Limit):
+    """Where x, y and z of the platform's origin may be, counted as travel is: 1 is a wall."""
+
+    name, channels, units = "room", ("x", "y", "z"), (("mm", 1e3),) * 3
+
+    def __init__(self, machine: Machine) -> None:
+        lo, hi = np.array(machine.room, float).T
+        self.bounds = freeze_array((hi - lo) / 2)
+        with np.errstate(invalid="ignore"):  # unlimited both ways: ∞ − ∞
+            self.middle = freeze_array(np.nan_to_num((lo + hi) / 2, nan=0.0))
+
+    @property
+    def content(self) -> Hashable:
+        return self.name, self.middle.tobytes(), self.bounds.tobytes()
+
+    def value(self, motion: LimitState) -> Quantity:
+        return motion.pose_rate(0)[:, :3] - self.middle
+
+    def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:
+        return np.asarray(np.maximum(-low, high) / self.bounds + 0.0)  # no −0
+
+    def report_value(self, value: float, channel: int) -> tuple[float, float]:
+        middle = float(self.middle[channel])
+        return value + middle, middle + float(np.copysign(self.bounds[channel], value))
 
 
 class Tilt(Limit):

@@ -9,7 +9,7 @@ from kinematics.machine.axis import Axis
 from kinematics.machine.machine import Machine
 from planner.limits.axis import Acceleration, Jerk, PulseRate, Speed
 from planner.limits.force import Force, Holding, TorqueSpeed
-from planner.limits.geometric import Clearance, Tilt, Travel
+from planner.limits.geometric import Clearance, Room, Tilt, Travel
 from planner.limits.limit import Limit, Term
 from planner.limits.resonance import Resonance
 from planner.limits.tool import AngularSpeed, ToolAcceleration, ToolSpeed
@@ -27,6 +27,7 @@ AXIS_LIMITS: dict[type[Limit], tuple[int, Callable[[Sequence[Axis]], Limit]]] = 
 # Of the machine and its path in space.
 MACHINE_LIMITS: dict[type[Limit], Callable[[Machine, MachinePath], Limit]] = {
     Travel: lambda machine, path: Travel(machine.axes, machine.home_q),
+    Room: lambda machine, path: Room(machine),
     Tilt: lambda machine, path: Tilt(machine),
     Clearance: lambda machine, path: Clearance(machine),
     ToolSpeed: lambda machine, path: ToolSpeed(piece.tool_speed for piece in path.pieces),

@@ -139,6 +139,26 @@ def test_a_turning_axis_goes_on_past_half_a_turn():
     assert scara.inverse(turned)[3] == pytest.approx(scara.home_q[3] + 2.0)
 
 
+def test_a_bed_is_kept_where_the_belts_would_reach_farther():
+    """x + y and x − y reach a diamond of 100 mm; the bed is a box in it, and an arc leaves it between its ends."""
+    machine = load_machine(EXAMPLES / "corexy.toml")
+    assert machine.inverse(RigidTransform.from_translation([0.09, 0, 0])).max() < 0.1
+    with pytest.raises(MotionError, match=r"room 90 mm is (above|beyond) .*60 mm .*at x"):
+        plan(Program((Line([0.09, 0, 0]),)), machine)
+    bulge = Program((Line([0.055, -0.03, 0]), Arc([0.04, 0, 0], [0, 0, 1], 2 * np.arctan2(0.03, 0.015))))
+    with pytest.raises(MotionError, match=r"room 73\.\d* mm .*60 mm .*at x"):
+        plan(bulge, machine)
+    made = plan(Program((Line([0.055, -0.03, 0]), Line([0.055, 0.03, 0]))), machine)
+    assert made.certificate.worst["room"] == pytest.approx(55 / 60, rel=1e-9)
+    assert made.certificate.where["room"].axis == "x"
+
+
+def test_a_bed_is_written_back(tmp_path):
+    machine = load_machine(EXAMPLES / "corexy.toml")
+    (tmp_path / "again.toml").write_text(machine_toml(machine), encoding="utf-8")
+    assert load_machine(tmp_path / "again.toml").room == machine.room
+
+
 DOME = Curve(
     ("r*s*cos(t)", "r*s*sin(t)", "r*c"),
     0,

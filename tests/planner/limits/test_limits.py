@@ -12,7 +12,7 @@ from planner import Arc, Line, Program, Trajectory, Turn
 from planner.limits import Term, limits_of
 from planner.limits.axis import Acceleration, Jerk, PulseRate, Speed
 from planner.limits.force import Force, Holding, TorqueSpeed
-from planner.limits.geometric import Clearance, Tilt, Travel
+from planner.limits.geometric import Clearance, Room, Tilt, Travel
 from planner.limits.registry import AXIS_LIMITS, MACHINE_LIMITS
 from planner.limits.resonance import Resonance
 from planner.limits.tool import FACETS, AngularSpeed, ToolAcceleration, ToolLimit, ToolSpeed
@@ -51,6 +51,7 @@ ZOO = {
     Resonance: Case(bounds, row=lambda value: value),
     Jerk: Case(bounds, row=lambda value: value),
     Travel: Case(lambda limit, piece: -bounds(limit, piece)),
+    Room: Case(bounds),
     Tilt: Case(lambda limit, piece: np.cos(bounds(limit, piece))),
     Clearance: Case(bounds),
     ToolSpeed: Case(squares, row=np.sqrt),
@@ -76,7 +77,7 @@ def machine(hexapod):
     """The preset with everything that an axis may state, and something to carry."""
     curve = ((0.0, 220.0), (0.01, 200.0), (0.02, 120.0), (0.04, 100.0))
     own = {"max_pulse_rate": 2e4, "friction": 50.0, "reflected": 0.5, "torque_speed": curve}
-    return Hexapod(
+    made = Hexapod(
         hexapod.base,
         hexapod.platform,
         axes=[replace(axis, **own) for axis in hexapod.axes],
@@ -87,6 +88,8 @@ def machine(hexapod):
         platform_disc=hexapod.bodies.platform_disc,
         load=Load(Body(20.0, [0.01, 0, 0.05], np.diag([0.1, 0.2, 0.15]))),
     )
+    made.room = ((-0.02, 0.03), (-0.04, 0.02), (0.2, 0.4))
+    return made
 
 
 @pytest.fixture(scope="module")
