@@ -39,6 +39,9 @@ MOST_BOUNDED = 5_000
 """Time pieces up to which a lower bound of the duration is proved: some ten times the time of planning."""
 
 
+FRAME_RATE, LEAST_FRAMES, MOST_FRAMES = 25, 120, 1000
+"""Frames of the machine in a report: 1/s, and how many."""
+
 RAISED = 0.2
 """By how much the most valuable limit is raised, to tell what that saves."""
 
@@ -79,11 +82,14 @@ def time_baselines_ahead(program: Program, machine: Machine) -> BaselineTimings:
 
 @dataclass(frozen=True, slots=True)
 class PlanReview:
-    """Of a plan: the errors of each law on a rig, and some of the figures; note: why there are no errors."""
+    """Of a plan: the errors of each law on a rig, some of the figures, and the machine in motion as a page of its own;
+    note: why there are no errors.
+    """
 
     metrics: tuple[Metrics, ...]
     figures: "Mapping[str, Drawing]"
     note: str = ""
+    scene: str = ""
 
 
 def review_plan(plan: Plan, figures: bool, rig: Rig | None) -> PlanReview:
@@ -99,7 +105,19 @@ def review_plan(plan: Plan, figures: bool, rig: Rig | None) -> PlanReview:
         return PlanReview(metrics, {}, note)
     from benchmarks.reports.plan_report import draw_path, draw_tracking
 
-    return PlanReview(metrics, draw_path(plan) | draw_tracking(metrics), note)
+    return PlanReview(metrics, draw_path(plan) | draw_tracking(metrics), note, _record_machine(plan))
+
+
+def _record_machine(plan: Plan) -> str:
+    """The machine in motion; nothing where it cannot be drawn."""
+    from benchmarks.animation.animate import document
+
+    frames = round(FRAME_RATE * plan.trajectory.duration)
+    try:
+        return document(plan, min(max(frames, LEAST_FRAMES), MOST_FRAMES))
+    except MotionError as error:
+        detail(f"no machine in 3-D: {error}")
+        return ""
 
 
 def _track_laws(plan: Plan, rig: Rig) -> tuple[Metrics, ...]:

@@ -4,11 +4,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import cycle
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from benchmarks.animation.animate import POLICY as PLAYER_POLICY
 from benchmarks.reports.page import Drawing, draw_figure, group_digits, render, save_figures, style
+from benchmarks.reports.timeline import list_segments, make_band
 from controllers.metrics import Metrics
 from controllers.rig import Rig
 from planner.active_limits import ACTIVE_SHARE, active_limits
@@ -26,8 +28,8 @@ from planner.tradeoffs.pareto import Tradeoff
 
 POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 """What a browser lets the page load: nothing but what is in it."""
-MOST_WORTH, MOST_RUNS = 5, 2000
-"""Limits on the first screen, and changes of the active limit that are told."""
+MOST_WORTH = 5
+"""Limits on the first screen."""
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -52,6 +54,7 @@ def write_report(
     change: LimitChange | None = None,
     tradeoff: Tradeoff | None = None,
     stops: Stops | None = None,
+    scene: str = "",
 ) -> None:
     """Write the report page to `path` and its figures to `figures/*.png` next to it.
 
@@ -67,6 +70,7 @@ def write_report(
     worth      what the limits are worth, if there is to be such a part; change: a motion with more of one
     tradeoff   duration against heat, if there is to be such a part
     stops      how soon it can be stopped, if there is to be such a part
+    scene      the page of the machine in motion, as `benchmarks.animation` makes it, if the page is to hold it
     """
     figures = (
         draw(plan, classical, metrics, realised) | draw_worth(worth, tradeoff, stops) if figures is None else figures
@@ -86,6 +90,7 @@ def write_report(
         change,
         tradeoff,
         stops,
+        scene,
     )
     path.write_text(page, encoding="utf-8")
     save_figures(figures, path)
@@ -296,6 +301,7 @@ def _page(
     change: LimitChange | None,
     tradeoff: Tradeoff | None,
     stops: Stops | None,
+    scene: str,
 ) -> str:
     return render(
         "report.html.j2",
@@ -322,10 +328,11 @@ def _page(
         active=dict(_active_time(plan)),
         active_share=ACTIVE_SHARE,
         window=plan.pulses.duration / RATE_WINDOWS,
-        policy=POLICY,
+        scene=scene,
+        policy=PLAYER_POLICY if scene else POLICY,
         top_worth=_list_top_worth(worth),
-        band=_make_band(plan),
-        segments=_list_segments(plan),
+        band=make_band(plan),
+        segments=list_segments(plan),
         axes=list(zip(plan.pulses.axes, verdict.axes, plan.machine.axes, strict=True)),
     )
 
@@ -368,30 +375,3 @@ def _list_top_worth(worth: Worth | None) -> list[tuple[str, float, float]]:
         (call(worth.limits[k], worth.axes[k]), 1e3 * float(worth.saved[k]), max(float(worth.saved[k]), 0.0) / most)
         for k in rows
     ]
-
-
-def _make_band(plan: Plan) -> dict[str, Any]:
-    """From when on which limit is active: (s, its index or −1), and the names and colours of those that ever are."""
-    from kinematics.foundation.figure import line_style
-
-    active, knots = active_limits(plan), plan.trajectory.knots
-    if len(active) > MOST_RUNS:  # what is active in the middle of each of so many windows
-        knots = np.linspace(0.0, plan.trajectory.duration, MOST_RUNS + 1)
-        middle = np.searchsorted(plan.trajectory.knots, (knots[1:] + knots[:-1]) / 2, side="right") - 1
-        active = active[middle]
-    begins = np.flatnonzero(np.diff(active, prepend=-2))
-    owners = sorted({int(owner) for owner in active if owner >= 0})
-    limits = [{"name": plan.limits[n].name, "color": line_style(n)["color"]} for n in owners]
-    runs = [(float(knots[k]), owners.index(int(active[k])) if active[k] >= 0 else -1) for k in begins]
-    return {"limits": limits, "runs": runs}
-
-
-def _list_segments(plan: Plan) -> list[tuple[float, str]]:
-    """When each segment of the program begins, and what it is called."""
-    motion = plan.trajectory
-    begins = np.flatnonzero(np.diff(motion.piece, prepend=-1))
-    numbers = [motion.path.segment(int(motion.piece[k])) for k in begins]
-    named = [(float(motion.knots[k]), number) for k, number in zip(begins, numbers, strict=True) if number is not None]
-    kept = [entry for k, entry in enumerate(named) if k == 0 or entry[1] != named[k - 1][1]]
-    kinds = plan.program.segments
-    return [(t, f"{type(kinds[number - 1]).__name__.lower()} {number}") for t, number in kept]

@@ -174,7 +174,14 @@
   slider.addEventListener("input", () => goTo(slider.valueAsNumber));
   strip.querySelector("button").addEventListener("click", () => zoom(0, end));
   const resize = () => {
-    for (const u of plots) u.setSize({ width: u.root.parentNode.clientWidth, height: u.root.parentNode.clientWidth < 500 ? 170 : 210 });
+    for (const u of plots) {
+      const width = u.root.parentNode.clientWidth;
+      u.setSize({ width, height: width < 500 ? 170 : 210 });
+    }
+    requestAnimationFrame(fit); // uPlot has its new size then
+  };
+  const fit = () => {
+    root.style.setProperty("--strip", strip.offsetHeight + "px");
     if (plots.length) { // the scrubber is as wide as the figures are inside
       const inside = plots[0].over.getBoundingClientRect(), outside = plots[0].root.parentNode.getBoundingClientRect();
       canvas.parentNode.style.margin = `0 ${outside.right - inside.right}px 0 ${inside.left - outside.left}px`;
@@ -182,12 +189,13 @@
     drawStrip();
     goTo(now, null, true);
   };
-  new ResizeObserver(resize).observe(document.querySelector(".living") ?? strip);
+  new ResizeObserver(() => requestAnimationFrame(resize)).observe(document.querySelector(".living") ?? strip);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { plots.forEach(u => u.redraw(false, true)); drawStrip(); });
 
   const space = document.getElementById("space"), button = space?.querySelector("button");
-  let frame = null, asked = 0;
+  let frame = null, asked = 0, sent = -Infinity;
   const sendTime = () => {
+    sent = performance.now();
     if (!frame || asked) return;
     asked = requestAnimationFrame(() => {
       asked = 0;
@@ -195,14 +203,17 @@
     });
   };
   button?.addEventListener("click", () => {
-    frame = document.createElement("iframe");
+    frame?.remove();
+    frame = frame ? null : document.createElement("iframe");
+    space.classList.toggle("open", frame !== null);
+    button.textContent = frame ? "Close the machine in 3-D" : "Show the machine in 3-D";
+    if (!frame) return;
     frame.title = "The machine in 3-D";
     frame.srcdoc = JSON.parse(document.getElementById("machine").textContent);
-    space.replaceChildren(frame);
-    root.classList.add("spacious");
+    space.lastElementChild.append(frame);
   });
   addEventListener("message", event => {
-    if (frame && event.source === frame.contentWindow && typeof event.data?.time === "number") goTo(event.data.time, null, true);
+    if (frame && event.source === frame.contentWindow && typeof event.data?.time === "number" && performance.now() - sent > 500) goTo(event.data.time, null, true);
   });
   zoom(0, end);
 })();

@@ -247,6 +247,7 @@ def _write_report(page: Path, job: Job, verdict: PulseCheck) -> None:
             change=job.change,
             tradeoff=job.tradeoff,
             stops=job.stops,
+            scene=seen.scene,
             untracked=seen.note or rig_hint(job.plan.machine),
         )
 

@@ -1,5 +1,6 @@
 """The report: it shows the plan's own numbers, draws all of it, and needs nothing from outside."""
 
+import json
 import re
 from base64 import b64encode
 from dataclasses import replace
@@ -10,8 +11,10 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from benchmarks.animation.animate import POLICY as PLAYER_POLICY
 from benchmarks.reports.page import round_up
-from benchmarks.reports.plan_report import POLICY, summary, write_report
+from benchmarks.reports.plan_report import POLICY, draw_axes, summary, write_report
+from benchmarks.reports.timeline import list_segments, make_band
 from controllers import evaluate, find_law, track
 from controllers.figures import contour_error, following_error
 from controllers.rig import assumed_rig
@@ -219,6 +222,20 @@ def test_names_are_escaped(tmp_path, planned, baseline, verdict):
     assert "pulsepath track DIR --rig RIG" in text
 
 
+def test_the_machine_in_space_is_data_until_it_is_opened(tmp_path, planned, baseline, verdict):
+    scene = "</script><script>alert('x')</script><p id='machine'>"
+    write_report(planned, baseline, [], tmp_path / "report.html", verdict=verdict, figures={}, scene=scene)
+    assert "3-D" not in (tmp_path / "report.html").read_text()  # without figures there is nothing to follow
+    drawn = draw_axes(planned)
+    write_report(planned, baseline, [], tmp_path / "report.html", verdict=verdict, figures=drawn, scene=scene)
+    text = (tmp_path / "report.html").read_text()
+    assert "<script>alert" not in text
+    (held,) = re.findall(r'<script type="application/json" id="machine">(.*?)</script>', text, re.DOTALL)
+    assert json.loads(held) == scene
+    assert [a["content"] for t, a in Page(text).tags if a.get("http-equiv")] == [PLAYER_POLICY]
+    assert not re.search("https?:|[*]|self", PLAYER_POLICY)
+
+
 def test_what_was_simulated_behind_the_counts_is_told(text):
     assert "in the bound: leg1, leg2: play 2 (not) µm; leg3: play &lt;3&gt; (not) µm.</p>" in text
 
@@ -289,6 +306,25 @@ def test_the_active_limit_is_at_its_bound(planned):
         else:
             np.testing.assert_array_equal(planned.certificate.use[names[n]][chosen], np.max(timed, axis=0))
             assert np.max(timed, axis=0).min() >= 0.99
+
+
+def test_the_scrubber_shows_the_active_limit_of_every_instant(planned, monkeypatch):
+    active, knots = active_limits(planned), planned.trajectory.knots
+    names = [planned.limits[n].name if n >= 0 else "" for n in active]
+
+    def shown(t):
+        band = make_band(planned)
+        begins, owners = zip(*band["runs"], strict=True)
+        at = np.searchsorted(begins, t, side="right") - 1
+        return [band["limits"][owners[k]]["name"] if owners[k] >= 0 else "" for k in at]
+
+    assert shown((knots[1:] + knots[:-1]) / 2) == names
+    assert list_segments(planned) == [(0.0, "arc 1")]
+    # of a long motion, at so many instants
+    monkeypatch.setattr("benchmarks.reports.timeline.MOST_RUNS", 50)
+    middle = planned.trajectory.duration * (np.arange(50) + 0.5) / 50
+    assert len(make_band(planned)["runs"]) <= 50
+    assert shown(middle) == [names[k] for k in np.searchsorted(knots, middle, side="right") - 1]
 
 
 def test_what_is_drawn_on_given_axes_stays_there(planned, metrics):

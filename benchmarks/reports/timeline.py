@@ -1,0 +1,37 @@
+"""What a report's scrubber shows along the time of a plan: which limit is active, and the program's segments."""
+
+from typing import Any
+
+import numpy as np
+
+from planner.plan import Plan, active_limits
+
+MOST_RUNS = 2000
+"""Changes of the active limit that are told."""
+
+
+def make_band(plan: Plan) -> dict[str, Any]:
+    """From when on which limit is active: (s, its index or −1), and the names and colours of those that ever are."""
+    from kinematics.foundation.figure import line_style
+
+    active, knots = active_limits(plan), plan.trajectory.knots
+    if len(active) > MOST_RUNS:  # what is active in the middle of each of so many windows
+        knots = np.linspace(0.0, plan.trajectory.duration, MOST_RUNS + 1)
+        middle = np.searchsorted(plan.trajectory.knots, (knots[1:] + knots[:-1]) / 2, side="right") - 1
+        active = active[middle]
+    begins = np.flatnonzero(np.diff(active, prepend=-2))
+    owners = sorted({int(owner) for owner in active if owner >= 0})
+    limits = [{"name": plan.limits[n].name, "color": line_style(n)["color"]} for n in owners]
+    runs = [(float(knots[k]), owners.index(int(active[k])) if active[k] >= 0 else -1) for k in begins]
+    return {"limits": limits, "runs": runs}
+
+
+def list_segments(plan: Plan) -> list[tuple[float, str]]:
+    """When each segment of the program begins, and what it is called."""
+    motion = plan.trajectory
+    begins = np.flatnonzero(np.diff(motion.piece, prepend=-1))
+    numbers = [motion.path.segment(int(motion.piece[k])) for k in begins]
+    named = [(float(motion.knots[k]), number) for k, number in zip(begins, numbers, strict=True) if number is not None]
+    kept = [entry for k, entry in enumerate(named) if k == 0 or entry[1] != named[k - 1][1]]
+    kinds = plan.program.segments
+    return [(t, f"{type(kinds[number - 1]).__name__.lower()} {number}") for t, number in kept]
