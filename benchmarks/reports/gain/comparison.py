@@ -177,6 +177,11 @@ class Comparison(Result):
         """What a verdict ranks by: all criteria weighed, below 1 where it beats the baseline; inf as `mean_ratio`."""
         return weigh(self.ratios(entry)) if isfinite(self.mean_ratio(entry)) else inf
 
+    def rank(self) -> list[SettingEntry]:
+        """The settings other than the baseline that hold on every path, the best by all criteria weighed first."""
+        scores = {entry: self.score(entry) for entry in self.entries}
+        return sorted((entry for entry in scores if isfinite(scores[entry])), key=scores.__getitem__)
+
     def about(self, task: str) -> Mapping[str, Any]:
         """What the record of the runs says of a task."""
         return _task_record(self.sources, task)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Iterable, Iterator, Mapping
 from io import StringIO
-from math import inf, isfinite, nan
+from math import inf, nan
 from typing import Any
 
 from benchmarks.reports.gain.comparison import (
@@ -19,7 +19,7 @@ from benchmarks.reports.gain.comparison import (
 )
 from benchmarks.reports.gain.courses import ISO, IsoBlock, iso_block, select_series
 from benchmarks.reports.gain.criteria import CRITERIA, HUMAN, format_unit, number, weigh
-from benchmarks.reports.gain.run_figures import draw
+from benchmarks.reports.gain.run_figures import MOST_BEST, draw
 from benchmarks.reports.gain.verdict import Verdict, describe_unranked, verdict_of
 from benchmarks.reports.page import render
 from controllers.metrics.metrics import END_BAND
@@ -75,6 +75,7 @@ def gain_report(comparison: Comparison) -> tuple[Verdict, str]:
         not_ranked=describe_unranked(comparison),
         criteria=CRITERIA,
         weighed=list(_weigh_entries(comparison)),
+        most_best=MOST_BEST,
     )
     return verdict, page
 
@@ -121,12 +122,11 @@ def _cells(comparison: Comparison, task: str) -> Iterator[Mapping[str, Any]]:
 
 def _weigh_entries(comparison: Comparison) -> Iterator[tuple[str, str, list[str]]]:
     """Setting, its weighed ratio to the baseline, and its ratio by each criterion; the best first, none unstable."""
-    scores = {entry: comparison.score(entry) for entry in comparison.entries}
-    for entry in sorted((entry for entry in scores if isfinite(scores[entry])), key=scores.__getitem__):
+    for entry in comparison.rank():
         ratios = comparison.ratios(entry)
         yield (
             comparison.label(entry),
-            _ratio(scores[entry]),
+            _ratio(comparison.score(entry)),
             [_ratio(ratios[one.name]) if one.name in ratios else "–" for one in CRITERIA],
         )
 

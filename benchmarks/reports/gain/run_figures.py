@@ -15,7 +15,15 @@ import numpy as np
 from benchmarks.reports.gain.comparison import RANK, Comparison
 from benchmarks.reports.gain.courses import IsoBlock, SettingSeries, path_offsets
 from benchmarks.reports.gain.criteria import HUMAN
-from benchmarks.reports.gain.setting_figures import WIDTH, add_shared_legend, gains, line_style, make_panels, pareto
+from benchmarks.reports.gain.setting_figures import (
+    WIDTH,
+    add_shared_legend,
+    error_over_effort,
+    gains,
+    line_style,
+    make_panels,
+    pareto,
+)
 from benchmarks.reports.page import Drawing, draw_figure, style
 from benchmarks.sweep import RunSeries
 from kinematics.foundation.arrays import Array
@@ -64,6 +72,8 @@ def axes_over_time(comparison: Comparison, shown: SettingSeries, task: str) -> l
     return add_shared_legend([*panels.ravel()], 2)
 
 
+MOST_BEST = 5
+"""Settings that the page begins with."""
 MAX_POINTS = 1500
 """Instants that a line is drawn with: more than a page's pixels show nothing more."""
 
@@ -72,6 +82,7 @@ def draw(comparison: Comparison, shown: SettingSeries, iso: IsoBlock) -> dict[st
     """Every figure of the page as a PNG, by name; those that have nothing to show are missing."""
     with style():
         made: dict[str, list[Axes]] = {
+            "tradeoff": error_over_effort(comparison, comparison.rank()[:MOST_BEST]),
             "time": _draw_panels(comparison, shown, 2.1, _draw_over_time),
             "along": _draw_panels(comparison, shown, 2.1, _draw_along_path),
             "path": _draw_magnified(comparison, shown),

@@ -23,6 +23,8 @@ DASHES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (2, 1.2)), (0, (7, 2, 1.5, 2)),
 MARKS = "osD^vPX*<>hp"
 COLOURS = (*PALETTE, "#5D3A9B", "#8A5A00", "#882255", "#004D40", "#4D4D4D")
 """As many as there are marks: more settings than the palette has colours share none."""
+EFFORT = "torque_rms"
+"""The figure of a run."""
 WIDTH = 11.0
 """Inches: as wide as a page of A4 on its side, so that text stays as large as it was drawn."""
 
@@ -66,6 +68,73 @@ def add_shared_legend(axes: Sequence[Axes], columns: int = 3) -> list[Axes]:
     if figure is not None and known:
         figure.legend(known.values(), known.keys(), loc="outside upper center", ncols=columns, frameon=False)
     return list(axes)
+
+
+def error_over_effort(comparison: Comparison, best: Sequence[SettingEntry]) -> list[Axes]:
+    """Error against effort of every setting, over the baseline's; those off their goal or unstable are struck out.
+
+    best: those that are numbered, the first first. What failed on every path has no place here.
+    """
+    (ax,) = make_panels(1, 1, 4.4)
+    laws = list(dict.fromkeys(entry.setting.law for entry in comparison.entries))
+    struck: list[tuple[float, float]] = []
+    efforts = [1.0]
+    for n, law in enumerate(laws):
+        held: list[tuple[float, float]] = []
+        for entry in (entry for entry in comparison.entries if entry.setting.law == law):
+            place = _effort_and_error(comparison, entry)
+            if place is None or entry == comparison.baseline:
+                continue
+            (struck if any(row.unstable or row.away for row in comparison.of(entry)) else held).append(place)
+            efforts.append(place[0])
+            if entry in best:
+                _number(ax, best.index(entry) + 1, place)
+        if held:
+            ax.plot(*np.transpose(held), linestyle="none", label=law, color=line_colour(n), **marker_style(n))
+    if struck:
+        ax.plot(*np.transpose(struck), "x", color="#9A9A9A", markersize=7, label="off its goal or unstable")
+    if not ax.lines:
+        return []
+    ax.plot(1, 1, marker="*", markersize=15, color="black", linestyle="none", label="baseline")
+    for line in (ax.axhline, ax.axvline):
+        line(1, color="#808080", linewidth=0.9, linestyle=(0, (6, 3)), zorder=0)
+    _scale_error_axis(ax)
+    _scale_efforts(ax, min(efforts), max(efforts))
+    ax.set(xlabel="RMS torque over the baseline's", ylabel="RMS contour error over the baseline's")
+    return add_shared_legend([ax], 4)
+
+
+def _effort_and_error(comparison: Comparison, entry: SettingEntry) -> tuple[float, float] | None:
+    """Geometric means over the ranked paths of what a setting takes and errs over the baseline; None: it has none."""
+    pairs = [(row, comparison.row(comparison.baseline, row.task)) for row in comparison.of(entry)]
+    efforts = [
+        row.figures[EFFORT] / base.figures[EFFORT]
+        for row, base in pairs
+        if base is not None and row.task in comparison.ranked and min(_effort(row), _effort(base)) > 0
+    ]
+    error = comparison.ratios(entry).get("contour error")
+    return None if error is None or not efforts else (float(np.exp(np.mean(np.log(efforts)))), error)
+
+
+def _effort(row: ComparisonRow) -> float:
+    return row.figures.get(EFFORT, 0.0)
+
+
+def _number(ax: Axes, number: int, place: tuple[float, float]) -> None:
+    ax.annotate(str(number), place, xytext=(7, 5), textcoords="offset points", fontweight="bold")
+
+
+def _scale_efforts(ax: Axes, least: float, most: float) -> None:
+    """A logarithmic axis about 1 that says 0.9 and 1.2, or over decades 2 and 5."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    ax.set_xscale("log")
+    low, high = 0.95 * least, 1.05 * most
+    ax.set_xlim(low, high)
+    near = (1, 1.05, 1.1, 1.2, 1.5, 2, 3, 4, 5, 6, 7, 8, 9, 9.5)
+    ax.xaxis.set_major_locator(LogLocator(subs=near if high < 5 * low else (1, 2, 5)))
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    ax.xaxis.set_minor_formatter(NullFormatter())
 
 
 def gains(comparison: Comparison) -> list[Axes]:

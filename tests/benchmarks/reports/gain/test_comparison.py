@@ -17,7 +17,7 @@ from benchmarks.reports.gain.courses import fit_circle, iso_block, path_offsets
 from benchmarks.reports.gain.criteria import format_unit, number
 from benchmarks.reports.gain.gain_report import comparison_record, gain_report, runs_csv
 from benchmarks.reports.gain.run_figures import magnification, spectrum
-from benchmarks.reports.gain.setting_figures import line_colour, marker_style, pareto_front
+from benchmarks.reports.gain.setting_figures import error_over_effort, line_colour, marker_style, pareto_front
 from benchmarks.reports.page import Drawing
 from benchmarks.sweep import VARIATIONS, Cell, RunResult, RunSeries, Setting
 from benchmarks.sweep.result import Store, load_runs
@@ -336,7 +336,7 @@ def test_units_and_digits():
 
 def test_the_parts_come_in_order_with_every_row(page, comparison):
     parts = re.findall(r'<h2 id="(\w+)"', page)
-    assert parts == ["verdict", "weighed", "provenance", "table", "iso", "figures"]
+    assert parts == ["verdict", "best", "weighed", "table", "iso", "figures", "provenance"]
     tables = Page(page).tables
     assert verdict_of(comparison).text in page.replace("&#34;", '"')
     rows = [row for row in tables["table"] if not row[0].startswith("law")]
@@ -352,9 +352,25 @@ def test_the_parts_come_in_order_with_every_row(page, comparison):
     facts = dict(tables["provenance"])
     assert facts["SHA-256 of path there"] == "2" * 64
     assert facts["runs"] == "60"
-    assert len(re.findall("<img ", page)) == 10
+    assert len(re.findall("<img ", page)) == 11
     assert "<title>Comparison of gains on rig</title>" in page
     assert "not a sample of a population" in page
+
+
+def test_the_first_figure_shows_every_setting_and_strikes_out_what_does_not_hold(comparison):
+    best = comparison.rank()[:2]
+    (ax,) = error_over_effort(comparison, best)
+    lines = {line.get_label(): np.column_stack(line.get_data()) for line in ax.lines}
+    assert lines["baseline"].tolist() == [[1, 1]]
+    struck = lines["off its goal or unstable"]
+    failing = [entry for entry in comparison.entries if any(row.unstable or row.away for row in comparison.of(entry))]
+    errors = [comparison.ratios(entry).get("contour error") for entry in failing]
+    assert sorted(struck[:, 1]) == pytest.approx(sorted(error for error in errors if error is not None))
+    held = np.concatenate([xy for label, xy in lines.items() if "closed" in label or "feed" in label])
+    rest = [entry for entry in comparison.entries if entry not in failing and entry != comparison.baseline]
+    assert sorted(held[:, 1]) == pytest.approx(sorted(comparison.ratios(entry)["contour error"] for entry in rest))
+    numbers = {text.get_text(): text.xy[1] for text in ax.texts}
+    assert numbers == {str(n): comparison.ratios(entry)["contour error"] for n, entry in enumerate(best, 1)}
 
 
 def test_no_two_laws_look_alike():
@@ -424,12 +440,13 @@ def test_no_table_is_wider_than_the_page(tmp_path, monkeypatch):
     laws += [Setting("feedforward", (("speed", 0.95), ("acceleration", 0.25), ("play", 0.5)))]
     wide = saved(tmp_path / "runs", errors=dict.fromkeys(laws, 12345e-6) | {WILD: 0.01})
     _, page = gain_report(compare([wide]))
-    measured = re.sub(r"<meta http-equiv[^>]*>", "", page).replace(
+    shown = re.sub(r"<meta http-equiv[^>]*>", "", page).replace("<details>", "<details open>")
+    measured = shown.replace(
         "</body>",
         """<script>document.title = "over " + [...document.querySelectorAll(".scroll")].map(
         box => box.scrollWidth - box.clientWidth).join(" ")</script></body>""",
     )
     title = re.search(r"<title>over ([\d ]+)</title>", browse(tmp_path, measured, "--dump-dom").stdout)
     over = [int(one) for one in title.group(1).split()]
-    assert len(over) >= 5  # provenance, two paths, the lines and the circles
+    assert len(over) >= 7  # the best, the criteria, provenance, two paths, the lines and the circles
     assert over == [0] * len(over)
