@@ -120,6 +120,18 @@ def test_cursor_zoom_and_legend_hold_for_all_figures(planned, page, tmp_path):
 
 
 @pytest.mark.skipif(chromium() is None, reason="no Chromium here; .ci/run installs one")
+@pytest.mark.parametrize("width", [500, 800])
+def test_nothing_is_wider_than_the_window(page, tmp_path, width):
+    measuring = tmp_path / "measuring.html"
+    script = (
+        "<script>setTimeout(() => { document.title = `over ${document.documentElement.scrollWidth}` }, 200)</script>"
+    )
+    measuring.write_text(page.read_text(encoding="utf-8").replace("</body>", script + "</body>"), encoding="utf-8")
+    opened = browse(tmp_path, measuring, f"--window-size={width},900", "--hide-scrollbars")
+    assert re.search(r"<title>over (\d+)</title>", opened.stdout)[1] == str(width)
+
+
+@pytest.mark.skipif(chromium() is None, reason="no Chromium here; .ci/run installs one")
 def test_print_shows_the_still_figures(page, tmp_path):
     """Without scripts, as when printed, nothing of what a script draws is there."""
     text = page.read_text(encoding="utf-8")
