@@ -4,7 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from planner.plan import Plan, active_limits
+from planner.active_limits import active_limits
+from planner.plan import Plan
 
 MOST_RUNS = 2000
 """Changes of the active limit that are told."""
