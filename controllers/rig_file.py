@@ -319,9 +319,24 @@ RigSource = Rig | str | PathLike[str]
 
 
 def load_rig(name_or_path: RigSource) -> Rig:
-    """Load a rig from a preset name or a TOML file, with its machine and its tasks' motions; a rig stays as it is.
+    """Load a rig, with its machine and the motions of its tasks.
 
-    Raises FileError with every fault of the file; MotionError for an unknown name, with the nearest and all known ones.
+    Parameters
+    ----------
+    name_or_path
+        Name of a bundled rig, or path of a TOML file. A rig stays as it is.
+
+    Returns
+    -------
+    Rig
+        Machine, drives, card, host and tasks.
+
+    Raises
+    ------
+    FileError
+        The file has faults; all of them are told, with their lines.
+    MotionError
+        The name is unknown; the nearest and all known ones are told.
     """
     if isinstance(name_or_path, Rig):
         return name_or_path

@@ -356,11 +356,28 @@ def plan_many(
     address: str | None = None,
     progress: Progress | None = None,
 ) -> list[Plan | MotionError]:
-    """Plan many programs in parallel: a Plan, or the MotionError raised, for each, in order.
+    """Plan many programs in parallel.
 
-    order and clock_hz as of `plan`. address as of `run_on_cluster`: of a Dask scheduler; None: this computer's cores.
-    progress is told how many programs are done, and of how many. Raises MotionError where Dask is not installed or
-    nothing answers.
+    Parameters
+    ----------
+    programs
+        Each as it is, by name, or by the path of a file.
+    machine, order, clock_hz
+        As of `plan`.
+    address
+        Of a Dask scheduler (`run_on_cluster`). None: this computer's cores.
+    progress
+        Called with how many programs are done, and of how many.
+
+    Returns
+    -------
+    list
+        The Plan of each program, or the MotionError that it was refused with, in order.
+
+    Raises
+    ------
+    MotionError
+        Dask is not installed, or nothing answers at the address.
     """
     asked, machine = [load_program(program) for program in programs], load_machine(machine)
     found: dict[int, Plan | MotionError] = {}

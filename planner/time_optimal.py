@@ -28,17 +28,34 @@ def time_optimal(
     start_speed: float = 0.0,
     end_speed: float = 0.0,
 ) -> Solution:
-    """The fastest certified motion along s -> (n,) axis values, by default from rest to rest, stopping at corners.
+    """Find the fastest certified motion along s -> (n,) axis values, without a machine.
 
-    path: a SciPy piecewise polynomial (PPoly, CubicSpline, Akima, …, BSpline, BPoly) of any parameter; limits: scalars
-    or (n,), on |q̇|, |q̈| and, where given, |q⃛|, in units of the values per second; or (n, 2), towards smaller and
-    towards greater values. Corners are breaks where q′ jumps, and under a jerk limit also breaks where q″ jumps.
-    start_speed and end_speed are ṡ at the ends: how much of the parameter passes per second; under a jerk limit s̈ is 0
-    there. A stretch on which nothing moves is left out; where the path stands, q′ = 0, as where it turns back, the
-    motion rests or passes, whichever is the faster; straight stretches are timed by their way
-    (planner.path.polynomial), so that a corner on one straight line is none unless it turns back. Raises MotionError
-    for what is no path: a jump, a value that is not finite, nothing that moves; Infeasible for a speed at an end that
-    cannot be.
+    It stops at corners: breaks where q′ jumps, and under a jerk limit also where q″ jumps. A stretch on which nothing
+    moves is left out; where the path stands, q′ = 0, as where it turns back, the motion rests or passes, whichever is
+    the faster; straight stretches are timed by their way (planner.path.polynomial), so that a corner on one straight
+    line is none unless it turns back.
+
+    Parameters
+    ----------
+    path
+        A SciPy piecewise polynomial (PPoly, CubicSpline, Akima, …, BSpline, BPoly) of any parameter.
+    max_speed, max_acceleration, max_jerk
+        Bounds of |q̇|, |q̈| and, where given, |q⃛|, in units of the values per second: one number; (n,); or (n, 2),
+        towards smaller and towards greater values.
+    start_speed, end_speed
+        ṡ at the ends: how much of the parameter passes per second; under a jerk limit s̈ is 0 there.
+
+    Returns
+    -------
+    Solution
+        Trajectory and certificate.
+
+    Raises
+    ------
+    MotionError
+        It is no path: it jumps, has a value that is not finite, or nothing moves.
+    Infeasible
+        A speed at an end cannot be.
     """
     breaks, coefficients = _pieces(path)
     count = coefficients.shape[2]

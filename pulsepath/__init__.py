@@ -2,7 +2,7 @@
 
     import pulsepath as pp
 
-    plan = pp.plan(pp.load_program("circle"), pp.load_machine("hexapod"))
+    plan = pp.plan("circle", "hexapod")
     print(plan.trajectory.duration, plan.certificate)
 
 Names load when they are first used, so that importing this package costs nothing.

@@ -225,8 +225,28 @@ def animate(
 ) -> Path:
     """Write an animation of the machine along a plan as an HTML page, in 3-D and real time.
 
-    frames   how many, evenly from start to end; magnify: how many times the error of the pulses' path is drawn; 1 is
-             true scale, None as large as can be seen. Raises MotionError for a file that exists, unless `force`.
+    Parameters
+    ----------
+    plan
+        What `plan` or `load_plan` gave.
+    path
+        Of the page.
+    frames
+        How many, evenly from start to end.
+    magnify
+        How many times the error of the pulses' path is drawn; 1 is true scale. None: as large as can be seen.
+    force
+        Replace a file that is there.
+
+    Returns
+    -------
+    Path
+        Of the page.
+
+    Raises
+    ------
+    MotionError
+        The file exists.
     """
     target = Destination(Path(path), force=force, remedy="give force=True to replace it")
     target.write(document(plan, frames, magnify))

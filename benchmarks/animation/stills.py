@@ -54,9 +54,26 @@ def write_four_views(plan: AnimatablePlan, target: Destination, t: float | None,
 
 
 def four_views(plan: AnimatablePlan, t: float | None = None, *, magnify: float | None = None) -> "tuple[Axes, ...]":
-    """Draw the views top, front, side and 3-D in one figure with equal scales, in base-frame coordinates; returns axes.
+    """Draw the views top, front, side and 3-D in one figure with equal scales, in base-frame coordinates.
 
-    t: s from the start; None: half of the motion. magnify as in `animate`. Raises MotionError for t out of the motion.
+    Parameters
+    ----------
+    plan
+        What `plan` or `load_plan` gave.
+    t
+        s from the start. None: half of the motion.
+    magnify
+        As in `animate`.
+
+    Returns
+    -------
+    tuple
+        The axes of the four views.
+
+    Raises
+    ------
+    MotionError
+        t is out of the motion.
     """
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import LinearSegmentedColormap

@@ -226,13 +226,36 @@ def sweep(
     progress: Progress | None = None,
     tell: Callable[[str], None] = lambda text: None,
 ) -> SavedRuns:
-    """Run a grid and save the runs in `folder`; saved runs are reused.
+    """Run a grid of settings and save the runs; saved runs are reused.
 
-    address: of a Dask scheduler whose workers have this package; None: this computer's cores, through Dask where it is
-    installed, else through processes of our own, and `tell` is told so. progress is told how many runs are done, and of
-    how many. A worker that dies costs its batch's time: others take it over. Raises MotionError for a task that the
-    rig has not, where nothing answers at the address, and, after all others are kept, for runs that no worker
-    survived.
+    A worker that dies costs its batch's time: others take it over.
+
+    Parameters
+    ----------
+    grid
+        Laws, gains, tasks and variations.
+    rig
+        As stated.
+    folder
+        That keeps the runs.
+    address
+        Of a Dask scheduler whose workers have this package. None: this computer's cores, through Dask where it is
+        installed, else through processes of our own.
+    progress
+        Called with how many runs are done, and of how many.
+    tell
+        Called with where it is run.
+
+    Returns
+    -------
+    SavedRuns
+        Every run of the grid.
+
+    Raises
+    ------
+    MotionError
+        The rig does not have a task, nothing answers at the address, or, after all others are kept, no worker survived
+        some runs.
     """
     facts = described(grid, rig)  # refuses what the rig has not, before there is a folder
     cells, digests, store = list(grid), Digests(rig), Store(folder)

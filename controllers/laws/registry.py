@@ -36,9 +36,26 @@ def law_names() -> tuple[str, ...]:
 
 
 def find_law(name: str, rig: Rig | None = None, **gains: Gain) -> AnyLaw:
-    """The law of a number ("6") or name ("closed-position"), with given gains. Raises MotionError.
+    """Find a tracking law by number or name.
 
-    rig  whose nominal axes a law by model is to assume; it must be the rig as stated, also where others are tried
+    Parameters
+    ----------
+    name
+        "6" or "closed-position"; `law_names` lists the names.
+    rig
+        Whose nominal axes a law by model is to assume; it must be the rig as stated, also where others are tried.
+    gains
+        The law's gains, each a number or (B, 1) with one value for each run of a batch.
+
+    Returns
+    -------
+    Law
+        With the given gains, and its usual ones where none are given.
+
+    Raises
+    ------
+    MotionError
+        The name or a gain is unknown; the nearest is told.
     """
     for known, make in LAWS.items():
         if name in known:

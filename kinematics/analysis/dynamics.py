@@ -267,18 +267,37 @@ def forces(
     legs: Leg | Sequence[Leg] | None = None,
     reflected: ArrayLike | None = None,
 ) -> Forces:
-    """Actuator forces of a motion by inverse dynamics at each of its N instants.
-
-    motion     a `Motion`, or the state of a trajectory at N times
-    platform   what moves with the platform's (tool's) frame, in that frame
-    wrench     (6,) or (N, 6) N and N·m that act on the platform from outside at its origin, in the base frame
-    gravity    (3,) m/s² in the base frame
-    legs       a hexapod's leg, or six: then they have inertia, in closed loops
-    reflected  kg or kg·m², one or (n,): rotors and screws as each axis feels them; adds reflected · q̈ to its force
+    """Find the actuator forces of a motion by inverse dynamics, at each of its N instants.
 
     What is not given is as the machine states it (`Machine.load`, its axes), friction always; mostly that is nothing.
-    An arm's links weigh what its URDF says. Raises MotionError for a singular pose, for what does not fit the machine,
-    and where pinocchio is needed (legs, arm) but not installed.
+    An arm's links weigh what its URDF says.
+
+    Parameters
+    ----------
+    machine
+        That the motion is of.
+    motion
+        A `Motion`, or the state of a trajectory at N times.
+    platform
+        What moves with the platform's (tool's) frame, in that frame.
+    wrench
+        (6,) or (N, 6) N and N·m that act on the platform from outside at its origin, in the base frame.
+    gravity
+        (3,) m/s² in the base frame.
+    legs
+        A hexapod's leg, or six: then they have inertia, in closed loops.
+    reflected
+        kg or kg·m², one or (n,): rotors and screws as each axis feels them; adds reflected · q̈ to its force.
+
+    Returns
+    -------
+    Forces
+        (N, n) N or N·m, and the power.
+
+    Raises
+    ------
+    MotionError
+        A pose is singular, something does not fit the machine, or pinocchio is needed (legs, arm) and not installed.
     """
     moving = _check_motion(machine, motion if isinstance(motion, Motion) else motion_of_axes(machine, motion))
     n, count, name = len(machine.axes), len(moving), f"machine {machine.name}"

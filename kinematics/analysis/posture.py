@@ -167,10 +167,28 @@ class Posture(Result):
 
 
 def posture_of_pose(machine: MachineSource, pose: PoseLike, near: ArrayLike | None = None) -> Posture:
-    """Inverse kinematics of a pose in the base frame: lengths, tilts, margins and proof.
+    """Solve the inverse kinematics of a pose in the base frame: lengths, tilts, margins and proof.
 
-    near (n,) picks the branch, as in `Machine.inverse`. Raises OutOfReach where no coordinates lead there, and
-    MotionError for a pose that is none, or several.
+    Parameters
+    ----------
+    machine
+        The machine, its name, or the path of its file.
+    pose
+        One pose, or its numbers.
+    near
+        (n,) picks the branch, as in `Machine.inverse`.
+
+    Returns
+    -------
+    Posture
+        Coordinates, tilts, margins and proof.
+
+    Raises
+    ------
+    OutOfReach
+        No coordinates lead there.
+    MotionError
+        It is no pose, or several.
     """
     machine = load_machine(machine)
     pose = machine.read_pose(pose)
@@ -181,10 +199,28 @@ def posture_of_pose(machine: MachineSource, pose: PoseLike, near: ArrayLike | No
 
 
 def posture_of_axes(machine: MachineSource, q: ArrayLike, near: Pose | None = None) -> Posture:
-    """Forward kinematics of coordinates (n,), from `near` (default: home): pose, tilts, margins and proof.
+    """Solve the forward kinematics of coordinates: pose, tilts, margins and proof about the way from home.
 
-    The proof is about the way from home. Raises OutOfReach where no pose has these coordinates, and MotionError for
-    what are none, or several rows of them.
+    Parameters
+    ----------
+    machine
+        The machine, its name, or the path of its file.
+    q
+        (n,) m or rad.
+    near
+        Pose from which it is looked for. None: home.
+
+    Returns
+    -------
+    Posture
+        Pose, tilts, margins and proof.
+
+    Raises
+    ------
+    OutOfReach
+        No pose has these coordinates.
+    MotionError
+        They are none, or several rows of them.
     """
     machine = load_machine(machine)
     rows = np.asarray(q, float)

@@ -244,12 +244,30 @@ def workspace(
     rotation: Rotation | None = None,
     cells: int = 32,
 ) -> Workspace:
-    """The workspace at one orientation (default: home's), under travel, tilt and clearance together.
+    """Find the workspace at one orientation, under travel, tilt and clearance together.
 
-    x, y, z  (low, high) m in the base frame; one number: held there; None: as far as the machine reaches from home
-    cells    of the grid along every side
+    Parameters
+    ----------
+    machine
+        The machine, its name, or the path of its file.
+    x, y, z
+        (low, high) m in the base frame; one number: held there. None: as far as the machine reaches from home.
+    rotation
+        Of the platform in the base frame. None: home's.
+    cells
+        Of the grid along every side.
 
-    Raises OutOfReach where the machine does not control what is asked, MotionError where a range is none.
+    Returns
+    -------
+    Workspace
+        What is proved to be inside, and what is seen to be.
+
+    Raises
+    ------
+    OutOfReach
+        The machine does not control what is asked.
+    MotionError
+        A range is none.
     """
     machine = load_machine(machine)
     if not isinstance(cells, Integral) or isinstance(cells, bool) or cells < 1:

@@ -102,18 +102,34 @@ def calibrate(
     *,
     use: Use | None = None,
 ) -> Calibration:
-    """Identify the parameters of `parts` (see PARTS) by maximum likelihood under the measurements' noise.
-
-    use  "position" or "all" that was measured; None: positions and rotations, not the direction of an axis alone,
-         since that asks for a model of how the measuring frame is tilted
+    """Identify a machine's parameters by maximum likelihood under the measurements' noise.
 
     Standard errors: of a stated noise, multiplied by `scale` where that exceeds 1 (the factor of the Particle Data
     Group); of a noise that is not stated, by `scale` itself, one radian of rotation counting as the machine's
     characteristic length. Combinations that the data do not show stay as they are at the nominal parameters, with the
     frame that carries commanded poses nearest to the measured ones.
-    Checks that the machine cannot be sent to are left out, and named in `Calibration.skipped`. Raises MotionError for
-    an unknown part, fewer values than parameters, fitted poses that the machine cannot be sent to, a search that does
-    not converge, and measurements that contradict the machine; never gives parameters that explain them worse.
+
+    Parameters
+    ----------
+    machine, measured
+        As they are, by name, or by the path of a file.
+    parts
+        Which parameters, see PARTS.
+    use
+        "position" or "all" that was measured. None: positions and rotations, not the direction of an axis alone, since
+        that asks for a model of how the measuring frame is tilted.
+
+    Returns
+    -------
+    Calibration
+        Parameters that never explain the data worse than the nominal ones, and the machine that has them. Checks that
+        the machine cannot be sent to are left out, and named in `Calibration.skipped`.
+
+    Raises
+    ------
+    MotionError
+        A part is unknown, there are fewer values than parameters, the machine cannot be sent to fitted poses, the
+        search does not converge, or measurements contradict the machine.
     """
     machine, measured = load_machine(machine), load_measurements(measured)
     _check_arguments(machine, measured, use)

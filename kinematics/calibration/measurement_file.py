@@ -32,13 +32,29 @@ MeasurementSource = Measurements | str | PathLike[str]
 
 
 def load_measurements(name_or_path: MeasurementSource) -> Measurements:
-    """Load measurements from a preset name or a TOML file; what are measurements already stays as it is.
+    """Load measurements of poses.
 
     Each [[pose]] says what was commanded and what was measured, from the home pose, in one of two ways: commanded and
     measured, both x, y, z, θx, θy, θz (measured: or x, y, z alone); or, as coordinate measuring machines see a plane,
     desired = x, y, z and the direction angles α, β, γ of the platform's z axis, and error = desired − measured. Each
     [[rotation]] is a check that nothing is fitted to: direction angles of a turn θ, at the position `at`.
-    Raises FileError with every fault of the file; MotionError for an unknown name, with the nearest and all known ones.
+
+    Parameters
+    ----------
+    name_or_path
+        Name of bundled measurements, or path of a TOML file. Measurements stay as they are.
+
+    Returns
+    -------
+    Measurements
+        Commanded and measured poses, and what is known of their noise.
+
+    Raises
+    ------
+    FileError
+        The file has faults; all of them are told, with their lines.
+    MotionError
+        The name is unknown; the nearest and all known ones are told.
     """
     if isinstance(name_or_path, Measurements):
         return name_or_path

@@ -144,7 +144,7 @@ def error_budget(
     near: ArrayLike | None = None,
     tool: ArrayLike | None = None,
 ) -> Budget:
-    """Error budget of a machine at N poses, such as along a path, to first order in the errors.
+    """Find the error budget of a machine at N poses, such as along a path, to first order in the errors.
 
     Every source gives the error A z of the axes and B z + bias of the platform, for independent variables |z| ≤ 1 of
     variance v. With J of what the machine controls (what it holds gets no error from the axes, what follows follows):
@@ -153,10 +153,31 @@ def error_budget(
 
     For the quantization by the pulse p that is Σ = J⁻¹ (p²/12) J⁻ᵀ and spreadᵢ = Σⱼ |J⁻¹ᵢⱼ| p/2.
 
-    near  (n,) branch and turn of the poses, as in `machine.inverse`
-    tool  (3,) m: the point in the platform's frame whose error is asked for; its origin by default. It is not part of
-          what `Temperature` lets grow.
-    Raises OutOfReach for a pose off the machine, MotionError for a singular one, and what the sources raise.
+    Parameters
+    ----------
+    machine
+        The machine, its name, or the path of its file.
+    pose
+        One or N in the base frame.
+    sources
+        Of error, such as `Quantization`.
+    near
+        (n,) branch and turn of the poses, as in `machine.inverse`.
+    tool
+        (3,) m: the point in the platform's frame whose error is asked for; its origin by default. It is not part of
+        what `Temperature` lets grow.
+
+    Returns
+    -------
+    Budget
+        Errors by source and in total.
+
+    Raises
+    ------
+    OutOfReach
+        A pose is off the machine.
+    MotionError
+        A pose is singular; and what the sources raise.
     """
     machine = load_machine(machine)
     if not isinstance(sources, Sequence) or not all(hasattr(source, "effect") for source in sources):

@@ -209,10 +209,27 @@ _CRITERIA: dict[str, tuple[str, Callable[[AnyPart, float], float | None]]] = {
 def select_parts(parts: Sequence[Part], need: ActuatorNeed | JointNeed, by: str = "cost") -> Selection[Part]:
     """Rank the parts that meet the requirements; list the reasons against all others.
 
-    by  "cost", "mass", "precision" or "reserve": parts of which it is not stated come last; ties go to the larger
-        reserve, then to the catalogue's order
-    A property that is needed but not stated counts as not offered. Raises MotionError for a need of the other kind of
-    part, an empty need and an unknown criterion.
+    A property that is needed but not stated counts as not offered.
+
+    Parameters
+    ----------
+    parts
+        Actuators or joints, as from a catalogue.
+    need
+        What they must offer.
+    by
+        "cost", "mass", "precision" or "reserve": parts of which it is not stated come last; ties go to the larger
+        reserve, then to the catalogue's order.
+
+    Returns
+    -------
+    Selection
+        Feasible parts, the best first, and refusals with their reasons.
+
+    Raises
+    ------
+    MotionError
+        The need is one of the other kind of part or empty, or the criterion is unknown.
     """
     if by not in _CRITERIA:
         raise MotionError(f'no criterion "{by}"{nearest(by, _CRITERIA)}; criteria: {", ".join(_CRITERIA)}')

@@ -74,11 +74,28 @@ class Machine(MachineModel, Result):
         return self.derive(has_load, of_load=True)
 
     def forward(self, q: ArrayLike, near: Pose | None = None, *, certify: bool = True) -> Forward:
-        """The pose of actuator coordinates q (N, n) or (n,), by Newton on SE(3) from `near` (home by default).
+        """Find the pose of actuator coordinates, by Newton on SE(3).
 
-        certify=False leaves the proof out, which takes most of the time: nothing is certified then. Raises MotionError
-        for coordinates that are none, OutOfReach where no pose is found that has the lengths q (n,); among several,
-        their `residual` tells.
+        Parameters
+        ----------
+        q
+            (N, n) or (n,), m or rad.
+        near
+            The pose from which it is looked for, or one for each row. None: home.
+        certify
+            False leaves the proof out, which takes most of the time: nothing is certified then.
+
+        Returns
+        -------
+        Forward
+            Pose, residual, and whether it is proved to be connected with `near`.
+
+        Raises
+        ------
+        MotionError
+            They are no coordinates.
+        OutOfReach
+            No pose is found that has the lengths q (n,); among several, their `residual` tells.
         """
         # numbers could as well be the coordinates that inverse takes as its near
         if not (near is None or isinstance(near, Pose)):
@@ -89,9 +106,19 @@ class Machine(MachineModel, Result):
         return solve(self, q, self.home if near is None else near, certify)
 
     def check(self, pose: PoseLike, near: ArrayLike | None = None) -> Margins:
-        """Travel, tilt and clearance against their limits, conditioning, and distance to the nearest singularity.
+        """Measure travel, tilt and clearance against their limits, conditioning, and how near a singularity is.
 
-        near (n,) as in `inverse`: which of a pose's coordinates are meant, where there are several.
+        Parameters
+        ----------
+        pose
+            One or N in the base frame, as of `inverse`.
+        near
+            (n,) as in `inverse`: which of a pose's coordinates are meant, where there are several.
+
+        Returns
+        -------
+        Margins
+            Use of each limit at each pose.
         """
         return measure(self, self.read_pose(pose), near)
 

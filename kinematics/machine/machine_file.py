@@ -91,9 +91,24 @@ MachineSource = Machine | str | PathLike[str]
 
 
 def load_machine(name_or_path: MachineSource) -> Machine:
-    """Load a machine from a preset name or a TOML file; one that is a machine already stays as it is.
+    """Load a machine.
 
-    Raises FileError with every fault of the file; MotionError for an unknown name, with the nearest and all known ones.
+    Parameters
+    ----------
+    name_or_path
+        Name of a bundled machine, or path of a TOML file. A machine stays as it is.
+
+    Returns
+    -------
+    Machine
+        Named after its file.
+
+    Raises
+    ------
+    FileError
+        The file has faults; all of them are told, with their lines.
+    MotionError
+        The name is unknown; the nearest and all known ones are told.
     """
     if isinstance(name_or_path, Machine):
         return name_or_path

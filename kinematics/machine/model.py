@@ -222,10 +222,26 @@ class MachineModel(Kind):
         return np.concatenate([x, np.broadcast_to(near, (len(x), len(self.axes)))], 1)
 
     def inverse(self, pose: PoseLike, near: ArrayLike | None = None) -> Array:
-        """Actuator coordinates q (N, n) of N poses, (n,) of one; a pose may be numbers, see `read_pose`.
+        """Find the actuator coordinates of poses.
 
-        near (n,) picks branch and turn where there are several (home's by default). Raises OutOfReach where no solution
-        exists: too far, or off the machine's freedom; MotionError for what is no pose, such as a mirrored one.
+        Parameters
+        ----------
+        pose
+            One or N in the base frame: a RigidTransform, or numbers as of `read_pose`.
+        near
+            (n,) picks branch and turn where there are several. None: home's.
+
+        Returns
+        -------
+        q
+            (n,) of one pose, (N, n) of N: m or rad.
+
+        Raises
+        ------
+        OutOfReach
+            No solution exists: too far, or off the machine's freedom.
+        MotionError
+            It is no pose, such as a mirrored one.
         """
         pose = self.read_pose(pose)
         q = self.locate_pose(pose, near)[1]
@@ -257,10 +273,26 @@ class MachineModel(Kind):
         return np.asarray(~(np.isfinite(q) & (q >= (0.0 if self.lengths else -np.inf))).all(1))
 
     def jacobian(self, pose: PoseLike, near: ArrayLike | None = None) -> Array:
-        """J (N, n, 6) of N poses, (n, 6) of one: dq = J [dx, dy, dz, wx, wy, wz] in the base frame.
+        """Find the Jacobian at poses: dq = J [dx, dy, dz, wx, wy, wz] in the base frame.
 
-        The velocity is that of the platform's origin, the reference point. near as in `inverse`. Raises what `inverse`
-        does, and MotionError where coordinates have no finite rates: an arm stretched out, a leg of no length.
+        The velocity is that of the platform's origin, the reference point.
+
+        Parameters
+        ----------
+        pose, near
+            As of `inverse`.
+
+        Returns
+        -------
+        J
+            (n, 6) of one pose, (N, n, 6) of N.
+
+        Raises
+        ------
+        OutOfReach
+            As `inverse`.
+        MotionError
+            As `inverse`; and where coordinates have no finite rates: an arm stretched out, a leg of no length.
         """
         pose = self.read_pose(pose)
         x, q = self.locate_pose(pose, near)

@@ -207,14 +207,31 @@ class Classical(Result):
 
 
 def classical(plan: Plan | Course, kind: str = "trapezoid") -> Classical:
-    """The baseline timing of a program, planned or not, as fast as its kind allows within the same limits.
+    """Find the baseline timing of a program, planned or not, as fast as its kind allows within the same limits.
 
     Along the path: "trapezoid", "s-curve" (seven pieces of constant jerk) and "quarter-sine", in arc length, each run
     the quickest of its kind, scaled until certified; all but the s-curve at order 2, since their accelerations step.
     Between poses: "synchronised" [Sahbaz 2007] and "independent" [Sasidhar 1981], trapezoids of every axis at its own
     limits of speed and acceleration, certified for these and for travel; the deviation says how far they leave the
     path. Every join is a stop, from rest to rest, also where the program begins or ends at a speed, and no speed is
-    kept constant. Raises MotionError for another kind, an s-curve without jerk limits, or where no proof is found.
+    kept constant.
+
+    Parameters
+    ----------
+    plan
+        A plan, or the course of a program that is not timed.
+    kind
+        One of those above.
+
+    Returns
+    -------
+    Classical
+        Trajectory and certificate.
+
+    Raises
+    ------
+    MotionError
+        The kind is unknown, an s-curve has no jerk limits, or no proof is found.
     """
     if kind in MOVE_RAMPS:
         return _time_moves(plan, kind)

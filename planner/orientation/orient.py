@@ -36,11 +36,29 @@ def orient(
 ) -> Program:
     """Choose the orientation of a program's free segments.
 
-    "time": as fast as the machine's limits on speed and acceleration allow, and at the order planned (None: as `plan`
-    has it) never slower than as the program says, where that is feasible; "tilt": the largest tilt of any joint as
-    small as can be; "feasible": as far inside travel and tilt as can be. Neighbouring free segments are chosen
-    together; they begin, and unless they end the program also end, in the orientation that it says.
-    Raises MotionError where the machine does not control what is left free.
+    Neighbouring free segments are chosen together; they begin, and unless they end the program also end, in the
+    orientation that it says.
+
+    Parameters
+    ----------
+    program, machine
+        As they are, by name, or by the path of a file.
+    objective
+        "time": as fast as the machine's limits on speed and acceleration allow, and never slower than as the program
+        says, where that is feasible. "tilt": the largest tilt of any joint as small as can be. "feasible": as far
+        inside travel and tilt as can be.
+    order
+        Of the plans that are compared. None: as `plan` has it.
+
+    Returns
+    -------
+    Program
+        The program with its orientations chosen; itself where none is free.
+
+    Raises
+    ------
+    MotionError
+        The machine does not control what is left free.
     """
     program, machine = load_program(program), load_machine(machine)
     if objective not in get_args(Objective):

@@ -279,9 +279,24 @@ ProgramSource = Program | str | PathLike[str]
 
 
 def load_program(name_or_path: ProgramSource) -> Program:
-    """Load a program from a preset name or a TOML file; one that is a program already stays as it is.
+    """Load a program.
 
-    Raises FileError with every fault of the file; MotionError for an unknown name, with the nearest and all known ones.
+    Parameters
+    ----------
+    name_or_path
+        Name of a bundled program, or path of a TOML file. A program stays as it is.
+
+    Returns
+    -------
+    Program
+        Named after its file, in SI units.
+
+    Raises
+    ------
+    FileError
+        The file has faults; all of them are told, with their lines.
+    MotionError
+        The name is unknown; the nearest and all known ones are told.
     """
     if isinstance(name_or_path, Program):
         return name_or_path

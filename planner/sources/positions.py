@@ -49,9 +49,24 @@ _ARM = re.compile(rf"PointL([123])_(\d{{5}}){_VALUE}", re.ASCII)
 
 
 def load_positions(path: str | PathLike[str], **options: Any) -> PositionList:
-    """Load poses from a CSV file or a file of the three-armed machine; options: the fields of `Positions`.
+    """Load poses from a CSV file or a file of the three-armed machine.
 
-    Raises FileError with the faults of the file.
+    Parameters
+    ----------
+    path
+        Of the file.
+    options
+        The fields of `Positions`.
+
+    Returns
+    -------
+    PositionList
+        Poses and dwells.
+
+    Raises
+    ------
+    FileError
+        The file has faults; all of them are told.
     """
     return Positions(**options).load(Path(path))[0]
 

@@ -159,9 +159,26 @@ def stream_program(path: Path, source: Source) -> Imported:
 def import_program(path: str | PathLike[str], format: str | None = None, **options: Any) -> Imported:
     """Import a program from a file of another format, with a summary of what was read.
 
-    format   its name, as SOURCES has it; None: by the file's suffix
-    options  the fields of the format's dataclass, in SI units
-    Raises FileError with every fault of the file; MotionError for an unknown format or option.
+    Parameters
+    ----------
+    path
+        Of the file.
+    format
+        Its name, as SOURCES has it. None: by the file's suffix.
+    options
+        The fields of the format's dataclass, in SI units.
+
+    Returns
+    -------
+    Imported
+        The program, what was read, and warnings.
+
+    Raises
+    ------
+    FileError
+        The file has faults; all of them are told.
+    MotionError
+        The format or an option is unknown.
     """
     kind = find_source(source_name(Path(path)) if format is None else format)
     try:

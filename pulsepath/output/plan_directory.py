@@ -253,10 +253,24 @@ def _write_report(page: Path, job: Job, verdict: PulseCheck) -> None:
 
 
 def load_plan(folder: str | PathLike[str], unverified: bool = False) -> StoredPlan:
-    """The plan that `pulsepath plan` wrote into a folder: its files are as they were, and its motion is proved again.
+    """Load the plan that `pulsepath plan` wrote into a folder; its motion is proved again.
 
-    Its trajectory, machine and program are as they were planned, and `.pulses()` is their schedule. Raises MotionError
-    where there is none, or where that does not hold; unverified: it then has doubts instead, and nothing is proved.
+    Parameters
+    ----------
+    folder
+        That holds plan.json and the other files, as they were written.
+    unverified
+        Take what does not hold too: it then has doubts, and nothing is proved.
+
+    Returns
+    -------
+    StoredPlan
+        Trajectory, machine and program as they were planned; `.pulses()` is their schedule.
+
+    Raises
+    ------
+    MotionError
+        There is no plan, or it does not hold.
     """
     return _load(Path(folder), unverified, nullcontext())
 

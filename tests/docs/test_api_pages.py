@@ -1,5 +1,6 @@
 """Every public name stands on exactly one page of the API, and docstrings come out as they were written."""
 
+import inspect
 import re
 import sys
 from collections import Counter
@@ -37,3 +38,57 @@ def test_every_public_name_is_on_exactly_one_page():
 )
 def test_docstrings_become_what_rest_shows_as_they_stand(text, rest):
     assert as_rest(text) == rest
+
+
+TABLE = """One line.
+
+Parameters
+----------
+a, b
+    q* of it,
+    in m.
+
+Returns
+-------
+Thing
+    What:
+
+        x = s
+
+Notes
+-----
+More."""
+
+
+def test_sections_of_numpydoc_become_tables():
+    shown = as_rest(TABLE)
+    assert shown.startswith("One line.\n\n.. rubric:: Parameters\n\n.. list-table::\n")
+    assert "   * - ``a, b``\n     - q\\* of it,\n       in m.\n" in shown
+    assert "   * - ``Thing``\n     - What:\n\n       ::\n\n          x = s" in shown
+    assert shown.endswith(".. rubric:: Notes\n\nMore.")
+
+
+SECTION = re.compile(r"^Parameters\n-+\n(.*?)(?=^\w+\n-+$|\Z)", re.MULTILINE | re.DOTALL)
+
+
+OURS = {"kinematics", "planner", "controllers", "benchmarks", "pulsepath"}
+
+
+def described():
+    """Public functions and methods of ours, and the parameters that the table of each has."""
+    for value in (getattr(pulsepath, name) for name in pulsepath.__all__):
+        functions = (
+            [own for kind in value.__mro__ for own in vars(kind).values()] if inspect.isclass(value) else [value]
+        )
+        for function in filter(inspect.isfunction, functions):
+            found = SECTION.search(inspect.getdoc(function) or "")
+            if found and function.__module__.partition(".")[0] in OURS:
+                names = re.findall(r"^\S.*$", found[1], re.MULTILINE)
+                yield function, [each for line in names for each in line.split(", ")]
+
+
+def test_tables_have_every_parameter_and_no_other():
+    seen = {function.__qualname__: (function, names) for function, names in described()}
+    assert len(seen) >= 25
+    for function, names in seen.values():
+        assert names == [name for name in inspect.signature(function).parameters if name != "self"], function

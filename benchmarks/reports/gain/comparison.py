@@ -205,10 +205,25 @@ class Comparison(Result):
 
 
 def compare(sources: Sequence[SavedRuns], baseline: str | None = None) -> Comparison:
-    """Compare every setting of the saved runs on every path.
+    """Compare every setting of saved runs on every path.
 
-    baseline: as `read_setting` reads it, of the first runs that have it. Without one it is `DEFAULT_BASELINE` where
-    that was run, else the first setting. Raises MotionError where there are no runs, or not those of the baseline.
+    Parameters
+    ----------
+    sources
+        Runs of one sweep or several.
+    baseline
+        As `read_setting` reads it, of the first runs that have it. None: `DEFAULT_BASELINE` where that was run, else
+        the first setting.
+
+    Returns
+    -------
+    Comparison
+        The settings, ranked.
+
+    Raises
+    ------
+    MotionError
+        There are no runs, or not those of the baseline.
     """
     groups: dict[tuple[SettingEntry, str], dict[Pairing, RunResult]] = {}
     for n, source in enumerate(sources):
