@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from controllers.card import Command
-from controllers.laws.law import AnyLaw, Feedback, Memory, Reference, begin_law, step_law
+from controllers.laws.law import AnyLaw, Feedback, Memory, Reference, StatefulLaw, begin_law, step_law
 from controllers.laws.registry import find_law
 from controllers.rig import Rig, Timer
 from controllers.rig_choice import choose_rig
@@ -153,7 +153,10 @@ class Tracking(Result):
 
 def motion_of(plan: AxesMotion | HasTrajectory) -> AxesMotion:
     """The motion that a plan holds, or that is given as it is."""
-    return plan.trajectory if hasattr(plan, "trajectory") else plan
+    motion = plan.trajectory if hasattr(plan, "trajectory") else plan
+    if not hasattr(motion, "duration"):
+        raise MotionError(f"a plan or its trajectory is needed, not {plan!r:.80}; plan(program, machine) makes one")
+    return motion
 
 
 def track(
@@ -201,6 +204,8 @@ def track(
     """
     machine = load_machine(machine)
     law = find_law(law) if isinstance(law, str) else law
+    if not isinstance(law, StatefulLaw) and not hasattr(law, "command"):
+        raise MotionError(f"track: a law is needed, or its number or name as a text, not {law!r:.80}")
     return _track_lanes(plan, machine, law, [law], rig=rig, dt=dt, settle=settle, period=period, progress=progress)[0]
 
 

@@ -170,7 +170,7 @@ def plan_parts(
         raise MotionError(f"program {program.name} on {machine.name} {why}: that is planned as a whole only")
     order = usual_order(machine.axes) if order is None else order
     paced = pace_axes(machine.axes, clock_hz, rule)
-    find_limits = partial(limits_of, axes=paced, order=order, own=tuple(limits))
+    find_limits = partial(limits_of, axes=paced, order=order, own=limits)
     planner = WindowPlanner(machine, find_limits, order, program.tool, pieces)
     steps = _Steps(walk_path(program, machine))
     start, standing = Start(), None

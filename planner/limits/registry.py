@@ -64,6 +64,8 @@ def limits_of(path: ActuatorPath, axes: Sequence[Axis], order: int, own: Sequenc
 
 def make_own_limits(path: ActuatorPath, own: Sequence[OwnLimit]) -> Iterator[Limit]:
     """A caller's own limits along a path. Raises MotionError for what is none, and for one that is not whole."""
+    if not isinstance(own, Sequence):
+        raise MotionError(f"limits must be a list of limits, as [PayloadAcceleration()], not {own!r:.80}")
     for given in own:
         made: object = given
         if not isinstance(given, Limit | type) and callable(given) and isinstance(path, MachinePath):

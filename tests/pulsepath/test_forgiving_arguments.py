@@ -63,6 +63,13 @@ def test_tracking_takes_names_of_machine_law_and_rig(hexapod):
     assert pp.evaluate(named, plan, "hexapod").contour.max == pp.evaluate(made, plan, hexapod).contour.max
 
 
+def test_what_is_no_plan_or_law_is_refused(hexapod):
+    with pytest.raises(pp.MotionError, match="a plan or its trajectory is needed, not 'circle'"):
+        pp.track("circle", hexapod, "6")
+    with pytest.raises(pp.MotionError, match="a law is needed, or its number or name as a text, not 6"):
+        pp.track(LIFT, hexapod, 6)
+
+
 @pytest.mark.parametrize(
     ("program", "machine", "told"),
     [

@@ -166,6 +166,15 @@ def test_what_is_no_limit_is_refused(machine, given, told):
         plan(WAY, machine, order=2, limits=[given])
 
 
+@pytest.mark.parametrize("given", [PayloadAcceleration(), None, 0.3])
+def test_limits_are_a_list(machine, given):
+    for ask in (plan, check):
+        with pytest.raises(MotionError, match="limits must be a list of limits"):
+            ask(WAY, machine, limits=given)
+    with pytest.raises(MotionError, match="limits must be a list of limits"):
+        next(plan_parts(WAY, machine, limits=given))
+
+
 def test_one_name_stands_for_one_limit(machine):
     with pytest.raises(MotionError, match="already"):
         plan(WAY, machine, order=2, limits=[PayloadAcceleration(), PayloadAcceleration()])
