@@ -93,7 +93,7 @@ class Gcode:
             if not is_ignorable(word):
                 raise MotionError(
                     f'ignore "{word}" cannot be ignored: it is not a word, it is supported, or it changes the path; '
-                    "words that may be ignored are M, S, T, H, D, and G codes without a path, as G54"
+                    "words that may be ignored are M, S, T, H, D, E, and G codes without a path, as G54"
                 )
 
     @property

@@ -148,7 +148,8 @@ class GcodeRun:
                 silent.append((letter, value))
             else:
                 word = f"{letter}{value:g}"
-                remedy = f', or skip it by the option ignore="{word}"' if is_ignorable(word) else ""
+                every = letter if is_ignorable(letter) and letter != "M" else word
+                remedy = f', or skip it by the option ignore="{every}"' if is_ignorable(word) else ""
                 raise WordFault(given + text, f"{given}{text[:20]} is not supported; take it out{remedy}")
         for letter, owner in (("L", codes.get("once") == 10), ("Q", codes.get("join") == 64)):
             if letter in values and not owner:

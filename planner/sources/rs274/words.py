@@ -170,8 +170,8 @@ def _find_odd_character(line: str) -> tuple[int, str]:
 
 MACHINING_WORDS = frozenset({"S", "T", *(f"M{number}" for number in (3, 4, 5, 6, 7, 8, 9, 19)), "G97"})
 """Of spindle, coolant and tool: they leave the path as it is, and are skipped unless the user wants them refused."""
-IGNORABLE_LETTERS = frozenset("STHD")
-"""Speed of the spindle, tool, and the numbers of its offsets: letters that may be left out with any number."""
+IGNORABLE_LETTERS = frozenset("STHDE")
+"""Speed of the spindle, tool, the numbers of its offsets, and what a printer extrudes: left out with any number."""
 IGNORABLE_G = frozenset({40.0, 43.0, 49.0, *SYSTEMS, 80.0, 97.0, 98.0, 99.0})
 """Offsets of tool and work, and modes of cycles and spindles; none is a path by itself. Some are read in any case."""
 PROGRAM_FLOW_M = frozenset({2.0, 30.0, *map(float, range(96, 100))})

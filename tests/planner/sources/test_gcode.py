@@ -323,6 +323,15 @@ def test_a_fault_of_an_arc_makes_none_of_what_follows(read):
     assert [fault.line for fault in refused.value.faults] == [2]
 
 
+def test_what_a_printer_extrudes_is_left_out_when_asked(read):
+    text = "G21\nM104 S200\nG92 E0\nG1 X10 E0.5 F1500\nG1 E-2 F2400\nG1 X20 E1.0\n"
+    with pytest.raises(MotionError, match='skip it by the option ignore="E"'):
+        read(text)
+    done = read(text, ignore="E M104")
+    assert [line.to[0] for line in done.program.segments] == [0.01, 0.02]
+    assert "skipped E (4x)" in done.warnings
+
+
 def test_words_are_left_out_on_demand_and_counted(read):
     text = "G54 G0 X1 S100 M03\nT1 M6\nG43 H1 Z5\nM5 M9"
     done = read(text, ignore="S T M3 M6, H g43 M5 M09 G54")
@@ -331,7 +340,7 @@ def test_words_are_left_out_on_demand_and_counted(read):
     assert "skipped M3 (1x)" in done.warnings
     with pytest.raises(FileError, match="G43 is not supported"):
         read(text, ignore="S T M H")
-    for word in ("G92", "G28", "X", "M98", "M30", "G1", "E", "G", "F", "?"):  # their words would be taken for a path
+    for word in ("G92", "G28", "X", "M98", "M30", "G1", "G", "F", "?"):  # their words would be taken for a path
         with pytest.raises(MotionError, match="cannot be ignored"):
             read(text, ignore=word)
 
