@@ -28,6 +28,7 @@ from planner.parallel import Progress, ignore_progress
 if TYPE_CHECKING:
     from kinematics.machine.machine import Machine
     from planner.pulses.motion import AxesMotion
+    from planner.shaping.shaped_proof import ShapedProof
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +92,7 @@ class SideBySide:
 
 
 class HasTrajectory(Protocol):
-    """A plan: it holds its motion."""
+    """A plan: it holds its motion, and where its axes have input shapers, as `shaped`, the one behind them."""
 
     @property
     def trajectory(self) -> AxesMotion: ...
@@ -152,11 +153,12 @@ class Tracking(Result):
 
 
 def motion_of(plan: AxesMotion | HasTrajectory) -> AxesMotion:
-    """The motion that a plan holds, or that is given as it is."""
+    """The motion that a plan holds, behind its input shapers if there are any, or that is given as it is."""
     motion = plan.trajectory if hasattr(plan, "trajectory") else plan
     if not hasattr(motion, "duration"):
         raise MotionError(f"a plan or its trajectory is needed, not {plan!r:.80}; plan(program, machine) makes one")
-    return motion
+    shaped: ShapedProof | None = getattr(plan, "shaped", None)
+    return motion if shaped is None else shaped.motion
 
 
 def track(

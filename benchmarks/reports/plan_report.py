@@ -107,6 +107,7 @@ def summary(plan: Plan, classical: Classical, verdict: PulseCheck) -> dict[str, 
     radian = f"a pure turn counts its angle times {1e3 * plan.machine.characteristic_length:.3f} mm"
     return {
         "Duration": f"{plan.trajectory.duration:.6f} s{'' if plan.fastest else f', {plan.describe_objective()}'}",
+        **({} if plan.shaped is None else {"Behind input shapers": plan.shaped.describe()}),
         "Baseline timing": f"{classical.duration:.6f} s ({what})",
         "Time saved": f"{saved:.6f} s ({100 * saved / classical.duration:.2f} %{unlike})",
         **_bound(plan),

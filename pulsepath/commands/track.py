@@ -50,6 +50,7 @@ def track(
     from controllers.metrics.evaluate import PERIOD
     from controllers.rig_choice import choose_rig
     from kinematics.files.atomic_files import Destination
+    from planner.shaping.shaped_motion import shape_motion
     from pulsepath.output import plan_directory, record, tables
     from pulsepath.progress import note, step
 
@@ -59,11 +60,11 @@ def track(
     behind = choose_rig(planned.machine, rig)
     if rig is None:
         note(f"on rig {behind.about}: the bundled rig that fits {planned.machine.name}; choose another with --rig")
-    metrics = []
+    metrics, motion = [], shape_motion(planned.trajectory, planned.machine.axes) or planned.trajectory
     for law in [setting.make_law(behind) for setting in settings]:
         with step(f"tracking under {law.name}"):
-            tracked = controllers.track(planned.trajectory, planned.machine, law, rig=behind, period=PERIOD)
-            metrics.append(controllers.evaluate(tracked, planned.trajectory, planned.machine))
+            tracked = controllers.track(motion, planned.machine, law, rig=behind, period=PERIOD)
+            metrics.append(controllers.evaluate(tracked, motion, planned.machine))
     found = {**record.of_doubts(planned.doubts), **record.of_tracking(behind, metrics)}
     text = record.as_json({"schema": record.SCHEMA, **found})
     target.write(text)

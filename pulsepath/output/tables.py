@@ -73,6 +73,8 @@ def sum_up(job: Job) -> list[Table]:
     plan, proof = job.plan, job.plan.certificate
     told = plan.describe_objective()
     rows = [("duration", f"{plan.trajectory.duration:.6f} s{f', {told}' if told else ''}")]
+    if plan.shaped is not None:
+        rows.append(("input shapers", plan.shaped.describe()))
     if plan.fastest and not missing_limits(plan, job.classical):  # else they are unlike
         percent = 100 * job.time_saved / job.classical.duration
         unlike = "".join(f", but it {each}" for each in describe_differences(plan, job.classical))

@@ -1,0 +1,92 @@
+"""A flexible load against its equation, and what input shapers leave of its vibration: of commands, and on a rig."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from controllers import track
+from controllers.drives.flexible_load import FlexibleLoad
+from controllers.rig import assumed_rig
+from controllers.rig_choice import choose_rig
+from controllers.tracking import motion_of
+from kinematics import load_machine
+from kinematics.foundation.errors import MotionError
+from kinematics.machine.shaper import IMPULSES, Shaper
+from planner import load_program, plan
+from planner.shaping.shaped_motion import shape_motion
+
+STEP = 1e-4
+
+
+def test_a_base_that_goes_off_at_once_swings_the_load_by_the_formula():
+    """q = v t: z = −v/ω_d e^(−ζωt) sin ω_d t, from ż(0) = −v."""
+    load, t = FlexibleLoad(20.0, 0.1), np.arange(4000) * STEP
+    omega = 2 * np.pi * 20.0
+    damped = omega * np.sqrt(1 - 0.01)
+    z, envelope = load.swing(0.3 * t, STEP)
+    exact = -0.3 / damped * np.exp(-0.1 * omega * t) * np.sin(damped * t)
+    assert np.allclose(z[:-1], exact[:-1], rtol=0, atol=1e-12)
+    assert np.allclose(envelope[:-1], 0.3 / damped * np.exp(-0.1 * omega * t[:-1]), rtol=1e-9)
+
+
+@pytest.mark.parametrize("given", [(0.0, 0.1), (10.0, 1.0), (float("nan"), 0.0)])
+def test_what_is_no_load_is_refused(given):
+    with pytest.raises(MotionError, match="flexible load"):
+        FlexibleLoad(*given)
+
+
+@pytest.fixture(scope="module")
+def bare():
+    return plan(load_program("bare-circle"), load_machine("hexapod"), order=2)
+
+
+def residuals(trajectory, machine, shaper, load):
+    """(n,) what each leg's load is left with, shaped and not."""
+    shaped = shape_motion(trajectory, [replace(axis, shaper=shaper) for axis in machine.axes])
+    left = []
+    for motion in (shaped, trajectory):
+        t = np.arange(0.0, motion.duration + 0.2, STEP)
+        q = motion.at(t).q
+        left.append([load.residual(q[:, k], STEP, motion.duration) for k in range(q.shape[1])])
+    return np.array(left)
+
+
+@pytest.mark.parametrize("kind", sorted(IMPULSES))
+def test_a_shaper_leaves_what_its_formula_says(bare, kind):
+    """Without damping the amplitude after the end is the spectrum at f: the shaped one is V(f) times the other."""
+    shaper = Shaper(kind, 23.0)
+    for frequency in (20.7, 23.0, 25.3):
+        shaped, unshaped = residuals(bare.trajectory, bare.machine, shaper, FlexibleLoad(frequency))
+        assert unshaped.min() > 1e-8
+        assert np.allclose(shaped, shaper.vibration(frequency, 0.0) * unshaped, rtol=0, atol=2e-3 * unshaped.max())
+
+
+@pytest.mark.parametrize("kind", sorted(IMPULSES))
+def test_a_damped_vibration_is_below_five_per_cent_at_its_frequency(bare, kind):
+    shaped, unshaped = residuals(bare.trajectory, bare.machine, Shaper(kind, 23.0, 0.05), FlexibleLoad(23.0, 0.05))
+    assert (shaped <= 0.05 * unshaped).all()
+
+
+@pytest.mark.parametrize("rig", ["servos", "hexapod-steppers"])
+def test_the_rig_swings_less_behind_a_shaper(bare, rig):
+    """Drives, a card and pulses between the plan and the axis: a load behind a leg, before and after."""
+    load, machine = FlexibleLoad(6.0, 0.01), bare.machine
+    left = []
+    for shaper in (None, Shaper("zvd", 6.0, 0.01)):
+        driven = machine.driven_by([replace(axis, shaper=shaper) for axis in machine.axes])
+        motion = shape_motion(bare.trajectory, driven.axes) or bare.trajectory
+        bench = assumed_rig(driven) if rig == "servos" else replace(choose_rig(machine, rig), machine=driven)
+        tracked = track(motion, driven, "1", rig=bench)
+        step = float(tracked.t[1] - tracked.t[0])
+        left.append([load.residual(tracked.actual[:, k], step, motion.duration + 0.1) for k in range(6)])
+    before, after = np.array(left)
+    assert before.min() > 50e-6
+    assert (after <= 0.05 * before).all(), after / before
+
+
+def test_a_shaped_plan_is_tracked_as_it_is_shaped(bare):
+    machine = bare.machine.driven_by([replace(axis, shaper=Shaper("zv", 20.0)) for axis in bare.machine.axes])
+    made = plan(load_program("bare-circle"), machine, order=2)
+    assert motion_of(made) is made.shaped.motion
+    assert motion_of(made.trajectory) is made.trajectory
