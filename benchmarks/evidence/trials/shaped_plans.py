@@ -1,0 +1,187 @@
+"""Plans behind input shapers, held against samples: `python -m benchmarks.evidence.trials.shaped_plans [--plans 20]`.
+
+Preset programs on their machines under each of the four shapers. A row for each plan: the largest share of a limit that
+is proved behind the shapers, and that is seen at 10⁵ instants; the tool's deviation from the path, proved and seen; and
+what is left of the vibration of a load behind the axes, of the unshaped, at the stated frequency and 10 % beside it.
+
+Nothing of the proof takes part: axes are convolved here copy by copy, poses come from forward kinematics, the tool's
+speed from differences of them.
+"""
+
+from argparse import ArgumentParser
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from time import process_time
+
+import numpy as np
+
+from controllers.drives.flexible_load import FlexibleLoad
+from kinematics import Machine, load_machine
+from kinematics.foundation.arrays import Array
+from kinematics.machine.axis import directional_bounds
+from kinematics.machine.pose import Pose, to_numbers
+from kinematics.machine.shaper import IMPULSES, Shaper
+from planner import load_program
+from planner.limits import limits_of, usual_order
+from planner.limits.tool import ToolSpeed
+from planner.path.actuation import MachinePath, actuate
+from planner.shaping.keep_limits import solve_shaped
+from planner.shaping.shaped_proof import ShapedProof
+from planner.timing.certified_solve import certified_solve
+from planner.trajectory import Trajectory
+
+PROGRAMS = ("bare-circle", "blended", "tripod-circle", "linkage-line", "arm-line", "traverser-scan")
+FREQUENCIES = {"traverser-scan": 8.0}
+FREQUENCY, DAMPING = 30.0, 0.05
+"""Hz and damping ratio of the mode that is shaped, where nothing else is said."""
+SAMPLES, BATCH = 100_000, 10_000
+STEP = 2e-4
+"""s between the samples of an axis that moves a flexible load; and from which differences are taken, a twentieth."""
+
+
+@dataclass(frozen=True, slots=True)
+class ShapedPlan:
+    """A plan behind shapers, and what is proved of it."""
+
+    name: str
+    machine: Machine
+    path: MachinePath
+    order: int
+    trajectory: Trajectory
+    proof: ShapedProof
+    time: float
+
+    @property
+    def shaper(self) -> Shaper:
+        """That of all axes."""
+        found = self.machine.axes[0].shaper
+        assert found is not None  # as they are made
+        return found
+
+
+def make_plans(count: int) -> Iterator[ShapedPlan]:
+    """So many, of the programs and shapers in turn; where the machine limits jerk, every other one without."""
+    done = 0
+    for kind in IMPULSES:
+        for name in PROGRAMS:
+            if done == count:
+                return
+            program = load_program(name)
+            bare = load_machine(program.machine or "hexapod")
+            shaper = Shaper(kind, FREQUENCIES.get(name, FREQUENCY), DAMPING)  # type: ignore[arg-type]
+            machine = bare.driven_by([replace(axis, shaper=shaper) for axis in bare.axes])
+            order = max(2, usual_order(machine.axes) - done % 2)
+            begun = process_time()
+            path = actuate(program, machine)
+            limits = limits_of(path, machine.axes, order)
+
+            def solve(kept, path=path, order=order):  # type: ignore[no-untyped-def]
+                return certified_solve(path, kept, order)
+
+            found, _, proof = solve_shaped(solve, path, limits, machine.axes)
+            assert proof is not None  # all axes have shapers
+            yield ShapedPlan(name, machine, path, order, found.trajectory, proof, process_time() - begun)
+            done += 1
+
+
+def convolve(plan: ShapedPlan, t: Array) -> tuple[Array, Array, Array, Array]:
+    """q, q̇, q̈, q⃛ (N, n) of the shaped axes at t (N,), copy by copy."""
+    amplitudes, times = plan.shaper.impulses
+    sums = np.zeros((4, len(t), len(plan.machine.axes)))
+    for amplitude, time in zip(amplitudes, times, strict=True):
+        state = plan.trajectory.at(t - time)
+        for row, values in zip(sums, (state.q, state.qd, state.qdd, state.qddd), strict=True):
+            row += amplitude * values
+    return tuple(sums)  # type: ignore[return-value]
+
+
+def reach(plan: ShapedPlan, t: Array) -> tuple[Pose, Pose]:
+    """The poses that the shaped axes reach at t (N,), and those on the path, as late as the shaper makes them."""
+    about = plan.trajectory.at(np.clip(t - plan.shaper.delay, 0.0, plan.trajectory.duration)).pose
+    assert about is not None  # of a machine's path
+    return plan.machine.forward(convolve(plan, t)[0], about, certify=False).pose, about
+
+
+def tool_place(plan: ShapedPlan, poses: Pose) -> Array:
+    """(N, 3) m where the tool is."""
+    x = to_numbers(poses)
+    return np.asarray((x if plan.path.tool is None else plan.path.tool(x))[:, :3])
+
+
+def measure(plan: ShapedPlan) -> tuple[float, float]:
+    """The largest share of a limit that is seen, and the largest deviation of the tool (m), at 10⁵ instants."""
+    most, away = 0.0, 0.0
+    caps = ToolSpeed(piece.tool_speed for piece in plan.path.pieces).caps
+    duration = plan.trajectory.duration + float(plan.shaper.impulses[1][-1])
+    axes = plan.machine.axes
+    for t in np.array_split(np.linspace(0.0, duration, SAMPLES), SAMPLES // BATCH):
+        q, *rates = convolve(plan, t)
+        for values, name in zip(rates[: plan.order], ("max_speed", "max_acceleration", "max_jerk"), strict=False):
+            for k, axis in enumerate(axes):
+                low, high = directional_bounds(getattr(axis, name))
+                most = max(most, values[:, k].max() / high, -values[:, k].min() / low)
+        for k, axis in enumerate(axes):
+            lo, hi = axis.travel
+            if np.isfinite(lo):
+                most = max(most, np.abs(q[:, k] - plan.machine.home_q[k] - (lo + hi) / 2).max() / ((hi - lo) / 2))
+        poses, about = reach(plan, t)
+        here = tool_place(plan, poses)
+        away = max(away, float(np.linalg.norm(here - tool_place(plan, about), axis=1).max()))
+        if np.isfinite(caps).any():
+            inside = (t > STEP) & (t < duration - STEP)
+            h = STEP / 20
+            speed = (tool_place(plan, reach(plan, t + h)[0]) - tool_place(plan, reach(plan, t - h)[0])) / (2 * h)
+            on = [
+                np.clip(t + d - time, 0.0, plan.trajectory.duration)
+                for time in plan.shaper.impulses[1]
+                for d in (-h, h)
+            ]
+            cap = np.max([caps[plan.trajectory.at(own).piece] for own in on], axis=0)
+            most = max(most, float((np.linalg.norm(speed, axis=1) / cap)[inside].max()))
+        tilt = plan.machine.check(poses).tilt
+        most = max(most, float(np.max(tilt, initial=0.0)))
+    return most, away
+
+
+def measure_vibration(plan: ShapedPlan, frequency: float) -> float:
+    """The largest vibration left by an axis' load, over the largest that the unshaped motion leaves."""
+    load, left = FlexibleLoad(frequency, plan.shaper.damping), []
+    length = float(plan.shaper.impulses[1][-1])
+    for shaped in (True, False):
+        end = plan.trajectory.duration + length * shaped
+        t = np.arange(0.0, end + 2 * STEP, STEP)
+        q = convolve(plan, t)[0] if shaped else plan.trajectory.at(t).q
+        left.append(max(load.residual(q[:, k], STEP, end) for k in range(q.shape[1])))
+    return left[0] / left[1]
+
+
+def main() -> None:
+    """A row for each plan, and the worst of all."""
+    parser = ArgumentParser(description=__doc__.split("\n", 1)[0] if __doc__ else None)
+    parser.add_argument("--plans", type=int, default=20)
+    count = parser.parse_args().plans
+    heads = ("program", "order", "shaper", "proved", "seen", "deviation ≤ (µm)", "seen (µm)", "left at f", "±10 %", "s")
+    print_row(*heads)
+    print_row(*("---" for _ in heads))
+    kept = held = quiet = 0
+    for plan in make_plans(count):
+        seen, away = measure(plan)
+        f = plan.shaper.frequency
+        left, beside = measure_vibration(plan, f), max(measure_vibration(plan, share * f) for share in (0.9, 1.1))
+        proved = max(plan.proof.worst.values())
+        kept += plan.proof.holds and seen <= 1 + 1e-9
+        held += away <= plan.proof.deviation
+        quiet += left <= 0.05
+        uses = f"{proved:.7f}", f"{seen:.7f}", f"{1e6 * plan.proof.deviation:.3f}", f"{1e6 * away:.3f}"
+        shares = f"{100 * left:.2f} %", f"{100 * beside:.1f} %"
+        print_row(plan.name, plan.order, plan.shaper, *uses, *shares, f"{plan.time:.2f}")
+    print(f"{count} plans: limits kept by {kept}, deviations within their bound {held}, at most 5 % left of {quiet}")
+
+
+def print_row(*cells: object) -> None:
+    """A row of a table in Markdown."""
+    print(f"| {' | '.join(map(str, cells))} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
