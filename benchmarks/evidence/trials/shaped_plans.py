@@ -114,7 +114,7 @@ def measure(plan: ShapedPlan) -> tuple[float, float]:
     caps = ToolSpeed(piece.tool_speed for piece in plan.path.pieces).caps
     duration = plan.trajectory.duration + float(plan.shaper.impulses[1][-1])
     axes = plan.machine.axes
-    for t in np.array_split(np.linspace(0.0, duration, SAMPLES), SAMPLES // BATCH):
+    for t in np.array_split(np.linspace(0.0, duration, SAMPLES), -(-SAMPLES // BATCH)):
         q, *rates = convolve(plan, t)
         for values, name in zip(rates[: plan.order], ("max_speed", "max_acceleration", "max_jerk"), strict=False):
             for k, axis in enumerate(axes):
