@@ -204,7 +204,7 @@ def track(
     MotionError
         The rig does not fit the machine, or none is given and not exactly one fits.
     """
-    machine = load_machine(machine)
+    machine = load_machine(machine) if isinstance(machine, str | PathLike) else machine
     law = find_law(law) if isinstance(law, str) else law
     if not isinstance(law, StatefulLaw) and not hasattr(law, "command"):
         raise MotionError(f"track: a law is needed, or its number or name as a text, not {law!r:.80}")

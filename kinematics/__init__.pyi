@@ -55,11 +55,12 @@ from .foundation.errors import (
     NotInstalled as NotInstalled,
     OutOfReach as OutOfReach,
 )
-from .kinds.arm import Arm as Arm, Joints as Joints, read_urdf as read_urdf
+from .kinds.arm import Arm as Arm, read_urdf as read_urdf
 from .kinds.hexapod import Hexapod as Hexapod, joint_circle as joint_circle
 from .kinds.linkage import Linkage as Linkage
 from .kinds.traverser import Traverser as Traverser
 from .kinds.tripod import Tripod as Tripod
+from .kinds.urdf import Joints as Joints
 from .machine.axis import Axis as Axis
 from .machine.load import Body as Body, Leg as Leg, Load as Load, cylinder as cylinder
 from .machine.machine import Machine as Machine

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from os import PathLike
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -235,7 +236,7 @@ def evaluate_each(
     progress: Progress = ignore_progress,
 ) -> tuple[Metrics, ...]:
     """The same of several trackings at the same instants (`track_each`), in less time for each."""
-    machine = load_machine(machine)
+    machine = load_machine(machine) if isinstance(machine, str | PathLike) else machine
     first = tracked[0]
     pulse = np.array([axis.pulse for axis in machine.axes])
     actual = np.stack([(each.actual - machine.home_q) / pulse for each in tracked], 1)

@@ -1,10 +1,9 @@
-"""The serial arm: a yaw and two parallel joints (3R); its TOML, and its joints read from a URDF by pinocchio.
+"""The serial arm: a yaw and two parallel joints (3R); its TOML, and its joints read from a URDF.
 
-Nothing else imports pinocchio; `kinematics.analysis.dynamics` takes it from here.
+pinocchio reads it where it is installed. Nothing else imports that; `kinematics.analysis.dynamics` takes it from here.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from importlib.resources import as_file
 from importlib.resources.abc import Traversable
@@ -18,7 +17,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.files.keys import key
 from kinematics.files.schema import TableSchema
-from kinematics.files.toml_document import MAX_BYTES, Key, bytes_of
+from kinematics.files.toml_document import Key
 from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.errors import BadValue, Fault, FileError, MotionError, NotInstalled
@@ -27,6 +26,7 @@ from kinematics.foundation.units import Angle, describe_value
 from kinematics.kinds.axis_keys import AXES, GEOMETRY, KIND, OWN_AXES, RotaryAxis, axes
 from kinematics.kinds.load_keys import LoadedFile
 from kinematics.kinds.traverser import nearest_turn
+from kinematics.kinds.urdf import MAX_BASE_DISTANCE, Joints, parse_urdf, read_joints
 from kinematics.machine.axis import Axis
 from kinematics.machine.kind import Bar, Pivot, Skeleton, side
 from kinematics.machine.load import Body, Load
@@ -50,21 +50,6 @@ def inertia(body: Body) -> Any:
 
 # How far (m, or sine of an angle) joints may lie off the form that the closed inverse needs.
 FORM_TOLERANCE = 1e-9
-
-
-@dataclass(frozen=True, slots=True)
-class Joints:
-    """Three revolute joints at q = 0, in the base frame: a point on each axis and its direction, both (3, 3); the tool.
-
-    tool   (3,) position and (3, 3) rotation of the tool's frame
-    links  what each joint moves, as it lies at q = 0 in the base frame: mass, centre (3,) and inertia (3, 3) about it
-    """
-
-    points: Array
-    directions: Array
-    tool: Array
-    tool_rotation: Array
-    links: tuple[tuple[float, Array, Array], ...] = ()
 
 
 class Arm(Machine):
@@ -203,18 +188,17 @@ class Arm(Machine):
         return self._tool_map(q)
 
 
-# m within which every joint and the tool must lie: what is further is a slip of units, and overflows.
-MAX_BASE_DISTANCE = 1e6
-
-
 def read_urdf(path: Path, joints: Sequence[str], tool: str) -> Joints:
     """Read the three named joints and the tool frame at q = 0, in the base frame, from a URDF file.
 
     The joints must turn, follow each other in this order from the base, and the last must carry the tool. Raises
-    FileError for what the file does not hold, MotionError where pinocchio is not installed.
+    FileError for what the file does not hold. pinocchio reads it where it is installed, else `kinematics.kinds.urdf`.
     """
-    pin = pinocchio("an arm's URDF")
-    _refuse_other(path)
+    try:
+        pin = pinocchio("an arm's URDF")
+    except NotInstalled:
+        return read_joints(path, joints, tool)
+    parse_urdf(path)
     try:
         model = pin.buildModelFromUrdf(str(path))
     except (ValueError, RuntimeError) as failure:
@@ -247,21 +231,6 @@ def read_urdf(path: Path, joints: Sequence[str], tool: str) -> Joints:
         freeze_array(frame.rotation),
         tuple((float(link.mass), freeze_array(link.lever), freeze_array(link.inertia)) for link in moved),
     )
-
-
-def _refuse_other(path: Path) -> None:
-    """Raise FileError, with the line, for what is no XML, and for XML that describes no robot."""
-    from xml.etree import ElementTree
-
-    raw = bytes_of(path, MAX_BYTES)
-    try:
-        root = ElementTree.fromstring(raw)
-    except ElementTree.ParseError as error:
-        line, column = error.position
-        told = f"not XML at column {column + 1}: {error.msg.partition(':')[0]}; the rest was not checked"
-        raise FileError(str(path), [Fault("", told, line)]) from None
-    if root.tag != "robot":
-        raise FileError(str(path), [Fault("", f"not a URDF: it begins with <{root.tag}> instead of <robot>", 1)])
 
 
 def _faults(model: Any, joints: list[str], tool: str) -> list[Fault]:

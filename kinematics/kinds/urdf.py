@@ -1,0 +1,203 @@
+"""The joints of a serial arm from its URDF, without pinocchio: where that has no wheels, as on Windows.
+
+Links, joints and inertias alone are read; what a URDF draws, and the limits of its joints, are not.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from kinematics.files.toml_document import MAX_BYTES, bytes_of
+from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.errors import Fault, FileError, MotionError
+from kinematics.foundation.names import closest, nearest
+from kinematics.foundation.units import describe_value
+
+TURNING, FIXED = ("revolute", "continuous"), "fixed"
+"""Types of joints."""
+MAX_BASE_DISTANCE = 1e6
+"""m within which every joint and the tool must lie: what is further is a slip of units, and overflows."""
+
+
+@dataclass(frozen=True, slots=True)
+class Joints:
+    """Three revolute joints at q = 0, in the base frame: a point on each axis and its direction, both (3, 3); the tool.
+
+    tool   (3,) position and (3, 3) rotation of the tool's frame
+    links  what each joint moves, as it lies at q = 0 in the base frame: mass, centre (3,) and inertia (3, 3) about it
+    """
+
+    points: Array
+    directions: Array
+    tool: Array
+    tool_rotation: Array
+    links: tuple[tuple[float, Array, Array], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class _Link:
+    """A link as it lies at q = 0: its frame, the number of the moving joint that carries it (−1: none), its mass."""
+
+    frame: RigidTransform
+    carrier: int
+    mass: float
+    centre: Array
+    inertia: Array
+
+
+def parse_urdf(path: Path) -> ElementTree.Element:
+    """The robot of a URDF. Raises FileError, with the line, for what is no XML, and for XML that describes no robot."""
+    raw = bytes_of(path, MAX_BYTES)
+    if b"<!DOCTYPE" in raw or b"<!ENTITY" in raw:
+        raise FileError(str(path), [Fault("", "a URDF needs no document type, whose entities are not read: delete it")])
+    try:
+        root = ElementTree.fromstring(raw)
+    except ElementTree.ParseError as error:
+        line, column = error.position
+        told = f"not XML at column {column + 1}: {error.msg.partition(':')[0]}; the rest was not checked"
+        raise FileError(str(path), [Fault("", told, line)]) from None
+    if root.tag != "robot":
+        raise FileError(str(path), [Fault("", f"not a URDF: it begins with <{root.tag}> instead of <robot>", 1)])
+    return root
+
+
+def read_joints(path: Path, joints: Sequence[str], tool: str) -> Joints:
+    """As `kinematics.kinds.arm.read_urdf`, which asks pinocchio where that is installed. Raises FileError."""
+    root = parse_urdf(path)
+    try:
+        return _read(root, list(joints), tool)
+    except MotionError as no:
+        raise FileError(str(path), [Fault(str(getattr(no, "key", "")), str(no))]) from None
+
+
+class _Wrong(MotionError):
+    def __init__(self, key: str, told: str) -> None:
+        self.key = key
+        super().__init__(told)
+
+
+def _read(root: ElementTree.Element, wanted: list[str], tool: str) -> Joints:
+    elements = {element.get("name", ""): element for element in root.findall("joint")}
+    moving = [name for name, element in elements.items() if element.get("type") != FIXED]
+    there = f"there are {', '.join(moving)}"
+    for name in wanted:
+        if name not in moving:
+            near = nearest(str(name), moving) if closest(str(name), moving) else ""
+            raise _Wrong("joints", f"there is no joint {describe_value(name)}{near}; {there}")
+    if len(wanted) != 3 or len(set(wanted)) < 3 or len(moving) != 3:
+        raise _Wrong("joints", f"wanted are three joints that turn, {describe_value(wanted)}; {there}")
+    links, axes = _place_links(root, elements, wanted)
+    if tool not in links:
+        near, known = nearest(str(tool), links), ", ".join(links)
+        raise _Wrong("tool", f"there is no frame {describe_value(tool)}{near}; there are {known}")
+    if links[tool].carrier != 2:
+        by = repr(wanted[links[tool].carrier]) if links[tool].carrier >= 0 else "nothing that moves"
+        raise _Wrong("tool", f"frame {tool!r} is carried by {by}, not by the last joint {wanted[-1]!r}")
+    points = [point for point, _ in axes]
+    frame = links[tool].frame
+    if not np.abs([*points, frame.translation]).max() < MAX_BASE_DISTANCE:
+        raise _Wrong("joints", f"they do not all lie within {MAX_BASE_DISTANCE:g} m of the base")
+    return Joints(
+        freeze_array(points),
+        freeze_array([direction for _, direction in axes]),
+        freeze_array(frame.translation),
+        freeze_array(frame.rotation.as_matrix()),
+        tuple(_combine([link for link in links.values() if link.carrier == k], points[k]) for k in range(3)),
+    )
+
+
+def _place_links(
+    root: ElementTree.Element, joints: Mapping[str, ElementTree.Element], wanted: list[str]
+) -> tuple[dict[str, _Link], list[tuple[Array, Array]]]:
+    """Every link, and a point and the direction of every wanted joint's axis, all at q = 0 in the base frame."""
+    bodies = {element.get("name", ""): element for element in root.findall("link")}
+    ways = {name: (_of(joint, "parent"), _of(joint, "child")) for name, joint in joints.items()}
+    children = [child for _, child in ways.values()]
+    bases = [name for name in bodies if name not in children]
+    if len(bases) != 1 or len(set(children)) < len(children) or not {*children} <= bodies.keys():
+        raise _Wrong("", "its links are no tree with one base: every link but one is the child of one joint")
+    links = {bases[0]: _link(bodies[bases[0]], RigidTransform.identity(), -1)}
+    axes: dict[int, tuple[Array, Array]] = {}
+    left = dict(ways)
+    while ready := [name for name, (parent, _) in left.items() if parent in links]:
+        for name in ready:
+            parent, child = left.pop(name)
+            frame, carrier = links[parent].frame * _origin(joints[name]), links[parent].carrier
+            if name in wanted:
+                if joints[name].get("type") not in TURNING:
+                    raise _Wrong("joints", f"{name!r} does not turn; an arm's joints are revolute or continuous")
+                if wanted.index(name) != carrier + 1:
+                    raise _Wrong("joints", f"{wanted} do not follow each other from the base")
+                carrier += 1
+                axes[carrier] = frame.translation, frame.rotation.apply(_axis(name, joints[name]))
+            links[child] = _link(bodies[child], frame, carrier)
+    if left:
+        raise _Wrong("", f"joint {next(iter(left))!r} does not hang on the base")
+    return links, [axes[k] for k in range(3)]
+
+
+def _link(element: ElementTree.Element, frame: RigidTransform, carrier: int) -> _Link:
+    inertial = element.find("inertial")
+    if inertial is None:
+        return _Link(frame, carrier, 0.0, np.zeros(3), np.zeros((3, 3)))
+    placed = frame * _origin(inertial)
+    xx, yy, zz, xy, xz, yz = (_value(inertial, "inertia", name) for name in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"))
+    turned = placed.rotation.as_matrix()
+    inertia = turned @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turned.T
+    return _Link(frame, carrier, _value(inertial, "mass", "value"), placed.translation, inertia)
+
+
+def _combine(links: Sequence[_Link], joint: Array) -> tuple[float, Array, Array]:
+    """Mass, centre and inertia about it of links that move as one; of none with mass, at the joint."""
+    mass = sum(link.mass for link in links)
+    centre = sum((link.mass * link.centre for link in links), np.zeros(3)) / mass if mass else joint
+    inertia = np.zeros((3, 3))
+    for link in links:
+        off = link.centre - centre
+        inertia += link.inertia + link.mass * (off @ off * np.eye(3) - np.outer(off, off))
+    return float(mass), freeze_array(centre), freeze_array(inertia)
+
+
+def _origin(element: ElementTree.Element) -> RigidTransform:
+    """x, y, z (m), and roll, pitch, yaw (rad) about the fixed axes in turn; nothing where it is not stated."""
+    origin = element.find("origin")
+    if origin is None:
+        return RigidTransform.identity()
+    place, angles = (_numbers(element, origin.get(name, "0 0 0"), name) for name in ("xyz", "rpy"))
+    return RigidTransform.from_components(place, Rotation.from_euler("xyz", angles))
+
+
+def _axis(name: str, joint: ElementTree.Element) -> Array:
+    stated = joint.find("axis")
+    axis = np.array([1.0, 0.0, 0.0]) if stated is None else _numbers(joint, stated.get("xyz", "1 0 0"), "axis")
+    size = float(np.linalg.norm(axis))
+    if not size > 0:
+        raise _Wrong("joints", f'{name!r} has no axis: write e.g. <axis xyz="0 0 1"/>')
+    return np.asarray(axis / size)
+
+
+def _of(joint: ElementTree.Element, end: str) -> str:
+    found = joint.find(end)
+    if found is None or not found.get("link"):
+        raise _Wrong("", f"joint {joint.get('name')!r} states no <{end} link=…/>")
+    return found.get("link", "")
+
+
+def _value(element: ElementTree.Element, part: str, name: str) -> float:
+    found = element.find(part)
+    return float(_numbers(element, "" if found is None else found.get(name, ""), f"{part} {name}", 1)[0])
+
+
+def _numbers(element: ElementTree.Element, text: str, what: str, count: int = 3) -> Array:
+    try:
+        found = np.array([float(word) for word in text.split()])
+    except ValueError:
+        found = np.array([])
+    if found.shape != (count,) or not np.isfinite(found).all():
+        told = f"{count} finite number{'s' * (count > 1)}, not {describe_value(text)}"
+        raise _Wrong("", f"{element.tag} {element.get('name', '')}: {what} must be {told}")
+    return found
