@@ -41,9 +41,11 @@ class Panel:
 
 
 def read_panels(axes: Sequence["Axes"]) -> tuple[Panel, ...]:
-    """The panels of those axes that are over time."""
-    shared = axes[-1].get_xlabel() == TIME
-    over_time = [ax for ax in axes if ax.get_xlabel() == TIME or (shared and _share_x(ax, axes[-1]))]
+    """The panels of those axes that are over time, and of others that lie upon them with a scale of their own."""
+    figure = axes[0].get_figure(root=True)
+    every = [*axes, *(ax for ax in ([] if figure is None else figure.axes) if ax not in axes)]
+    clocks = [ax for ax in every if ax.get_xlabel() == TIME]
+    over_time = [ax for ax in every if any(ax is clock or _share_x(ax, clock) for clock in clocks)]
     panels = (Panel(ax.get_ylabel(), tuple(_read_series(ax)), tuple(_read_levels(ax))) for ax in over_time)
     return tuple(panel for panel in panels if panel.series)
 

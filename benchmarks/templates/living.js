@@ -156,6 +156,7 @@
       }
       still.classList.add("still");
       const text = still.querySelector("figcaption").cloneNode(true);
+      if (text.dataset.living) text.textContent = text.dataset.living;
       const thinned = panels.some(panel => panel.series.some(one => one.thinned));
       if (thinned) text.append(" Each line is thinned to its extremes: zooming shows the least and the greatest of each stretch, and no values between.");
       living.append(text);

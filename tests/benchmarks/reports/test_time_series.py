@@ -76,6 +76,19 @@ def test_axes_that_share_time_are_read_by_the_label_of_the_last():
     assert read_panels([upper, lower]) == ()
 
 
+def test_a_second_scale_upon_the_same_axes_is_a_panel_of_its_own():
+    ax = Figure().subplots()
+    other = ax.twinx()
+    ax.plot([0, 1], [0, 1], label="time to rest")
+    other.plot([0, 1], [5, 6], label="distance to rest")
+    ax.set(xlabel="time (s)", ylabel="s")
+    other.set_ylabel("mm")
+    assert [(panel.label, panel.series[0].name) for panel in read_panels([ax])] == [
+        ("s", "time to rest"),
+        ("mm", "distance to rest"),
+    ]
+
+
 def test_a_series_without_a_name_is_no_part_of_it():
     ax = Figure().subplots()
     ax.plot([0, 1], [0, 1])
