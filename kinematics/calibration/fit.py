@@ -132,7 +132,8 @@ def calibrate(
         search does not converge, or measurements contradict the machine.
     """
     machine, measured = load_machine(machine), load_measurements(measured)
-    _check_arguments(machine, measured, use)
+    if use not in USES:
+        raise MotionError(f'calibrate: use {use!r} must be "position", "all" or None')
     vector = full_vector(machine)
     parameters = free_parameters(vector, parts)
     measured, skipped = select_reachable(machine, measured)
@@ -204,17 +205,6 @@ def _find_best(prediction: Prediction, starts: list[Array], weights: Array, chos
     if best is None:
         raise refusal or MotionError(f"{prediction.measurements.name}: no start for the search")
     return best
-
-
-def _check_arguments(machine: object, measured: object, use: object) -> None:
-    for value, kind, remedy in (
-        (machine, Machine, "load_machine reads a file"),
-        (measured, Measurements, "load_measurements reads a file, whole_poses takes arrays"),
-    ):
-        if not isinstance(value, kind):
-            raise MotionError(f"calibrate: {value!r} is no {kind.__name__}; {remedy}")
-    if use not in USES:
-        raise MotionError(f'calibrate: use {use!r} must be "position", "all" or None')
 
 
 def _used_components(measured: Measurements, use: Use | None) -> np.ndarray:

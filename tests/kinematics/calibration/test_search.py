@@ -224,8 +224,8 @@ def test_rotations_count_wherever_they_were_measured(preset):
         ({"use": 5}, "use 5 must be"),
         ({"parts": None}, "None is not a sequence of parts"),
         ({"parts": "factor"}, "'factor' is not a sequence of parts; parts: factor, factors"),
-        ({"machine": "hexapod"}, "'hexapod' is no Machine; load_machine"),
-        ({"measured": "cmm"}, "'cmm' is no Measurements; load_measurements"),
+        ({"machine": 3}, "a machine is given by its name or the path of a file, or as it is, not as 3"),
+        ({"measured": [1]}, "a measurement file is given by its name or the path of a file, or as it is"),
     ],
 )
 def test_calls_that_ask_for_nothing_known(preset, changed, told):
