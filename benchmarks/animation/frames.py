@@ -24,6 +24,7 @@ from planner.limits.geometric import Tilt
 from planner.program.model import Program
 from planner.pulses import PulseSchedule
 from planner.pulses.motion import find_reached_poses
+from planner.shaping.shaped_motion import find_copies
 from planner.trajectory import State, Trajectory
 
 TOOL = "tool"
@@ -190,8 +191,10 @@ def compute_frames(plan: AnimatablePlan, t: Array, magnified: float | None = Non
     along = even_instants(plan.trajectory, count_instants(plan.trajectory.duration))
     wanted = _numbers(plan.trajectory.at(along))
     planned = _tool(plan, wanted)
+    copies = find_copies(machine.axes)
+    late = along if copies is None else along + copies.centre  # behind input shapers, by the path where it was
     try:
-        errors = _tool(plan, find_reached_poses(machine, plan.pulses, along, wanted)) - planned
+        errors = _tool(plan, find_reached_poses(machine, plan.pulses, late, wanted)) - planned
     except MotionError:  # singular on the way: `plan` tells it too
         errors = None
     pivots, tool = machine.parts.pivots, _tool(plan, x)

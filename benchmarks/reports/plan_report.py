@@ -107,7 +107,7 @@ def summary(plan: Plan, classical: Classical, verdict: PulseCheck) -> dict[str, 
     radian = f"a pure turn counts its angle times {1e3 * plan.machine.characteristic_length:.3f} mm"
     return {
         "Duration": f"{plan.trajectory.duration:.6f} s{'' if plan.fastest else f', {plan.describe_objective()}'}",
-        **({} if plan.shaped is None else {"Behind input shapers": plan.shaped.describe()}),
+        **_shaping(plan),
         "Baseline timing": f"{classical.duration:.6f} s ({what})",
         "Time saved": f"{saved:.6f} s ({100 * saved / classical.duration:.2f} %{unlike})",
         **_bound(plan),
@@ -121,6 +121,12 @@ def summary(plan: Plan, classical: Classical, verdict: PulseCheck) -> dict[str, 
         "Highest pulse rate": f"{verdict.highest_rate:.1f} 1/s",
         "Pulse check": f"{verdict.fault_count} errors; {_exactness(plan, verdict)}",
     }
+
+
+def _shaping(plan: Plan) -> dict[str, str]:
+    """What input shapers make of it, where there are any."""
+    told = "figures are of the motion before them"
+    return {} if plan.shaped is None else {"Behind input shapers": f"{plan.shaped.describe()}; {told}"}
 
 
 def _bound(plan: Plan) -> dict[str, str]:

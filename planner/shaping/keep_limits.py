@@ -79,4 +79,4 @@ def _refusal(limit: Limit, proof: ShapedProof) -> Infeasible:
         + ("move the path away from the limit" if limit.geometric else "lower max_acceleration or the speed there")
         + ", or remove the shapers"
     )
-    return Infeasible(f"{limit.name} behind the input shapers", "", place, 100 * use, 100.0, "% of its limit", remedy)
+    return Infeasible(f"use of {limit.name} behind the input shapers", "", place, 100 * use, 100.0, "%", remedy)

@@ -195,8 +195,9 @@ class _Search:
         if not np.isfinite(away).all():
             lost = self.place(float(middle[int(np.argmin(np.isfinite(away)))]))
             raise MotionError(
-                f"behind its input shapers the machine is not proved to stay near the path at {lost}: it may be "
-                "singular there; keep away from it, or remove the shapers"
+                f"behind its input shapers the machine is not proved to stay near the path at {lost}: it is "
+                "too near to a singularity there, or the shapers are too long; keep away from it, or use a shorter "
+                "shaper (zv, or a higher frequency)"
             )
         for n in range(len(self.limits)):
             first = int(uses[n].argmax())

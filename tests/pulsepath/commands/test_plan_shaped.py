@@ -1,0 +1,62 @@
+"""The command `plan` on a machine with input shapers: what it writes is of the shaped motion."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import pulsepath as pp
+from kinematics.machine.machine_writer import machine_toml
+from kinematics.machine.shaper import Shaper
+from pulsepath.output.verification import find_violation
+
+
+@pytest.fixture(scope="module")
+def machine_file(tmp_path_factory):
+    machine = pp.load_machine("hexapod")
+    file = tmp_path_factory.mktemp("shaped") / "shaped.toml"
+    shaped = machine.driven_by([replace(axis, shaper=Shaper("zv", 35.0, 0.05)) for axis in machine.axes])
+    file.write_text(machine_toml(shaped), encoding="utf-8")
+    return file
+
+
+@pytest.fixture
+def proved_again(monkeypatch):
+    monkeypatch.setattr("pulsepath.output.plan_directory.find_violation", find_violation)
+
+
+def test_record_motion_and_pulses_are_of_the_shaped_motion(call, machine_file, tmp_path, proved_again):
+    out = tmp_path / "out"
+    done = call("plan", "bare-circle", "--machine", machine_file, "--out", out, "--order", "2", "--no-figures")
+    assert done.exit_code == 0, done.stderr
+    assert "input shapers" in done.stdout
+    told = json.loads((out / "plan.json").read_text())
+    shaping = told["shaping"]
+    amplitudes, times = Shaper("zv", 35.0, 0.05).impulses
+    assert told["duration_s"] == pytest.approx(shaping["duration_before_s"] + times[-1])
+    assert shaping["delay_s"] == pytest.approx(amplitudes @ times)
+    assert shaping["holds"]
+    assert max(each["worst_ratio"] for each in shaping["limits"].values()) <= 1
+    assert told["pulses"]["check"]["holds"]
+    # the table's poses leave the path by no more than is stated
+    table = np.genfromtxt(out / "trajectory.csv", delimiter=",", names=True)
+    assert table["t_s"][-1] == pytest.approx(told["duration_s"])
+    place = np.stack([table[f"{name}_m"] for name in "xyz"], 1)
+    home = pp.load_machine("hexapod").home.translation
+    away = np.abs(np.linalg.norm((place - place[0])[:, :2] - [-0.015, 0.0], axis=1) - 0.015)
+    assert np.allclose(place[0], home + np.array([0.015, 0, 0.025]), atol=1e-9)
+    assert away.max() <= 1e-6 * shaping["tool_deviation_um"]
+    assert away.max() > 0.05e-6 * shaping["tool_deviation_um"]
+    taken = pp.load_plan(out)  # proved again, behind the shapers as well
+    assert taken.duration == told["duration_s"]
+    no = call("export", out, "--format", "adlink")
+    assert no.exit_code == 2
+    assert "has an input shaper" in no.stderr
+
+
+def test_planning_in_parts_is_refused(call, machine_file, tmp_path):
+    done = call("plan", "bare-circle", "--machine", machine_file, "--out", tmp_path / "o", "--stream")
+    assert done.exit_code == 2
+    assert "input shapers" in done.stderr
+    assert not (tmp_path / "o").exists()
