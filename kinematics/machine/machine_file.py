@@ -5,7 +5,7 @@ from functools import partial
 from importlib.resources.abc import Traversable
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from kinematics.files.schema import build, refuse_wrong_kind
 from kinematics.files.toml_document import Key, read
@@ -110,8 +110,8 @@ def load_machine(name_or_path: MachineSource) -> Machine:
     MotionError
         The name is unknown; the nearest and all known ones are told.
     """
-    if isinstance(name_or_path, Machine):
-        return name_or_path
+    if isinstance(name_or_path, Machine) or hasattr(name_or_path, "home_q"):  # what has its parts is as good
+        return cast(Machine, name_or_path)
     return read_machine(find("kinematics", "machine", name_or_path))
 
 
