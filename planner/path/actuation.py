@@ -355,10 +355,7 @@ class MachinePath:
         return entries[:, chosen] * np.tile(scale, len(self.names))
 
     def enclose_inputs(self, s: Series, piece: np.ndarray) -> Series:
-        """What the machine's maps take, along the path: (order+1, N, k); the last is kept, for axes and pose.
-
-        The pose's numbers (12), and where the machine is branched the coordinates (n) near which it is meant.
-        """
+        """What the machine's maps take along the path (`inputs`): (order+1, N, k); the last is kept."""
         if self._enclosed is not None and self._enclosed[0] is s and np.array_equal(self._enclosed[1], piece):
             return self._enclosed[2]
         pose = Series.zeros(s.order, (len(piece), 12))
