@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 
+from benchmarks.reports.page import Drawing
 from benchmarks.sweep import VARIATIONS, Grid, read_setting, sweep
 from controllers import load_rig
 
@@ -22,7 +23,7 @@ def runs(tmp_path_factory):
 @pytest.fixture(autouse=True)
 def undrawn(monkeypatch):
     """Figures have tests of their own."""
-    monkeypatch.setattr("benchmarks.reports.gain.gain_report.draw", lambda *_: {"time": b"none"})
+    monkeypatch.setattr("benchmarks.reports.gain.gain_report.draw", lambda *_: {"time": Drawing(b"none")})
 
 
 def test_saved_runs_are_compared_and_the_condition_decides_the_exit(tmp_path, runs, call):
