@@ -27,22 +27,13 @@ from planner.path.point_to_point import Departure, departure_tables, departures
 from planner.place import Infeasible, LostPath
 from planner.program.model import Program
 from planner.program.program_file import ProgramSource, load_program
-from planner.pulses import (
-    AxesMotion,
-    PulseSchedule,
-    RealisedPath,
-    Rule,
-    find_rule,
-    generate,
-    pace_axes,
-    realised,
-)
+from planner.pulses import AxesMotion, PulseSchedule, RealisedPath, Rule, find_rule, generate, pace_axes, realised
 from planner.pulses.compensation.compensate import counted_motion
 from planner.pulses.schedule import schedule_tables
 from planner.pulses.triggers import Triggered, find_triggers, trigger_tables
 from planner.shaping.keep_limits import solve_shaped
 from planner.shaping.shaped_proof import ShapedProof
-from planner.timing.certified_solve import EFFORT, Solution, certified_solve, refuse_gap, solve_within, timing_table
+from planner.timing.certified_solve import EFFORT, certified_solve, refuse_gap, solve_within, timing_table
 from planner.timing.duration_bound import DurationBound, bound_duration
 from planner.timing.problem import Solver
 from planner.timing.solvers.toppra_ import refuse_solver
@@ -294,7 +285,8 @@ def plan(
     MotionError
         What is asked for cannot be.
     """
-    program, machine = load_program(program), load_machine(machine)
+    program = program if isinstance(program, Program) else load_program(program)
+    machine = machine if isinstance(machine, Machine) else load_machine(machine)
     if order is None:
         order = usual_order(machine.axes)
     if order not in (2, 3):
@@ -318,17 +310,18 @@ def plan(
     try:
         path = actuate(program, machine)
         kept = limits_of(path, pace_axes(machine.axes, int(clock_hz), rule), order, limits)
-
-        def solve(under: tuple[Limit, ...]) -> Solution:
-            if objective.heat > 0:
-                return solve_objective(path, under, machine.axes, order, objective, progress)
-            if gap is not None:
-                return solve_within(path, under, order, gap, effort, progress, solver=solver)
-            if duration is None:
-                return certified_solve(path, under, order, progress, solver=solver)
-            return solve_stated(path, under, machine.axes, order, duration, progress)
-
-        solution, certificate, shaped = solve_shaped(solve, path, kept, machine.axes)
+        axes, solve = machine.axes, partial(certified_solve, path, order=order, progress=progress, solver=solver)
+        if objective.heat > 0:
+            solve = partial(solve_objective, path, axes=axes, order=order, objective=objective, progress=progress)
+        elif gap is not None:
+            solve = partial(solve_within, path, order=order, gap=gap, effort=effort, progress=progress, solver=solver)
+        elif duration is not None:
+            solve = partial(solve_stated, path, axes=axes, order=order, duration=duration, progress=progress)
+        if any(axis.shaper for axis in axes):
+            solution, certificate, shaped = solve_shaped(solve, path, kept, axes)
+        else:
+            solution, shaped = solve(kept), None
+            certificate = solution.certificate
     except (Infeasible, OutOfReach) as no:
         raise _add_advice(no, program, machine, order) from None
     motors, pulses = _generate_pulses(solution.trajectory, machine, int(clock_hz), rule, progress or ignore_progress)

@@ -192,8 +192,9 @@ def counted_motion(motion: AxesMotion, axes: Sequence[Axis], home: Array) -> Axe
 
     One that is shaped already is not shaped again. Raises as `compensate_motion` does.
     """
-    shaped = motion if isinstance(motion, ShapedMotion) else shape_motion(motion, axes) or motion
-    return compensate_motion(shaped, axes, home) or shaped
+    if any(axis.shaper for axis in axes) and not isinstance(motion, ShapedMotion):
+        motion = shape_motion(motion, axes) or motion
+    return compensate_motion(motion, axes, home) or motion
 
 
 def _table(axis: Axis) -> Array | None:

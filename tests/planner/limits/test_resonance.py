@@ -111,7 +111,7 @@ def test_what_is_no_band_is_refused():
         with pytest.raises(MotionError, match=r"axis x: resonance .* rising and apart"):
             Axis("x", resonance=bands)
     for bands in (((0.0, 0.003),), ((0.003, np.inf),)):
-        with pytest.raises(MotionError, match=r"axis x: resonance .* must be finite numbers \(N, 2\) above 0"):
+        with pytest.raises(MotionError, match=r"axis x: resonance .* must be finite numbers \(N, 2\) in m/s above 0"):
             Axis("x", resonance=bands)
     with pytest.raises(MotionError, match="resonance_time without resonance"):
         Axis("x", resonance_time=0.1)
