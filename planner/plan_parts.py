@@ -153,11 +153,6 @@ def plan_parts(
     helpers
         Processes that solve windows beside this one; None: none.
 
-    Yields
-    ------
-    PlanPart
-        What stays of each window.
-
     Raises
     ------
     MotionError

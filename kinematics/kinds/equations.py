@@ -341,6 +341,7 @@ class EquationsFile(LoadedFile):
         """Constants are written in SI units, whatever they were read in."""
         texts = machine.coordinates
         rotary = tuple(axis.name for axis in machine.axes if axis.kind == "rotary")
+        room = {name: row for name, row in zip(POSITIONS, machine.room, strict=True) if np.isfinite(row).all()}
         bars = tuple({"start": bar.start, "end": bar.end, "sort": bar.sort} for bar in machine.bars)
         return {
             "moves": machine.freedom,
@@ -353,22 +354,13 @@ class EquationsFile(LoadedFile):
             "definitions": machine.definitions or None,
             "bar": bars or None,
             "length": machine.characteristic_length,
-            "room": _write_room(machine.room),
+            "room": room or None,
             "home": home_entries(machine.home),
         }
 
 
-def _read_room(table: RoomTable) -> tuple[tuple[float, float], ...]:
-    return tuple((-inf, inf) if stated is None else stated for stated in (table.x, table.y, table.z))
-
-
-def _write_room(room: Sequence[tuple[float, float]]) -> dict[str, tuple[float, float]] | None:
-    """Ways that are bounded."""
-    return {name: row for name, row in zip(POSITIONS, room, strict=True) if np.isfinite(row).all()} or None
-
-
 def build_equations(file: EquationsFile, name: str, folder: Path | Traversable) -> Equations:
-    geometry = file.geometry
+    geometry, box = file.geometry, file.geometry.room
     names = geometry.joints
     for known, stated in ((names, geometry.rotary), (names, [own.name for own in file.axis])):
         for one in stated:
@@ -396,7 +388,7 @@ def build_equations(file: EquationsFile, name: str, folder: Path | Traversable) 
         home=geometry.home.pose,
         follows=geometry.follows,
         orientation=[TurnFormula(turn.about, turn.angle) for turn in geometry.orientation],
-        room=None if geometry.room is None else _read_room(geometry.room),
+        room=None if box is None else tuple(way or (-inf, inf) for way in (box.x, box.y, box.z)),
         constants={constant: np.asarray(value) for constant, value in geometry.constants.items()},
         definitions=geometry.definitions,
         bars=[BarFormulas(bar.start, bar.end, bar.sort) for bar in geometry.bar],
