@@ -32,6 +32,7 @@ from planner.pulses.compensation.compensate import counted_motion
 from planner.pulses.schedule import schedule_tables
 from planner.pulses.triggers import Triggered, find_triggers, trigger_tables
 from planner.shaping.keep_limits import solve_shaped
+from planner.shaping.shaped_motion import shorten_duration
 from planner.shaping.shaped_proof import ShapedProof
 from planner.timing.certified_solve import EFFORT, certified_solve, refuse_gap, solve_within, timing_table
 from planner.timing.duration_bound import DurationBound, bound_duration
@@ -127,8 +128,8 @@ class Plan(Result):
     @property
     def triggers(self) -> tuple[Triggered, ...]:
         """What the program marks by `trigger`: when, where, and the counts by then."""
-        delay = 0.0 if self.shaped is None else self.shaped.delay
-        return find_triggers(self.program, self.path, self.trajectory, self.pulses, delay)
+        late = (0.0, 0.0) if self.shaped is None else (self.shaped.delay, self.shaped.motion.copies.length)
+        return find_triggers(self.program, self.path, self.trajectory, self.pulses, *late)
 
     @property
     def departures(self) -> tuple[Departure, ...]:
@@ -316,12 +317,13 @@ def plan(
         elif gap is not None:
             solve = partial(solve_within, path, order=order, gap=gap, effort=effort, progress=progress, solver=solver)
         elif duration is not None:
-            solve = partial(solve_stated, path, axes=axes, order=order, duration=duration, progress=progress)
+            before = shorten_duration(duration, axes)
+            solve = partial(solve_stated, path, axes=axes, order=order, duration=before, progress=progress)
         if any(axis.shaper for axis in axes):
-            solution, certificate, shaped = solve_shaped(solve, path, kept, axes)
+            solution, certificate, shaped, first = solve_shaped(solve, path, kept, axes)
         else:
-            solution, shaped = solve(kept), None
-            certificate = solution.certificate
+            first = solution = solve(kept)
+            certificate, shaped = solution.certificate, None
     except (Infeasible, OutOfReach) as no:
         raise _add_advice(no, program, machine, order) from None
     motors, pulses = _generate_pulses(solution.trajectory, machine, int(clock_hz), rule, progress or ignore_progress)
@@ -337,11 +339,11 @@ def plan(
         order,
         solution.rounds,
         solution.methods,
-        solution.lower_estimate,
+        first.lower_estimate,
         duration,
         objective,
         tuple(limits),
-        solution.known,
+        solution.known if first is solution else [],
         shaped,
     )
 

@@ -105,11 +105,14 @@ def summary(plan: Plan, classical: Classical, verdict: PulseCheck) -> dict[str, 
     what = "; ".join([classical.kind, *describe_differences(plan, classical)])
     again = f", run {plan.program.repeat} times" if plan.program.repeat > 1 else ""
     radian = f"a pure turn counts its angle times {1e3 * plan.machine.characteristic_length:.3f} mm"
+    baseline = {
+        "Baseline timing": f"{classical.duration:.6f} s ({what})",
+        "Time saved": f"{saved:.6f} s ({100 * saved / classical.duration:.2f} %{unlike})",
+    }
     return {
         "Duration": f"{plan.trajectory.duration:.6f} s{'' if plan.fastest else f', {plan.describe_objective()}'}",
         **_shaping(plan),
-        "Baseline timing": f"{classical.duration:.6f} s ({what})",
-        "Time saved": f"{saved:.6f} s ({100 * saved / classical.duration:.2f} %{unlike})",
+        **(baseline if plan.fastest else {}),  # else they are unlike
         **_bound(plan),
         "Segments": f"{len(plan.program.segments)}{again}",
         "Length of the path": f"{1e3 * float(plan.path.breaks[-1]):.3f} mm ({radian})",

@@ -62,13 +62,16 @@
       const [from, to] = [Math.min(low ?? 0, ...held), Math.max(high ?? 1, ...held)], room = 0.04 * (to - from || Math.abs(to) || 1);
       return [from - room, to + room];
     };
+    const steps = panel.series.some(one => one.step);
     const u = new uPlot({
       width: box.clientWidth, height: 210,
       title: panel.label,
       scales: { x: { time: false, range: (_, low, high) => [Math.max(low, 0), high] }, y: { range } },
       axes: [{ ...axis, size: 34 }, { ...axis, size: 62 }],
       cursor: { y: false, sync: { key: "time", scales: ["x", null] }, drag: { x: true, y: false, dist: 4 }, bind: { mouseleave: () => null },
-        points: { size: 6 }, focus: { prox: -1 } },
+        points: { size: 6 }, focus: { prox: -1 },
+        // what holds from an instant on holds until the next
+        dataIdx: (me, _, near, at) => steps && near > 0 && me.data[0][near] > at ? near - 1 : near },
       series: [{ label: "time", value: (_, t) => t == null ? "–" : t.toFixed(4) + " s" }, ...panel.series.map(one => ({
         label: one.name, stroke: one.color === "#000000" ? () => style("--ink") : one.color, width: 1.3, dash: dashes[one.dash], spanGaps: false,
         points: { show: false }, value: (_, value) => write(value), ...(one.step ? { paths: uPlot.paths.stepped({ align: 1 }) } : {}) }))],
@@ -106,7 +109,7 @@
   };
   const zoom = (from, to) => {
     const [low, high] = from < to ? [Math.max(from, 0), Math.min(to, end)] : [0, end];
-    shown = high > low ? [low, high] : [0, end];
+    shown = high > low ? [low < end * 1e-6 ? 0 : low, high > end * (1 - 1e-6) ? end : high] : [0, end]; // times are rounded
     everywhere(u => u.setScale("x", { min: shown[0], max: u.data[0].at(-1) > end && shown[1] === end ? u.data[0].at(-1) : shown[1] }));
     [slider.min, slider.max, slider.step] = [shown[0], shown[1], (shown[1] - shown[0]) / 2000];
     strip.querySelector("button").hidden = shown[0] <= 0 && shown[1] >= end;
@@ -194,7 +197,7 @@
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { plots.forEach(u => u.redraw(false, true)); drawStrip(); });
 
   const space = document.getElementById("space"), button = space?.querySelector("button");
-  let frame = null, asked = 0, sent = -Infinity;
+  let frame = null, asked = 0, sent = -Infinity, led = false;
   const sendTime = () => {
     sent = performance.now();
     if (!frame || asked) return;
@@ -209,12 +212,18 @@
     space.classList.toggle("open", frame !== null);
     button.textContent = frame ? "Close the machine in 3-D" : "Show the machine in 3-D";
     if (!frame) return;
+    led = false;
     frame.title = "The machine in 3-D";
     frame.srcdoc = JSON.parse(document.getElementById("machine").textContent);
     space.lastElementChild.append(frame);
   });
   addEventListener("message", event => {
-    if (frame && event.source === frame.contentWindow && typeof event.data?.time === "number" && performance.now() - sent > 500) goTo(event.data.time, null, true);
+    if (!frame || event.source !== frame.contentWindow || typeof event.data?.time !== "number") return;
+    if (!led) { // it begins where the page is
+      led = true;
+      if (now > 0) sendTime();
+    }
+    if (performance.now() - sent > 500) goTo(event.data.time, null, true);
   });
   zoom(0, end);
 })();

@@ -33,7 +33,7 @@ from kinematics.kinds.axis_keys import (
 from kinematics.kinds.load_keys import HOME, HomeTable, LoadedFile, home_entries
 from kinematics.kinds.traverser import nearest_turn
 from kinematics.machine.axis import Axis
-from kinematics.machine.kind import Bar, Pivot, Skeleton, Sort
+from kinematics.machine.kind import Bar, Pivot, Skeleton, Sort, check_room
 from kinematics.machine.load import Load
 from kinematics.machine.machine import Machine
 from kinematics.machine.pose import COMPONENTS, PoseLike, to_numbers
@@ -117,7 +117,7 @@ class Equations(Machine):
             told = "follows and orientation need each other: say what follows, and how the joints turn the platform"
             raise BadValue(f"machine {name}: {told}", key=("follows" if follows else "orientation",))
         if room is not None:
-            self.room = room
+            self.room = check_room(name, room)
         count = len(self.freedom)
         texts = (coordinates,) * count if isinstance(coordinates, str) else tuple(coordinates)
         if len(texts) != count or len(given) != count:

@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from kinematics.analysis.clearance import Bodies
 from kinematics.foundation.arrays import Array, freeze_array
-from kinematics.foundation.errors import NotFree
+from kinematics.foundation.errors import BadValue, NotFree
 from kinematics.machine.axis import Axis
 from kinematics.machine.load import Body, Load
 from kinematics.machine.pose import COMPONENTS, Pose, column, to_numbers
@@ -157,6 +157,16 @@ class Kind(ABC):
         Nothing by default: the machine is then drawn by the axes of its tool alone.
         """
         return Skeleton()
+
+
+def check_room(name: str, room: ArrayLike) -> Sequence[tuple[float, float]]:
+    """Rows from, to: both finite, or both infinite."""
+    rows = np.asarray(room, float)
+    good = rows.shape == (3, 2) and not np.isnan(rows).any() and (rows[:, 0] < rows[:, 1]).all()
+    if not good or (np.isfinite(rows[:, 0]) != np.isfinite(rows[:, 1])).any():
+        told = f"machine {name}: room {rows.tolist()!s:.80}: give from and to of x, y and z in m, the smaller first"
+        raise BadValue(f"{told}; (-inf, inf) where there is no wall", key=("room",))
+    return [(float(low), float(high)) for low, high in rows]
 
 
 # m or rad off home up to which a held component counts as kept: the rounding of poses put together from rotations.

@@ -1,6 +1,6 @@
 """The program model: what the tool is asked to do, segment by segment, in SI units and in the program's own frame."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import islice
@@ -33,8 +33,7 @@ from planner.program.validation import (
     unit_direction,
 )
 
-MIN_MOVE = 1e-9
-"""Points nearer than this are the same (m), angles likewise (rad)."""
+MIN_MOVE = 1e-9  # points nearer than this are the same (m), angles likewise (rad)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -308,15 +307,16 @@ class Program(Result):
     file: str = field(default="", kw_only=True)
 
     def __post_init__(self) -> None:
-        if not isinstance(self.segments, SegmentStream):
-            object.__setattr__(self, "segments", tuple(self.segments))
+        told, given = "give it a line, arc, spline, curve, turn, synchronised move or dwell", self.segments
+        if not isinstance(given, SegmentStream):
+            object.__setattr__(self, "segments", tuple(given) if isinstance(given, Iterable) else (given,))
+            if odd := [one for one in self.segments if not isinstance(one, Segment)]:
+                raise MotionError(f"program {self.name}: {odd[0]!r:.60} is no segment: {told}")
         for frame in ("start", "tool", "work"):
-            if (given := getattr(self, frame)) is not None:
-                object.__setattr__(self, frame, check_frame(f"program {self.name}: {frame}", given))
+            if (pose := getattr(self, frame)) is not None:
+                object.__setattr__(self, frame, check_frame(f"program {self.name}: {frame}", pose))
         if not self.segments:
-            raise MotionError(
-                f"program {self.name} is empty: give it a line, arc, spline, curve, turn, synchronised move or dwell"
-            )
+            raise MotionError(f"program {self.name} is empty: {told}")
         if self.frame not in ("home", "base"):
             raise MotionError(f'program {self.name}: frame "{self.frame}" is neither "home" nor "base"')
         if isinstance(self.repeat, bool) or not isinstance(self.repeat, int) or self.repeat < 1:

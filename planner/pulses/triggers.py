@@ -50,11 +50,17 @@ def trigger_tables(events: "Sequence[Triggered]", axes: Sequence[str]) -> tuple[
 
 
 def find_triggers(
-    program: Program, path: MachinePath, trajectory: Trajectory, pulses: PulseSchedule, delay: float = 0.0
+    program: Program,
+    path: MachinePath,
+    trajectory: Trajectory,
+    pulses: PulseSchedule,
+    delay: float = 0.0,
+    length: float = 0.0,
 ) -> tuple[Triggered, ...]:
     """Every trigger of a program, in the order of its segments, repetition after repetition.
 
-    delay: s, by which the pulses are behind the trajectory, as input shapers put them
+    delay, length: s, by which the pulses are behind the trajectory in motion, and before they rest where it does, as
+    input shapers put them
     """
     if isinstance(program.segments, SegmentStream):
         return ()
@@ -70,12 +76,22 @@ def find_triggers(
             continue
         s = _place(path, first, last, event.at)
         t = arrival_time(trajectory, s)
-        state, counts = trajectory.at(t), pulses.counts(np.array([t + delay]))[0]
+        late = length if length and _find_rest(trajectory, t) >= length else delay
+        state, counts = trajectory.at(t), pulses.counts(np.array([t + late]))[0]
         assert state.pose is not None  # a machine's path has one
         found.append(
-            Triggered(event.name, path.place(s, first, t + delay), state.pose[0], freeze_array(counts, np.int64))
+            Triggered(event.name, path.place(s, first, t + late), state.pose[0], freeze_array(counts, np.int64))
         )
     return tuple(found)
+
+
+def _find_rest(trajectory: Trajectory, t: float) -> float:
+    """s for which a motion rests from t on; ∞ at its end."""
+    if t >= trajectory.duration:
+        return np.inf
+    k = int(trajectory.locate(np.array([t]))[0])
+    moving = np.flatnonzero((trajectory.v[k:] != 0) | (trajectory.a[k:] != 0) | (trajectory.j[k:] != 0))
+    return float(trajectory.knots[k + moving[0]]) - t if len(moving) else np.inf
 
 
 def _place(path: MachinePath, first: int, last: int, share: float) -> float:

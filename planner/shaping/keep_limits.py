@@ -39,25 +39,28 @@ S = TypeVar("S", bound=Solved)
 
 def solve_shaped(
     solve: Callable[[tuple[Limit, ...]], S], path: ActuatorPath, limits: tuple[Limit, ...], axes: Sequence[Axis]
-) -> tuple[S, Certificate, ShapedProof | None]:
+) -> tuple[S, Certificate, ShapedProof | None, S]:
     """What is solved so that it keeps the limits behind the axes' shapers too, its proof before them and behind them.
 
+    The last is what was solved first, under the limits themselves: bounds of other rounds are of less of them.
     Without shapers: what is solved, and None. Raises Infeasible for a limit that is not kept behind them, MotionError
     for what cannot be proved there.
     """
     if not any(axis.shaper for axis in axes):
         found = solve(limits)
-        return found, found.certificate, None
+        return found, found.certificate, None, found
     refuse_unshaped(limits, path)
     kept, shares = limits, dict.fromkeys((limit.name for limit in limits), 1.0)
+    first: S | None = None
     for _ in range(ROUNDS):
         found = solve(kept)
+        first = first or found
         certificate = found.certificate if kept is limits else certify(found.trajectory, limits)
         motion = shape_motion(found.trajectory, axes)
         assert motion is not None  # some axis has a shaper
         proof = prove_shaped(motion, found.trajectory, axes, limits, certificate)
         if proof.holds:
-            return found, certificate, proof
+            return found, certificate, proof, first
         for name, use in proof.worst.items():
             if use > 1:
                 shares[name] /= use * (1 + ROOM)

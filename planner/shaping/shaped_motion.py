@@ -189,3 +189,11 @@ def shaper_length(axes: Sequence[Axis]) -> float:
     """s, by which a motion lasts longer behind the axes' shapers."""
     copies = find_copies(axes)
     return 0.0 if copies is None else copies.length
+
+
+def shorten_duration(duration: float, axes: Sequence[Axis]) -> float:
+    """s that a motion may take before the axes' shapers, so that it takes so long behind them. Raises MotionError."""
+    length = shaper_length(axes)
+    if duration <= length:
+        raise MotionError(f"duration {duration:g} s: the input shapers alone take {length:.6g} s; state a longer one")
+    return duration - length

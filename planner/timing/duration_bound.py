@@ -7,6 +7,7 @@ What is proved is `planner.certificate.lower_bound`'s; here is chosen what it is
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from math import ceil
 
 import numpy as np
 
@@ -69,7 +70,7 @@ class DurationBound(Result):
     def describe(self) -> str:
         """How near the duration is to it, and what it knows nothing of."""
         left_out = f"; without {', '.join(self.left_out)}" if self.left_out else ""
-        return f"the duration is at most {100 * self.gap:.3f} % above the least{left_out}"
+        return f"the duration is at most {ceil(1e5 * self.gap) / 1e3:.3f} % above the least{left_out}"
 
     def tables(self) -> tuple[Table, ...]:
         """The bound and the duration."""

@@ -59,7 +59,7 @@ class LimitChange(Result):
         kind = "saves" if self.saved >= 0 else "costs"
         way = "higher" if self.by > 0 else "lower"
         change = f"{100 * abs(self.by):g} % {way}"
-        return f"{call(self.limit, self.axis)} {change} {kind} {1e3 * abs(self.saved):.3g} ms, planned again"
+        return f"{call(self.limit, self.axis)} {change} {kind} {_tell_ms(abs(self.saved))} ms, planned again"
 
     def tables(self) -> tuple[Table, ...]:
         """What it saves, beside the prediction."""
@@ -155,7 +155,7 @@ class Worth(Result):
         every = next((k for k in rows if self.axes[k] == ALL), None)
         more = every is not None and (one is None or self.saved[every] > self.saved[one] * LITTLE_MORE)
         told = [k for k in (one, every if more else None) if k is not None]
-        return "; ".join(f"{call(self.limits[k], self.axes[k])}, {1e3 * self.saved[k]:.3g} ms" for k in told)
+        return "; ".join(f"{call(self.limits[k], self.axes[k])}, {_tell_ms(self.saved[k])} ms" for k in told)
 
     def tables(self) -> tuple[Table, ...]:
         """What each limit saves, the most valuable first; below, what saves nothing, and what is not known."""
@@ -181,6 +181,11 @@ class Worth(Result):
             yield f"not known: {', '.join(self.unknown)}, counted among the others; replan(limit) tells"
         if abs(self.explained - 1) > MOST_UNEXPLAINED:
             yield f"rough: the limits make up {100 * self.explained:.1f} % of the duration"
+
+
+def _tell_ms(time: float) -> str:
+    """ms of a time (s), with three digits or all before the point."""
+    return f"{1e3 * time:.3g}" if abs(time) < 0.9995 else f"{1e3 * time:.0f}"
 
 
 def call(limit: str, axis: str) -> str:

@@ -60,7 +60,7 @@ def _look(root: Path) -> Iterator[tuple[Path, str, str]]:
     """Folders with a record and a report, of which kind, and the stamp of the record."""
     for place, below, files in os.walk(root):
         folder = Path(place)
-        below[:] = sorted(name for name in below if not name.startswith("."))
+        below[:] = sorted(name for name in below if not name.startswith(".") and name.isprintable())
         if len(folder.relative_to(root).parts) == MAX_DEPTH:
             below.clear()
         if REPORT not in files:
@@ -84,7 +84,7 @@ def _read(name: str, folder: Path, kind: str, stamp: str) -> Listed | None:
         if record["kind"] != kind:
             return None
         return Listed(name, folder, kind, stamp, _title(record), _figures(record) if kind == KIND else {})
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return None
 
 
@@ -106,4 +106,7 @@ def _figures(record: Mapping[str, Any]) -> dict[str, float | None]:
         "baseline_s": (record.get("classical") or {}).get("duration_s"),
         "pulses": record["pulses"]["total"],
     }
-    return figures | {f"use of {name}": entry["attained_ratio"] for name, entry in limits.items()}
+    figures |= {f"use of {name}": entry["attained_ratio"] for name, entry in limits.items()}
+    if not all(isinstance(value, int | float | None) for value in figures.values()):
+        raise TypeError("a figure that is no number")
+    return figures

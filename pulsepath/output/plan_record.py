@@ -50,7 +50,7 @@ def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
         "classical": {
             "kind": job.classical.kind,
             "duration_s": job.classical.duration,
-            "saved_s": job.time_saved,
+            "saved_s": job.time_saved if plan.fastest else None,
             "leaves_out": list(missing_limits(plan, job.classical)),
             "kinds": {
                 one.kind: {

@@ -78,7 +78,7 @@ def make_plans(count: int) -> Iterator[ShapedPlan]:
             def solve(kept, path=path, order=order):  # type: ignore[no-untyped-def]
                 return certified_solve(path, kept, order)
 
-            found, _, proof = solve_shaped(solve, path, limits, machine.axes)
+            found, _, proof, _ = solve_shaped(solve, path, limits, machine.axes)
             assert proof is not None  # all axes have shapers
             yield ShapedPlan(name, machine, path, order, found.trajectory, proof, process_time() - begun)
             done += 1

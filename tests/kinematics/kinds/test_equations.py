@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import FileError, MotionError, OutOfReach, load_machine
+from kinematics.kinds.equations import Equations
 from kinematics.machine.machine_writer import machine_toml
 from kinematics.machine.model import place_skeleton
 from kinematics.machine.pose import COMPONENTS, from_numbers, to_numbers
@@ -218,3 +219,10 @@ def test_what_is_written_is_the_same_machine(machine, tmp_path, complete):
     np.testing.assert_allclose(again.inverse(poses), machine.inverse(poses), rtol=1e-12, atol=1e-12)
     assert len(again.bars) == len(machine.bars)
     assert machine_toml(again, complete=complete) == file.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("room", [[(0, 1)], [(0, np.inf), (0, 1), (0, 1)], [(1, 0), (0, 1), (0, 1)], [(0, np.nan)] * 3])
+def test_a_room_that_is_none_is_refused(room):
+    machine = load_machine(EXAMPLES / "corexy.toml")
+    with pytest.raises(MotionError, match=r"room .*from and to of x, y and z"):
+        Equations(machine.freedom, machine.coordinates, axes=machine.axes, home=machine.home, room=room)

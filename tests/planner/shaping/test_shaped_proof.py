@@ -9,7 +9,7 @@ import pytest
 from kinematics import load_machine
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.shaper import Shaper
-from planner import Infeasible, load_program, plan
+from planner import Arc, Dwell, Infeasible, Line, Program, Trigger, load_program, plan
 from planner.certificate.enclosure import Cells, bound_series
 from planner.limits import limits_of
 from planner.path.actuation import actuate
@@ -35,7 +35,7 @@ def solve(name, order=None, shaper=None):
     path = actuate(load_program(program), machine)
     order = order or (3 if machine.axes[0].max_jerk else 2)
     limits = limits_of(path, machine.axes, order)
-    solution, _, proof = solve_shaped(lambda kept: certified_solve(path, kept, order), path, limits, machine.axes)
+    solution, _, proof, _ = solve_shaped(lambda kept: certified_solve(path, kept, order), path, limits, machine.axes)
     return machine, limits, solution.trajectory, proof
 
 
@@ -126,7 +126,7 @@ def test_axes_with_shapers_of_their_own_stay_together():
     machine = machine.driven_by([replace(a, shaper=s) for a, s in zip(machine.axes, own, strict=True)])
     path = actuate(load_program("tripod-circle"), machine)
     limits = limits_of(path, machine.axes, 2)
-    solution, _, proof = solve_shaped(lambda kept: certified_solve(path, kept, 2), path, limits, machine.axes)
+    solution, _, proof, _ = solve_shaped(lambda kept: certified_solve(path, kept, 2), path, limits, machine.axes)
     t = np.linspace(0, proof.motion.duration, 20_001)
     poses, about = sample(machine, solution.trajectory, proof, t)
     away = np.linalg.norm(poses.translation - about.translation, axis=1).max()
@@ -161,3 +161,40 @@ def test_a_limit_that_only_shaping_breaks_is_told():
     """Far from the path for a shaper of half a second, the hexapod's struts come too near to each other."""
     with pytest.raises((Infeasible, MotionError), match="behind"):
         solve("hexapod", shaper=Shaper("zvd", 0.5))
+
+
+@cache
+def gantry(kind=None):
+    """A traverser whose x may have a slow shaper."""
+    machine = load_machine("traverser")
+    own = {"travel": (-0.005, 0.2), "pulse": 5e-6, "max_speed": 0.2, "max_acceleration": 3.0, "max_pulse_rate": None}
+    axes = [replace(axis, **own, max_jerk=None) if axis.kind == "linear" else axis for axis in machine.axes]
+    axes = [replace(axes[0], shaper=Shaper("zv", 5.0, 0.05) if kind else None), *axes[1:]]
+    return machine.driven_by(axes)
+
+
+@pytest.mark.parametrize("gap", [None, 0.05])
+def test_a_bound_is_of_the_limits_themselves_where_less_of_them_had_to_be_kept(gap):
+    """A capped circle is solved again with less of the cap: without shapers it is faster, no bound above that."""
+    line, arc = Line([0.02, 0.05, 0]), Arc([0.05, 0.05, 0], [0, 0, 1], 4 * np.pi, speed=0.19)
+    bare, made = plan(Program((line, arc)), gantry()), plan(Program((line, arc)), gantry("zv"), gap=gap)
+    assert made.certificate.worst["tool speed"] < 0.99  # it was
+    assert made.lower_bound <= bare.trajectory.duration < made.trajectory.duration
+    assert made.lower_estimate <= bare.trajectory.duration * (1 + 1e-9)
+
+
+def test_triggers_at_rests_come_when_all_copies_have_arrived():
+    program = Program(
+        (Line([0.02, 0.01, 0], trigger=Trigger("shot")), Dwell(0.5), Line([0, 0, 0], trigger=Trigger("end")))
+    )
+    shot, end = plan(program, gantry("zv")).triggers
+    assert shot.counts[0] == 4000
+    assert end.counts[0] == 0
+
+
+def test_a_stated_duration_is_that_of_the_shaped_motion():
+    program = Program((Line([0.02, 0.01, 0]),), duration=2.0)
+    made = plan(program, gantry("zv"))
+    assert made.pulses.duration == pytest.approx(2.0, abs=1e-6)
+    with pytest.raises(MotionError, match="the input shapers alone take"):
+        plan(replace(program, duration=0.01), gantry("zv"))
