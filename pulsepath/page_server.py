@@ -1,13 +1,21 @@
 """Serve pages on loopback, to browsers on this computer only."""
 
+import sys
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from threading import Thread
+from typing import Any
 from urllib.parse import parse_qs, unquote, urlsplit
 
+import click
+
 from kinematics.foundation.errors import MotionError
+from pulsepath import progress
+from pulsepath.process.ending import EndSignal, raise_on_signal
+from pulsepath.process.exits import INTERRUPTED
 
 LOOPBACK = "127.0.0.1"
 POLL_PERIOD = 0.1
@@ -19,12 +27,33 @@ FindPage = Callable[[str, Query], tuple[str, bytes] | None]
 """From path and query of a request to the type and content of what it asks for; None: there is none."""
 
 
-@contextmanager
-def serve_page(page: str, port: int = 0) -> Iterator[str]:
-    """Serve one page as `serve_pages` does."""
+def answer_page(page: str) -> FindPage:
+    """What finds one page, and nothing else."""
     content = page.encode()
-    with serve_pages(lambda path, _: (PAGE, content) if path == "/" else None, port) as address:
-        yield address
+    return lambda path, _: (PAGE, content) if path == "/" else None
+
+
+def serve_until_interrupted(find: FindPage, port: int, told: dict[str, Any], no_browser: bool, as_json: bool) -> None:
+    """Serve pages until Ctrl-C, which is how this ends well; told: what is printed beside the address.
+
+    Raises as `serve_pages`.
+    """
+    import webbrowser
+
+    with raise_on_signal():
+        try:
+            with serve_pages(find, port) as address:
+                click.echo(progress.as_json(told | {"address": address}) if as_json else address, nl=not as_json)
+                sys.stdout.flush()
+                progress.note("press Ctrl-C to stop")
+                if not no_browser:
+                    webbrowser.open(address)
+                while True:
+                    time.sleep(3600)
+        except EndSignal as end:
+            progress.note("stopped")
+            if end.code != INTERRUPTED:
+                click.get_current_context().exit(end.code)
 
 
 @contextmanager

@@ -68,8 +68,8 @@ def _render_png(figure: "Figure") -> bytes:
     from PIL import Image  # comes with matplotlib
 
     canvas = FigureCanvasAgg(figure)
-    canvas.draw()  # type: ignore[no-untyped-call]
-    dots = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]
+    canvas.draw()  # type: ignore[no-untyped-call]  # matplotlib states no types here
+    dots = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]  # matplotlib states no types here
     drawn = Image.fromarray(dots[..., :3])
     out = BytesIO()
     reduced = drawn.quantize(COLOURS, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)

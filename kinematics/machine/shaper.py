@@ -49,7 +49,7 @@ def _ei(k: float, tolerance: float) -> tuple[list[float], list[float]]:
     return [outer, (1 - tolerance) / 2 * k, outer * k * k], [0.0, 0.5, 1.0]
 
 
-IMPULSES: dict[str, Callable[[float, float], tuple[list[float], list[float]]]] = {
+IMPULSES: dict[ShaperKind, Callable[[float, float], tuple[list[float], list[float]]]] = {
     "zv": _zv,
     "zvd": _zvd,
     "mzv": _mzv,

@@ -1,17 +1,12 @@
 """`pulsepath studio`: the reports below a folder in a browser, shown again when they are written again."""
 
 import shlex
-import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import click
 
 from pulsepath.options import json_option, machine_option
-from pulsepath.process.ending import EndSignal, raise_on_signal
-from pulsepath.process.exits import INTERRUPTED
 
 
 @click.command()
@@ -55,13 +50,11 @@ def studio(
 
     Example: pulsepath studio out --program program.toml
     """
-    import webbrowser
     from contextlib import nullcontext
 
     from kinematics.foundation.errors import MotionError
-    from pulsepath import progress
     from pulsepath.output.studio import Replanner, Studio
-    from pulsepath.page_server import serve_pages
+    from pulsepath.page_server import serve_until_interrupted
 
     arguments = _split(options)
     if program is None and (machine is not None or arguments):
@@ -69,22 +62,9 @@ def studio(
     if program is None and not directory.is_dir():
         raise MotionError(f"{directory}: there is no such folder; give that of a plan, or one above several")
     replanner = None if program is None else Replanner(program, machine, arguments, directory)
-    shown = Studio(directory, replanner)
-    with raise_on_signal():
-        try:
-            with serve_pages(shown.answer, port) as address, replanner or nullcontext():
-                told: dict[str, Any] = {"folder": str(directory), "address": address}
-                click.echo(progress.as_json(told) if as_json else address, nl=not as_json)
-                sys.stdout.flush()
-                progress.note("press Ctrl-C to stop")
-                if not no_browser:
-                    webbrowser.open(address)
-                while True:
-                    time.sleep(3600)
-        except EndSignal as end:
-            progress.note("stopped")
-            if end.code != INTERRUPTED:
-                click.get_current_context().exit(end.code)
+    with replanner or nullcontext():
+        told = {"folder": str(directory)}
+        serve_until_interrupted(Studio(directory, replanner).answer, port, told, no_browser, as_json)
 
 
 def _split(options: str) -> Sequence[str]:

@@ -1,15 +1,11 @@
 """`pulsepath view`: animate a plan in a browser, in a file, or as still images."""
 
-import sys
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from pulsepath.options import json_option, unverified_option
-from pulsepath.process.ending import EndSignal, raise_on_signal
-from pulsepath.process.exits import INTERRUPTED
 from pulsepath.process.intent import writes
 from pulsepath.progress import say
 
@@ -94,7 +90,9 @@ def view(
         if html is None:
             for doubt in doubts:
                 say(f"NOT VERIFIED: {doubt}", err=True)
-            _show(page, port, no_browser, told, as_json)
+            from pulsepath.page_server import answer_page, serve_until_interrupted
+
+            serve_until_interrupted(answer_page(page), port, told, no_browser, as_json)
             return
         destinations[html].write(page)
         told |= {"html": str(html), "frames": frames, "bytes": html.stat().st_size}
@@ -115,27 +113,3 @@ def _load_drawn_plan(directory: Path, unverified: bool) -> "tuple[DrawnPlan, tup
         pulses = planned.pulses(tell)
     drawn = DrawnPlan(planned.program, planned.machine, planned.trajectory, planned.limits, pulses)
     return drawn, planned.doubts
-
-
-def _show(page: str, port: int, no_browser: bool, told: dict[str, Any], as_json: bool) -> None:
-    """Serve a page until Ctrl-C, which is how this ends well."""
-    import webbrowser
-
-    from pulsepath import progress
-    from pulsepath.output import record
-    from pulsepath.page_server import serve_page
-
-    with raise_on_signal():
-        try:
-            with serve_page(page, port) as address:
-                click.echo(record.as_json(told | {"address": address}) if as_json else address, nl=not as_json)
-                sys.stdout.flush()
-                progress.note("press Ctrl-C to stop")
-                if not no_browser:
-                    webbrowser.open(address)
-                while True:
-                    time.sleep(3600)
-        except EndSignal as end:
-            progress.note("stopped")
-            if end.code != INTERRUPTED:
-                click.get_current_context().exit(end.code)

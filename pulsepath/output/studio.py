@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterable, Sequence
 from hashlib import sha256
 from pathlib import Path
@@ -28,8 +29,7 @@ class Replanner:
         target = folder / program.stem
         self._command = [sys.executable, "-m", "pulsepath", "-q", "plan", str(program), "--out", str(target), "--force"]
         self._command += [*(() if machine is None else ("--machine", machine)), *options]
-        self._name = program.name
-        self._files = [program, *(() if machine is None else (Path(machine),))]
+        self._program, self._machine = program, machine
         self._ended = Event()
         self._thread = Thread(target=self._run, daemon=True)
 
@@ -44,15 +44,16 @@ class Replanner:
         self._thread.join()
 
     def _run(self) -> None:
+        files: list[Path] = []
         seen: list[tuple[int, int] | None] | None = None
         while not self._ended.wait(0.0 if seen is None else SAVED_PERIOD):
-            now = [_stamp(file) for file in self._files]
-            if now != seen:
-                seen = now
+            if seen is None or [_stamp(file) for file in files] != seen:
+                files = [self._program, *_list_machine(self._program, self._machine)]
+                seen = [_stamp(file) for file in files]
                 self._plan()
 
     def _plan(self) -> None:
-        self.state, self.refused = f"planning {self._name} …", False
+        self.state, self.refused = f"planning {self._program.name} …", False
         with subprocess.Popen(
             self._command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, encoding="utf-8"
         ) as process:
@@ -75,6 +76,17 @@ def _end(process: "subprocess.Popen[str]") -> None:
     except subprocess.TimeoutExpired:
         process.kill()
         process.communicate()
+
+
+def _list_machine(program: Path, machine: str | None) -> list[Path]:
+    """The machine's file: as it is given, or as the program names it, from its own folder; a preset has none here."""
+    if machine is not None:
+        return [Path(machine)]
+    try:
+        named = tomllib.loads(program.read_text(encoding="utf-8")).get("machine")
+    except (OSError, ValueError):  # just being saved, or no TOML: planning says what is wrong
+        return []
+    return [program.parent / named] if isinstance(named, str) else []
 
 
 def _stamp(file: Path) -> tuple[int, int] | None:

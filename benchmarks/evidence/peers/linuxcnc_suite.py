@@ -203,7 +203,7 @@ def compare(files: Sequence[Path], root: Path, machine: Machine, orders: Sequenc
         for order in orders:
             try:
                 found = plan_file(file, machine, order, tolerance, unit)
-            except Exception as crash:
+            except Exception as crash:  # whatever it is, the table names it and goes on to the next file
                 found = FileOutcome(refused=f"CRASH {type(crash).__name__}: {crash}")
             row[1] = str(found.segments or "")
             if found.refused:

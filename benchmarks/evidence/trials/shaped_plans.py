@@ -11,6 +11,7 @@ speed from differences of them.
 from argparse import ArgumentParser
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from time import process_time
 
 import numpy as np
@@ -68,16 +69,13 @@ def make_plans(count: int) -> Iterator[ShapedPlan]:
                 return
             program = load_program(name)
             bare = load_machine(program.machine or "hexapod")
-            shaper = Shaper(kind, FREQUENCIES.get(name, FREQUENCY), DAMPING)  # type: ignore[arg-type]
+            shaper = Shaper(kind, FREQUENCIES.get(name, FREQUENCY), DAMPING)
             machine = bare.driven_by([replace(axis, shaper=shaper) for axis in bare.axes])
             order = max(2, usual_order(machine.axes) - done % 2)
             begun = process_time()
             path = actuate(program, machine)
             limits = limits_of(path, machine.axes, order)
-
-            def solve(kept, path=path, order=order):  # type: ignore[no-untyped-def]
-                return certified_solve(path, kept, order)
-
+            solve = partial(certified_solve, path, order=order)
             found, _, proof, _ = solve_shaped(solve, path, limits, machine.axes)
             assert proof is not None  # all axes have shapers
             yield ShapedPlan(name, machine, path, order, found.trajectory, proof, process_time() - begun)
@@ -92,7 +90,7 @@ def convolve(plan: ShapedPlan, t: Array) -> tuple[Array, Array, Array, Array]:
         state = plan.trajectory.at(t - time)
         for row, values in zip(sums, (state.q, state.qd, state.qdd, state.qddd), strict=True):
             row += amplitude * values
-    return tuple(sums)  # type: ignore[return-value]
+    return sums[0], sums[1], sums[2], sums[3]
 
 
 def reach(plan: ShapedPlan, t: Array) -> tuple[Pose, Pose]:

@@ -149,3 +149,15 @@ def test_a_program_that_is_saved_is_planned_again(tmp_path):
     page = page_of(studio, "part")
     assert "part on traverser" in page
     assert page.count("<iframe") == 1
+
+
+def test_the_machine_that_a_program_names_is_watched(tmp_path):
+    program, machine = tmp_path / "part.toml", tmp_path / "mine.toml"
+    machine.write_text("kind = 1\n", encoding="utf-8")
+    program.write_text('schema = 1\nmachine = "mine.toml"\n[[segment]]\ndwell = "1 s"\n', encoding="utf-8")
+    with Replanner(program, None, [], tmp_path / "out") as replanner:
+        wait_for(lambda: replanner.refused)
+        first = replanner.state
+        machine.write_text("kind = 2 # saved\n", encoding="utf-8")
+        wait_for(lambda: replanner.refused and replanner.state != first)
+    assert "mine.toml" in replanner.state

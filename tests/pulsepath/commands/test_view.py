@@ -13,7 +13,7 @@ from urllib.request import Request, urlopen
 import pytest
 
 from benchmarks.animation.animate import document
-from pulsepath.page_server import serve_page
+from pulsepath.page_server import answer_page, serve_pages
 
 
 def test_the_page_is_that_of_the_plan(call, plan, job, tmp_path):
@@ -137,7 +137,7 @@ def test_a_port_that_is_taken_is_told(call, plan):
 
 def test_a_browser_that_leaves_early_is_nobodys_fault(capsys):
     """It takes a little of a page that no buffer holds, and resets the connection."""
-    with serve_page("x" * 20_000_000) as address:
+    with serve_pages(answer_page("x" * 20_000_000)) as address:
         port = int(address.rstrip("/").rsplit(":", 1)[1])
         with socket.socket() as visitor:
             visitor.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2000)
