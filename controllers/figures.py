@@ -10,7 +10,7 @@ from controllers.metrics.circular_test import CircularTest
 from controllers.metrics.iso_style import IsoStyle, PathAccuracy, PoseAccuracy, VelocityAccuracy
 from controllers.tracking import Tracking
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.figure import PALETTE, draw_bars, escape_dollars, line_style, new_axes
+from kinematics.foundation.figure import PALETTE, draw_bars, line_style, literal_label, new_axes
 from kinematics.foundation.result import draws
 
 _UNIT = {"m": ("µm", 1e6), "rad": ("mrad", 1e3)}
@@ -31,7 +31,7 @@ def following_error(metrics: Metrics, ax: Axes | None = None) -> Axes:
     ax = new_axes(ax)
     same = [series for series in metrics.following if series.unit == metrics.following[0].unit]
     for n, series in enumerate(same):
-        _draw_over_time(metrics, series, ax, label=escape_dollars(series.name), color=PALETTE[n % len(PALETTE)])
+        _draw_over_time(metrics, series, ax, label=literal_label(series.name), color=PALETTE[n % len(PALETTE)])
     ax.set_ylabel(f"following error ({_UNIT[same[0].unit][0]})")
     return ax
 
@@ -45,7 +45,7 @@ def draw_tracking(tracking: Tracking, ax: Axes | None = None) -> Axes:
     for k, (name, other) in enumerate(tracking.axes):
         if other == own:
             error = tracking.actual[:, k] - tracking.reference[:, k]
-            ax.plot(tracking.t, scale * error, label=escape_dollars(name), **line_style(k))
+            ax.plot(tracking.t, scale * error, label=literal_label(name), **line_style(k))
     ax.set(xlabel="time (s)", ylabel=f"following error ({unit})", xlim=(tracking.t[0], tracking.t[-1]))
     ax.legend(frameon=False, loc="center left", bbox_to_anchor=(1, 0.5))
     return ax

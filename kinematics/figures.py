@@ -28,8 +28,8 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.figure import (
     PALETTE,
     draw_bars,
-    escape_dollars,
     invert_y_axis,
+    literal_label,
     new_axes,
     new_axes_3d,
     unique_labels,
@@ -142,7 +142,7 @@ def _size(box: Box, free: list[int]) -> str:
 def _title(workspace: Workspace, where: str) -> str:
     angles = workspace.rotation.as_euler("XYZ", degrees=True)
     turn = ", ".join(f"{angle + 0.0:.4g}" for angle in angles.round(9))
-    return f"Reach of {escape_dollars(workspace.machine.name)} at θ = ({turn})°{where}"
+    return f"Reach of {literal_label(workspace.machine.name)} at θ = ({turn})°{where}"
 
 
 @draws(Budget)
@@ -155,7 +155,7 @@ def position_error(budget: Budget, ax: Axes | None = None) -> Axes:
             heavy = part is budget.total
             ax.plot(
                 1e6 * _rms(part),
-                label=escape_dollars(part.name),
+                label=literal_label(part.name),
                 color="black" if heavy else None,
                 linewidth=2 if heavy else 1.2,
             )
@@ -169,7 +169,7 @@ def position_error(budget: Budget, ax: Axes | None = None) -> Axes:
         invert_y_axis(ax)
         ax.set(xlabel="position error (µm)")
         ax.legend(frameon=False)
-    ax.set_title(f"Error budget of {escape_dollars(budget.machine)}")
+    ax.set_title(f"Error budget of {literal_label(budget.machine)}")
     return ax
 
 
@@ -190,7 +190,7 @@ def force(forces: Forces, t: ArrayLike | None, ax: Axes | None = None) -> Axes:
     ax = new_axes(ax, (7, 4))
     when = np.arange(len(forces.force)) if t is None else np.asarray(t, float)
     for axis, row in zip(forces.machine.axes, forces.force.T, strict=True):
-        ax.plot(when, row, label=escape_dollars(axis.name), linewidth=1.2)
+        ax.plot(when, row, label=literal_label(axis.name), linewidth=1.2)
     limits, use = [axis.max_force for axis in forces.machine.axes if axis.max_force is not None], forces.use.max()
     if use > MIN_SHOWN_USE:
         for sign in (1, -1):
@@ -199,7 +199,7 @@ def force(forces: Forces, t: ArrayLike | None, ax: Axes | None = None) -> Axes:
     ax.set(xlabel="instant" if t is None else "time (s)", ylabel=", ".join(sorted(units)))
     ax.legend(frameon=False, loc="center left", bbox_to_anchor=(1, 0.5))
     told = f", at most {100 * use:.0f} % of their limits" if limits else ""
-    ax.set_title(f"Actuator forces of {escape_dollars(forces.machine.name)}{told}")
+    ax.set_title(f"Actuator forces of {literal_label(forces.machine.name)}{told}")
     return ax
 
 
@@ -228,13 +228,13 @@ def draw_home_pose(machine: Machine, ax: Axes | None = None) -> Axes:
         endless = not np.isfinite(high)
         ax.barh(row, 2 if endless else scale * (high - low), left=-1 if endless else scale * low, color=PALETTE[row])
     named = [
-        f"{escape_dollars(axis.name)} ({_AXIS_UNITS[axis.kind]}{'' if np.isfinite(axis.travel[1]) else ', unlimited'})"
+        f"{literal_label(axis.name)} ({_AXIS_UNITS[axis.kind]}{'' if np.isfinite(axis.travel[1]) else ', unlimited'})"
         for axis in machine.axes
     ]
     ax.set_yticks(range(len(named)), named)
     invert_y_axis(ax)
     ax.axvline(0.0, color="black", linewidth=0.8)
-    ax.set(xlabel="travel from home", title=escape_dollars(machine.name))
+    ax.set(xlabel="travel from home", title=literal_label(machine.name))
     return ax
 
 
@@ -243,12 +243,12 @@ def _legs(machine: Legged, ax: Axes3D | None) -> Axes:
     base, platform = 1e3 * machine.base, 1e3 * machine.home.apply(machine.platform)
     for n, (axis, low, high) in enumerate(zip(machine.axes, base, platform, strict=True)):
         ax.plot(
-            *np.stack([low, high], 1), color=PALETTE[n % len(PALETTE)], linewidth=2.5, label=escape_dollars(axis.name)
+            *np.stack([low, high], 1), color=PALETTE[n % len(PALETTE)], linewidth=2.5, label=literal_label(axis.name)
         )
     for joints in (base, platform):
         round_ = np.argsort(np.arctan2(*(joints - joints.mean(0))[:, 1::-1].T))
         ax.plot(*joints[[*round_, round_[0]]].T, color="black", linewidth=1)
-    ax.set(xlabel="x (mm)", ylabel="y (mm)", zlabel="z (mm)", title=f"{escape_dollars(machine.name)} at home")
+    ax.set(xlabel="x (mm)", ylabel="y (mm)", zlabel="z (mm)", title=f"{literal_label(machine.name)} at home")
     ax.set_aspect("equal")
     ax.legend(loc="upper left", frameon=False, fontsize="small")
     return cast(Axes, ax)
@@ -276,7 +276,7 @@ def errors_by_pose(calibration: Calibration, ax: Axes | None = None, group: str 
         ax.bar(at + 0.27 * (n - 1), size[known], 0.25, color=STAGE_COLOURS[name], label=name)
     crowded = len(labels) > 12
     ax.set_xticks(
-        at, [str(k + 1) if crowded else escape_dollars(label).replace(" (", "\n(") for k, label in enumerate(labels)]
+        at, [str(k + 1) if crowded else literal_label(label).replace(" (", "\n(") for k, label in enumerate(labels)]
     )
     ax.set(ylabel=f"RMS per component ({_ERROR_UNIT[group]})", yscale="log")
     ax.set_title(f"Errors of the {_NAME[group]}", loc="left")

@@ -1,9 +1,10 @@
-"""What holds the motion of a plan back, and when."""
+"""What a plan does when: the limit that holds its motion back, and the segment of the program."""
 
 import numpy as np
 
 from kinematics.foundation.arrays import Array
 from planner.plan import Plan
+from planner.program.model import Dwell
 from planner.timing.profile import Profile, sample_limit_use
 
 ACTIVE_SHARE = 0.99
@@ -30,3 +31,20 @@ def active_limits(plan: Plan) -> np.ndarray:
     seen = limit_shares(plan)
     use = np.stack([seen[limit.name] * (not limit.geometric) for limit in plan.limits])
     return np.where(use.max(0) >= ACTIVE_SHARE, use.argmax(0), -1)
+
+
+def find_segments(plan: Plan) -> list[tuple[int, int]]:
+    """The time piece with which each segment begins, and its number in the program, from 1; dwells are segments too."""
+    motion, program = plan.trajectory, plan.program.segments
+    rests = (motion.v == 0) & (motion.a == 0) & (motion.j == 0) & (np.diff(motion.knots) > 0)
+    begins = np.flatnonzero(np.diff(motion.piece, prepend=-1) | np.diff(rests, prepend=False))
+    found: list[tuple[int, int]] = []
+    for k in begins:
+        number = motion.path.segment(int(motion.piece[k]))
+        if number is None:
+            continue
+        after = 0 if k == 0 else number % len(program)  # what rests belongs to the piece before, or to the first
+        number = after + 1 if rests[k] and isinstance(program[after], Dwell) else number
+        if not found or found[-1][1] != number or k == begins[0]:
+            found.append((int(k), number))
+    return found

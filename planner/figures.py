@@ -12,11 +12,11 @@ from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.figure import PALETTE, draw_bars, escape_dollars, line_style, new_axes, new_axes_3d
+from kinematics.foundation.figure import PALETTE, draw_bars, line_style, literal_label, new_axes, new_axes_3d
 from kinematics.foundation.result import draws
 from kinematics.machine.axis import Axis
 from kinematics.machine.pose import from_numbers
-from planner.active_limits import active_limits, limit_shares
+from planner.active_limits import active_limits, find_segments, limit_shares
 from planner.baselines.classical import Classical
 from planner.certificate.certify import Certificate
 from planner.certificate.feasibility import Standing
@@ -135,11 +135,11 @@ def axis_motion(
     t = pick_instants(plan.trajectory)
     values: Array = getattr(plan.trajectory.at(t), attribute) - (plan.machine.home_q if quantity == "position" else 0.0)
     chosen = [n for n, axis in enumerate(axes) if axis.kind == kind]
-    for place, n in enumerate(chosen):
-        ax.plot(t, scale * values[:, n], label=escape_dollars(axes[n].name), **line_style(place))
+    for n in chosen:
+        ax.plot(t, scale * values[:, n], label=literal_label(axes[n].name), **line_style(n))
     bounds = [_quantity_range(axes[n], quantity) for n in chosen]
     for level in sorted({bound for pair in bounds for bound in pair if np.isfinite(bound)}):
-        owners = [place for place, pair in enumerate(bounds) if level in pair]
+        owners = [n for n, pair in zip(chosen, bounds, strict=True) if level in pair]
         color = "black" if len(owners) == len(chosen) else PALETTE[owners[0] % len(PALETTE)]
         ax.axhline(scale * level, color=color, linestyle=(0, (6, 3)), linewidth=1)
     ax.set(xlabel="time (s)", ylabel=f"{quantity} ({unit}{per})", xlim=(0, plan.trajectory.duration))
@@ -156,7 +156,7 @@ def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] 
     edges = trajectory.knots if over == "time" else 1e3 * s
     shares = limit_shares(plan)
     for n, limit in enumerate(plan.limits):
-        _draw_stairs(ax, shares[limit.name], edges, label=limit.name, **line_style(n))
+        _draw_stairs(ax, shares[limit.name], edges, label=literal_label(limit.name), **line_style(n))
     ax.set_axisbelow(True)
     active = active_limits(plan)
     bands: dict[int, list[tuple[float, float]]] = {}
@@ -167,7 +167,7 @@ def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] 
     for owner, spans in bands.items():
         color = "#E8E8E8" if owner < 0 else PALETTE[owner % len(PALETTE)]
         ax.broken_barh(spans, (1.06, 0.12), facecolor=color, linewidth=0)
-    for edge, number in _segments(trajectory, edges):
+    for edge, number in ((edges[k], number) for k, number in find_segments(plan)):
         ax.axvline(edge, color="#B0B0B0", linewidth=0.8, zorder=0)
         ax.annotate(
             f"{number}", (edge, 1.2), xytext=(2, 0), textcoords="offset points", fontsize="small", color="#606060"
@@ -199,7 +199,7 @@ def realised_error(result: RealisedPath, name: str = "position", ax: Axes | None
     """
     ax = new_axes(ax)
     error = result[name]
-    _draw_stairs(ax, 1e6 * error.series, result.edges, label=result.rule, **{**line_style(0), **style})
+    _draw_stairs(ax, 1e6 * error.series, result.edges, **{"label": "error", **line_style(0), **style})
     _draw_stairs(ax, 1e6 * error.bounds, result.edges, label="bound", color="black", linestyle=(0, (6, 3)))
     ax.set_axisbelow(True)
     ax.set(xlabel="time (s)", ylabel=f"{name} error (µ{error.unit})", xlim=(0, result.edges[-1]))
@@ -219,13 +219,6 @@ def _quantity_range(axis: Axis, quantity: Quantity) -> tuple[float, float]:
         return axis.travel
     bound = getattr(axis, f"max_{quantity}")
     return (-np.inf, np.inf) if bound is None else (-bound, bound)
-
-
-def _segments(trajectory: Trajectory, edges: Array) -> list[tuple[float, int]]:
-    """Where each segment of the program begins, and its number."""
-    starts = np.flatnonzero(np.diff(trajectory.piece, prepend=-1))
-    numbered = [(float(edges[k]), trajectory.path.segment(int(trajectory.piece[k]))) for k in starts]
-    return [(edge, number) for edge, number in numbered if number is not None]
 
 
 FLATNESS_SHARE = 1e-2
@@ -261,7 +254,7 @@ def program_path(outline: Outline, ax: Axes | None = None, title: str = "") -> A
         middle = 0.5e3 * (outline.low[k] + outline.high[k])
         ax.set(**{f"{'xyz'[place]}lim": (middle - half, middle + half), f"{'xyz'[place]}label": f"{'xyz'[k]} (mm)"})
     ax.set_aspect("equal")
-    ax.set_title(escape_dollars(title) or f"{len(strokes)} segments, {1e3 * outline.length:.6g} mm")
+    ax.set_title(literal_label(title) or f"{len(strokes)} segments, {1e3 * outline.length:.6g} mm")
     root = ax.get_figure(root=True)
     if root is not None and len(strokes) > 1:
         root.colorbar(drawn, ax=ax, label="segment", shrink=0.7, pad=0.1 if not thin else 0.02)
@@ -287,7 +280,7 @@ def arm_lengths(lengths: Array, turned: np.ndarray, ax: Axes | None = None, titl
         ax.plot([], [], "o", markerfacecolor="none", color="black", label="rotated: simulated only")
     ax.set(xlabel="pose", ylabel="length (mm)")
     ax.legend(frameon=False)
-    ax.set_title(escape_dollars(title))
+    ax.set_title(literal_label(title))
     return ax
 
 
@@ -319,7 +312,9 @@ def window_uses(standing: PlanStanding, ax: Axes | None = None) -> Axes:
     """The largest share of each limit that is proved in each window of planning."""
     ax = new_axes(ax)
     for n, (name, use) in enumerate(standing.certificate.use.items()):
-        ax.step(np.linspace(1, standing.windows, len(use)), use, where="mid", label=name, **line_style(n))
+        ax.step(
+            np.linspace(1, standing.windows, len(use)), use, where="mid", label=literal_label(name), **line_style(n)
+        )
     ax.axhline(1.0, color="black", linestyle=(0, (6, 3)), linewidth=1)
     ax.set(xlabel="window", ylabel="largest share of the limit, proved", ylim=(0, 1.1))
     ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, frameon=False)
@@ -389,7 +384,7 @@ def draw_pulse_rate(schedule: PulseSchedule, ax: Axes | None = None) -> Axes:
     for n, axis in enumerate(schedule.axes):
         fired, _ = np.histogram(axis.ticks / schedule.clock_hz, edges)
         ax.plot(
-            (edges[1:] + edges[:-1]) / 2, fired / np.diff(edges) / 1e3, label=escape_dollars(axis.name), **line_style(n)
+            (edges[1:] + edges[:-1]) / 2, fired / np.diff(edges) / 1e3, label=literal_label(axis.name), **line_style(n)
         )
     ax.set(xlabel="time (s)", ylabel="pulse rate (1000/s)", xlim=(0, schedule.duration))
     ax.set_ylim(bottom=0)

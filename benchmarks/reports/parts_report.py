@@ -90,7 +90,7 @@ def _draw_axes(standing: PlanStanding, seen: Overview) -> "list[Axes]":
     """Each axis between its least and its largest in every window of time."""
     from matplotlib.figure import Figure
 
-    from kinematics.foundation.figure import PALETTE, escape_dollars
+    from kinematics.foundation.figure import PALETTE, literal_label
 
     axes = standing.machine.axes
     quantities = (("q", "position", ""), ("qd", "speed", "/s"), ("qdd", "acceleration", "/s²"), ("qddd", "jerk", "/s³"))
@@ -105,7 +105,7 @@ def _draw_axes(standing: PlanStanding, seen: Overview) -> "list[Axes]":
             _, low, high = seen.column(f"{axis.name} {short}")
             home = standing.machine.home_q[n] if short == "q" else 0.0
             color = PALETTE[place % len(PALETTE)]
-            label = escape_dollars(axis.name)
+            label = literal_label(axis.name)
             ax.fill_between(seen.t, scale * (low - home), scale * (high - home), color=color, alpha=0.5, label=label)
         for most in {float(most) for _, axis in own if (most := getattr(axis, f"max_{name}", None)) is not None}:
             for bound in (-most, most):

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.figure import DASHES
+from kinematics.foundation.figure import DASHES, read_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 TIME = "time (s)"
 """The label of axes that are drawn anew."""
-MOST_POINTS = 4000
-"""Points of a series in a page: more than a screen has columns, and little enough to draw at every move."""
+MOST_STRETCHES = 2000
+"""Stretches of time of a long series in a page: more than a screen has columns, and soon drawn at every move."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,11 +33,11 @@ class Series:
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """What one pair of axes shows over time; levels: horizontal lines, most of them limits."""
+    """What one pair of axes shows over time; levels: horizontal lines, most of them limits, and their colours."""
 
     label: str
     series: tuple[Series, ...]
-    levels: tuple[float, ...]
+    levels: tuple[tuple[float, str], ...]
 
 
 def read_panels(axes: Sequence["Axes"]) -> tuple[Panel, ...]:
@@ -62,43 +62,46 @@ def _read_series(ax: "Axes") -> Iterator[Series]:
         if line.get_transform() == ax.transData and not str(line.get_label()).startswith("_"):
             t, values = (np.asarray(each, float) for each in line.get_data())
             dash = DASHES.index(str(line.get_linestyle())) if line.get_linestyle() in DASHES else 1
-            yield Series(_unescape(line.get_label()), t, values, to_hex(line.get_color()), dash)
+            yield Series(read_label(line.get_label()), t, values, to_hex(line.get_color()), dash)
     for patch in ax.patches:
         if isinstance(patch, StepPatch):
             values, edges, _ = patch.get_data()
             dash = 0 if patch.get_linestyle() in ("-", "solid") else 1
             held = np.append(values, values[-1:])
-            yield Series(
-                _unescape(patch.get_label()), np.asarray(edges), held, to_hex(patch.get_edgecolor()), dash, True
-            )
+            color = to_hex(patch.get_edgecolor())
+            yield Series(read_label(patch.get_label()), np.asarray(edges), held, color, dash, True)
 
 
-def _read_levels(ax: "Axes") -> Iterator[float]:
-    """The values of lines from one side of the axes to the other, at one height."""
+def _read_levels(ax: "Axes") -> Iterator[tuple[float, str]]:
+    """The values of lines from one side of the axes to the other, at one height, and their colours."""
+    from matplotlib.colors import to_hex
+
     for line in ax.lines:
         if line.get_transform() == ax.get_yaxis_transform(which="grid"):
-            yield float(np.asarray(line.get_ydata(), float)[0])
+            yield float(np.asarray(line.get_ydata(), float)[0]), to_hex(line.get_color())
 
 
-def _unescape(label: object) -> str:
-    """A name as it was before matplotlib could have taken it for maths."""
-    return str(label).replace(r"\$", "$")
+def keep_extremes(t: Array, values: Array, most: int = MOST_STRETCHES) -> tuple[Array, Array]:
+    """A series (N,) whose samples, all but the first and the last, are taken together in at most `most` stretches.
 
-
-def keep_extremes(t: Array, values: Array, most: int = MOST_POINTS) -> tuple[Array, Array]:
-    """A series (N,) with at most `most` points: the least and the greatest of each stretch, in their order and place.
-
-    Nothing is left out of a series that is no longer. The first and the last point stay.
+    Of each stretch there are the least and the greatest value, in their order: at the first instant of the stretch,
+    and half-way to that of the next, so that series with the same instants share the new ones too. Returns t and
+    values (2 K + 2,) of K stretches; a series of at most 2 `most` + 2 samples as it is.
     """
-    if len(t) <= most:
+    if len(t) <= 2 * most + 2:
         return t, values
-    size = -(-(len(t) - 2) // (most // 2 - 1))
+    size = -(-(len(t) - 2) // most)
     inner = np.arange(1, len(t) - 1)
-    rows = np.pad(inner, (0, -len(inner) % size), mode="edge").reshape(-1, size)
-    found = np.stack([values[rows].argmin(1), values[rows].argmax(1)])
-    chosen = np.take_along_axis(rows, np.sort(found, axis=0).T, axis=1).ravel()
-    kept = np.unique(np.concatenate([[0], chosen, [len(t) - 1]]))
-    return t[kept], values[kept]
+    rows = values[np.pad(inner, (0, -len(inner) % size), mode="edge").reshape(-1, size)]
+    both = np.stack([rows.min(1), rows.max(1)], 1)
+    falls = rows.argmin(1) > rows.argmax(1)
+    both[falls] = both[falls, ::-1]
+    begins = np.append(t[1:-1:size], t[-1])
+    instants = np.stack([begins[:-1], (begins[:-1] + begins[1:]) / 2], 1)
+    return (
+        np.concatenate([t[:1], instants.ravel(), t[-1:]]),
+        np.concatenate([values[:1], both.ravel(), values[-1:]]),
+    )
 
 
 def pack_panels(panels: Mapping[str, Sequence[Panel]]) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.active_limits import active_limits
+from planner.active_limits import active_limits, find_segments
 from planner.plan import Plan
 
 MOST_RUNS = 2000
@@ -29,10 +29,5 @@ def make_band(plan: Plan) -> dict[str, Any]:
 
 def list_segments(plan: Plan) -> list[tuple[float, str]]:
     """When each segment of the program begins, and what it is called."""
-    motion = plan.trajectory
-    begins = np.flatnonzero(np.diff(motion.piece, prepend=-1))
-    numbers = [motion.path.segment(int(motion.piece[k])) for k in begins]
-    named = [(float(motion.knots[k]), number) for k, number in zip(begins, numbers, strict=True) if number is not None]
-    kept = [entry for k, entry in enumerate(named) if k == 0 or entry[1] != named[k - 1][1]]
-    kinds = plan.program.segments
-    return [(t, f"{type(kinds[number - 1]).__name__.lower()} {number}") for t, number in kept]
+    kinds, knots = plan.program.segments, plan.trajectory.knots
+    return [(float(knots[k]), f"{type(kinds[n - 1]).__name__.lower()} {n}") for k, n in find_segments(plan)]

@@ -10,24 +10,50 @@
   const plots = [], dashes = [[], [8, 4], [8, 3, 2, 3], [2, 3]], levelDash = [6, 4];
   let shown = [0, end], now = 0, busy = false, hidden = new Set();
 
-  // Series with instants of their own share an axis once each has a value at the instants of all.
+  // Series with instants of their own share an axis: at those of the others they have no value, and lines pass over.
   const align = panel => {
     const used = [...new Set(panel.series.map(one => one.t))];
     if (used.length === 1) return [times[used[0]], ...panel.series.map(one => read(one.y))];
     const t = Float32Array.from(new Set(used.flatMap(k => Array.from(times[k])))).sort();
     return [t, ...panel.series.map(one => {
-      const from = times[one.t], y = read(one.y), last = from.length - 1;
+      const own = times[one.t], y = read(one.y);
       let k = 0;
       return Array.from(t, at => {
-        if (at < from[0] || at > from[last]) return null;
-        while (k < last && from[k + 1] <= at) k++;
-        if (one.step || k === last || from[k] === at) return y[k];
-        return y[k] + (y[k + 1] - y[k]) * (at - from[k]) / (from[k + 1] - from[k]);
+        while (k < own.length - 1 && own[k + 1] <= at) k++;
+        return own[k] === at ? y[k] : null;
       });
     })];
   };
-  const write = value => value == null ? "–" : Math.abs(value) >= 1e5 || (value && Math.abs(value) < 1e-3)
-    ? value.toExponential(3) : value.toFixed(Math.abs(value) < 10 ? 4 : Math.abs(value) < 1000 ? 3 : 1);
+  // The place of the last instant up to a time, and of the nearest.
+  const findLast = (t, at) => {
+    let [low, high] = [0, t.length];
+    while (low < high) t[(low + high) >> 1] <= at ? low = ((low + high) >> 1) + 1 : high = (low + high) >> 1;
+    return low - 1;
+  };
+  const findNearest = (t, at) => {
+    const k = Math.max(findLast(t, at), 0);
+    return k + 1 < t.length && t[k + 1] - at < at - t[k] ? k + 1 : k;
+  };
+  const makeWriter = panel => {
+    const ys = panel.series.map(one => read(one.y));
+    let most = 0;
+    for (const y of ys) for (const value of y) most = Math.max(most, Math.abs(value));
+    const write = value => {
+      const size = Math.abs(value);
+      if (size < 1e-7 * most) return (0).toFixed(4); // as fine as these numbers are
+      return size >= 1e5 || size < 1e-3 ? value.toExponential(3) : value.toFixed(size < 10 ? 4 : size < 1000 ? 3 : 1);
+    };
+    return (k, at) => {
+      const { t, thinned, step } = panel.series[k], own = times[t], y = ys[k], last = own.length - 1;
+      if (at == null || at < own[0] || at > own[last]) return "–";
+      const near = step ? findLast(own, at) : findNearest(own, at);
+      if (!thinned || near === 0 || near === last) return write(y[near]);
+      const first = 2 * Math.floor((findLast(own, at) - 1) / 2) + 1; // two for each stretch
+      const [low, high] = first < 1 ? [y[0], y[0]] : [y[first], y[first + 1]].sort((a, b) => a - b);
+      return write(low) === write(high) ? write(low) : write(low) + " … " + write(high);
+    };
+  };
+  const pick = color => color === "#000000" ? style("--ink") : color;
   const everywhere = action => {
     if (busy) return;
     busy = true;
@@ -47,9 +73,9 @@
       const x = Math.round(u.valToPos(at, "x", true));
       line(x, bbox.top, x, bbox.top + bbox.height);
     }
-    ctx.strokeStyle = style("--ink");
     ctx.setLineDash(levelDash.map(part => part * devicePixelRatio));
-    for (const level of panel.levels) if (level >= low && level <= high) {
+    for (const [level, color] of panel.levels) if (level >= low && level <= high) {
+      ctx.strokeStyle = pick(color);
       const y = u.valToPos(level, "y", true);
       line(bbox.left, y, bbox.left + bbox.width, y);
     }
@@ -58,11 +84,11 @@
   const makePlot = (panel, box) => {
     const axis = { stroke: () => style("--soft"), grid: { stroke: () => style("--line"), width: 1 }, ticks: { stroke: () => style("--line"), width: 1 } };
     const range = (u, low, high) => {
-      const whole = shown[0] <= 0 && shown[1] >= end, held = whole ? panel.levels : [];
+      const whole = shown[0] <= 0 && shown[1] >= end, held = whole ? panel.levels.map(([level]) => level) : [];
       const [from, to] = [Math.min(low ?? 0, ...held), Math.max(high ?? 1, ...held)], room = 0.04 * (to - from || Math.abs(to) || 1);
       return [from - room, to + room];
     };
-    const steps = panel.series.some(one => one.step);
+    const steps = panel.series.some(one => one.step), write = makeWriter(panel);
     const u = new uPlot({
       width: box.clientWidth, height: 210,
       title: panel.label,
@@ -73,8 +99,8 @@
         // what holds from an instant on holds until the next
         dataIdx: (me, _, near, at) => steps && near > 0 && me.data[0][near] > at ? near - 1 : near },
       series: [{ label: "time", value: (_, t) => t == null ? "–" : t.toFixed(4) + " s" }, ...panel.series.map(one => ({
-        label: one.name, stroke: one.color === "#000000" ? () => style("--ink") : one.color, width: 1.3, dash: dashes[one.dash], spanGaps: false,
-        points: { show: false }, value: (_, value) => write(value), ...(one.step ? { paths: uPlot.paths.stepped({ align: 1 }) } : {}) }))],
+        label: one.name, stroke: () => pick(one.color), width: 1.3, dash: dashes[one.dash], spanGaps: true,
+        points: { show: false }, value: (me, value, k, at) => write(k - 1, at == null ? null : me.data[0][at]), ...(one.step ? { paths: uPlot.paths.stepped({ align: 1 }) } : {}) }))],
       hooks: {
         draw: [drawLines(panel)],
         setCursor: [me => { if (!busy && me.cursor.event && me.cursor.left >= 0) goTo(me.posToVal(me.cursor.left, "x"), me); }],
@@ -104,14 +130,13 @@
     mark.style.left = 100 * share + "%";
     const limit = owner < 0 ? "no limit is active" : "held by " + page.band.limits[owner].name;
     said.textContent = [now.toFixed(4) + " s", segmentAt(now), limit].filter(Boolean).join(" · ");
-    slider.value = now;
+    slider.value = Math.round(slider.max * (now - shown[0]) / (shown[1] - shown[0]));
     slider.setAttribute("aria-valuetext", said.textContent);
   };
   const zoom = (from, to) => {
     const [low, high] = from < to ? [Math.max(from, 0), Math.min(to, end)] : [0, end];
     shown = high > low ? [low < end * 1e-6 ? 0 : low, high > end * (1 - 1e-6) ? end : high] : [0, end]; // times are rounded
     everywhere(u => u.setScale("x", { min: shown[0], max: u.data[0].at(-1) > end && shown[1] === end ? u.data[0].at(-1) : shown[1] }));
-    [slider.min, slider.max, slider.step] = [shown[0], shown[1], (shown[1] - shown[0]) / 2000];
     strip.querySelector("button").hidden = shown[0] <= 0 && shown[1] >= end;
     drawStrip();
     goTo(now, null, true);
@@ -161,7 +186,7 @@
       const text = still.querySelector("figcaption").cloneNode(true);
       if (text.dataset.living) text.textContent = text.dataset.living;
       const thinned = panels.some(panel => panel.series.some(one => one.thinned));
-      if (thinned) text.append(" Each line is thinned to its extremes: zooming shows the least and the greatest of each stretch, and no values between.");
+      if (thinned) text.append(" Each line is thinned to its extremes: of every stretch of time the least and the greatest are shown, here and at the cursor.");
       living.append(text);
     }
   } catch (error) {
@@ -175,7 +200,7 @@
     entry.append(name);
     entry.style.setProperty("--chip", color);
   }
-  slider.addEventListener("input", () => goTo(slider.valueAsNumber));
+  slider.addEventListener("input", () => goTo(shown[0] + slider.valueAsNumber / slider.max * (shown[1] - shown[0])));
   strip.querySelector("button").addEventListener("click", () => zoom(0, end));
   const resize = () => {
     for (const u of plots) {

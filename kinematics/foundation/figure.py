@@ -65,9 +65,18 @@ def line_style(n: int) -> dict[str, Any]:
     return {"color": PALETTE[n % len(PALETTE)], "linestyle": DASHES[n // len(PALETTE) % len(DASHES)], "linewidth": 1.3}
 
 
-def escape_dollars(text: str) -> str:
-    """A name as it stands: between two dollars matplotlib would read it as maths."""
-    return text.replace("$", r"\$")
+UNSEEN = "\N{ZERO WIDTH SPACE}"
+"""Before names that begin with an underscore, which matplotlib would leave out of legends."""
+
+
+def literal_label(name: str) -> str:
+    """A name as it stands: between two dollars matplotlib would read it as maths; `read_label` has it back."""
+    return UNSEEN * name.startswith("_") + name.replace("$", r"\$")
+
+
+def read_label(label: object) -> str:
+    """The name that a label was made of."""
+    return str(label).removeprefix(UNSEEN).replace(r"\$", "$")
 
 
 def unique_labels(names: Iterable[str]) -> list[str]:
@@ -75,7 +84,7 @@ def unique_labels(names: Iterable[str]) -> list[str]:
     told, met = [], Counter[str]()
     for name in names:
         met[name] += 1
-        told.append(escape_dollars(name if met[name] == 1 else f"{name} ({met[name]})"))
+        told.append(literal_label(name if met[name] == 1 else f"{name} ({met[name]})"))
     return told
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.axes import Axes
 
-from kinematics.foundation.figure import escape_dollars, line_style, new_axes
+from kinematics.foundation.figure import line_style, literal_label, new_axes
 from kinematics.foundation.result import draws
 from planner.shaping.shaped_proof import ShapedProof
 
@@ -18,7 +18,7 @@ def axis_deviations(proof: ShapedProof, ax: Axes | None = None) -> Axes:
     t = np.linspace(0.0, motion.duration, INSTANTS)
     off = motion.positions_at(t) - motion.reference(t).q
     for k, axis in enumerate(proof.axes):
-        ax.plot(t, 1e6 * off[:, k], label=escape_dollars(axis.name), **line_style(k))
+        ax.plot(t, 1e6 * off[:, k], label=literal_label(axis.name), **line_style(k))
     units = sorted({f"µ{axis.unit}" for axis in proof.axes})
     ax.set(xlabel="time (s)", ylabel=f"moved by the shapers ({', '.join(units)})", xlim=(0, motion.duration))
     ax.legend(frameon=False)

@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.axes import Axes
 
-from kinematics.foundation.figure import PALETTE, draw_bars, escape_dollars, new_axes
+from kinematics.foundation.figure import PALETTE, draw_bars, literal_label, new_axes
 from kinematics.foundation.result import draws
 from planner.tradeoffs.limit_worth import ALL, LimitChange, Worth
 from planner.tradeoffs.pareto import Tradeoff
@@ -36,7 +36,7 @@ def worth_along(worth: Worth, ax: Axes | None = None) -> Axes:
     low = np.zeros(WINDOWS)
     for n, (name, height) in enumerate(bands):
         color = "#C8C8C8" if name == "others" else PALETTE[n % len(PALETTE)]
-        ax.stairs(low + height, 1e3 * edges, baseline=low, fill=True, label=escape_dollars(name), color=color)
+        ax.stairs(low + height, 1e3 * edges, baseline=low, fill=True, label=literal_label(name), color=color)
         low = low + height
     ax.set(xlabel="distance along the path (mm)", ylabel="µs saved per mm by one per cent", xlim=1e3 * edges[[0, -1]])
     ax.set_ylim(bottom=0)

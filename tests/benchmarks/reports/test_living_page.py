@@ -33,10 +33,15 @@ const over = document.querySelector(".u-over"), box = over.getBoundingClientRect
 const at = (type, share, on = over) => on.dispatchEvent(new MouseEvent(type, {
   bubbles: true, button: 0, clientX: box.left + share * box.width, clientY: box.top + 20, movementX: 9 }));
 (async () => {
-  slider.value = WHEN;
-  slider.dispatchEvent(new Event("input"));
+  const put = when => {
+    slider.value = Math.round(when / DURATION * slider.max);
+    slider.dispatchEvent(new Event("input"));
+  };
+  put(DURATION);
+  said.last = output.textContent;
+  put(WHEN);
   await pause();
-  Object.assign(said, { at: slider.valueAsNumber, text: output.textContent, spoken: slider.ariaValueText });
+  Object.assign(said, { at: slider.valueAsNumber / slider.max * DURATION, text: output.textContent, spoken: slider.ariaValueText });
   said.legends = [...document.querySelectorAll(".uplot")].map(one => [text(one, ".u-title"),
     Object.fromEntries(rows(one).map(row => [text(row, ".u-label"), text(row, ".u-value")]))]);
   rows().find(row => text(row, ".u-label") === "leg2").querySelector("th").click();
@@ -45,16 +50,20 @@ const at = (type, share, on = over) => on.dispatchEvent(new MouseEvent(type, {
   at("mousemove", 0.75);
   at("mouseup", 0.75, document);
   await pause();
-  said.zoomed = [+slider.min, +slider.max];
+  const ends = () => [0, slider.max].map(place => {
+    slider.value = place;
+    slider.dispatchEvent(new Event("input"));
+    return parseFloat(output.textContent);
+  });
+  said.zoomed = ends();
   at("dblclick", 0.5);
   await pause();
-  said.whole = [+slider.min, +slider.max];
+  said.whole = ends();
   document.querySelector("#space button").click();
   const inside = document.querySelector("#space iframe"), part = what => inside.contentDocument.querySelector(what);
   for (let tries = 0; tries < 200 && !part("input[inputmode=decimal]"); tries++) await pause();
   for (const [name, when] of [["late", 1.0], ["early", 0.25]]) {
-    slider.value = when;
-    slider.dispatchEvent(new Event("input"));
+    put(when);
     const far = () => Math.abs(parseFloat(part("#when")?.textContent) - when) > STEP;
     for (let tries = 0; tries < 200 && far(); tries++) await pause();
     said[name] = part("#when")?.textContent;
@@ -89,13 +98,14 @@ def page(planned, tmp_path_factory):
 
 @pytest.mark.skipif(chromium() is None, reason="no Chromium here; .ci/run installs one")
 def test_cursor_zoom_and_legend_hold_for_all_figures(planned, page, tmp_path):
-    acting = tmp_path / "acting.html"
-    script = f"<script>{ACT.replace('WHEN', str(WHEN)).replace('STEP', str(2 / FRAMES))}</script></body>"
+    acting, duration = tmp_path / "acting.html", planned.trajectory.duration
+    act = ACT.replace("WHEN", str(WHEN)).replace("STEP", str(2 / FRAMES)).replace("DURATION", str(duration))
+    script = f"<script>{act}</script></body>"
     acting.write_text(page.read_text(encoding="utf-8").replace("</body>", script), encoding="utf-8")
     opened = browse(tmp_path, acting, "--window-size=1400,900")
     assert not re.search("ERROR:CONSOLE|Uncaught|Refused|violates|Resize", opened.stderr)  # viser says its version
     said = json.loads(unescape(re.search(r"<title>(.*?)</title>", opened.stdout, re.DOTALL)[1]))
-    duration = planned.trajectory.duration
+    assert said["last"].startswith(f"{duration:.4f} s")
     assert said["at"] == pytest.approx(WHEN, abs=duration / 2000)
     assert said["text"] == said["spoken"]
     assert re.match(r"0\.\d{4} s · arc 1 · (held by \w|no limit)", said["text"])
@@ -113,7 +123,7 @@ def test_cursor_zoom_and_legend_hold_for_all_figures(planned, page, tmp_path):
     # one click hides the axis in all five figures of axes: four of motion, one of pulses
     assert said["off"] == ["leg2"] * 5
     assert said["zoomed"] == pytest.approx([0.25 * duration, 0.75 * duration], rel=0.02)
-    assert said["whole"] == pytest.approx([0, duration])
+    assert said["whole"] == pytest.approx([0, duration], abs=1e-4)
     # the machine in space stands at the frame of that time, onwards and back
     for name, when in (("late", 1.0), ("early", 0.25)):
         assert float(said[name].split()[0]) == pytest.approx(when, abs=1.01 * duration / (FRAMES - 1))

@@ -22,6 +22,7 @@ from kinematics import load_machine
 from planner import classical, load_program, plan
 from planner.active_limits import active_limits
 from planner.figures import axis_motion, limit_use, path_in_space, pulse_rate
+from planner.program.model import Dwell, Line, Program
 from planner.pulses import check
 
 FIGURES = {"path", "axes", "limits", "pulses", "realised", "tracking", "classical", "worth"}
@@ -336,3 +337,18 @@ def test_what_is_drawn_on_given_axes_stays_there(planned, metrics):
     assert len(following_error(metrics[0]).get_lines()) == 6
     for over, end in (("path", 2 * np.pi * 15), ("time", planned.trajectory.duration)):
         assert limit_use(planned, over=over).get_xlim() == pytest.approx((0, end))
+
+
+def test_a_dwell_is_a_segment_of_its_own_in_time():
+    """Before, between and after what moves, and again in each repetition."""
+    moves = [Dwell(0.25), Line(np.array([0, 0, 5e-3])), Dwell(0.5), Line(np.zeros(3))]
+    planned = plan(Program(tuple(moves), name="rests", frame="home", repeat=2), load_machine("hexapod"), order=2)
+    motion, found = planned.trajectory, list_segments(planned)
+    assert [name for _, name in found] == ["dwell 1", "line 2", "dwell 3", "line 4"] * 2
+    ends = [*(t for t, _ in found[1:]), motion.duration]
+    for (begin, name), end in zip(found, ends, strict=True):
+        resting = "dwell" in name
+        assert (np.abs(motion.at(np.linspace(begin, end, 9)[1:-1]).sd).max() == 0) == resting
+    assert [end - begin for (begin, name), end in zip(found, ends, strict=True) if "dwell" in name] == pytest.approx(
+        [0.25, 0.5, 0.25, 0.5]
+    )
