@@ -41,7 +41,8 @@ const at = (type, share, on = over) => on.dispatchEvent(new MouseEvent(type, {
   said.last = output.textContent;
   put(WHEN);
   await pause();
-  Object.assign(said, { at: slider.valueAsNumber / slider.max * DURATION, text: output.textContent, spoken: slider.ariaValueText });
+  Object.assign(said, { at: slider.valueAsNumber / slider.max * DURATION,
+    text: output.textContent, spoken: slider.ariaValueText });
   said.legends = [...document.querySelectorAll(".uplot")].map(one => [text(one, ".u-title"),
     Object.fromEntries(rows(one).map(row => [text(row, ".u-label"), text(row, ".u-value")]))]);
   rows().find(row => text(row, ".u-label") === "leg2").querySelector("th").click();

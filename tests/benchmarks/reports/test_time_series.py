@@ -1,6 +1,7 @@
 """Series of a page: thinning keeps every extreme, and what a page holds is what was drawn."""
 
 from base64 import b64decode
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ def test_thinning_keeps_extremes_and_order(count, most, seed):
         return
     # every stretch between two of the new instants holds samples within its two values, which are two of them
     edges = np.searchsorted(t, np.append(kept_t[1:-1:2], t[-1]))
-    for k, (first, after) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
+    for k, (first, after) in enumerate(pairwise(edges)):
         stretch, pair = values[first:after], kept[1 + 2 * k : 3 + 2 * k]
         assert (stretch.min(), stretch.max()) == (pair.min(), pair.max())
         assert (stretch.argmin() <= stretch.argmax()) == (pair[0] <= pair[1])
