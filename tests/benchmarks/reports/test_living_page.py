@@ -64,9 +64,11 @@ const at = (type, share, on = over) => on.dispatchEvent(new MouseEvent(type, {
   const inside = document.querySelector("#space iframe"), part = what => inside.contentDocument.querySelector(what);
   for (let tries = 0; tries < 200 && !part("input[inputmode=decimal]"); tries++) await pause();
   for (const [name, when] of [["late", 1.0], ["early", 0.25]]) {
-    put(when);
     const far = () => Math.abs(parseFloat(part("#when")?.textContent) - when) > STEP;
-    for (let tries = 0; tries < 200 && far(); tries++) await pause();
+    for (let tries = 0; tries < 200 && far(); tries++) { // the player, just opened, may be deaf for a moment
+      if (tries % 20 === 0) put(when);
+      await pause();
+    }
     said[name] = part("#when")?.textContent;
   }
   document.title = JSON.stringify(said);
