@@ -84,7 +84,7 @@ comparison
 # Torque is a share of its limit. Every single run, with all that is known of it, is a row of a frame.
 
 # %%
-runs.to_pandas()[["setting", "rig", "contour_rms [m]", "lag_rms [m]", "torque_rms"]].head()
+runs.to_pandas()[["law", "gain", "rig", "contour_rms [m]", "lag_rms [m]", "torque_rms"]].head()
 
 # %% [markdown]
 # The same as a figure: the line is the rig as stated, the bars span all rigs. A law whose bars are short does not care

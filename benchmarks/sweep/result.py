@@ -74,6 +74,16 @@ def settings_of(name: str) -> list[Setting]:
     return [Setting(_full_name(name), tuple(zip(grid, values, strict=True))) for values in product(*grid.values())]
 
 
+def setting_columns(settings: Sequence[Setting]) -> tuple[Column, ...]:
+    """The law of each setting, and a column for each gain that any of them has; None where a law has no such gain."""
+    values = [dict(setting.gains) for setting in settings]
+    names = dict.fromkeys(name for gains in values for name in gains)
+    return (
+        Column("law", [setting.law for setting in settings]),
+        *(Column(name, [gains.get(name) for gains in values]) for name in names),
+    )
+
+
 def _full_name(name: str) -> str:
     return next(known[-1] for known in LAWS if name in known)
 
@@ -295,7 +305,7 @@ class SavedRuns(Result):
         runs = [*self.results.values()]
         cells = [one.cell for one in runs]
         columns = (
-            Column("setting", [cell.setting.text for cell in cells]),
+            *setting_columns([cell.setting for cell in cells]),
             Column("path", [cell.task for cell in cells]),
             Column("rig", [cell.variation.name for cell in cells]),
             Column("seed", [cell.seed for cell in cells]),

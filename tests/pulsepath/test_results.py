@@ -218,7 +218,9 @@ def test_text_page_and_tables_tell_the_same(result):
 
 def test_a_frame_of_runs_has_every_figure_of_every_run():
     frame = runs().to_pandas()
-    assert [*frame.columns[4:-1]] == ["contour_rms [m]", "following_max.a [m]", "end_time [s]"]
+    figures = ["contour_rms [m]", "following_max.a [m]", "end_time [s]"]
+    assert [*frame.columns] == ["law", "gain", "path", "rig", "seed", *figures, "failure"]
+    assert [*frame["gain"]] == [0.5, 0.7]
     assert frame["contour_rms [m]"][0] == 1.5e-6
     assert np.isnan(frame["contour_rms [m]"][1])
     assert frame["failure"][1] == "<b>"

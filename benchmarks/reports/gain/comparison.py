@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks.reports.gain.criteria import About, compare_figures, mean_of, weigh
 from benchmarks.sweep import RunResult, SavedRuns, Setting, read_setting
-from benchmarks.sweep.result import NOMINAL, figure_unit
+from benchmarks.sweep.result import NOMINAL, figure_unit, setting_columns
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
@@ -131,13 +131,14 @@ class Comparison(Result):
             for name, field in (("ratio", "ratio"), ("least", "least"), ("most", "largest"), ("mark", "mark"))
         )
         columns = (
-            Column("setting", [row.entry.setting.text for row in rows]),
+            *setting_columns([row.entry.setting for row in rows]),
             Column("path", [row.task for row in rows]),
             *(Column(name, values, units, "micro", ".4g") for name, values in errors.items()),
             *ratios,
             Column("peak torque", [row.figures.get("torque_peak") for row in rows], form=".3f"),
             Column("runs", [row.runs for row in rows]),
             Column("unstable", [row.unstable for row in rows]),
+            Column("off its goal", [row.away for row in rows]),
             Column("failed", [len(row.failures) for row in rows]),
         )
         return (Table(f"settings, and their errors over those of {self.baseline.setting.text}", columns),)
@@ -161,11 +162,34 @@ class Comparison(Result):
     def of(self, entry: SettingEntry) -> list[ComparisonRow]:
         return [row for row in self.rows if row.entry == entry]
 
+    def runs(self, entry: SettingEntry, task: str) -> list[RunResult]:
+        """Of a setting on a path, with every rig and seed."""
+        every = self.sources[entry.source].results.values()
+        return [one for one in every if one.cell.setting == entry.setting and one.cell.task == task]
+
+    def fault(self, entry: SettingEntry) -> str:
+        """Why a setting is struck out; empty where it holds.
+
+        It holds where it was run on every path, is stable on every rig and seed, and on no path ends off its goal in
+        a larger share of its runs than the baseline. The verdict, the ranking and the figure all ask here.
+        """
+        rows = {row.task: row for row in self.of(entry)}
+        own = {task: row.away / row.runs for task, row in rows.items()}
+        base = {row.task: row.away / row.runs for row in self.of(self.baseline)}
+        for why, tasks in (
+            ("not run on", [task for task in self.tasks if task not in rows]),
+            ("failed or unstable on", [task for task, row in rows.items() if row.unstable]),
+            ("off its goal more often than the baseline on", [task for task in own if own[task] > base.get(task, 1.0)]),
+        ):
+            if tasks:
+                return f"{why} {', '.join(tasks)}"
+        return ""
+
     def mean_ratio(self, entry: SettingEntry) -> float:
-        """Geometric mean of the ratios to the baseline over ranked paths; infinite where one is missing or unstable."""
-        rows = self.of(entry)
-        ratios = [inf if row.against is None else row.against.ratio for row in rows if row.task in self.ranked]
-        held = all(row.stable for row in rows) and all(map(isfinite, ratios))
+        """Geometric mean of the ratios to the baseline over ranked paths; infinite where `fault` names one."""
+        rows = [row for row in self.of(entry) if row.task in self.ranked]
+        ratios = [inf if row.against is None else row.against.ratio for row in rows]
+        held = all(map(isfinite, ratios)) and not self.fault(entry)
         return exp(fmean(map(log, ratios))) if ratios and held else inf
 
     def ratios(self, entry: SettingEntry) -> dict[str, float]:
@@ -178,7 +202,7 @@ class Comparison(Result):
         return weigh(self.ratios(entry)) if isfinite(self.mean_ratio(entry)) else inf
 
     def rank(self) -> list[SettingEntry]:
-        """The settings other than the baseline that hold on every path, the best by all criteria weighed first."""
+        """The settings other than the baseline that hold, the best by all criteria weighed first."""
         scores = {entry: self.score(entry) for entry in self.entries}
         return sorted((entry for entry in scores if isfinite(scores[entry])), key=scores.__getitem__)
 

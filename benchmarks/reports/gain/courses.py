@@ -39,13 +39,11 @@ class SettingSeries:
 
 def select_series(comparison: Comparison, verdict: Verdict) -> SettingSeries:
     """Of the baseline, the best, that of the least error, and the best setting of each of the next best laws."""
-    ranked = sorted(comparison.entries, key=comparison.score)
     named = (comparison.baseline, verdict.best, verdict.least)
     chosen = list(dict.fromkeys(entry for entry in named if entry is not None))
     laws = {entry.setting.law for entry in chosen}
-    for entry in ranked:
-        stable = all(row.stable for row in comparison.of(entry))
-        if len(chosen) < MAX_SETTINGS_DRAWN and stable and entry.setting.law not in laws:
+    for entry in comparison.rank():
+        if len(chosen) < MAX_SETTINGS_DRAWN and entry.setting.law not in laws:
             chosen.append(entry)
             laws.add(entry.setting.law)
     found: dict[tuple[SettingEntry, str], RunSeries] = {}

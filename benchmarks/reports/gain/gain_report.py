@@ -20,8 +20,10 @@ from benchmarks.reports.gain.comparison import (
 from benchmarks.reports.gain.courses import ISO, IsoBlock, iso_block, select_series
 from benchmarks.reports.gain.criteria import CRITERIA, HUMAN, format_unit, number, weigh
 from benchmarks.reports.gain.run_figures import MOST_BEST, draw
+from benchmarks.reports.gain.setting_figures import pack_places
 from benchmarks.reports.gain.verdict import Verdict, describe_unranked, verdict_of
 from benchmarks.reports.page import render
+from benchmarks.sweep.result import setting_columns
 from controllers.metrics.metrics import END_BAND
 from kinematics.files.plain_text import finite_or_none
 
@@ -75,6 +77,7 @@ def gain_report(comparison: Comparison) -> tuple[Verdict, str]:
         not_ranked=describe_unranked(comparison),
         criteria=CRITERIA,
         weighed=list(_weigh_entries(comparison)),
+        places=pack_places(comparison, comparison.rank()[:MOST_BEST]) if "tradeoff" in figures else None,
         most_best=MOST_BEST,
     )
     return verdict, page
@@ -120,15 +123,25 @@ def _cells(comparison: Comparison, task: str) -> Iterator[Mapping[str, Any]]:
         }
 
 
-def _weigh_entries(comparison: Comparison) -> Iterator[tuple[str, str, list[str]]]:
-    """Setting, its weighed ratio to the baseline, and its ratio by each criterion; the best first, none unstable."""
-    for entry in comparison.rank():
+def _weigh_entries(comparison: Comparison) -> Iterator[tuple[int, str, str, list[str]]]:
+    """Rank, setting, its weighed ratio to the baseline and that by each criterion, of those that hold, the best first.
+
+    The baseline stands where its ratio of 1 puts it, with rank 0.
+    """
+    ranked = comparison.rank()
+    better = sum(comparison.score(entry) < 1 for entry in ranked)
+    for n, entry in enumerate(ranked, 1):
+        if n == better + 1:
+            yield _weigh_baseline(comparison)
         ratios = comparison.ratios(entry)
-        yield (
-            comparison.label(entry),
-            _ratio(comparison.score(entry)),
-            [_ratio(ratios[one.name]) if one.name in ratios else "–" for one in CRITERIA],
-        )
+        each = [_ratio(ratios[one.name]) if one.name in ratios else "–" for one in CRITERIA]
+        yield n, comparison.label(entry), _ratio(comparison.score(entry)), each
+    if better == len(ranked) > 0:
+        yield _weigh_baseline(comparison)
+
+
+def _weigh_baseline(comparison: Comparison) -> tuple[int, str, str, list[str]]:
+    return 0, comparison.label(comparison.baseline), _ratio(1.0), [_ratio(1.0)] * len(CRITERIA)
 
 
 def _format_above_floor(value: float, floor: float, unit: str) -> str:
@@ -242,17 +255,18 @@ def comparison_record(comparison: Comparison, verdict: Verdict) -> dict[str, Any
 
 
 def runs_csv(comparison: Comparison) -> str:
-    """A line for each run: what it was, its figures by `controllers.metrics.FIGURES`, and why there are none."""
+    """A line for each run: its law, a column for each gain, figures (`controllers.metrics.FIGURES`), its failure."""
     every = [(source, result) for source in comparison.sources for result in source.results.values()]
     names = list(dict.fromkeys(name for _, result in every for name in result.figures))
     text = StringIO()
     table = csv.writer(text, lineterminator="\n")
-    table.writerow(["runs", "law", "gains", "path", "rig", "seed", "failure", *names])
-    for source, result in every:
+    settings = setting_columns([result.cell.setting for _, result in every])
+    table.writerow(["runs", *(column.name for column in settings), "path", "rig", "seed", "failure", *names])
+    for n, (source, result) in enumerate(every):
         cell = result.cell
-        gains = " ".join(f"{name}={value!r}" for name, value in cell.setting.gains)
-        what: Iterable[object] = (source.name, cell.setting.law, gains, cell.task, cell.variation.name, cell.seed)
-        table.writerow([*what, result.failure, *(_cell(result.figures.get(name)) for name in names)])
+        what: Iterable[object] = (source.name, *(column.values[n] for column in settings))
+        of = (cell.task, cell.variation.name, cell.seed, result.failure)
+        table.writerow([*what, *of, *(_cell(result.figures.get(name)) for name in names)])
     return text.getvalue()
 
 

@@ -7,7 +7,8 @@ That is lines, marks, panels, and one legend for all of them.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import inf, isfinite
+from dataclasses import dataclass
+from math import ceil, floor, inf, isfinite, log10
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,6 +26,12 @@ COLOURS = (*PALETTE, "#5D3A9B", "#8A5A00", "#882255", "#004D40", "#4D4D4D")
 """As many as there are marks: more settings than the palette has colours share none."""
 EFFORT = "torque_rms"
 """The figure of a run."""
+EFFORT_LABEL, ERROR_LABEL = "RMS torque over the baseline's", "RMS contour error over the baseline's"
+STRUCK = "unstable, or off its goal more often than the baseline"
+MIN_SPAN, TICK_DECADE = 1.1, 8.0
+"""Ratio to the baseline that an axis shows at least; from which ratio of its ends on it has ticks by decades."""
+NUMBER_ROOM = 0.055
+"""Of the height of the figure, between two numbers."""
 WIDTH = 11.0
 """Inches: as wide as a page of A4 on its side, so that text stays as large as it was drawn."""
 
@@ -70,38 +77,154 @@ def add_shared_legend(axes: Sequence[Axes], columns: int = 3) -> list[Axes]:
     return list(axes)
 
 
-def error_over_effort(comparison: Comparison, best: Sequence[SettingEntry]) -> list[Axes]:
-    """Error against effort of every setting, over the baseline's; those off their goal or unstable are struck out.
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a setting stands: its effort and its error over the baseline's.
 
-    best: those that are numbered, the first first. What failed on every path has no place here.
+    number  among the best, from 1; 0 of others
+    fault   why it is struck out (`Comparison.fault`); empty where it holds
     """
+
+    entry: SettingEntry
+    effort: float
+    error: float
+    number: int
+    fault: str
+
+
+def find_places(comparison: Comparison, best: Sequence[SettingEntry]) -> list[Place]:
+    """Of every setting but the baseline; what failed on every path has none. best: those numbered, the first first."""
+    return [
+        Place(entry, *pair, best.index(entry) + 1 if entry in best else 0, comparison.fault(entry))
+        for entry in comparison.entries
+        if entry != comparison.baseline and (pair := _effort_and_error(comparison, entry)) is not None
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """What a figure of places shows: the ends of both axes and their ticks; beyond: how many places lie outside."""
+
+    efforts: tuple[float, float]
+    errors: tuple[float, float]
+    effort_ticks: tuple[float, ...]
+    error_ticks: tuple[float, ...]
+    beyond: int
+
+
+def choose_view(places: Sequence[Place], whole: bool = False) -> View:
+    """About the baseline and the settings that hold; whole: about those struck out too."""
+    held = [place for place in places if whole or not place.fault] or list(places)
+    efforts, errors = (_choose_ends([1.0, *(getattr(place, name) for place in held)]) for name in ("effort", "error"))
+    beyond = sum(
+        not (efforts[0] <= place.effort <= efforts[1] and errors[0] <= place.error <= errors[1]) for place in places
+    )
+    return View(efforts, errors, choose_ticks(*efforts), choose_ticks(*errors), beyond)
+
+
+def _choose_ends(values: Sequence[float]) -> tuple[float, float]:
+    """Around positive values on a logarithmic axis, and never so near that noise would fill it."""
+    low, high = min(*values, 1 / MIN_SPAN), max(*values, MIN_SPAN)
+    room = (high / low) ** 0.06
+    return low / room, high * room
+
+
+def choose_ticks(low: float, high: float) -> tuple[float, ...]:
+    """Round values of a logarithmic axis: like steps in one decade, beyond 1, 2 and 5 of each, powers over four."""
+    from matplotlib.ticker import MaxNLocator
+
+    if high < TICK_DECADE * low:
+        ticks = [float(tick) for tick in MaxNLocator(nbins=7, steps=[1, 2, 5, 10]).tick_values(low, high)]
+    else:
+        powers = range(floor(log10(low)), ceil(log10(high)) + 1)
+        ticks = [float(f"{part}e{power}") for power in powers for part in ((1, 2, 5) if high < 1e4 * low else (1,))]
+    return tuple(round(tick, 9) for tick in ticks if low <= tick <= high)
+
+
+def error_over_effort(comparison: Comparison, best: Sequence[SettingEntry]) -> list[Axes]:
+    """Error against effort of every setting, over the baseline's; those that do not hold are struck out.
+
+    best: those that are numbered, the first first. What lies beyond the view is drawn at its edge.
+    """
+    places = find_places(comparison, best)
+    if not places:
+        return []
     (ax,) = make_panels(1, 1, 4.4)
-    laws = list(dict.fromkeys(entry.setting.law for entry in comparison.entries))
-    struck: list[tuple[float, float]] = []
-    efforts = [1.0]
-    for n, law in enumerate(laws):
-        held: list[tuple[float, float]] = []
-        for entry in (entry for entry in comparison.entries if entry.setting.law == law):
-            place = _effort_and_error(comparison, entry)
-            if place is None or entry == comparison.baseline:
-                continue
-            (struck if any(row.unstable or row.away for row in comparison.of(entry)) else held).append(place)
-            efforts.append(place[0])
-            if entry in best:
-                _number(ax, best.index(entry) + 1, place)
+    view = choose_view(places)
+    struck = [_clip(place, view) for place in places if place.fault]
+    for n, law in enumerate(laws_of(comparison)):
+        held = [_clip(place, view) for place in places if place.entry.setting.law == law and not place.fault]
         if held:
             ax.plot(*np.transpose(held), linestyle="none", label=law, color=line_colour(n), **marker_style(n))
     if struck:
-        ax.plot(*np.transpose(struck), "x", color="#9A9A9A", markersize=7, label="off its goal or unstable")
-    if not ax.lines:
-        return []
+        beyond = f"; {view.beyond} beyond the edge" if view.beyond else ""
+        ax.plot(*np.transpose(struck), "x", color="#9A9A9A", markersize=7, label=f"{STRUCK}{beyond}", clip_on=False)
     ax.plot(1, 1, marker="*", markersize=15, color="black", linestyle="none", label="baseline")
     for line in (ax.axhline, ax.axvline):
         line(1, color="#808080", linewidth=0.9, linestyle=(0, (6, 3)), zorder=0)
-    _scale_error_axis(ax)
-    _scale_efforts(ax, min(efforts), max(efforts))
-    ax.set(xlabel="RMS torque over the baseline's", ylabel="RMS contour error over the baseline's")
-    return add_shared_legend([ax], 4)
+    for name, ends, ticks in (("x", view.efforts, view.effort_ticks), ("y", view.errors, view.error_ticks)):
+        ax.set(**{f"{name}scale": "log", f"{name}lim": ends})
+        axis = ax.xaxis if name == "x" else ax.yaxis
+        axis.set_ticks([], minor=True)
+        axis.set_ticks(ticks, [f"{tick:g}" for tick in ticks])
+    ax.set(xlabel=EFFORT_LABEL, ylabel=ERROR_LABEL)
+    _number_places(ax, sorted((place for place in places if place.number), key=lambda place: place.error), view)
+    return add_shared_legend([ax], 3)
+
+
+def pack_places(comparison: Comparison, best: Sequence[SettingEntry]) -> dict[str, Any]:
+    """The same for a page's script: laws, places, and two views, of those that hold and of all."""
+    places, laws = find_places(comparison, best), laws_of(comparison)
+    score = {place.entry: comparison.score(place.entry) for place in places}
+    views = {
+        name: {"x": [*view.efforts], "y": [*view.errors], "ticks": [[*view.effort_ticks], [*view.error_ticks]]}
+        for name, view in (("held", choose_view(places)), ("all", choose_view(places, whole=True)))
+    }
+    return {
+        "labels": [EFFORT_LABEL, ERROR_LABEL],
+        "laws": [[law, line_colour(n), MARKS[n % len(MARKS)], n < len(PALETTE)] for n, law in enumerate(laws)],
+        "views": views,
+        "baseline": comparison.label(comparison.baseline),
+        "places": [
+            {
+                "name": comparison.label(place.entry),
+                "law": laws.index(place.entry.setting.law),
+                "at": [place.effort, place.error],
+                "number": place.number,
+                "fault": place.fault,
+                "weighed": score[place.entry] if isfinite(score[place.entry]) else None,
+            }
+            for place in places
+        ],
+    }
+
+
+def laws_of(comparison: Comparison) -> list[str]:
+    return list(dict.fromkeys(entry.setting.law for entry in comparison.entries))
+
+
+def _clip(place: Place, view: View) -> tuple[float, float]:
+    (left, right), (low, high) = view.efforts, view.errors
+    return min(max(place.effort, left), right), min(max(place.error, low), high)
+
+
+def _number_places(ax: Axes, places: Sequence[Place], view: View) -> None:
+    """Numbers right of the places, from the lowest up, each clear of the one before, with a line to its place."""
+    low, high = np.log(view.errors)
+    free = -1.0
+    for place in places:
+        height = (np.log(place.error) - low) / (high - low)
+        free = max(height, free + NUMBER_ROOM)
+        lift = (free - height) * ax.get_window_extent().height * 72 / ax.figure.dpi
+        ax.annotate(
+            str(place.number),
+            (place.effort, place.error),
+            xytext=(16, lift),
+            textcoords="offset points",
+            arrowprops={"arrowstyle": "-", "color": "#9A9A9A", "linewidth": 0.6, "shrinkB": 3},
+            fontweight="bold",
+            va="center",
+        )
 
 
 def _effort_and_error(comparison: Comparison, entry: SettingEntry) -> tuple[float, float] | None:
@@ -118,23 +241,6 @@ def _effort_and_error(comparison: Comparison, entry: SettingEntry) -> tuple[floa
 
 def _effort(row: ComparisonRow) -> float:
     return row.figures.get(EFFORT, 0.0)
-
-
-def _number(ax: Axes, number: int, place: tuple[float, float]) -> None:
-    ax.annotate(str(number), place, xytext=(7, 5), textcoords="offset points", fontweight="bold")
-
-
-def _scale_efforts(ax: Axes, least: float, most: float) -> None:
-    """A logarithmic axis about 1 that says 0.9 and 1.2, or over decades 2 and 5."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
-    ax.set_xscale("log")
-    low, high = 0.95 * least, 1.05 * most
-    ax.set_xlim(low, high)
-    near = (1, 1.05, 1.1, 1.2, 1.5, 2, 3, 4, 5, 6, 7, 8, 9, 9.5)
-    ax.xaxis.set_major_locator(LogLocator(subs=near if high < 5 * low else (1, 2, 5)))
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    ax.xaxis.set_minor_formatter(NullFormatter())
 
 
 def gains(comparison: Comparison) -> list[Axes]:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import operator
 import re
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf, isfinite
+from statistics import fmean, geometric_mean
 from typing import TYPE_CHECKING, Any
 
-from benchmarks.reports.gain.comparison import RANK, Comparison, SettingEntry
+from benchmarks.reports.gain.comparison import RANK, Comparison, ComparisonRow, SettingEntry
 from benchmarks.reports.gain.criteria import CRITERIA, TRADE_RATIO, format_unit, weights_text
 from benchmarks.sweep import Setting
 from benchmarks.sweep.result import figure_unit
@@ -48,7 +50,7 @@ class Margin:
 
 @dataclass(frozen=True, slots=True)
 class Verdict(Result):
-    """The best setting other than the baseline, by all criteria weighed; None where none holds on every path and rig.
+    """The best setting other than the baseline, by all criteria weighed; None where none holds (`Comparison.fault`).
 
     ratio   of its RMS contour error to the baseline's: geometric mean over paths, rigs and seeds
     score   its weighed ratio to the baseline
@@ -102,24 +104,30 @@ def gain_block(setting: Setting) -> str:
 
 
 def verdict_of(comparison: Comparison) -> Verdict:
-    """The best setting that is stable on every path and rig, weighed by `criteria`, with its gains and costs.
+    """The best setting that holds (`Comparison.fault`), weighed by `criteria`, with its gains and costs.
 
     Where another setting has the least contour error it is named, with what it pays for that.
     """
     others = [entry for entry in comparison.entries if entry != comparison.baseline]
-    full = [entry for entry in others if {row.task for row in comparison.of(entry)} == set(comparison.tasks)]
-    ranked = sorted(((comparison.score(entry), n) for n, entry in enumerate(full)), key=lambda one: one[0])
+    ranked = comparison.rank()
     name = comparison.label(comparison.baseline)
-    if not ranked or not isfinite(ranked[0][0]):
-        why = "no other setting was run" if not others else "no other setting is stable on every path and rig"
+    if not ranked:
+        why = "no other setting was run" if not others else "no other setting holds on every path and rig"
         why = why if comparison.ranked else "no path ranks settings"
-        text = " ".join([f"The baseline {name} is not compared: {why}.", *describe_unranked(comparison)])
-        return Verdict(None, inf, (), text)
-    score, best = ranked[0][0], full[ranked[0][1]]
-    ratio, least = comparison.mean_ratio(best), min(full, key=comparison.mean_ratio)
+        pieces = [f"The baseline {name} is not compared: {why}.", *_describe_faults(comparison, others)]
+        return Verdict(None, inf, (), " ".join([*pieces, *describe_unranked(comparison)]))
+    best, least = ranked[0], min(ranked, key=comparison.mean_ratio)
     margins = _margins(comparison, best)
-    text = _describe_verdict(comparison, best, least, margins, len(others))
+    text = _describe_verdict(comparison, best, least, margins, others)
+    ratio, score = comparison.mean_ratio(best), comparison.score(best)
     return Verdict(best, ratio, margins, text, score, comparison.ratios(best), least)
+
+
+def _describe_faults(comparison: Comparison, others: Sequence[SettingEntry]) -> list[str]:
+    """How many settings do not hold, in a sentence by what is wrong with them."""
+    faults = Counter(comparison.fault(entry).partition(" on ")[0] for entry in others)
+    told = ", ".join(f"{count} {why} on some path" for why, count in faults.items() if why)
+    return [f"Left out: {told}."] if told else []
 
 
 def _costs(comparison: Comparison, entry: SettingEntry) -> str:
@@ -200,7 +208,11 @@ def _differ_in_one_gain(one: Setting, other: Setting, gain: str) -> bool:
 
 
 def _describe_verdict(
-    comparison: Comparison, best: SettingEntry, least: SettingEntry, margins: tuple[Margin, ...], others: int
+    comparison: Comparison,
+    best: SettingEntry,
+    least: SettingEntry,
+    margins: tuple[Margin, ...],
+    others: Sequence[SettingEntry],
 ) -> str:
     ratio, score = comparison.mean_ratio(best), comparison.score(best)
     name, baseline = comparison.label(best), comparison.label(comparison.baseline)
@@ -210,7 +222,8 @@ def _describe_verdict(
     counts = ", ".join(f"{mark} on {marks.count(mark)}" for mark in ("better", "neither", "worse") if mark in marks)
     many = f"{len(comparison.ranked)} path{'s' if len(comparison.ranked) > 1 else ''}"
     pieces = [
-        f"{name} {verb} of {others} settings, weighed ({weights_text()}): {score:.3g} times the baseline, {baseline}. "
+        f"{name} {verb} of {len(others)} settings, weighed ({weights_text()}): "
+        f"{score:.3g} times the baseline, {baseline}. "
         f"Its RMS contour error is {ratio:.3g} times that of the baseline "
         f"(geometric mean over {many} and {rows[0].runs} runs of each; {counts})."
     ]
@@ -231,6 +244,7 @@ def _describe_verdict(
             f"It ends off its goal in {away} of its {sum(row.runs for row in rows)} runs "
             f"(baseline in {sum(row.away for row in theirs)} of {sum(row.runs for row in theirs)})."
         )
+    pieces += _describe_faults(comparison, others)
     if least != best:
         dearer = _costs(comparison, least)
         why = f"but it costs {dearer}" if dearer else "but its weighed total is worse"
@@ -266,6 +280,12 @@ GRAMMAR = re.compile(r"\s*([a-z_]+(?:\.[\w-]+)?)\s*(>=|<=|>|<)\s*(\d+(?:\.\d*)?(
 HELP = 'write FIGURE > VALUE, as "contour_rms > 1.1x" (times the baseline), "contour_max > 250 um", "torque_peak > 0.9"'
 
 
+COUNTS = ("", "full steps")
+"""Units of figures that a plain number is compared with."""
+EXAMPLES = {"m": "um", "rad": "mrad", "s": "ms", "m²": "um^2", "rad²": "mrad^2", "m/s³": "m/s^3", "rad/s³": "rad/s^3"}
+"""SI unit -> how one that people use is written in a condition."""
+
+
 @dataclass(frozen=True, slots=True)
 class Condition:
     """unit: "x" for times the baseline, else the unit of a quantity, "" of a plain number."""
@@ -292,42 +312,62 @@ class Condition:
     def list_reasons(self, comparison: Comparison, entry: SettingEntry | None) -> list[str]:
         """Why it holds of a setting, path by path; empty where it does not.
 
-        A setting that failed on the rig as stated has an infinite figure; and without a setting that holds everywhere
-        the condition holds, since what is checked is not there.
+        A ratio is what the verdict is made of: the mean over all rigs and seeds, over the baseline's, on paths that
+        are ranked. A quantity is compared with every run. Without a setting that holds everywhere the condition holds,
+        since what is checked is not there.
         """
         if entry is None:
-            return [f"{self.text}: no setting is stable on every path and rig"]
-        found = []
-        for row in comparison.of(entry):
-            unit = comparison.unit(self.figure, row.task)
-            own = self._value(row.figures)
-            base = comparison.row(comparison.baseline, row.task)
-            if self.unit == "x":
-                # what no rig could show is no difference
-                least = (
-                    comparison.floor(row.task)
-                    if any(f.unit == "path" for f in FIGURES if f.name == self.figure)
-                    else -inf
-                )
-                own = max(own, least)
-                limit = self.value * (inf if base is None else max(self._value(base.figures), least))
-            else:
-                limit = self._limit(unit)
-            if COMPARISONS[self.compared](own, limit):
-                times = f" ({self.value:g} × the baseline)" if self.unit == "x" else ""
-                found.append(
-                    f"{self.text}: {comparison.label(entry)} on {row.task}: {format_unit(own, unit)} {self.compared} "
-                    f"{format_unit(limit, unit)}{times}"
-                )
-        return found
+            return [f"{self.text}: no setting holds on every path and rig"]
+        told = (
+            self._check_ratio(comparison, entry, row) if self.unit == "x" else self._check_runs(comparison, entry, row)
+            for row in comparison.of(entry)
+            if self.unit != "x" or row.task in comparison.ranked
+        )
+        return [f"{self.text}: {comparison.label(entry)} {reason}" for reason in told if reason]
+
+    def _check_ratio(self, comparison: Comparison, entry: SettingEntry, row: ComparisonRow) -> str:
+        in_space = any(figure.unit == "path" for figure in FIGURES if figure.name == self.figure)
+        least = comparison.floor(row.task) if in_space else -inf  # what no rig could show is no difference
+        own, base = (
+            [max(self._value(run.figures), least) for run in comparison.runs(of, row.task)]
+            for of in (entry, comparison.baseline)
+        )
+        mean = geometric_mean if min(own + base) > 0 else fmean
+        value, limit = mean(own), self.value * mean(base)
+        unit = comparison.unit(self.figure, row.task)
+        told = f"{format_unit(value, unit)} {self.compared} {format_unit(limit, unit)}"
+        about = (
+            f"{self.value:g} × the baseline; mean of {row.runs} runs"
+            if row.runs > 1
+            else f"{self.value:g} × the baseline"
+        )
+        return f"on {row.task}: {told} ({about})" if COMPARISONS[self.compared](value, limit) else ""
+
+    def _check_runs(self, comparison: Comparison, entry: SettingEntry, row: ComparisonRow) -> str:
+        unit = comparison.unit(self.figure, row.task)
+        limit = self._limit(unit)
+        runs = [(self._value(run.figures), run.cell) for run in comparison.runs(entry, row.task)]
+        worst = max if self.compared.startswith(">") else min
+        value, cell = worst(runs, key=lambda run: run[0])
+        told = f"{format_unit(value, unit)} {self.compared} {format_unit(limit, unit)}"
+        about = f"rig {cell.variation.name}, seed {cell.seed}"
+        return f"on {row.task}: {told} ({about})" if COMPARISONS[self.compared](value, limit) else ""
 
     def _limit(self, unit: str) -> float:
-        if self.unit in ("", "x"):
+        """The value in SI. Raises MotionError unless it has a unit where the figure has one."""
+        if self.unit == "x" or (self.unit == "" and unit in COUNTS):
             return self.value
         try:
+            if not self.unit:
+                raise MotionError(
+                    f"{self.figure} needs a unit, as {self._unit_example(unit)}, or x for times the baseline"
+                )
             return quantity(f"{self.value!r} {self.unit}", unit or "1")
         except MotionError as error:
             raise MotionError(f'condition "{self.text}": {error}') from None
+
+    def _unit_example(self, unit: str) -> str:
+        return f'"{self.value:g} {EXAMPLES.get(unit, unit)}"'
 
     def _value(self, figures: Mapping[str, float]) -> float:
         if not figures:

@@ -1,17 +1,34 @@
 """A verdict weighs what a user would: a little less error is not worth a shaking machine, and what is paid is said."""
 
+import json
+import re
 from dataclasses import replace
+from html import unescape
 from math import inf, prod
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 from benchmarks.reports.gain import SettingEntry, compare, verdict_of
 from benchmarks.reports.gain.courses import select_series
 from benchmarks.reports.gain.criteria import CRITERIA, QUANTIZED, compare_figures, mean_of, weigh
 from benchmarks.reports.gain.gain_report import comparison_record, gain_report
 from benchmarks.reports.gain.run_figures import axes_over_time
-from tests.benchmarks.reports.gain.test_comparison import BASE, GOOD, SAME, saved
+from benchmarks.reports.gain.setting_figures import choose_ticks, error_over_effort, find_places
+from tests.benchmarks.reports.gain.test_comparison import (
+    BASE,
+    DEAD,
+    ERRORS,
+    GOOD,
+    SAME,
+    WILD,
+    browse,
+    chromium,
+    law,
+    saved,
+)
+from tests.benchmarks.reports.test_plan_report import Page
 
 PULSE = 4e-5
 QUIET = 1.0
@@ -117,3 +134,95 @@ def test_the_page_shows_what_is_weighed_and_every_axis(tmp_path):
         np.testing.assert_allclose(line.get_ydata(), 1e3 * offset, rtol=2e-2)
         assert one.feedback.shape == (len(one.t), 2)
     assert len(baseline.get_xdata()) == len(best.get_xdata())
+
+
+def off_goal(store, settings):
+    """The same runs; those of some settings end off their goal, with all errors as they were."""
+    changed = {
+        key: replace(of, figures={**of.figures, "end_time": inf, "late": inf}) if of.cell.setting in settings else of
+        for key, of in store.results.items()
+    }
+    return replace(store, results=changed)
+
+
+@pytest.mark.parametrize("away", [(), (GOOD,), (BASE, GOOD)])
+def test_verdict_figure_and_best_settings_leave_out_the_same(tmp_path, away):
+    """What ends off its goal is never recommended, unless the baseline ends there as often."""
+    found = compare([off_goal(saved(tmp_path / "runs"), away)])
+    verdict, page = gain_report(found)
+    ranked, places = found.rank(), {place.entry: place for place in find_places(found, found.rank()[:5])}
+    out = {WILD, DEAD} | ({GOOD} if away == (GOOD,) else set())
+    assert {entry.setting for entry in found.entries if found.fault(entry)} == out
+    assert {entry.setting for entry in ranked} == set(ERRORS) - out - {BASE}
+    assert verdict.best == ranked[0]
+    assert verdict.best.setting == (SAME if away == (GOOD,) else GOOD)
+    assert {entry.setting for entry, place in places.items() if place.fault} == out - {DEAD}  # DEAD has no mean error
+    assert [entry for entry, place in sorted(places.items(), key=lambda one: one[1].number) if place.number] == ranked
+    rows = [row for row in Page(page).tables["best"] if not row[0].startswith("law") and row[0]]
+    assert [row[1] for row in rows if row[0] != "baseline"] == [found.label(entry) for entry in ranked]
+    assert [row[1] for row in rows if row[0] == "baseline"] == [found.label(found.baseline)]
+    why = "1 off its goal more often than the baseline on some path"
+    assert (why in verdict.text) == (away == (GOOD,))
+
+
+def test_the_figure_fits_what_holds_and_draws_the_rest_at_its_edge(tmp_path):
+    comparison = compare([saved(tmp_path / "runs")])
+    best = comparison.rank()[:2]
+    (ax,) = error_over_effort(comparison, best)
+    lines = {line.get_label(): np.column_stack(line.get_data()) for line in ax.lines}
+    assert lines["baseline"].tolist() == [[1, 1]]
+    (struck,) = [xy for label, xy in lines.items() if "1 beyond the edge" in label]
+    held = [comparison.ratios(entry)["contour error"] for entry in comparison.entries if comparison.score(entry) < inf]
+    assert sorted(lines["closed-position"][:, 1]) == pytest.approx(sorted(held))
+    low, high = ax.get_ylim()
+    assert low < min(held) < max(held) < high < 90  # WILD errs by 90 times as much
+    assert struck[:, 1].tolist() == [high]
+    assert sum(low < tick < high for tick in ax.get_yticks()) >= 3
+    numbers = {text.get_text(): text.xy[1] for text in ax.texts}
+    assert numbers == {str(n): comparison.ratios(entry)["contour error"] for n, entry in enumerate(best, 1)}
+
+
+@pytest.mark.parametrize(("low", "high"), [(0.9, 1.1), (0.4, 1.6), (0.99, 7.0), (0.3, 60), (1e-3, 2e3)])
+def test_a_logarithmic_axis_has_ticks_to_read(low, high):
+    ticks = choose_ticks(low, high)
+    assert 3 <= len(ticks) <= 9
+    assert all(low <= tick <= high for tick in ticks)
+    assert {len(f"{tick:g}") <= 5 for tick in ticks} == {True}
+
+
+def test_numbers_of_settings_that_nearly_coincide_are_apart(tmp_path):
+    alike = {BASE: 1e-4} | {law(0.1 + 0.01 * n): 0.9e-4 + 1e-8 * n for n in range(5)}
+    found = compare([saved(tmp_path / "runs", errors=alike)])
+    (ax,) = error_over_effort(found, found.rank())
+    ax.figure.draw_without_rendering()
+    boxes = [Text.get_window_extent(text) for text in ax.texts]  # of the number, without its line
+    assert len(boxes) == 5
+    assert not any(one.overlaps(other) for n, one in enumerate(boxes) for other in boxes[:n])
+
+
+POINT = """<script>
+addEventListener("load", () => setTimeout(() => {
+  const svg = document.querySelector("#scatter > svg"), output = document.querySelector("#scatter output");
+  const said = [...svg.querySelectorAll(".mark, .struck")].map(mark => {
+    const { left, width, top, height } = mark.getBoundingClientRect();
+    const [clientX, clientY] = [left + width / 2, top + height / 2];
+    svg.dispatchEvent(new PointerEvent("pointermove", { clientX, clientY, bubbles: true }));
+    return output.textContent;
+  });
+  document.title = "said " + JSON.stringify(said);
+}, 500));
+</script></body>"""
+
+
+@pytest.mark.skipif(chromium() is None, reason="no Chromium here; .ci/run installs one")
+def test_a_setting_pointed_at_tells_its_law_gain_and_figures(tmp_path):
+    comparison = compare([saved(tmp_path / "runs")])
+    _, page = gain_report(comparison)
+    opened = browse(tmp_path, page.replace("</body>", POINT), "--dump-dom", "--virtual-time-budget=5000")
+    said = json.loads(unescape(re.search(r"<title>said (.*)</title>", opened.stdout).group(1)))
+    for place in find_places(comparison, comparison.rank()[:5]):
+        number = f"{place.number}. " if place.number else ""
+        (told,) = [text for text in said if text.startswith(f"{number}{comparison.label(place.entry)}: ")]
+        assert f"contour error {float(f'{place.error:.3g}'):g} ×" in told
+        assert f"torque {float(f'{place.effort:.3g}'):g} ×" in told
+        assert told.endswith(f"left out: {place.fault}") if place.fault else "left out" not in told
