@@ -312,9 +312,8 @@ def window_uses(standing: PlanStanding, ax: Axes | None = None) -> Axes:
     """The largest share of each limit that is proved in each window of planning."""
     ax = new_axes(ax)
     for n, (name, use) in enumerate(standing.certificate.use.items()):
-        ax.step(
-            np.linspace(1, standing.windows, len(use)), use, where="mid", label=literal_label(name), **line_style(n)
-        )
+        edges = np.linspace(0.5, standing.windows + 0.5, len(use) + 1)
+        _draw_stairs(ax, use, edges, label=literal_label(name), **line_style(n))
     ax.axhline(1.0, color="black", linestyle=(0, (6, 3)), linewidth=1)
     ax.set(xlabel="window", ylabel="largest share of the limit, proved", ylim=(0, 1.1))
     ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, frameon=False)

@@ -21,7 +21,11 @@ MOST_STRETCHES = 2000
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """One line: t (N,) s, values (N,) in the unit of its panel; step: each value holds up to the next instant."""
+    """One line: t (N,) s, values (N,) in the unit of its panel.
+
+    step     each value holds up to the next instant
+    thinned  these are extremes, as `keep_extremes` gives them
+    """
 
     name: str
     t: Array
@@ -29,6 +33,7 @@ class Series:
     color: str
     dash: int = 0
     step: bool = False
+    thinned: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +125,7 @@ def _pack_series(series: Series, times: dict[str, int]) -> dict[str, Any]:
     t, values = keep_extremes(series.t, series.values)
     style = {"name": series.name, "color": series.color, "dash": series.dash, "step": series.step}
     at = times.setdefault(_pack(t), len(times))
-    return {**style, "t": at, "y": _pack(values), "thinned": len(t) < len(series.t)}
+    return {**style, "t": at, "y": _pack(values), "thinned": series.thinned or len(t) < len(series.t)}
 
 
 def _pack(values: Array) -> str:

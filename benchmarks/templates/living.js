@@ -128,7 +128,8 @@
     const share = (now - shown[0]) / (shown[1] - shown[0]), owner = ownerAt(now);
     mark.hidden = share < 0 || share > 1;
     mark.style.left = 100 * share + "%";
-    const limit = owner < 0 ? "no limit is active" : "held by " + page.band.limits[owner].name;
+    const [by, none] = page.band.words ?? ["held by ", "no limit is active"];
+    const limit = owner < 0 ? none : by + page.band.limits[owner].name;
     said.textContent = [now.toFixed(4) + " s", segmentAt(now), limit].filter(Boolean).join(" · ");
     slider.value = Math.round(slider.max * (now - shown[0]) / (shown[1] - shown[0]));
     slider.setAttribute("aria-valuetext", said.textContent);

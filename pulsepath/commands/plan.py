@@ -285,8 +285,10 @@ def _tell_parts(standing: "PlanStanding", out: Path, as_json: bool) -> None:
     if as_json:
         written = json.loads((out / RECORD).read_bytes())
         click.echo(record.as_json({**written, "report": report}), nl=False)
+    elif level() == QUIET:
+        say(report)
     else:
-        tables.show(standing.tables())
+        tables.show(standing.tables() if level() == VERBOSE else tables.sum_up_parts(standing))
         say(f"report: {report}")
 
 

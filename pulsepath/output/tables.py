@@ -15,6 +15,7 @@ from planner.baselines import describe_differences, missing_limits
 from planner.limits.registry import geometric_limits
 from planner.path.outcome import Blended, FitSummary
 from planner.path.point_to_point import Departure
+from planner.plan_parts import PlanStanding
 from planner.sources.position_list import PositionList
 from pulsepath.job import Job
 from pulsepath.progress import VERBOSE, Layout, draw, level
@@ -107,6 +108,27 @@ def sum_up(job: Job) -> list[Table]:
     tradeoff = () if job.tradeoff is None else job.tradeoff.tables()
     held = () if job.stops is None else job.stops.tables()
     return [summed, *tradeoff, *held, *crossed]
+
+
+def sum_up_parts(standing: PlanStanding) -> list[Table]:
+    """A plan made in parts on a screen, as `sum_up` does."""
+    proof, still = standing.certificate, geometric_limits()
+    used = [name for name, share in proof.worst.items() if share > NEARLY and name not in still]
+    windows = f"{standing.windows} window{'s' if standing.windows > 1 else ''}"
+    rows = [
+        ("duration", f"{standing.duration:.6f} s, {1e3 * standing.start.length:.3f} mm of path"),
+        ("limits", f"{len(proof.worst)} proved at every instant; used up: {', '.join(used) or 'none'}"),
+    ]
+    if standing.fit is not None and standing.fit.before:
+        rows.append(("fit", _sum_up_fit(standing.fit)))
+    if standing.blends:
+        rows.append(("blends", f"{standing.blends}, {standing.stops} of them replaced by stops"))
+    total = sum(number for number, _ in standing.counted)
+    bound = max(axis.bound for axis in standing.pulses.axes)
+    rows.append(("pulses", f"{total} by the rule {standing.pulses.rule}, within {bound:.3f} of the motion"))
+    what, values = zip(*rows, strict=True)
+    title = f"{standing.program} on {standing.machine.name}, order {standing.order}, in {windows}"
+    return [Table(title, (Column("what", what), Column("", values)))]
 
 
 def sum_up_check(found: Standing) -> list[Table]:
