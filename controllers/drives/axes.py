@@ -5,12 +5,14 @@ A rotor is an inertia with viscous and Coulomb friction under a held torque, in 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
 from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.kernels import kernel
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,12 +55,10 @@ def read_encoder(encoder: Array, x: Array) -> Array:
     return np.asarray(np.rint(x * encoder) / encoder)
 
 
-def apply_play(output: Array, motor: Array, half_play: Array, part: Array) -> None:
-    """The output behind its play, in place: it is pushed where the motor is half the play away. `part`: overwritten."""
-    np.subtract(motor, half_play, out=part)
-    np.maximum(output, part, out=output)
-    np.add(motor, half_play, out=part)
-    np.minimum(output, part, out=output)
+@kernel
+def apply_play(output: float, motor: float, half_play: float) -> float:
+    """Where the output is behind its play: it is pushed where the motor is half the play away."""
+    return min(max(output, motor - half_play), motor + half_play)
 
 
 def stack_values(name: str, drives: Any) -> Array:
@@ -68,106 +68,76 @@ def stack_values(name: str, drives: Any) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Rotor:
-    """J v̇ = τ − b v − c sign(v) in lanes (B, n), over a time h in which τ is held.
+    """J v̇ = τ − b v − c sign(v) in lanes, over a time h in which τ is held.
 
     While v keeps its sign, with u = τ − c sign(v):  x ← x + gx v + hx u,  v ← gv v + hv u.
+
+    lanes  (7, B, n): J, b, c, gx, hx, gv, hv
     """
 
     h: float
-    inertia: Array
-    friction: Array
-    coulomb: Array
-    gx: Array
-    hx: Array
-    gv: Array
-    hv: Array
-    halt: Array
-    """(B, n) 0 in lanes with Coulomb friction, whose speed may change its sign by way of rest only; −inf in others."""
-    smooth: bool
-    """No lane has any."""
+    lanes: Array
 
 
 def rotor(inertia: Array, friction: Array, coulomb: Array, h: float) -> Rotor:
     """With z = b h/J and φ₁, φ₂ of `_phi`: gv = e⁻ᶻ, hv = φ₁ h/J, gx = φ₁ h, hx = φ₂ h²/J."""
     z = friction * h / inertia
-    phi1, phi2 = _phi(z)
-    return Rotor(
-        h=h,
-        inertia=freeze_array(inertia),
-        friction=freeze_array(friction),
-        coulomb=freeze_array(coulomb),
-        gx=freeze_array(phi1 * h),
-        hx=freeze_array(phi2 * h * h / inertia),
-        gv=freeze_array(np.exp(-z)),
-        hv=freeze_array(phi1 * h / inertia),
-        halt=freeze_array(np.where(coulomb > 0, 0.0, -np.inf)),
-        smooth=not coulomb.any(),
-    )
+    phi1, phi2 = np.array([_phi(one) for one in z.ravel().tolist()]).T.reshape(2, *z.shape)
+    gains = phi1 * h, phi2 * h * h / inertia, np.exp(-z), phi1 * h / inertia
+    return Rotor(h, freeze_array([inertia, friction, coulomb, *gains]))
 
 
-def advance(rotor: Rotor, x: Array, v: Array, torque: Array, work: Array) -> None:
-    """x and v (B, n) a time h on under a torque (B, n), in place.
+@kernel
+def advance(h: float, rotor: Array, x: float, v: float, torque: float) -> tuple[float, float]:
+    """x and v of one lane, whose rotor is (7,), a time h on under a torque.
 
     A lane that stands, or comes to a stand within h, goes by way of rest: from there it moves on only if the torque
-    exceeds the Coulomb friction, and it cannot stop again, since the torque is held.
-
-    work  (4, B, n) whatever, overwritten
+    exceeds the Coulomb friction, and it cannot stop again, since the torque is held. Without Coulomb friction its speed
+    may change its sign on the way.
     """
-    push, speed, way, part = work
-    if rotor.smooth:
-        push = torque
-    else:
-        np.copysign(rotor.coulomb, v, out=push)
-        np.subtract(torque, push, out=push)
-    np.multiply(rotor.gv, v, out=speed)
-    np.multiply(rotor.hv, push, out=part)
-    np.add(speed, part, out=speed)
-    np.multiply(rotor.gx, v, out=way)
-    np.multiply(rotor.hx, push, out=part)
-    np.add(way, part, out=way)
-    if not rotor.smooth:
-        np.multiply(speed, v, out=part)
-        halts = part <= rotor.halt
-        if np.count_nonzero(halts):
-            stops = np.flatnonzero(halts)
-            lanes = [of.ravel()[stops] for of in (v, torque, rotor.inertia, rotor.friction, rotor.coulomb)]
-            way.ravel()[stops], speed.ravel()[stops] = _step_through_rest(rotor.h, *lanes)
-    np.add(x, way, out=x)
-    v[...] = speed
+    inertia, friction, coulomb, gx, hx, gv, hv = rotor
+    push = torque - math.copysign(coulomb, v)
+    speed = gv * v + hv * push
+    if coulomb > 0 and speed * v <= 0:
+        way, speed = _step_through_rest(h, v, torque, inertia, friction, coulomb)
+        return x + way, speed
+    return x + (gx * v + hx * push), speed
 
 
 MAX_BRAKING_TIME = 1e100
 """s: no braking takes as long."""
 
 
+@kernel
 def _step_through_rest(
-    h: float, v: Array, torque: Array, inertia: Array, friction: Array, coulomb: Array
-) -> tuple[Array, Array]:
-    """Way and speed (lanes,) after h, of lanes that stand or come to a stand within it.
+    h: float, v: float, torque: float, inertia: float, friction: float, coulomb: float
+) -> tuple[float, float]:
+    """Way and speed after h, of a lane that stands or comes to a stand within it.
 
     v = 0 is reached after t = log(1 + a w)/a with a = b/J and w = −v J/u, which is t = w without viscous friction.
     """
-    push = torque - coulomb * np.sign(v)
-    # what neither stands nor is braked came here by a product of speeds that is too small for a float: it stands
-    braked = np.sign(push) * np.sign(v) < 0
-    v = np.where(braked, v, 0.0)
-    w = np.minimum(-v * inertia / np.where(braked, push, 1.0), MAX_BRAKING_TIME)
     a = friction / inertia
-    # below 1e-9 the first two terms of the logarithm are exact to rounding
-    aw = a * w
-    t = np.where(aw < 1e-9, w * (1 - aw / 2), np.log1p(aw) / np.where(a > 0, a, 1.0))
-    t = np.minimum(t, h)
-    phi1, phi2 = _phi(a * t)
-    way = phi1 * t * v + phi2 * t * t * push / inertia
-    beyond = np.where(np.abs(torque) > coulomb, torque - coulomb * np.sign(torque), 0.0) / inertia
+    t = way = 0.0
+    push = torque - math.copysign(coulomb, v)
+    # what neither stands nor is braked came here by a product of speeds that is too small for a float: it stands
+    if push != 0 and v != 0 and (push > 0) != (v > 0):
+        w = min(-v * inertia / push, MAX_BRAKING_TIME)
+        # below 1e-9 the first two terms of the logarithm are exact to rounding
+        t = min(w * (1 - a * w / 2) if a * w < 1e-9 else math.log1p(a * w) / a, h)
+        phi1, phi2 = _phi(a * t)
+        way = phi1 * t * v + phi2 * t * t * push / inertia
+    if abs(torque) <= coulomb:
+        return way, 0.0
+    beyond = (torque - math.copysign(coulomb, torque)) / inertia
     left = h - t
     phi1, phi2 = _phi(a * left)
     return way + phi2 * left * left * beyond, phi1 * left * beyond
 
 
-def _phi(z: Array) -> tuple[Array, Array]:
+@kernel
+def _phi(z: float) -> tuple[float, float]:
     """φ₁ = (1 − e⁻ᶻ)/z and φ₂ = (1 − φ₁)/z: 1 and ½ at z = 0."""
-    # below 1e-5 the series is exact to rounding, the quotients are not
-    small, divisor = z < 1e-5, np.maximum(z, 1e-5)
-    phi1 = np.where(small, 1 - z / 2 + z * z / 6, -np.expm1(-z) / divisor)
-    return phi1, np.where(small, 0.5 - z / 6 + z * z / 24, (1 - phi1) / divisor)
+    if z < 1e-5:  # the series is exact to rounding, the quotients are not
+        return 1 - z / 2 + z * z / 6, 0.5 - z / 6 + z * z / 24
+    phi1 = -math.expm1(-z) / z
+    return phi1, (1 - phi1) / z

@@ -14,6 +14,7 @@ import numpy as np
 from controllers.drives.axes import AxesResponse, Rotor, advance, apply_play, read_encoder, rotor, stack_values
 from kinematics.foundation.arrays import Array, freeze_array, freeze_fields
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.kernels import kernel
 from kinematics.machine.axis import Axis
 
 
@@ -155,51 +156,66 @@ class ServoAxes:
     def run(self, state: ServoState, command: Array, kept: np.ndarray) -> tuple[AxesResponse, ServoState]:
         x, y, v, integral = (getattr(state, name).copy() for name in ("x", "y", "v", "integral"))
         late, commands = _delay_commands(command, state.commands, self.command_delay)
-        told = [np.empty((len(kept), *x.shape)) for _ in range(4)]
-        error, part, given = np.empty((3, *x.shape))
-        work = np.empty((4, *x.shape))
-        free, lowest = np.empty(x.shape, bool), -self.torque_limit
-        some_output, some_play = self.at_output.any(), self.half_play.any()
-        longest = len(state.torques)
-        ring = np.concatenate([given[None], state.torques]) if longest else state.torques
-        keep = iter([*kept.tolist(), -1])
-        place, row = next(keep), 0
-        for i, wanted in enumerate(late):
-            seen = np.where(self.at_output, y, x) if some_output else x
-            np.multiply(seen, self.encoder, out=part)
-            np.rint(part, out=part)
-            np.divide(part, self.encoder, out=part)
-            if i == place:
-                told[1][row] = part
-            np.subtract(wanted, part, out=error)
-            np.multiply(error, self.position_gain, out=error)
-            np.subtract(error, v, out=error)
-            np.multiply(error, self.speed_gain, out=part)
-            np.add(part, integral, out=part)
-            np.maximum(part, lowest, out=given)
-            np.minimum(given, self.torque_limit, out=given)
-            np.equal(part, given, out=free)
-            np.multiply(error, self.integral_gain, out=error)
-            np.multiply(error, free, out=error)
-            np.add(integral, error, out=integral)
-            torque = given
-            if longest:
-                ring[i % (longest + 1)] = given
-                torque = np.take_along_axis(ring, ((i - self.loop_delay) % (longest + 1))[None], 0)[0]
-            if i == place:
-                told[0][row], told[2][row], told[3][row] = y if some_play else x, v, torque
-                place, row = next(keep), row + 1
-            advance(self.rotor, x, v, torque, work)
-            if some_play:
-                apply_play(y, x, self.half_play, part)
-        if not some_play:
-            y = x
-        if longest:  # the oldest first, for the next run to begin with
-            ring = np.roll(ring, -(len(late) % (longest + 1)), 0)[1:]
-        return AxesResponse(*told), ServoState(x, y, v, integral, commands, ring)
+        told = np.empty((4, len(kept), *x.shape))
+        given = np.concatenate([state.torques, np.empty((len(command), *x.shape))])
+        gains = (self.position_gain, self.speed_gain, self.integral_gain, self.torque_limit, self.encoder)
+        _close_loops(
+            np.stack([*gains, self.half_play]),
+            self.at_output,
+            self.loop_delay,
+            (self.rotor.h, self.rotor.lanes),
+            np.ascontiguousarray(late),
+            (x, y, v, integral),
+            given,
+            (kept, told),
+        )
+        return AxesResponse(*told), ServoState(x, y, v, integral, commands, given[len(command) :].copy())
 
     def count_lost_steps(self, state: ServoState) -> np.ndarray:
         return np.zeros(state.x.shape, np.int64)
+
+
+@kernel
+def _close_loops(
+    gains: Array,
+    at_output: np.ndarray,
+    loop_delay: np.ndarray,
+    rotor: tuple[float, Array],
+    commands: Array,
+    state: tuple[Array, Array, Array, Array],
+    given: Array,
+    record: tuple[np.ndarray, Array],
+) -> None:
+    """`Servo`'s loops over N commands (N, B, n), lane by lane; `state` is x, y, v and the integral, written anew.
+
+    gains   (6, B, n): K, J ω, J ω sample/T, limit of the torque, encoder, half the play
+    given   (longest delay + N, B, n): the torques under way, and those that are set
+    record  the samples to tell of (K,), and of these y, x̂, v and τ (4, K, B, n)
+    """
+    h, rotors = rotor
+    kept, told = record
+    longest = len(given) - len(commands)
+    for b in range(commands.shape[1]):
+        for n in range(commands.shape[2]):
+            position_gain, speed_gain, integral_gain, limit, encoder, half_play = gains[:, b, n]
+            lane, delay = rotors[:, b, n], longest - loop_delay[b, n]
+            x, y, v, integral = state[0][b, n], state[1][b, n], state[2][b, n], state[3][b, n]
+            row = 0
+            for i in range(len(commands)):
+                read = np.rint((y if at_output[b, n] else x) * encoder) / encoder
+                error = ((commands[i, b, n] - read) * position_gain) - v
+                asked = error * speed_gain + integral
+                given[longest + i, b, n] = min(max(asked, -limit), limit)
+                if given[longest + i, b, n] == asked:
+                    integral += error * integral_gain
+                torque = given[delay + i, b, n]
+                if row < len(kept) and kept[row] == i:
+                    told[0, row, b, n], told[1, row, b, n] = y, read
+                    told[2, row, b, n], told[3, row, b, n] = v, torque
+                    row += 1
+                x, v = advance(h, lane, x, v, torque)
+                y = apply_play(y, x, half_play)
+            state[0][b, n], state[1][b, n], state[2][b, n], state[3][b, n] = x, y, v, integral
 
 
 def servo_axes(drives: Sequence[Sequence[Servo]], sample: float) -> ServoAxes:

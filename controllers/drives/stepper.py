@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -10,6 +11,7 @@ import numpy as np
 from controllers.drives.axes import AxesResponse, Rotor, advance, apply_play, read_encoder, rotor, stack_values
 from kinematics.foundation.arrays import Array, finite_array, freeze_array, freeze_fields
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.kernels import kernel
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,47 +130,80 @@ class StepperAxes:
         return StepperState(x, x.copy(), none, x.copy(), none.copy(), none.copy())
 
     def reading(self, state: StepperState) -> Array:
-        return self._read(state.x, state.r)
+        there = self.encoder > 0
+        return np.where(there, read_encoder(np.where(there, self.encoder, 1.0), state.x), state.r)
 
     def run(self, state: StepperState, command: Array, kept: np.ndarray) -> tuple[AxesResponse, StepperState]:
         x, y, v, r, turn, slips = (getattr(state, name).copy() for name in StepperState.__slots__)
-        told = [np.empty((len(kept), *x.shape)) for _ in range(4)]
-        part, work = np.empty_like(x), np.empty((4, *x.shape))
-        h = self.rotor.h
-        wave = np.pi / 2 / self.full_step
-        keep = iter([*kept.tolist(), -1])
-        place, row = next(keep), 0
-        for i, wanted in enumerate(command):
-            rate = (wanted - r) / self.sample
-            peak, slip_torque = self._peak(np.abs(rate)), self.damping * rate
-            for n in range(SUBSTEPS):
-                lag = r + rate * ((n + 0.5) * h) - x - v * (h / 2)
-                torque = peak * np.sin(wave * lag) + slip_torque
-                if n == 0 and i == place:
-                    told[0][row], told[2][row], told[3][row] = y, v, torque - self.damping * v
-                    told[1][row] = self._read(x, r)
-                    place, row = next(keep), row + 1
-                advance(self.rotor, x, v, torque, work)
-            r = wanted
-            apply_play(y, x, self.half_play, part)
-            turns = (r - x) / (4 * self.full_step)
-            slipped = np.where(np.abs(turns - turn) > SLIP_TURNS, np.rint(turns), turn)
-            slips += np.abs(slipped - turn)
-            turn = slipped
-        return AxesResponse(*told), StepperState(x, y, v, np.array(r), turn, slips)
+        told = np.empty((4, len(kept), *x.shape))
+        _follow_field(
+            np.stack([self.full_step, self.damping, self.encoder, self.half_play, self.peak, self.fastest]),
+            self.bends,
+            self.sample,
+            (self.rotor.h, self.rotor.lanes),
+            np.ascontiguousarray(command),
+            (x, y, v, r, turn, slips),
+            (kept, told),
+        )
+        return AxesResponse(*told), StepperState(x, y, v, r, turn, slips)
 
     def count_lost_steps(self, state: StepperState) -> np.ndarray:
         return np.asarray(4 * state.slips, np.int64)
 
-    def _read(self, x: Array, r: Array) -> Array:
-        there = self.encoder > 0
-        return np.where(there, read_encoder(np.where(there, self.encoder, 1.0), x), r)
 
-    def _peak(self, rate: Array) -> Array:
-        peak = self.peak.copy()
-        for speed, bend in self.bends:
-            peak += bend * np.maximum(rate - speed, 0.0)
-        return np.where(rate > self.fastest, 0.0, np.maximum(peak, 0.0))
+@kernel
+def peak_torque(rest: float, bends: Array, fastest: float, rate: float) -> float:
+    """N or N·m at a rate of steps, of one drive, whose bends are (P, 2)."""
+    peak = rest
+    for speed, bend in bends:
+        peak += bend * max(rate - speed, 0.0)
+    return 0.0 if rate > fastest else max(peak, 0.0)
+
+
+@kernel
+def _follow_field(
+    drives: Array,
+    bends: Array,
+    sample: float,
+    rotor: tuple[float, Array],
+    commands: Array,
+    state: tuple[Array, Array, Array, Array, Array, Array],
+    record: tuple[np.ndarray, Array],
+) -> None:
+    """`Stepper`'s rotor over N commands (N, B, n), lane by lane; `state` as of `StepperState`, written anew.
+
+    drives  (6, B, n): full step, damping, encoder, half the play, torque at rest, the rate without torque
+    record  the samples to tell of (K,), and of these y, what is read, v and the field's torque (4, K, B, n)
+    """
+    h, rotors = rotor
+    kept, told = record
+    for b in range(commands.shape[1]):
+        for n in range(commands.shape[2]):
+            full_step, damping, encoder, half_play, rest, fastest = drives[:, b, n]
+            lane, wave = rotors[:, b, n], math.pi / 2 / full_step
+            x, y, v = state[0][b, n], state[1][b, n], state[2][b, n]
+            r, turn, slips = state[3][b, n], state[4][b, n], state[5][b, n]
+            row = 0
+            for i in range(len(commands)):
+                rate = (commands[i, b, n] - r) / sample
+                peak = peak_torque(rest, bends[:, :, b, n], fastest, abs(rate))
+                for part in range(SUBSTEPS):
+                    lag = r + rate * ((part + 0.5) * h) - x - v * (h / 2)
+                    torque = peak * math.sin(wave * lag) + damping * rate
+                    if part == 0 and row < len(kept) and kept[row] == i:
+                        told[0, row, b, n] = y
+                        told[1, row, b, n] = np.rint(x * encoder) / encoder if encoder > 0 else r
+                        told[2, row, b, n], told[3, row, b, n] = v, torque - damping * v
+                        row += 1
+                    x, v = advance(h, lane, x, v, torque)
+                r = commands[i, b, n]
+                y = apply_play(y, x, half_play)
+                turns = (r - x) / (4 * full_step)
+                if abs(turns - turn) > SLIP_TURNS:
+                    slips += abs(np.rint(turns) - turn)
+                    turn = np.rint(turns)
+            state[0][b, n], state[1][b, n], state[2][b, n] = x, y, v
+            state[3][b, n], state[4][b, n], state[5][b, n] = r, turn, slips
 
 
 def stepper_axes(drives: Sequence[Sequence[Stepper]], sample: float) -> StepperAxes:

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from benchmarks.sweep import Grid, SavedRuns
     from controllers.rig import Rig
 
-STEP_COST, LANE_COST, FIXED_COST = 0.015, 0.0002, 15.0
-"""s of one core for a step of a batch, and for each run in it; s for starting and for the report: of servo-rig."""
+STEP_COST, DRIVE_COST, FIXED_COST = 0.7e-3, 2.4e-7, 22.0
+"""s of one core for a step of a batch, and for a sample of one drive of one run; s for starting and for the report."""
 THESIS_LAWS = ("1", "2", "3", "4", "5", "6", "7")
 """The algorithms of [Sahbaz 2007, Table 7.5]."""
 
@@ -163,8 +163,11 @@ def _announce(grid: "Grid", rig: "Rig", out: Path) -> str:
     cells, cores = list(grid), count_cores()
     lanes = Counter((cell.setting.law, cell.task) for cell in cells)
     tasks = {name: rig.task(name) for name in grid.tasks}
-    steps = {name: task.motion.duration / task.dt for name, task in tasks.items()}
-    seconds = FIXED_COST + sum(steps[task] * (STEP_COST + LANE_COST * n) for (_, task), n in lanes.items()) / cores
+    sampled = DRIVE_COST * sum(1 / drive.sample for drive in rig.drives)
+    work = sum(
+        tasks[task].motion.duration * (STEP_COST / tasks[task].dt + sampled * runs) for (_, task), runs in lanes.items()
+    )
+    seconds = FIXED_COST + work / cores
     counts = {
         "settings": len({cell.setting for cell in cells}),
         "tasks": len({cell.task for cell in cells}),

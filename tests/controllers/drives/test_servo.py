@@ -101,7 +101,7 @@ def test_motor_is_discretised_exactly(friction, inertia, sample):
     model = rotor(*(np.array([[of]]) for of in (inertia, friction, 0.0)), sample)
     a = np.array([[0, 1, 0], [0, -friction / inertia, 1 / inertia], [0, 0, 0]])
     exact = expm(a * sample)
-    ours = [float(of[0, 0]) for of in (model.gx, model.hx, model.gv, model.hv)]
+    ours = [float(of[0, 0]) for of in model.lanes[3:]]
     # expm itself scales and squares: 1e-9 of a large exponent
     np.testing.assert_allclose(ours, [exact[0, 1], exact[0, 2], exact[1, 1], exact[1, 2]], rtol=1e-8, atol=1e-18)
 
@@ -109,7 +109,7 @@ def test_motor_is_discretised_exactly(friction, inertia, sample):
 def test_linear_response_is_that_of_the_matrix_model():
     """Unsaturated and unquantized, the loop is linear: against its state matrices written out."""
     axes, response = run([FINE], 1e-4 * np.sin(np.arange(400) * 0.05)[:, None])
-    gx, hx, gv, hv = (float(value[0, 0]) for value in (axes.rotor.gx, axes.rotor.hx, axes.rotor.gv, axes.rotor.hv))
+    gx, hx, gv, hv = (float(value[0, 0]) for value in axes.rotor.lanes[3:])
     kp, ks, ki = 30.0, 2 * np.pi * 30.0, 2 * np.pi * 30.0 / 0.03 * FINE.sample
     # the torque is linear in [x, v, I] and r
     torque = np.array([-ks * kp, -ks, 1.0])

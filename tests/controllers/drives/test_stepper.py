@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from controllers import evaluate, find_law, load_rig, track
-from controllers.drives.stepper import Stepper, stepper_axes
+from controllers.drives.stepper import Stepper, peak_torque, stepper_axes
 from kinematics import MotionError
 from planner import Line, Program, plan
 
@@ -110,7 +110,10 @@ def test_curves_of_different_lengths_share_a_batch():
         wanted = [
             np.interp(rate, *np.transpose(s.torque_speed), right=0.0) for s in (PLAIN, other)
         ]  # fmt: skip
-        np.testing.assert_allclose(axes._peak(np.full((1, 2), rate))[0], wanted, atol=1e-15)
+        found = [
+            peak_torque(axes.peak[0, n], axes.bends[:, :, 0, n], axes.fastest[0, n], rate) for n in range(2)
+        ]  # fmt: skip
+        np.testing.assert_allclose(found, wanted, atol=1e-15)
 
 
 @pytest.mark.parametrize(
