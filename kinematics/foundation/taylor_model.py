@@ -142,10 +142,11 @@ class Series:
         """Cauchy product: c_k = Σ a_j b_{k−j}."""
         few, many = sorted((self, self._other(other)), key=lambda series: series.degree)
         order = min(few.order, many.order)
+        entries = np.broadcast_shapes(few.mid.shape[1:], many.mid.shape[1:])
         if few.degree == 0 and not (few.mid.any() or few.rad.any()) and np.isfinite(many.rad).all():
-            return Series(few.mid, few.rad, order)  # nothing remains: what follows stays short
+            return Series(np.zeros((1, *entries)), np.zeros((1, *entries)), order)  # what follows stays short
         degree = min(few.degree + many.degree, order)
-        shape = (degree + 1, *np.broadcast_shapes(few.mid.shape[1:], many.mid.shape[1:]))
+        shape = (degree + 1, *entries)
         terms = few.degree + 1
         mid, rad, part = np.zeros(shape), np.zeros(shape), np.empty(shape)
         size, far = np.abs(few.mid), np.abs(many.mid)

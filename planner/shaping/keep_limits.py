@@ -82,4 +82,6 @@ def _refusal(limit: Limit, proof: ShapedProof) -> Infeasible:
         + ("move the path away from the limit" if limit.geometric else "lower max_acceleration or the speed there")
         + ", or remove the shapers"
     )
-    return Infeasible(f"use of {limit.name} behind the input shapers", "", place, 100 * use, 100.0, "%", remedy)
+    return Infeasible(
+        f"proven bound of the use of {limit.name} behind the input shapers", "", place, 100 * use, 100.0, "%", remedy
+    )

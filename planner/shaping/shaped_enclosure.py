@@ -4,8 +4,9 @@ The axes are sums of enclosures of the motion's copies. The pose x_s that they r
 path where the motion was `centre` earlier: of the twist ξ from x_c to x_s, scaled so that turns count at the machine's
 characteristic length, J ξ = δ = q_s − q_c with J the mean of the Jacobian on the way. With C about the inverse of J and
 K ≥ |1 − C J| over the cell and all poses within a box of x_c, |C δ| + K b ≤ b for the box's half sides b proves that
-there is such a pose in the box (Krawczyk's operator), and K's norm below 1 that it is the only one. Rates follow from
-J V = q̇_s and J V̇ + h(x_s, V) = q̈_s: with E = 1 − C J, V = C q̇_s + E C q̇_s + E² V.
+there is such a pose in the box (Krawczyk's operator), and K's norm below 1 that it is the only one. At every instant
+|ξ − C δ| ≤ K |ξ|, of second order, so that x_s is known as C δ is, over time. Rates follow from J V = q̇_s and
+J V̇ + h(x_s, V) = q̈_s, with J at x_s: with E = 1 − C J, V = C q̇_s + E C q̇_s + E² V.
 """
 
 from dataclasses import dataclass
@@ -115,8 +116,11 @@ class ShapedEnclosure(Enclosure):
 
 @dataclass(frozen=True, slots=True)
 class _Reached:
-    """inputs  what the machine's maps take, over all poses of the box (2N rows)
-    inverse  C (N, n, n);  error: E (2N, n, n);  most: K (N, n, n);  box: (N, n) m, ∞ where nothing is proved
+    """inputs  what the machine's maps take at the poses reached (2N rows)
+    inverse  C (N, n, n);  error: E (2N, n, n) there;  most: |E| (N, n, n);  box: |ξ| (N, n) m, ∞ where none is proved
+
+    A series about an instant is that of x_c(t) and C δ(t), off by what ξ − C δ is at one instant t* of the cell: it is
+    right at that t*, whichever that is, and says nothing of how ξ changes.
     """
 
     inputs: Series
@@ -129,7 +133,7 @@ class _Reached:
     def of(motion: ShapedEnclosure) -> "_Reached":
         path, cells = motion.path, len(motion.piece)
         assert isinstance(path, MachinePath)
-        machine, n = path.machine, motion.axes.mid.shape[2]
+        n = motion.axes.mid.shape[2]
         piece = np.tile(motion.piece, 2)
         at = path.enclose_inputs(motion.s.cut(JACOBIAN_ORDER), piece)
         centre = path.jacobian(motion.s.cut(JACOBIAN_ORDER), piece).mid[0, :cells].reshape(cells, n, n)
@@ -138,23 +142,17 @@ class _Reached:
         low, high = bound_series(_apply(np.tile(inverse, (2, 1, 1)), motion.apart), cells)
         first = np.maximum(np.abs(low), np.abs(high)) * (1 + 1e-9)
         box = np.maximum(ROOM * first, first.max(1, keepdims=True)) + 1e-13
-        inputs = _widen(at, box, path)
-        free, scale = columns(machine), _scale(path)
-        entries = machine.jacobian_map.enclose_columns(inputs)
-        chosen = (6 * np.arange(n)[:, None] + free).ravel()
-        jacobian = entries[:, chosen] * np.tile(1 / scale, n)
-        jacobian = Series(
-            jacobian.mid.reshape(-1, 2 * cells, n, n), jacobian.rad.reshape(-1, 2 * cells, n, n), jacobian.order
-        )
-        error = -_multiply(np.tile(inverse, (2, 1, 1)), jacobian) + np.eye(n)
-        flat = Series(error.mid.reshape(-1, 2 * cells, n * n), error.rad.reshape(-1, 2 * cells, n * n), error.order)
-        low, high = bound_series(flat, cells)
-        most = np.nan_to_num(np.maximum(np.abs(low), np.abs(high)), nan=np.inf).reshape(cells, n, n)
+        still = _zeros_like(motion.apart)
+        _, most = _inverse_error(inverse, _move(at, still, box, box, path), path)
         with np.errstate(invalid="ignore"):
-            mapped = first + (most @ box[:, :, None])[:, :, 0] * (1 + 1e-9)
-            proved = good & (mapped <= box).all(1) & (most.sum(2).max(1) < 1 - 1e-9)
+            near = _apply_bound(most, box)
+            proved = good & (first + near <= box).all(1) & (most.sum(2).max(1) < 1 - 1e-9)
+            near = np.where(proved[:, None], _apply_bound(most, first + near), box)
+        box = np.where(proved[:, None], first + near, box)
+        inputs = _move(at, _apply(np.tile(inverse, (2, 1, 1)), motion.apart.cut(JACOBIAN_ORDER)), near, box, path)
+        error, most = _inverse_error(inverse, inputs, path)
         most = np.where(proved[:, None, None], most, np.inf)
-        return _Reached(inputs, inverse, error, most, np.where(proved[:, None], mapped, np.inf))
+        return _Reached(inputs, inverse, error, most, np.where(proved[:, None], box, np.inf))
 
     def solve(self, right: Series) -> Series:
         """The scaled twists y (2N, n) with J y = right."""
@@ -237,15 +235,37 @@ def _spread(scaled: Series, path: MachinePath) -> Series:
     return Series(out.mid, out.rad, scaled.order)
 
 
-def _widen(inputs: Series, box: Array, path: MachinePath) -> Series:
-    """The maps' inputs over all poses within a box of scaled twists (N, n): a rotation's entries move by its angle."""
-    free, own = columns(path.machine), box / _scale(path)
-    wide = np.zeros((len(box), 12))
-    wide[:, free[free < 3]] = own[:, free < 3]
-    wide[:, 3:] = np.linalg.norm(own[:, free >= 3], axis=1, keepdims=True)
-    rad = inputs.rad.copy()
-    rad[0, :, :12] += np.tile(wide * (1 + 16 * EPS), (2, 1))
-    return Series(inputs.mid, rad, inputs.order)
+def _inverse_error(inverse: Array, inputs: Series, path: MachinePath) -> tuple[Series, Array]:
+    """E = 1 − C J (2N, n, n) at poses, and what |E| is at most over each cell (N, n, n)."""
+    cells, n = inverse.shape[:2]
+    entries = path.machine.jacobian_map.enclose_columns(inputs)
+    chosen = (6 * np.arange(n)[:, None] + columns(path.machine)).ravel()
+    flat = entries[:, chosen] * np.tile(1 / _scale(path), n)
+    jacobian = Series(flat.mid.reshape(-1, 2 * cells, n, n), flat.rad.reshape(-1, 2 * cells, n, n), flat.order)
+    error = -_multiply(np.tile(inverse, (2, 1, 1)), jacobian) + np.eye(n)
+    flat = Series(error.mid.reshape(-1, 2 * cells, n * n), error.rad.reshape(-1, 2 * cells, n * n), error.order)
+    low, high = bound_series(flat, cells)
+    return error, np.nan_to_num(np.maximum(np.abs(low), np.abs(high)), nan=np.inf).reshape(cells, n, n)
+
+
+def _apply_bound(most: Array, box: Array) -> Array:
+    """(N, n) what matrices of such entries make of such columns at most."""
+    return (most @ box[:, :, None])[:, :, 0] * (1 + 1e-9)
+
+
+def _move(inputs: Series, twist: Series, off: Array, box: Array, path: MachinePath) -> Series:
+    """The maps' inputs at poses moved by scaled twists (…, 2N, n), each known within `off` and at most `box` (N, n).
+
+    R = exp[ω] R_c = R_c + ω × R_c and a rest, of which no entry is above |ω|²/2.
+    """
+    rad = twist.rad.copy()
+    rad[0] += np.tile(off, (2, 1))
+    moved = _spread(Series(twist.mid, rad, twist.order), path)
+    place, rotation = inputs[:, :3] + moved[:, :3], inputs[:, 3:12]
+    rotation = rotation + _cross_columns(moved[:, 3:], rotation)
+    angles = (box / _scale(path))[:, columns(path.machine) >= 3]
+    rotation.rad[0] += np.tile(0.5 * np.sum(angles**2, 1, keepdims=True) * (1 + 16 * EPS), (2, 1))
+    return _side_by_side(place, rotation, inputs[:, 12:])
 
 
 def _multiply(matrix: Array, series: Series) -> Series:

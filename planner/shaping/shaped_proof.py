@@ -19,7 +19,7 @@ from kinematics.foundation.table import Column, Table
 from kinematics.machine.axis import Axis
 from planner.certificate.certify import Certificate
 from planner.certificate.enclosure import Cells, bound_series
-from planner.certificate.limit_use import round_reached_use
+from planner.certificate.limit_use import LIMIT_ROUNDING, round_reached_use
 from planner.limits.limit import Limit
 from planner.limits.resonance import Resonance
 from planner.path.actuation import ActuatorPath, MachinePath
@@ -29,10 +29,11 @@ from planner.shaping.shaped_motion import ShapedMotion
 from planner.trajectory import Trajectory
 
 OVER = 1e-3
-"""How far beyond a limit a bound may stay: what is planned anew keeps that much away, at little cost."""
+"""How far beyond a limit a bound may stay that slowing down mends: what is planned anew keeps that much away."""
 LONGEST_CELL, SHORTEST_CELL = 4e-3, 1e-4
 """s: cells of time that are looked at first, and below which none is cut."""
-CELL_BATCH, MOST_CELLS = 512, 200_000
+CELL_BATCH, MOST_CUT = 512, 200_000
+"""Cells that are looked at together, and those that others are cut into, at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,15 +167,16 @@ class _Search:
         k, share = np.repeat(k, parts), lengths / parts
         nth = np.arange(len(k)) - np.repeat(np.cumsum(parts) - parts, parts)
         cells = Cells(k, share[k] * nth, share[k] * (nth + 1))
-        looked = 0
+        over = np.array([[LIMIT_ROUNDING if limit.geometric else OVER] for limit in self.limits]).reshape(-1, 1)
+        cut = 0
         while len(cells.k):
-            looked += len(cells.k)
             found = [self._look(cells[part]) for part in _batches(len(cells.k))]
             uses, away, turned, axes = (np.concatenate(each, axis=-1) for each in zip(*found, strict=True))
-            loose = (uses > 1 + OVER).any(0) | ~np.isfinite(away)
-            loose &= (cells.hi - cells.lo > SHORTEST_CELL) & (looked <= MOST_CELLS)
+            loose = (uses > 1 + over).any(0) | ~np.isfinite(away)
+            loose &= (cells.hi - cells.lo > SHORTEST_CELL) & (cut <= MOST_CUT)
             self._keep(cells[~loose], uses[:, ~loose], away[~loose], turned[~loose], axes[:, ~loose])
             cells = cells[loose].parts(2)
+            cut += len(cells.k)
 
     def _look(self, cells: Cells) -> tuple[Array, Array, Array, Array]:
         """Of N cells: bounds of the uses (limits, N), of the deviations (N,) and (N,), and of the axes' (n, N)."""
