@@ -268,6 +268,12 @@ POLICY = (
     "img-src data: blob:; font-src data:; connect-src data: blob:; worker-src data: blob:"
 )
 """What a browser lets the page load: nothing but what is in it."""
+QUIET = """console.log = () => {};
+const warn = console.warn;
+console.warn = (...told) => String(told[0]).startsWith("THREE.Clock") || warn(...told);"""
+"""viser tells the console what browser it is in, how fast it draws, and of what three.js advises against."""
+DARK = ("{darkMode:false}", '{darkMode:matchMedia("(prefers-color-scheme: dark)").matches}')
+"""The setting in viser's page by which it is dark, and what it becomes: as the browser is when the page opens."""
 SPACE_VIEW_ANGLE, AXIS_VIEW_ANGLE = 35.0, 2.0
 """degrees: the angle of view in space, and of the three views along axes, which are nearly parallel with that."""
 FILLED_SHARE = 0.85
@@ -281,8 +287,9 @@ MIN_BOX_SHARE = 0.1
 def compose_page(frames: Frames) -> str:
     """One HTML document that asks no network for anything."""
     title = plain(f"{frames.program} on {frames.machine}")
-    head = f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
+    head = f'<meta http-equiv="Content-Security-Policy" content="{POLICY}"><script>{QUIET}</script>'
     document = record_scene(frames).replace("<head>", f"<head>{head}", 1)
+    document = document.replace(*DARK, 1)
     document = document.replace("<title>Viser</title>", f"<title>{escape(title)}</title>", 1)
     body = document.rindex("</body>")
     return document[:body] + _overlay(frames) + document[body:]

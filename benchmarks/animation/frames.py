@@ -296,7 +296,7 @@ RAMP = ((0.0, "#B4C0CA"), (0.5, "#56B4E9"), (0.8, "#E69F00"), (1.0, "#C8102E"))
 """Share of a limit and its colour, straight between: ever darker, so that it reads without hue too."""
 NO_LIMIT_COLOUR = "#3C464E"
 """What no limit colours."""
-PLANNED_COLOUR, REALISED_COLOUR = "#1B1B1B", "#009E73"
+PLANNED_COLOUR, REALISED_COLOUR = "#6B7178", "#009E73"
 """The two paths."""
 
 
