@@ -438,7 +438,7 @@ def browse(folder, page):
 @pytest.mark.skipif(chromium() is None, reason="no Chromium here; .ci/run installs one")
 def test_a_browser_shows_it_and_asks_no_network(circle, tmp_path):
     shown, said, askers = browse(tmp_path, animate(circle, tmp_path / "way.html", frames=12))
-    assert not [line for line in said if "INFO:CONSOLE" in line or "THREE" in line]  # viser's client would say much
+    assert all("GL Driver Message" in line for line in said)  # viser's client would say much, and the browser may
     assert not [line for line in said if re.search("ERROR|Uncaught|Refused|violates", line)]
     assert re.search(r'<p id="when">\d\.\d{3} s of 1\.262 s</p>', shown)
     # the numbers of one of its frames stand in the page: that of the time which it shows
