@@ -4,6 +4,8 @@ Preset programs on their machines under each of the four shapers. A row for each
 is proved behind the shapers, and that is seen at 10⁵ instants; the tool's deviation from the path, proved and seen; and
 what is left of the vibration of a load behind the axes, of the unshaped, at the stated frequency and 10 % beside it.
 
+With `--rigs` the loads swing behind the drives of emulated rigs, cards and pulses included.
+
 Nothing of the proof takes part: axes are convolved here copy by copy, poses come from forward kinematics, the tool's
 speed from differences of them.
 """
@@ -16,7 +18,10 @@ from time import process_time
 
 import numpy as np
 
+from controllers import track
 from controllers.drives.flexible_load import FlexibleLoad
+from controllers.rig import assumed_rig
+from controllers.rig_choice import choose_rig
 from kinematics import Machine, load_machine
 from kinematics.foundation.arrays import Array
 from kinematics.machine.axis import directional_bounds
@@ -27,6 +32,7 @@ from planner.limits import limits_of, usual_order
 from planner.limits.tool import ToolSpeed
 from planner.path.actuation import MachinePath, actuate
 from planner.shaping.keep_limits import solve_shaped
+from planner.shaping.shaped_motion import shape_motion
 from planner.shaping.shaped_proof import ShapedProof
 from planner.timing.certified_solve import certified_solve
 from planner.trajectory import Trajectory
@@ -36,6 +42,8 @@ FREQUENCIES = {"traverser-scan": 8.0}
 FREQUENCY, DAMPING = 30.0, 0.05
 """Hz and damping ratio of the mode that is shaped, where nothing else is said."""
 SAMPLES, BATCH = 100_000, 10_000
+SETTLING = 0.2
+"""s that the drives are given: their loops of 30 1/s take as long."""
 STEP = 2e-4
 """s between the samples of an axis that moves a flexible load; and from which differences are taken, a twentieth."""
 
@@ -153,11 +161,55 @@ def measure_vibration(plan: ShapedPlan, frequency: float) -> float:
     return left[0] / left[1]
 
 
+def swing_on_rig(
+    trajectory: Trajectory, machine: Machine, shaper: Shaper, rig: str, play: float | None = None
+) -> tuple[Array, Array]:
+    """(n,) m that a load behind each axis is left with on a rig under law 1, before and behind the shaper.
+
+    They are measured once the drives have settled. play: of each drive, m; None: the rig's own
+    """
+    load, left = FlexibleLoad(shaper.frequency, shaper.damping), []
+    for own in (None, shaper):
+        driven = machine.driven_by([replace(axis, shaper=own) for axis in machine.axes])
+        motion = shape_motion(trajectory, driven.axes) or trajectory
+        bench = assumed_rig(driven) if rig == "servos" else replace(choose_rig(machine, rig), machine=driven)
+        if play is not None:
+            bench = replace(bench, drives=tuple(replace(drive, play=play) for drive in bench.drives))
+        tracked = track(motion, driven, "1", rig=bench)
+        step, end = float(tracked.t[1] - tracked.t[0]), motion.duration + SETTLING
+        left.append([load.residual(q, step, end) for q in tracked.actual.T])
+    before, behind = np.array(left)
+    return before, behind
+
+
+def solve_circle() -> tuple[Machine, Trajectory]:
+    """The hexapod, and its bare circle without jerk limits."""
+    machine = load_machine("hexapod")
+    path = actuate(load_program("bare-circle"), machine)
+    return machine, certified_solve(path, limits_of(path, machine.axes, 2), 2).trajectory
+
+
+def show_rigs() -> None:
+    """What loads are left with on emulated rigs of the hexapod, before and behind a shaper."""
+    machine, trajectory = solve_circle()
+    print_row("rig", "play (µm)", "shaper", "left before (µm)", "behind (µm)", "of it")
+    print_row(*("---" for _ in range(6)))
+    for rig, play in (("servos", 0.0), ("hexapod-steppers", 0.0), ("hexapod-steppers", 5e-6)):
+        for shaper in (Shaper("zvd", frequency, 0.01) for frequency in (6.0, 12.0)):
+            before, behind = swing_on_rig(trajectory, machine, shaper, rig, play)
+            most = 1e6 * before.max(), 1e6 * behind.max()
+            print_row(rig, 1e6 * play, shaper, *(f"{each:.2f}" for each in most), f"{(behind / before).max():.1%}")
+
+
 def main() -> None:
     """A row for each plan, and the worst of all."""
     parser = ArgumentParser(description=__doc__.split("\n", 1)[0] if __doc__ else None)
     parser.add_argument("--plans", type=int, default=20)
-    count = parser.parse_args().plans
+    parser.add_argument("--rigs", action="store_true", help="loads on emulated rigs instead")
+    asked = parser.parse_args()
+    if asked.rigs:
+        return show_rigs()
+    count = asked.plans
     heads = ("program", "order", "shaper", "proved", "seen", "deviation ≤ (µm)", "seen (µm)", "left at f", "±10 %", "s")
     print_row(*heads)
     print_row(*("---" for _ in heads))

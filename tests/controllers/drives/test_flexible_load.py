@@ -5,10 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controllers import track
 from controllers.drives.flexible_load import FlexibleLoad
-from controllers.rig import assumed_rig
-from controllers.rig_choice import choose_rig
 from controllers.tracking import motion_of
 from kinematics import load_machine
 from kinematics.foundation.errors import MotionError
@@ -66,23 +63,6 @@ def test_a_shaper_leaves_what_its_formula_says(bare, kind):
 def test_a_damped_vibration_is_below_five_per_cent_at_its_frequency(bare, kind):
     shaped, unshaped = residuals(bare.trajectory, bare.machine, Shaper(kind, 23.0, 0.05), FlexibleLoad(23.0, 0.05))
     assert (shaped <= 0.05 * unshaped).all()
-
-
-@pytest.mark.parametrize("rig", ["servos", "hexapod-steppers"])
-def test_the_rig_swings_less_behind_a_shaper(bare, rig):
-    """Drives, a card and pulses between the plan and the axis: a load behind a leg, before and after."""
-    load, machine = FlexibleLoad(6.0, 0.01), bare.machine
-    left = []
-    for shaper in (None, Shaper("zvd", 6.0, 0.01)):
-        driven = machine.driven_by([replace(axis, shaper=shaper) for axis in machine.axes])
-        motion = shape_motion(bare.trajectory, driven.axes) or bare.trajectory
-        bench = assumed_rig(driven) if rig == "servos" else replace(choose_rig(machine, rig), machine=driven)
-        tracked = track(motion, driven, "1", rig=bench)
-        step = float(tracked.t[1] - tracked.t[0])
-        left.append([load.residual(tracked.actual[:, k], step, motion.duration + 0.1) for k in range(6)])
-    before, after = np.array(left)
-    assert before.min() > 50e-6
-    assert (after <= 0.05 * before).all(), after / before
 
 
 def test_a_shaped_plan_is_tracked_as_it_is_shaped(bare):

@@ -3,6 +3,7 @@
 import pytest
 
 from benchmarks.evidence.trials import shaped_plans
+from kinematics.machine.shaper import Shaper
 
 
 def test_limits_deviation_and_vibration_of_some_plans(monkeypatch, capsys):
@@ -24,3 +25,26 @@ def test_a_wrong_bound_is_found(monkeypatch):
     assert seen == pytest.approx(1, abs=1e-3)
     assert away > 0.5 * plan.proof.deviation
     assert shaped_plans.measure_vibration(plan, 2 * plan.shaper.frequency) > 0.05
+
+
+@pytest.fixture(scope="module")
+def circle():
+    return shaped_plans.solve_circle()
+
+
+@pytest.mark.parametrize("frequency", [6.0, 12.0])
+@pytest.mark.parametrize("rig", ["servos", "hexapod-steppers"])
+def test_the_rig_swings_less_behind_a_shaper(circle, rig, frequency):
+    """Drives, a card and pulses between the plan and the axis: a load behind a leg, before and after, without play."""
+    before, after = shaped_plans.swing_on_rig(circle[1], circle[0], Shaper("zvd", frequency, 0.01), rig, play=0.0)
+    assert before.min() > 5e-6
+    assert (after <= 0.015 * before).all(), after / before
+
+
+def test_what_play_adds_is_not_shaped(circle):
+    """The nut's 5 um are let go all at once where a leg turns back: a step, which swings the load as it would alone."""
+    shaper, play = Shaper("zvd", 12.0, 0.01), 5e-6
+    _, without = shaped_plans.swing_on_rig(circle[1], circle[0], shaper, "hexapod-steppers", play=0.0)
+    _, after = shaped_plans.swing_on_rig(circle[1], circle[0], shaper, "hexapod-steppers", play=play)
+    assert (after > 4 * without).all()
+    assert (after < 1.5 * play).all()
