@@ -12,7 +12,7 @@ from kinematics.files.toml_document import Key
 from kinematics.foundation.errors import BadValue, MotionError, validation_error
 from kinematics.foundation.names import closest, nearest
 from kinematics.foundation.units import Length, Unit, describe_value
-from kinematics.kinds.shaper_keys import StatedShaper
+from kinematics.kinds.shaper_keys import NO_SHAPER, StatedShaper, Vibration
 from kinematics.machine.axis import Axis, AxisKind, Magnitude, StepTiming, find_drive
 
 MICROSTEPS = tuple(sorted({200, 400, 1000, 2000, 5000, 10_000, 25_000, 50_000} | {400 << k for k in range(8)}))
@@ -256,7 +256,8 @@ def declares_keys(table: type[Table]) -> type[Table]:
             None,
         )
         shaper: StatedShaper | None = key(
-            "input shaper against a vibration of what it moves: zv, zvd, mzv or ei",
+            "input shaper against a vibration of what it moves: zv, zvd, mzv or ei; an array of them against several; "
+            '"none" where all others have one',
             '{ kind = "zv", frequency = "35 Hz", damping = 0.05 }',
             None,
         )
@@ -305,6 +306,9 @@ class MachineFile(File):
     wiring: dict[str, tuple[str, Annotated[int, Field(ge=0)]]] = key(
         "by axis: which card drives it, and which of the card's axes it is, from 0", default={}
     )
+    vibration: tuple[Vibration, ...] = key(
+        "along a direction: every axis that moves the platform along it has the shaper beside its own", default=()
+    )
 
     @staticmethod
     def geometry_of(machine: Any, complete: bool) -> Mapping[str, Any] | None:
@@ -330,7 +334,10 @@ def axes(
         common = defaults[name]
         card, channel = file.wiring.get(name, (None, None))
         wired = {"name": name, "card": card, "channel": channel}
-        made.append(Axis(**_resolve_pulse({"kind": common.kind} | _stated_values(common) | own.get(name, {}) | wired)))
+        values = {"kind": common.kind} | _stated_values(common) | own.get(name, {}) | wired
+        if values.get("shaper") == NO_SHAPER:
+            del values["shaper"]
+        made.append(Axis(**_resolve_pulse(values)))
     return made
 
 

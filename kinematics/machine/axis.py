@@ -3,7 +3,7 @@
 To the wiring belongs what the step and direction inputs of a drive ask of the pulses; some drives are known by name.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from math import ceil, floor, inf, isfinite, isinf, pi
 from numbers import Integral
@@ -13,7 +13,7 @@ from kinematics.foundation.arrays import LEAST_POSITIVE, MAX_FLOAT, finite_array
 from kinematics.foundation.errors import BadValue, MotionError
 from kinematics.foundation.names import closest, nearest
 from kinematics.foundation.short_repr import fit_lines
-from kinematics.machine.shaper import Shaper
+from kinematics.machine.shaper import Shaper, ShaperSeries, join_shapers
 
 TIME_ROUNDING = 1e-12
 """Share of a time that decimal fractions of seconds may be off."""
@@ -158,7 +158,7 @@ class Axis:
                     max_acceleration
     compensate      what its pulses make up for, of "lead" and "backlash": then they count the motor, not the axis
     timing          what its drive asks of the pulses; None: nothing
-    shaper          what its motion is convolved with, against a vibration of what it moves; None: nothing
+    shaper          what its motion is convolved with, against vibrations of what it moves; None: nothing
     card, channel   which motion card drives it, and which of the card's axes it is: both or neither
     """
 
@@ -183,7 +183,7 @@ class Axis:
     lead_error: tuple[tuple[float, float], ...] | None = None
     compensate: tuple[str, ...] = ()
     timing: StepTiming | None = None
-    shaper: Shaper | None = None
+    shaper: Shaper | ShaperSeries | None = None
     card: str | None = None
     channel: int | None = None
 
@@ -236,8 +236,9 @@ class Axis:
             )
         if self.timing is not None and not isinstance(self.timing, StepTiming):
             raise MotionError(f"axis {self.name}: timing must be a StepTiming, or None, not {self.timing!r:.100}")
-        if self.shaper is not None and not isinstance(self.shaper, Shaper):
-            raise MotionError(f"axis {self.name}: shaper must be a Shaper, or None, not {self.shaper!r:.100}")
+        if self.shaper is not None and not isinstance(self.shaper, Shaper | ShaperSeries):
+            wanted = "a Shaper, a ShaperSeries of several, or None"
+            raise MotionError(f"axis {self.name}: shaper must be {wanted}, not {self.shaper!r:.100}")
         self._check_wiring()
 
     def _travel(self) -> None:
@@ -279,6 +280,10 @@ class Axis:
         if field in PER_TIME:
             return f"{self.unit}{PER_TIME[field]}"
         return {"max_force": "N·m" if self.rotary else "N", **PLAIN_UNITS}.get(field, "")
+
+    def add_shaper(self, shaper: Shaper) -> "Axis":
+        """The axis with one shaper more than it has."""
+        return replace(self, shaper=join_shapers([*(self.shaper.parts if self.shaper else ()), shaper]))
 
     @property
     def pulse_rate(self) -> float:

@@ -50,7 +50,7 @@ def read_machine(source: Path | Traversable) -> Machine:
     wired = partial(find_wiring_faults, names or joints_of(document.data))
     model = build(document, schema, find_repeated_names, find_pulse_faults, find_stray_axis_tables, wired)
     try:
-        return construct(model, Path(source.name).stem, source_folder("kinematics", source))
+        machine = construct(model, Path(source.name).stem, source_folder("kinematics", source))
     except FileError as error:  # of a file that this one names
         geometry = document.data["geometry"]
         faults = [
@@ -62,6 +62,13 @@ def read_machine(source: Path | Traversable) -> Machine:
         raise
     except MotionError as error:  # what only the whole machine shows, such as a home pose out of reach
         raise FileError(document.file, [document.fault(_locate_fault(document.data, error), str(error))]) from error
+    for n, stated in enumerate(model.vibration):
+        try:
+            machine = machine.shape_along(stated.direction, stated.shaper)
+        except MotionError as error:
+            fault = document.fault(("vibration", n), str(error))
+            raise FileError(document.file, [fault]) from error
+    return machine
 
 
 def _locate_fault(data: Mapping[str, Any], error: MotionError) -> Key:

@@ -28,7 +28,7 @@ from kinematics.machine.axis import DRIVES, Axis, StepTiming
 from kinematics.machine.load import GRAVITY, Body, Load
 from kinematics.machine.machine import Machine
 from kinematics.machine.machine_file import KINDS, load_machine, read_machine
-from kinematics.machine.shaper import Shaper
+from kinematics.machine.shaper import Shaper, ShaperSeries
 
 _SKIPPED_FIELDS = ("name", "kind", "card", "channel")
 
@@ -145,6 +145,8 @@ def _fields(machine: str, axis: Axis, complete: bool) -> Iterator[tuple[str, str
 
 def _plain(value: Any) -> Any:
     """A value as its table says it."""
+    if isinstance(value, ShaperSeries):
+        return tuple(map(_plain, value.parts))
     if isinstance(value, Shaper):
         return {name: told for name, told in asdict(value).items() if name != "tolerance" or value.kind == "ei"}
     return _timing(value) if isinstance(value, StepTiming) else value
@@ -212,6 +214,7 @@ def _starter_tables(preset: str, data: dict[str, Any]) -> Iterator[str]:
     if not data.get("axis"):
         faster = next(key for key in keys["axes"] if key.name == "max_speed")
         yield from table_lines("[[axis]]", [name, replace(faster, about="its own")], None, about["axis"])
+    yield from table_lines("[[vibration]]", keys_of(*schema.tables_of("vibration")), None, about["vibration"])
     wired = [Key(axis, "card, and which of its axes", f'["PCI-8164", {n}]') for n, axis in enumerate(names)]
     yield from table_lines("[wiring]", wired, data.get("wiring"), "which motion card drives an axis")
     for table in ("platform", "legs"):

@@ -15,8 +15,9 @@ from typing import Any, Self, TypeVar
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
-from kinematics.foundation.arrays import Array, finite_array, freeze_array
+from kinematics.foundation.arrays import Array, finite_array, freeze_array, unit_vectors
 from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.errors import BadValue, MotionError, OutOfReach, locate_errors
 from kinematics.foundation.operations import refuse_unknown
@@ -24,6 +25,7 @@ from kinematics.machine.axis import Axis
 from kinematics.machine.kind import Kind, PlacedSkeleton, Skeleton, columns, refuse_uncontrolled
 from kinematics.machine.load import Load
 from kinematics.machine.pose import Pose, PoseLike, check_pose, column, read_pose, split_pose_symbols, to_numbers
+from kinematics.machine.shaper import Shaper
 
 
 class MovingPose:
@@ -69,6 +71,9 @@ def _skew_vector(m: ca.SX) -> ca.SX:
     return column
 
 
+BESIDE_HOME, LEAST_SHARE = 0.01, 1e-6
+"""In characteristic lengths, how far beside home it is looked which axes move the platform along a direction; and of an
+axis' whole motion of the platform, the share along it below which it does not."""
 M = TypeVar("M", bound="MachineModel")
 T = TypeVar("T")
 
@@ -157,6 +162,37 @@ class MachineModel(Kind):
             )
         other._of_load = {}
         return other
+
+    def shape_along(self, direction: ArrayLike, shaper: Shaper) -> Self:
+        """The same machine, with a shaper more on every axis that moves the platform's origin along a direction (3,).
+
+        The direction is in the base frame. Home and poses beside it are looked at: a leg may stand across it at home.
+        Raises MotionError where no axis does, and for more shapers on one than it takes.
+        """
+        along = unit_vectors(direction, f"machine {self.name}: direction", (3,))
+        free = columns(self)
+        lengths = np.where(free < 3, 1.0, self.characteristic_length)
+        aside = BESIDE_HOME * self.characteristic_length * np.cos(np.arange(1.0, 1 + len(free))) / lengths
+        share = np.zeros(len(self.axes))
+        for sign in (0, 1, -1):
+            moved = np.zeros(6)
+            moved[free] = sign * aside
+            turned = Rotation.from_rotvec(moved[3:]) * self.home.rotation
+            try:
+                near = self.jacobian(Pose.from_components(self.home.translation + moved[:3], turned), self.home_q)
+                twists = np.linalg.inv(near[:, free])
+            except (MotionError, np.linalg.LinAlgError):  # out of reach, or singular
+                continue
+            size = np.linalg.norm(twists * lengths[:, None], axis=0)
+            share = np.maximum(share, np.abs(along[free[free < 3]] @ twists[free < 3]) / size)
+        if not (share > LEAST_SHARE).any():
+            moves = ", ".join(self.freedom)
+            raise MotionError(
+                f"machine {self.name}: no axis moves the platform along {np.round(along, 6).tolist()} at home; it "
+                f"moves {moves}: give a direction in which it does, or take the vibration out"
+            )
+        some = zip(self.axes, share > LEAST_SHARE, strict=True)
+        return self.driven_by([axis.add_shaper(shaper) if moves else axis for axis, moves in some])
 
     def rename(self, name: str) -> Self:
         """The same machine by another name, as of a copy of its file."""

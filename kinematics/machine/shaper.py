@@ -12,11 +12,15 @@ damped period T = 1/(f √(1 − ζ²)), the impulses are (`IMPULSES`):
     mzv   1 − 1/√2, (√2 − 1) k, (1 − 1/√2) k²      at 0, 3T/8, 3T/4   V = 0 at f, k = K^(3/4), as Klipper defines it
     ei    (1 + V)/4, (1 − V) K/2, (1 + V) K²/4     at 0, T/2, T       V ≤ the tolerance about f [Singhose et al. 1994],
                                                    whose undamped impulses are damped here as those of zvd are
+
+Against several vibrations a command is convolved with a shaper for each, in turn: amplitudes multiply, times add, and V
+of the whole is the product of theirs, so that each keeps its zero.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from math import exp, pi, sqrt
+from collections.abc import Callable, Sequence
+from dataclasses import astuple, dataclass
+from functools import reduce
+from math import exp, pi, prod, sqrt
 from typing import Literal, get_args
 
 import numpy as np
@@ -29,6 +33,10 @@ LEAST_FREQUENCY, MOST_FREQUENCY = 0.1, 1e5
 """Hz. Below, a shaper lasts longer than most motions; above, no clock tells its impulses apart."""
 MOST_DAMPING = 0.9
 DEFAULT_TOLERANCE, MOST_TOLERANCE = 0.05, 0.5
+MOST_IMPULSES = 64
+"""Of shapers one after the other: each is a copy of the motion that every proof looks at."""
+SAME_TIME = 1e-12
+"""s: impulses no farther apart than that are one."""
 
 
 def _zv(k: float, tolerance: float) -> tuple[list[float], list[float]]:
@@ -96,6 +104,11 @@ class Shaper:
         return freeze_array(amplitudes / amplitudes.sum()), freeze_array(times / (self.frequency * root))
 
     @property
+    def parts(self) -> "tuple[Shaper, ...]":
+        """Itself alone."""
+        return (self,)
+
+    @property
     def delay(self) -> float:
         """s: Σ Aᵢ tᵢ, by which the shaped motion is late on average."""
         amplitudes, times = self.impulses
@@ -111,3 +124,57 @@ class Shaper:
 
     def __str__(self) -> str:
         return f"{self.kind} {self.frequency:g} Hz" + (f", damping {self.damping:g}" if self.damping else "")
+
+
+@dataclass(frozen=True, slots=True)
+class ShaperSeries:
+    """Several shapers of an axis, one after the other: one for each vibration that it drives.
+
+    parts  two or more; in which order does not matter
+    Raises MotionError for fewer, and for more impulses in all than `MOST_IMPULSES`.
+    """
+
+    parts: tuple[Shaper, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.parts) < 2 or not all(isinstance(part, Shaper) for part in self.parts):
+            raise MotionError(f"shapers one after the other must be two or more of Shaper, not {self.parts!r:.100}")
+        object.__setattr__(self, "parts", tuple(sorted(self.parts, key=astuple)))
+        count = prod(len(part.impulses[1]) for part in self.parts)
+        if count > MOST_IMPULSES:
+            raise MotionError(
+                f"shapers {self}: {count} impulses in all, and at most {MOST_IMPULSES} are taken; use fewer shapers, "
+                "or zv, which has the fewest"
+            )
+
+    @property
+    def impulses(self) -> tuple[Array, Array]:
+        """Amplitudes (n,), whose sum is 1, and times (n,) s from 0: the convolution of those of its parts."""
+        amplitudes, times = reduce(_convolve, (part.impulses for part in self.parts))
+        return freeze_array(amplitudes), freeze_array(times)
+
+    @property
+    def delay(self) -> float:
+        """s: Σ Aᵢ tᵢ, by which the shaped motion is late on average."""
+        return sum(part.delay for part in self.parts)
+
+    def vibration(self, frequency: float, damping: float) -> float:
+        """V of a mode: the product of those of its parts."""
+        return prod(part.vibration(frequency, damping) for part in self.parts)
+
+    def __str__(self) -> str:
+        return " and ".join(map(str, self.parts))
+
+
+def _convolve(one: tuple[Array, Array], other: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Amplitudes and rising times of impulses after impulses; those at one time are one."""
+    times = np.add.outer(one[1], other[1]).ravel()
+    order = np.argsort(times, kind="stable")
+    times, amplitudes = times[order], np.multiply.outer(one[0], other[0]).ravel()[order]
+    first = np.flatnonzero(np.diff(times, prepend=-np.inf) > SAME_TIME)
+    return np.add.reduceat(amplitudes, first), times[first]
+
+
+def join_shapers(shapers: Sequence[Shaper]) -> Shaper | ShaperSeries | None:
+    """What convolves with all of them: None of none, one itself, a series of several."""
+    return ShaperSeries(tuple(shapers)) if len(shapers) > 1 else next(iter(shapers), None)

@@ -158,7 +158,7 @@ def _shaping(shaped: ShapedProof) -> Record:
         "delay_s": shaped.delay,
         "axes": {
             axis.name: {
-                "shaper": None if axis.shaper is None else asdict(axis.shaper),
+                "shapers": [] if axis.shaper is None else [asdict(part) for part in axis.shaper.parts],
                 "deviation": float(off),
                 "unit": axis.unit,
             }

@@ -64,7 +64,7 @@ class ShapedPlan:
     def shaper(self) -> Shaper:
         """That of all axes."""
         found = self.machine.axes[0].shaper
-        assert found is not None  # as they are made
+        assert isinstance(found, Shaper)  # as they are made
         return found
 
 

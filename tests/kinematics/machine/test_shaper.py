@@ -1,7 +1,9 @@
 """Input shapers: their impulses against the literature, and what they leave of a vibration against its equation."""
 
+import re
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ import pytest
 from kinematics import load_machine
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.machine_writer import machine_toml
-from kinematics.machine.shaper import IMPULSES, Shaper
+from kinematics.machine.shaper import IMPULSES, Shaper, ShaperSeries
 
 KINDS = sorted(IMPULSES)
 
@@ -118,3 +120,92 @@ def test_a_file_with_a_wrong_shaper_is_refused_by_line(tmp_path):
         file.write_text(text.replace("[axes]", f"[axes]\nshaper = {given}"), encoding="utf-8")
         with pytest.raises(MotionError, match=told):
             load_machine(file)
+
+
+def test_shapers_one_after_the_other_keep_the_zeros_of_each():
+    """Against the exact motion of each mode, and the convolution of two trains of impulses on a fine grid."""
+    one, other = Shaper("zv", 35.0, 0.05), Shaper("mzv", 22.0, 0.1)
+    both = ShaperSeries((one, other))
+    assert both == ShaperSeries((other, one))
+    amplitudes, times = both.impulses
+    assert amplitudes.sum() == pytest.approx(1, abs=1e-15)
+    assert (np.diff(times) > 0).all()
+    for mode in (one, other):
+        assert oscillation(both, mode.frequency, mode.damping) < 1e-12
+    assert both.vibration(28.0, 0.02) == pytest.approx(oscillation(both, 28.0, 0.02), abs=1e-12)
+    assert both.delay == pytest.approx(amplitudes @ times, abs=1e-15)
+    equal = ShaperSeries((Shaper("zv", 20.0), Shaper("zv", 20.0)))  # twice a zv is a zvd
+    for found, wanted in zip(equal.impulses, Shaper("zvd", 20.0).impulses, strict=True):
+        assert np.allclose(found, wanted, rtol=0, atol=1e-15)
+    with pytest.raises(MotionError, match="81 impulses in all, and at most 64"):
+        ShaperSeries((Shaper("ei", 20.0),) * 4)
+
+
+COREXY = (Path(__file__).parents[3] / "docs" / "examples" / "corexy.toml").read_text(encoding="utf-8")
+VIBRATION = '\n[[vibration]]\ndirection = {}\nkind = "zv"\nfrequency = "{} Hz"\n'
+
+
+@pytest.fixture
+def load(tmp_path):
+    """A machine from the text of its file."""
+
+    def load(text):
+        (tmp_path / "machine.toml").write_text(text, encoding="utf-8")
+        return load_machine(tmp_path / "machine.toml")
+
+    return load
+
+
+def test_a_vibration_along_a_direction_shapes_the_axes_that_move_along_it(load):
+    machine = load(COREXY + VIBRATION.format("[2, 0, 0]", 35) + VIBRATION.format("[0, 1, 0]", 45))
+    both = ShaperSeries((Shaper("zv", 35.0), Shaper("zv", 45.0)))
+    assert [axis.shaper for axis in machine.axes] == [both, both, None]
+    assert load(machine_toml(machine)).axes == machine.axes
+    assert load(machine_toml(machine, complete=True)).axes == machine.axes
+    lifted = load(COREXY + VIBRATION.format("[0, 0, 1]", 35))
+    assert [axis.shaper for axis in lifted.axes] == [None, None, Shaper("zv", 35.0)]
+    legs = load_machine("hexapod").shape_along([1, 0, 0], Shaper("zv", 35.0)).axes
+    assert all(leg.shaper == Shaper("zv", 35.0) for leg in legs)
+
+
+def test_an_arm_across_the_direction_at_home_is_shaped_where_it_moves_along_it_beside_home():
+    """The arm's yaw moves its tool across its reach: at home, where it reaches along y say, not along y at all."""
+    arm = load_machine("arm")
+    inverse = np.linalg.inv(arm.jacobian(arm.home)[:, :3])
+    across = np.cross(inverse[:, 0], [0, 0, 1])
+    assert abs(inverse[:, 0] @ across) < 1e-15
+    assert arm.shape_along(across, Shaper("zv", 35.0)).axes[0].shaper is not None
+
+
+def test_one_axis_may_have_none_of_what_all_have(load):
+    every = COREXY.replace("[axes]", '[axes]\nshaper = { kind = "zv", frequency = "20 Hz" }')
+    own = '\n[[axis]]\nname = "z_screw"\nshaper = "none"\n'
+    machine = load(every + own)
+    assert [axis.shaper for axis in machine.axes] == [Shaper("zv", 20.0)] * 2 + [None]
+    assert load(machine_toml(machine)).axes == machine.axes
+    along = load(every + own + VIBRATION.format("[1, 0, 1]", 35))
+    assert along.axes[0].shaper == ShaperSeries((Shaper("zv", 20.0), Shaper("zv", 35.0)))
+    assert along.axes[2].shaper == Shaper("zv", 35.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (VIBRATION.format("[0, 0, 0]", 35), r"vibration\[1\].direction: .* must not be zero"),
+        ('\n[[vibration]]\nkind = "zv"\nfrequency = "35 Hz"\n', r"direction: missing: write e.g. \[1, 0, 0\]"),
+        (VIBRATION.format("[1, 0, 0]", 35) + "tolerance = 0.1\n", "tolerance is of the shaper ei"),
+        (VIBRATION.format("[1, 0, 0]", 35).replace("direction", "directon"), 'nearest is "direction"'),
+        (VIBRATION.format("[1, 0, 0]", 35).replace("[[vibration]]", "[vibration]"), r"write \[\[vibration\]\]"),
+        (VIBRATION.format("[1, 0, 0]", 35).replace("zv", "zvd") * 4, r"vibration\[4\]: .*81 impulses in all"),
+        ('\n[[axis]]\nname = "a"\nshaper = "non"\n', 'nearest is "none"'),
+    ],
+)
+def test_a_wrong_vibration_is_refused_by_line(load, text, told):
+    with pytest.raises(MotionError, match=told) as refused:
+        load(COREXY + text)
+    assert re.match(r".*machine\.toml:\d+: ", str(refused.value))
+
+
+def test_a_direction_in_which_nothing_moves_is_refused():
+    with pytest.raises(MotionError, match=r"no axis moves the platform along \[0.0, 0.0, 1.0\] .* it moves x, y"):
+        load_machine("linkage").shape_along([0, 0, 1], Shaper("zv", 35.0))

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from controllers.drives.flexible_load import FlexibleLoad
 from kinematics import load_machine
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.shaper import Shaper
@@ -135,6 +136,50 @@ def test_axes_with_shapers_of_their_own_stay_together():
     away = np.linalg.norm(poses.translation - about.translation, axis=1).max()
     assert proof.holds
     assert away <= proof.deviation <= 1.3 * away
+
+
+def test_modes_along_x_and_y_of_a_corexy_are_both_still_and_its_limits_kept():
+    """By a convolution of its own: each belt with both trains of impulses, the screw late by their centroid."""
+    machine = load_machine(Path(__file__).parents[3] / "docs" / "examples" / "corexy.toml")
+    modes = {(1, 0, 0): Shaper("zv", 35.0, 0.05), (0, 1, 0): Shaper("mzv", 22.0, 0.1)}
+    for direction, shaper in modes.items():
+        machine = machine.shape_along(direction, shaper)
+    made = plan(Program((Line([0.03, 0.01, 0.002]), Line([0.0, 0.05, 0.01]))), machine)
+    base, shaped = made.trajectory, made.shaped.motion
+    assert made.shaped.holds
+    assert made.order == 3
+    step, end = 1e-4, shaped.duration
+    t = np.arange(0.0, end + 2 * step, step)
+    rows = np.zeros((4, len(t), 3))
+    trains = [list(zip(*shaper.impulses, strict=True)) for shaper in modes.values()]
+    late = sum(shaper.delay for shaper in modes.values())
+    copies = [(a * b, s + r, (0, 1)) for a, s in trains[0] for b, r in trains[1]] + [(1.0, late, (2,))]
+    for weight, time, axes in copies:
+        state = base.at(np.clip(t - time, 0, base.duration))
+        inside = ((t >= time) & (t <= time + base.duration))[:, None]
+        for row, values in zip(
+            rows, (state.q, state.qd * inside, state.qdd * inside, state.qddd * inside), strict=True
+        ):
+            row[:, axes] += weight * values[:, axes]
+    assert np.allclose(rows[0], shaped.at(t).q, rtol=0, atol=1e-12)
+    for values, bound in zip(rows[1:], (0.3, 3.0, 100.0), strict=True):
+        assert np.abs(values).max() <= bound * (1 + 1e-9)
+    assert np.abs(rows[3]).max() > 40  # m/s³: the belts are made to work
+    planned = base.at(np.clip(t, 0, base.duration)).q
+    for (x, y, _), shaper in modes.items():
+        load = FlexibleLoad(shaper.frequency, shaper.damping)
+        left, bare = (
+            load.residual((q[:, 0] + (x - y) * q[:, 1]) / 2, step, after)
+            for q, after in ((rows[0], end), (planned, base.duration))
+        )
+        assert left <= 1e-3 * bare, shaper
+        assert bare > 1e-7  # m: there was something to be still of
+    # all axes are late alike, so that the tool leaves the path by what is of second order alone
+    tool = np.stack([(rows[0][:, 0] + rows[0][:, 1]) / 2, (rows[0][:, 0] - rows[0][:, 1]) / 2, rows[0][:, 2]], 1)
+    about = base.at(np.clip(t - late, 0, base.duration)).pose.translation
+    away = np.linalg.norm(tool - about, axis=1).max()
+    assert made.shaped.delay == pytest.approx(late, abs=1e-15)
+    assert away <= made.shaped.deviation <= 1.3 * away
 
 
 def test_what_cannot_be_proved_is_refused_by_name():

@@ -44,7 +44,7 @@ def written(parts, changed=()):
     lines = []
     for n, (header, comment, keys) in enumerate(parts):
         if header:
-            array = header in ("segment", "axis")
+            array = header in ("segment", "axis", "vibration")
             comment = comment and not any(n == number for number, _ in changed)
             lines.append(f"{'#' if comment else ''}{'[[' if array else '['}{header}{']]' if array else ']'}")
         for key, (hidden, block) in keys.items():
