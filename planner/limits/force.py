@@ -54,6 +54,10 @@ class PullOutCurve:
         slope = (f[:-1] - f[1:]) / np.diff(v)
         return PullOutCurve(freeze_array(v), freeze_array(f[:-1] + slope * v[:-1]), freeze_array(slope))
 
+    def scale(self, factor: float) -> "PullOutCurve":
+        """The curve with speeds and forces so many times as large."""
+        return PullOutCurve(freeze_array(self.ends * factor), freeze_array(self.force * factor), self.slope)
+
     @property
     def holding_force(self) -> float:
         """What it gives at rest."""
@@ -240,15 +244,19 @@ class TorqueSpeed(Limit):
     def __init__(self, machine: Machine, path: MachinePath) -> None:
         self.machine, self.path = machine, path
         stated = [k for k, axis in enumerate(machine.axes) if axis.torque_speed is not None and machine.loaded]
-        self.curves = {k: PullOutCurve.from_axis(machine.axes[k]) for k in stated}
-        lines = [line for k, curve in self.curves.items() for line in _lines(k, curve)]
+        self._draw_lines({k: PullOutCurve.from_axis(machine.axes[k]) for k in stated})
+
+    def _draw_lines(self, curves: dict[int, PullOutCurve]) -> None:
+        """The lines of curves, by axis."""
+        self.curves, axes = curves, self.machine.axes
+        lines = [line for k, curve in curves.items() for line in _lines(k, curve)]
         self.axis, self.pull, self.drop, self.bounds, self.low, self.high, self.near, self.far = _line_columns(lines)
-        self.hull = _line_columns([line for k, curve in self.curves.items() for line in _lines(k, curve.hull())])
+        self.hull = _line_columns([line for k, curve in curves.items() for line in _lines(k, curve.hull())])
         self.speed_of: np.ndarray = freeze_array(
             np.maximum.accumulate(np.where(self.pull == 0, np.arange(len(lines)), 0))
         )
-        self.channels = tuple(machine.axes[line.axis].name for line in lines)
-        self.units = tuple(_unit(machine, line) for line in lines)
+        self.channels = tuple(axes[line.axis].name for line in lines)
+        self.units = tuple(_unit(self.machine, line) for line in lines)
 
     @cached_property
     def holding_share(self) -> float:
@@ -266,7 +274,13 @@ class TorqueSpeed(Limit):
         return tight(met)
 
     def _scale(self, factors: Array) -> None:
-        raise MotionError(f"{self.name} is a curve, which no one number scales: state another in the machine's file")
+        """Speeds and forces of all curves together, so that the same share of them is used as `use` has it."""
+        if len(set(factors.tolist())) > 1:
+            raise MotionError(
+                f"{self.name} is a curve, of which no line alone is scaled: state another in the machine's file"
+            )
+        self._draw_lines({k: curve.scale(float(factors[0])) for k, curve in self.curves.items()})
+        self.__dict__.pop("holding_share", None)
 
     def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:
         fastest = np.maximum(np.abs(low), np.abs(high))

@@ -70,7 +70,7 @@ def solve_shaped(
             raise _refusal(lost[0], proof)
         try:
             kept = tuple(limit if shares[limit.name] == 1 else limit.scale(shares[limit.name]) for limit in limits)
-        except MotionError:  # a curve or a band, which no one number scales
+        except MotionError:  # a band, which no one number scales
             raise _refusal(broken[0], proof) from None
     raise _refusal(broken[0], proof)
 

@@ -247,10 +247,10 @@ def test_slowness_brings_a_motion_to_the_limit(falling_limit, motion, excess):
 
 
 def test_scaled_bounds_are_used_by_as_much_less(limit, motion):
-    """In the certificate and in the rows; a curve, a band and what no timing changes are not scaled."""
+    """In the certificate and in the rows; a curve's line, a band and what no timing changes are not scaled."""
     if limit.geometric or isinstance(limit, (TorqueSpeed, Resonance)):
         with pytest.raises(MotionError, match=limit.name):
-            limit.scale(2.0)
+            limit.scale(2.0, 0)
         return
     value, piece = limit.value(motion.state), motion.trajectory.piece
     before, of_rows = limit.use(value, value, piece), row_sum(limit, motion)[1]

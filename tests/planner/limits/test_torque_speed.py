@@ -146,6 +146,15 @@ def values(limit, speed, force):
     return force * limit.pull + speed * limit.drop
 
 
+def test_a_scaled_curve_is_used_by_twice_the_speed_and_force_as_it_was_before(limit):
+    twice = limit.scale(2.0)
+    for speed in (-0.3, 0.0, 0.1, 0.25, 0.39, 0.5):
+        v = np.array([values(limit, speed, force) for force in (-25.0, 0.0, 12.0, 39.0, 50.0)])
+        assert twice.use(2 * v, 2 * v, np.zeros(5, int)) == pytest.approx(limit.use(v, v, np.zeros(5, int)), rel=1e-14)
+    lone = values(limit, 0.3, 36.0)[None]  # above the curve, and under the one of twice
+    assert limit.use(lone, lone, np.zeros(1, int)).max() > 1 > twice.use(lone, lone, np.zeros(1, int)).max()
+
+
 def test_the_share_is_one_on_the_curve_and_tells_how_far_it_is(limit):
     """Speed and force together, k times as large, use k times as much; at rest that is the force's share alone."""
     piece = np.zeros(1, int)

@@ -10,6 +10,7 @@ import pytest
 from controllers.drives.flexible_load import FlexibleLoad
 from kinematics import load_machine
 from kinematics.foundation.errors import MotionError
+from kinematics.machine.load import Body, Load
 from kinematics.machine.shaper import Shaper
 from planner import Arc, Dwell, Infeasible, Line, Program, Trigger, load_program, plan
 from planner.certificate.enclosure import Cells, bound_series
@@ -229,6 +230,24 @@ def test_a_bound_is_of_the_limits_themselves_where_less_of_them_had_to_be_kept(g
     assert made.certificate.worst["tool speed"] < 0.99  # it was
     assert made.lower_bound <= bare.trajectory.duration < made.trajectory.duration
     assert made.lower_estimate <= bare.trajectory.duration * (1 + 1e-9)
+
+
+def test_a_torque_speed_curve_that_shaping_breaks_is_kept_by_planning_again():
+    """Means of quick and strong moments lie beyond a curve that bends inwards; by f = m q̈ of a copy-wise sum."""
+    curve, machine = ((0.0, 4.0), (0.03, 2.0), (0.3, 1.5)), gantry("zv")
+    axes = [replace(machine.axes[0], torque_speed=curve, max_acceleration=10.0), *machine.axes[1:]]
+    machine = machine.driven_by(axes).carrying(Load(Body(1.0)))
+    made = plan(Program((Line([0.1, 0.05, 0]),)), machine)
+    assert made.certificate.worst["torque-speed"] < 0.97  # less of it, so that
+    assert 0.99 < made.shaped.worst["torque-speed"] <= 1  # all of it
+    t = np.linspace(0, made.shaped.motion.duration, 100_001)
+    qd, qdd = np.zeros((2, len(t)))
+    for weight, time in zip(*machine.axes[0].shaper.impulses, strict=True):
+        inside = (t > time) & (t < time + made.trajectory.duration)
+        state = made.trajectory.at(np.clip(t - time, 0, made.trajectory.duration))
+        qd, qdd = qd + weight * inside * state.qd[:, 0], qdd + weight * inside * state.qdd[:, 0]
+    share = np.abs(qdd) / np.interp(np.abs(qd), *np.array(curve).T)
+    assert 0.9 < share.max() <= 1 + 1e-9
 
 
 def test_triggers_at_rests_come_when_all_copies_have_arrived():
