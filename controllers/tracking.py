@@ -20,6 +20,7 @@ from controllers.rig_choice import choose_rig
 from controllers.simulate import HOST_STEP, SETTLING_TIME, sample, simulate
 from kinematics.foundation.arrays import Array, freeze_fields
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.machine_file import MachineSource, load_machine
@@ -161,6 +162,7 @@ def motion_of(plan: AxesMotion | HasTrajectory) -> AxesMotion:
     return motion if shaped is None else shaped.motion
 
 
+@check_arguments("machine")
 def track(
     plan: AxesMotion | HasTrajectory,
     machine: MachineSource,
@@ -204,7 +206,7 @@ def track(
     MotionError
         The rig does not fit the machine, or none is given and not exactly one fits.
     """
-    machine = load_machine(machine) if isinstance(machine, str | PathLike) else machine
+    machine = load_machine(machine) if isinstance(machine, str | PathLike) or not hasattr(machine, "axes") else machine
     law = find_law(law) if isinstance(law, str) else law
     if not isinstance(law, StatefulLaw) and not hasattr(law, "command"):
         raise MotionError(f"track: a law is needed, or its number or name as a text, not {law!r:.80}")

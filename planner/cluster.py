@@ -18,10 +18,12 @@ from types import ModuleType
 from typing import Any, Generic, TypeVar
 
 from kinematics.foundation.errors import MotionError, NotInstalled
+from kinematics.foundation.options import check_arguments
 from kinematics.machine.machine import Machine
 from kinematics.machine.machine_file import MachineSource, load_machine
 from planner.environment import PACKAGES, Facts, Look, describe_mismatches, make_fact_finder
-from planner.parallel import TASKS_EACH, Progress, cores, without_processes
+from planner.limits import OwnLimit
+from planner.parallel import TASKS_EACH, Progress, cores, ignore_progress, without_processes
 from planner.plan import Plan, plan
 from planner.program.model import Program
 from planner.program.program_file import ProgramSource, load_program
@@ -347,14 +349,16 @@ def _call(task: Task, work: Callable[[Task], Result]) -> Result:
     return work(task)
 
 
+@check_arguments()
 def plan_many(
     programs: Iterable[ProgramSource],
     machine: MachineSource,
     *,
     order: int | None = None,
     clock_hz: int = 10_000_000,
+    limits: Sequence[OwnLimit] = (),
     address: str | None = None,
-    progress: Progress | None = None,
+    progress: Progress = ignore_progress,
 ) -> list[Plan | MotionError]:
     """Plan many programs in parallel.
 
@@ -362,7 +366,7 @@ def plan_many(
     ----------
     programs
         Each as it is, by name, or by the path of a file.
-    machine, order, clock_hz
+    machine, order, clock_hz, limits
         As of `plan`.
     address
         Of a Dask scheduler (`run_on_cluster`). None: this computer's cores.
@@ -381,19 +385,16 @@ def plan_many(
     """
     asked, machine = [load_program(program) for program in programs], load_machine(machine)
     found: dict[int, Plan | MotionError] = {}
-    if not asked:
-        return []
-    for n, one in run_on_cluster(_plan_one, asked, (machine, order, clock_hz), address):
+    how = machine, {"order": order, "clock_hz": clock_hz, "limits": limits}
+    for n, one in run_on_cluster(_plan_one, asked, how, address) if asked else ():
         found[n] = MotionError(f"program {asked[n].name}: {one}") if isinstance(one, LostTask) else one
-        if progress is not None:
-            progress(len(found), len(asked))
+        progress(len(found), len(asked))
     return [found[n] for n in range(len(asked))]
 
 
-def _plan_one(program: Program, how: tuple[Machine, int | None, int]) -> Plan | MotionError:
-    """On a worker."""
-    machine, order, clock_hz = how
+def _plan_one(program: Program, how: tuple[Machine, dict[str, Any]]) -> Plan | MotionError:
+    machine, options = how
     try:
-        return plan(program, machine, order=order, clock_hz=clock_hz)
+        return plan(program, machine, **options)
     except MotionError as error:
         return error.with_traceback(None)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kinematics.foundation.errors import MotionError, NotFree, OutOfReach
+from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Table
 from kinematics.machine.machine import Machine
@@ -228,6 +229,7 @@ class Plan(Result):
         return self.trajectory.data()
 
 
+@check_arguments()
 def plan(
     program: ProgramSource,
     machine: MachineSource,
@@ -326,13 +328,22 @@ def plan(
             certificate, shaped = solution.certificate, None
     except (Infeasible, OutOfReach) as no:
         raise _add_advice(no, program, machine, order) from None
-    motors, pulses = _generate_pulses(solution.trajectory, machine, int(clock_hz), rule, progress or ignore_progress)
+    motion = solution.trajectory
+    try:
+        motors = counted_motion(motion, axes, machine.home_q)
+        pulses = generate(motors, axes, machine.home_q, int(clock_hz), rule, progress or ignore_progress)
+    except Infeasible as no:  # which names the segment here: pulses alone do not know it
+        if no.place is None or no.place.t is None:
+            raise
+        piece = int(motion.at(no.place.t).piece[0])
+        place = motion.path.place(no.place.s, piece, no.place.t, no.place.axis)
+        raise Infeasible(no.kind, no.axis, place, no.value, no.limit, no.unit, no.remedy) from None
     return Plan(
         program,
         machine,
         path,
         kept,
-        solution.trajectory,
+        motion,
         certificate,
         motors,
         pulses,
@@ -348,21 +359,7 @@ def plan(
     )
 
 
-def _generate_pulses(
-    trajectory: Trajectory, machine: Machine, clock_hz: int, rule: Rule, progress: Progress
-) -> tuple[AxesMotion, PulseSchedule]:
-    """What is counted, and its pulses; a refusal names the segment, which pulses alone do not know."""
-    try:
-        motors = counted_motion(trajectory, machine.axes, machine.home_q)
-        return motors, generate(motors, machine.axes, machine.home_q, clock_hz, rule, progress)
-    except Infeasible as no:
-        if no.place is None or no.place.t is None:
-            raise
-        piece = int(trajectory.at(no.place.t).piece[0])
-        place = trajectory.path.place(no.place.s, piece, no.place.t, no.place.axis)
-        raise Infeasible(no.kind, no.axis, place, no.value, no.limit, no.unit, no.remedy) from None
-
-
+@check_arguments()
 def check(program: ProgramSource, machine: MachineSource, *, limits: Sequence[OwnLimit] = ()) -> Standing:
     """Limits that slowing down cannot fix, proved over a program's path: violations, the worst first, and margins.
 

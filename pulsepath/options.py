@@ -21,6 +21,8 @@ LAWS = ("3", "6")
 """Tracking laws by default: open and closed loop."""
 MACHINE_FILE, PROGRAM_FILE = "machine.toml", "program.toml"
 """Files that a command writes for the user to start from."""
+FIRST_LOOK = 1 << 16
+"""Bytes of a file up to which reading it twice costs nothing that is felt."""
 PERCENT = re.compile(r"\s*(\d*\.?\d+(?:[eE][+-]?\d+)?)\s*%\s*")
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 ALLOW_MINUS = {"ignore_unknown_options": True}
@@ -62,6 +64,8 @@ def refuse_unknown(
 ) -> None:
     """Raise MotionError for a name that nothing has, before the modules load that would tell it seconds later.
 
+    Files are looked at as far as that is light: they are there, and TOML. What their keys say is read later.
+
     laws   with their gains or not; rule: with its options or not; format: of exports
     """
     from kinematics.foundation.names import find, unknown_name
@@ -71,8 +75,8 @@ def refuse_unknown(
         ("kinematics", "machine", machine),
         ("controllers", "rig", rig),
     ):
-        if name is not None:
-            find(package, what, name)
+        if name is not None and find(package, what, name) == Path(name):  # no preset
+            _refuse_unreadable(Path(name))
     written = [("laws", "law", law, known_names.laws) for law in laws]
     written += [] if rule is None else [("rules", "firing rule", rule, known_names.rules)]
     written += [] if format is None else [("exports", "format", format, known_names.exports)]
@@ -81,6 +85,15 @@ def refuse_unknown(
         # what is loaded may have got more names, and tells itself
         if known_names.TABLES[table] not in sys.modules and name not in list_names():
             raise unknown_name(what, name, list_names())
+
+
+def _refuse_unreadable(file: Path) -> None:
+    """Raise FileError for a user's file that is missing or is no TOML; what is long is read once only, later."""
+    from kinematics.files.toml_document import read
+
+    is_short = file.suffix == ".toml" and file.is_file() and file.stat().st_size <= FIRST_LOOK
+    if is_short or not file.exists():
+        read(file)
 
 
 def read_quantity(flag: str, text: str, unit: str, above: float = -inf, least: float = -inf) -> float:

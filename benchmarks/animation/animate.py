@@ -42,6 +42,7 @@ from kinematics.files.atomic_files import Destination
 from kinematics.files.plain_text import plain
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import check_arguments
 from kinematics.foundation.table import SCALES
 from kinematics.machine.kind import Bar, Sort
 
@@ -220,6 +221,7 @@ FRAMES, MAX_FRAMES = 240, 5000
 """Frames by default, and so many at most: more would make pages that no one can open."""
 
 
+@check_arguments()
 def animate(
     plan: AnimatablePlan, path: str | Path, *, frames: int = FRAMES, magnify: float | None = None, force: bool = False
 ) -> Path:

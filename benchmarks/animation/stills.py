@@ -20,6 +20,7 @@ from benchmarks.animation.frames import (
 from kinematics.files.atomic_files import Destination
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import check_arguments
 from kinematics.machine.kind import Sort
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ FLAT_HEIGHT_SHARE = 1e-3
 """Share of a flat machine's size that is drawn above and below it in space."""
 
 
+@check_arguments()
 def save_four_views(
     plan: AnimatablePlan, path: str | Path, t: float | None = None, *, magnify: float | None = None, force: bool = False
 ) -> Path:
@@ -53,6 +55,7 @@ def write_four_views(plan: AnimatablePlan, target: Destination, t: float | None,
             figure.savefig(file, dpi=DPI)
 
 
+@check_arguments()
 def four_views(plan: AnimatablePlan, t: float | None = None, *, magnify: float | None = None) -> "tuple[Axes, ...]":
     """Draw the views top, front, side and 3-D in one figure with equal scales, in base-frame coordinates.
 

@@ -22,7 +22,7 @@ from controllers.rig import Rig
 from kinematics.files.atomic_files import write_whole
 from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.errors import MotionError
-from kinematics.foundation.options import split_options
+from kinematics.foundation.options import check_arguments, split_options
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 
@@ -52,6 +52,7 @@ class Setting:
         return find_law(self.law, rig, **dict(self.gains))
 
 
+@check_arguments()
 def read_setting(text: str) -> Setting:
     """The setting of a text such as "closed-position", "6" or "6:gain=0.7"; gains not given have the law's defaults.
 
@@ -68,6 +69,7 @@ def read_setting(text: str) -> Setting:
     return Setting(_full_name(name), tuple((gain, float(getattr(law, gain))) for gain in law.grid))
 
 
+@check_arguments()
 def settings_of(name: str) -> list[Setting]:
     """All settings of a law over its gain grid for reports."""
     grid = find_law(name).grid

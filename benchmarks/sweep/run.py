@@ -13,6 +13,7 @@ from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
 from math import isnan
+from os import PathLike
 from pathlib import Path
 from platform import python_version
 from typing import Any
@@ -35,9 +36,11 @@ from controllers.metrics import BATCH_PERIOD, Metrics, evaluate_runs
 from controllers.metrics.contour import PlannedStates, sample_plan
 from controllers.metrics.metrics import torque_limits
 from controllers.rig import Rig, Task, disturb_rig
+from controllers.rig_file import load_rig
 from controllers.simulate import sample, simulate
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import check_arguments
 from kinematics.machine.machine import Machine
 from planner.cluster import LostTask, is_installed, run_on_cluster
 from planner.environment import LIBRARIES
@@ -217,10 +220,11 @@ MAX_LANES = 64
 """Runs simulated at once: more gain little, and hold their whole course in memory."""
 
 
+@check_arguments()
 def sweep(
     grid: Grid,
-    rig: Rig,
-    folder: Path,
+    rig: Rig | str | PathLike[str],
+    folder: str | PathLike[str],
     *,
     address: str | None = None,
     progress: Progress | None = None,
@@ -235,7 +239,7 @@ def sweep(
     grid
         Laws, gains, tasks and variations.
     rig
-        As stated.
+        As stated, by its name, or by the path of its file.
     folder
         That keeps the runs.
     address
@@ -257,6 +261,7 @@ def sweep(
         The rig does not have a task, nothing answers at the address, or, after all others are kept, no worker survived
         some runs.
     """
+    rig, folder = load_rig(rig), Path(folder)
     facts = described(grid, rig)  # refuses what the rig has not, before there is a folder
     cells, digests, store = list(grid), Digests(rig), Store(folder)
     keys = [digest(cell, digests) for cell in cells]

@@ -10,8 +10,10 @@ from controllers.laws.nominal import nominal_axes
 from controllers.laws.open_loop import Feedforward, OpenPosition, OpenPositionTrapezoid, OpenVelocity
 from controllers.laws.predictive import Predictive
 from controllers.rig import Rig
+from kinematics.foundation.arrays import finite_array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import nearest, unknown_name
+from kinematics.foundation.options import check_arguments
 
 LAWS: dict[tuple[str, str], Callable[..., AnyLaw]] = {
     ("1", "open-velocity"): OpenVelocity,
@@ -35,6 +37,7 @@ def law_names() -> tuple[str, ...]:
     return tuple(name for _, name in LAWS)
 
 
+@check_arguments()
 def find_law(name: str, rig: Rig | None = None, **gains: Gain) -> AnyLaw:
     """Find a tracking law by number or name.
 
@@ -57,6 +60,8 @@ def find_law(name: str, rig: Rig | None = None, **gains: Gain) -> AnyLaw:
     MotionError
         The name or a gain is unknown; the nearest is told.
     """
+    for gain, value in gains.items():
+        finite_array(value, f"law {name}: {gain}")
     for known, make in LAWS.items():
         if name in known:
             own = make().grid

@@ -32,6 +32,7 @@ from controllers.tracking import HasTrajectory, Tracking, motion_of
 from kinematics.analysis.forward import RESIDUAL_TOLERANCE, iterate_newton
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import check_arguments
 from kinematics.machine.machine_file import MachineSource, load_machine
 from kinematics.machine.pose import from_numbers, to_numbers
 from planner.parallel import Progress, ignore_progress, share_progress
@@ -188,6 +189,7 @@ BATCH_PERIOD = 5e-3
 """s of a batch: that time constant."""
 
 
+@check_arguments("machine")
 def evaluate(
     tracking: Tracking,
     plan: AxesMotion | HasTrajectory,
@@ -236,7 +238,7 @@ def evaluate_each(
     progress: Progress = ignore_progress,
 ) -> tuple[Metrics, ...]:
     """The same of several trackings at the same instants (`track_each`), in less time for each."""
-    machine = load_machine(machine) if isinstance(machine, str | PathLike) else machine
+    machine = load_machine(machine) if isinstance(machine, str | PathLike) or not hasattr(machine, "axes") else machine
     first = tracked[0]
     pulse = np.array([axis.pulse for axis in machine.axes])
     actual = np.stack([(each.actual - machine.home_q) / pulse for each in tracked], 1)
@@ -298,6 +300,8 @@ def _build_metrics(
     t = lanes.t
     pulse = freeze_array([axis.pulse for axis in machine.axes])
     shafts = _shafts(lanes, task, machine, pulse, band)
+    if not 0 < period < float("inf"):
+        raise MotionError(f"evaluate: period {period} s must be above zero")
     every = max(1, round(period / (t[1] - t[0])))
     few, planned = machine.home_q + lanes.actual[::every] * pulse, sample_plan(task.motion, machine, t[::every])
     following, until = few - planned.q[:, None], lanes.samples(every)

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from kinematics.foundation.arrays import Array, finite_array, freeze_fields
 from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.kinds.arm import Arm, inertia, pinocchio
@@ -25,6 +26,7 @@ from kinematics.kinds.legged import MIN_AXIS_SINE, home_frames
 from kinematics.machine.kind import columns
 from kinematics.machine.load import Body, Leg
 from kinematics.machine.machine import Machine
+from kinematics.machine.machine_file import MachineSource, load_machine
 from kinematics.machine.model import MovingPose
 from kinematics.machine.motion import AxesAndPose, Motion, controlled_jacobian, motion_of_axes
 from kinematics.machine.pose import to_numbers
@@ -257,8 +259,9 @@ class Forces(Result):
         return Table(f"actuator forces of {self.machine.name}", (instants, *forces, *power))
 
 
+@check_arguments()
 def forces(
-    machine: Machine,
+    machine: MachineSource,
     motion: Motion | AxesAndPose,
     *,
     platform: Body | None = None,
@@ -299,6 +302,7 @@ def forces(
     MotionError
         A pose is singular, something does not fit the machine, or pinocchio is needed (legs, arm) and not installed.
     """
+    machine = load_machine(machine)
     moving = _check_motion(machine, motion if isinstance(motion, Motion) else motion_of_axes(machine, motion))
     n, count, name = len(machine.axes), len(moving), f"machine {machine.name}"
     if not count:

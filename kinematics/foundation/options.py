@@ -1,12 +1,23 @@
 """What is plugged in by name: classes that load when they are asked for, with options made from text.
 
 An option is a field of a frozen dataclass that says what it is about.
+
+And arguments of a wrong kind, refused by name where a public function is called, not deep inside. What a parameter
+accepts is read from its annotation; shapes and ranges are refused by the functions themselves.
 """
 
-from collections.abc import Mapping
+import re
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import Field, field, fields
+from functools import cache, wraps
 from importlib import import_module
-from typing import Any, get_type_hints
+from inspect import get_annotations, isclass, signature
+from numbers import Integral, Real
+from types import NoneType, UnionType
+from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
 
 from kinematics.foundation.errors import MotionError, locate_errors
 from kinematics.foundation.names import nearest, unknown_name
@@ -61,3 +72,110 @@ def load_plugin(what: str, table: Mapping[str, str], name: str) -> Any:
         raise unknown_name(what, name, table)
     module, _, kind = table[name].partition(":")
     return getattr(import_module(module), kind)
+
+
+P = ParamSpec("P")
+R = TypeVar("R")
+_NUMBERS: dict[Any, tuple[type, str]] = {float: (Real, "a number"), int: (Integral, "a whole number")}
+_ABSENT = object()
+_PLAIN = {str: "a text", bool: "True or False", NoneType: "None", bytes: "bytes"}
+
+
+def check_arguments(*but: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Decorator: arguments that their annotations do not allow are refused, except those of the parameters `but`.
+
+    Raises MotionError, which names the function, the argument, what was given and what is expected.
+    """
+
+    def decorate(function: Callable[P, R]) -> Callable[P, R]:
+        @cache
+        def accepted() -> dict[str, tuple[Any, tuple[type, ...]]]:
+            found = {name: _resolve(function, name) for name in signature(function).parameters if name not in but}
+            return {name: (kind, _list_classes(kind)) for name, kind in found.items() if kind is not Any}
+
+        @wraps(function)
+        def checked(*args: P.args, **kwargs: P.kwargs) -> R:
+            given = signature(function).bind(*args, **kwargs).arguments  # TypeError for what has no such name, as ever
+            for name, (kind, classes) in accepted().items():
+                value = given.get(name, _ABSENT)
+                if value is _ABSENT or (isinstance(value, classes) and not isinstance(value, bool)):
+                    continue
+                if not fits(value, kind):
+                    told = f'"{value}"' if isinstance(value, str) else f"{value!r:.60}"
+                    kinds = " or ".join(dict.fromkeys(_describe(kind)))
+                    raise MotionError(f"{function.__name__}: {name} is {told}; expected {kinds}")
+            return function(*args, **kwargs)
+
+        return checked
+
+    return decorate
+
+
+def _resolve(function: Callable[..., Any], name: str) -> Any:
+    """The annotation of a parameter; Any for several values, and for names that only type checkers load."""
+    parameter = signature(function).parameters[name]
+    if parameter.kind in (parameter.VAR_KEYWORD, parameter.VAR_POSITIONAL):
+        return Any
+    kind = parameter.annotation
+    if isinstance(kind, str):
+        try:
+            kind = eval(kind, vars(sys.modules[function.__module__]))  # noqa: S307, of our own source
+        except NameError:
+            return Any
+    return Any if kind is parameter.empty else kind
+
+
+def _list_classes(kind: Any) -> tuple[type, ...]:
+    """Those of an annotation's kinds that `isinstance` tells at once."""
+    parts = get_args(kind) if get_origin(kind) in (Union, UnionType) else (kind,)
+    classes = (part for part in parts if isclass(part) and get_origin(part) is None)
+    return tuple(part for part in classes if not getattr(part, "_is_protocol", False))
+
+
+def fits(value: object, kind: Any) -> bool:
+    """Whether a value is of the kind that an annotation states; what cannot be told is taken to be."""
+    origin, parts = get_origin(kind), get_args(kind)
+    if origin in (Union, UnionType):
+        return any(fits(value, part) for part in parts)
+    if origin is Literal:
+        return any(type(value) is type(part) and value == part for part in parts)
+    if origin is Callable:
+        return callable(value)
+    if origin in (Sequence, Iterable):
+        is_row = isinstance(value, origin | np.ndarray) and not isinstance(value, str | bytes | Mapping)
+        looked_at = value if isinstance(value, tuple | list) else ()
+        return is_row and all(fits(each, parts[0]) for each in looked_at)
+    if kind in _NUMBERS:
+        return isinstance(value, _NUMBERS[kind][0]) and not isinstance(value, bool | np.bool_)
+    if not isclass(kind):
+        return True if origin is None or not isclass(origin) else isinstance(value, origin)
+    if getattr(kind, "_is_protocol", False):
+        return not isclass(value) and all(hasattr(value, name) for name in _list_attributes(kind))
+    return isinstance(value, kind)
+
+
+def _list_attributes(protocol: Any) -> tuple[str, ...]:
+    names = {name for base in protocol.__mro__[:-1] for name in (*vars(base), *get_annotations(base))}
+    return tuple(name for name in names if not name.startswith("_"))
+
+
+def _describe(kind: Any) -> list[str]:
+    """In words, what an annotation accepts."""
+    origin, parts = get_origin(kind), get_args(kind)
+    if origin in (Union, UnionType):
+        return [words for part in parts for words in _describe(part)]
+    if origin is Literal:
+        return [f'"{part}"' if isinstance(part, str) else str(part) for part in parts]
+    if origin is Callable:
+        return ["a function"]
+    if origin in (Sequence, Iterable):
+        return [f"a list, each entry {' or '.join(dict.fromkeys(_describe(parts[0])))}"]
+    if kind in _NUMBERS:
+        return [_NUMBERS[kind][1]]
+    if kind in _PLAIN:
+        return [_PLAIN[kind]]
+    name = getattr(kind, "__name__", str(kind))
+    if name in ("PathLike", "Path"):
+        return ["a path"]
+    words = " ".join(re.findall("[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+", name)).lower()
+    return [f"{'an' if words[:1] in 'aeiou' else 'a'} {words}"]

@@ -21,6 +21,7 @@ from kinematics.files.toml_document import format_millimetres, quote
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import find, source_folder
+from kinematics.foundation.options import check_arguments
 from kinematics.kinds.axis_keys import LinearAxis, MachineFile, RotaryAxis, TimingTable
 from kinematics.kinds.load_keys import Carried, LegsTable
 from kinematics.kinds.tripod import ASSUMED, is_basic_lengths
@@ -40,6 +41,7 @@ def toml_of(source: Path | Traversable) -> bytes:
     return machine_toml(read_machine(source), f"from {source.name}; {ASSUMED}").encode()
 
 
+@check_arguments()
 def machine_toml(machine: Machine, comment: str = "", *, complete: bool = False) -> str:
     """The TOML text of a machine, with explicit joint centres, after a comment.
 

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from kinematics.foundation.arrays import Array, finite_array, freeze_fields
 from kinematics.foundation.errors import MotionError, OutOfReach
+from kinematics.foundation.options import check_arguments
 from kinematics.foundation.short_repr import short_repr
 from kinematics.machine.kind import columns
 from kinematics.machine.model import MachineModel, square_jacobian
@@ -58,6 +59,7 @@ class Motion:
         return len(self.q)
 
 
+@check_arguments()
 def motion_of_poses(
     machine: MachineModel,
     pose: PoseLike,
@@ -88,6 +90,7 @@ def motion_of_poses(
     return _complete_motion(machine, to_numbers(pose), q, *given)
 
 
+@check_arguments()
 def motion_of_axes(machine: MachineModel, state: AxesAndPose) -> Motion:
     """The motion of the platform from that of the axes: J ν = q̇ and J ν̇ = q̈ − J̇ ν, solved for what is controlled.
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.axis import Axis
@@ -206,6 +207,7 @@ class Classical(Result):
         return self.trajectory.data()
 
 
+@check_arguments()
 def classical(plan: Plan | Course, kind: str = "trapezoid") -> Classical:
     """Find the baseline timing of a program, planned or not, as fast as its kind allows within the same limits.
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import check_arguments
 from kinematics.machine.machine import Machine
 from kinematics.machine.machine_file import MachineSource, load_machine
 from planner.limits import limits_of, usual_order
@@ -31,6 +32,7 @@ Choice = Mapping[int, Array]
 """Controls (3, DEGREE + 1) of free segments, by their index."""
 
 
+@check_arguments()
 def orient(
     program: ProgramSource, machine: MachineSource, objective: Objective = "time", order: int | None = None
 ) -> Program:

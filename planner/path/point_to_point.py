@@ -12,8 +12,9 @@ from scipy.spatial.transform import RigidTransform, Rotation, Slerp
 
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError, locate_errors
+from kinematics.foundation.options import check_arguments
 from kinematics.foundation.table import Column, Table
-from kinematics.machine.machine import Machine
+from kinematics.machine.machine_file import MachineSource, load_machine
 from kinematics.machine.pose import Pose, from_numbers
 from planner.path.actuation import MachinePath
 from planner.path.chain import Moving, default_start, segment_end
@@ -21,15 +22,18 @@ from planner.path.synchronised import NAME
 from planner.place import Place, where_columns
 from planner.program.model import MIN_MOVE, Dwell, Program, Segment, Spline, Synchronised
 from planner.program.modifiers import Trigger
+from planner.program.program_file import ProgramSource, load_program
 
 
-def synchronise(program: Program, machine: Machine) -> tuple[Program, tuple[int, ...]]:
+@check_arguments()
+def synchronise(program: ProgramSource, machine: MachineSource) -> tuple[Program, tuple[int, ...]]:
     """Replace every segment and spline point of a program by a synchronised move to its end.
 
     Caps, triggers and dwells stay; blends, constant speeds and free orientations have no place in it. Also the numbers
     of segments that end where they start, for which there is nothing to move: they are left out. Raises MotionError
     for an end that cannot be told, a trigger on such a segment or inside a spline, or where nothing moves at all.
     """
+    program, machine = load_program(program), load_machine(machine)
     here = default_start(program, machine) if program.start is None else program.start
     segments: list[Segment] = []
     left_out: list[int] = []

@@ -14,6 +14,7 @@ import numpy as np
 from kinematics.analysis.singularity import sensitivity
 from kinematics.foundation.arrays import Array, freeze_array, merge_rising
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.axis import Axis
@@ -183,6 +184,7 @@ class CountedMotion(Protocol):
     def pulses(self) -> PulseSchedule: ...
 
 
+@check_arguments()
 def realised(plan: CountedMotion, pulses: PulseSchedule | None = None, *, stride: int = 1) -> RealisedPath:
     """The realised path of a plan's pulses, or of other pulses for its motion.
 

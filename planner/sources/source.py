@@ -16,7 +16,7 @@ import numpy as np
 from kinematics.files import toml_document
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import BadValue, Fault, FileError, MotionError
-from kinematics.foundation.options import load_plugin
+from kinematics.foundation.options import check_arguments, load_plugin
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from planner.program.model import Arc, Line, Program, Segment, SegmentStream, Spline
@@ -156,6 +156,7 @@ def stream_program(path: Path, source: Source) -> Imported:
     return source.stream(path) if isinstance(source, Streaming) else source.read(path)
 
 
+@check_arguments()
 def import_program(path: str | PathLike[str], format: str | None = None, **options: Any) -> Imported:
     """Import a program from a file of another format, with a summary of what was read.
 

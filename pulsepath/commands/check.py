@@ -54,10 +54,7 @@ def check(
         _check_plan(Path(program), as_json)
         return
     refuse_unknown(program, machine)
-    import planner
     from pulsepath.inputs import read_inputs
-    from pulsepath.output import record, tables
-    from pulsepath.output.dump import dump
 
     tolerance = None if fit is None else read_quantity("--fit", fit, "m", above=0.0)
     origin = None
@@ -66,6 +63,11 @@ def check(
 
         origin = find_origin(program, given, tolerance)
     inputs = apply_motion(motion, read_inputs(program, machine, tolerance, origin))
+    # after what files say wrong, which is told sooner so
+    import planner
+    from pulsepath.output import record, tables
+    from pulsepath.output.dump import dump
+
     if dumped is not None:
         dump(dumped, inputs, "check", {}, force, as_json)
         return

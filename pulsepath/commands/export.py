@@ -46,6 +46,9 @@ def export(
     Example: pulsepath export out/circle --format vcd
     """
     refuse_unknown(format=name)
+    from pulsepath.output.directory import refuse_no_plan
+
+    refuse_no_plan(directory)
     from kinematics.files.atomic_files import Destination
     from planner.export.format import ExportSource, export, find_format
     from pulsepath.format_options import EXPORTS

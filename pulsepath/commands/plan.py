@@ -191,12 +191,14 @@ def plan(
     if out is None:
         raise click.UsageError("Missing option '--out'.", click.get_current_context())
     writes(out)
+    seconds = None if duration is None else read_quantity("--duration", duration, "s", above=0.0)
     from planner.parallel import reduce_garbage_collection, side_process
 
     # before what is slow to load, so that both processes load at once
     modules = [*WORK_MODULES, *(FIGURE_MODULES if figures else ())]
     beside = nullcontext() if _is_long(program, stream) else side_process(modules)
     with reduce_garbage_collection(), beside as other:
+        inputs = _read(program, machine, fit, given, motion)  # what files say wrong is told before the rest loads
         from planner.parallel import NO_PROCESS
         from planner.timing.certified_solve import EFFORT
         from planner.timing.solvers.toppra_ import require
@@ -210,8 +212,6 @@ def plan(
 
         refuse_overwrite(out, force)
         heated = objective is not None and read_objective(objective).heat > 0
-        seconds = None if duration is None else read_quantity("--duration", duration, "s", above=0.0)
-        inputs = _read(program, machine, fit, given, motion)
         kind = None if order is None else int(order)
         if effort is not None and gap is None:
             raise click.UsageError("--effort is of --gap.", click.get_current_context())

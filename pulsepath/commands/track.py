@@ -45,6 +45,9 @@ def track(
     """
     writes(directory / "track.json")
     refuse_unknown(rig=rig, laws=laws)
+    from pulsepath.output.directory import refuse_no_plan
+
+    refuse_no_plan(directory)
     import controllers
     from benchmarks.sweep import read_setting
     from controllers.metrics.evaluate import PERIOD

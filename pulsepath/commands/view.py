@@ -64,6 +64,9 @@ def view(
     """
     targets = [target for target in (stills, html) if target is not None]
     writes(*targets)
+    from pulsepath.output.directory import refuse_no_plan
+
+    refuse_no_plan(directory)
     from kinematics import MotionError
     from kinematics.files.atomic_files import Destination
     from kinematics.foundation.units import quantity

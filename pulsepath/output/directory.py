@@ -64,6 +64,12 @@ def is_ours(directory: Path, kind: str = KIND) -> bool:
     return isinstance(record, dict) and record.get("kind") == kind
 
 
+def refuse_no_plan(folder: Path) -> None:
+    """Raise MotionError for a directory that `plan` did not write."""
+    if not is_ours(folder):
+        raise MotionError(f"{folder} holds no plan: make one with pulsepath plan PROGRAM --out {folder}")
+
+
 def write_files(folder: Path, files: Mapping[str, bytes], force: bool) -> None:
     """Write files into a directory, which may be there already: all of them, or none.
 

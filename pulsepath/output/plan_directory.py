@@ -16,6 +16,7 @@ import numpy as np
 from controllers.rig_choice import rig_hint
 from kinematics import Machine, MotionError, load_machine
 from kinematics.files.chunk_file import holds_chunks
+from kinematics.foundation.options import check_arguments
 from planner import Plan, Program, Trajectory, load_program
 from planner.export import plan_files
 from planner.export.motion_file import follow_motion, read_duration, read_motion, read_parts, write_motion
@@ -35,7 +36,7 @@ from planner.shaping.shaped_motion import shaper_length
 from pulsepath.inputs import Inputs, Origin
 from pulsepath.job import Defect, Job
 from pulsepath.options import LAWS
-from pulsepath.output.directory import RECORD, REPORT, is_ours
+from pulsepath.output.directory import RECORD, REPORT, refuse_no_plan
 from pulsepath.output.plan_record import of_plan, of_pulse_file
 from pulsepath.output.record import Record, as_json
 from pulsepath.output.verification import (
@@ -252,6 +253,7 @@ def _write_report(page: Path, job: Job, verdict: PulseCheck) -> None:
         )
 
 
+@check_arguments()
 def load_plan(folder: str | PathLike[str], unverified: bool = False) -> StoredPlan:
     """Load the plan that `pulsepath plan` wrote into a folder; its motion is proved again.
 
@@ -281,8 +283,7 @@ def read(folder: Path, unverified: bool = False) -> StoredPlan:
 
 
 def _load(folder: Path, unverified: bool, proving: AbstractContextManager[object]) -> StoredPlan:
-    if not is_ours(folder):
-        raise MotionError(f"{folder} holds no plan: make one with pulsepath plan PROGRAM --out {folder}")
+    refuse_no_plan(folder)
     record = json.loads((folder / RECORD).read_bytes())
     pulses = record.get("pulses")
     clock, rule, digest = (pulses.get(what) if isinstance(pulses, dict) else None for what in FIRING_KEYS)

@@ -14,6 +14,7 @@ from benchmarks.reports.gain.criteria import About, compare_figures, mean_of, we
 from benchmarks.sweep import RunResult, SavedRuns, Setting, read_setting
 from benchmarks.sweep.result import NOMINAL, figure_unit, setting_columns
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 
@@ -228,6 +229,7 @@ class Comparison(Result):
         return figure_unit(figure, task, next(of.record for of in self.sources if task in of.record["tasks"]))
 
 
+@check_arguments()
 def compare(sources: Sequence[SavedRuns], baseline: str | None = None) -> Comparison:
     """Compare every setting of saved runs on every path.
 
