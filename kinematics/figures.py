@@ -39,7 +39,7 @@ from kinematics.foundation.units import unit_value
 from kinematics.kinds.legged import Legged
 from kinematics.machine.machine import Machine
 
-LIMIT_COLOURS = dict(zip(KINDS, ("#0072B2", "#E69F00", "#009E73"), strict=True))
+LIMIT_COLOURS = dict(zip(KINDS, ("#0072B2", "#E69F00", "#009E73", "#56B4E9"), strict=True))
 """Of the limits, told apart by colour-blind readers too [Okabe and Ito 2008]."""
 BOX, SPHERE = "#D55E00", "#CC79A7"
 _AXIS_UNITS = {"linear": "mm", "rotary": "°"}

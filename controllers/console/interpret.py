@@ -257,12 +257,12 @@ CHECKED_PLACES = 65
 
 
 def clear(session: Session, way: Callable[[float], np.ndarray]) -> tuple[float, str]:
-    """The share of a way that keeps joints and clearances within their limits, and what the next look at it breaks.
+    """The share of a way that keeps joints, clearances and room within their limits, and what the next look breaks.
 
     1 for a machine that states no such limits, or whose axes are not all homed. way: counts (n,) at a share of it.
     """
     machine = session.machine
-    if session.unknown() or not (machine.tilt_names or machine.bodies):
+    if session.unknown() or not (machine.tilt_names or machine.bodies or np.isfinite(machine.room).any()):
         return 1.0, ""
     counts = np.stack([way(look / (CHECKED_PLACES - 1)) for look in range(1, CHECKED_PLACES)])
     pulse = np.array([axis.pulse for axis in machine.axes])

@@ -26,7 +26,7 @@ from kinematics.machine.kind import refuse_uncontrolled
 if TYPE_CHECKING:
     from kinematics.machine.machine import Machine
 
-KINDS = ("travel", "tilt", "clearance")
+KINDS = ("travel", "tilt", "clearance", "room")
 """The limits that a position can break, in the order of `uses`."""
 MAX_CELLS = 200_000
 """Cells that one proof looks at, at most, in one round of halving."""
@@ -55,13 +55,13 @@ def pose_rows(position: Array, rotation: Rotation) -> Array:
 
 
 def uses(machine: Machine, rotation: Rotation, position: Array) -> Array:
-    """(N, 3) the largest use of travel, tilt and clearance at positions (N, 3); ∞ where no coordinates exist."""
+    """(N, 4) the largest use of travel, tilt, clearance and room at positions (N, 3); ∞ where no coordinates exist."""
     x = pose_rows(position, rotation)
     with np.errstate(invalid="ignore"):
         q = machine.inverse_map(machine.inputs(x, machine.home_q))
-        travel, tilt, clearance = limits_used(machine, x, q)
+        travel, tilt, clearance, room = limits_used(machine, x, q)
     contact = machine.bodies.contact if machine.bodies else np.zeros(0)
-    columns = (travel, tilt, clearance_use(clearance, contact))
+    columns = (travel, tilt, clearance_use(clearance, contact), room)
     found = np.stack([column.max(1, initial=0.0) for column in columns], 1)
     exists = np.asarray(np.isfinite(q).all(1))
     return np.where(exists[:, None] & ~np.isnan(found), found, np.inf)
@@ -72,7 +72,9 @@ def prove_cells(machine: Machine, rotation: Rotation, centre: Array, half: Array
     x = [Series(c[None], h[None], 0) for c, h in zip(centre.T, half.T, strict=True)]
     x += [Series.constant(entry, 0) for entry in pose_rows(centre, rotation)[:, 3:].T]
     near = [Series.constant(np.full(len(centre), value), 0) for value in machine.home_q if machine.branched]
-    inside = np.ones(len(centre), bool)
+    low, high = np.array(machine.room, float).T
+    slack = USE_ROUNDING * (high - low) / 2
+    inside = np.asarray(((centre - half >= low - slack) & (centre + half <= high + slack)).all(1))
     for axis, home, q in zip(machine.axes, machine.home_q, machine.inverse_map.enclose([*x, *near]), strict=True):
         lo, hi = axis.travel
         slack = USE_ROUNDING * (hi - lo) / 2

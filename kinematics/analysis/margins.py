@@ -28,6 +28,7 @@ class Margins(Result):
                   leg of no length, which has no direction, count as turned over
     clearance     (N, k) m between the surfaces of legs, and of legs and discs; below 0 they overlap. Its use is
                   contact / distance, both between axes (or axis and disc)
+    room          (N, r) |x − middle| / half range, of each coordinate of the platform's origin that the room bounds
     conditioning  (N,) σ_min/σ_max of the Jacobian of what the machine controls, the columns of its rotations divided by
                   the machine's characteristic length: 1 at best, 0 in a singularity
     singularity   (N,) σ_min of the same: the distance (2-norm) to the nearest singular Jacobian. No motion whose speed,
@@ -44,11 +45,13 @@ class Margins(Result):
     """(k,) m between the axes of what `clearance` names when they touch."""
     conditioning: Array
     singularity: Array
+    room: Array
     characteristic_length: float
     """m that count as one radian in `conditioning` and `singularity`."""
     travel_names: tuple[str, ...]
     tilt_names: tuple[str, ...]
     clearance_names: tuple[str, ...]
+    room_names: tuple[str, ...]
 
     @property
     def ok(self) -> np.ndarray:
@@ -71,13 +74,15 @@ class Margins(Result):
         if entry < len(names):
             return f"{names[entry]}: {use[pose, entry]:.1%} of its limit{at}"
         pair = int(entry) - len(names)
+        if pair >= len(self.clearance_names):
+            return f"{self.room_names[pair - len(self.clearance_names)]} room: {use[pose, entry]:.1%} of its limit{at}"
         return f"{self.clearance_names[pair]} clearance: {self.clearance[pose, pair] * 1e3:.3g} mm{at}"
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of every limit: of each axis' travel, of each joint's tilt, of each clearance."""
-        kinds = {"travel": self.travel_names, "tilt": self.tilt_names, "clearance": self.clearance_names}
-        return tuple(f"{name} {kind}" for kind, names in kinds.items() for name in names)
+        """Of every limit: of each axis' travel, of each joint's tilt, of each clearance, of the room."""
+        kinds = (self.travel_names, "travel"), (self.tilt_names, "tilt"), (self.clearance_names, "clearance")
+        return tuple(f"{name} {kind}" for names, kind in (*kinds, (self.room_names, "room")) for name in names)
 
     def tables(self) -> tuple[Table, ...]:
         """Pose by pose: what is used most, clearance, conditioning, distance to singular, and whether all is well."""
@@ -105,13 +110,14 @@ class Margins(Result):
     def uses(self) -> Array:
         """(N, limits) of every limit of `names`; 1 is at the limit."""
         limited = np.where(self.max_tilt < np.pi, self.tilt, 0.0)
-        return np.concatenate([self.travel, limited, clearance_use(self.clearance, self.contact)], 1)
+        return np.concatenate([self.travel, limited, clearance_use(self.clearance, self.contact), self.room], 1)
 
 
 def measure(machine: MachineModel, pose: Pose, near: ArrayLike | None = None) -> Margins:
     """Margins of N poses (N = 1 for a single one), on the branch of the coordinates near (n,), or home's."""
     x, q = machine.locate_pose(pose, near)
-    travel, tilt, clearance = limits_used(machine, x, q)
+    travel, tilt, clearance, room = limits_used(machine, x, q)
+    bounded = np.isfinite(np.array(machine.room, float)).all(1)
     stretch = _singular_values(scaled_jacobian(machine, x, q))
     return Margins(
         travel=freeze_array(travel),
@@ -121,27 +127,37 @@ def measure(machine: MachineModel, pose: Pose, near: ArrayLike | None = None) ->
         contact=freeze_array(machine.bodies.contact if machine.bodies else []),
         conditioning=freeze_array(stretch[:, -1] / np.where(stretch[:, 0] > 0, stretch[:, 0], 1.0)),
         singularity=freeze_array(stretch[:, -1]),
+        room=freeze_array(room[:, bounded]),
         characteristic_length=machine.characteristic_length,
         travel_names=tuple(axis.name for axis in machine.axes),
         tilt_names=machine.tilt_names,
         clearance_names=machine.bodies.names if machine.bodies else (),
+        room_names=tuple(name for name, wall in zip("xyz", bounded, strict=True) if wall),
     )
 
 
-def limits_used(machine: MachineModel, x: Array, q: Array) -> tuple[Array, Array, Array]:
-    """travel (N, n), tilt (N, m) and clearance (N, k), as in `Margins`, of pose numbers x and their coordinates q."""
+def limits_used(machine: MachineModel, x: Array, q: Array) -> tuple[Array, Array, Array, Array]:
+    """travel (N, n), tilt (N, m), clearance (N, k) and room (N, 3) of pose numbers x and their coordinates q.
+
+    As in `Margins`; of a coordinate that the room leaves free 0.
+    """
     # a leg of no length has no direction
     cosine = np.nan_to_num(machine.tilt_map(x), nan=-1.0)
     tilt = np.arccos(np.clip(cosine, -1.0, 1.0)) / machine.max_tilt
     bodies = machine.bodies
-    return travel_use(machine, q), tilt, bodies.distances(x) - bodies.contact if bodies else np.zeros((len(x), 0))
+    clearance = bodies.distances(x) - bodies.contact if bodies else np.zeros((len(x), 0))
+    return travel_use(machine, q), tilt, clearance, _range_use(x[:, :3], np.array(machine.room, float))
 
 
 def travel_use(machine: MachineModel, q: Array) -> Array:
     """(N, n) |q − middle| / half range of coordinates (N, n); 0 where the travel has no ends."""
-    lo, hi = np.array([axis.travel for axis in machine.axes]).T
-    with np.errstate(invalid="ignore"):  # unlimited travel: ∞ / ∞
-        use = np.abs(q - machine.home_q - (lo + hi) / 2) / ((hi - lo) / 2)
+    return _range_use(q - machine.home_q, np.array([axis.travel for axis in machine.axes]))
+
+
+def _range_use(values: Array, ranges: Array) -> Array:
+    lo, hi = ranges.T
+    with np.errstate(invalid="ignore"):  # no ends: ∞ / ∞
+        use = np.abs(values - (lo + hi) / 2) / ((hi - lo) / 2)
     return np.where(np.isinf(hi), 0.0, use)
 
 

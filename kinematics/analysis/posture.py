@@ -94,6 +94,11 @@ class Posture(Result):
         for name, gap in zip(margins.clearance_names, margins.clearance[0], strict=True):
             if gap < 0:
                 told.append(f"{name} clearance: they overlap by {-1e3 * gap:.4g} mm")
+        for name, use in zip(margins.room_names, margins.room[0], strict=True):
+            if use > 1 + USE_ROUNDING:
+                k = "xyz".index(name)
+                low, high = (f"{1e3 * end:.6g}" for end in self.machine.room[k])
+                told.append(f"{name} room: {1e3 * self.pose.translation[k]:.6g} mm, outside {low} to {high} mm")
         return tuple(f"{what}; choose a pose closer to home, or with less rotation" for what in told)
 
     def tables(self) -> tuple[Table, ...]:

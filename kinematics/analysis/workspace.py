@@ -106,7 +106,7 @@ class Sphere:
 class Workspace(Result):
     """nodes: three arrays of coordinates (m, base frame; one entry where a coordinate is held).
 
-    uses    (nx, ny, nz, 3) share of travel, tilt and clearance that is used at each node
+    uses    (nx, ny, nz, 4) share of travel, tilt, clearance and room that is used at each node
     proved  (nx − 1, ny − 1, nz − 1) bool: the whole cell is inside all limits (one cell where a coordinate is held)
     """
 

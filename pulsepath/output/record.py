@@ -115,6 +115,7 @@ def of_posture(found: Posture) -> Record:
             )
         ],
         "clearance_m": dict(zip(margins.clearance_names, margins.clearance[0].tolist(), strict=True)),
+        "room_use": dict(zip(margins.room_names, margins.room[0].tolist(), strict=True)),
         "conditioning": float(margins.conditioning[0]),
         "singularity": float(margins.singularity[0]),
         "use": float(margins.use[0]),

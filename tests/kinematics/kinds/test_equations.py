@@ -7,6 +7,8 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import FileError, MotionError, OutOfReach, load_machine
+from kinematics.analysis.posture import posture_of_pose
+from kinematics.analysis.workspace import workspace
 from kinematics.kinds.equations import Equations
 from kinematics.machine.machine_writer import machine_toml
 from kinematics.machine.model import place_skeleton
@@ -152,6 +154,23 @@ def test_a_bed_is_kept_where_the_belts_would_reach_farther():
     made = plan(Program((Line([0.055, -0.03, 0]), Line([0.055, 0.03, 0]))), machine)
     assert made.certificate.worst["room"] == pytest.approx(55 / 60, rel=1e-9)
     assert made.certificate.where["room"].axis == "x"
+
+
+def test_margins_the_workspace_and_postures_keep_to_the_bed():
+    machine = load_machine(EXAMPLES / "corexy.toml")
+    places = np.array([[0.03, -0.06, 0.02], [0.0, 0.0615, 0.02], [0.0, 0.0, -0.0115]])
+    margins = machine.check(RigidTransform.from_translation(places))
+    assert margins.ok.tolist() == [True, False, False]
+    assert margins.names[-3:] == ("x room", "y room", "z room")
+    assert margins.uses[:, -3:] == pytest.approx(np.abs(places - [0, 0, 0.02]) / [0.06, 0.06, 0.03], rel=1e-12)
+    assert margins.worst() == "z room: 105.0% of its limit at pose 2"
+    (told,) = posture_of_pose(machine, RigidTransform.from_translation(places[1])).violations
+    assert told.startswith("y room: 61.5 mm, outside -60 to 60 mm")
+    assert load_machine("traverser").check(machine.home).room_names == ()
+    reach = workspace(machine, x=(-0.08, 0.08), y=(-0.03, 0.03), z=0.0, cells=16)
+    assert np.array_equal(reach.reachable[:, 8, 0], np.abs(reach.nodes[0]) < 0.065)  # the belts reach on
+    assert reach.contains([-0.06, -0.03, 0], [0.06, 0.03, 0])
+    assert "x room: 101.7% of its limit" in reach.contains([-0.061, -0.03, 0], [0.06, 0.03, 0]).reason
 
 
 def test_a_bed_is_written_back(tmp_path):
