@@ -28,6 +28,8 @@ class ExportSource:
 
     name  of the program, for formats that hold one
     tell  told how much is written, of how much, by formats that write in parts
+    made     the motion behind shapers and compensation, where it is known; None: it is made here
+    goes_on  whether it goes on with a motion that was sent before
     counted  what a controller of the axes has to be told: the motion, or of axes that compensate what their motors do
     """
 
@@ -36,10 +38,13 @@ class ExportSource:
     trajectory: Trajectory
     pulses: PulseSchedule
     tell: Progress = ignore_progress
+    made: AxesMotion | None = field(default=None, repr=False)
+    goes_on: bool = False
     counted: AxesMotion = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "counted", counted_motion(self.trajectory, self.machine.axes, self.machine.home_q))
+        counted = self.made or counted_motion(self.trajectory, self.machine.axes, self.machine.home_q)
+        object.__setattr__(self, "counted", counted)
 
 
 @dataclass(frozen=True, slots=True)

@@ -136,7 +136,7 @@ def refuse_moving_ends(motion: AxesMotion, axes: tuple[Axis, ...], format_: str)
             if abs(speed) > REST_SPEED * axis.pulse:
                 raise MotionError(
                     f"axis {axis.name}: {end} at {speed:.4g} {axis.unit}/s, but {format_} starts and ends at rest; "
-                    "let the program do the same"
+                    "let the program do the same; a stop goes on as rows (csp, halstreamer) or pulses"
                 )
 
 

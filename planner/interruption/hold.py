@@ -5,7 +5,7 @@ nearest to which a motion is found that keeps every limit. There is always one: 
 A motion to a nearer rest takes less time, but for what limits change along the path: docs/theory/hold.md.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
 
@@ -20,6 +20,9 @@ from planner.interruption.section import Section, Whole, make_section
 from planner.limits import Limit
 from planner.parallel import Progress, ignore_progress
 from planner.path.actuation import MachinePath
+from planner.shaping.keep_limits import solve_shaped
+from planner.shaping.shaped_motion import ShapedMotion, find_copies, shape_motion
+from planner.shaping.shaped_proof import ShapedProof, prove_shaped
 from planner.timing.certified_solve import certified_solve
 from planner.timing.discretization import coarse_jerk_problem
 from planner.timing.jerk_limited import place_by_loss
@@ -81,7 +84,27 @@ def hold(whole: Whole, at: float) -> Section:
         if not stop.own or now.a <= 0:
             break
     sent = [int(axis.counts([tick - 1])[0]) for axis in whole.pulses.axes]
-    return make_section(whole, "hold", *stop[:4], now.s, sent, now.t)
+    return make_section(whole, "hold", *stop[:4], now.s, sent, now.t, _shape(whole, now, stop))
+
+
+def _shape(whole: Whole, now: _Instant, stop: _Stop) -> ShapedProof | None:
+    """What is proved of a stop behind shapers, where some axis has one: of which copies are still on the plan."""
+    axes = whole.machine.axes
+    copies = find_copies(axes)
+    if copies is None:
+        return None
+    behind = _look(whole.trajectory, max(now.t - copies.length, 0.0))
+    path = whole.draw(behind.s, now.s + float(stop.path.breaks[-1]), behind.v, behind.a, behind.t, behind.q)
+    before = _cut(whole.trajectory, behind, now)
+    rest = stop.trajectory
+    first, here = (int(k) for k in np.searchsorted(whole.path.breaks, [behind.s, now.s], "right") - 1)
+    v, a, j = (np.concatenate(both) for both in ((before.v, rest.v), (before.a, rest.a), (before.j, rest.j)))
+    knots = np.concatenate([before.knots, before.knots[-1] + rest.knots[1:]])
+    s = np.concatenate([before.s, rest.s + (now.s - behind.s)])
+    piece = np.concatenate([np.maximum(before.piece - first, 0), rest.piece + (here - first)])
+    joined, since = Trajectory(path, knots, s, v, a, j, piece), float(before.knots[-1])
+    motion, limits = ShapedMotion.of(joined, copies), whole.limits(path)
+    return prove_shaped(motion, joined, axes, limits, whole.certificate, stop.certificate, since=since)
 
 
 def _stop(whole: Whole, now: _Instant) -> _Stop:
@@ -148,7 +171,9 @@ def find_stops(whole: Whole, count: int, progress: Progress = ignore_progress) -
             found.append((t, now.s, 0.0, 0.0))
         else:
             stop = _stop(whole, now)
-            found.append((t, now.s, stop.trajectory.duration, float(stop.path.breaks[-1])))
+            shaped = _shape(whole, now, stop)
+            duration = stop.trajectory.duration if shaped is None else shaped.duration
+            found.append((t, now.s, duration, float(stop.path.breaks[-1])))
         progress(n + 1, count)
     return Stops(whole.name, *(np.array(each) for each in zip(*found, strict=True)))
 
@@ -171,7 +196,10 @@ def override(whole: Whole, share: float) -> Section:
     certificate = certify(slower, limits)
     if not certificate.holds:
         raise MotionError(f"override {share:g}: the slower motion does not keep every limit:\n{certificate}")
-    return make_section(whole, "override", path, limits, slower, certificate, 0.0)
+    axes = whole.machine.axes
+    moves = shape_motion(slower, axes)
+    shaped = None if moves is None else prove_shaped(moves, slower, axes, limits, certificate)
+    return make_section(whole, "override", path, limits, slower, certificate, 0.0, shaped=shaped)
 
 
 def resume(whole: Whole, since: float) -> Section:
@@ -183,8 +211,9 @@ def resume(whole: Whole, since: float) -> Section:
         raise MotionError(f"resume from {since:g} m: the path goes from 0 to {length:.6g} m; give a place on it")
     path = whole.draw(since, length)
     limits = whole.limits(path)
-    found = certified_solve(path, limits, whole.order)
-    return make_section(whole, "resume", path, limits, found.trajectory, found.certificate, since)
+    solve = partial(certified_solve, path, order=whole.order)
+    found, certificate, shaped, _ = solve_shaped(solve, path, limits, whole.machine.axes)
+    return make_section(whole, "resume", path, limits, found.trajectory, certificate, since, shaped=shaped)
 
 
 def _look(motion: Trajectory, t: float) -> _Instant:
@@ -241,10 +270,20 @@ def _find_way(whole: Whole, ahead: MachinePath, limits: tuple[Limit, ...], now: 
 
 def _keep_on(motion: Trajectory, ahead: MachinePath, now: _Instant, last: int) -> Trajectory:
     """The motion as it is, up to its next rest, before time piece `last`."""
-    behind = slice(now.knot + 1, last)
-    knots = np.concatenate([[now.t], motion.knots[now.knot + 1 : last + 1]])
+    found = _cut(motion, now, None, last)
+    return replace(found, path=ahead, piece=found.piece - found.piece[0])
+
+
+def _cut(motion: Trajectory, since: _Instant, until: _Instant | None, last: int = 0) -> Trajectory:
+    """What it does from an instant to another, or to before time piece `last`: time and path length begin at 0."""
+    if until is not None:  # a knot at which it is there begins nothing
+        last = until.knot + (until.t > motion.knots[until.knot])
+    knots = np.concatenate([[since.t], motion.knots[since.knot + 1 : last + 1]])
+    if until is not None:
+        knots[-1] = until.t
+    within = slice(since.knot + 1, last)
     s, v, a = (
-        np.append(here, each[behind]) for here, each in ((now.s, motion.s), (now.v, motion.v), (now.a, motion.a))
+        np.append(here, each[within]) for here, each in ((since.s, motion.s), (since.v, motion.v), (since.a, motion.a))
     )
-    piece = motion.piece[now.knot : last]
-    return Trajectory(ahead, knots - now.t, s - now.s, v, a, motion.j[now.knot : last], piece - piece[0])
+    here = slice(since.knot, last)
+    return Trajectory(motion.path, knots - since.t, s - since.s, v, a, motion.j[here], motion.piece[here])

@@ -18,6 +18,9 @@ from planner.limits import Limit, OwnLimit, limits_of
 from planner.path.actuation import MachinePath
 from planner.pulses import AxesMotion, AxisPulses, PulseSchedule, find_rule, generate, pace_axes
 from planner.pulses.compensation.compensate import counted_motion
+from planner.pulses.generation.motion_parts import JoinedMotion, MotionSpan
+from planner.shaping.keep_limits import unkept_error
+from planner.shaping.shaped_proof import ShapedProof
 from planner.trajectory import Trajectory
 
 
@@ -34,13 +37,6 @@ class Whole:
     order: int
     tool: Pose | None
     own_limits: tuple[OwnLimit, ...] = ()
-
-    def __post_init__(self) -> None:
-        if any(axis.shaper for axis in self.machine.axes):
-            raise MotionError(
-                f"machine {self.machine.name}: motions behind input shapers are not held, resumed or overridden: their "
-                "pulses lag behind the path; plan with a machine file without shapers where that is needed"
-            )
 
     def limits(self, path: MachinePath) -> tuple[Limit, ...]:
         """Those of a part of the path, with pulse rates that the plan's clock and rule can hold."""
@@ -95,6 +91,7 @@ class Section(Result):
     since       m of the plan's path, where it begins
     at          s of the plan, at which it begins; None where it is not in the midst of it
     limits      those that are proved, without constant speeds that segments ask for
+    shaped      behind input shapers, and its proof; trajectory and certificate are those before them
     """
 
     what: str
@@ -108,11 +105,12 @@ class Section(Result):
     pulses: PulseSchedule = field(repr=False)
     since: float
     at: float | None = None
+    shaped: ShapedProof | None = field(default=None, repr=False)
 
     @property
     def duration(self) -> float:
-        """s."""
-        return self.trajectory.duration
+        """s, behind the shapers if there are any."""
+        return self.trajectory.duration if self.shaped is None else self.shaped.duration
 
     @property
     def distance(self) -> float:
@@ -126,7 +124,8 @@ class Section(Result):
 
     def export(self, format: str, path: str | PathLike[str], *, force: bool = False, **options: Any) -> Exported:
         """As `planner.Plan.export` writes a plan."""
-        source = ExportSource(f"{self.name}-{self.what}", self.machine, self.trajectory, self.pulses)
+        name, goes_on = f"{self.name}-{self.what}", self.at is not None
+        source = ExportSource(name, self.machine, self.trajectory, self.pulses, made=self.counted, goes_on=goes_on)
         return write_export(source, format, path, force, options)
 
     def tables(self) -> tuple[Table, ...]:
@@ -134,7 +133,8 @@ class Section(Result):
         what = Column("what", ["duration", "distance along the path"])
         values = Column("value", [f"{self.duration:.6f} s", f"{1e3 * self.distance:.3f} mm"])
         begin = "" if self.at is None else f" from {self.at:.6f} s on"
-        return (Table(f"{self.what} of {self.name}{begin}", (what, values)), *self.certificate.tables())
+        behind = () if self.shaped is None else self.shaped.tables()
+        return (Table(f"{self.what} of {self.name}{begin}", (what, values)), *self.certificate.tables(), *behind)
 
 
 def make_section(
@@ -147,17 +147,30 @@ def make_section(
     since: float,
     sent: Sequence[int] | None = None,
     at: float | None = None,
+    shaped: ShapedProof | None = None,
 ) -> Section:
     """With pulses behind those that were sent: the counts (n,) before its first tick; None: none before its start.
 
-    Raises MotionError where these differ by more than rounding can.
+    Raises MotionError where these differ by more than rounding can, Infeasible for a limit that is not kept behind
+    shapers.
     """
-    machine, pulses = whole.machine, whole.pulses
-    motors = counted_motion(trajectory, machine.axes, machine.home_q)
-    own = generate(motors, machine.axes, machine.home_q, pulses.clock_hz, pulses.rule)
+    axes, home, pulses = whole.machine.axes, whole.machine.home_q, whole.pulses
+    moves: AxesMotion = trajectory
+    if shaped is not None:
+        for limit in limits:
+            if shaped.worst[limit.name] > 1:
+                raise unkept_error(limit, shaped)
+        moves = shaped.motion
+        if shaped.since > 0:
+            moves = JoinedMotion.of(MotionSpan(moves, shaped.since, moves.duration))
+        axes = tuple(replace(axis, shaper=None) for axis in axes)  # it is shaped
+    motors = counted_motion(moves, axes, home)
+    own = generate(motors, axes, home, pulses.clock_hz, pulses.rule)
     if sent is not None:
         own = replace(own, axes=tuple(map(go_on, own.axes, sent)))
-    return Section(what, whole.name, machine, path, limits, trajectory, certificate, motors, own, since, at)
+    return Section(
+        what, whole.name, whole.machine, path, limits, trajectory, certificate, motors, own, since, at, shaped
+    )
 
 
 def go_on(axis: AxisPulses, sent: int) -> AxisPulses:

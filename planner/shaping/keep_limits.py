@@ -67,15 +67,16 @@ def solve_shaped(
         broken = [limit for limit in limits if proof.worst[limit.name] > 1]
         lost = [limit for limit in broken if limit.geometric or shares[limit.name] < LEAST_SHARE]
         if lost:
-            raise _refusal(lost[0], proof)
+            raise unkept_error(lost[0], proof)
         try:
             kept = tuple(limit if shares[limit.name] == 1 else limit.scale(shares[limit.name]) for limit in limits)
         except MotionError:  # a band, which no one number scales
-            raise _refusal(broken[0], proof) from None
-    raise _refusal(broken[0], proof)
+            raise unkept_error(broken[0], proof) from None
+    raise unkept_error(broken[0], proof)
 
 
-def _refusal(limit: Limit, proof: ShapedProof) -> Infeasible:
+def unkept_error(limit: Limit, proof: ShapedProof) -> Infeasible:
+    """Of a limit that is not proved behind shapers."""
     place, use = proof.where[limit.name], proof.worst[limit.name]
     remedy = (
         "use a shorter shaper (zv, or a higher frequency), "

@@ -46,6 +46,7 @@ class ShapedProof(Result):
     deviation      m: of the tool from where the path was `delay` earlier, so from the path; a proven bound
     turn           rad: of the platform likewise
     axis_deviation (n,) m or rad: of each axis likewise: ½ Σ Aᵢ (tᵢ − t̄)² · sup |q̈|, or tighter
+    since          s of the motion, from which on all this is proved
     """
 
     motion: ShapedMotion = field(repr=False)
@@ -57,6 +58,7 @@ class ShapedProof(Result):
     turn: float
     deviates_at: Place
     axis_deviation: Array
+    since: float = 0.0
 
     def __post_init__(self) -> None:
         freeze_fields(self, "axis_deviation")
@@ -67,6 +69,11 @@ class ShapedProof(Result):
         return all(use <= 1 for use in self.worst.values())
 
     @property
+    def duration(self) -> float:
+        """s, from `since` to rest."""
+        return self.motion.duration - self.since
+
+    @property
     def delay(self) -> float:
         """s, by which the shaped motion is behind the one that is shaped."""
         return self.motion.copies.centre
@@ -75,14 +82,14 @@ class ShapedProof(Result):
         """Duration, deviation and proof in a line."""
         proved = f"{len(self.worst)} limits proved" if self.holds else "LIMITS ARE NOT KEPT"
         near = f"the tool within {1e6 * self.deviation:.3f} µm of the path"
-        return f"{self.motion.duration:.6f} s behind them, {near}, {proved}"
+        return f"{self.duration:.6f} s behind them, {near}, {proved}"
 
     def tables(self) -> tuple[Table, ...]:
         """The shaper of each axis and how far it moves the axis; the limits after shaping."""
         names, units = [axis.name for axis in self.axes], [axis.unit for axis in self.axes]
         shapers = [str(axis.shaper or "none") for axis in self.axes]
         title = (
-            f"behind its input shapers the motion lasts {self.motion.duration:.6f} s, is {1e3 * self.delay:.3f} ms "
+            f"behind its input shapers the motion lasts {self.duration:.6f} s, is {1e3 * self.delay:.3f} ms "
             f"late, and the tool leaves the path by {1e6 * self.deviation:.3f} µm at most, proved"
         )
         columns = (
@@ -121,18 +128,22 @@ def prove_shaped(
     trajectory: Trajectory,
     axes: Sequence[Axis],
     limits: Sequence[Limit],
-    certificate: Certificate,
+    *certificates: Certificate,
+    since: float = 0.0,
 ) -> ShapedProof:
-    """What is proved of a trajectory behind shapers, of whose certificate (of the same limits) it makes use.
+    """What is proved of a trajectory behind shapers, of whose certificates (of the same limits) it makes use.
 
+    certificates  of the parts that it consists of
+    since         s of the shaped motion, a knot of it from which on it is looked at
     Raises MotionError where the pose that the axes reach is not proved to be near the path, and as `refuse_unshaped`.
     """
     refuse_unshaped(limits, trajectory.path)
     convex = [limit for limit in limits if limit.convex]
     others = [limit for limit in limits if not limit.convex]
-    worst = {limit.name: certificate.worst[limit.name] for limit in convex}
-    where = {limit.name: certificate.where[limit.name] for limit in convex}
-    search = _Search(motion, trajectory, others)
+    of = {limit.name: max(certificates, key=lambda one: one.worst[limit.name]) for limit in convex}
+    worst = {name: certificate.worst[name] for name, certificate in of.items()}
+    where = {name: certificate.where[name] for name, certificate in of.items()}
+    search = _Search(motion, trajectory, others, since)
     search.run()
     for n, limit in enumerate(others):
         worst[limit.name] = float(search.bound[n])
@@ -147,14 +158,15 @@ def prove_shaped(
         float(search.turned),
         search.place(search.away_at),
         search.axes,
+        since,
     )
 
 
 class _Search:
     """Cells of time, cut where a limit may be broken: the largest bound of each limit, and of the deviations."""
 
-    def __init__(self, motion: ShapedMotion, trajectory: Trajectory, limits: Sequence[Limit]) -> None:
-        self.motion, self.trajectory, self.limits = motion, trajectory, limits
+    def __init__(self, motion: ShapedMotion, trajectory: Trajectory, limits: Sequence[Limit], since: float) -> None:
+        self.motion, self.trajectory, self.limits, self.since = motion, trajectory, limits, since
         self.bound, self.at = np.zeros((2, len(limits)))
         self.away = self.away_at = self.turned = 0.0
         self.axes = np.zeros(motion.copies.weights.shape[1])
@@ -162,9 +174,8 @@ class _Search:
     def run(self) -> None:
         """Look at all cells, and at parts of those whose bounds are loose."""
         lengths = np.diff(self.motion.knots)
-        k = np.arange(len(lengths))
-        parts = np.maximum(np.ceil(lengths / LONGEST_CELL), 1).astype(int)
-        k, share = np.repeat(k, parts), lengths / parts
+        parts = np.maximum(np.ceil(lengths / LONGEST_CELL), 1).astype(int) * (self.motion.knots[:-1] >= self.since)
+        k, share = np.repeat(np.arange(len(lengths)), parts), lengths / np.maximum(parts, 1)
         nth = np.arange(len(k)) - np.repeat(np.cumsum(parts) - parts, parts)
         cells = Cells(k, share[k] * nth, share[k] * (nth + 1))
         over = np.array([[LIMIT_ROUNDING if limit.geometric else OVER] for limit in self.limits]).reshape(-1, 1)

@@ -66,7 +66,8 @@ class CyclicPosition:
         if self.increments < 1:
             raise MotionError(f"increments {self.increments} per pulse: must be 1 or more")
         rated = self._find_rated(source)
-        refuse_moving_ends(motion, axes, "cyclic synchronous position")
+        if not source.goes_on:  # a stop is sent behind the rows before it
+            refuse_moving_ends(motion, axes, "cyclic synchronous position")
         knots = choose_knots(motion, axes, 1, step=each, tolerance=None, spacing=each)
         form = replace(make_columns(source, None, unit="counts"), decimals=0)
         form = replace(form, factor=form.factor * self.increments)
@@ -81,7 +82,7 @@ class CyclicPosition:
                 file.write(f"# axis {k} = {json.dumps(axis.name)}: starts at {start[k]:.0f}{most}\n")
             file.write(",".join(["cycle", *(f"{kind}:{k}" for k in range(len(axes)) for kind in kinds)]) + "\n")
             first = 0
-            for _, units in form.blocks(source, knots, 2, rest=True):
+            for _, units in form.blocks(source, knots, 2, rest=not source.goes_on):
                 nth = np.arange(first, first + units.shape[1])
                 parts = [*units]
                 if rated is not None:
@@ -188,15 +189,15 @@ def _measure(
 ) -> tuple[Array, Array]:
     """(n,) largest second difference, and how far parabolas of three rows are from the motion, in increments.
 
-    Before the first row and after the last the axes stand. Between probes an error e of a piece of length d grows by at
-    most d² max|ë| / 8.
+    Before the first row, but that of a motion that goes on, and after the last the axes stand. Between probes an error e
+    of a piece of length d grows by at most d² max|ë| / 8.
     """
     n, each, motion = len(source.machine.axes), knots.step, source.counted
     most, off = np.zeros(n), np.zeros(n)
     held = np.empty((0, n), np.int64)
     u = np.linspace(0.0, 1.0, CHECK_PROBES + 1)[:, None, None]
     for first, rows in blocks:
-        held = np.concatenate([held if len(held) else rows[:1], rows])
+        held = np.concatenate([held if len(held) or source.goes_on else rows[:1], rows])
         twice = np.diff(held, 2, axis=0)
         most = np.maximum(most, abs(twice).max(0, initial=0))
         begin = first + len(rows) - len(held) + 1

@@ -122,7 +122,7 @@ class JoinedMotion:
         found = []
         for n, span in enumerate(self.spans):
             here = np.flatnonzero(self.whose[k] == n)
-            if len(here):
+            if len(here) or not len(own):  # of no instants, any motion tells how many axes there are
                 found.append((here, span.motion.at(own[here]), span.s))
         return _JoinedState(len(own), found)
 

@@ -197,15 +197,6 @@ def test_what_cannot_be_proved_is_refused_by_name():
         plan(constant, machine.driven_by(shaped))
 
 
-def test_a_stop_of_a_shaped_plan_is_refused():
-    machine = load_machine("hexapod")
-    made = plan(
-        load_program("bare-circle"), machine.driven_by([replace(a, shaper=Shaper("zv", 35.0)) for a in machine.axes])
-    )
-    with pytest.raises(MotionError, match="not held, resumed or overridden"):
-        made.hold(0.5)
-
-
 def test_a_limit_that_only_shaping_breaks_is_told():
     """Far from the path for a shaper of half a second, the hexapod's struts come too near to each other."""
     with pytest.raises((Infeasible, MotionError), match="behind"):

@@ -1,0 +1,103 @@
+"""Stops, slower and later motions behind input shapers, against copies that are summed here."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kinematics import load_machine
+from kinematics.machine.shaper import Shaper
+from planner import load_program, plan
+from planner.pulses import check
+
+INSTANTS = 20_001
+
+
+@pytest.fixture(scope="module", params=[("bare-circle", 3, "zvd"), ("circle", 2, "zv")], ids=["circle", "corners"])
+def shaped(request):
+    program, order, kind = request.param
+    machine = load_machine("hexapod")
+    machine = machine.driven_by([replace(axis, shaper=Shaper(kind, 25.0, 0.05)) for axis in machine.axes])
+    return plan(load_program(program), machine, order=order)
+
+
+def convolve(shaped, held, t):
+    """q (N, n) after the hold: a copy is on the plan up to its own instant of the hold, and on the stop after it."""
+    impulses = shaped.machine.axes[0].shaper.impulses
+    q = 0.0
+    for amplitude, delay in zip(*impulses, strict=True):
+        own = held.at + t - delay
+        on_plan = shaped.trajectory.at(np.clip(own, 0, held.at)).q
+        on_stop = held.trajectory.at(np.clip(own - held.at, 0, None)).q
+        q = q + amplitude * np.where((own < held.at)[:, None], on_plan, on_stop)
+    return q
+
+
+def instants(shaped):
+    """At the start, in the middle, near the end, and just behind a rest, where copies are before and after it."""
+    motion = shaped.trajectory
+    rests = motion.knots[:-1][(motion.v == 0) & (motion.knots[:-1] > 0)]
+    moving = [rest + 0.01 for rest in rests if motion.at(rest + 0.01).sd[0] > 1e-3][:1]
+    return [0.03, 0.37 * motion.duration, 0.9 * motion.duration, *moving]
+
+
+def test_a_stop_is_proved_behind_shapers_and_goes_on_with_the_pulses(shaped):
+    axes, home = shaped.machine.axes, shaped.machine.home_q
+    for at in instants(shaped):
+        held = shaped.hold(at)
+        assert held.certificate.holds
+        assert held.shaped.holds
+        assert held.duration == pytest.approx(held.trajectory.duration + shaped.shaped.motion.copies.length)
+        t = np.linspace(0, held.duration, INSTANTS)
+        q = convolve(shaped, held, t)
+        np.testing.assert_allclose(held.counted.at(t).q, q, rtol=0, atol=1e-12)
+        # limits of the axes by differences; where the acceleration jumps these are off by no more than a mean
+        rate = np.diff(q, axis=0) / t[1]
+        assert (np.abs(rate).max(0) <= np.array([axis.max_speed for axis in axes]) * (1 + 1e-6)).all()
+        most = np.array([axis.max_acceleration for axis in axes])
+        assert (np.abs(np.diff(rate, axis=0) / t[1]).max(0) <= most * (1 + 1e-4)).all()
+        # on the path, but for the deviation that is proved, and at its end exactly
+        poses = shaped.machine.forward(q[::50], shaped.trajectory.at(np.full(len(q[::50]), held.at)).pose).pose
+        late = np.clip(held.at + t[::50] - shaped.shaped.delay, 0, None)
+        about = np.where(
+            (late < held.at)[:, None],
+            shaped.trajectory.at(np.clip(late, 0, held.at)).pose.translation,
+            held.trajectory.at(np.clip(late - held.at, 0, None)).pose.translation,
+        )
+        assert np.linalg.norm(poses.translation - about, axis=1).max() <= held.shaped.deviation + 1e-9
+        np.testing.assert_allclose(q[-1], held.trajectory.at(held.trajectory.duration).q[0], rtol=0, atol=1e-12)
+        verdict = check(held.pulses, held.counted, axes, home)
+        assert verdict.holds, verdict
+        tick = round(held.at * shaped.pulses.clock_hz)
+        for sent, own in zip(shaped.pulses.axes, held.pulses.axes, strict=True):
+            assert own.start == sent.counts([tick - 1])[0]
+
+
+def test_what_is_slower_or_goes_on_is_proved_behind_shapers(shaped):
+    axes, home = shaped.machine.axes, shaped.machine.home_q
+    for made in (shaped.override(0.5), shaped.resume(shaped.hold(0.4 * shaped.trajectory.duration))):
+        assert made.shaped.holds
+        assert check(made.pulses, made.counted, axes, home).holds
+        assert made.duration == pytest.approx(made.trajectory.duration + shaped.shaped.motion.copies.length)
+    assert shaped.override(1.0).duration == pytest.approx(shaped.shaped.motion.duration)
+
+
+def test_the_table_of_stops_is_of_what_is_shaped(shaped):
+    found = shaped.stops(3)
+    held = shaped.hold(found.t[1])
+    assert found.time[1] == pytest.approx(held.duration, rel=1e-6)
+
+
+def test_a_stop_goes_to_a_fieldbus_row_by_row(shaped, tmp_path):
+    held = shaped.hold(0.37 * shaped.trajectory.duration)
+    whole, done = shaped.export("csp", tmp_path / "plan.csv"), held.export("csp", tmp_path / "stop.csv")
+    assert done.error <= whole.error + 1e-9
+    # rows, second differences and parabolas between them: as those of the plan
+    figures = [
+        [float(x) for x in re.findall(r"(?:most|within) ([\d.]+)", " ".join(made.notes))] for made in (whole, done)
+    ]
+    assert len(figures[0]) == len(figures[1]) >= 4
+    assert (np.array(figures[1]) <= np.array(figures[0]) + 1).all()
+    with pytest.raises(Exception, match=r"starts at .* but Zaber PVT starts and ends at rest; .*csp"):
+        held.export("zaber", tmp_path / "stop.txt")
