@@ -189,8 +189,8 @@ def _measure(
 ) -> tuple[Array, Array]:
     """(n,) largest second difference, and how far parabolas of three rows are from the motion, in increments.
 
-    Before the first row, but that of a motion that goes on, and after the last the axes stand. Between probes an error e
-    of a piece of length d grows by at most d² max|ë| / 8.
+    Before the first row, but that of a motion that goes on, and after the last the axes stand. Between probes an error
+    e of a piece of length d grows by at most d² max|ë| / 8.
     """
     n, each, motion = len(source.machine.axes), knots.step, source.counted
     most, off = np.zeros(n), np.zeros(n)
