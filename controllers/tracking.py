@@ -162,7 +162,7 @@ def motion_of(plan: AxesMotion | HasTrajectory) -> AxesMotion:
     return motion if shaped is None else shaped.motion
 
 
-@check_arguments("machine")
+@check_arguments("plan", "machine", "law", "rig")
 def track(
     plan: AxesMotion | HasTrajectory,
     machine: MachineSource,
@@ -208,7 +208,7 @@ def track(
     """
     machine = load_machine(machine) if isinstance(machine, str | PathLike) or not hasattr(machine, "axes") else machine
     law = find_law(law) if isinstance(law, str) else law
-    if not isinstance(law, StatefulLaw) and not hasattr(law, "command"):
+    if isinstance(law, type) or not (isinstance(law, StatefulLaw) or hasattr(law, "command")):
         raise MotionError(f"track: a law is needed, or its number or name as a text, not {law!r:.80}")
     return _track_lanes(plan, machine, law, [law], rig=rig, dt=dt, settle=settle, period=period, progress=progress)[0]
 

@@ -349,7 +349,7 @@ def _call(task: Task, work: Callable[[Task], Result]) -> Result:
     return work(task)
 
 
-@check_arguments()
+@check_arguments("machine")
 def plan_many(
     programs: Iterable[ProgramSource],
     machine: MachineSource,

@@ -229,7 +229,7 @@ class Plan(Result):
         return self.trajectory.data()
 
 
-@check_arguments()
+@check_arguments("program", "machine", "limits")
 def plan(
     program: ProgramSource,
     machine: MachineSource,
@@ -359,7 +359,7 @@ def plan(
     )
 
 
-@check_arguments()
+@check_arguments("program", "machine", "limits")
 def check(program: ProgramSource, machine: MachineSource, *, limits: Sequence[OwnLimit] = ()) -> Standing:
     """Limits that slowing down cannot fix, proved over a program's path: violations, the worst first, and margins.
 

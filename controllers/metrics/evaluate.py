@@ -189,7 +189,7 @@ BATCH_PERIOD = 5e-3
 """s of a batch: that time constant."""
 
 
-@check_arguments("machine")
+@check_arguments("plan", "machine")
 def evaluate(
     tracking: Tracking,
     plan: AxesMotion | HasTrajectory,

@@ -10,8 +10,10 @@ import pulsepath as pp
 from kinematics import MotionError
 
 RIG = "hexapod-steppers"
-BY_ITSELF = {"max_speed", "max_acceleration", "max_jerk", "pose", "q", "state", "motion"}
-"""Arrays and motions, of which their own functions tell what is wrong."""
+BY_ITSELF = {"program", "machine", "limits", "plan", "law", "rig"} | {
+    "max_speed", "max_acceleration", "max_jerk", "pose", "q", "state", "motion",
+}  # fmt: skip
+"""What their own functions refuse, in words of its own."""
 
 
 @pytest.fixture(scope="module")
@@ -99,7 +101,7 @@ def test_refusals_say_what_was_given_and_what_is_expected(call, words):
 
 
 def test_a_law_is_an_instance_and_no_class(given):
-    with pytest.raises(MotionError, match="law is"):
+    with pytest.raises(MotionError, match="a law is needed"):
         pp.track(**{**given["track"], "law": type(pp.find_law("6"))})
 
 
