@@ -27,7 +27,6 @@ from kinematics.calibration.result import Calibration, Estimate, Observability, 
 from kinematics.calibration.search import frame_start, minimize_errors
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
-from kinematics.foundation.options import check_arguments
 from kinematics.kinds.hexapod import Hexapod
 from kinematics.machine.axis import Axis
 from kinematics.machine.machine import Machine
@@ -96,7 +95,6 @@ MAX_IMPROVED_RATIO = 0.999
 MAX_LEVERAGE = 1 - 1e-9
 
 
-@check_arguments()
 def calibrate(
     machine: MachineSource,
     measured: MeasurementSource,

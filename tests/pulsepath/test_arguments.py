@@ -51,7 +51,6 @@ def given(tmp_path_factory):
         "load_rig": {"name_or_path": RIG},
         "load_plan": {"folder": folder},
         "import_program": {"path": folder / "part.nc", "format": None},
-        "calibrate": {"machine": "hexapod", "measured": "cmm", "parts": ("factor",), "use": None},
         "machine_toml": {"machine": machine, "comment": ""},
     }  # fmt: skip
 
@@ -59,7 +58,7 @@ def given(tmp_path_factory):
 FUNCTIONS = sorted(
     ("plan", "plan_many", "check", "orient", "synchronise", "classical", "realised", "track", "evaluate", "find_law",
      "animate", "four_views", "forces", "motion_of_axes", "motion_of_poses", "read_setting", "settings_of", "compare",
-     "sweep", "time_optimal", "load_machine", "load_program", "load_rig", "load_plan", "import_program", "calibrate",
+     "sweep", "time_optimal", "load_machine", "load_program", "load_rig", "load_plan", "import_program",
      "machine_toml")
 )  # fmt: skip
 
