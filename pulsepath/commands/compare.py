@@ -118,7 +118,7 @@ def compare(
         told = {"verdict": verdict.text, "gains": verdict.gains, "report": report, "failed": met}
         click.echo(record.as_json(told), nl=False)
     else:
-        say(verdict.text)
+        say("\n  ".join(verdict.told))
         say(f"{verdict.gains}\nreport: {report}" if verdict.gains else f"report: {report}")
         for reason in met:
             say(f"failed: {reason}", err=True)

@@ -1,4 +1,4 @@
-"""What comes out of a comparison, in one paragraph; and conditions on it: "contour_rms > 1.1x" fails if so"""
+"""What comes out of a comparison, in sentences; and conditions on it: "contour_rms > 1.1x" fails if so"""
 
 from __future__ import annotations
 
@@ -56,15 +56,21 @@ class Verdict(Result):
     score   its weighed ratio to the baseline
     ratios  of it to the baseline, by criterion
     least   the setting of the least RMS contour error, whatever that costs; the best one, or another
+    told    sentences: which is the best, then what it gains and costs, what was left out, and how sure that is
     """
 
     best: SettingEntry | None
     ratio: float
     margins: tuple[Margin, ...]
-    text: str
+    told: tuple[str, ...]
     score: float = inf
     ratios: Mapping[str, float] = field(default_factory=dict)
     least: SettingEntry | None = None
+
+    @property
+    def text(self) -> str:
+        """All sentences."""
+        return " ".join(self.told)
 
     def tables(self) -> tuple[Table, ...]:
         """The best setting and, below, what it gains and costs; how far each of its gains may rise."""
@@ -79,7 +85,7 @@ class Verdict(Result):
             Column("unstable from", [margin.edge for margin in self.margins], words={"None": "none tried"}),
             Column("tried up to", [margin.up_to for margin in self.margins]),
         )
-        first = Table("verdict", best, (self.text,))
+        first = Table("verdict", best, self.told)
         return (first, Table("margins", margins)) if self.margins else (first,)
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -115,12 +121,12 @@ def verdict_of(comparison: Comparison) -> Verdict:
         why = "no other setting was run" if not others else "no other setting holds on every path and rig"
         why = why if comparison.ranked else "no path ranks settings"
         pieces = [f"The baseline {name} is not compared: {why}.", *_describe_faults(comparison, others)]
-        return Verdict(None, inf, (), " ".join([*pieces, *describe_unranked(comparison)]))
+        return Verdict(None, inf, (), (*pieces, *describe_unranked(comparison)))
     best, least = ranked[0], min(ranked, key=comparison.mean_ratio)
     margins = _margins(comparison, best)
-    text = _describe_verdict(comparison, best, least, margins, others)
+    told = _describe_verdict(comparison, best, least, margins, others)
     ratio, score = comparison.mean_ratio(best), comparison.score(best)
-    return Verdict(best, ratio, margins, text, score, comparison.ratios(best), least)
+    return Verdict(best, ratio, margins, told, score, comparison.ratios(best), least)
 
 
 def _describe_faults(comparison: Comparison, others: Sequence[SettingEntry]) -> list[str]:
@@ -213,7 +219,7 @@ def _describe_verdict(
     least: SettingEntry,
     margins: tuple[Margin, ...],
     others: Sequence[SettingEntry],
-) -> str:
+) -> tuple[str, ...]:
     ratio, score = comparison.mean_ratio(best), comparison.score(best)
     name, baseline = comparison.label(best), comparison.label(comparison.baseline)
     rows = comparison.of(best)
@@ -223,9 +229,9 @@ def _describe_verdict(
     many = f"{len(comparison.ranked)} path{'s' if len(comparison.ranked) > 1 else ''}"
     pieces = [
         f"{name} {verb} of {len(others)} settings, weighed ({weights_text()}): "
-        f"{score:.3g} times the baseline, {baseline}. "
+        f"{score:.3g} times the baseline, {baseline}.",
         f"Its RMS contour error is {ratio:.3g} times that of the baseline "
-        f"(geometric mean over {many} and {rows[0].runs} runs of each; {counts})."
+        f"(geometric mean over {many} and {rows[0].runs} runs of each; {counts}).",
     ]
     both = [(row, comparison.row(comparison.baseline, row.task)) for row in rows]
     errors = [
@@ -267,7 +273,7 @@ def _describe_verdict(
     pieces += (
         [f"Margin: {'; '.join(map(str, margins))}."] if margins else ["Margin: the law has no gain that was varied."]
     )
-    return " ".join([*pieces, *describe_unranked(comparison)])
+    return (*pieces, *describe_unranked(comparison))
 
 
 COMPARISONS: dict[str, Callable[[float, float], bool]] = {
