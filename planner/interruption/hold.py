@@ -20,7 +20,7 @@ from planner.interruption.section import Section, Whole, make_section
 from planner.limits import Limit
 from planner.parallel import Progress, ignore_progress
 from planner.path.actuation import MachinePath
-from planner.shaping.keep_limits import solve_shaped
+from planner.shaping.keep_limits import refuse_unkept, solve_shaped
 from planner.shaping.shaped_motion import ShapedMotion, find_copies, shape_motion
 from planner.shaping.shaped_proof import ShapedProof, prove_shaped
 from planner.timing.certified_solve import certified_solve
@@ -172,6 +172,7 @@ def find_stops(whole: Whole, count: int, progress: Progress = ignore_progress) -
         else:
             stop = _stop(whole, now)
             shaped = _shape(whole, now, stop)
+            refuse_unkept(stop.limits, shaped)
             duration = stop.trajectory.duration if shaped is None else shaped.duration
             found.append((t, now.s, duration, float(stop.path.breaks[-1])))
         progress(n + 1, count)

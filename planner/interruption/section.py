@@ -19,7 +19,7 @@ from planner.path.actuation import MachinePath
 from planner.pulses import AxesMotion, AxisPulses, PulseSchedule, find_rule, generate, pace_axes
 from planner.pulses.compensation.compensate import counted_motion
 from planner.pulses.generation.motion_parts import JoinedMotion, MotionSpan
-from planner.shaping.keep_limits import unkept_error
+from planner.shaping.keep_limits import refuse_unkept
 from planner.shaping.shaped_proof import ShapedProof
 from planner.trajectory import Trajectory
 
@@ -157,9 +157,7 @@ def make_section(
     axes, home, pulses = whole.machine.axes, whole.machine.home_q, whole.pulses
     moves: AxesMotion = trajectory
     if shaped is not None:
-        for limit in limits:
-            if shaped.worst[limit.name] > 1:
-                raise unkept_error(limit, shaped)
+        refuse_unkept(limits, shaped)
         moves = shaped.motion
         if shaped.since > 0:
             moves = JoinedMotion.of(MotionSpan(moves, shaped.since, moves.duration))

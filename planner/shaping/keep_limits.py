@@ -75,6 +75,14 @@ def solve_shaped(
     raise unkept_error(broken[0], proof)
 
 
+def refuse_unkept(limits: Sequence[Limit], proof: ShapedProof | None) -> None:
+    """Raise Infeasible for the first limit that is not proved behind shapers, if there are any."""
+    if proof is not None:
+        for limit in limits:
+            if proof.worst[limit.name] > 1:
+                raise unkept_error(limit, proof)
+
+
 def unkept_error(limit: Limit, proof: ShapedProof) -> Infeasible:
     """Of a limit that is not proved behind shapers."""
     place, use = proof.where[limit.name], proof.worst[limit.name]

@@ -8,7 +8,8 @@ import pytest
 
 from kinematics import load_machine
 from kinematics.machine.shaper import Shaper
-from planner import load_program, plan
+from planner import Infeasible, load_program, plan
+from planner.interruption import hold
 from planner.pulses import check
 
 INSTANTS = 20_001
@@ -87,6 +88,19 @@ def test_the_table_of_stops_is_of_what_is_shaped(shaped):
     found = shaped.stops(3)
     held = shaped.hold(found.t[1])
     assert found.time[1] == pytest.approx(held.duration, rel=1e-6)
+
+
+def test_a_stop_that_is_not_proved_is_refused_and_in_no_table(shaped, monkeypatch):
+    prove = hold.prove_shaped
+
+    def break_one(*given, **named):
+        proof = prove(*given, **named)
+        return replace(proof, worst={**proof.worst, "speed": 1.2})
+
+    monkeypatch.setattr(hold, "prove_shaped", break_one)
+    for stop in (lambda: shaped.hold(0.37 * shaped.trajectory.duration), lambda: shaped.stops(3)):
+        with pytest.raises(Infeasible, match="use of speed behind the input shapers"):
+            stop()
 
 
 def test_a_stop_goes_to_a_fieldbus_row_by_row(shaped, tmp_path):
