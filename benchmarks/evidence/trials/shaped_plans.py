@@ -32,7 +32,7 @@ from planner.limits import limits_of, usual_order
 from planner.limits.tool import ToolSpeed
 from planner.path.actuation import MachinePath, actuate
 from planner.shaping.keep_limits import solve_shaped
-from planner.shaping.shaped_motion import shape_motion
+from planner.shaping.shaped_motion import reached_poses, shape_motion
 from planner.shaping.shaped_proof import ShapedProof
 from planner.timing.certified_solve import certified_solve
 from planner.trajectory import Trajectory
@@ -41,6 +41,9 @@ PROGRAMS = ("bare-circle", "blended", "tripod-circle", "linkage-line", "arm-line
 FREQUENCIES = {"traverser-scan": 8.0}
 FREQUENCY, DAMPING = 30.0, 0.05
 """Hz and damping ratio of the mode that is shaped, where nothing else is said."""
+MODES = Shaper("zv", 35.0, 0.05), Shaper("mzv", 22.0, 0.1)
+"""Of a vibration along x and of one along y, both at once."""
+MODES_OF = ("bare-circle", "tripod-circle", "linkage-line", "arm-line")
 SAMPLES, BATCH = 100_000, 10_000
 SETTLING = 0.2
 """s that the drives are given: their loops of 30 1/s take as long."""
@@ -201,6 +204,28 @@ def show_rigs() -> None:
             print_row(rig, 1e6 * play, shaper, *(f"{each:.2f}" for each in most), f"{(behind / before).max():.1%}")
 
 
+def measure_directions(name: str) -> tuple[float, float]:
+    """The share of the vibration left along x and along y, which have shapers of their own, after a program."""
+    program, left = load_program(name), []
+    machine = load_machine(program.machine or "hexapod")
+    for direction, mode in zip(np.eye(3), MODES, strict=False):
+        machine = machine.shape_along(direction, mode)
+    path = actuate(program, machine)
+    limits = limits_of(path, machine.axes, 2)
+    found, _, proof, _ = solve_shaped(partial(certified_solve, path, order=2), path, limits, machine.axes)
+    assert proof is not None  # axes have shapers
+    shaped, bare = proof.motion, found.trajectory
+    for k, mode in enumerate(MODES):
+        load = FlexibleLoad(mode.frequency, mode.damping)
+        t, t_bare = (np.arange(0.0, end + 2 * STEP, STEP) for end in (shaped.duration, bare.duration))
+        about = bare.at(t_bare).pose
+        assert about is not None  # of a machine's path
+        x, x_bare = to_numbers(reached_poses(bare, shaped, t, shaped.at(t).q)), to_numbers(about)
+        rest = load.residual(x[:, k], STEP, shaped.duration)
+        left.append(rest / load.residual(x_bare[:, k], STEP, bare.duration))
+    return left[0], left[1]
+
+
 def main() -> None:
     """A row for each plan, and the worst of all."""
     parser = ArgumentParser(description=__doc__.split("\n", 1)[0] if __doc__ else None)
@@ -225,6 +250,9 @@ def main() -> None:
         uses = f"{proved:.7f}", f"{seen:.7f}", f"{1e6 * plan.proof.deviation:.3f}", f"{1e6 * away:.3f}"
         shares = f"{100 * left:.2f} %", f"{100 * beside:.1f} %"
         print_row(plan.name, plan.order, plan.shaper, *uses, *shares, f"{plan.time:.2f}")
+    for name in MODES_OF:
+        x, y = measure_directions(name)
+        print(f"{name}: modes along x ({MODES[0]}) and y ({MODES[1]}): {100 * x:.3f} % and {100 * y:.3f} % left")
     print(f"{count} plans: limits kept by {kept}, deviations within their bound {held}, at most 5 % left of {quiet}")
 
 

@@ -3,12 +3,14 @@
 import pytest
 
 from benchmarks.evidence.trials import shaped_plans
+from controllers.drives.flexible_load import FlexibleLoad
 from kinematics.machine.shaper import Shaper
 
 
 def test_limits_deviation_and_vibration_of_some_plans(monkeypatch, capsys):
     monkeypatch.setattr(shaped_plans, "SAMPLES", 4000)
     monkeypatch.setattr(shaped_plans, "PROGRAMS", ("bare-circle", "linkage-line"))
+    monkeypatch.setattr(shaped_plans, "MODES_OF", ())
     monkeypatch.setattr("sys.argv", ["shaped_plans", "--plans", "4"])
     shaped_plans.main()
     out = capsys.readouterr().out
@@ -25,6 +27,17 @@ def test_a_wrong_bound_is_found(monkeypatch):
     assert seen == pytest.approx(1, abs=1e-3)
     assert away > 0.5 * plan.proof.deviation
     assert shaped_plans.measure_vibration(plan, 2 * plan.shaper.frequency) > 0.05
+
+
+@pytest.mark.parametrize("program", ["tripod-circle", "linkage-line"])
+def test_two_directions_are_still_behind_shapers_of_axes_that_lie_along_neither(program, monkeypatch):
+    assert max(shaped_plans.measure_directions(program)) < 0.002
+    # the vibration that a shaper is not for is left
+    one, _ = shaped_plans.MODES
+    monkeypatch.setattr(
+        shaped_plans, "FlexibleLoad", lambda frequency, damping: FlexibleLoad(1.5 * one.frequency, damping)
+    )
+    assert max(shaped_plans.measure_directions(program)) > 0.02
 
 
 @pytest.fixture(scope="module")
