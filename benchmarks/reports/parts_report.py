@@ -58,7 +58,7 @@ def summary(standing: PlanStanding) -> dict[str, str]:
         "Segments": group_digits(standing.segment),
         "Length of the path": f"{1e3 * standing.start.length:.3f} mm",
         "Order": f"{standing.order} ({kept})",
-        "Planned in": f"{group_digits(standing.windows)} window{"s" * (standing.windows != 1)}; certified in round {standing.rounds} at most",
+        "Planned in": f"{group_digits(standing.windows)} window{'s' * (standing.windows != 1)}; certified in round {standing.rounds} at most",
     }
     if found is not None:
         near = (

@@ -64,7 +64,7 @@ FUNCTIONS = sorted(
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
-@pytest.mark.parametrize("wrong", [object(), {}, int, [1, "a"], b"x"], ids=repr)
+@pytest.mark.parametrize("wrong", [object(), {}, int, [1, "a"], b"x"], ids=lambda wrong: type(wrong).__name__)
 def test_an_argument_of_a_wrong_kind_is_refused(given, name, wrong):
     function, arguments = getattr(pp, name), given[name]
     for argument in arguments:
