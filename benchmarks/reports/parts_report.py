@@ -52,13 +52,13 @@ def write_report(
 def summary(standing: PlanStanding) -> dict[str, str]:
     """The table that the page begins with."""
     kept = "speed and acceleration" if standing.order == 2 else "speed, acceleration and jerk"
-    found = standing.fit
+    found, windows = standing.fit, "window" if standing.windows == 1 else "windows"
     told = {
         "Duration": f"{standing.duration:.6f} s",
         "Segments": group_digits(standing.segment),
         "Length of the path": f"{1e3 * standing.start.length:.3f} mm",
         "Order": f"{standing.order} ({kept})",
-        "Planned in": f"{group_digits(standing.windows)} window{'s' * (standing.windows != 1)}; certified in round {standing.rounds} at most",
+        "Planned in": f"{group_digits(standing.windows)} {windows}; certified in round {standing.rounds} at most",
     }
     if found is not None:
         near = (
