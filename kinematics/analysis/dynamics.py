@@ -259,7 +259,7 @@ class Forces(Result):
         return Table(f"actuator forces of {self.machine.name}", (instants, *forces, *power))
 
 
-@check_arguments()
+@check_arguments("motion")
 def forces(
     machine: MachineSource,
     motion: Motion | AxesAndPose,

@@ -87,8 +87,8 @@ def test_budgets_of_no_pose(preset, given, told):
         ({"wrench": "10 N"}, "wrench must be"),
         ({"wrench": [1e308] * 6}, "too large for numbers"),
         ({"reflected": [1.0] * 5}, r"reflected must be finite numbers one or \(6,\)"),
-        ({"platform": 4.0}, "platform must be a Body"),
-        ({"legs": 3}, r"1 legs with inertia \(int\); give one Leg"),
+        ({"platform": 4.0}, "platform is 4.0; expected a body or None"),
+        ({"legs": 3}, "legs is 3; expected a leg or a list"),
         ({"motion": None}, "NoneType is not a motion"),
     ],
 )
