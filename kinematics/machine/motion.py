@@ -90,7 +90,7 @@ def motion_of_poses(
     return _complete_motion(machine, to_numbers(pose), q, *given)
 
 
-@check_arguments()
+@check_arguments("state")
 def motion_of_axes(machine: MachineModel, state: AxesAndPose) -> Motion:
     """The motion of the platform from that of the axes: J ν = q̇ and J ν̇ = q̈ − J̇ ν, solved for what is controlled.
 
