@@ -1,6 +1,6 @@
 """Keys of input shapers: `shaper` of an axis, and `[[vibration]]` of what the machine carries along a direction."""
 
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar, get_args
 
 from pydantic import AfterValidator, AllowInfNan, Field
 
@@ -55,6 +55,9 @@ OneShaper = Annotated[ShaperTable, AfterValidator(_check_tolerance)]
 
 def _pick_shaper(value: Any) -> Any:
     if isinstance(value, str):
+        if value in get_args(ShaperKind):
+            told = f'"{value}" needs the frequency of the vibration: write {{ kind = "{value}", frequency = "35 Hz" }}'
+            raise validation_error(told)
         return Literal["none"]
     return tuple[OneShaper, ...] if isinstance(value, tuple) else OneShaper
 

@@ -113,6 +113,8 @@ def test_a_file_with_a_wrong_shaper_is_refused_by_line(tmp_path):
     for given, told in (
         ('{ kind = "zvv", frequency = "35 Hz" }', "zvv"),
         ('{ kind = "zv" }', "frequency"),
+        ('"zv"', 'needs the frequency of the vibration: write { kind = "zv", frequency = "35 Hz" }'),
+        ('"off"', '"off" is not "none"'),
         ('{ kind = "zv", frequency = 35 }', "without a unit"),
         ('{ kind = "zv", frequency = "35 Hz", tolerance = 0.1 }', "tolerance is of the shaper ei"),
         ('{ kind = "zv", frequency = "35 Hz", damp = 0.1 }', "damping"),
