@@ -197,7 +197,7 @@ class _Store:
             finally:
                 part.unlink(missing_ok=True)
             self._clear()
-        except Exception as error:
+        except Exception as error:  # whatever keeps it from being kept: it is compiled, and works
             _LOST.append(str(error))
             _tell_lost()
 

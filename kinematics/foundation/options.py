@@ -14,7 +14,7 @@ from functools import cache, wraps
 from importlib import import_module
 from inspect import get_annotations, isclass, signature
 from numbers import Integral, Real
-from types import NoneType, UnionType
+from types import NoneType, SimpleNamespace, UnionType
 from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -119,7 +119,8 @@ def _resolve(function: Callable[..., Any], name: str) -> Any:
     kind = parameter.annotation
     if isinstance(kind, str):
         try:
-            kind = eval(kind, vars(sys.modules[function.__module__]))  # noqa: S307, of our own source
+            alone = SimpleNamespace(__annotations__={name: kind})  # one that is not known must not cost the others
+            kind = get_type_hints(alone, vars(sys.modules[function.__module__]))[name]
         except NameError:
             return Any
     return Any if kind is parameter.empty else kind
