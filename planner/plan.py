@@ -88,6 +88,11 @@ class Plan(Result):
         return f"<Plan {self.program.name} on {self.machine.name}: {self.trajectory!r}, {self.certificate!r}>"
 
     @property
+    def duration(self) -> float:
+        """s that the machine moves for: behind its input shapers, if it has any."""
+        return self.trajectory.duration if self.shaped is None else self.shaped.duration
+
+    @property
     def fastest(self) -> bool:
         """Whether it was to be as fast as it can, and nothing else."""
         return self.stated_duration is None and self.objective.heat == 0
@@ -166,7 +171,12 @@ class Plan(Result):
         units = {axis.name: axis.unit for axis in self.machine.axes}
         return (
             timing_table(
-                title, self.trajectory.duration, self.lower_estimate, self.known[0] if self.known else None, stated
+                title,
+                self.trajectory.duration,
+                self.lower_estimate,
+                self.known[0] if self.known else None,
+                stated,
+                shaped=None if self.shaped is None else self.duration,
             ),
             *self.certificate.tables(),
             *(() if self.shaped is None else self.shaped.tables()),

@@ -23,6 +23,7 @@ from planner.limits import Limit
 from planner.plan import Plan
 from planner.pulses import PulseCheck, RealisedPath
 from planner.pulses.schedule import RATE_WINDOWS
+from planner.timing.certified_solve import BEFORE_SHAPERS
 from planner.tradeoffs.limit_worth import LimitChange, Worth
 from planner.tradeoffs.pareto import Tradeoff
 
@@ -110,7 +111,7 @@ def summary(plan: Plan, classical: Classical, verdict: PulseCheck) -> dict[str, 
         "Time saved": f"{saved:.6f} s ({100 * saved / classical.duration:.2f} %{unlike})",
     }
     return {
-        "Duration": f"{plan.trajectory.duration:.6f} s{'' if plan.fastest else f', {plan.describe_objective()}'}",
+        "Duration": f"{plan.duration:.6f} s{'' if plan.fastest else f', {plan.describe_objective()}'}",
         **_shaping(plan),
         **(baseline if plan.fastest else {}),  # else they are unlike
         **_bound(plan),
@@ -128,8 +129,10 @@ def summary(plan: Plan, classical: Classical, verdict: PulseCheck) -> dict[str, 
 
 def _shaping(plan: Plan) -> dict[str, str]:
     """What input shapers make of it, where there are any."""
-    told = "figures are of the motion before them"
-    return {} if plan.shaped is None else {"Behind input shapers": f"{plan.shaped.describe()}; {told}"}
+    if plan.shaped is None:
+        return {}
+    before = f"{plan.trajectory.duration:.6f} s; all below but the pulses is of this motion, and so are the figures"
+    return {BEFORE_SHAPERS.capitalize(): before, "Behind them": plan.shaped.describe()}
 
 
 def _bound(plan: Plan) -> dict[str, str]:

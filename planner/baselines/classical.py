@@ -321,8 +321,11 @@ def describe_differences(plan: Plan, timing: Classical) -> tuple[str, ...]:
         told.append("not certified")
     if timing.deviation is not None:
         told.append(f"leaves the path by up to {1e3 * timing.deviation.distance:.3f} mm")
-    if not plan.path.stops(plan.order).all():
-        told.append("stops at every join" if plan.path.fit is None else "stops at every corner")
+    if plan.path.fit is not None:
+        rounded = sum(not blend.stop for blend in plan.path.blends)
+        told += [f"stops at {rounded} corner{'s' * (rounded > 1)} that the plan rounds"] if rounded else []
+    elif not plan.path.stops(plan.order).all():
+        told.append("stops at every join")
     if plan.path.end_speeds != (0.0, 0.0):
         told.append("from rest to rest")
     return tuple(told)

@@ -79,10 +79,10 @@ class ShapedProof(Result):
         return self.motion.copies.centre
 
     def describe(self) -> str:
-        """Duration, deviation and proof in a line."""
+        """Deviation and proof in a line."""
         proved = f"{len(self.worst)} limits proved" if self.holds else "LIMITS ARE NOT KEPT"
         near = f"the tool within {1e6 * self.deviation:.3f} µm of the path"
-        return f"{self.duration:.6f} s behind them, {near}, {proved}"
+        return f"{near}, {proved}"
 
     def tables(self) -> tuple[Table, ...]:
         """The shaper of each axis and how far it moves the axis; the limits after shaping."""

@@ -81,15 +81,26 @@ class Solution(Result):
         return self.trajectory.data()
 
 
+BEFORE_SHAPERS = "before the input shapers"
+"""What tables call the duration of the motion that is shaped."""
+
+
 def timing_table(
     title: str,
     duration: float,
     least: float | None = None,
     bound: DurationBound | None = None,
     note: str | None = None,
+    *,
+    shaped: float | None = None,
 ) -> Table:
-    """What a motion takes, and what is proved or else estimated of the least that any would; note: of the first."""
+    """What a motion takes, and what is proved or else estimated of the least that any would.
+
+    note: of the first; shaped: s that it takes behind its input shapers, of which the bounds know nothing
+    """
     what, times, notes = ["duration"], [duration], [note]
+    if shaped is not None:
+        what, times, notes = [*what, BEFORE_SHAPERS], [shaped, duration], [note, "what is below is of this"]
     if bound is not None:
         what.append("lower bound, proved")
         times.append(bound.value)

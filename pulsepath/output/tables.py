@@ -17,6 +17,7 @@ from planner.path.outcome import Blended, FitSummary
 from planner.path.point_to_point import Departure
 from planner.plan_parts import PlanStanding
 from planner.sources.position_list import PositionList
+from planner.timing.certified_solve import BEFORE_SHAPERS
 from pulsepath.job import Job
 from pulsepath.progress import VERBOSE, Layout, draw, level
 
@@ -46,7 +47,8 @@ def of_plan(job: Job) -> list[Table]:
     told = plan.describe_objective()
     told += f"; the fastest motion takes {plan.lower_bound:.6f} s or more" if plan.known else ""
     rows: list[tuple[str, float | None, str]] = [
-        ("duration", plan.trajectory.duration, "" if plan.fastest else told),
+        ("duration", plan.duration, "" if plan.fastest else told),
+        *(() if plan.shaped is None else [(BEFORE_SHAPERS, plan.trajectory.duration, "what is below is of this")]),
         ("baseline timing", job.classical.duration, _describe_timing(plan, job.classical, job.classical.kind)),
         ("time saved", job.time_saved, f"{percent:.2f} %{unlike}"),
     ]
@@ -73,8 +75,9 @@ def sum_up(job: Job) -> list[Table]:
     """A plan on a screen: its duration, how good it is, what it is proved to keep, what holds it back, its pulses."""
     plan, proof = job.plan, job.plan.certificate
     told = plan.describe_objective()
-    rows = [("duration", f"{plan.trajectory.duration:.6f} s{f', {told}' if told else ''}")]
+    rows = [("duration", f"{plan.duration:.6f} s{f', {told}' if told else ''}")]
     if plan.shaped is not None:
+        rows.append((BEFORE_SHAPERS, f"{plan.trajectory.duration:.6f} s; saving and gap are of this"))
         rows.append(("input shapers", plan.shaped.describe()))
     if plan.fastest and not missing_limits(plan, job.classical):  # else they are unlike
         percent = 100 * job.time_saved / job.classical.duration

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kinematics import load_machine
-from planner import Blend, Line, Program, classical, load_program, plan
+from planner import Blend, Fit, Line, Program, classical, load_program, plan
 from planner.baselines import describe_differences, missing_limits, pick_baseline
 
 LINE = Program([Line([0, 0, 0.02])])
@@ -78,3 +78,10 @@ def test_stops_that_the_plan_does_not_make_are_named(hexapod):
     told = describe_differences(found, classical(found))
     assert told == ("stops at every join", "from rest to rest")
     assert np.all(np.array(found.path.end_speeds) == (0.001, 0.0))
+
+
+@pytest.mark.parametrize(("turn", "told"), [(0.0, ()), (0.01, ("stops at 1 corner that the plan rounds",))])
+def test_of_a_fitted_path_only_its_corners_are_stops(hexapod, turn, told):
+    ways = [Line([0.005, 0, 0.02], join=Fit(5e-5)), Line([0.01, turn, 0.02], join=Fit(5e-5))]
+    found = plan(Program([Line([0, 0, 0.02]), *ways]), hexapod, order=2)
+    assert describe_differences(found, classical(found)) == told

@@ -32,7 +32,10 @@ def test_record_motion_and_pulses_are_of_the_shaped_motion(call, machine_file, t
     assert done.exit_code == 0, done.stderr
     assert "input shapers" in done.stdout
     told = json.loads((out / "plan.json").read_text())
-    shaping = told["shaping"]
+    shaping, card = told["shaping"], (out / "report.html").read_text().split("<dt>Duration</dt><dd>")[1]
+    for page, form in ((done.stdout.split(" duration ")[1], ".6f"), (card, ".4f")):  # the machine's first
+        assert page.lstrip().startswith(f"{told['duration_s']:{form}} s")
+        assert f"{shaping['duration_before_s']:{form}} s" in page
     amplitudes, times = Shaper("zv", 35.0, 0.05).impulses
     assert told["duration_s"] == pytest.approx(shaping["duration_before_s"] + times[-1])
     assert shaping["delay_s"] == pytest.approx(amplitudes @ times)
