@@ -61,11 +61,7 @@ def summary(standing: PlanStanding) -> dict[str, str]:
         "Planned in": f"{group_digits(standing.windows)} {windows}; certified in round {standing.rounds} at most",
     }
     if found is not None:
-        near = (
-            f"within {1e6 * found.deviation:.4g} um of the program (proved; tolerance {1e6 * found.tolerance:.4g} um)"
-        )
-        corners = f"{found.rounded} corners rounded, {found.stopped} with a stop"
-        told["Fit"] = f"{found.before} pieces became {found.after} in {found.curves} curves, {near}; {corners}"
+        told["Fit"] = found.describe()
     pulses = sum(number for number, _ in standing.counted)
     told["Pulses"] = f"{group_digits(pulses)} on a clock of {group_digits(standing.pulses.clock_hz)} Hz"
     return told

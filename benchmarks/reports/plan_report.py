@@ -117,7 +117,7 @@ def summary(plan: Plan, classical: Classical, verdict: PulseCheck) -> dict[str, 
         **_bound(plan),
         "Segments": f"{len(plan.program.segments)}{again}",
         "Length of the path": f"{1e3 * float(plan.path.breaks[-1]):.3f} mm ({radian})",
-        **_fit(plan),
+        **({} if plan.path.fit is None else {"Fit": plan.path.fit.describe()}),
         **_departures(plan),
         "Order": f"{plan.order} ({kept})",
         "Solved by": f"{', '.join(sorted(set(plan.methods)))}; certified in round {plan.rounds}",
@@ -141,16 +141,6 @@ def _bound(plan: Plan) -> dict[str, str]:
         return {}
     near = f" ({plan.bound.describe()})" if plan.fastest else ""
     return {"Lower bound, proved": f"{plan.lower_bound:.6f} s{near}"}
-
-
-def _fit(plan: Plan) -> dict[str, str]:
-    """What fitting did, where it did anything."""
-    found = plan.path.fit
-    if found is None:
-        return {}
-    near = f"within {1e6 * found.deviation:.4g} um of the program (proved; tolerance {1e6 * found.tolerance:.4g} um)"
-    corners = f"{found.rounded} corners rounded, {found.stopped} with a stop"
-    return {"Fit": f"{found.before} pieces became {found.after} in {found.curves} curves, {near}; {corners}"}
 
 
 def _departures(plan: Plan) -> dict[str, str]:

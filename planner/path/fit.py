@@ -239,7 +239,11 @@ class _Spline:
         proved, near = self.proved, TAIL * unit.tolerance
         head, tail = ((proved.s[:-1] < near), (proved.s[1:] > proved.s[-1] - near))
         close = [(float(proved.position[part].max()), float(proved.angle[part].max())) for part in (head, tail)]
-        told = Fitted(unit.tolerance, unit.angle, len(self.links), len(pieces), *proved.worst, *close)
+        worst = int(proved.position.argmax())
+        s = float(proved.s[worst] + proved.s[worst + 1]) / 2
+        link = int(np.clip(np.searchsorted(proved.places, s, side="right") - 1, 0, len(self.links) - 1))
+        place = s, self.links[link].segment
+        told = Fitted(unit.tolerance, unit.angle, len(self.links), len(pieces), *proved.worst, *close, *place)
         yield Drawn(pieces, join, dwell, fitted=told)
 
     def _pieces(self, unit: _Unit) -> list[Piece]:

@@ -205,7 +205,7 @@ def link(drawn: Iterable[Drawn], characteristic: float) -> Iterator[PathStep]:
 
     characteristic  m that count like a radian: the machine's characteristic length
     """
-    before = wait = 0.0
+    before = wait = way = 0.0
     for own, after in _pairs(drawn):
         if not own.pieces:
             wait += own.dwell
@@ -222,10 +222,16 @@ def link(drawn: Iterable[Drawn], characteristic: float) -> Iterator[PathStep]:
                 rest = NEVER_REST if made else ALWAYS_REST
         reach = made[0].length if made else 0.0
         *inner, last = *_trim_pieces(own.pieces, before, reach), *made
+        begin, way = way, way + sum(piece.length for piece in (*inner, last))
+        fitted = own.fitted
+        if fitted is not None:
+            fitted = replace(fitted, s=min(begin + max(fitted.s - before, 0.0), way))
+        if told is not None:
+            told = replace(told, s=way - (made[-1].length if made else 0.0))
         for piece in inner:
             yield PathStep(piece, wait=wait)
             wait = 0.0
-        yield PathStep(last, rest, own.dwell, wait, told, own.fitted)
+        yield PathStep(last, rest, own.dwell, wait, told, fitted)
         before, wait = reach, 0.0
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from kinematics.foundation.table import Column, Table
 from planner.path.shape import Fitted
+from planner.place import Place
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,6 +19,7 @@ class Blended:
     half_of     the segments of which it takes half, or all that can be had, though the tolerance would allow more
     stop        why the motion rests there instead, or ""
     fitted      whether it is a corner that a fit kept: what it leaves is proved then
+    s           m of the path, in its middle
     """
 
     segment: int
@@ -29,6 +31,7 @@ class Blended:
     half_of: tuple[int, ...] = ()
     stop: str = ""
     fitted: bool = False
+    s: float = 0.0
 
     @property
     def tolerance_use(self) -> float:
@@ -62,6 +65,7 @@ class FitSummary:
 
     tolerance, deviation  m, the widest and the largest that is proved, corners included; turned: rad
     rounded, stopped      corners at which the motion passes, and at which it rests
+    deviates_at           where the deviation is the largest: in the middle of a corner, or of the part of a curve
     """
 
     curves: int
@@ -72,6 +76,17 @@ class FitSummary:
     turned: float
     rounded: int
     stopped: int
+    deviates_at: Place
+
+    def describe(self) -> str:
+        """How near to the program it is, where it is farthest from it, and what became of its corners."""
+        at = self.deviates_at
+        corners = f"{self.rounded} corner{'' if self.rounded == 1 else 's'} rounded, {self.stopped} with a stop"
+        near = f"within {1e6 * self.deviation:.4g} µm of the program (proved; tolerance {1e6 * self.tolerance:.4g} µm)"
+        worst = f"farthest at {1e3 * at.s:.3f} mm, segment {at.segment}"
+        curves = f"{self.curves} curve{'' if self.curves == 1 else 's'}"
+        made = f"{self.before} pieces became {self.after} in {curves}, " if self.before else ""
+        return f"{made}{near}, {worst}; {corners}"
 
 
 def summarise_fits(fits: Sequence[Fitted], blends: Sequence[Blended]) -> FitSummary | None:
@@ -80,15 +95,17 @@ def summarise_fits(fits: Sequence[Fitted], blends: Sequence[Blended]) -> FitSumm
     every: list[Fitted | Blended] = [*fits, *corners]
     if not every:
         return None
+    worst = max(every, key=lambda one: one.deviation)
     return FitSummary(
         curves=len(fits),
         before=sum(one.before for one in fits),
         after=sum(one.after for one in fits),
         tolerance=max(one.tolerance for one in every),
-        deviation=max(one.deviation for one in every),
+        deviation=worst.deviation,
         turned=max(one.turned for one in every),
         rounded=sum(not corner.stop for corner in corners),
         stopped=sum(bool(corner.stop) for corner in corners),
+        deviates_at=Place(worst.s, worst.segment),
     )
 
 
@@ -105,6 +122,7 @@ def merge_fits(one: FitSummary | None, other: FitSummary | None) -> FitSummary |
         turned=max(one.turned, other.turned),
         rounded=one.rounded + other.rounded,
         stopped=one.stopped + other.stopped,
+        deviates_at=max(one, other, key=lambda each: each.deviation).deviates_at,
     )
 
 
@@ -118,6 +136,8 @@ def fit_tables(found: FitSummary | None) -> tuple[Table, ...]:
         Column("pieces after", [found.after]),
         Column("tolerance", [found.tolerance], "m", "micro", ".4g"),
         Column("deviation", [found.deviation], "m", "micro", ".4g"),
+        Column("at", [found.deviates_at.s], "m", "human", ".3f"),
+        Column("segment", [found.deviates_at.segment]),
         Column("angle", [found.turned], "rad", "micro", ".4g"),
         Column("corners rounded", [found.rounded]),
         Column("corners with a stop", [found.stopped]),

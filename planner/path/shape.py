@@ -112,6 +112,8 @@ class Fitted:
 
     tolerance, angle   m and rad
     deviation, turned  m and rad; head, tail: likewise, near its start and near its end
+    s, segment         m, where it deviates most: along the curve as it is made, along the whole path as it is linked;
+                       and the segment there
     """
 
     tolerance: float
@@ -122,6 +124,8 @@ class Fitted:
     turned: float
     head: tuple[float, float]
     tail: tuple[float, float]
+    s: float
+    segment: int
 
 
 @dataclass(frozen=True, slots=True)

@@ -161,7 +161,7 @@ def _read_standing(record: Record, machine: Machine) -> PlanStanding:
             {name: np.array(use, float) for name, use in proof["use"].items()},
             {name: np.array(attained, float) for name, attained in proof["attained"].items()},
         ),
-        None if fit is None else FitSummary(**fit),
+        None if fit is None else FitSummary(**fit | {"deviates_at": Place(**fit["deviates_at"])}),
         record["blends"],
         record["stops"],
         PulseSchedule(pulses["clock_hz"], tuple(axes), pulses["duration"], pulses["rule"], moves),

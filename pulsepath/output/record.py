@@ -195,6 +195,7 @@ def fit_record(found: FitSummary | None) -> Record | None:
         "tolerance_m": found.tolerance,
         "deviation_m": found.deviation,
         "deviation_rad": found.turned,
+        "deviates_at": place_record(found.deviates_at),
         "corners_rounded": found.rounded,
         "corners_stopped": found.stopped,
     }

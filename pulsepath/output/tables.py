@@ -153,7 +153,9 @@ def _sum_up_blends(blends: Sequence[Blended]) -> str:
 
 
 def _sum_up_fit(fit: FitSummary) -> str:
-    return f"{fit.before} pieces made {fit.after}, within {1e3 * fit.deviation:.3g} mm of them, proved"
+    at = fit.deviates_at
+    near = f"within {1e3 * fit.deviation:.3g} mm of them, proved; farthest at {1e3 * at.s:.3f} mm, segment {at.segment}"
+    return f"{fit.before} pieces made {fit.after}, {near}"
 
 
 def _sum_up_departures(departures: Sequence[Departure]) -> str:

@@ -92,6 +92,13 @@ def test_short_lines_become_few_smooth_pieces_within_the_tolerance(hexapod, fitt
     assert path.stops(3).sum() == 2
     assert path.fit.after == len(pieces)
     assert path.fit.rounded == path.fit.stopped == 0
+    place, x = path.fit.deviates_at, positions(path.pieces)
+    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(x, axis=0), axis=1))])
+    near = np.abs(way - place.s) < 2e-4  # half a line
+    nearest = np.linalg.norm(corners - x[near].mean(0), axis=1).argsort()[:3]
+    both = distance_to_polyline(x[near], corners).max(), distance_to_polyline(corners[nearest], x).max()
+    assert max(both) > 0.9 * apart
+    assert min(abs(nearest + 0.5 - place.segment)) <= 0.5
 
 
 def straight(a, b):
@@ -159,6 +166,10 @@ def test_long_lines_stay_lines_and_corners_blends(hexapod):
     away = [np.linalg.norm(positions(path.pieces, 2001) - corner, axis=1).min() for corner in corners[1:-1]]
     np.testing.assert_allclose(away, TOLERANCE, rtol=1e-3)
     assert path.fit.deviation <= TOLERANCE
+    at = path.fit.deviates_at
+    k = int(np.searchsorted(path.breaks, at.s, side="right")) - 1
+    x = path.pieces[k].poses(np.array([path.pieces[k].start + at.s - path.breaks[k]]))[0, :3]
+    assert np.linalg.norm(x - corners[at.segment]) == pytest.approx(TOLERANCE, rel=1e-3)
 
 
 @pytest.mark.parametrize("angle", [20, 50, 90, 150])
