@@ -101,7 +101,9 @@ def path_in_space(plan: Plan, ax: Axes3D | None = None) -> Axes3D:
 
 def draw_way(ax: Axes3D, position: Array, speed: Array, label: str = "speed along the path (mm/s)") -> Axes3D:
     """Points (N, 3) mm one after the other, coloured by the speed (N,) mm/s there; where they rest."""
-    line = Line3DCollection(list(np.stack([position[:-1], position[1:]], 1)), cmap="viridis", linewidths=2.5)
+    strokes = list(np.stack([position[:-1], position[1:]], 1))
+    # fast is dark: it stands out from the paper, and from the inverted paper of a dark page too
+    line = Line3DCollection(strokes, cmap="viridis_r", linewidths=2.5)
     line.set_array((speed[:-1] + speed[1:]) / 2)
     ax.add_collection3d(line)
     rest = position[speed <= 1e-6 * speed.max(initial=0.0)]

@@ -20,13 +20,14 @@ class Overview:
     names          of the columns, once a part is there; their units: units
     window         s of each window of time
     first, low, high  (windows, columns)
+    segments       (windows,) the program's segment at the first instant of each; 0 without a program
     """
 
     def __init__(self) -> None:
         self.names: tuple[str, ...] = ()
         self.units: tuple[str, ...] = ()
         self.window = 2 * ROW_PERIOD
-        self._windows = np.zeros(0, np.int64)
+        self._windows = self.segments = np.zeros(0, np.int64)
         self.first = self.low = self.high = np.zeros((0, 0))
 
     def add(self, motion: Trajectory, begin: float, length: float) -> None:
@@ -42,6 +43,10 @@ class Overview:
         found = rows(motion, t)
         found[:, 0] += begin
         found[:, 1] += length
+        pieces = motion.piece[np.clip(np.searchsorted(motion.knots, t, side="right") - 1, 0, len(motion.piece) - 1)]
+        known, place = np.unique(pieces, return_inverse=True)
+        own = np.array([motion.path.segment(int(piece)) or 0 for piece in known])[place]
+        self.segments = np.append(self.segments, own)
         whose = (n * ROW_PERIOD / self.window + 1e-9).astype(np.int64)
         self._windows = np.append(self._windows, whose)
         self.first, self.low, self.high = (np.concatenate([held, found]) for held in (self.first, self.low, self.high))
@@ -59,7 +64,7 @@ class Overview:
     def _merge(self) -> None:
         """What is in the same window becomes one."""
         starts = np.flatnonzero(np.diff(self._windows, prepend=-1))
-        self._windows, self.first = self._windows[starts], self.first[starts]
+        self._windows, self.segments, self.first = self._windows[starts], self.segments[starts], self.first[starts]
         self.low, self.high = np.minimum.reduceat(self.low, starts), np.maximum.reduceat(self.high, starts)
 
     @property

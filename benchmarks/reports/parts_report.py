@@ -41,6 +41,7 @@ def write_report(
             note=note,
             summary=summary(standing),
             band=make_band(standing, seen),
+            segments=list_segments(seen),
             used_share=USED_SHARE,
             axes=list(zip(standing.pulses.axes, standing.counted, standing.machine.axes, strict=True)),
         ),
@@ -180,6 +181,12 @@ def measure_uses(standing: PlanStanding, seen: Overview) -> dict[str, Array]:
     return found
 
 
+def list_segments(seen: Overview) -> list[tuple[float, str]]:
+    """When each segment of the program begins, to a window, and its number; those within one window are passed over."""
+    begins = np.flatnonzero(np.diff(seen.segments, prepend=0))
+    return [(float(seen.t[k]), f"segment {seen.segments[k]}") for k in begins]
+
+
 def make_band(standing: PlanStanding, seen: Overview) -> dict[str, Any]:
     """Which limit of the axes is used most, as `timeline.make_band` tells which is active; and its words."""
     uses = measure_uses(standing, seen)
@@ -189,5 +196,5 @@ def make_band(standing: PlanStanding, seen: Overview) -> dict[str, Any]:
     return {
         "limits": [{"name": name, "color": PALETTE[n % len(PALETTE)]} for n, name in enumerate(uses)],
         "runs": [(float(seen.t[k]), int(most[k])) for k in begins],
-        "words": ["most used limit of the axes: ", f"no limit of the axes is used by {100 * USED_SHARE:.0f} %"],
+        "words": ["most used limit of the axes: ", f"no axis at {100 * USED_SHARE:.0f} %: another limit, or none"],
     }

@@ -196,7 +196,8 @@
   }
   strip.hidden = !plots.length;
   const legend = strip.querySelector("ul");
-  for (const { name, color } of page.band.limits) {
+  const grey = page.band.runs.some(([, owner]) => owner < 0) ? [{ name: (page.band.words ?? ["", "no limit is active"])[1], color: "var(--line)" }] : [];
+  for (const { name, color } of [...page.band.limits, ...grey]) {
     const entry = legend.appendChild(document.createElement("li"));
     entry.append(name);
     entry.style.setProperty("--chip", color);

@@ -242,8 +242,8 @@ class _Spline:
         worst = int(proved.position.argmax())
         s = float(proved.s[worst] + proved.s[worst + 1]) / 2
         link = int(np.clip(np.searchsorted(proved.places, s, side="right") - 1, 0, len(self.links) - 1))
-        place = s, self.links[link].segment
-        told = Fitted(unit.tolerance, unit.angle, len(self.links), len(pieces), *proved.worst, *close, *place)
+        found = unit.tolerance, unit.angle, len(self.links), len(pieces), *proved.worst
+        told = Fitted(*found, head=close[0], tail=close[1], s=s, segment=self.links[link].segment)
         yield Drawn(pieces, join, dwell, fitted=told)
 
     def _pieces(self, unit: _Unit) -> list[Piece]:

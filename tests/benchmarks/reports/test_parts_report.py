@@ -6,7 +6,7 @@ from base64 import b64decode
 import numpy as np
 import pytest
 
-from benchmarks.reports.parts_report import USED_SHARE, draw, make_band, write_report
+from benchmarks.reports.parts_report import USED_SHARE, draw, list_segments, make_band, write_report
 from benchmarks.reports.time_series import pack_panels
 from kinematics import load_machine
 from planner import load_program
@@ -74,6 +74,18 @@ def test_the_page_holds_the_extremes_of_every_window(made):
                 inside = [row[column][k] for row in rows if begin - 1e-5 <= row[0] < begin + seen.window - 1e-5]
                 found = 1e3 * (np.array([min(inside), max(inside)]) - zero[k])
                 np.testing.assert_allclose(np.sort(both), found, rtol=1e-5, atol=1e-4)
+
+
+def test_segments_begin_where_the_motion_comes_to_them(made):
+    _, seen, motions = made
+    begins = {}
+    for begin, motion in motions:
+        for knot, piece in zip(motion.knots[:-1], motion.piece, strict=True):
+            begins.setdefault(f"segment {motion.path.segment(int(piece))}", begin + knot)
+    found = {name: t for t, name in list_segments(seen)}
+    assert list(found) == list(begins)
+    for name, t in found.items():
+        assert 0 <= t - begins[name] <= seen.window + 1e-9
 
 
 def test_the_band_has_the_colour_of_the_axis_limit_that_is_used_most(made):
