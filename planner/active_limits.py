@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from kinematics.foundation.arrays import Array
+from kinematics.foundation.arrays import Array, largest_in_rows
 from planner.plan import Plan
 from planner.program.model import Dwell
 from planner.timing.profile import Profile, sample_limit_use
@@ -26,11 +26,19 @@ def limit_shares(plan: Plan) -> dict[str, Array]:
 def active_limits(plan: Plan) -> np.ndarray:
     """(M,) for each time piece the index in `plan.limits` of the limit that holds the motion back; −1 where none does.
 
-    It is the most used one from 99 % on. Geometric limits never do: they do not depend on timing.
+    Of those used by 99 % or more it is the one most used in the middle of the piece: a ramp at the largest acceleration
+    ends at the largest speed. Geometric limits never do: they do not depend on timing.
     """
-    seen = limit_shares(plan)
+    seen, motion = limit_shares(plan), plan.trajectory
     use = np.stack([seen[limit.name] * (not limit.geometric) for limit in plan.limits])
-    return np.where(use.max(0) >= ACTIVE_SHARE, use.argmax(0), -1)
+    state = motion.within(np.arange(len(motion.piece)), np.diff(motion.knots) / 2, jerk=plan.order == 3)
+    middle = np.zeros_like(use)
+    for n, limit in enumerate(plan.limits):
+        if not limit.geometric:
+            value = limit.value(state)
+            middle[n] = largest_in_rows(limit.use(value, value, motion.piece))
+    most = np.where(use >= ACTIVE_SHARE, middle, -1.0).argmax(0)
+    return np.where(use.max(0) >= ACTIVE_SHARE, most, -1)
 
 
 def find_segments(plan: Plan) -> list[tuple[int, int]]:
