@@ -10,7 +10,7 @@ from os import PathLike
 from controllers.rig import Rig
 from controllers.rig_file import load_rig
 from kinematics.foundation.errors import MotionError
-from kinematics.foundation.names import find, presets
+from kinematics.foundation.names import add_article, find, presets
 from kinematics.machine.machine import Machine
 from kinematics.machine.machine_file import load_machine
 
@@ -82,7 +82,7 @@ def _fits(own: str, machine: Machine) -> bool:
 def _differences(own: Machine, machine: Machine) -> Iterator[str]:
     """How a machine differs from a rig's own in what matters to drives."""
     if type(own) is not type(machine):
-        yield f"its machine {own.name} is a {_kind(own)}, this is a {_kind(machine)}"
+        yield f"its machine {own.name} is {add_article(_kind(own))}, this is {add_article(_kind(machine))}"
         return
     names, others = ([axis.name for axis in of.axes] for of in (own, machine))
     if names != others:

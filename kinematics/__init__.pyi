@@ -62,6 +62,7 @@ from .kinds.traverser import Traverser as Traverser
 from .kinds.tripod import Tripod as Tripod
 from .kinds.urdf import Joints as Joints
 from .machine.axis import Axis as Axis
+from .machine.shaper import Shaper as Shaper
 from .machine.load import Body as Body, Leg as Leg, Load as Load, cylinder as cylinder
 from .machine.machine import Machine as Machine
 from .machine.machine_file import load_machine as load_machine, machine_names as machine_names

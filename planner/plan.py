@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from os import PathLike
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +17,8 @@ from planner.certificate.certify import Certificate
 from planner.certificate.constant_speed import CONSTANT_SPEED, Stretch, find_stretches
 from planner.certificate.feasibility import Standing, prove_feasibility
 from planner.certificate.lower_bound import find_left_out
+from planner.interruption.interruptible import Interruptible
+from planner.interruption.section import Whole
 from planner.limits import Limit, OwnLimit, limits_of, usual_order
 from planner.limits.registry import geometric_limits, make_own_limits
 from planner.orientation.orient import orient_open
@@ -45,14 +46,11 @@ from planner.tradeoffs.pareto import WEIGHTS, Tradeoff, trade
 from planner.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from planner.export.format import Exported
-    from planner.interruption.hold import Stops
-    from planner.interruption.section import Section, Whole
     from planner.tradeoffs.limit_worth import Worth
 
 
 @dataclass(frozen=True, slots=True)
-class Plan(Result):
+class Plan(Result, Interruptible):
     """A program on a machine: the path in actuator coordinates, the fastest motion, its certificate and pulses.
 
     counted          what the pulses count: the motion, behind its shapers, as motors that compensate make it
@@ -149,20 +147,10 @@ class Plan(Result):
             self.trajectory, self.certificate.use.get(CONSTANT_SPEED, np.zeros(len(self.trajectory.s)))
         )
 
+    @check_arguments()
     def realised(self, *, stride: int = 1) -> RealisedPath:
         """How far the pose that the pulses stand for is from the planned one; stride k looks at every k-th interval."""
         return realised(self, stride=stride)
-
-    def export(self, format: str, path: str | PathLike[str], *, force: bool = False, **options: Any) -> "Exported":
-        """Write it in a format of `planner.export.format`, and tell how far what the file holds is from the plan.
-
-        options: the fields of the format's dataclass, in SI units. force: replace a file that is there.
-        Raises MotionError for an unknown format or option, a file that is there, and what the format cannot hold.
-        """
-        from planner.export.format import ExportSource, write_export
-
-        source = ExportSource(self.program.name, self.machine, self.trajectory, self.pulses)
-        return write_export(source, format, path, force, options)
 
     def tables(self) -> tuple[Table, ...]:
         """How long it takes, what is proved of it, its blends, its pulses and its triggers."""
@@ -193,6 +181,7 @@ class Plan(Result):
             return "as stated"
         return "" if self.fastest else f"with the least {self.objective}"
 
+    @check_arguments()
     def trade(self, weights: Sequence[float] = WEIGHTS) -> Tradeoff:
         """Duration against heat along this path, from the fastest motion on: the least of each objective.
 
@@ -200,37 +189,8 @@ class Plan(Result):
         """
         return trade(self.path, self.limits, self.machine.axes, self.order, weights)
 
-    def hold(self, at: float) -> "Section":
-        """The soonest stop along the path from an instant `at` (s) on: certified, with pulses behind those sent before.
-
-        Raises MotionError for an instant at which it does not move (`planner.interruption.hold`).
-        """
-        from planner.interruption.hold import hold
-
-        return hold(self.whole(), at)
-
-    def resume(self, stop: "Section | float") -> "Section":
-        """The fastest motion from a stop, or from rest at a place (m of the path), to the end."""
-        from planner.interruption.hold import resume
-
-        return resume(self.whole(), stop if isinstance(stop, (int, float)) else stop.until)
-
-    def override(self, share: float) -> "Section":
-        """The whole motion at a share of its speed, above 0 and up to 1, certified, with pulses."""
-        from planner.interruption.hold import override
-
-        return override(self.whole(), share)
-
-    def stops(self, count: int = 50) -> "Stops":
-        """How soon and how far it comes to rest, if held, from each of `count` instants."""
-        from planner.interruption.hold import find_stops
-
-        return find_stops(self.whole(), count)
-
-    def whole(self) -> "Whole":
+    def whole(self) -> Whole:
         """What sections of it are made of (`planner.interruption`)."""
-        from planner.interruption.section import Whole
-
         program, motion = self.program, (self.path, self.trajectory, self.certificate, self.pulses)
         return Whole(program.name, self.machine, *motion, self.order, program.tool, self.own_limits)
 

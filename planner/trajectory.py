@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.analysis.clearance import Bodies
-from kinematics.foundation.arrays import Array, freeze_fields
+from kinematics.foundation.arrays import Array, finite_array, freeze_fields
 from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
@@ -162,11 +162,11 @@ class Trajectory(Result):
         return np.clip(np.searchsorted(self.knots, t, side="right") - 1, 0, len(self.s) - 1)
 
     def at(self, t: ArrayLike) -> State:
-        """The state at t; before 0 and after the duration the motion rests at its ends.
+        """The state at t (s), one or (N,); before 0 and after the duration the motion rests at its ends.
 
-        q̇ = q′ ṡ;  q̈ = q′ s̈ + q″ ṡ²;  q⃛ = q′ s⃛ + 3 q″ ṡ s̈ + q‴ ṡ³.
+        q̇ = q′ ṡ;  q̈ = q′ s̈ + q″ ṡ²;  q⃛ = q′ s⃛ + 3 q″ ṡ s̈ + q‴ ṡ³. Raises MotionError for what is no instant.
         """
-        return self._at(np.atleast_1d(np.asarray(t, float)))
+        return self._at(np.atleast_1d(finite_array(t, "at: t", (), (None,), unit="s")))
 
     def positions_at(self, t: Array) -> Array:
         """q (N, n) alone, in a third of the time."""

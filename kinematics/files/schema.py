@@ -29,7 +29,7 @@ from pydantic_core import ErrorDetails, InitErrorDetails
 from kinematics.files.keys import Chosen, key, remedy_of
 from kinematics.files.toml_document import Document, Key
 from kinematics.foundation.errors import BadValue, Fault, FileError, MotionError, validation_error
-from kinematics.foundation.names import closest, nearest
+from kinematics.foundation.names import add_article, closest, nearest
 from kinematics.foundation.units import Unit, describe_value, everyday_unit, unit_value
 
 KIND_KEYS = {
@@ -53,7 +53,8 @@ def describe_wrong_kind(data: Mapping[str, Any], wanted: str) -> str:
     if wanted not in KIND_KEYS or wanted in found or len(found) != 1:
         return ""
     ((what, keys),) = found.items()
-    return f"this is a {what}, by its {', '.join(keys)}, and a {wanted} is asked for here: give it {_INPUT_HINTS[what]}"
+    asked = f"{add_article(wanted)} is asked for here: give it {_INPUT_HINTS[what]}"
+    return f"this is {add_article(what)}, by its {', '.join(keys)}, and {asked}"
 
 
 class TableSchema(BaseModel):

@@ -20,7 +20,7 @@ def find(package: str, what: str, name_or_path: str | PathLike[str]) -> Path | T
     """Where a preset or a file is: a plain word is a preset's name, anything with a folder or suffix a file's path."""
     if not isinstance(name_or_path, str | PathLike):
         raise MotionError(
-            f"a {what} is given by its name or the path of a file, or as it is, not as {name_or_path!r:.80}"
+            f"{add_article(what)} is given by its name or the path of a file, or as it is, not as {name_or_path!r:.80}"
         )
     path = Path(name_or_path)
     name = fspath(name_or_path)
@@ -52,6 +52,13 @@ def unknown_name(what: str, name: str, known: Iterable[str]) -> BadValue:
         allowed=", ".join(known),
         nearest=closest(name, known),
     )
+
+
+def add_article(noun: str) -> str:
+    """A noun as a sentence has it: "a hexapod", "an arm", and of a plural "a set of equations"."""
+    if noun.endswith("s") and not noun.endswith(("ss", "is")):
+        return f"a set of {noun}"
+    return f"{'an' if noun[:1].lower() in 'aeiou' else 'a'} {noun}"
 
 
 def nearest(name: str, choices: Iterable[str]) -> str:

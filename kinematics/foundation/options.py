@@ -2,8 +2,8 @@
 
 An option is a field of a frozen dataclass that says what it is about.
 
-And arguments of a wrong kind, refused by name where a public function is called, not deep inside. What a parameter
-accepts is read from its annotation; shapes and ranges are refused by the functions themselves.
+And arguments of a wrong kind, refused by name where a public function is called, not deep inside. What a parameter or
+a field accepts is read from its annotation, its unit too; shapes and ranges are refused by the functions themselves.
 """
 
 import re
@@ -12,16 +12,16 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import Field, field, fields
 from functools import cache, wraps
 from importlib import import_module
-from inspect import get_annotations, isclass, signature
+from inspect import Parameter, get_annotations, isclass, signature
 from numbers import Integral, Real
 from types import NoneType, SimpleNamespace, UnionType
-from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from kinematics.foundation.errors import MotionError, locate_errors
-from kinematics.foundation.names import nearest, unknown_name
-from kinematics.foundation.units import quantity
+from kinematics.foundation.names import add_article, nearest, unknown_name
+from kinematics.foundation.units import Unit, quantity
 
 
 def option(default: Any, about: str, unit: str = "") -> Any:
@@ -90,20 +90,17 @@ def check_arguments(*but: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
         @cache
         def accepted() -> dict[str, tuple[Any, tuple[type, ...]]]:
-            found = {name: _resolve(function, name) for name in signature(function).parameters if name not in but}
-            return {name: (kind, _list_classes(kind)) for name, kind in found.items() if kind is not Any}
+            parameters = signature(function).parameters
+            single = [name for name, one in parameters.items() if one.kind not in _SEVERAL and name not in but]
+            return _read_kinds({name: parameters[name].annotation for name in single}, function.__module__)
 
         @wraps(function)
         def checked(*args: P.args, **kwargs: P.kwargs) -> R:
             given = signature(function).bind(*args, **kwargs).arguments  # TypeError for what has no such name, as ever
             for name, (kind, classes) in accepted().items():
                 value = given.get(name, _ABSENT)
-                if value is _ABSENT or (isinstance(value, classes) and not isinstance(value, bool)):
-                    continue
-                if not fits(value, kind):
-                    told = f'"{value}"' if isinstance(value, str) else f"{value!r:.60}"
-                    kinds = " or ".join(dict.fromkeys(_describe(kind)))
-                    raise MotionError(f"{function.__name__}: {name} is {told}; expected {kinds}")
+                if value is not _ABSENT:
+                    _refuse_misfit(function.__name__, name, value, kind, classes)
             return function(*args, **kwargs)
 
         return checked
@@ -111,31 +108,65 @@ def check_arguments(*but: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
     return decorate
 
 
-def _resolve(function: Callable[..., Any], name: str) -> Any:
-    """The annotation of a parameter; Any for several values, and for names that only type checkers load."""
-    parameter = signature(function).parameters[name]
-    if parameter.kind in (parameter.VAR_KEYWORD, parameter.VAR_POSITIONAL):
-        return Any
-    kind = parameter.annotation
+_SEVERAL = (Parameter.VAR_KEYWORD, Parameter.VAR_POSITIONAL)
+
+
+def check_fields(value: object, *but: str) -> None:
+    """Refuse what the fields of a dataclass hold, but for the fields `but`, as `check_arguments` does arguments."""
+    kind: Any = type(value)
+    for name, (accepted, classes) in _field_kinds(kind, but).items():
+        one = getattr(value, name)
+        if not isinstance(one, classes) or one is True or one is False:  # programs have millions of these values
+            _refuse_misfit(kind.__name__.lower(), name, one, accepted, classes)
+
+
+@cache
+def _field_kinds(kind: type[Any], but: tuple[str, ...]) -> dict[str, tuple[Any, tuple[type, ...]]]:
+    found: dict[str, tuple[Any, tuple[type, ...]]] = {}
+    for base in reversed(kind.__mro__):
+        own = get_annotations(base)
+        names = [each.name for each in fields(kind) if each.name in own and each.name not in but]
+        found |= _read_kinds({name: own[name] for name in names}, base.__module__)
+    return found
+
+
+def _refuse_misfit(what: str, name: str, value: object, kind: Any, classes: tuple[type, ...]) -> None:
+    if (isinstance(value, classes) and not isinstance(value, bool)) or fits(value, kind):
+        return
+    told = f'"{value}"' if isinstance(value, str) else f"{value!r:.60}"
+    raise MotionError(f"{what}: {name} is {told}; expected {' or '.join(dict.fromkeys(_describe(kind)))}")
+
+
+def _read_kinds(annotations: Mapping[str, Any], module: str) -> dict[str, tuple[Any, tuple[type, ...]]]:
+    """By name, what is accepted, and the classes of it; without what anything may be."""
+    found = {name: _resolve(kind, module) for name, kind in annotations.items()}
+    return {name: (kind, _list_classes(kind)) for name, kind in found.items() if kind is not Any}
+
+
+def _resolve(kind: Any, module: str) -> Any:
+    """An annotation; Any where there is none, and for names that only type checkers load."""
     if isinstance(kind, str):
         try:
-            alone = SimpleNamespace(__annotations__={name: kind})  # one that is not known must not cost the others
-            kind = get_type_hints(alone, vars(sys.modules[function.__module__]))[name]
+            alone = SimpleNamespace(__annotations__={"kind": kind})  # one that is not known must not cost the others
+            kind = get_type_hints(alone, vars(sys.modules[module]), include_extras=True)["kind"]
         except NameError:
             return Any
-    return Any if kind is parameter.empty else kind
+    return Any if kind is Parameter.empty else kind
 
 
 def _list_classes(kind: Any) -> tuple[type, ...]:
     """Those of an annotation's kinds that `isinstance` tells at once."""
     parts = get_args(kind) if get_origin(kind) in (Union, UnionType) else (kind,)
-    classes = (part for part in parts if isclass(part) and get_origin(part) is None)
+    plain = (get_args(part)[0] if get_origin(part) is Annotated else part for part in parts)
+    classes = (part for part in plain if isclass(part) and get_origin(part) is None)
     return tuple(part for part in classes if not getattr(part, "_is_protocol", False))
 
 
 def fits(value: object, kind: Any) -> bool:
     """Whether a value is of the kind that an annotation states; what cannot be told is taken to be."""
     origin, parts = get_origin(kind), get_args(kind)
+    if origin is Annotated:
+        return fits(value, parts[0])
     if origin in (Union, UnionType):
         return any(fits(value, part) for part in parts)
     if origin is Literal:
@@ -148,6 +179,8 @@ def fits(value: object, kind: Any) -> bool:
         return is_row and all(fits(each, parts[0]) for each in looked_at)
     if kind in _NUMBERS:
         return isinstance(value, _NUMBERS[kind][0]) and not isinstance(value, bool | np.bool_)
+    if kind is bool:
+        return isinstance(value, bool | np.bool_)
     if not isclass(kind):
         return True if origin is None or not isclass(origin) else isinstance(value, origin)
     if getattr(kind, "_is_protocol", False):
@@ -163,6 +196,9 @@ def _list_attributes(protocol: Any) -> tuple[str, ...]:
 def _describe(kind: Any) -> list[str]:
     """In words, what an annotation accepts."""
     origin, parts = get_origin(kind), get_args(kind)
+    if origin is Annotated:
+        units = [each.unit for each in parts[1:] if isinstance(each, Unit)]
+        return [" in ".join(_describe(parts[0]) + units)]
     if origin in (Union, UnionType):
         return [words for part in parts for words in _describe(part)]
     if origin is Literal:
@@ -179,4 +215,4 @@ def _describe(kind: Any) -> list[str]:
     if name in ("PathLike", "Path"):
         return ["a path"]
     words = " ".join(re.findall("[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+", name)).lower()
-    return [f"{'an' if words[:1] in 'aeiou' else 'a'} {words}"]
+    return [add_article(words)]

@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from kinematics.files.atomic_files import Destination
 from kinematics.foundation.errors import MotionError
-from kinematics.foundation.names import nearest
+from kinematics.foundation.names import add_article, nearest
+from kinematics.foundation.options import check_arguments
 from kinematics.foundation.short_repr import short_repr
 from kinematics.foundation.table import Table
 
@@ -103,9 +104,11 @@ class Result(ABC):
         It is the one registered for the type (`kinematics.foundation.result`), which says what options it has.
         Raises MotionError where there is none.
         """
+        if ax is not None and not hasattr(ax, "get_figure"):
+            raise MotionError(f"plot: ax is {ax!r:.60}; expected axes of Matplotlib, or None")
         draw = _FIGURES.find(type(self))
         if draw is None:
-            raise MotionError(f"a {self._kind} has no figure; print it, or draw its data()")
+            raise MotionError(f"{add_article(self._kind)} has no figure; print it, or draw its data()")
         return draw(self, ax, *args, **options)
 
     def data(self) -> Table:
@@ -138,6 +141,7 @@ class Result(ABC):
         """
         return self.data().to_pandas()
 
+    @check_arguments()
     def save(self, path: str | PathLike[str], *, force: bool = False) -> None:
         """Write a file, whole or not at all; its suffix says what: .csv holds `data()`, .json all tables.
 
@@ -148,7 +152,7 @@ class Result(ABC):
         what = f"save {place}"
         if place.suffix not in known:
             raise MotionError(
-                f'{what}: "{place.suffix}" is no suffix of what a {self._kind} is saved as'
+                f'{what}: "{place.suffix}" is no suffix of what {add_article(self._kind)} is saved as'
                 f"{nearest(place.suffix, known)}; there are {', '.join(known)}"
             )
         if not place.parent.is_dir():

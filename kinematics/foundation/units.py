@@ -305,6 +305,10 @@ class Unit:
 
 Length = Annotated[float, Unit("m")]
 Angle = Annotated[float, Unit("rad")]
+Duration = Annotated[float, Unit("s")]
+Speed = Annotated[float, Unit("m/s")]
+Acceleration = Annotated[float, Unit("m/s^2")]
+AngularSpeed = Annotated[float, Unit("rad/s")]
 
 
 def describe_value(value: object) -> str:

@@ -20,7 +20,7 @@ from kinematics.files.keys import Key, format_entries, format_value, keys_of, ta
 from kinematics.files.toml_document import format_millimetres, quote
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
-from kinematics.foundation.names import find, source_folder
+from kinematics.foundation.names import add_article, find, source_folder
 from kinematics.foundation.options import check_arguments
 from kinematics.kinds.axis_keys import LinearAxis, MachineFile, RotaryAxis, TimingTable
 from kinematics.kinds.load_keys import Carried, LegsTable
@@ -101,7 +101,7 @@ def _axes(machine: Machine, kind: str, known: Sequence[str], complete: bool) -> 
     names = tuple(axis.name for axis in machine.axes)
     if known and names != tuple(known):
         raise MotionError(
-            f"machine {machine.name}: its axes are called {', '.join(names)}; in a file of a {kind} "
+            f"machine {machine.name}: its axes are called {', '.join(names)}; in a file of {add_article(kind)} "
             f"they are {', '.join(known)}: name them so"
         )
     for table, sort in (("axes", "linear"), ("rotary", "rotary")):

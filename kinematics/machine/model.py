@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 from kinematics.foundation.arrays import Array, finite_array, freeze_array, unit_vectors
 from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.errors import BadValue, MotionError, OutOfReach, locate_errors
+from kinematics.foundation.names import add_article
 from kinematics.foundation.operations import refuse_unknown
 from kinematics.machine.axis import Axis
 from kinematics.machine.kind import Kind, PlacedSkeleton, Skeleton, columns, refuse_uncontrolled
@@ -86,10 +87,12 @@ def check_axes(of: Kind, name: str, given: Iterable[Axis]) -> tuple[Axis, ...]:
     if strange:
         raise MotionError(f"machine {name}: axes must be {count} of Axis, not {strange[0]!r:.100}")
     if len(axes) != count:
-        raise MotionError(f"machine {name}: {len(axes)} axes; a {kind} has {count}, for {', '.join(of.freedom)}")
+        raise MotionError(
+            f"machine {name}: {len(axes)} axes; {add_article(kind)} has {count}, for {', '.join(of.freedom)}"
+        )
     for axis, sort in zip(axes, of.sorts, strict=False):
         if axis.kind != sort:
-            told = f"axis {axis.name} is {axis.kind}; a {kind} has a {sort} one there"
+            told = f"axis {axis.name} is {axis.kind}; {add_article(kind)} has a {sort} one there"
             raise MotionError(f'machine {name}: {told}: give it kind="{sort}"')
     if len({axis.name for axis in axes}) < count:
         raise MotionError(f"machine {name}: two axes have the same name; names tell the limits of one from another's")

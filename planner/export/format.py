@@ -12,8 +12,10 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 
 from kinematics.files.atomic_files import Destination
-from kinematics.foundation.errors import MotionError
+from kinematics.foundation.errors import MotionError, locate_errors
+from kinematics.foundation.names import nearest
 from kinematics.foundation.options import load_plugin
+from kinematics.foundation.options import options as list_options
 from kinematics.machine.machine import Machine
 from planner.parallel import Progress, ignore_progress
 from planner.pulses.compensation.compensate import counted_motion
@@ -155,10 +157,16 @@ def write_export(
 ) -> Exported:
     """What `Plan.export` does; the file is there whole or not at all."""
     kind = find_format(name)
-    try:
+    if unknown := options.keys() - (known := list_options(kind)):
+        odd = min(unknown)
+        raise MotionError(
+            f'format {name} has no option "{odd}"{nearest(odd, known)}; its options: {", ".join(known) or "none"}'
+        )
+    with locate_errors(f"format {name}"):
         format_ = kind(**options)
-    except TypeError as error:
-        raise MotionError(f"format {name}: {error}") from None
-    target = Destination(Path(path), force=force, remedy="give force=True to replace it, or another path")
+    place = Path(path)
+    if not place.parent.is_dir():
+        raise MotionError(f"export {place}: there is no folder {place.parent}; make it first")
+    target = Destination(place, force=force, remedy="give force=True to replace it, or another path")
     with target.stage() as file:
         return export(format_, name, source, file)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.machine import Machine
@@ -122,6 +123,7 @@ class Section(Result):
         """m of the plan's path, where it ends, at rest."""
         return self.since + self.distance
 
+    @check_arguments()
     def export(self, format: str, path: str | PathLike[str], *, force: bool = False, **options: Any) -> Exported:
         """As `planner.Plan.export` writes a plan."""
         name, goes_on = f"{self.name}-{self.what}", self.at is not None

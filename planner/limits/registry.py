@@ -1,6 +1,7 @@
 """Which limits there are: one line each; and those that one plan alone has beside them."""
 
 from collections.abc import Callable, Iterator, Sequence
+from inspect import signature
 
 import numpy as np
 
@@ -13,7 +14,8 @@ from planner.limits.geometric import Clearance, Room, Tilt, Travel
 from planner.limits.limit import Limit, Term
 from planner.limits.resonance import Resonance
 from planner.limits.tool import AngularSpeed, ToolAcceleration, ToolSpeed
-from planner.path.actuation import ActuatorPath, MachinePath
+from planner.path.actuation import ActuatorPath, MachinePath, make_points
+from planner.trajectory import unit_speed_trajectory
 
 # Of the axes alone, with the order of motion that they belong to.
 AXIS_LIMITS: dict[type[Limit], tuple[int, Callable[[Sequence[Axis]], Limit]]] = {
@@ -69,14 +71,45 @@ def make_own_limits(path: ActuatorPath, own: Sequence[OwnLimit]) -> Iterator[Lim
     for given in own:
         made: object = given
         if not isinstance(given, Limit | type) and callable(given) and isinstance(path, MachinePath):
-            made = given(path.machine, path)
+            made = _make_own(given, path)
         if not isinstance(made, Limit):
             raise MotionError(
                 f"limits: {made!r:.80} is no limit: give an instance of planner.limits.Limit, or a function of the "
                 "machine and the path that returns one"
             )
         _check_statement(made)
+        _check_shapes(made, path)
         yield made
+
+
+def _make_own(given: Callable[[Machine, MachinePath], object], path: MachinePath) -> object:
+    try:
+        signature(given).bind(path.machine, path)
+    except TypeError as error:
+        raise MotionError(f"limits: {given!r:.60} must take two arguments, the machine and the path: {error}") from None
+    except ValueError:  # what is built in may state no signature
+        pass
+    return given(path.machine, path)
+
+
+def _check_shapes(limit: Limit, path: ActuatorPath) -> None:
+    """Raise MotionError for a limit whose value, use or rows are not (N, m), tried at some places of the path."""
+    walk, channels = unit_speed_trajectory(path), len(limit.channels)
+    state = walk.at(np.linspace(0.0, walk.duration, channels + 1))  # not as many: rows and columns tell apart
+    wanted = (len(state.t), channels)
+    found = {"value": np.shape(limit.value(state))}
+    if found["value"] == wanted:
+        value = np.asarray(limit.value(state))
+        found["use"] = np.shape(limit.use(value, value, state.piece))
+    if not limit.geometric:
+        rows = limit.rows(make_points(path, state.along, state.piece))
+        found |= {f"coefficient of {term.value}": np.shape(each) for term, each in rows.coefficients.items()}
+    for what, shape in found.items():
+        if shape != wanted:
+            raise MotionError(
+                f'limit "{limit.name}": its {what} is of shape {shape} at {len(state.t)} places; expected {wanted}, '
+                f"a row for each place and a column for each channel ({', '.join(map(str, limit.channels))})"
+            )
 
 
 def _check_statement(limit: Limit) -> None:

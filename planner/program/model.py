@@ -1,6 +1,6 @@
 """The program model: what the tool is asked to do, segment by segment, in SI units and in the program's own frame."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import islice
@@ -14,9 +14,11 @@ from scipy.spatial.transform import Rotation
 from kinematics.foundation.arrays import Array, is_within_limit, most
 from kinematics.foundation.errors import Fault, FileError, MotionError
 from kinematics.foundation.formula import check_names, formula
+from kinematics.foundation.options import check_fields, fits
 from kinematics.foundation.result import Result
 from kinematics.foundation.short_repr import short_repr
 from kinematics.foundation.table import Column, Table
+from kinematics.foundation.units import Acceleration, Angle, AngularSpeed, Duration, Length, Speed
 from kinematics.machine.pose import Pose
 from planner.program.modifiers import STOP, Fit, Free, Join, Stop, Trigger
 from planner.program.validation import (
@@ -48,8 +50,8 @@ class MovingSegment:
     line_number  where it stands in its file, for messages
     """
 
-    acceleration: float | None = None
-    angular_speed: float | None = None
+    acceleration: Acceleration | None = None
+    angular_speed: AngularSpeed | None = None
     speed_constant: bool = False
     trigger: Trigger | None = None
     free: Free | None = None
@@ -63,20 +65,19 @@ class Line(MovingSegment):
     to           (3,) m
     rotate       orientation at its end, reached by the shortest turn in proportion to the path; None: kept
     speed        cap of the tool speed, m/s; None: as fast as the machine can
-    join         to the next segment
-    and what `MovingSegment` has, as all that move the tool
+    join         to the next segment; and what `MovingSegment` has, as all that move the tool
     """
 
     __repr__ = short_repr
     to: Array
     rotate: Rotation | None = None
-    speed: float | None = None
+    speed: Speed | None = None
     join: Join = STOP
 
     def __post_init__(self) -> None:
+        check_caps(self, "line", "to", "rotate")
         object.__setattr__(self, "to", check_place("line", "to", self.to))
         check_rotation(self, "line", "rotate")
-        check_caps(self, "line")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,20 +92,20 @@ class Arc(MovingSegment):
     __repr__ = short_repr
     centre: Array
     normal: Array
-    angle: float
+    angle: Angle
     rotate: Rotation | None = None
-    speed: float | None = None
+    speed: Speed | None = None
     join: Join = STOP
-    rise: float = field(default=0.0, kw_only=True)
+    rise: Length = field(default=0.0, kw_only=True)
 
     def __post_init__(self) -> None:
+        check_caps(self, "arc", "centre", "normal", "rotate")
         object.__setattr__(self, "centre", check_place("arc", "centre", self.centre))
         object.__setattr__(self, "normal", unit_direction("arc", "normal", self.normal))
         check_angle("arc", self.angle)
         check_rotation(self, "arc", "rotate")
         if not is_within_limit(self.rise, "m"):
             raise MotionError(f"arc: rise {self.rise} m must be finite, and at most {most('m'):g} m either way")
-        check_caps(self, "arc")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,10 +120,11 @@ class Spline(MovingSegment):
     __repr__ = short_repr
     through: Array
     rotate: Rotation | None = None
-    speed: float | None = None
+    speed: Speed | None = None
     join: Join = STOP
 
     def __post_init__(self) -> None:
+        check_caps(self, "spline", "through", "rotate")
         through = check_points("spline", "through", self.through)
         object.__setattr__(self, "through", through)
         repeated = np.flatnonzero(np.linalg.norm(np.diff(through, axis=0), axis=1) <= MIN_MOVE)
@@ -133,7 +135,6 @@ class Spline(MovingSegment):
         if self.rotate is not None and (self.rotate.single or len(self.rotate) != len(through)):
             given = 1 if self.rotate.single else len(self.rotate)
             raise MotionError(f"spline: {given} orientations for {len(through)} points; give one for each, or none")
-        check_caps(self, "spline")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -153,25 +154,27 @@ class Curve(MovingSegment):
     begin: float
     end: float
     rotate: tuple[str, str, str] | None = None
-    speed: float | None = None
+    speed: Speed | None = None
     join: Join = STOP
     constants: tuple[tuple[str, float], ...] = field(default=(), kw_only=True)
-    length: float = field(default=1.0, kw_only=True)
-    angle: float = field(default=1.0, kw_only=True)
+    length: Length = field(default=1.0, kw_only=True)
+    angle: Angle = field(default=1.0, kw_only=True)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "constants", tuple(dict(self.constants).items()))
+        check_caps(self, "curve", "position", "rotate", "constants")
+        if not fits(given := self.constants, Mapping | Sequence[Sequence[object]]):
+            raise MotionError(f"curve: constants are {given!r:.60}; expected names and numbers")
+        object.__setattr__(self, "constants", tuple(dict(given).items()))
         check_names(dict(self.constants))
         check_positive("curve", "length", self.length, "m")
         check_positive("curve", "angle", self.angle, "rad")
         if not (isfinite(self.begin) and isfinite(self.end)) or self.begin == self.end:
             raise MotionError(f"curve: t from {self.begin} to {self.end} must be finite, and differ")
         for name, texts in (("position", self.position), ("rotate", self.rotate)):
-            if texts is not None and len(texts) != 3:
-                raise MotionError(f"curve: {name} takes three formulas, not {len(texts)}")
+            if texts is not None and (isinstance(texts, str) or not fits(texts, Sequence[str]) or len(texts) != 3):
+                raise MotionError(f"curve: {name} takes three formulas, each a text, not {texts!r:.60}")
             for text in texts or ():
                 formula(text, dict(self.constants), SX.sym("t"))
-        check_caps(self, "curve")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -185,28 +188,27 @@ class Turn:
     __repr__ = short_repr
     to: Rotation | None = None
     join: Join = STOP
-    angular_speed: float | None = field(default=None, kw_only=True)
+    angular_speed: AngularSpeed | None = field(default=None, kw_only=True)
     trigger: Trigger | None = field(default=None, kw_only=True)
     about: Array | None = field(default=None, kw_only=True)
-    angle: float = field(default=0.0, kw_only=True)
+    angle: Angle = field(default=0.0, kw_only=True)
     line_number: int | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
+        check_caps(self, "turn", "to", "about")
         if (self.to is None) == (self.about is None):
             raise MotionError("turn: give the orientation `to`, or `about` and `angle`; exactly one of the two")
         check_rotation(self, "turn", "to")
         if self.about is not None:
             object.__setattr__(self, "about", unit_direction("turn", "about", self.about))
             check_angle("turn", self.angle)
-        check_caps(self, "turn")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Synchronised:
-    """A point-to-point move: all axes move straight to their targets and start and stop together.
+    """A point-to-point move [Sahbaz 2007, 5.2.3]: all axes move straight to their targets, and start and stop together.
 
-    The point-to-point move of [Sahbaz 2007, 5.2.3]; where the tool goes between is what the machine makes of it.
-
+    Where the tool goes between is what the machine makes of it.
     to      (3,) m, and the orientation there: None: kept
     speed, acceleration, angular_speed, trigger, join, line_number  as of a line
     """
@@ -214,27 +216,28 @@ class Synchronised:
     __repr__ = short_repr
     to: Array
     rotate: Rotation | None = None
-    speed: float | None = None
+    speed: Speed | None = None
     join: Join = STOP
-    acceleration: float | None = field(default=None, kw_only=True)
-    angular_speed: float | None = field(default=None, kw_only=True)
+    acceleration: Acceleration | None = field(default=None, kw_only=True)
+    angular_speed: AngularSpeed | None = field(default=None, kw_only=True)
     trigger: Trigger | None = field(default=None, kw_only=True)
     line_number: int | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
+        check_caps(self, "synchronised", "to", "rotate")
         object.__setattr__(self, "to", check_place("synchronised", "to", self.to))
         check_rotation(self, "synchronised", "rotate")
-        check_caps(self, "synchronised")
 
 
 @dataclass(frozen=True, slots=True)
 class Dwell:
     """A dwell of `duration` (s)."""
 
-    duration: float
+    duration: Duration
     line_number: int | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
+        check_fields(self)
         check_positive("dwell", "duration", self.duration, "s")
 
 
@@ -295,18 +298,19 @@ class Program(Result):
     start: Pose | None = None
     machine: str | None = None
     name: str = "program"
-    duration: float | None = field(default=None, kw_only=True)
-    speed: float | None = field(default=None, kw_only=True)
-    acceleration: float | None = field(default=None, kw_only=True)
-    angular_speed: float | None = field(default=None, kw_only=True)
+    duration: Duration | None = field(default=None, kw_only=True)
+    speed: Speed | None = field(default=None, kw_only=True)
+    acceleration: Acceleration | None = field(default=None, kw_only=True)
+    angular_speed: AngularSpeed | None = field(default=None, kw_only=True)
     tool: Pose | None = field(default=None, kw_only=True)
     work: Pose | None = field(default=None, kw_only=True)
     repeat: int = field(default=1, kw_only=True)
-    start_speed: float = field(default=0.0, kw_only=True)
-    end_speed: float = field(default=0.0, kw_only=True)
+    start_speed: Speed = field(default=0.0, kw_only=True)
+    end_speed: Speed = field(default=0.0, kw_only=True)
     file: str = field(default="", kw_only=True)
 
     def __post_init__(self) -> None:
+        check_caps(self, f"program {self.name}", "segments", "repeat", "start", "tool", "work")
         told, given = "give it a line, arc, spline, curve, turn, synchronised move or dwell", self.segments
         if not isinstance(given, SegmentStream):
             object.__setattr__(self, "segments", tuple(given) if isinstance(given, Iterable) else (given,))
@@ -317,8 +321,6 @@ class Program(Result):
                 object.__setattr__(self, frame, check_frame(f"program {self.name}: {frame}", pose))
         if not self.segments:
             raise MotionError(f"program {self.name} is empty: {told}")
-        if self.frame not in ("home", "base"):
-            raise MotionError(f'program {self.name}: frame "{self.frame}" is neither "home" nor "base"')
         if isinstance(self.repeat, bool) or not isinstance(self.repeat, int) or self.repeat < 1:
             raise MotionError(f"program {self.name}: repeat {self.repeat} must be a whole number from 1 on")
         held = self.repeat > 1 or not isinstance(self.segments, SegmentStream)  # what is read once may go on for ever
@@ -334,7 +336,6 @@ class Program(Result):
                 raise MotionError(f"program {self.name}: {end} {speed} m/s must be finite, {limit}")
         legible(f"program {self.name}", "machine", self.machine)
         check_positive(f"program {self.name}", "duration", self.duration, "s")
-        check_caps(self, f"program {self.name}")
 
     def __repr__(self) -> str:
         count = len(self.segments)
@@ -394,7 +395,5 @@ def stop_at_joins(program: Program) -> Program:
 
 def _stop_each(segments: Sequence[Segment]) -> Iterator[Segment]:
     for part in segments:
-        if isinstance(part, Dwell):
-            yield part
-        else:
-            yield replace(part, join=replace(part.join, stop=True) if isinstance(part.join, Fit) else Stop())
+        corner = replace(part.join, stop=True) if not isinstance(part, Dwell) and isinstance(part.join, Fit) else Stop()
+        yield part if isinstance(part, Dwell) else replace(part, join=corner)

@@ -5,6 +5,8 @@ from math import pi, radians
 
 from kinematics.foundation.arrays import Array, freeze_fields
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import check_fields
+from kinematics.foundation.units import Angle, Length
 from planner.program.validation import check_positive, legible
 
 
@@ -28,10 +30,11 @@ class Blend:
     angle  None: what turns points at the machine's characteristic length by the tolerance
     """
 
-    tolerance: float
-    angle: float | None = None
+    tolerance: Length
+    angle: Angle | None = None
 
     def __post_init__(self) -> None:
+        check_fields(self)
         check_positive("blend", "tolerance", self.tolerance, "m")
         check_positive("blend", "angle", self.angle, "rad")
 
@@ -54,12 +57,13 @@ class Fit:
     (planner.path.fit)
     """
 
-    tolerance: float
-    angle: float | None = None
-    corner: float = CORNER_ANGLE
+    tolerance: Length
+    angle: Angle | None = None
+    corner: Angle = CORNER_ANGLE
     stop: bool = False
 
     def __post_init__(self) -> None:
+        check_fields(self)
         check_positive("fit", "tolerance", self.tolerance, "m")
         check_positive("fit", "angle", self.angle, "rad")
         check_positive("fit", "corner", self.corner, "rad")
@@ -97,6 +101,7 @@ class Trigger:
     at: float = 1.0
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if not self.name:
             raise MotionError("trigger: its name is empty; give the name of the output line or event")
         legible("trigger", "its name", self.name)
@@ -114,10 +119,11 @@ class Free:
     """
 
     yaw: bool = True
-    tilt: float = 0.0
+    tilt: Angle = 0.0
     controls: Array | None = None
 
     def __post_init__(self) -> None:
+        check_fields(self, "controls")
         if not 0 <= self.tilt < pi / 2:
             raise MotionError(f"free: tilt {self.tilt} rad must not be negative, and be less than a right angle")
         if not self.yaw and self.tilt == 0:

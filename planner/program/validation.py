@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from kinematics.files.plain_text import describe_control_character
 from kinematics.foundation.arrays import MAX_DISTANCE, MAX_TURNS, MIN_MAGNITUDE, Array, freeze_array, most
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import check_fields
 from kinematics.machine.pose import Pose, read_pose, read_rotation
 
 CAPS = {"speed": "m/s", "acceleration": "m/s²", "angular_speed": "rad/s"}
@@ -105,8 +106,9 @@ def legible(segment: str, name: str, value: str | None) -> None:
         raise MotionError(f"{segment}: {name} {told}")
 
 
-def check_caps(stated: object, what: str) -> None:
-    """The caps that a segment or a program states, and the speed that a constant one needs."""
+def check_caps(stated: object, what: str, *but: str) -> None:
+    """The kinds of all fields but those named, the caps that are stated, and the speed that a constant one needs."""
+    check_fields(stated, *but)
     for name, unit in CAPS.items():
         if (value := getattr(stated, name, None)) is not None:
             check_positive(what, name, value, unit)

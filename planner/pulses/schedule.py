@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinematics.foundation.arrays import freeze_array
+from kinematics.foundation.arrays import finite_array, freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
 from kinematics.foundation.short_repr import short_repr
@@ -167,9 +167,13 @@ class PulseSchedule(Result):
         return pulse_table(self)
 
     def counts(self, t: ArrayLike) -> Ticks:
-        """(N, axes) the counts at the instants t (s); a pulse counts from its own instant, ticks / clock_hz, on."""
+        """(N, axes) the counts at the instants t (s); a pulse counts from its own instant, ticks / clock_hz, on.
+
+        Raises MotionError for what is no instant.
+        """
+        instants = np.atleast_1d(finite_array(t, "counts: t", (), (None,), unit="s"))
         # One rounding step up: (T / clock)·clock may fall just short of the tick T it stands for.
-        ticks = np.floor(np.nextafter(np.atleast_1d(np.asarray(t, float)) * self.clock_hz, np.inf))
+        ticks = np.floor(np.nextafter(instants * self.clock_hz, np.inf))
         return np.column_stack([axis.counts(ticks) for axis in self.axes])
 
     @property

@@ -16,6 +16,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import BadValue, MotionError
+from kinematics.foundation.options import check_fields
 from kinematics.machine.axis import Axis, directional_bounds
 from planner.limits.limit import Limit
 from planner.limits.resonance import Resonance
@@ -42,6 +43,9 @@ class Objective:
     """What a motion is to have least of: its duration, and heat with a weight, both counted in the fastest motion's."""
 
     heat: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
     def __str__(self) -> str:
         return "time" if self.heat == 0 else "time + heat" if self.heat == 1 else f"time + {self.heat:.15g} heat"

@@ -13,8 +13,7 @@ from pulsepath.process.intent import writes
 from pulsepath.progress import say, step
 
 if TYPE_CHECKING:
-    from planner.interruption.section import Section, Whole
-    from pulsepath.output.plan_directory import StoredPlan
+    from planner.interruption.section import Section
 
 
 class Hold(FormatCommand):
@@ -80,7 +79,8 @@ def hold(
     targets = [target for target in (out, resume) if target is not None]
     writes(*targets)
     planned = plan_directory.read(directory, unverified)
-    whole = _take(planned)
+    with step("generating pulses") as tell:
+        whole = planned.whole(tell)
     if stops is not None:
         with step("computing stops") as tell:
             found = find_stops(whole, stops, tell)
@@ -116,19 +116,6 @@ def hold(
         say(f"from there to the end: {made[1].duration:.6f} s, certified")
     for file in files:
         say(f"{file['file']}: {file['error_pulses']:.3g} pulses from {file['against']}")
-
-
-def _take(planned: "StoredPlan") -> "Whole":
-    from planner.certificate.certify import certify
-    from planner.interruption.section import Whole
-    from planner.path.actuation import MachinePath
-
-    motion = planned.trajectory
-    with step("generating pulses") as tell:
-        pulses = planned.pulses(tell)
-    proof, program, path = certify(motion, planned.limits), planned.program, motion.path
-    assert isinstance(path, MachinePath)  # as every plan's
-    return Whole(program.name, planned.machine, path, motion, proof, pulses, planned.order, program.tool)
 
 
 def _write(made: "Section", name: str, target: Path, force: bool, given: dict[str, Any]) -> dict[str, Any]:

@@ -18,12 +18,15 @@ from kinematics import Machine, MotionError, load_machine
 from kinematics.files.chunk_file import holds_chunks
 from kinematics.foundation.options import check_arguments
 from planner import Plan, Program, Trajectory, load_program
+from planner.certificate.certify import certify
 from planner.export import plan_files
 from planner.export.motion_file import follow_motion, read_duration, read_motion, read_parts, write_motion
+from planner.interruption.interruptible import Interruptible
+from planner.interruption.section import Whole
 from planner.limits import Limit, limits_of
 from planner.orientation.orient import apply_choice, find_choice
 from planner.parallel import Progress, ignore_progress
-from planner.path.actuation import actuate
+from planner.path.actuation import MachinePath, actuate
 from planner.path.chain import walk_path
 from planner.program.model import fit_joins
 from planner.pulses import PulseCheck, PulseFile, PulseSchedule, check, check_file, generate, open_pulses, pace_axes
@@ -70,7 +73,7 @@ SOURCES = {"program": "program.toml", "machine": "machine.toml"}
 
 
 @dataclass(frozen=True, slots=True)
-class StoredPlan:
+class StoredPlan(Interruptible):
     """A plan taken up again: its motion, exactly as proved; clock and rule of its pulses, order of its limits.
 
     load: its whole motion, once it is asked for; follow: the same part by part, where it was planned so
@@ -112,6 +115,14 @@ class StoredPlan:
     def find_limits(self, motion: Trajectory) -> tuple[Limit, ...]:
         """The same of a part of it, on its own path."""
         return limits_of(motion.path, pace_axes(self.machine.axes, self.clock_hz, self.rule), self.order)
+
+    def whole(self, progress: Progress = ignore_progress) -> Whole:
+        """What sections of it are made of, with its pulses, and its motion proved once more."""
+        motion = self.trajectory
+        proof, path = certify(motion, self.limits), motion.path
+        assert isinstance(path, MachinePath)  # as every plan's
+        program, pulses = self.program, self.pulses(progress)
+        return Whole(program.name, self.machine, path, motion, proof, pulses, self.order, program.tool)
 
     def open_pulses(self) -> PulseFile | None:
         """Their binary file, to be read part by part; None where there is none that has and states what was proved."""

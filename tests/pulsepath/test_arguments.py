@@ -1,6 +1,8 @@
 """Wrong arguments of the public functions: each refusal is ours, and names the argument and what is expected."""
 
 from inspect import signature
+from itertools import product
+from operator import attrgetter
 
 import numpy as np
 import pytest
@@ -80,6 +82,57 @@ def test_an_argument_of_a_wrong_kind_is_refused(given, name, wrong):
             assert argument in str(refused.value)
 
 
+METHODS = {
+    "hold": {"at": 0.5}, "resume": {"stop": 0.1}, "override": {"share": 0.5}, "stops": {"count": 2},
+    "realised": {"stride": 1}, "export": {"format": "csp", "path": "a.csv", "force": False}, "trade": {"weights": [0]},
+    "save": {"path": "a.csv", "force": False}, "plot": {"ax": None}, "trajectory.at": {"t": 0.1},
+    "trajectory.save": {"path": "a.csv"}, "pulses.counts": {"t": 0.1},
+}  # fmt: skip
+"""Methods of a plan and of what it holds, with arguments as they should be."""
+VALUES = {
+    "Line": {"to": [0, 0, 0], "rotate": None, "speed": None, "join": pp.Stop(), "acceleration": None, "free": None,
+             "angular_speed": None, "speed_constant": False, "trigger": None, "line_number": None},
+    "Arc": {"centre": [1, 0, 0], "normal": [0, 0, 1], "angle": 1.0, "rise": 0.0, "join": pp.Stop(), "rotate": None},
+    "Spline": {"through": [[1, 0, 0], [2, 0, 0]], "rotate": None, "speed": None, "join": pp.Stop()},
+    "Curve": {"position": ("t", "0", "0"), "begin": 0.0, "end": 1.0, "rotate": None, "constants": (), "length": 1.0},
+    "Turn": {"to": [0.1, 0, 0], "join": pp.Stop(), "angular_speed": None, "trigger": None},
+    "Synchronised": {"to": [0, 0, 0], "rotate": None, "speed": None, "join": pp.Stop(), "acceleration": None},
+    "Dwell": {"duration": 1.0, "line_number": None},
+    "Program": {"segments": [pp.Dwell(1.0)], "frame": "home", "start": None, "machine": None, "name": "p",
+                "speed": None, "duration": None, "tool": None, "work": None, "repeat": 1, "start_speed": 0.0,
+                "file": ""},
+    "Blend": {"tolerance": 1e-4, "angle": None}, "Fit": {"tolerance": 1e-4, "corner": 0.5, "stop": False},
+    "Trigger": {"name": "t", "at": 0.5}, "Free": {"yaw": True, "tilt": 0.1}, "Objective": {"heat": 0.1},
+}  # fmt: skip
+WRONG = (object(), {}, int, [1, "a"], b"x", "0.5 mm")
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_methods_of_a_plan_refuse_what_they_cannot_take(given, name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    method = attrgetter(name)(given["realised"]["plan"])
+    for argument, wrong in product(METHODS[name], WRONG):
+        if isinstance(wrong, str) and argument in ("format", "path"):
+            continue
+        with pytest.raises(MotionError, match=argument):
+            method(**{**METHODS[name], argument: wrong})
+    assert not [*tmp_path.iterdir()]
+
+
+@pytest.mark.parametrize("name", VALUES)
+def test_segments_and_programs_refuse_what_they_cannot_hold(name):
+    kind = getattr(pp, name)
+    kind(**VALUES[name])
+    for argument, wrong in product(VALUES[name], WRONG):
+        if (isinstance(wrong, str) and argument in ("name", "machine", "file")) or (argument, wrong) == (
+            "constants",
+            {},
+        ):
+            continue
+        with pytest.raises(MotionError, match=argument if argument != "segments" else "segment|empty"):
+            kind(**{**VALUES[name], argument: wrong})
+
+
 @pytest.mark.parametrize(
     ("call", "words"),
     [
@@ -91,12 +144,32 @@ def test_an_argument_of_a_wrong_kind_is_refused(given, name, wrong):
         (lambda: pp.classical(None), "classical: plan is None; expected a plan"),
         (lambda: pp.plan_many("circle", "hexapod"), 'programs is "circle"; expected a list'),
         (lambda: pp.sweep(3, RIG, "x"), "sweep: grid is 3; expected a grid"),
+        (lambda: pp.Line([0, 0, 0], speed="10 mm/s"), 'line: speed is "10 mm/s"; expected a number in m/s or None'),
+        (lambda: pp.Dwell("1 s"), 'dwell: duration is "1 s"; expected a number in s'),
+        (lambda: pp.Line([0, 0, 0], join=0.001), "line: join is 0.001; expected a stop or a through or a blend"),
+        (lambda: pp.load_machine(3), "a machine is given by its name"),
     ],
 )
 def test_refusals_say_what_was_given_and_what_is_expected(call, words):
     with pytest.raises(MotionError) as refused:
         call()
     assert words in str(refused.value)
+
+
+def test_a_plan_says_what_its_methods_take(given, tmp_path):
+    plan, hold = given["realised"]["plan"], given["realised"]["plan"].hold(0.5)
+    for call, words in (
+        (lambda: plan.hold("0.5 s"), 'hold: at is "0.5 s"; expected a number in s'),
+        (lambda: plan.hold(True), "hold: at is True"),
+        (lambda: plan.resume(plan), "expected a section or a number in m"),
+        (lambda: plan.stops(2.5), "stops: count is 2.5; expected a whole number"),
+        (lambda: plan.export("csp", tmp_path / "a.csv", cycel=1), 'no option "cycel", nearest is "cycle"'),
+        (lambda: hold.export("csp", tmp_path / "no" / "a.csv"), "there is no folder"),
+        (lambda: plan.trajectory.at(None), "at: t must be finite numbers"),
+    ):
+        with pytest.raises(MotionError) as refused:
+            call()
+        assert words in str(refused.value)
 
 
 def test_a_law_is_an_instance_and_no_class(given):

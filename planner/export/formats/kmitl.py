@@ -50,6 +50,7 @@ from scipy.spatial.transform import RigidTransform
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import add_article
 from kinematics.foundation.options import option
 from kinematics.kinds.tripod import Tripod
 from kinematics.machine.machine import Machine
@@ -71,7 +72,9 @@ def tripod_of(source: ExportSource, format_: str) -> Tripod:
     """The machine. Raises MotionError for another kind, by name."""
     if not isinstance(source.machine, Tripod):
         kind = type(source.machine).__name__.lower()
-        raise MotionError(f"{format_}: machine {source.machine.name} is a {kind}; the format is a tripod's, three arms")
+        raise MotionError(
+            f"{format_}: machine {source.machine.name} is {add_article(kind)}; the format is a tripod's, three arms"
+        )
     refuse_compensated(source, format_)
     return source.machine
 

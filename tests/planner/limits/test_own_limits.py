@@ -149,6 +149,28 @@ class Uneven(PayloadAcceleration):
         self.bounds = np.array([1.0, 2.0])
 
 
+class Flat(PayloadAcceleration):
+    name = "flat"
+
+    def value(self, motion):
+        return super().value(motion)[:, 0]
+
+
+class Narrow(PayloadAcceleration):
+    name = "narrow"
+
+    def use(self, low, high, piece):
+        return super().use(low, high, piece)[:, :2]
+
+
+class Crooked(PayloadAcceleration):
+    name = "crooked"
+
+    def rows(self, points):
+        made = super().rows(points)
+        return Rows({term: each.T for term, each in made.coefficients.items()}, made.bound)
+
+
 @pytest.mark.parametrize(
     ("given", "told"),
     [
@@ -158,6 +180,10 @@ class Uneven(PayloadAcceleration):
         (Same(), 'there is a limit "speed" already'),
         (Unstated(), 'limits: Unstated "unstated" states no channels'),
         (Uneven(), r'"uneven": bounds and units must be 3, one for each of its channels \(x, y, z\)'),
+        (lambda path: Same(), "must take two arguments, the machine and the path"),
+        (Flat(), r'limit "flat": its value is of shape \(4,\) at 4 places; expected \(4, 3\), a row for each place'),
+        (Narrow(), r'limit "narrow": its use is of shape \(4, 2\)'),
+        (Crooked(), r'limit "crooked": its coefficient of .* is of shape'),
         (Jerky(), '"jerky" limits jerk, and the motion is of order 2; give order=3'),
     ],
 )

@@ -4,6 +4,8 @@ import json
 
 import pytest
 
+from kinematics import MotionError
+from pulsepath import load_plan
 from tests import read_lines
 
 
@@ -21,6 +23,22 @@ def test_a_stop_and_the_way_on_in_files(call, plan, job):
     )
     for before, own, after in zip(pulses.axes, stop.axes, onward.axes, strict=True):
         assert before.counts([6_000_000 - 1])[0] + own.direction.sum() + after.direction.sum() == before.final
+
+
+def test_a_loaded_plan_is_held_and_exported_as_a_fresh_one(plan, job, tmp_path):
+    taken, fresh = load_plan(plan), job.plan
+    stop, other = taken.hold(0.6), fresh.hold(0.6)
+    assert stop.certificate.holds
+    assert stop.duration == pytest.approx(other.duration, rel=1e-9)
+    assert taken.resume(stop).since == stop.until
+    assert taken.override(0.5).duration == pytest.approx(fresh.override(0.5).duration, rel=1e-9)
+    assert len(taken.stops(2).t) == 2
+    files = [tmp_path / "taken.bin", tmp_path / "fresh.bin"]
+    for each, file in zip((taken, fresh), files, strict=True):
+        each.export("steps", file)
+    assert files[0].read_bytes() == files[1].read_bytes()
+    with pytest.raises(MotionError, match="expected a number in s"):
+        taken.hold("0.6 s")
 
 
 def test_a_table_of_stops(call, plan):

@@ -1,0 +1,55 @@
+"""What a certified motion can be asked for besides running through: a stop, the way on, less speed; and its export."""
+
+from abc import ABC, abstractmethod
+from os import PathLike
+from typing import Annotated, Any
+
+from kinematics.foundation.options import check_arguments
+from kinematics.foundation.units import Unit
+from planner.export.format import Exported, ExportSource, write_export
+from planner.interruption.hold import Stops, find_stops, hold, override, resume
+from planner.interruption.section import Section, Whole
+
+
+class Interruptible(ABC):
+    """A plan, fresh or loaded. `Section`s, which `hold`, `resume` and `override` give, run through to their rest."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def whole(self) -> Whole:
+        """What sections of it are made of."""
+
+    @check_arguments()
+    def hold(self, at: Annotated[float, Unit("s")]) -> Section:
+        """The soonest stop along the path from an instant `at` (s) on: certified, with pulses behind those sent before.
+
+        Raises MotionError for an instant at which it does not move (`planner.interruption.hold`).
+        """
+        return hold(self.whole(), at)
+
+    @check_arguments()
+    def resume(self, stop: Section | Annotated[float, Unit("m")]) -> Section:
+        """The fastest motion from a stop, or from rest at a place (m of the path), to the end."""
+        return resume(self.whole(), stop.until if isinstance(stop, Section) else stop)
+
+    @check_arguments()
+    def override(self, share: float) -> Section:
+        """The whole motion at a share of its speed, above 0 and up to 1, certified, with pulses."""
+        return override(self.whole(), share)
+
+    @check_arguments()
+    def stops(self, count: int = 50) -> Stops:
+        """How soon and how far it comes to rest, if held, from each of `count` instants."""
+        return find_stops(self.whole(), count)
+
+    @check_arguments()
+    def export(self, format: str, path: str | PathLike[str], *, force: bool = False, **options: Any) -> Exported:
+        """Write it in a format of `planner.export.format`, and tell how far what the file holds is from the plan.
+
+        options: the fields of the format's dataclass, in SI units. force: replace a file that is there.
+        Raises MotionError for an unknown format or option, a file that is there, and what the format cannot hold.
+        """
+        whole = self.whole()
+        source = ExportSource(whole.name, whole.machine, whole.trajectory, whole.pulses)
+        return write_export(source, format, path, force, options)
