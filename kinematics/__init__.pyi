@@ -2,6 +2,7 @@ from .analysis.clearance import Disc as Disc
 from .analysis.dynamics import Forces as Forces, forces as forces
 from .analysis.forward import Forward as Forward
 from .analysis.margins import Margins as Margins
+from .analysis.platform_motion import motion_of_axes as motion_of_axes, motion_of_poses as motion_of_poses
 from .analysis.posture import Posture as Posture, posture_of_axes as posture_of_axes, posture_of_pose as posture_of_pose
 from .analysis.workspace import Workspace as Workspace, workspace as workspace
 from .calibration import (
@@ -67,5 +68,5 @@ from .machine.load import Body as Body, Leg as Leg, Load as Load, cylinder as cy
 from .machine.machine import Machine as Machine
 from .machine.machine_file import load_machine as load_machine, machine_names as machine_names
 from .machine.machine_writer import machine_toml as machine_toml
-from .machine.motion import Motion as Motion, motion_of_axes as motion_of_axes, motion_of_poses as motion_of_poses
+from .machine.motion import Motion as Motion
 from .machine.pose import Pose as Pose

@@ -13,6 +13,7 @@ from benchmarks.reports.page import Drawing, draw_figure, group_digits, render, 
 from benchmarks.reports.timeline import list_segments, make_band
 from controllers.metrics import Metrics
 from controllers.rig import Rig
+from kinematics.foundation.options import check_arguments
 from planner.active_limits import ACTIVE_SHARE, active_limits
 from planner.baselines import Classical, describe_differences, missing_limits
 from planner.certificate.certify import CROSSING
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from planner.figures import Quantity
 
 
+@check_arguments()
 def write_report(
     plan: Plan,
     classical: Classical,

@@ -209,7 +209,8 @@ def step_law(
     """The law's command and its memory afterwards. Raises MotionError for memory of another shape than before."""
     if not isinstance(law, StatefulLaw):
         return law.command(k, reference, feedback), ()
-    made: Any = law.step(k, reference, feedback, memory)
+    # of its own: what a law writes into it must not reach the runs that keep theirs as it was
+    made: Any = law.step(k, reference, feedback, tuple(each.copy() for each in memory))
     if not isinstance(made, tuple) or len(made) != 2:
         raise MotionError(f"law {law.name}: step must return the command and the memory, not {made!r:.80}")
     after = _check_memory(law, "step", made[1], np.shape(feedback.position))

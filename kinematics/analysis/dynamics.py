@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kinematics.analysis.platform_motion import motion_of_axes
 from kinematics.foundation.arrays import Array, finite_array, freeze_fields
 from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.errors import MotionError
@@ -28,7 +29,7 @@ from kinematics.machine.load import Body, Leg
 from kinematics.machine.machine import Machine
 from kinematics.machine.machine_file import MachineSource, load_machine
 from kinematics.machine.model import MovingPose
-from kinematics.machine.motion import AxesAndPose, Motion, controlled_jacobian, motion_of_axes
+from kinematics.machine.motion import AxesAndPose, Motion, controlled_jacobian
 from kinematics.machine.pose import to_numbers
 
 

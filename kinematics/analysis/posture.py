@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinematics.analysis.margins import USE_ROUNDING, Margins
-from kinematics.foundation.arrays import Array, freeze_fields
+from kinematics.foundation.arrays import Array, finite_array, freeze_fields
 from kinematics.foundation.errors import MotionError, OutOfReach
+from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import SCALES, Column, Table
 from kinematics.machine.machine_file import MachineSource, load_machine
@@ -171,6 +172,7 @@ class Posture(Result):
         return Table(table.title, table.columns[1:], table.notes)
 
 
+@check_arguments("machine", "pose")
 def posture_of_pose(machine: MachineSource, pose: PoseLike, near: ArrayLike | None = None) -> Posture:
     """Solve the inverse kinematics of a pose in the base frame: lengths, tilts, margins and proof.
 
@@ -203,6 +205,7 @@ def posture_of_pose(machine: MachineSource, pose: PoseLike, near: ArrayLike | No
     return _posture(machine, x, q[0])
 
 
+@check_arguments("machine")
 def posture_of_axes(machine: MachineSource, q: ArrayLike, near: Pose | None = None) -> Posture:
     """Solve the forward kinematics of coordinates: pose, tilts, margins and proof about the way from home.
 
@@ -228,7 +231,7 @@ def posture_of_axes(machine: MachineSource, q: ArrayLike, near: Pose | None = No
         They are none, or several rows of them.
     """
     machine = load_machine(machine)
-    rows = np.asarray(q, float)
+    rows = finite_array(q, f"machine {machine.name}: coordinates")
     if rows.ndim != 1:
         raise MotionError(f"machine {machine.name}: a posture is of one row of coordinates, not of shape {rows.shape}")
     found = machine.forward(rows, near, certify=False)

@@ -21,6 +21,7 @@ from kinematics.analysis.containment import KINDS, Containment, contains, descri
 from kinematics.analysis.margins import USE_ROUNDING
 from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.kind import HELD_TOLERANCE, refuse_uncontrolled
@@ -235,6 +236,7 @@ class Workspace(Result):
         )
 
 
+@check_arguments("machine")
 def workspace(
     machine: MachineSource,
     *,

@@ -27,6 +27,7 @@ from kinematics.calibration.result import Calibration, Estimate, Observability, 
 from kinematics.calibration.search import frame_start, minimize_errors
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import check_arguments
 from kinematics.kinds.hexapod import Hexapod
 from kinematics.machine.axis import Axis
 from kinematics.machine.machine import Machine
@@ -132,7 +133,7 @@ def calibrate(
         search does not converge, or measurements contradict the machine.
     """
     machine, measured = load_machine(machine), load_measurements(measured)
-    if use not in USES:
+    if use not in tuple(USES):  # which may be a list
         raise MotionError(f'calibrate: use {use!r} must be "position", "all" or None')
     vector = full_vector(machine)
     parameters = free_parameters(vector, parts)
@@ -258,6 +259,7 @@ def _leave_one_out_errors(errors: Array, jacobian: Array, weights: Array, chosen
     return left
 
 
+@check_arguments()
 def foreseen_errors(calibration: Calibration, commanded: Pose) -> Array:
     """Predicted standard errors (N, m) of the parameters if one of N further poses were measured, one at a time.
 

@@ -80,6 +80,8 @@ def free_parameters(vector: FullVector, parts: Sequence[str]) -> tuple[FreeParam
     if isinstance(parts, str) or not isinstance(parts, Sequence):
         raise MotionError(f"calibration model: {parts!r} is not a sequence of parts; parts: {', '.join(PARTS)}")
     for part in parts:
+        if not isinstance(part, str):
+            raise MotionError(f"calibration model: part {part!r:.60} is not a text; parts: {', '.join(PARTS)}")
         if part not in PARTS:
             raise MotionError(
                 f'"{part}" is not part of a calibration model{nearest(part, PARTS)}; parts: {", ".join(PARTS)}'

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from kinematics.analysis.singularity import sensitivity
 from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.machine_file import MachineSource, load_machine
@@ -136,6 +137,7 @@ class Budget(Result):
         return (Table(title, (Column("source", source), Column("figure", figure), *components)),)
 
 
+@check_arguments("machine", "pose")
 def error_budget(
     machine: MachineSource,
     pose: PoseLike,

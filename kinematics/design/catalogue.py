@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 from kinematics.files.toml_document import MAX_BYTES, bytes_of, refuse_utf16, utf8_fault
 from kinematics.foundation.errors import Fault, FileError, MotionError
 from kinematics.foundation.names import nearest
+from kinematics.foundation.options import check_arguments
 from kinematics.foundation.units import describe, describe_value, everyday_unit, quantity, unit_value
 
 
@@ -50,6 +51,7 @@ class Joint:
     cost: tuple[float, float] | None = None
 
 
+@check_arguments()
 def load_actuators(path: str | PathLike[str] | None = None) -> tuple[Actuator, ...]:
     """Load actuators from a CSV file, or the bundled catalogue [Sahbaz 2007, Table 3.1].
 
@@ -60,6 +62,7 @@ def load_actuators(path: str | PathLike[str] | None = None) -> tuple[Actuator, .
     return tuple(_rows(_source(path, "actuators.csv"), Actuator, {"stroke": "m", "speed": "m/s"}))
 
 
+@check_arguments()
 def load_joints(path: str | PathLike[str] | None = None) -> tuple[Joint, ...]:
     """Load joints from a CSV file, or the bundled catalogue [Sahbaz 2007, Tables 3.4 to 3.6].
 

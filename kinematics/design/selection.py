@@ -16,6 +16,7 @@ from kinematics.design.sizing import SLACK
 from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import nearest
+from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.foundation.units import describe
@@ -94,6 +95,7 @@ class AxisMotion:
             object.__setattr__(self, field.name, freeze_array(array))
 
 
+@check_arguments()
 def actuator_need(motions: Iterable[AxisMotion | Motion | Forces], precision: float | None = None) -> ActuatorNeed:
     """Requirements on one type of linear actuator used on all axes, for all motions.
 
@@ -129,6 +131,7 @@ def _read_motion(motion: AxisMotion | Motion | Forces) -> AxisMotion:
             raise MotionError(f"selection: {motion!r} is no motion; give AxisMotion, Motion or Forces")
 
 
+@check_arguments("machine", "pose")
 def joint_need(machine: MachineSource, pose: PoseLike, force: ArrayLike | None = None) -> JointNeed:
     """Requirements on one type of joint: largest tilt over N poses, largest |force| (any shape, N)."""
     machine = load_machine(machine)
@@ -206,6 +209,7 @@ _CRITERIA: dict[str, tuple[str, Callable[[AnyPart, float], float | None]]] = {
 }
 
 
+@check_arguments()
 def select_parts(parts: Sequence[Part], need: ActuatorNeed | JointNeed, by: str = "cost") -> Selection[Part]:
     """Rank the parts that meet the requirements; list the reasons against all others.
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import finite_array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 
@@ -209,6 +210,7 @@ _UNITS = {
 }
 
 
+@check_arguments()
 def size_stepper(
     slide: Slide, screw: Leadscrew, motor: StepMotor, traverse: Traverse, share: float = STEPS_PER_ACCURACY
 ) -> StepperSizing:

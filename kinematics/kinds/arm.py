@@ -22,6 +22,7 @@ from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.errors import BadValue, Fault, FileError, MotionError, NotInstalled
 from kinematics.foundation.names import closest, nearest
+from kinematics.foundation.options import check_arguments
 from kinematics.foundation.units import Angle, describe_value
 from kinematics.kinds.axis_keys import AXES, GEOMETRY, KIND, OWN_AXES, RotaryAxis, axes
 from kinematics.kinds.load_keys import LoadedFile
@@ -188,6 +189,7 @@ class Arm(Machine):
         return self._tool_map(q)
 
 
+@check_arguments()
 def read_urdf(path: Path, joints: Sequence[str], tool: str) -> Joints:
     """Read the three named joints and the tool frame at q = 0, in the base frame, from a URDF file.
 

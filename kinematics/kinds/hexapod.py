@@ -18,6 +18,7 @@ from kinematics.analysis.assembly_modes import assembly_modes
 from kinematics.files.keys import key
 from kinematics.files.schema import one_of_tables
 from kinematics.foundation.arrays import Array
+from kinematics.foundation.options import check_arguments
 from kinematics.foundation.units import Length, Unit
 from kinematics.kinds.axis_keys import AXES, GEOMETRY, KIND, OWN_AXES, LinearAxis, LinearDefaults, axes
 from kinematics.kinds.legged import BASE_REST, PLATFORM_REST, Legged, Platforms, Radius, legged_geometry, rest_axes_type
@@ -26,6 +27,7 @@ from kinematics.machine.load import Leg, cylinder
 from kinematics.machine.pose import Pose
 
 
+@check_arguments()
 def joint_circle(radius: float, gap: float, height: float) -> Array:
     """Joint centres (6, 3) on a circle, paired: azimuths γ/2, 120°∓γ/2, 240°∓γ/2, −γ/2 for the gap γ (rad) of a pair.
 

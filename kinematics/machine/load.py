@@ -6,6 +6,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import check_arguments
 from kinematics.foundation.short_repr import short_repr
 
 # Rounding, as a share of the largest moment, that an inertia may be off what a rigid body can have.
@@ -50,6 +51,7 @@ class Body:
         object.__setattr__(self, "inertia", freeze_array(inertia))
 
 
+@check_arguments()
 def cylinder(mass: float, radius: float, low: float, high: float, name: str = "cylinder") -> Body:
     """A solid cylinder along z from low to high (m): I_z = m r²/2, I_x = I_y = m (3 r² + h²)/12."""
     if not (0 <= radius < np.inf and low < high):

@@ -104,6 +104,9 @@ class Limit(ABC):
     units: tuple[tuple[str, float], ...]
     """Per channel, the unit that people read and how many of it are one SI unit."""
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} of {len(self.channels)}>"
+
     @property
     def binds(self) -> bool:
         """Whether it limits anything at all."""

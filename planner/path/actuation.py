@@ -220,6 +220,9 @@ def _position_map(machine: Machine, shape: Shape) -> Expression:
 class MachinePath:
     """A path in space as the machine's actuators see it."""
 
+    def __repr__(self) -> str:
+        return f"<MachinePath on {self.machine.name}: {1e3 * self.breaks[-1]:.6g} mm, pieces: {len(self.pieces)}>"
+
     def __init__(
         self,
         machine: Machine,
@@ -237,10 +240,8 @@ class MachinePath:
     ) -> None:
         """At the pieces' ends, dwells (P+1,) s, and stops (P+1,): the order of motion from which it rests there.
 
-        0 says that it never needs to, 1 that it always does; the first and the last end are stops.
-
-        blends      what became of the joins that ask for one
-        fits        what became of chains whose joins ask for curves
+        0: it never needs to, 1: it always does; the first and the last end are stops.
+        blends, fits  what became of the joins that ask for one, and of chains whose joins ask for curves
         tool        its frame in the platform's, whose path length the pieces have; None: the platform's own
         end_speeds  ṡ with which a motion begins and ends; end_accelerations: s̈ likewise
         near        (n,) coordinates near which it starts; None: near home's
@@ -250,11 +251,10 @@ class MachinePath:
         self.tool = None if tool is None else tool_map(tool)
         self._enclosed: tuple[Series, np.ndarray, Series] | None = None
         parts, meant = split_turns(machine, pieces, machine.home_q if near is None else near)
-        counts = [len(each) for each in parts]
         self.machine, self.pieces = machine, tuple(part for each in parts for part in each)
         self.blends, self.fit = tuple(blends), summarise_fits(fits, blends)
         self.breaks: Array = freeze_array(np.concatenate([[0.0], np.cumsum([piece.length for piece in self.pieces])]))
-        ends = np.concatenate([[0], np.cumsum(counts)])
+        ends = np.concatenate([[0], np.cumsum([len(each) for each in parts])])
         self._stops, self.dwells = freeze_array(_pad_part_ends(ends, stops)), freeze_array(_pad_part_ends(ends, dwells))
         self.names = tuple(axis.name for axis in machine.axes)
         self.turns: Array = freeze_array([piece.turn for piece in self.pieces])

@@ -11,6 +11,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.foundation.arrays import Array, freeze_fields
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.kinds.tripod import Tripod
@@ -71,6 +72,7 @@ class ArmSimulation(Result):
         return (Table(title, columns, (*self.notes, *(told if count else ()), *(beyond if any(short) else ()))),)
 
 
+@check_arguments("machine")
 def simulate_arms(listed: PositionList, machine: MachineSource, *, unit: float | None = None) -> ArmSimulation:
     """Arm lengths at the poses of a list; rotation R = Ry · Rz · Rx if the list states so.
 

@@ -28,6 +28,7 @@ from kinematics.files.toml_document import format_decimal
 from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.errors import BadValue, MotionError
 from kinematics.foundation.names import closest, nearest
+from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.foundation.units import describe_value, unit_value
@@ -267,6 +268,7 @@ def positions_csv(listed: PositionList) -> str:
     return "\n".join(lines) + "\n"
 
 
+@check_arguments()
 def save_positions(listed: PositionList, path: str | PathLike[str]) -> None:
     """Write a list as CSV atomically: complete, or the file is unchanged."""
     write_whole(Path(path), positions_csv(listed))

@@ -26,7 +26,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from kinematics.foundation.errors import Fault, FileError, MotionError
-from kinematics.foundation.options import option
+from kinematics.foundation.options import check_arguments, option
 from kinematics.foundation.units import describe_value, quantity
 from kinematics.kinds.tripod import Tripod
 from kinematics.machine.pose import Pose, make_pose
@@ -48,6 +48,7 @@ _POLAR = re.compile(rf"Polar(\d{{1,4}})[\s_]*(ce?[xyz]|r[xyz]|move?\([123]\)[xyz
 _ARM = re.compile(rf"PointL([123])_(\d{{5}}){_VALUE}", re.ASCII)
 
 
+@check_arguments()
 def load_positions(path: str | PathLike[str], **options: Any) -> PositionList:
     """Load poses from a CSV file or a file of the three-armed machine.
 

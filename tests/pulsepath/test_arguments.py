@@ -147,6 +147,13 @@ def test_segments_and_programs_refuse_what_they_cannot_hold(name):
         (lambda: pp.Line([0, 0, 0], speed="10 mm/s"), 'line: speed is "10 mm/s"; expected a number in m/s or None'),
         (lambda: pp.Dwell("1 s"), 'dwell: duration is "1 s"; expected a number in s'),
         (lambda: pp.Line([0, 0, 0], join=0.001), "line: join is 0.001; expected a stop or a through or a blend"),
+        (lambda: pp.calibrate("hexapod", "cmm", [3]), "calibration model: part 3 is not a text; parts: factor"),
+        (
+            lambda: pp.calibrate("hexapod", "cmm", use=[1]),
+            'calibrate: use is [1]; expected "position" or "all" or None',
+        ),
+        (lambda: pp.load_positions(3), "load_positions: path is 3; expected a text or a path"),
+        (lambda: pp.posture_of_axes("hexapod", "x"), "coordinates must be finite numbers"),
         (lambda: pp.load_machine(3), "a machine is given by its name"),
     ],
 )
@@ -180,3 +187,11 @@ def test_a_law_is_an_instance_and_no_class(given):
 def test_names_do_where_machines_and_programs_are_asked_for(given):
     assert pp.forces("hexapod", given["forces"]["motion"]).power.shape[0] == 1
     assert pp.synchronise("circle", "hexapod")[0].segments
+    at_rest = pp.motion_of_poses("hexapod", [0, 0, 0.3])
+    assert pp.motion_of_axes("hexapod", at_rest).qd.shape == (1, 6)
+
+
+def test_limits_and_path_are_told_in_a_line(given):
+    plan = given["realised"]["plan"]
+    assert "<Speed of 6>" in repr(plan.limits)
+    assert repr(plan.path).startswith("<MachinePath on hexapod: 300.863 mm")

@@ -13,6 +13,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from benchmarks.evidence.published.compared import PublishedLine, table, text_table
 from kinematics.analysis.dynamics import forces
+from kinematics.analysis.platform_motion import motion_of_poses
 from kinematics.design.catalogue import load_actuators, load_joints
 from kinematics.design.deflection import Beam
 from kinematics.design.selection import ActuatorNeed, AxisMotion, JointNeed, actuator_need, joint_need, select_parts
@@ -21,7 +22,6 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.units import unit_value
 from kinematics.kinds.hexapod import Hexapod, joint_circle
 from kinematics.machine.axis import Axis
-from kinematics.machine.motion import motion_of_poses
 
 PRINTED = ActuatorNeed(stroke=47.58e-3, force=54.563)
 

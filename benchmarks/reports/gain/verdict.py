@@ -18,6 +18,7 @@ from benchmarks.sweep.result import figure_unit
 from controllers.metrics import FIGURES
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import nearest
+from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.foundation.units import quantity
@@ -109,6 +110,7 @@ def gain_block(setting: Setting) -> str:
     return f'--law {setting.text}\nfind_law("{setting.law}"{gains})'
 
 
+@check_arguments()
 def verdict_of(comparison: Comparison) -> Verdict:
     """The best setting that holds (`Comparison.fault`), weighed by `criteria`, with its gains and costs.
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from kinematics.files.chunk_file import Chunk, ChunkFile, open_chunks
 from kinematics.foundation.errors import Fault, FileError
+from kinematics.foundation.options import check_arguments
 from planner.parallel import Progress, ignore_progress
 from planner.pulses.schedule import AxisPulses, Compensation, MovedPulses, PulseSchedule, Signs, Ticks
 
@@ -130,6 +131,7 @@ def _decode_axis(content: bytes, at: int, begin: int) -> tuple[Ticks, Signs, int
     return ticks, direction, at + len(bits)
 
 
+@check_arguments()
 def open_pulses(path: str | PathLike[str], partial: bool = False) -> PulseFile:
     """A file of pulses in the binary form, of which nothing but what it states is read yet.
 
@@ -143,6 +145,7 @@ def open_pulses(path: str | PathLike[str], partial: bool = False) -> PulseFile:
         raise FileError(str(path), [Fault("", f"states no pulse schedule: {error!r}; write it again")]) from None
 
 
+@check_arguments()
 def read_pulses(path: str | PathLike[str], partial: bool = False) -> PulseSchedule:
     """The schedule in a file of the binary form, as it was written. Raises FileError as `open_pulses`."""
     return open_pulses(path, partial).read()

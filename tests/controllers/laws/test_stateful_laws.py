@@ -10,6 +10,7 @@ from scipy.interpolate import PPoly
 
 from controllers import evaluate, find_law, load_rig, track
 from controllers.card import TAMove
+from controllers.laws.law import Feedback, Reference, begin_law, step_law
 from controllers.rig import Host
 from controllers.simulate import sample, simulate
 from controllers.tracking import track_each
@@ -120,6 +121,20 @@ class Forgetful(LeakyIntegral):
 def test_memory_that_is_none_is_refused(rig, steady, given, told):
     with pytest.raises(MotionError, match=told):
         track(steady, rig.machine, Forgetful(**given), rig=rig, dt=DT)
+
+
+class InPlace(LeakyIntegral):
+    def step(self, k, reference, feedback, memory):
+        memory[0][...] = 99.0
+        return super().step(k, reference, feedback, memory)
+
+
+def test_memory_written_in_place_is_of_the_step_alone():
+    zeros = np.zeros((1, 3))
+    reference, law = Reference(DT, np.zeros((5, 3)), np.zeros((5, 3))), InPlace(gain=1.0)
+    memory = begin_law(law, (1, 3))
+    step_law(law, 0, reference, Feedback(zeros, zeros, zeros), memory)
+    assert not memory[0].any()  # of a run that is not due, it stays
 
 
 def test_progress_of_tracking_and_evaluating_is_told_to_the_end(rig, steady):
