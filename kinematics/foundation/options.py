@@ -15,13 +15,16 @@ from importlib import import_module
 from inspect import Parameter, get_annotations, isclass, signature
 from numbers import Integral, Real
 from types import NoneType, SimpleNamespace, UnionType
-from typing import Annotated, Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, ParamSpec, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from kinematics.foundation.errors import MotionError, locate_errors
 from kinematics.foundation.names import add_article, nearest, unknown_name
 from kinematics.foundation.units import Unit, quantity
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 def option(default: Any, about: str, unit: str = "") -> Any:
@@ -34,16 +37,28 @@ def options(kind: type[Any]) -> dict[str, Field[Any]]:
     return {field.name: field for field in fields(kind) if "help" in field.metadata}
 
 
+def make_with(kind: type[R], what: str, given: Mapping[str, Any]) -> R:
+    """What a dataclass makes of its fields. Raises MotionError for an unknown one, with the nearest."""
+    _refuse_unknown([each.name for each in fields(cast(Any, kind)) if each.init], what, given)
+    with locate_errors(what):
+        return kind(**given)
+
+
+def _refuse_unknown(known: Iterable[str], what: str, given: Iterable[str]) -> None:
+    for name in given:
+        if name not in known:
+            offered = ", ".join(known) or "none"
+            raise MotionError(f'{what} has no option "{name}"{nearest(name, known)}; its options: {offered}')
+
+
 def read_options(kind: type[Any], given: Mapping[str, str], what: str) -> dict[str, Any]:
     """Values from text: quantities with their unit, else numbers. Raises MotionError, which says what was asked of.
 
     Unknown names are refused with the nearest.
     """
     known, hints, values = options(kind), get_type_hints(kind), {}
+    _refuse_unknown(known, what, given)
     for name, text in given.items():
-        if name not in known:
-            offered = ", ".join(known) or "none"
-            raise MotionError(f'{what} has no option "{name}"{nearest(name, known)}; its options: {offered}')
         unit = known[name].metadata["unit"]
         try:
             with locate_errors(f"{what}, option {name}"):
@@ -74,8 +89,6 @@ def load_plugin(what: str, table: Mapping[str, str], name: str) -> Any:
     return getattr(import_module(module), kind)
 
 
-P = ParamSpec("P")
-R = TypeVar("R")
 _NUMBERS: dict[Any, tuple[type, str]] = {float: (Real, "a number"), int: (Integral, "a whole number")}
 _ABSENT = object()
 _PLAIN = {str: "a text", bool: "True or False", NoneType: "None", bytes: "bytes"}

@@ -12,10 +12,8 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 
 from kinematics.files.atomic_files import Destination
-from kinematics.foundation.errors import MotionError, locate_errors
-from kinematics.foundation.names import nearest
-from kinematics.foundation.options import load_plugin
-from kinematics.foundation.options import options as list_options
+from kinematics.foundation.errors import MotionError
+from kinematics.foundation.options import load_plugin, make_with
 from kinematics.machine.machine import Machine
 from planner.parallel import Progress, ignore_progress
 from planner.pulses.compensation.compensate import counted_motion
@@ -156,14 +154,7 @@ def write_export(
     source: ExportSource, name: str, path: str | PathLike[str], force: bool, options: Mapping[str, Any]
 ) -> Exported:
     """What `Plan.export` does; the file is there whole or not at all."""
-    kind = find_format(name)
-    if unknown := options.keys() - (known := list_options(kind)):
-        odd = min(unknown)
-        raise MotionError(
-            f'format {name} has no option "{odd}"{nearest(odd, known)}; its options: {", ".join(known) or "none"}'
-        )
-    with locate_errors(f"format {name}"):
-        format_ = kind(**options)
+    format_ = make_with(find_format(name), f"format {name}", options)
     place = Path(path)
     if not place.parent.is_dir():
         raise MotionError(f"export {place}: there is no folder {place.parent}; make it first")

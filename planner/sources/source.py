@@ -16,7 +16,7 @@ import numpy as np
 from kinematics.files import toml_document
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import BadValue, Fault, FileError, MotionError
-from kinematics.foundation.options import check_arguments, load_plugin
+from kinematics.foundation.options import check_arguments, load_plugin, make_with
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from planner.program.model import Arc, Line, Program, Segment, SegmentStream, Spline
@@ -181,12 +181,8 @@ def import_program(path: str | PathLike[str], format: str | None = None, **optio
     MotionError
         The format or an option is unknown.
     """
-    kind = find_source(source_name(Path(path)) if format is None else format)
-    try:
-        source = kind(**options)
-    except TypeError as error:
-        raise MotionError(f"format {format or source_name(Path(path))}: {error}") from None
-    return source.read(Path(path))
+    name = source_name(Path(path)) if format is None else format
+    return make_with(find_source(name), f"format {name}", options).read(Path(path))
 
 
 MAX_FAULTS = 100

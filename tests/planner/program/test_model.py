@@ -58,7 +58,7 @@ def test_an_arc_s_normal_becomes_a_unit_vector(normal):
         (lambda: Blend(1e-3, 0.0), "angle 0.0 rad"),
         (lambda: Arc([0, 0, 0], [0, 0, 1], 1.0, rise=math.inf), "rise inf m"),
         (lambda: Program(()), "is empty"),
-        (lambda: Program((Dwell(1.0),), frame="tool"), 'frame "tool" is neither'),
+        (lambda: Program((Dwell(1.0),), frame="tool"), 'frame is "tool"; expected "home" or "base"'),
     ],
 )
 def test_nonsense_is_refused_with_its_name(make, phrase):

@@ -421,7 +421,7 @@ def test_the_format_is_found_by_suffix_or_by_name(read):
         read("G0 X1", ".xyz")
     with pytest.raises(MotionError, match='nearest is "gcode"'):
         read("G0 X1", format="gcod")
-    with pytest.raises(MotionError, match="unexpected keyword"):
+    with pytest.raises(MotionError, match='format gcode has no option "speed"'):
         read("G0 X1", speed=3)
     for option in ({"rapid": -1.0}, {"blend": 0.0}, {"origin": "1, 2"}, {"origin": "1 mm, 2 mm, 3 s"}):
         with pytest.raises(MotionError):
