@@ -9,7 +9,6 @@ from scipy.spatial.transform import RigidTransform
 
 from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.errors import MotionError
-from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.pose import Pose, to_numbers
@@ -109,7 +108,6 @@ class Measurements(Result):
         return (Table(f"{self.name}: {len(self)} poses from home", tuple(columns), self.notes),)
 
 
-@check_arguments()
 def whole_poses(
     commanded: Pose,
     measured: Pose,
@@ -125,7 +123,6 @@ def whole_poses(
     return _build_measurements(commanded, measured, ROTATION.stop, noise, labels, name)
 
 
-@check_arguments()
 def measured_positions(
     commanded: Pose,
     measured: ArrayLike,
