@@ -32,6 +32,7 @@ from kinematics.foundation.figure import (
     literal_label,
     new_axes,
     new_axes_3d,
+    scale_error_axis,
     unique_labels,
 )
 from kinematics.foundation.result import draws
@@ -256,6 +257,7 @@ def _legs(machine: Legged, ax: Axes3D | None) -> Axes:
 
 STAGE_COLOURS = {"before": "#D55E00", "after": "#0072B2", "left out": "#009E73"}
 """Colours that colour-blind readers tell apart [Okabe and Ito 2008]."""
+STAGE_MARKS = "osD"
 MIN_SHOWN_ERROR = 1e-3
 """µm or µrad: what is smaller, down to no error at all, is drawn as this on the logarithmic scale."""
 _ERROR_UNIT = {"position": "µm", "rotation": "µrad", "axis": "µrad"}
@@ -273,16 +275,19 @@ def errors_by_pose(calibration: Calibration, ax: Axes | None = None, group: str 
     labels = [label for label, there in zip(calibration.measurements.labels, known, strict=True) if there]
     at = np.arange(len(labels))
     for n, (name, size) in enumerate(sizes.items()):
-        ax.bar(at + 0.27 * (n - 1), size[known], 0.25, color=STAGE_COLOURS[name], label=name)
+        # dots, not bars: a bar on a logarithmic axis begins at no value of its own
+        if np.isfinite(size[known]).any():
+            ax.plot(at + 0.2 * (n - 1), size[known], STAGE_MARKS[n], color=STAGE_COLOURS[name], label=name)
     crowded = len(labels) > 12
     ax.set_xticks(
         at, [str(k + 1) if crowded else literal_label(label).replace(" (", "\n(") for k, label in enumerate(labels)]
     )
-    ax.set(ylabel=f"RMS per component ({_ERROR_UNIT[group]})", yscale="log")
+    ax.set(ylabel=f"RMS per component ({_ERROR_UNIT[group]})")
+    scale_error_axis(ax)
     ax.set_title(f"Errors of the {_NAME[group]}", loc="left")
     ax.tick_params(axis="x", labelsize=6 if crowded else 9, rotation=90 if len(labels) > 24 else 0)
     ax.set_axisbelow(True)
-    # above the axes: beside tall bars there is no room within
+    # above the axes: among the dots there may be no room
     ax.legend(frameon=False, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
     return ax
 
@@ -293,7 +298,8 @@ def singular_values(observability: Observability, ax: Axes | None = None) -> Axe
     ax = new_axes(ax, (9, 3.0))
     values = observability.singular
     shown = values[: observability.rank]
-    ax.semilogy(np.arange(1, len(shown) + 1), shown, "o-", color=STAGE_COLOURS["after"], markersize=4)
+    ax.plot(np.arange(1, len(shown) + 1), shown, "o-", color=STAGE_COLOURS["after"], markersize=4)
+    scale_error_axis(ax)
     ax.set(xlabel="combination of parameters", ylabel="singular value", xlim=(0.5, len(values) + 0.5))
     return ax
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from io import BytesIO
+from math import ceil, floor, log10
 from typing import Any, cast
 
 from matplotlib.axes import Axes
@@ -16,6 +17,8 @@ from kinematics.foundation.errors import MotionError
 PALETTE = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9", "#7F7F7F")
 """Colours that colour-blind readers tell apart [Okabe and Ito 2008], with grey for their yellow and black."""
 DASHES = ("-", "--", "-.", ":")
+TICK_DECADE = 8.0
+"""Ratio of an axis's ends from which on it has ticks by decades."""
 
 
 class NotebookFigure(Figure):
@@ -86,6 +89,26 @@ def unique_labels(names: Iterable[str]) -> list[str]:
         met[name] += 1
         told.append(literal_label(name if met[name] == 1 else f"{name} ({met[name]})"))
     return told
+
+
+def choose_ticks(low: float, high: float) -> tuple[float, ...]:
+    """Round values of a logarithmic axis: like steps in one decade, beyond 1, 2 and 5 of each, powers over four."""
+    from matplotlib.ticker import MaxNLocator
+
+    if high < TICK_DECADE * low:
+        ticks = [float(tick) for tick in MaxNLocator(nbins=7, steps=[1, 2, 5, 10]).tick_values(low, high)]
+    else:
+        powers = range(floor(log10(low)), ceil(log10(high)) + 1)
+        ticks = [float(f"{part}e{power}") for power in powers for part in ((1, 2, 5) if high < 1e4 * low else (1,))]
+    return tuple(round(tick, 9) for tick in ticks if low <= tick <= high)
+
+
+def scale_error_axis(ax: Axes) -> None:
+    """A logarithmic axis of errors that says 200 and 500, not powers; call it when all is drawn."""
+    ax.set_yscale("log")
+    ax.set_yticks([], minor=True)
+    ticks = choose_ticks(*ax.get_ylim())
+    ax.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
 
 
 def invert_y_axis(ax: Axes) -> None:

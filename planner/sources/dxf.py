@@ -7,9 +7,10 @@
 | ELLIPSE | a spline through points, within the option `deviation`; an arc where its axes are alike |
 | SPLINE | the same, in parts where it has corners; lines where its degree is 1 |
 
-Everything else is a fault, told by its handle, layer and kind: leave its layer out, or change the drawing. Entities
-whose ends are within `tolerance` become one contour, turned round where they have to be. What lies between the ends is
-closed by leading the next one from where the path stands. Widths and thicknesses are not looked at. Coordinates stay
+Texts, dimensions, points, hatches and the like (`ANNOTATIONS`) are skipped with a warning, or with the option `strict`
+refused. Everything else is a fault, told by its handle, layer and kind: leave its layer out, or change the drawing.
+Entities whose ends are within `tolerance` become one contour, turned round where they have to be. What lies between the
+ends is closed by leading the next one from where the path stands. Widths and thicknesses are ignored. Coordinates stay
 the drawing's: the option `origin` makes the program's work frame, in which its plane lies anywhere.
 
 ezdxf keeps no places: on which line of the file an entity or a variable of the header stands is found beside it.
@@ -57,6 +58,13 @@ METRES = {
 LAST_CODE = 24
 HANDLE_CODE, VARIABLE_CODE = 5, 9
 """Group codes."""
+ANNOTATIONS = frozenset(
+    {
+        "TEXT", "MTEXT", "RTEXT", "ATTDEF", "ATTRIB", "DIMENSION", "ARC_DIMENSION", "LARGE_RADIAL_DIMENSION", "LEADER",
+        "MULTILEADER", "MLEADER", "TOLERANCE", "POINT", "HATCH", "IMAGE", "WIPEOUT", "VIEWPORT", "ACAD_TABLE",
+    }
+)  # fmt: skip
+"""Kinds of entities that explain a drawing, and move nothing."""
 MAX_HANDLES = 1000
 """Entities of a kind and layer that are named one by one."""
 
@@ -165,7 +173,7 @@ def refuse_unknown(path: Path, entities: list[Any], faults: Faults) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Dxf:
-    """DXF drawings: lines, arcs, circles, polylines, ellipses, splines; anything else is refused by its handle."""
+    """DXF drawings: lines, arcs, circles, polylines, ellipses, splines. Texts and the like are skipped."""
 
     suffixes: ClassVar[tuple[str, ...]] = (".dxf",)
     length: str | None = option(None, 'unit of the drawing, as "mm". Default: as the drawing states')
@@ -197,6 +205,8 @@ class Dxf:
         None, 'position of the drawing\'s zero from home, as "0 mm, 0 mm, 25 mm" or with three angles. Default: at home'
     )
 
+    strict: bool = option(False, "refuse texts, dimensions, points and hatches instead of skipping them with a warning")
+
     def __post_init__(self) -> None:
         units = dict.fromkeys(("blend", "fit", "lead_in", "tolerance", "deviation"), "m") | {
             "speed": "m/s",
@@ -222,7 +232,9 @@ class Dxf:
         faults = Faults(str(path))
         found = read_drawing(path, self)
         shapes = StrokeMaker(found.metres, self.deviation)
-        refuse_unknown(path, [entity for entity in found.entities if not shapes.knows(entity)], faults)
+        others = [entity for entity in found.entities if not shapes.knows(entity)]
+        ignored = frozenset[str]() if self.strict else ANNOTATIONS
+        refuse_unknown(path, [one for one in others if one.dxftype() not in ignored], faults)
         parts: list[Chain] = []
         for entity in found.entities:
             if shapes.knows(entity):
@@ -242,9 +254,10 @@ class Dxf:
         start = np.zeros(3) if work is None else work.inv().translation
         segments = make_segments(chains, closed, self._read_cutting(), np.asarray(start))
         program = Program(segments, "home", name=path.stem, work=work)
-        told = [*found.warnings, *self._warnings(shapes, short, forks, len(chains))]
-        entities = dict(sorted(Counter(entity.dxftype() for entity in found.entities).items()))
-        return Imported(program, entities, tuple(told))
+        kinds = Counter(one.dxftype() for one in others)
+        drawn = Counter(entity.dxftype() for entity in found.entities) - kinds
+        told = [*found.warnings, *_describe_skipped(kinds), *self._warnings(shapes, short, forks, len(chains))]
+        return Imported(program, dict(sorted(drawn.items())), tuple(told))
 
     def _read_cutting(self) -> Cutting:
         join = choose_join(self.join, self.blend, self.fit)
@@ -268,6 +281,11 @@ class Dxf:
         if contours > 1 and self.retract is None:
             told.append(f"{contours} contours, and no retract: moves between them lie in the drawing's plane")
         return told
+
+
+def _describe_skipped(kinds: Counter[str]) -> list[str]:
+    listed = ", ".join(f"{kind} ({count}×)" for kind, count in sorted(kinds.items()))
+    return [f"skipped {listed}: nothing to trace; strict refuses them"] if listed else []
 
 
 def _names(text: str | None) -> list[str]:

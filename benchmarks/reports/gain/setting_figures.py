@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import ceil, floor, inf, isfinite, log10
+from math import inf, isfinite
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from benchmarks.reports.gain.comparison import RANK, Comparison, ComparisonRow, SettingEntry
 from benchmarks.reports.gain.criteria import HUMAN
-from kinematics.foundation.figure import PALETTE
+from kinematics.foundation.figure import PALETTE, choose_ticks, scale_error_axis
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,8 +28,8 @@ EFFORT = "torque_rms"
 """The figure of a run."""
 EFFORT_LABEL, ERROR_LABEL = "RMS torque over the baseline's", "RMS contour error over the baseline's"
 STRUCK = "unstable, or off its goal more often than the baseline"
-MIN_SPAN, TICK_DECADE = 1.1, 8.0
-"""Ratio to the baseline that an axis shows at least; from which ratio of its ends on it has ticks by decades."""
+MIN_SPAN = 1.01
+"""Ratio to the baseline that an axis shows at least."""
 NUMBER_ROOM = 0.055
 """Of the height of the figure, between two numbers."""
 WIDTH = 11.0
@@ -127,18 +127,6 @@ def _choose_ends(values: Sequence[float]) -> tuple[float, float]:
     low, high = min(*values, 1 / MIN_SPAN), max(*values, MIN_SPAN)
     room = (high / low) ** 0.06
     return low / room, high * room
-
-
-def choose_ticks(low: float, high: float) -> tuple[float, ...]:
-    """Round values of a logarithmic axis: like steps in one decade, beyond 1, 2 and 5 of each, powers over four."""
-    from matplotlib.ticker import MaxNLocator
-
-    if high < TICK_DECADE * low:
-        ticks = [float(tick) for tick in MaxNLocator(nbins=7, steps=[1, 2, 5, 10]).tick_values(low, high)]
-    else:
-        powers = range(floor(log10(low)), ceil(log10(high)) + 1)
-        ticks = [float(f"{part}e{power}") for power in powers for part in ((1, 2, 5) if high < 1e4 * low else (1,))]
-    return tuple(round(tick, 9) for tick in ticks if low <= tick <= high)
 
 
 def error_over_effort(comparison: Comparison, best: Sequence[SettingEntry]) -> list[Axes]:
@@ -263,7 +251,7 @@ def gains(comparison: Comparison) -> list[Axes]:
             ax.axhline(
                 scale * baseline.figures[RANK], color="black", linewidth=1, linestyle=(0, (6, 3)), label="baseline"
             )
-        _scale_error_axis(ax)
+        scale_error_axis(ax)
         ax.set(xlabel="first gain of the law", ylabel=f"RMS contour error ({unit})")
         ax.set_title(task, loc="left", fontsize="medium", fontweight="bold")
     return add_shared_legend(axes, 2)
@@ -335,7 +323,7 @@ def pareto(comparison: Comparison) -> list[Axes]:
                 )
         best = np.array(pareto_front([point for _, point in points]))
         ax.step(best[:, 0], scale * best[:, 1], where="post", color="black", linewidth=0.9, zorder=0, label="front")
-        _scale_error_axis(ax)
+        scale_error_axis(ax)
         ax.set(xlabel="at its goal after the planned end (s)", ylabel=f"RMS contour error ({unit})")
         ax.set_title(task, loc="left", fontsize="medium", fontweight="bold")
     return add_shared_legend(axes, 3)
@@ -357,13 +345,3 @@ def pareto_front(points: Sequence[tuple[float, float]]) -> list[tuple[float, flo
         if not found or point[1] < found[-1][1]:
             found.append(point)
     return found
-
-
-def _scale_error_axis(ax: Axes) -> None:
-    """A logarithmic axis of errors that says 200 and 500, not powers, also where it spans less than a decade."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
-    ax.set_yscale("log")
-    ax.yaxis.set_major_locator(LogLocator(subs=(1, 2, 3, 5, 7)))
-    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    ax.yaxis.set_minor_formatter(NullFormatter())

@@ -204,7 +204,7 @@ def _describe_edges(comparison: Comparison, best: SettingEntry) -> list[str]:
             continue
         if max(alike.values()) - min(alike.values()) <= SAME_RATIO * max(alike.values()):
             told.append(f"Changing {gain} changes nothing on this rig, as where no encoder is read.")
-        elif value == min(alike):
+        elif value == min(alike) and value > 0:
             told.append(f"{gain} {value:g} is the smallest tried: a smaller one may be better.")
     return told
 
@@ -226,12 +226,16 @@ def _describe_verdict(
     name, baseline = comparison.label(best), comparison.label(comparison.baseline)
     rows = comparison.of(best)
     marks = [row.against.mark for row in rows if row.against]
-    verb = "is the best" if score < 1 else "comes closest to the baseline, which remains the best,"
+    if len(others) == 1:
+        verb = "is better than the baseline" if score < 1 else "is no better than the baseline"
+    elif score < 1:
+        verb = f"is the best of {len(others)} settings"
+    else:
+        verb = f"comes closest of {len(others)} settings to the baseline, which remains the best"
     counts = ", ".join(f"{mark} on {marks.count(mark)}" for mark in ("better", "neither", "worse") if mark in marks)
     many = f"{len(comparison.ranked)} path{'s' if len(comparison.ranked) > 1 else ''}"
     pieces = [
-        f"{name} {verb} of {len(others)} settings, weighed ({weights_text()}): "
-        f"{score:.3g} times the baseline, {baseline}.",
+        f"{name} {verb}, weighed ({weights_text()}): {score:.3g} times the baseline, {baseline}.",
         f"Its RMS contour error is {ratio:.3g} times that of the baseline "
         f"(geometric mean over {many} and {rows[0].runs} runs of each; {counts}).",
     ]
@@ -258,7 +262,7 @@ def _describe_verdict(
         why = f"but it costs {dearer}" if dearer else "but its weighed total is worse"
         error = comparison.mean_ratio(least)
         pieces.append(
-            f"A smaller RMS contour error has {comparison.label(least)}, {error:.3g} times the baseline's, {why}."
+            f"{comparison.label(least)} has a smaller RMS contour error, {error:.3g} times the baseline's, {why}."
         )
     for figure, what in (("torque_rms", "RMS torque"), ("torque_peak", "peak torque")):
         pair = [

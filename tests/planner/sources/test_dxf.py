@@ -475,6 +475,29 @@ def test_without_a_unit_it_has_to_be_stated(tmp_path, sheet):
         read(length="deg")
 
 
+def test_annotations_are_skipped_with_a_warning_and_geometry_is_not(sheet):
+    space, read = sheet
+    space.add_line((0, 0), (9, 0))
+    alone = read()
+    space.add_text("here")
+    space.add_mtext("there")
+    space.add_linear_dim((0, 2), (0, 0), (9, 0)).render()
+    space.add_hatch()
+    for _ in range(2):
+        space.add_point((1, 1))
+    found = read()
+    assert found.entities == {"LINE": 1}
+    assert ends(found.program).tolist() == ends(alone.program).tolist()
+    told = "skipped DIMENSION (1×), HATCH (1×), MTEXT (1×), POINT (2×), TEXT (1×): nothing to trace"
+    assert any(told in warning for warning in found.warnings)
+    with pytest.raises(FileError, match="TEXT is not supported: take it out"):
+        read(strict=True)
+    space.add_solid([(0, 0), (1, 0), (0, 1)])
+    with pytest.raises(FileError, match="SOLID is not supported") as refused:
+        read()
+    assert "TEXT" not in str(refused.value)
+
+
 def test_what_is_not_supported_is_listed_and_the_drawing_refused(sheet):
     space, read = sheet
     space.doc.layers.add("NOTES")
@@ -487,7 +510,7 @@ def test_what_is_not_supported_is_listed_and_the_drawing_refused(sheet):
     mesh = space.add_polymesh((3, 3))
     point = space.add_point((1, 1))
     with pytest.raises(FileError) as refused:
-        read()
+        read(strict=True)
     told = [str(line) for line in str(refused.value).splitlines()]
     assert len(told) == 5
     (line,) = [line for line in told if "TEXT" in line]
