@@ -82,25 +82,29 @@ class Posture(Result):
 
     @property
     def violations(self) -> tuple[str, ...]:
-        """Every limit that the pose breaks: which, by how much, and what to do."""
-        margins, told = self.margins, []
+        """Every limit that the pose breaks, the worst first: which, by how much, and what to do."""
+        margins, told = self.margins, list[tuple[float, str]]()
         for axis, value, use in zip(self.machine.axes, self.travel, margins.travel[0], strict=True):
             if use > 1 + USE_ROUNDING:
                 unit, scale = SCALES["human"][axis.unit]
                 low, high = (f"{scale * end:.6g}" for end in axis.travel)
-                told.append(f"{axis.name} travel: {scale * value:.6g} {unit} from home, outside {low} to {high} {unit}")
+                text = f"{scale * value:.6g} {unit} from home, outside {low} to {high} {unit}"
+                told.append((float(use), f"{axis.name} travel: {text}"))
         for name, tilt, limit in zip(margins.tilt_names, self.tilt, margins.max_tilt, strict=True):
             if limit < np.pi and tilt > limit * (1 + USE_ROUNDING):
-                told.append(f"{name} tilt: {np.degrees(tilt):.6g}°, more than {np.degrees(limit):.6g}°")
+                text = f"{name} tilt: {np.degrees(tilt):.6g}°, more than {np.degrees(limit):.6g}°"
+                told.append((float(tilt / limit) if limit else np.inf, text))
         for name, gap in zip(margins.clearance_names, margins.clearance[0], strict=True):
             if gap < 0:
-                told.append(f"{name} clearance: they overlap by {-1e3 * gap:.4g} mm")
+                told.append((np.inf, f"{name} clearance: they overlap by {-1e3 * gap:.4g} mm"))
         for name, use in zip(margins.room_names, margins.room[0], strict=True):
             if use > 1 + USE_ROUNDING:
                 k = "xyz".index(name)
                 low, high = (f"{1e3 * end:.6g}" for end in self.machine.room[k])
-                told.append(f"{name} room: {1e3 * self.pose.translation[k]:.6g} mm, outside {low} to {high} mm")
-        return tuple(f"{what}; choose a pose closer to home, or with less rotation" for what in told)
+                text = f"{name} room: {1e3 * self.pose.translation[k]:.6g} mm, outside {low} to {high} mm"
+                told.append((float(use), text))
+        told.sort(key=lambda one: -one[0])
+        return tuple(f"{text}; choose a pose closer to home, or with less rotation" for _, text in told)
 
     def tables(self) -> tuple[Table, ...]:
         """The pose in both frames, the platform's directions, every axis, every joint, and the margins."""

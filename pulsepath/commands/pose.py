@@ -74,8 +74,9 @@ def pose(
         click.echo(record.as_json(record.of_posture(found)), nl=False)
     else:
         tables.show(tables.of_results(found))
-    for violation in found.violations:
-        say(f"infeasible: {violation}", err=True)
+    if broken := found.violations:
+        many = f"{len(broken)} limits are violated, the worst is " if len(broken) > 1 else ""
+        say(f"infeasible: {many}{broken[0]}", err=True)
     if not found.margins.ok.all() or (given and not found.certified):
         click.get_current_context().exit(INFEASIBLE)
 

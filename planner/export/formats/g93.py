@@ -14,6 +14,7 @@
 
 - The words are the machine's axes, joints, not the tool's place: positions in mm or degrees from home, or natural
   coordinates. Axes go straight and evenly from point to point, which has speeds jump a little at every one.
+- The axes stand where the file begins: a stop that begins in motion is refused.
 - A rest is G4 with P in seconds, since controllers take no time for a G1 that does not move.
 - The controller has to keep the path (exact path mode, G61) and to be able to follow: one that plans its own
   accelerations stretches the times.
@@ -42,7 +43,7 @@ from planner.export.columns import (
     plain,
 )
 from planner.export.format import Exported, ExportSource
-from planner.export.knots import KnotFormat, compare, rows_at
+from planner.export.knots import KnotFormat, compare, refuse_moving_ends, rows_at
 
 TIME_STEP = 1e-6
 SQUARE_BRACKETS = str.maketrans("()", "[]")
@@ -58,6 +59,7 @@ class InverseTime(KnotFormat):
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         axes, motion = source.machine.axes, source.counted
+        refuse_moving_ends(motion, axes, "G-code in inverse time")  # a controller starts a file from standstill
         letters = assign_letters(axes, self.letters, LETTERS, "G-code")
         knots = self.knots(source, 1, TIME_STEP)
         form = make_columns(source, knots.tolerance, origin=self.origin)

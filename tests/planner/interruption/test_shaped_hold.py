@@ -115,3 +115,5 @@ def test_a_stop_goes_to_a_fieldbus_row_by_row(shaped, tmp_path):
     assert (np.array(figures[1]) <= np.array(figures[0]) + 1).all()
     with pytest.raises(Exception, match=r"starts at .* but Zaber PVT starts and ends at rest; .*csp"):
         held.export("zaber", tmp_path / "stop.txt")
+    with pytest.raises(Exception, match="but G-code in inverse time starts and ends at rest"):
+        held.export("g93", tmp_path / "stop.ngc")

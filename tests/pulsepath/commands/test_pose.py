@@ -58,7 +58,11 @@ def test_units_may_be_said(call):
 @pytest.mark.parametrize(
     ("arguments", "code", "phrase"),
     [
-        (["hexapod", "0,0,350"], 1, "infeasible: leg1 travel: 345.095 mm from home, outside 0 to 50.8 mm; choose"),
+        (
+            ["hexapod", "0,0,350"],
+            1,
+            "6 limits are violated, the worst is leg1 travel: 345.095 mm from home, outside 0 to 50.8",
+        ),
         (
             ["tripod", "--lengths", "100,100,100"],
             1,
