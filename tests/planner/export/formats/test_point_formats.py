@@ -464,7 +464,7 @@ def test_a_motion_that_ends_at_a_speed(name, tmp_path):
             return state
 
     source = source_of(Half(), (Axis("X", pulse=1e-6),))
-    if name in ("g93", "ros"):
+    if name == "ros":
         told = find_format(name)().write(source, tmp_path / "file")
         assert off(READERS[name](tmp_path / "file", source), source) <= told.error + EPS <= 0.5
         assert ("allow_nonzero_velocity" in " ".join(told.notes)) == (name == "ros")
