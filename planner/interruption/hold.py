@@ -16,7 +16,7 @@ from kinematics.foundation.errors import MotionError, attempt
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from planner.certificate.certify import Certificate, certify
-from planner.interruption.section import Section, Whole, make_section
+from planner.interruption.section import Section, Whole, make_section, measure_way
 from planner.limits import Limit
 from planner.parallel import Progress, ignore_progress
 from planner.path.actuation import MachinePath
@@ -130,7 +130,8 @@ def _stop(whole: Whole, now: _Instant) -> _Stop:
 class Stops(Result):
     """The soonest stop along a plan's path from each of some instants, each proved.
 
-    t (N,) s; place (N,) m along the path; time (N,) s to rest and distance (N,) m to it; 0 where it rests
+    t (N,) s; place (N,) m along the path, of the motion before any shapers; time (N,) s to rest and distance (N,) m to
+    it, as those of a `Section`; 0 where that motion rests
     """
 
     name: str
@@ -174,7 +175,7 @@ def find_stops(whole: Whole, count: int, progress: Progress = ignore_progress) -
             shaped = _shape(whole, now, stop)
             refuse_unkept(stop.limits, shaped)
             duration = stop.trajectory.duration if shaped is None else shaped.duration
-            found.append((t, now.s, duration, float(stop.path.breaks[-1])))
+            found.append((t, now.s, duration, measure_way(stop.path, shaped)))
         progress(n + 1, count)
     return Stops(whole.name, *(np.array(each) for each in zip(*found, strict=True)))
 

@@ -115,13 +115,13 @@ class Section(Result):
 
     @property
     def distance(self) -> float:
-        """m along the path."""
-        return float(self.path.breaks[-1])
+        """m along the path to rest; behind shapers as `measure_way` has it."""
+        return measure_way(self.path, self.shaped)
 
     @property
     def until(self) -> float:
         """m of the plan's path, where it ends, at rest."""
-        return self.since + self.distance
+        return self.since + float(self.path.breaks[-1])
 
     @check_arguments()
     def export(self, format: str, path: str | PathLike[str], *, force: bool = False, **options: Any) -> Exported:
@@ -137,6 +137,17 @@ class Section(Result):
         begin = "" if self.at is None else f" from {self.at:.6f} s on"
         behind = () if self.shaped is None else self.shaped.tables()
         return (Table(f"{self.what} of {self.name}{begin}", (what, values)), *self.certificate.tables(), *behind)
+
+
+def measure_way(path: MachinePath, shaped: ShapedProof | None) -> float:
+    """m along the path to its end; behind shapers from where the motion before them was their whole length earlier.
+
+    All copies have passed that place, so each axis has at most the rest of its way before it.
+    """
+    if shaped is None:
+        return float(path.breaks[-1])
+    begin, end = shaped.motion.base.at(np.array([0.0, shaped.motion.base.duration])).s
+    return float(end - begin)
 
 
 def make_section(

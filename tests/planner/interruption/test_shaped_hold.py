@@ -67,6 +67,11 @@ def test_a_stop_is_proved_behind_shapers_and_goes_on_with_the_pulses(shaped):
             held.trajectory.at(np.clip(late - held.at, 0, None)).pose.translation,
         )
         assert np.linalg.norm(poses.translation - about, axis=1).max() <= held.shaped.deviation + 1e-9
+        # the tool goes as far as is told at most, which counts what the shapers make it late by
+        way = np.linalg.norm(np.diff(poses.translation, axis=0), axis=1).sum()
+        passed = shaped.trajectory.at(max(held.at - shaped.shaped.motion.copies.length, 0)).along[0]
+        assert way <= held.distance
+        assert held.distance == pytest.approx(held.until - passed, rel=1e-9)
         np.testing.assert_allclose(q[-1], held.trajectory.at(held.trajectory.duration).q[0], rtol=0, atol=1e-12)
         verdict = check(held.pulses, held.counted, axes, home)
         assert verdict.holds, verdict
@@ -88,6 +93,7 @@ def test_the_table_of_stops_is_of_what_is_shaped(shaped):
     found = shaped.stops(3)
     held = shaped.hold(found.t[1])
     assert found.time[1] == pytest.approx(held.duration, rel=1e-6)
+    assert found.distance[1] == pytest.approx(held.distance, rel=1e-6)
 
 
 def test_a_stop_that_is_not_proved_is_refused_and_in_no_table(shaped, monkeypatch):
