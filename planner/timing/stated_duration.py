@@ -104,7 +104,7 @@ def solve_stated(
     shortest = best.trajectory.duration
     if not duration >= shortest:
         least = ceil(shortest * 1e6) / 1e6
-        remedy = f"no motion within the limits is shorter than {least:.6f} s: state that, or more"
+        remedy = f"the fastest motion found within the limits takes {least:.6f} s: state that or more"
         raise Infeasible("duration", "", None, duration, least, "s", remedy)
     if duration <= shortest * (1 + MIN_SLACK_SHARE):
         return best

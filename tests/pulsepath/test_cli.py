@@ -161,7 +161,7 @@ def test_a_stated_duration(call, tmp_path):
     command = ["plan", "bare-circle", "--order", "2", "--out", str(out)]
     refused = call(*command, "--duration", "1200 ms")
     assert refused.exit_code == 1
-    assert "no motion within the limits is shorter than 1.204" in refused.stderr
+    assert "the fastest motion found within the limits takes 1.204" in refused.stderr
     assert call(*command, "--duration", "2").exit_code == 2  # of what?
     assert not out.exists()
     done = call(*command, "--duration", "1.5 s", "--json")

@@ -152,7 +152,7 @@ def test_runs_and_rests(hexapod):
 
 def test_less_than_the_shortest_is_refused_and_named(planned, hexapod):
     shortest = planned("bare-circle", 2).trajectory.duration
-    with pytest.raises(Infeasible, match=r"no motion within the limits is shorter than 1\.20") as told:
+    with pytest.raises(Infeasible, match=r"the fastest motion found within the limits takes 1\.20") as told:
         plan(load_program("bare-circle"), hexapod, order=2, duration=0.99 * shortest)
     assert told.value.limit == pytest.approx(shortest, abs=1e-6)
     made = plan(load_program("bare-circle"), hexapod, order=2, duration=told.value.limit)
