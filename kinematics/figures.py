@@ -255,7 +255,7 @@ def _legs(machine: Legged, ax: Axes3D | None) -> Axes:
     return cast(Axes, ax)
 
 
-STAGE_COLOURS = {"before": "#D55E00", "after": "#0072B2", "left out": "#009E73"}
+STAGE_COLOURS = {"before": "#D55E00", "after": "#0072B2", "leave-one-out": "#009E73"}
 """Colours that colour-blind readers tell apart [Okabe and Ito 2008]."""
 STAGE_MARKS = "osD"
 MIN_SHOWN_ERROR = 1e-3
@@ -266,11 +266,13 @@ _NAME = {"position": "position", "rotation": "rotation", "axis": "direction of t
 
 @draws(Calibration)
 def errors_by_pose(calibration: Calibration, ax: Axes | None = None, group: str = "position") -> Axes:
-    """Root mean square of each pose's errors in a group: before, after, and left out of the fit."""
+    """Root mean square of each pose's errors in a group: before, after, and leave-one-out."""
     check_group(group)
     ax = new_axes(ax, (9, 3.6))
-    stages = {"before": calibration.before, "after": calibration.after, "left out": calibration.left_out}
-    sizes = {name: np.maximum(_per_pose(errors[:, GROUPS[group]]), MIN_SHOWN_ERROR) for name, errors in stages.items()}
+    sizes = {
+        name: np.maximum(_per_pose(errors[:, GROUPS[group]]), MIN_SHOWN_ERROR)
+        for name, errors in calibration.stages.items()
+    }
     known = np.isfinite(sizes["before"])
     labels = [label for label, there in zip(calibration.measurements.labels, known, strict=True) if there]
     at = np.arange(len(labels))

@@ -40,8 +40,8 @@ def draw(calibration: Calibration) -> dict[str, Drawing]:
 
 
 def rms_by_stage(calibration: Calibration) -> dict[str, tuple[float, float, float]]:
-    """RMS per component of the fitted poses, by group: before, after, left out (µm or µrad; NaN: not fitted)."""
-    errors = calibration.before, calibration.after, calibration.left_out
+    """RMS per component of the fitted poses, by group: before, after, leave-one-out (µm or µrad; NaN: not fitted)."""
+    errors = calibration.stages.values()
     found = {group: [1e6 * calibration.rms(stage, group) for stage in errors] for group in GROUPS}
     return {group: (row[0], row[1], row[2]) for group, row in found.items() if isfinite(row[0])}
 
@@ -74,7 +74,7 @@ def _row(estimate: Estimate) -> tuple[str, str, str, str, str, str]:
     if isfinite(estimate.error):
         error = f"{micro * estimate.error:.6f}" if not unit else f"{micro * estimate.error:.2f} {small}"
     else:
-        error = "not seen apart" if estimate.error == np.inf else "unknown"
+        error = "not identifiable" if estimate.error == np.inf else "unknown"
     nominal, value = (f"{scale * number:.{4 if unit else 6}f}" for number in (estimate.nominal, estimate.value))
     return estimate.name, nominal, value, f"{change:+.2f} {small}" if unit else f"{change:+.6f}", error, unit
 
@@ -103,13 +103,13 @@ def _page(calibration: Calibration, figures: dict[str, Drawing]) -> str:
     )
 
 
-def _errors(calibration: Calibration, group: str) -> list[tuple[str, bool, list[str]]]:
-    """Label of each pose where the group was measured, whether it was fitted, and its errors stage by stage."""
+def _errors(calibration: Calibration, group: str) -> tuple[list[str], list[tuple[str, bool, list[str]]]]:
+    """The stages that have errors; of each pose where the group was measured its label, whether it was fitted, and its
+    errors stage by stage."""
     part, data = GROUPS[group], calibration.measurements
-    errors = np.concatenate(
-        [stage[:, part] for stage in (calibration.before, calibration.after, calibration.left_out)], 1
-    )
-    return [
+    stages = {name: stage[:, part] for name, stage in calibration.stages.items() if np.isfinite(stage[:, part]).any()}
+    errors = np.concatenate(list(stages.values()), 1)
+    return list(stages), [
         (data.labels[k], bool(data.fit[k]), [f"{1e6 * value:.1f}" if isfinite(value) else "–" for value in errors[k]])
         for k in np.flatnonzero(np.isfinite(calibration.before[:, part]).any(1))
     ]

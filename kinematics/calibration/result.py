@@ -42,7 +42,7 @@ class Observability(Result):
 
     def tables(self) -> tuple[Table, ...]:
         """The indices: more is better."""
-        seen = f"{self.rank} of {len(self.singular)} combinations of parameters seen"
+        seen = f"{self.rank} of {len(self.singular)} combinations of parameters are identifiable"
         return (Table(seen, tuple(Column(name, [value], form=".4g") for name, value in self.indices.items())),)
 
     def data(self) -> Table:
@@ -169,6 +169,11 @@ class Calibration(Result):
     degrees: int
     skipped: tuple[str, ...] = ()
 
+    @property
+    def stages(self) -> dict[str, Array]:
+        """The errors by name: before, after, leave-one-out."""
+        return {"before": self.before, "after": self.after, "leave-one-out": self.left_out}
+
     def rms(self, errors: Array, group: str = "position", *, fitted: bool = True) -> float:
         """Root mean square per component of a group of errors, over the fitted poses or the checks; NaN for none."""
         chosen = errors[self.measurements.fit == fitted][:, GROUPS[check_group(group)]]
@@ -177,19 +182,19 @@ class Calibration(Result):
 
     def tables(self) -> tuple[Table, ...]:
         """The parameters with their standard errors, the errors before and after, and what the data show."""
-        stages = {"before": self.before, "after": self.after, "left out": self.left_out}
         groups = [group for group in GROUPS if np.isfinite(self.rms(self.before, group))]
         units = ["m" if group == "position" else "rad" for group in groups]
         rms = (
             Column(stage, [self.rms(of, group) for group in groups], units, "micro", ".3f", words={"nan": "not fitted"})
-            for stage, of in stages.items()
+            for stage, of in self.stages.items()
+            if any(np.isfinite(self.rms(of, group)) for group in groups)
         )
         errors = Table(
             f"calibration of {self.nominal.name} by {', '.join(self.parts)}: RMS per component at the fitted poses",
             (Column("error", groups), *rms),
-            tuple(f"left out: {reason}" for reason in self.skipped),
+            tuple(f"skipped: {reason}" for reason in self.skipped),
         )
-        own, unknown = [one.unit for one in self.parameters], {"inf": "not seen apart", "nan": "unknown"}
+        own, unknown = [one.unit for one in self.parameters], {"inf": "not identifiable", "nan": "unknown"}
         parameters = (
             Column("parameter", self.names),
             Column("nominal", [one.nominal for one in self.parameters], own, "human", ".6f"),
