@@ -36,11 +36,12 @@ NEAR_SHARE, HALVINGS = 0.02, 24
 FARTHER = (1.0, 1.02, 1.1, 1.3)
 # Share of the largest ṡ up to which a motion rests at a knot, and up to which there is nothing to stop.
 REST_SHARE, RESTING_SHARE = 1e-12, 1e-6
-# s by which a stop begins later in turn, while a motion that is getting faster is found none but its own.
-LATER = (0.0, 1e-3, 3e-3, 1e-2, 3e-2)
-TRIED_FROM = 1.05
-"""Times the way of the nearest stop without jerk limits from which one with them is sought."""
-GROWTH = 1.3
+# The nearest stop is sought from a share of the way to the plan's own rest on: along short ways grids are fine, and a
+# grid that is not may show none where there is one. Times so much farther in turn.
+TRIED_SHARE, DOUBLING = 1e-4, 2.0
+# One with jerk limits is sought from so many times the way of the nearest without them on, which begins with this share
+# of the speed, as that may be the largest; and so many times farther in turn.
+TRIED_FROM, TRIED_SPEED, GROWTH = 1.05, 0.99, 1.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,21 +69,17 @@ class _Stop(NamedTuple):
 def hold(whole: Whole, at: float) -> Section:
     """The soonest stop along the path from an instant (s) of a plan, on a whole tick of its clock.
 
-    From the first milliseconds of a motion, in which it hardly moves, it may begin some later: `Section.at` says when.
     Constant speeds that segments ask for are left. Raises MotionError for an instant that is none of the plan's, and
     for one at which it rests.
     """
     motion, clock = whole.trajectory, whole.pulses.clock_hz
     if not 0 <= at <= motion.duration:
         raise MotionError(f"hold at {at:g} s: the plan lasts from 0 to {motion.duration:.6f} s; give an instant of it")
-    for later in LATER:
-        tick = min(round((at + later) * clock), int(motion.duration * clock))
-        now = _look(motion, tick / clock)
-        if now.v <= RESTING_SHARE * motion.v.max():
-            raise MotionError(f"hold at {now.t:.6f} s: the plan rests there, and nothing is to stop; resume from there")
-        stop = _stop(whole, now)
-        if not stop.own or now.a <= 0:
-            break
+    tick = min(round(at * clock), int(motion.duration * clock))
+    now = _look(motion, tick / clock)
+    if now.v <= RESTING_SHARE * motion.v.max():
+        raise MotionError(f"hold at {now.t:.6f} s: the plan rests there, and nothing is to stop; resume from there")
+    stop = _stop(whole, now)
     sent = [int(axis.counts([tick - 1])[0]) for axis in whole.pulses.axes]
     return make_section(whole, "hold", *stop[:4], now.s, sent, now.t, _shape(whole, now, stop))
 
@@ -120,7 +117,7 @@ def _stop(whole: Whole, now: _Instant) -> _Stop:
             break
         path = whole.draw(now.s, until, now.v, now.a, now.t, now.q)
         own = whole.limits(path)
-        found = attempt(partial(certified_solve, path, own, whole.order, continuation=_go_on(motion, now)))
+        found = attempt(partial(certified_solve, path, own, whole.order, continuation=_leave(motion, now)))
         if not isinstance(found, MotionError):
             return _Stop(path, own, found.trajectory, found.certificate)
     return _Stop(ahead, limits, _keep_on(motion, ahead, now, last), whole.certificate, True)
@@ -230,26 +227,22 @@ def _next_rest(motion: Trajectory, now: _Instant) -> int:
     return now.knot + 1 + int(later[0]) if len(later) else len(motion.s)
 
 
-def _go_on(motion: Trajectory, now: _Instant) -> Continuation:
-    """What the motion does next, up to its next knot."""
-    h = float(motion.knots[now.knot + 1]) - now.t
-    j = float(motion.j[now.knot])
-    way = h * (now.v + h * (now.a / 2 + h * j / 6))
-    return Continuation(np.array([0.0, way]), np.array([[now.v], [now.a], [j], [h]]), {}, now.a)
+def _leave(motion: Trajectory, now: _Instant) -> Continuation:
+    """A run that begins in the state of a motion, on a grid on which it may go on with it as long as it likes."""
+    knots = motion.s[now.knot + 1 :] - now.s
+    return Continuation(np.zeros(1), np.zeros((4, 0)), {}, now.a, knots)
 
 
 def _find_way(whole: Whole, ahead: MachinePath, limits: tuple[Limit, ...], now: _Instant) -> float:
     """m to the nearest rest to which a motion is found; all there is ahead where none is nearer."""
-    whole_way = float(ahead.breaks[-1])
+    whole_way, left = float(ahead.breaks[-1]), _leave(whole.trajectory, now)
 
     def stops(order: int, way: float) -> bool:
         last = int(np.clip(np.searchsorted(ahead.breaks, way, "left") - 1, 0, len(ahead.pieces) - 1))
-        known = _go_on(whole.trajectory, now) if order == 3 else None
-        if known is not None and known.s[-1] >= 0.9 * way:
-            known = Continuation(np.zeros(1), np.zeros((4, 0)), {}, now.a)
-        run = Run(0, last, start_speed=now.v, until=way, continuation=known)
         if order == 2:
+            run = Run(0, last, start_speed=now.v if whole.order == 2 else TRIED_SPEED * now.v, until=way)
             return solve_run(ahead, limits, run, order, probing=True).solved
+        run = Run(0, last, start_speed=now.v, until=way, continuation=left)
         found = place_by_loss(ahead, limits, run, coarse_jerk_problem(ahead, limits, run))
         return found is not None and not isinstance(found, MotionError)
 
@@ -261,13 +254,14 @@ def _find_way(whole: Whole, ahead: MachinePath, limits: tuple[Limit, ...], now: 
             low, high = (low, middle) if stops(order, middle) else (middle, high)
         return high
 
-    sharp = narrow(2, 0.0, whole_way)
-    if whole.order == 2:
-        return sharp
-    low, high = sharp, TRIED_FROM * sharp
-    while high < whole_way and not stops(3, high):
-        low, high = high, GROWTH * high
-    return narrow(3, low, min(high, whole_way))
+    def seek(order: int, high: float, growth: float) -> float:
+        low = 0.0
+        while high < whole_way and not stops(order, high):
+            low, high = high, growth * high
+        return narrow(order, low, min(high, whole_way))
+
+    sharp = seek(2, TRIED_SHARE * whole_way, DOUBLING)
+    return sharp if whole.order == 2 else seek(3, TRIED_FROM * sharp, GROWTH)
 
 
 def _keep_on(motion: Trajectory, ahead: MachinePath, now: _Instant, last: int) -> Trajectory:

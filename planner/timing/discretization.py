@@ -44,6 +44,8 @@ MIN_STEP_SHARE, STEP_PARTS = 0.2, 8
 DIRECTION_POINTS = 17
 # Share of an interval that is left of one behind a grid that is gone on from.
 MIN_STEP_LEFT = 0.5
+# Share of an interval up to which a point of it is near a knot; of a run up to which two places are the same.
+NEAR_STEP_SHARE, SAME_PLACE = 1 / 3, 1e-12
 START_GRID = "start"
 """Name of the rows that bound s̈ by what the jerk lets a motion reach: no limit's."""
 # Window of the average, as a share of what the run allows, where a gentle start finds no way between two speeds.
@@ -70,12 +72,30 @@ def continue_problem(
     s = problem.s
     known = continuation.s
     s = np.concatenate([known, s[s > known[-1] + MIN_STEP_LEFT * (s[-1] - s[-2])]])
+    s = _hold_knots(s, continuation.knots, run.breaks(path))
+    s = _hold_knots(s, continuation.knots, run.breaks(path))
     posed = pose_problem(path, limits, s, find_pieces(path, run, s), run.speeds, run.stands)
     blocks = []
     for block in posed.blocks:
         room = continuation.room.get(block.name, np.empty(0))
         blocks.append(replace(block, room=np.append(room, block.room[len(room) :])))
     return replace(posed, blocks=tuple(blocks), acceleration=continuation.acceleration)
+
+
+def _hold_knots(s: Array, knots: Array, breaks: Array) -> Array:
+    """A grid (N+1,) with knots in it, in place of points near them: but for its ends, and breaks of the path."""
+    knots = knots[(knots > s[0]) & (knots < s[-1] - NEAR_STEP_SHARE * (s[-1] - s[-2]))]
+    knots = knots[_distances(knots, breaks) > SAME_PLACE * (s[-1] - s[0])]
+    kept = np.isin(s, breaks) | (_distances(s, knots) > NEAR_STEP_SHARE * np.gradient(s))
+    kept[[0, -1]] = True
+    return np.union1d(s[kept], knots)
+
+
+def _distances(s: Array, places: Array) -> Array:
+    """(N,) from each of some places (N,) to the nearest of others, in order; ∞ where there are none."""
+    others = np.concatenate([[-np.inf], places, [np.inf]])
+    after = np.searchsorted(others, s)
+    return np.minimum(s - others[after - 1], others[after] - s)
 
 
 def refine_problem(path: ActuatorPath, limits: Sequence[Limit], problem: Problem, motion: Profile) -> Problem | None:

@@ -1,7 +1,7 @@
 """A timing problem as the solvers see it: a grid along one run, and every limit's rows on it, normalised."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Literal
 
@@ -40,12 +40,14 @@ class Continuation:
     columns       (4, K) of ṡ, s̈, s⃛, h
     room          by limit (K,) what it was left
     acceleration  s̈ where the run begins
+    knots         (M,) where its s⃛ may step farther on: on a grid that holds them, to go on with it keeps every row
     """
 
     s: Array
     columns: Array
     room: Mapping[str, Array]
     acceleration: float
+    knots: Array = field(default_factory=lambda: np.empty(0))
 
 
 @dataclass(frozen=True, slots=True)

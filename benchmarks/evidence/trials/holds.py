@@ -2,8 +2,8 @@
 
 Of the preset programs on their machines, at both orders where jerk is limited. Of each stop: whether its proof holds;
 the largest share of a speed, acceleration or jerk limit at 10⁵ instants; how far it leaves the path; its pulses beside
-those that were sent before; and its duration beside the soonest to many ends about its own, each solved for on a fine
-grid.
+those that were sent before; and its duration beside the soonest to many ends, each solved for on a fine grid, and to
+those of stops that begin some later, with the plan's own motion up to there.
 """
 
 from argparse import ArgumentParser
@@ -23,8 +23,9 @@ from planner.timing.problem import Continuation, Run
 from planner.timing.run import solve_run
 
 SAMPLES = 100_000
-ENDS = (0.8, 0.9, 0.95, 1.0, 1.05, 1.15, 1.3)
-"""Of the way that a stop takes, those of the others."""
+ENDS = (0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.95, 1.0, 1.05, 1.15, 1.3)
+LATER = (0.07, 0.25)
+"""Of the way that a stop takes, those of the others; of its time, that by which others begin later."""
 BATCH = 20_000
 
 
@@ -68,7 +69,7 @@ def measure_distance(made: Plan, held: Section) -> float:
 
 
 def find_soonest(made: Plan, held: Section) -> float:
-    """s to rest at the soonest of many ends; ∞ where none is found."""
+    """s to rest at the soonest of many ends, or of a stop that begins later; ∞ where none is found."""
     whole, now = made.whole(), made.trajectory.at(held.at or 0.0)
     speed, push, soonest = float(now.sd[0]), float(now.sdd[0]), np.inf
     for share in ENDS:
@@ -82,6 +83,9 @@ def find_soonest(made: Plan, held: Section) -> float:
         run = Run(0, len(path.pieces) - 1, start_speed=speed, continuation=going)
         found = solve_run(path, whole.limits(path), run, made.order, probing=True)
         soonest = min(soonest, found.duration if found.solved else np.inf)
+    for wait in held.duration * np.array(LATER):
+        later = attempt(partial(made.hold, (held.at or 0.0) + wait))
+        soonest = min(soonest, np.inf if isinstance(later, MotionError) else wait + later.duration)
     return soonest
 
 
@@ -130,7 +134,7 @@ def main() -> None:
     print(f"{len(told)} stops, {int(proved.sum())} proved; the largest use of a limit {use.max():.9f}")
     print(f"off the path by {off.max():.1e} of the coordinates; {int(misfits.sum())} axes whose pulses do not go on")
     print(
-        f"duration beside the soonest of {len(ENDS)} ends: median {np.median(ratios):.3f}, largest {ratios.max():.3f}"
+        f"duration beside the soonest of {len(ENDS)} ends and {len(LATER)} later stops: median {np.median(ratios):.3f}, largest {ratios.max():.3f}"
     )
     print(f"processor time of a stop with its pulses: median {np.median(times):.2f} s, largest {times.max():.2f} s")
 

@@ -1,15 +1,20 @@
 """A plan held, gone on with and run slower: limits kept, on the path, pulses that go on, and hardly a sooner stop."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from kinematics import load_machine
 from kinematics.foundation.errors import MotionError
+from planner import Blend, Line, Program, plan
 from planner.interruption.section import go_on
 from planner.pulses import AxisPulses
 from planner.timing.problem import Continuation, Run
 from planner.timing.run import solve_run
 
 INSTANTS = 20_000
+COREXY = Path(__file__).parents[3] / "docs/examples/corexy.toml"
 
 
 @pytest.fixture(scope="module", params=[2, 3])
@@ -64,6 +69,18 @@ def test_hardly_any_stop_is_sooner(circle, share):
         found = solve_run(path, whole.limits(path), run, circle.order, probing=True)
         soonest = min(soonest, found.duration if found.solved else np.inf)
     assert held.duration < 1.05 * soonest
+
+
+@pytest.mark.parametrize("at", [0.325, 0.36, 0.4])
+def test_no_later_stop_is_sooner(at):
+    """Behind a blend that the jerk passes at one speed only, and that no other grid than the plan's own shows a way by."""
+    program = Program((Line(to=(0.03, 0, 0), join=Blend(5e-4)), Line(to=(0.03, 0.03, 0), speed=0.05)))
+    made = plan(program, load_machine(COREXY))
+    held = made.hold(at)
+    assert held.certificate.holds
+    assert held.at == pytest.approx(at, abs=1e-6)
+    for wait in (0.002, 0.015):
+        assert held.duration < 1.05 * (wait + made.hold(at + wait).duration)
 
 
 @pytest.mark.parametrize("share", [0.31])
