@@ -133,9 +133,8 @@ def main() -> None:
     proved, use, off, misfits, ratios, times = (np.array(each) for each in zip(*told, strict=True))
     print(f"{len(told)} stops, {int(proved.sum())} proved; the largest use of a limit {use.max():.9f}")
     print(f"off the path by {off.max():.1e} of the coordinates; {int(misfits.sum())} axes whose pulses do not go on")
-    print(
-        f"duration beside the soonest of {len(ENDS)} ends and {len(LATER)} later stops: median {np.median(ratios):.3f}, largest {ratios.max():.3f}"
-    )
+    beside = f"the soonest of {len(ENDS)} ends and {len(LATER)} later stops"
+    print(f"duration beside {beside}: median {np.median(ratios):.3f}, largest {ratios.max():.3f}")
     print(f"processor time of a stop with its pulses: median {np.median(times):.2f} s, largest {times.max():.2f} s")
 
 

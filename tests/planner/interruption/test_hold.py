@@ -73,7 +73,7 @@ def test_hardly_any_stop_is_sooner(circle, share):
 
 @pytest.mark.parametrize("at", [0.1872, 0.2172])
 def test_no_later_stop_is_sooner(at):
-    """Behind a blend that the jerk passes at one speed only, and that no other grid than the plan's own shows a way by."""
+    """Behind a blend by which the jerk leaves a narrow way, that hardly any grid but the plan's own shows."""
     program = Program((Line(to=(0.03, 0, 0), join=Blend(5e-4)), Line(to=(0.03, 0.03, 0), speed=0.05)))
     made = plan(program, load_machine(COREXY))
     held = made.hold(at)
