@@ -95,7 +95,7 @@ def _distances(s: Array, places: Array) -> Array:
     """(N,) from each of some places (N,) to the nearest of others, in order; ∞ where there are none."""
     others = np.concatenate([[-np.inf], places, [np.inf]])
     after = np.searchsorted(others, s)
-    return np.minimum(s - others[after - 1], others[after] - s)
+    return np.asarray(np.minimum(s - others[after - 1], others[after] - s))
 
 
 def refine_problem(path: ActuatorPath, limits: Sequence[Limit], problem: Problem, motion: Profile) -> Problem | None:
