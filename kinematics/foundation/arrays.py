@@ -35,7 +35,13 @@ def finite_array(
     NaN and infinity, and for another shape, also one that numpy would stretch.
     """
     array = numeric_array(values)
-    fits = array is not None and (not shapes or any(_fits(array.shape, shape) for shape in shapes))
+    fits = array is not None and (
+        not shapes
+        or any(
+            len(shape) == array.ndim and all(n in (None, own) for n, own in zip(shape, array.shape, strict=True))
+            for shape in shapes
+        )
+    )
     if array is not None and fits and ((array >= least) & (array <= most)).all():
         return array
     kind = "one finite number" if shapes == ((),) else "finite numbers"
@@ -67,10 +73,6 @@ def unit_vectors(values: object, what: str, *shapes: tuple[int | None, ...]) -> 
         raise MotionError(f"{what} {vectors.tolist()} must be directions, not zero")
     vectors /= largest  # so that squares neither overflow nor vanish
     return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
-
-
-def _fits(shape: tuple[int, ...], wanted: tuple[int | None, ...]) -> bool:
-    return len(shape) == len(wanted) and all(w in (None, n) for n, w in zip(shape, wanted, strict=True))
 
 
 def freeze_array(values: ArrayLike, dtype: type | None = None) -> NDArray[Any]:

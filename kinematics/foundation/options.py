@@ -56,6 +56,8 @@ def read_options(kind: type[Any], given: Mapping[str, str], what: str) -> dict[s
 
     Unknown names are refused with the nearest.
     """
+    if not given:
+        return {}
     known, hints, values = options(kind), get_type_hints(kind), {}
     _refuse_unknown(known, what, given)
     for name, text in given.items():
@@ -112,8 +114,8 @@ def check_arguments(*but: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
             given = signature(function).bind(*args, **kwargs).arguments  # TypeError for what has no such name, as ever
             for name, (kind, classes) in accepted().items():
                 value = given.get(name, _ABSENT)
-                if value is not _ABSENT:
-                    _refuse_misfit(function.__name__, name, value, kind, classes)
+                if value is not _ABSENT and (not isinstance(value, classes) or isinstance(value, bool)):
+                    _refuse_misfit(function.__name__, name, value, kind)
             return function(*args, **kwargs)
 
         return checked
@@ -130,7 +132,7 @@ def check_fields(value: object, *but: str) -> None:
     for name, (accepted, classes) in _field_kinds(kind, but).items():
         one = getattr(value, name)
         if not isinstance(one, classes) or one is True or one is False:  # programs have millions of these values
-            _refuse_misfit(kind.__name__.lower(), name, one, accepted, classes)
+            _refuse_misfit(kind.__name__.lower(), name, one, accepted)
 
 
 @cache
@@ -143,8 +145,8 @@ def _field_kinds(kind: type[Any], but: tuple[str, ...]) -> dict[str, tuple[Any, 
     return found
 
 
-def _refuse_misfit(what: str, name: str, value: object, kind: Any, classes: tuple[type, ...]) -> None:
-    if (isinstance(value, classes) and not isinstance(value, bool)) or fits(value, kind):
+def _refuse_misfit(what: str, name: str, value: object, kind: Any) -> None:
+    if fits(value, kind):
         return
     told = f'"{value}"' if isinstance(value, str) else f"{value!r:.60}"
     raise MotionError(f"{what}: {name} is {told}; expected {' or '.join(dict.fromkeys(_describe(kind)))}")

@@ -228,18 +228,16 @@ def _join_runs(
 ) -> tuple[Trajectory, ProvedUse]:
     """The runs one after the other with the rests between, and what is proved of them: of the rests, nothing yet."""
     parts: list[tuple[Profile, ProvedUse]] = []
+    still = np.zeros(1)
     for n, stop in enumerate(stops):
         if path.dwells[stop] > 0:
-            parts.append((_rest(path, int(stop)), ProvedUse.make_empty(limits, 1)))
+            s, h, piece = path.breaks[[stop]], path.dwells[[stop]], np.array([max(stop - 1, 0)])
+            rest = Profile(s, still, still, still, h, piece)
+            parts.append((rest, ProvedUse.make_empty(limits, 1)))
         if n < len(found):
             parts.append((found[n].solution.profile, found[n].known))
     joined = Profile.joined([profile for profile, _ in parts])
     return joined.along(path), ProvedUse.join([known for _, known in parts])
-
-
-def _rest(path: ActuatorPath, stop: int) -> Profile:
-    nothing = np.zeros(1)
-    return Profile(path.breaks[[stop]], nothing, nothing, nothing, path.dwells[[stop]], np.array([max(stop - 1, 0)]))
 
 
 def _unproved_error(trajectory: Trajectory, limits: Sequence[Limit], certificate: Certificate) -> MotionError:

@@ -223,7 +223,14 @@ class PulseStream:
         none: dict[str, Any] = {"ticks": np.empty(0, np.int64), "direction": np.empty(0, np.int8)}
         home = np.asarray(self._machine.home_q, float)
         axes = tuple(
-            AxisPulses(axis.name, start=count, pulse=axis.pulse, home=float(q), bound=bound + _widening(moved), **none)
+            AxisPulses(
+                axis.name,
+                start=count,
+                pulse=axis.pulse,
+                home=float(q),
+                bound=bound + (moved.error if moved else 0.0),
+                **none,
+            )
             for axis, count, q, bound, moved in zip(
                 self._machine.axes, starts, home, reached.bounds, reached.moved, strict=True
             )
@@ -248,7 +255,13 @@ class PulseStream:
         started = now.given or tuple(axis.start for axis in fired.axes)
         bounds = tuple(max(each) for each in zip(now.bounds, (axis.bound for axis in fired.axes), strict=True))
         axes = tuple(
-            replace(axis, ticks=one.ticks, direction=one.direction, start=count, bound=bound + _widening(one.moved))
+            replace(
+                axis,
+                ticks=one.ticks,
+                direction=one.direction,
+                start=count,
+                bound=bound + (one.moved.error if one.moved else 0.0),
+            )
             for axis, one, count, bound in zip(fired.axes, spaced, started, bounds, strict=True)
         )
         for pulses, axis in zip(axes, machine.axes, strict=True):
@@ -300,10 +313,6 @@ class PulseStream:
         left = float(part.end_tick - until) / self._clock_hz
         rest = JoinedMotion.of(MotionSpan(known, max(0.0, known.duration - left), known.duration))
         return PieceMotion.of(rest, np.array([FIT_TOLERANCE * axis.pulse for axis in part.axes]))
-
-
-def _widening(moved: MovedPulses | None) -> float:
-    return 0.0 if moved is None else moved.error
 
 
 def _place_on_whole(no: Infeasible, part: MotionPart, offset: float, *, own: bool) -> Infeasible:
