@@ -150,7 +150,7 @@ def test_segments_and_programs_refuse_what_they_cannot_hold(name):
         (lambda: pp.calibrate("hexapod", "cmm", [3]), "calibration model: part 3 is not a text; parts: factor"),
         (
             lambda: pp.calibrate("hexapod", "cmm", use=[1]),
-            'calibrate: use is [1]; expected "position" or "all" or None',
+            'calibrate: use [1] must be "position", "all" or None',
         ),
         (lambda: pp.load_positions(3), "load_positions: path is 3; expected a text or a path"),
         (lambda: pp.posture_of_axes("hexapod", "x"), "coordinates must be finite numbers"),

@@ -50,8 +50,8 @@ SOURCES = [
     (lambda m: [k.Quantization([0.5] * 3)], "quantization: 3 numbers for the 6 axes"),
     (lambda m: [k.Temperature([1, 2])], r"ambient \[1, 2\] must be a single number"),
     (lambda m: [k.PulseLength("5 ppm")], "pulse length: error must be finite numbers"),
-    (lambda m: k.Quantization(), "must be a list such as"),
-    (lambda m: [3], "must be a list such as"),
+    (lambda m: k.Quantization(), "expected a list, each entry an error source"),
+    (lambda m: [3], r"sources is \[3\]; expected a list"),
     (lambda m: [], "no sources"),
 ]
 
@@ -134,7 +134,7 @@ BAD = [
     (lambda: k.AxisMotion(np.zeros((3, 2)), np.zeros((5, 2))), r"qd is \(5, 2\), q is \(3, 2\)"),
     (lambda: k.load_measurements(None), "measurement file is given by its name or the path"),
     (lambda: k.load_machine(3), "machine is given by its name or the path"),
-    (lambda: k.actuator_need([3]), "3 is no motion"),
+    (lambda: k.actuator_need([3]), r"motions is \[3\]; expected a list"),
 ]
 
 
