@@ -21,7 +21,7 @@ from planner.limits import Limit
 from planner.parallel import Progress, ignore_progress
 from planner.path.actuation import MachinePath
 from planner.shaping.keep_limits import refuse_unkept, solve_shaped
-from planner.shaping.shaped_motion import ShapedMotion, find_copies, shape_motion
+from planner.shaping.shaped_motion import Copies, ShapedMotion, find_copies, shape_motion, shaper_length
 from planner.shaping.shaped_proof import ShapedProof, prove_shaped
 from planner.timing.certified_solve import certified_solve
 from planner.timing.discretization import coarse_jerk_problem
@@ -57,43 +57,55 @@ class _Instant:
 
 
 class _Stop(NamedTuple):
-    """The path to a rest, its limits, the motion and its proof; own: whether it is the plan's own."""
+    """The path to a rest, its limits, the motion, its proof, where it begins (m), and the proof behind shapers."""
 
     path: MachinePath
     limits: tuple[Limit, ...]
     trajectory: Trajectory
     certificate: Certificate
-    own: bool = False
+    since: float
+    shaped: ShapedProof | None = None
 
 
 def hold(whole: Whole, at: float) -> Section:
     """The soonest stop along the path from an instant (s) of a plan, on a whole tick of its clock.
 
+    Behind input shapers the motion may rest while copies of it still move: the stop is then to let these run out.
     Constant speeds that segments ask for are left. Raises MotionError for an instant that is none of the plan's, and
     for one at which it rests.
     """
-    motion, clock = whole.trajectory, whole.pulses.clock_hz
-    if not 0 <= at <= motion.duration:
-        raise MotionError(f"hold at {at:g} s: the plan lasts from 0 to {motion.duration:.6f} s; give an instant of it")
-    tick = min(round(at * clock), int(motion.duration * clock))
-    now = _look(motion, tick / clock)
-    if now.v <= RESTING_SHARE * motion.v.max():
-        raise MotionError(f"hold at {now.t:.6f} s: the plan rests there, and nothing is to stop; resume from there")
-    stop = _stop(whole, now)
+    clock, duration = whole.pulses.clock_hz, _shaped_duration(whole)
+    if not 0 <= at <= duration:
+        raise MotionError(f"hold at {at:g} s: the plan lasts from 0 to {duration:.6f} s; give an instant of it")
+    tick = min(round(at * clock), int(duration * clock))
+    t = tick / clock
+    stop = _stop(whole, t)
+    if stop is None:
+        raise MotionError(f"hold at {t:.6f} s: the plan rests there, and nothing is to stop; resume from there")
     sent = [int(axis.counts([tick - 1])[0]) for axis in whole.pulses.axes]
-    return make_section(whole, "hold", *stop[:4], now.s, sent, now.t, _shape(whole, now, stop))
+    return make_section(whole, "hold", *stop[:5], sent, t, stop.shaped)
 
 
-def _shape(whole: Whole, now: _Instant, stop: _Stop) -> ShapedProof | None:
-    """What is proved of a stop behind shapers, where some axis has one: of which copies are still on the plan."""
-    axes = whole.machine.axes
-    copies = find_copies(axes)
-    if copies is None:
-        return None
+def _shaped_duration(whole: Whole) -> float:
+    return whole.trajectory.duration + shaper_length(whole.machine.axes)
+
+
+def _stop(whole: Whole, t: float) -> _Stop | None:
+    """The soonest from an instant on; None where nothing moves."""
+    motion, copies = whole.trajectory, find_copies(whole.machine.axes)
+    now = _look(motion, min(t, motion.duration))
+    rest = _find_rest(motion, now)
+    if rest is None:
+        stop = _solve_stop(whole, now)
+        return stop if copies is None else _shape(whole, now, stop, copies)
+    return None if copies is None else _run_out(whole, t, rest, copies)
+
+
+def _shape(whole: Whole, now: _Instant, stop: _Stop, copies: Copies) -> _Stop:
+    """A stop and what is proved of it behind shapers, of which copies are still on the plan."""
     behind = _look(whole.trajectory, max(now.t - copies.length, 0.0))
-    path = whole.draw(behind.s, now.s + float(stop.path.breaks[-1]), behind.v, behind.a, behind.t, behind.q)
-    before = _cut(whole.trajectory, behind, now)
-    rest = stop.trajectory
+    path = _draw_from(whole, behind, now.s + float(stop.path.breaks[-1]))
+    before, rest = _cut(whole.trajectory, behind, now), stop.trajectory
     first, here = (int(k) for k in np.searchsorted(whole.path.breaks, [behind.s, now.s], "right") - 1)
     v, a, j = (np.concatenate(both) for both in ((before.v, rest.v), (before.a, rest.a), (before.j, rest.j)))
     knots = np.concatenate([before.knots, before.knots[-1] + rest.knots[1:]])
@@ -101,26 +113,57 @@ def _shape(whole: Whole, now: _Instant, stop: _Stop) -> ShapedProof | None:
     piece = np.concatenate([np.maximum(before.piece - first, 0), rest.piece + (here - first)])
     joined, since = Trajectory(path, knots, s, v, a, j, piece), float(before.knots[-1])
     motion, limits = ShapedMotion.of(joined, copies), whole.limits(path)
-    return prove_shaped(motion, joined, axes, limits, whole.certificate, stop.certificate, since=since)
+    certificates = whole.certificate, stop.certificate
+    return stop._replace(shaped=prove_shaped(motion, joined, whole.machine.axes, limits, *certificates, since=since))
 
 
-def _stop(whole: Whole, now: _Instant) -> _Stop:
-    """The path to the rest, its limits, the motion and its proof: the plan's, where it goes on to a rest of its own."""
+def _run_out(whole: Whole, t: float, rest: _Instant, copies: Copies) -> _Stop | None:
+    """What copies still do from t on of a motion that rests already; None where they rest too."""
+    motion = whole.trajectory
+    behind = _look(motion, max(t - copies.length, 0.0))
+    begun = _find_rest(motion, behind)
+    if begun is not None and begun.t == rest.t:
+        return None
+    path = _draw_from(whole, behind, rest.s)
+    limits = whole.limits(path)
+    before = _cut(motion, behind, rest)
+    first = int(np.searchsorted(whole.path.breaks, behind.s, "right")) - 1
+    before = replace(before, path=path, piece=np.maximum(before.piece - first, 0))
+    proof = prove_shaped(
+        ShapedMotion.of(before, copies),
+        before,
+        whole.machine.axes,
+        limits,
+        whole.certificate,
+        since=min(t, copies.length),  # which is a knot, or in the motion from its start on
+    )
+    still = np.zeros(1)
+    end, piece = path.breaks[-1:], np.array([len(path.pieces) - 1])
+    rests = Trajectory(path, np.array([0.0, proof.duration]), end, still, still, still, piece)
+    return _Stop(path, limits, rests, whole.certificate, behind.s, proof)
+
+
+def _draw_from(whole: Whole, now: _Instant, until: float) -> MachinePath:
+    return whole.draw(now.s, until, now.v, now.a, now.t, now.q)
+
+
+def _solve_stop(whole: Whole, now: _Instant) -> _Stop:
+    """The soonest before any shapers: the plan's, where it goes on to a rest of its own."""
     motion, last = whole.trajectory, _next_rest(whole.trajectory, now)
     end = float(motion.s[last]) if last < len(motion.s) else float(whole.path.breaks[-1])
-    ahead = whole.draw(now.s, end, now.v, now.a, now.t, now.q)
+    ahead = _draw_from(whole, now, end)
     limits = whole.limits(ahead)
     way = _find_way(whole, ahead, limits, now)
     for farther in FARTHER:
         until = now.s + farther * way
         if until >= end:
             break
-        path = whole.draw(now.s, until, now.v, now.a, now.t, now.q)
+        path = _draw_from(whole, now, until)
         own = whole.limits(path)
         found = attempt(partial(certified_solve, path, own, whole.order, continuation=_leave(motion, now)))
         if not isinstance(found, MotionError):
-            return _Stop(path, own, found.trajectory, found.certificate)
-    return _Stop(ahead, limits, _keep_on(motion, ahead, now, last), whole.certificate, True)
+            return _Stop(path, own, found.trajectory, found.certificate, now.s)
+    return _Stop(ahead, limits, _keep_on(motion, ahead, now, last), whole.certificate, now.s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +171,7 @@ class Stops(Result):
     """The soonest stop along a plan's path from each of some instants, each proved.
 
     t (N,) s; place (N,) m along the path, of the motion before any shapers; time (N,) s to rest and distance (N,) m to
-    it, as those of a `Section`; 0 where that motion rests
+    it, as those of a `Section`; 0 where nothing moves
     """
 
     name: str
@@ -163,16 +206,14 @@ def find_stops(whole: Whole, count: int, progress: Progress = ignore_progress) -
     if count < 1:
         raise MotionError(f"{count} stops: ask for 1 at least")
     motion, found = whole.trajectory, []
-    for n, t in enumerate((np.arange(count) * motion.duration / count).tolist()):
-        now = _look(motion, t)
-        if now.v <= RESTING_SHARE * motion.v.max():
-            found.append((t, now.s, 0.0, 0.0))
+    for n, t in enumerate((np.arange(count) * _shaped_duration(whole) / count).tolist()):
+        place, stop = _look(motion, min(t, motion.duration)).s, _stop(whole, t)
+        if stop is None:
+            found.append((t, place, 0.0, 0.0))
         else:
-            stop = _stop(whole, now)
-            shaped = _shape(whole, now, stop)
-            refuse_unkept(stop.limits, shaped)
-            duration = stop.trajectory.duration if shaped is None else shaped.duration
-            found.append((t, now.s, duration, measure_way(stop.path, shaped)))
+            refuse_unkept(stop.limits, stop.shaped)
+            duration = stop.trajectory.duration if stop.shaped is None else stop.shaped.duration
+            found.append((t, place, duration, measure_way(stop.path, stop.shaped)))
         progress(n + 1, count)
     return Stops(whole.name, *(np.array(each) for each in zip(*found, strict=True)))
 
@@ -219,6 +260,19 @@ def _look(motion: Trajectory, t: float) -> _Instant:
     state = motion.at(t)
     knot = int(motion.locate(np.array([t]))[0])
     return _Instant(t, knot, float(state.along[0]), float(state.sd[0]), float(state.sdd[0]), state.q[0])
+
+
+def _find_rest(motion: Trajectory, now: _Instant) -> _Instant | None:
+    """Where a rest begins that the motion is in, or within rounding of; None where it moves."""
+    most = motion.v.max()
+    if now.v > RESTING_SHARE * most:
+        return None
+    still = (motion.v <= REST_SHARE * most) & (motion.a == 0) & (motion.j == 0)
+    rests = np.flatnonzero(np.append(motion.v <= REST_SHARE * most, True))
+    k = now.knot if still[now.knot] else int(rests[np.argmin(np.abs(motion.knots[rests] - now.t))])
+    while k > 0 and still[k - 1]:
+        k -= 1
+    return _look(motion, float(motion.knots[k]))
 
 
 def _next_rest(motion: Trajectory, now: _Instant) -> int:

@@ -24,6 +24,9 @@ from planner.shaping.keep_limits import refuse_unkept
 from planner.shaping.shaped_proof import ShapedProof
 from planner.trajectory import Trajectory
 
+# Share of a path's length up to which two places of it are the same.
+SAME_PLACE = 1e-12
+
 
 @dataclass(frozen=True, slots=True)
 class Whole:
@@ -45,6 +48,12 @@ class Whole:
         paced = pace_axes(self.machine.axes, self.pulses.clock_hz, rule)
         return limits_of(path, paced, self.order, self.own_limits)
 
+    def snap(self, place: float) -> float:
+        """A place (m) of the path; the end of a piece of it where that is nearer than rounding."""
+        breaks = self.path.breaks
+        near = float(breaks[np.argmin(np.abs(breaks - place))])
+        return near if abs(near - place) <= SAME_PLACE * float(breaks[-1]) else place
+
     def draw(
         self,
         since: float,
@@ -58,7 +67,8 @@ class Whole:
 
         One that begins in motion is left at once where it ends; else it has the dwells that the program states there.
         """
-        path = self.path
+        path, until = self.path, self.snap(until)
+        since = self.snap(since) if speed == 0 else since  # in motion it may be so near to a rest
         first = int(np.clip(np.searchsorted(path.breaks, since, "right") - 1, 0, len(path.pieces) - 1))
         last = int(np.clip(np.searchsorted(path.breaks, until, "left") - 1, first, len(path.pieces) - 1))
         pieces = [replace(piece, constant=False) for piece in path.pieces[first : last + 1]]

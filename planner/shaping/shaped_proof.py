@@ -134,7 +134,7 @@ def prove_shaped(
     """What is proved of a trajectory behind shapers, of whose certificates (of the same limits) it makes use.
 
     certificates  of the parts that it consists of
-    since         s of the shaped motion, a knot of it from which on it is looked at
+    since         s of the shaped motion, from which on it is looked at: the whole of the interval that it is in
     Raises MotionError where the pose that the axes reach is not proved to be near the path, and as `refuse_unshaped`.
     """
     refuse_unshaped(limits, trajectory.path)
@@ -174,7 +174,7 @@ class _Search:
     def run(self) -> None:
         """Look at all cells, and at parts of those whose bounds are loose."""
         lengths = np.diff(self.motion.knots)
-        parts = np.maximum(np.ceil(lengths / LONGEST_CELL), 1).astype(int) * (self.motion.knots[:-1] >= self.since)
+        parts = np.maximum(np.ceil(lengths / LONGEST_CELL), 1).astype(int) * (self.motion.knots[1:] > self.since)
         k, share = np.repeat(np.arange(len(lengths)), parts), lengths / np.maximum(parts, 1)
         nth = np.arange(len(k)) - np.repeat(np.cumsum(parts) - parts, parts)
         cells = Cells(k, share[k] * nth, share[k] * (nth + 1))

@@ -112,7 +112,9 @@ def test_a_stop_that_is_not_proved_is_refused_and_in_no_table(shaped, monkeypatc
 def test_a_stop_goes_to_a_fieldbus_row_by_row(shaped, tmp_path):
     held = shaped.hold(0.37 * shaped.trajectory.duration)
     whole, done = shaped.export("csp", tmp_path / "plan.csv"), held.export("csp", tmp_path / "stop.csv")
-    assert done.error <= whole.error + 1e-9
+    # half an increment of rounding, and what a chord over a cycle T leaves of the hardest acceleration: a T²/8
+    chord = max(axis.max_acceleration / axis.pulse for axis in shaped.machine.axes) * 1e-6 / 8
+    assert max(done.error, whole.error) <= 0.5 + chord + 1e-6
     # rows, second differences and parabolas between them: as those of the plan
     figures = [
         [float(x) for x in re.findall(r"(?:most|within) ([\d.]+)", " ".join(made.notes))] for made in (whole, done)
@@ -123,3 +125,22 @@ def test_a_stop_goes_to_a_fieldbus_row_by_row(shaped, tmp_path):
         held.export("zaber", tmp_path / "stop.txt")
     with pytest.raises(Exception, match="but G-code in inverse time starts and ends at rest"):
         held.export("g93", tmp_path / "stop.ngc")
+
+
+def test_copies_that_still_move_run_out(shaped):
+    """In what is a rest of the motion before the shapers, and behind its end: until every copy rests."""
+    motion, copies = shaped.trajectory, shaped.shaped.motion.copies
+    for at in (motion.duration - 1e-3, motion.duration + 0.4 * copies.length):
+        held = shaped.hold(at)
+        t = np.linspace(0, held.duration, 2001)
+        q = 0.0
+        for amplitude, delay in zip(*shaped.machine.axes[0].shaper.impulses, strict=True):
+            q = q + amplitude * motion.at(np.clip(held.at + t - delay, 0, motion.duration)).q
+        assert held.shaped.holds
+        if at > motion.duration:  # where nothing can stop sooner
+            np.testing.assert_allclose(held.counted.at(t).q, q, rtol=0, atol=1e-12)
+            assert held.duration == pytest.approx(motion.duration + copies.length - held.at)
+            assert held.until == pytest.approx(shaped.path.breaks[-1])
+        assert held.distance > 0
+    with pytest.raises(Exception, match="the plan lasts from 0 to"):
+        shaped.hold(motion.duration + copies.length + 0.01)
