@@ -20,7 +20,7 @@ from planner.certificate.lower_bound import find_left_out
 from planner.interruption.interruptible import Interruptible
 from planner.interruption.section import Whole
 from planner.limits import Limit, OwnLimit, limits_of, usual_order
-from planner.limits.registry import geometric_limits, make_own_limits
+from planner.limits.registry import geometric_limits, make_own_limits, tabulate_axis_bounds
 from planner.orientation.orient import orient_open
 from planner.parallel import Progress, ignore_progress
 from planner.path.actuation import MachinePath, actuate
@@ -152,8 +152,13 @@ class Plan(Result, Interruptible):
         """How far the pose that the pulses stand for is from the planned one; stride k looks at every k-th interval."""
         return realised(self, stride=stride)
 
+    @property
+    def axis_bounds(self) -> Table:
+        """What each axis may do at most, by the limits as they were planned with, and what says so."""
+        return tabulate_axis_bounds(self.machine.axes, self.limits, self.order)
+
     def tables(self) -> tuple[Table, ...]:
-        """How long it takes, what is proved of it, its blends, its pulses and its triggers."""
+        """How long it takes, what is proved of it, what its axes may do, its blends, its pulses and its triggers."""
         stated = None if self.fastest else self.describe_objective()
         title = f"{self.program.name} on {self.machine.name}, order {self.order}"
         units = {axis.name: axis.unit for axis in self.machine.axes}
@@ -167,6 +172,7 @@ class Plan(Result, Interruptible):
                 shaped=None if self.shaped is None else self.duration,
             ),
             *self.certificate.tables(),
+            self.axis_bounds,
             *(() if self.shaped is None else self.shaped.tables()),
             *fit_tables(self.path.fit),
             *blend_tables(self.path.blends),

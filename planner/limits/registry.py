@@ -2,10 +2,13 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from inspect import signature
+from itertools import groupby
 
 import numpy as np
 
+from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.table import Column, Table
 from kinematics.machine.axis import Axis
 from kinematics.machine.machine import Machine
 from planner.limits.axis import Acceleration, Jerk, PulseRate, Speed
@@ -135,6 +138,74 @@ def _check_statement(limit: Limit) -> None:
 def geometric_limits() -> tuple[str, ...]:
     """Names of the limits that no timing can help: those without rows for a solver."""
     return tuple(limit.name for limit in (*AXIS_LIMITS, *MACHINE_LIMITS) if limit.rows is Limit.rows)
+
+
+AxisBounds = tuple[str, Array, Array, list[str]]
+"""Speed, acceleration or jerk; (n,) its bounds towards smaller q and towards greater; what says so, of each axis."""
+
+
+def tabulate_axis_bounds(axes: Sequence[Axis], limits: Sequence[Limit], order: int) -> Table:
+    """The most that each axis may do by the limits that a motion is planned with, and what says so.
+
+    axes: as stated, by which a pulse rate that the clock lowers is told. Axes next to each other that may do the same
+    share rows, and so do both directions. Forces are left out: what they allow depends on the place.
+    """
+    bounds = [found for limit in limits for found in _find_axis_bounds(limit, axes)]
+    rows: list[tuple[str, str, float, str, str]] = []
+    told = [list(_list_bounds(k, axis, bounds, order)) for k, axis in enumerate(axes)]
+    for alike, group in groupby(range(len(axes)), key=told.__getitem__):
+        names = [axes[k].name for k in group]
+        some = ", ".join(names) if len(names) <= 3 else f"{names[0]} … {names[-1]}"
+        rows += [("" if n else some, *row) for n, row in enumerate(alike)]
+    shown, what, most, units, sources = zip(*rows, strict=True)
+    forced = any(isinstance(limit, Force | TorqueSpeed) for limit in limits)
+    return Table(
+        "limits of the axes, as planned with",
+        (
+            Column("axis", shown),
+            Column("limit", what),
+            Column("at most", most, units, "human", words={"inf": "unlimited"}),
+            Column("from", sources),
+        ),
+        ("forces may allow less acceleration",) if forced else (),
+    )
+
+
+def _find_axis_bounds(limit: Limit, axes: Sequence[Axis]) -> Iterator[AxisBounds]:
+    match limit:
+        case Speed():
+            screws = [" of the motor, which makes up for its screw" if ratio > 1 else "" for ratio in limit.ratio]
+            said = [f"max_speed{screw}" for screw in screws]
+            yield "speed", limit.below / limit.ratio, limit.bounds / limit.ratio, said
+        case Acceleration() | Jerk():
+            yield limit.name, limit.below, limit.bounds, [f"max_{limit.name}"] * len(axes)
+        case PulseRate():
+            most = limit.bounds * limit.pulse
+            yield "speed", most, most, [_tell_rate(axis, rate) for axis, rate in zip(axes, limit.bounds, strict=True)]
+        case Resonance():
+            yield "speed", limit.below, limit.bounds, ["start of its resonance band"] * len(axes)
+        case TorqueSpeed():
+            ends = np.array([limit.curves[k].fastest if k in limit.curves else np.inf for k in range(len(axes))])
+            yield "speed", ends, ends, ["end of its torque_speed curve"] * len(axes)
+
+
+def _tell_rate(axis: Axis, rate: float) -> str:
+    """A pulse rate that bounds an axis' speed, and the one that is stated where whole ticks hold less."""
+    less = f", of {axis.pulse_rate:.6g} stated: pulses are whole ticks apart" if rate < axis.pulse_rate else ""
+    return f"{rate:.6g} pulses/s of {1e6 * axis.pulse:.6g} µ{axis.unit}{less}"
+
+
+def _list_bounds(k: int, axis: Axis, bounds: Sequence[AxisBounds], order: int) -> Iterator[tuple[str, float, str, str]]:
+    """Of axis k each limit, what it allows at most, its unit and what says so; directions apart where they differ."""
+    for power, what in enumerate(("speed", "acceleration", "jerk")[:order], 1):
+        unit = f"{axis.unit}/s{f'^{power}' if power > 1 else ''}"
+        sides = [
+            min(((float(both[side][k]), said[k]) for of, *both, said in bounds if of == what), default=(np.inf, ""))
+            for side in (0, 1)
+        ]
+        ways = ("",) if sides[0] == sides[1] else (" towards smaller positions", " towards greater positions")
+        for way, (most, said) in zip(ways, sides, strict=False):
+            yield f"{what}{way}", most, unit, said if most < np.inf else ""
 
 
 def usual_order(axes: Sequence[Axis]) -> int:

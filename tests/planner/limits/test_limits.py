@@ -13,11 +13,12 @@ from planner.limits import Term, limits_of
 from planner.limits.axis import Acceleration, Jerk, PulseRate, Speed
 from planner.limits.force import Force, Holding, TorqueSpeed
 from planner.limits.geometric import Clearance, Room, Tilt, Travel
-from planner.limits.registry import AXIS_LIMITS, MACHINE_LIMITS
+from planner.limits.registry import AXIS_LIMITS, MACHINE_LIMITS, tabulate_axis_bounds
 from planner.limits.resonance import Resonance
 from planner.limits.tool import FACETS, AngularSpeed, ToolAcceleration, ToolLimit, ToolSpeed
 from planner.path.actuation import actuate, make_points
 from planner.path.polynomial import PolynomialPath
+from planner.pulses import pace_axes
 from planner.timing.problem import pose_problem
 
 COUNT = 400
@@ -359,6 +360,32 @@ def test_a_tool_speed_is_a_limit_only_where_a_program_caps_it(hexapod):
     assert tool.caps.tolist() == [np.inf, 0.007]
     fast = np.full((2, 1), 0.014**2)
     assert tool.use(fast, fast, np.array([0, 1])).ravel() == pytest.approx([0, 2], rel=1e-12)
+
+
+def test_what_each_axis_may_do_is_the_least_of_what_bounds_it():
+    """A drive of 3.8 µs a pulse takes one each 4 µs on a clock of 1 MHz: 250 000 pulses of 1 µm are 0.25 m/s."""
+    path = PolynomialPath([0.0, 1.0], np.ones((2, 1, 4)), ["a", "b", "c", "d"])
+    axes = [
+        Axis("a", max_speed=0.3, max_pulse_rate=1 / 3.8e-6, max_acceleration=2.0, max_jerk=9.0),
+        Axis("b", max_speed=0.2, max_pulse_rate=1 / 3.8e-6, max_acceleration=2.0, max_jerk=9.0),
+        Axis("c", kind="rotary", max_speed=(1.0, 3.0), resonance=((2.0, 4.0),)),
+        Axis("d", kind="rotary", max_speed=(1.0, 3.0), resonance=((2.0, 4.0),)),
+    ]
+    table = tabulate_axis_bounds(axes, limits_of(path, pace_axes(axes, 1_000_000), 2), 2)
+    paced = "250000 pulses/s of 1 µm, of 263158 stated: pulses are whole ticks apart"
+    assert [row[:2] for row in table.cells()] == [
+        ["a", "speed"],
+        ["", "acceleration"],
+        ["b", "speed"],
+        ["", "acceleration"],
+        ["c, d", "speed towards smaller positions"],
+        ["", "speed towards greater positions"],
+        ["", "acceleration"],
+    ]
+    assert table.columns[2].raw == pytest.approx([0.25, 2.0, 0.2, 2.0, 1.0, 2.0, np.inf])
+    band = "start of its resonance band"
+    stated = [paced, "max_acceleration", "max_speed", "max_acceleration", "max_speed", band, ""]
+    assert table.columns[3].raw == stated
 
 
 @pytest.mark.parametrize("kind", ["linear", "rotary"])
