@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 DPI, SMALL_DPI = 150, 115
 COLOURS, NEARLY_WHITE = 128, 248
 """Of the palette of a figure, enough for a colour map and for soft edges; from where on a channel counts as full."""
+EDGE = 12
+"""Blank dots that stay at the left and the right of a figure."""
 MAX_TEXT_LENGTH = 1 << 16
 """Characters from which on a text is a figure, which is base64, or data."""
 
@@ -69,8 +71,11 @@ def _render_png(figure: "Figure") -> bytes:
 
     canvas = FigureCanvasAgg(figure)
     canvas.draw()  # type: ignore[no-untyped-call]  # matplotlib states no types here
-    dots = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]  # matplotlib states no types here
-    drawn = Image.fromarray(dots[..., :3])
+    dots = np.asarray(canvas.buffer_rgba())[..., :3]  # type: ignore[no-untyped-call]  # matplotlib states no types here
+    inked = np.flatnonzero((dots < NEARLY_WHITE).any((0, 2)))
+    if len(inked):  # a figure in space leaves its sides blank, which is all that a phone would show
+        dots = dots[:, max(inked[0] - EDGE, 0) : inked[-1] + EDGE]
+    drawn = Image.fromarray(np.ascontiguousarray(dots))
     out = BytesIO()
     reduced = drawn.quantize(COLOURS, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
     palette = np.array(reduced.getpalette("RGB"))
