@@ -2,23 +2,23 @@
 
 import re
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from kinematics import Fault, FileError, Machine, MotionError, NotInstalled, load_machine
 from kinematics.files.toml_document import read
+from kinematics.foundation.errors import Fault, FileError, MotionError, NotInstalled
 from kinematics.foundation.names import find, source_folder
-from kinematics.machine.machine_writer import toml_of
-from planner import Program, load_program
-from planner.program.model import fit_joins
+from planner.program.model import Program, fit_joins
+from planner.program.program_file import load_program
 from pulsepath.progress import note
 
 if TYPE_CHECKING:
     from controllers.rig import Rig
+    from kinematics import Machine
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ class Inputs:
     """
 
     program: Program
-    machine: Machine
+    machine: "Machine"
     program_toml: bytes
     machine_toml: bytes
     companions: Mapping[str, bytes] = field(default_factory=dict)
@@ -94,21 +94,28 @@ class Inputs:
         return {what: sha256(content).hexdigest() for what, content in files.items()}
 
 
-def read_inputs(program: str, machine: str | None, fit: float | None = None, origin: Origin | None = None) -> Inputs:
+def read_inputs(
+    program: str,
+    machine: str | None,
+    fit: float | None = None,
+    origin: Origin | None = None,
+    ready: Callable[[], object] = lambda: None,
+) -> Inputs:
     """A program by preset name or path, and a machine likewise; None: the one that the program names.
 
     A path in the program counts from the program's own folder. Raises FileError or MotionError, also where neither says
     which machine.
     fit     m, within which a TOML program's path is to be fitted; None: as it says
     origin  how a file of another format is read
+    ready   called once what is told soon is known to be right: the program's file, and that there is the machine
     """
     if origin is None:
-        found = _read_native(program, machine)
+        found = _read_native(program, machine, ready)
         return found if fit is None else replace(found, program=fit_joins(found.program, fit), fit=fit)
     file = Path(program)
     if machine is None:
         raise MotionError(f"{file.name} names no machine: give --machine")
-    driven, content, companions = _load_machine(machine)
+    driven, content, companions = _load_machine(machine, ready)
     return Inputs(origin.read(file, machine), driven, file.read_bytes(), content, companions, origin)
 
 
@@ -120,23 +127,30 @@ def _joint_machine(name: str, file: Path, machine: str) -> dict[str, str]:
     return {"machine": machine} if name == "gcode" and find_header(decode_text(file)) is not None else {}
 
 
-def _load_machine(machine: str) -> tuple[Machine, bytes, Mapping[str, bytes]]:
+def _load_machine(machine: str, ready: Callable[[], object]) -> tuple["Machine", bytes, Mapping[str, bytes]]:
     """A machine, its file's content, and what that names beside it."""
-    driven, file = load_machine(machine), find("kinematics", "machine", machine)
+    file = find("kinematics", "machine", machine)
+    if isinstance(file, Path) and not file.exists():  # said before what is slow to load
+        read(file)
+    ready()
+    from kinematics import load_machine
+    from kinematics.machine.machine_writer import toml_of
+
+    driven = load_machine(machine)
     content = toml_of(file)
     urdf = tomllib.loads(content.decode()).get("geometry", {}).get("urdf")
     companions = {} if urdf is None else {urdf: (source_folder("kinematics", file) / urdf).read_bytes()}
     return driven, content, companions
 
 
-def _read_native(program: str, machine: str | None) -> Inputs:
+def _read_native(program: str, machine: str | None, ready: Callable[[], object]) -> Inputs:
     try:
         loaded = load_program(program)
     except FileError as error:
         raise error if machine is not None else _add_machine_fault(error, program) from None
     try:
         name = _machine_name(loaded.machine, program) if machine is None else machine
-        driven, content, companions = _load_machine(name)
+        driven, content, companions = _load_machine(name, ready)
     except NotInstalled:  # which is no fault of the file
         raise
     except MotionError as error:
@@ -147,7 +161,7 @@ def _read_native(program: str, machine: str | None) -> Inputs:
     return Inputs(loaded, driven, find("planner", "program", program).read_bytes(), content, companions)
 
 
-def read_rig(name_or_path: str | None, machine: Machine) -> "Rig | None":
+def read_rig(name_or_path: str | None, machine: "Machine") -> "Rig | None":
     """The rig of a name or of a file, behind this machine; None for none. Raises MotionError if it does not fit."""
     from controllers.rig_choice import choose_rig
 
@@ -163,13 +177,11 @@ def _add_machine_fault(error: FileError, source: str) -> FileError:
     try:
         named = document.data.get("machine")
         if isinstance(named, str):
-            load_machine(_machine_name(named, source))
+            read(find("kinematics", "machine", _machine_name(named, source)))  # its own faults are told with it
     except FileError as no:
         if Path(no.file).is_file():  # which has faults of its own
             return error
         reason: MotionError = no
-    except NotInstalled:
-        return error
     except MotionError as no:
         reason = no
     else:

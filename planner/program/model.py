@@ -5,11 +5,10 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import islice
 from math import isfinite
-from typing import Literal, overload
+from typing import TYPE_CHECKING, Literal, overload
 
 import numpy as np
 from casadi import SX
-from scipy.spatial.transform import Rotation
 
 from kinematics.foundation.arrays import Array, is_within_limit, most
 from kinematics.foundation.errors import Fault, FileError, MotionError
@@ -19,7 +18,6 @@ from kinematics.foundation.result import Result
 from kinematics.foundation.short_repr import short_repr
 from kinematics.foundation.table import Column, Table
 from kinematics.foundation.units import Acceleration, Angle, AngularSpeed, Duration, Length, Speed
-from kinematics.machine.pose import Pose
 from planner.program.modifiers import STOP, Fit, Free, Join, Stop, Trigger
 from planner.program.validation import (
     MOST_SEGMENTS,
@@ -34,6 +32,11 @@ from planner.program.validation import (
     repeats,
     unit_direction,
 )
+
+if TYPE_CHECKING:  # SciPy's rotations take half a second to load, and few programs have any
+    from scipy.spatial.transform import Rotation
+
+    from kinematics.machine.pose import Pose
 
 MIN_MOVE = 1e-9  # points nearer than this are the same (m), angles likewise (rad)
 
@@ -70,7 +73,7 @@ class Line(MovingSegment):
 
     __repr__ = short_repr
     to: Array
-    rotate: Rotation | None = None
+    rotate: "Rotation | None" = None
     speed: Speed | None = None
     join: Join = STOP
 
@@ -93,7 +96,7 @@ class Arc(MovingSegment):
     centre: Array
     normal: Array
     angle: Angle
-    rotate: Rotation | None = None
+    rotate: "Rotation | None" = None
     speed: Speed | None = None
     join: Join = STOP
     rise: Length = field(default=0.0, kw_only=True)
@@ -119,7 +122,7 @@ class Spline(MovingSegment):
 
     __repr__ = short_repr
     through: Array
-    rotate: Rotation | None = None
+    rotate: "Rotation | None" = None
     speed: Speed | None = None
     join: Join = STOP
 
@@ -130,8 +133,7 @@ class Spline(MovingSegment):
         repeated = np.flatnonzero(np.linalg.norm(np.diff(through, axis=0), axis=1) <= MIN_MOVE)
         if len(repeated):
             raise MotionError(f"spline: {repeats(int(repeated[0]) + 1)}")
-        if not isinstance(self.rotate, Rotation):
-            check_rotation(self, "spline", "rotate", len(through))
+        check_rotation(self, "spline", "rotate", len(through))
         if self.rotate is not None and (self.rotate.single or len(self.rotate) != len(through)):
             given = 1 if self.rotate.single else len(self.rotate)
             raise MotionError(f"spline: {given} orientations for {len(through)} points; give one for each, or none")
@@ -186,7 +188,7 @@ class Turn:
     """
 
     __repr__ = short_repr
-    to: Rotation | None = None
+    to: "Rotation | None" = None
     join: Join = STOP
     angular_speed: AngularSpeed | None = field(default=None, kw_only=True)
     trigger: Trigger | None = field(default=None, kw_only=True)
@@ -215,7 +217,7 @@ class Synchronised:
 
     __repr__ = short_repr
     to: Array
-    rotate: Rotation | None = None
+    rotate: "Rotation | None" = None
     speed: Speed | None = None
     join: Join = STOP
     acceleration: Acceleration | None = field(default=None, kw_only=True)
@@ -295,15 +297,15 @@ class Program(Result):
 
     segments: Sequence[Segment]
     frame: Frame = "home"
-    start: Pose | None = None
+    start: "Pose | None" = None
     machine: str | None = None
     name: str = "program"
     duration: Duration | None = field(default=None, kw_only=True)
     speed: Speed | None = field(default=None, kw_only=True)
     acceleration: Acceleration | None = field(default=None, kw_only=True)
     angular_speed: AngularSpeed | None = field(default=None, kw_only=True)
-    tool: Pose | None = field(default=None, kw_only=True)
-    work: Pose | None = field(default=None, kw_only=True)
+    tool: "Pose | None" = field(default=None, kw_only=True)
+    work: "Pose | None" = field(default=None, kw_only=True)
     repeat: int = field(default=1, kw_only=True)
     start_speed: Speed = field(default=0.0, kw_only=True)
     end_speed: Speed = field(default=0.0, kw_only=True)

@@ -4,10 +4,9 @@ from itertools import pairwise
 from math import dist
 from os import PathLike
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 from pydantic import AfterValidator, Field, model_validator
-from scipy.spatial.transform import Rotation
 
 from kinematics.files.keys import Chosen, key
 from kinematics.files.schema import (
@@ -25,7 +24,6 @@ from kinematics.foundation.arrays import freeze_array
 from kinematics.foundation.errors import Fault, FileError, validation_error
 from kinematics.foundation.names import find, presets
 from kinematics.foundation.units import Unit
-from kinematics.machine.pose import Pose, make_pose
 from planner.program.model import MIN_MOVE, Arc, Dwell, Frame, Line, Program, Segment, Spline, Synchronised, Turn
 from planner.program.segment_tables import (
     ACCELERATION,
@@ -39,10 +37,27 @@ from planner.program.segment_tables import (
 )
 from planner.program.validation import MAX_REPEATS, repeats
 
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
-def _rotation(angles: tuple[float, float, float] | None) -> Rotation | None:
-    """Rx(θx) · Ry(θy) · Rz(θz): about the moving axes in turn."""
-    return None if angles is None else Rotation.from_euler("XYZ", angles)
+    from kinematics.machine.pose import Pose
+
+
+def _rotation(angles: tuple[Any, ...] | None) -> "Rotation | None":
+    """Rx(θx) · Ry(θy) · Rz(θz): about the moving axes in turn, of one orientation or of several."""
+    if angles is None:
+        return None
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_euler("XYZ", angles)
+
+
+def _pose(start: tuple[float, ...] | None) -> "Pose | None":
+    if start is None:
+        return None
+    from kinematics.machine.pose import make_pose
+
+    return make_pose(start[:3], start[3:] or (0.0, 0.0, 0.0))
 
 
 def _check_not_empty(segments: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -84,8 +99,8 @@ class PoseTable(TableSchema):
     rotate: Orientation = key("then turned by θx, θy, θz about the moving axes in turn", default=(0.0, 0.0, 0.0))
 
     @property
-    def pose(self) -> Pose:
-        return make_pose(self.to, self.rotate)
+    def pose(self) -> "Pose | None":
+        return _pose(self.to + self.rotate)
 
 
 class LineTable(TableSchema):
@@ -184,8 +199,8 @@ class SplineEntry(PathEntry):
     )
 
     def segment(self, line_number: int | None) -> Segment:
-        turned = None if self.spline.rotate is None else Rotation.from_euler("XYZ", self.spline.rotate)
-        return Spline(freeze_array(self.spline.through), turned, **self.modifiers, line_number=line_number)
+        points, turned = freeze_array(self.spline.through), _rotation(self.spline.rotate)
+        return Spline(points, turned, **self.modifiers, line_number=line_number)
 
 
 class TurnEntry(MovingEntry):
@@ -197,7 +212,7 @@ class TurnEntry(MovingEntry):
         said: dict[str, Any] = {"angular_speed": self.angular_speed, "trigger": self.event, "line_number": line_number}
         if isinstance(self.turn, TurnBy):
             return Turn(None, self.next_join, about=freeze_array(self.turn.about), angle=self.turn.angle, **said)
-        return Turn(Rotation.from_euler("XYZ", self.turn.to), self.next_join, **said)
+        return Turn(_rotation(self.turn.to), self.next_join, **said)
 
 
 class SynchronisedEntry(MovingEntry):
@@ -340,10 +355,3 @@ def _suggest_import(path: Path, error: FileError) -> FileError:
 def program_names() -> tuple[str, ...]:
     """Names of the bundled programs."""
     return tuple(presets("planner"))
-
-
-def _pose(start: tuple[float, ...] | None) -> Pose | None:
-    if start is None:
-        return None
-    angles = start[3:] or (0.0, 0.0, 0.0)
-    return make_pose(start[:3], angles)

@@ -1,6 +1,7 @@
 """What a program may give: points, directions and magnitudes that make sense, or a refusal that says what is wanted."""
 
 from math import isfinite
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,7 +10,9 @@ from kinematics.files.plain_text import describe_control_character
 from kinematics.foundation.arrays import MAX_DISTANCE, MAX_TURNS, MIN_MAGNITUDE, Array, freeze_array, most
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import check_fields
-from kinematics.machine.pose import Pose, read_pose, read_rotation
+
+if TYPE_CHECKING:
+    from kinematics.machine.pose import Pose
 
 CAPS = {"speed": "m/s", "acceleration": "m/s²", "angular_speed": "rad/s"}
 """What segments may cap, as far as they have it, and its unit."""
@@ -77,14 +80,18 @@ def unit_direction(segment: str, name: str, value: ArrayLike) -> Array:
 def check_rotation(segment: object, what: str, name: str, *count: int) -> None:
     """Make an orientation that a frozen segment states a Rotation; count: of how many, one by default."""
     if (given := getattr(segment, name)) is not None:
+        from kinematics.machine.pose import read_rotation
+
         turned = read_rotation(f"{what}: {name}", given, *count)
         if not count and not turned.single:
             raise MotionError(f"{what}: {name} must be one rotation, not {len(turned)}; index the one that is meant")
         object.__setattr__(segment, name, turned)
 
 
-def check_frame(what: str, given: object) -> Pose:
+def check_frame(what: str, given: object) -> "Pose":
     """One pose, or the numbers of one."""
+    from kinematics.machine.pose import read_pose
+
     pose = read_pose(what, given)
     if not pose.single:
         raise MotionError(f"{what} must be one pose, not {len(pose)}; index the one that is meant")

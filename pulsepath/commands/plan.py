@@ -1,8 +1,8 @@
 """`pulsepath plan`: write the time-optimal motion, its certificate, its pulses and a report to a directory."""
 
 import json
-from collections.abc import Mapping
-from contextlib import nullcontext
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -192,14 +192,19 @@ def plan(
         raise click.UsageError("Missing option '--out'.", click.get_current_context())
     writes(out)
     seconds = None if duration is None else read_quantity("--duration", duration, "s", above=0.0)
-    from planner.parallel import reduce_garbage_collection, side_process
+    from planner.parallel import NO_PROCESS, reduce_garbage_collection, side_process
 
-    # before what is slow to load, so that both processes load at once
-    modules = [*WORK_MODULES, *(FIGURE_MODULES if figures else ())]
-    beside = nullcontext() if _is_long(program, stream) else side_process(modules)
-    with reduce_garbage_collection(), beside as other:
-        inputs = _read(program, machine, fit, given, motion)  # what files say wrong is told before the rest loads
-        from planner.parallel import NO_PROCESS
+    other = NO_PROCESS
+    with reduce_garbage_collection(), ExitStack() as stack:
+
+        def start_other() -> None:
+            nonlocal other
+            if not _is_long(program, stream):
+                modules = [*WORK_MODULES, *(FIGURE_MODULES if figures else ())]
+                other = stack.enter_context(side_process(modules))
+
+        # what files say wrong is told before the rest loads, which both processes then do at once
+        inputs = _read(program, machine, fit, given, motion, start_other)
         from planner.timing.certified_solve import EFFORT
         from planner.timing.solvers.toppra_ import require
         from planner.tradeoffs.objective import read_objective
@@ -241,7 +246,6 @@ def plan(
             if asked:
                 raise click.UsageError(f"{option} is for --stream.", click.get_current_context())
         with replace_directory(out, force) as folder:  # where nothing can be written, that is said before the work
-            other = other or NO_PROCESS
             with inputs.tell_lines():
                 job = run(
                     inputs.program,
@@ -292,7 +296,14 @@ def _tell_parts(standing: "PlanStanding", out: Path, as_json: bool) -> None:
         say(f"report: {report}")
 
 
-def _read(program: str, machine: str | None, fit: str | None, given: Mapping[str, Any], motion: str) -> "Inputs":
+def _read(
+    program: str,
+    machine: str | None,
+    fit: str | None,
+    given: Mapping[str, Any],
+    motion: str,
+    ready: Callable[[], object] = lambda: None,
+) -> "Inputs":
     from pulsepath.inputs import read_inputs
 
     tolerance, origin = None if fit is None else read_quantity("--fit", fit, "m", above=0.0), None
@@ -300,7 +311,7 @@ def _read(program: str, machine: str | None, fit: str | None, given: Mapping[str
         from pulsepath.format_options import find_origin
 
         origin = find_origin(program, given, tolerance)
-    return apply_motion(motion, read_inputs(program, machine, tolerance, origin))
+    return apply_motion(motion, read_inputs(program, machine, tolerance, origin, ready))
 
 
 def _dump(
