@@ -173,9 +173,9 @@ class PlannedMotion(SessionMotion):
         return np.array([len(axis) > 0 for axis in self.pulses.axes])
 
     def counts(self, t: float) -> np.ndarray:
-        # the last pulses may be moved a tick past the end
-        late = np.inf if t >= self.end else t - self.begun
-        return np.asarray(self.pulses.counts(late)[0])
+        if t >= self.end:  # the last pulses may be moved a tick past it
+            return np.array([axis.final for axis in self.pulses.axes])
+        return np.asarray(self.pulses.counts(t - self.begun)[0])
 
     def directions_between(self, since: float, until: float) -> tuple[np.ndarray, ...]:
         ticks = (since - self.begun, np.inf if until >= self.end else until - self.begun)
