@@ -103,10 +103,10 @@ def test_what_are_no_such_numbers_is_told(values):
         (lambda: hexapod().forward(hexapod().home_q, hexapod().home_q), "mine: near must be a pose: a scipy"),
         (lambda: traverser().inverse(HOME, HOME), "mine: near must be finite numbers .4,."),
         (lambda: traverser().inverse(HOME, "a"), "mine: near must be finite numbers .4,."),
-        (lambda: workspace(hexapod(), cells=2.5), "cells must be a whole number of at least 1, not 2.5"),
+        (lambda: workspace(hexapod(), cells=2.5), "cells is 2.5; expected a whole number"),
         (lambda: workspace(hexapod(), x=(0, 1, 2)), "x, held or from low to high, must be finite numbers"),
-        (lambda: workspace(hexapod(), x="a"), "x, held or from low to high, must be finite numbers"),
-        (lambda: workspace(hexapod(), rotation=np.eye(3)), "rotation must be SciPy's Rotation"),
+        (lambda: workspace(hexapod(), x="a"), 'x is "a"; expected a tuple or a number'),
+        (lambda: workspace(hexapod(), rotation=np.eye(3)), "rotation is array"),
         (lambda: workspace(hexapod(), rotation=Rotation.identity(2)), "mine: the workspace's rotation must be one"),
         (
             lambda: workspace(hexapod(), x=0, y=0, z=0.3, cells=1).contains("a", [0, 0, 0]),
