@@ -244,6 +244,7 @@ class Dwell:
 
 
 Segment = Line | Arc | Spline | Curve | Turn | Synchronised | Dwell
+Frame = Literal["home", "base"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -273,9 +274,6 @@ class SegmentStream(Sequence[Segment]):
         first, after = (min(chosen), max(chosen) + 1) if chosen else (0, 0)
         some = tuple(islice(self.read(), first, after))
         return tuple(some[k - first] for k in chosen)
-
-
-Frame = Literal["home", "base"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -36,11 +36,9 @@ Solver = Literal["passes", "toppra"]
 class Continuation:
     """How a run begins that goes on with a motion from the midst of it, and what that motion does next: it may do so.
 
-    s             (K+1,) its grid there
-    columns       (4, K) of ṡ, s̈, s⃛, h
-    room          by limit (K,) what it was left
-    acceleration  s̈ where the run begins
-    knots         (M,) where its s⃛ may step farther on: on a grid that holds them, to go on with it keeps every row
+    s, columns  (K+1,) its grid there, and (4, K) of ṡ, s̈, s⃛, h on it
+    room, acceleration  by limit (K,) what it was left; s̈ where the run begins
+    knots       (M,) where its s⃛ may step farther on: on a grid that holds them, to go on with it keeps every row
     """
 
     s: Array

@@ -228,10 +228,9 @@ def _describe_verdict(
     marks = [row.against.mark for row in rows if row.against]
     if len(others) == 1:
         verb = "is better than the baseline" if score < 1 else "is no better than the baseline"
-    elif score < 1:
-        verb = f"is the best of {len(others)} settings"
     else:
-        verb = f"comes closest of {len(others)} settings to the baseline, which remains the best"
+        of = f"of {len(others)} settings"
+        verb = f"is the best {of}" if score < 1 else f"comes closest {of} to the baseline, which remains the best"
     counts = ", ".join(f"{mark} on {marks.count(mark)}" for mark in ("better", "neither", "worse") if mark in marks)
     many = f"{len(comparison.ranked)} path{'s' if len(comparison.ranked) > 1 else ''}"
     pieces = [
