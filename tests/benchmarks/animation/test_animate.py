@@ -3,7 +3,6 @@
 import json
 import re
 import shutil
-import subprocess
 from base64 import b64decode
 from dataclasses import replace
 from html import unescape
@@ -35,6 +34,7 @@ from benchmarks.animation.frames import (
 from kinematics import Axis, Machine, MotionError, load_machine
 from kinematics.machine.pose import to_numbers
 from planner import Line, Program, load_program, plan
+from tests.browser import browse, needs_browser
 
 SIZE = 1_500_000
 """Bytes that 240 frames may take."""
@@ -409,35 +409,22 @@ def test_stills_are_saved_as_their_names_say(circle, tmp_path):
         save_four_views(circle, tmp_path / "views.gif")
 
 
-def chromium():
-    """The path of a browser; `.ci/run` installs one where it can."""
-    return next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+# No name resolves, should anything ask for one.
+ALONE = ("--window-size=320,200", "--host-resolver-rules=MAP * ~NOTFOUND")
 
 
-QUIET = ("--headless=new", "--no-sandbox", "--no-first-run", "--disable-background-networking")
-# Without a graphics card; and no name resolves, should anything ask for one.
-ALONE = ("--enable-unsafe-swiftshader", "--window-size=320,200", "--host-resolver-rules=MAP * ~NOTFOUND")
-
-
-def browse(folder, page):
+def open_page(folder, page):
     """What a browser makes of a page: its document, what is said on the console, and who asked the network."""
     log = folder / "net.json"
-    logs = ("--enable-logging=stderr", f"--log-net-log={log}", f"--user-data-dir={folder / 'profile'}")
-    done = subprocess.run(
-        [chromium(), *QUIET, *ALONE, *logs, "--virtual-time-budget=100", "--dump-dom", page.as_uri()],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=True,
-    )
+    done = browse(folder, page, *ALONE, f"--log-net-log={log}", "--virtual-time-budget=100", "--dump-dom")
     said = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
     askers = set(re.findall(r'"initiator":"([^"]*)"', log.read_text(errors="replace")))
     return done.stdout, said, askers - {"not an origin"}  # the browser itself, for its own ends
 
 
-@pytest.mark.skipif(chromium() is None, reason="no Chromium here; .ci/run installs one")
+@needs_browser
 def test_a_browser_shows_it_and_asks_no_network(circle, tmp_path):
-    shown, said, askers = browse(tmp_path, animate(circle, tmp_path / "way.html", frames=12))
+    shown, said, askers = open_page(tmp_path, animate(circle, tmp_path / "way.html", frames=12))
     assert all("GL Driver Message" in line for line in said)  # viser's client would say much, and the browser may
     assert not [line for line in said if re.search("ERROR|Uncaught|Refused|violates", line)]
     assert re.search(r'<p id="when">\d\.\d{3} s of 1\.262 s</p>', shown)
@@ -452,18 +439,18 @@ def test_a_browser_shows_it_and_asks_no_network(circle, tmp_path):
     assert askers == set()
 
 
-@pytest.mark.skipif(chromium() is None, reason="no Chromium here; .ci/run installs one")
+@needs_browser
 def test_that_test_would_see_a_request_and_what_the_policy_forbids(circle, tmp_path):
     ask = '<script>fetch("http://127.0.0.1:9/x").catch(() => 0)</script>'
     file = tmp_path / "way.html"
     file.write_text(f"<html><body>{ask}</body></html>")
-    assert browse(tmp_path, file)[2] == {"null"}
+    assert open_page(tmp_path, file)[2] == {"null"}
     shutil.rmtree(tmp_path / "profile")
     policy = f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
     assert f"<head>{policy}" in document(circle, 2)  # before all that it is to hold
     assert document(circle, 2).count(DARK[1]) == 1  # it takes the place of viser's own
     file.write_text(f"<html><head>{policy}</head><body>{ask}</body></html>")
-    _, said, askers = browse(tmp_path, file)
+    _, said, askers = open_page(tmp_path, file)
     assert askers == set()
     assert [line for line in said if "violates" in line]
 

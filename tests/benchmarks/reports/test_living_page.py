@@ -1,12 +1,6 @@
 """The report in a browser: figures, scrubber and legend follow each other, and show the plan's own values."""
 
-import json
 import re
-import shutil
-import subprocess
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from queue import Queue
-from threading import Thread
 
 import numpy as np
 import pytest
@@ -16,15 +10,8 @@ from benchmarks.reports.plan_report import write_report
 from kinematics import load_machine
 from planner import classical, load_program, plan
 from planner.pulses import check
+from tests.browser import act_in, browse, needs_browser
 
-BROWSER = (
-    "--headless=new",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--enable-logging=stderr",
-    "--virtual-time-budget=30000",
-    "--enable-unsafe-swiftshader",
-)
 WHEN, FRAMES = 0.5, 40
 """s at which the page is read; frames of the machine in space."""
 ACT = """
@@ -75,51 +62,10 @@ const at = (type, share, on = over) => on.dispatchEvent(new MouseEvent(type, {
   fetch("/said", { method: "POST", body: JSON.stringify(said) });
 })();
 """
-
-
-def chromium():
-    """The path of a browser; `.ci/run` installs one where it can."""
-    return next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-
-
-def browse(folder, page, *arguments):
-    options = [*BROWSER, f"--user-data-dir={folder / 'profile'}", *arguments, "--dump-dom", page.as_uri()]
-    return subprocess.run([chromium(), *options], capture_output=True, text=True, timeout=60, check=True)
-
-
-def act_in(folder, page, script):
-    """What the script, at the end of the page, sends back, and what the browser logs; in real time: frames need it."""
-    text = page.read_text(encoding="utf-8").replace("connect-src", "connect-src 'self'")
-    text = text.replace("</body>", f"<script>{script}</script></body>").encode()
-    said = Queue()
-
-    class Handler(BaseHTTPRequestHandler):
-        def do_GET(self):
-            self.send_response(200)
-            self.send_header("Content-Type", "text/html; charset=utf-8")
-            self.end_headers()
-            self.wfile.write(text)
-
-        def do_POST(self):
-            said.put(json.loads(self.rfile.read(int(self.headers["Content-Length"]))))
-            self.send_response(204)
-            self.end_headers()
-
-        def log_message(self, *args):
-            pass
-
-    with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server, (folder / "log").open("w+") as log:
-        Thread(target=server.serve_forever, daemon=True).start()
-        options = [option for option in BROWSER if "virtual-time" not in option]
-        command = [*options, f"--user-data-dir={folder / 'profile'}", "--window-size=1400,900"]
-        url = f"http://127.0.0.1:{server.server_port}/"
-        browser = subprocess.Popen([chromium(), *command, url], stdout=log, stderr=log, text=True)
-        try:
-            return said.get(timeout=60), (folder / "log").read_text()
-        finally:
-            browser.terminate()
-            browser.wait(20)
-            server.shutdown()
+MEASURE = """
+addEventListener("load", () => setTimeout(() => fetch("/said", {
+  method: "POST", body: JSON.stringify(document.documentElement.scrollWidth) }), 200));
+"""
 
 
 @pytest.fixture(scope="module")
@@ -135,7 +81,7 @@ def page(planned, tmp_path_factory):
     return file
 
 
-@pytest.mark.skipif(chromium() is None, reason="no Chromium here; .ci/run installs one")
+@needs_browser
 def test_cursor_zoom_and_legend_hold_for_all_figures(planned, page, tmp_path):
     duration = planned.trajectory.duration
     act = ACT.replace("WHEN", str(WHEN)).replace("STEP", str(2 / FRAMES)).replace("DURATION", str(duration))
@@ -165,19 +111,14 @@ def test_cursor_zoom_and_legend_hold_for_all_figures(planned, page, tmp_path):
         assert float(said[name].split()[0]) == pytest.approx(when, abs=1.01 * duration / (FRAMES - 1))
 
 
-@pytest.mark.skipif(chromium() is None, reason="no Chromium here; .ci/run installs one")
+@needs_browser
 @pytest.mark.parametrize("width", [500, 800])
 def test_nothing_is_wider_than_the_window(page, tmp_path, width):
-    measuring = tmp_path / "measuring.html"
-    script = (
-        "<script>setTimeout(() => { document.title = `over ${document.documentElement.scrollWidth}` }, 200)</script>"
-    )
-    measuring.write_text(page.read_text(encoding="utf-8").replace("</body>", script + "</body>"), encoding="utf-8")
-    opened = browse(tmp_path, measuring, f"--window-size={width},900", "--hide-scrollbars")
-    assert re.search(r"<title>over (\d+)</title>", opened.stdout)[1] == str(width)
+    said, _ = act_in(tmp_path, page, MEASURE, f"{width},900", "--hide-scrollbars")
+    assert said == width
 
 
-@pytest.mark.skipif(chromium() is None, reason="no Chromium here; .ci/run installs one")
+@needs_browser
 def test_print_shows_the_still_figures(page, tmp_path):
     """Without scripts, as when printed, nothing of what a script draws is there."""
     text = page.read_text(encoding="utf-8")

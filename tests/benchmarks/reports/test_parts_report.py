@@ -12,7 +12,7 @@ from kinematics import load_machine
 from planner import load_program
 from planner.overview import ROW_PERIOD, Overview
 from planner.plan_parts import plan_parts
-from tests.benchmarks.reports.test_living_page import act_in, chromium
+from tests.browser import act_in, needs_browser
 
 ACT = """
 setTimeout(() => {
@@ -102,7 +102,7 @@ def test_the_band_has_the_colour_of_the_axis_limit_that_is_used_most(made):
             assert max(shares) < USED_SHARE
 
 
-@pytest.mark.skipif(chromium() is None, reason="no Chromium here; .ci/run installs one")
+@needs_browser
 def test_it_lives_in_a_browser_without_a_complaint(made, page, tmp_path):
     standing, _, motions = made
     open_page = tmp_path / "report.html"

@@ -3,8 +3,6 @@
 import csv
 import json
 import re
-import shutil
-import subprocess
 from dataclasses import replace
 from io import StringIO
 from math import inf
@@ -23,6 +21,7 @@ from benchmarks.sweep import VARIATIONS, Cell, RunResult, RunSeries, Setting
 from benchmarks.sweep.result import Store, load_runs
 from kinematics import MotionError
 from tests.benchmarks.reports.test_plan_report import Page
+from tests.browser import browse, needs_browser
 
 DT = 0.01
 HOSTILE = "</title><script>alert('x')</script> & \"q\""
@@ -398,34 +397,20 @@ def test_record_and_csv_hold_the_same_numbers(comparison):
     assert {float(row["contour_rms"]) for row in stated} == {40e-6}
 
 
-BROWSER = ("--headless=new", "--no-sandbox", "--disable-gpu", "--no-pdf-header-footer", "--enable-logging=stderr")
-
-
-def chromium():
-    """The path of a browser; `.ci/run` installs one where it can."""
-    return next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-
-
-def browse(folder, page, *arguments):
-    """A page in a browser that is 1280 pixels wide."""
-    (folder / "report.html").write_text(page, encoding="utf-8")
-    options = [*BROWSER, f"--user-data-dir={folder / 'profile'}", "--window-size=1280,1000", *arguments]
-    where = (folder / "report.html").as_uri()
-    return subprocess.run([chromium(), *options, where], capture_output=True, text=True, timeout=60, check=True)
-
-
-@pytest.mark.skipif(chromium() is None, reason="no Chromium here; .ci/run installs one")
+@needs_browser
 def test_a_browser_opens_it_without_a_complaint(tmp_path, page):
-    opened = browse(tmp_path, page, "--dump-dom")
+    file = tmp_path / "report.html"
+    file.write_text(page, encoding="utf-8")
+    opened = browse(tmp_path, file, "--dump-dom")
     # what the page says itself, not what the browser says of its machine
     assert "CONSOLE" not in opened.stderr
     assert 'id="figures"' in opened.stdout
-    printed = browse(tmp_path, page, f"--print-to-pdf={tmp_path / 'page.pdf'}")
+    printed = browse(tmp_path, file, f"--print-to-pdf={tmp_path / 'page.pdf'}", "--no-pdf-header-footer")
     assert "CONSOLE" not in printed.stderr
     assert (tmp_path / "page.pdf").read_bytes().startswith(b"%PDF")
 
 
-@pytest.mark.skipif(chromium() is None, reason="no Chromium here; .ci/run installs one")
+@needs_browser
 def test_no_table_is_wider_than_the_page(tmp_path, monkeypatch):
     """With the longest names of laws and gains, and errors of five digits."""
     monkeypatch.setattr("benchmarks.reports.gain.gain_report.draw", lambda *_: {})
@@ -439,7 +424,10 @@ def test_no_table_is_wider_than_the_page(tmp_path, monkeypatch):
         """<script>document.title = "over " + [...document.querySelectorAll(".scroll")].map(
         box => box.scrollWidth - box.clientWidth).join(" ")</script></body>""",
     )
-    title = re.search(r"<title>over ([\d ]+)</title>", browse(tmp_path, measured, "--dump-dom").stdout)
+    file = tmp_path / "report.html"
+    file.write_text(measured, encoding="utf-8")
+    opened = browse(tmp_path, file, "--window-size=1280,1000", "--dump-dom")
+    title = re.search(r"<title>over ([\d ]+)</title>", opened.stdout)
     over = [int(one) for one in title.group(1).split()]
     assert len(over) >= 7  # the best, the criteria, provenance, two paths, the lines and the circles
     assert over == [0] * len(over)

@@ -1,9 +1,6 @@
 """A verdict weighs what a user would: a little less error is not worth a shaking machine, and what is paid is said."""
 
-import json
-import re
 from dataclasses import replace
-from html import unescape
 from math import inf, prod
 
 import numpy as np
@@ -24,12 +21,11 @@ from tests.benchmarks.reports.gain.test_comparison import (
     GOOD,
     SAME,
     WILD,
-    browse,
-    chromium,
     law,
     saved,
 )
 from tests.benchmarks.reports.test_plan_report import Page
+from tests.browser import act_in, needs_browser
 
 PULSE = 4e-5
 QUIET = 1.0
@@ -201,26 +197,28 @@ def test_numbers_of_settings_that_nearly_coincide_are_apart(tmp_path):
     assert not any(one.overlaps(other) for n, one in enumerate(boxes) for other in boxes[:n])
 
 
-POINT = """<script>
-addEventListener("load", () => setTimeout(() => {
-  const svg = document.querySelector("#scatter > svg"), output = document.querySelector("#scatter output");
-  const said = [...svg.querySelectorAll(".mark, .struck")].map(mark => {
+POINT = """
+(async () => {
+  const find = what => document.querySelector("#scatter " + what);
+  while (!find("svg[role] .base")) await new Promise(requestAnimationFrame);  // drawn once it has a size
+  const said = [...document.querySelectorAll("#scatter > svg :is(.mark, .struck)")].map(mark => {
     const { left, width, top, height } = mark.getBoundingClientRect();
     const [clientX, clientY] = [left + width / 2, top + height / 2];
-    svg.dispatchEvent(new PointerEvent("pointermove", { clientX, clientY, bubbles: true }));
-    return output.textContent;
+    find("svg[role]").dispatchEvent(new PointerEvent("pointermove", { clientX, clientY, bubbles: true }));
+    return find("output").textContent;
   });
-  document.title = "said " + JSON.stringify(said);
-}, 500));
-</script></body>"""
+  fetch("/said", { method: "POST", body: JSON.stringify(said) });
+})();
+"""
 
 
-@pytest.mark.skipif(chromium() is None, reason="no Chromium here; .ci/run installs one")
+@needs_browser
 def test_a_setting_pointed_at_tells_its_law_gain_and_figures(tmp_path):
     comparison = compare([saved(tmp_path / "runs")])
     _, page = gain_report(comparison)
-    opened = browse(tmp_path, page.replace("</body>", POINT), "--dump-dom", "--virtual-time-budget=5000")
-    said = json.loads(unescape(re.search(r"<title>said (.*)</title>", opened.stdout).group(1)))
+    file = tmp_path / "report.html"
+    file.write_text(page, encoding="utf-8")
+    said, _ = act_in(tmp_path, file, POINT)
     for place in find_places(comparison, comparison.rank()[:5]):
         number = f"{place.number}. " if place.number else ""
         (told,) = [text for text in said if text.startswith(f"{number}{comparison.label(place.entry)}: ")]
