@@ -7,7 +7,8 @@ from typing import Annotated, Any
 from kinematics.foundation.options import check_arguments
 from kinematics.foundation.units import Unit
 from planner.export.format import Exported, ExportSource, write_export
-from planner.interruption.hold import Stops, find_stops, hold, override, resume
+from planner.interruption.hold import Stops, find_stops, hold
+from planner.interruption.override import override, resume
 from planner.interruption.section import Section, Whole
 
 
@@ -21,12 +22,14 @@ class Interruptible(ABC):
         """What sections of it are made of."""
 
     @check_arguments()
-    def hold(self, at: Annotated[float, Unit("s")]) -> Section:
+    def hold(self, at: Annotated[float, Unit("s")], during: Section | None = None) -> Section:
         """The soonest stop along the path from an instant `at` (s) on: certified, with pulses behind those sent before.
+
+        during: a section that runs instead of the plan, as one that `override` gave; `at` counts from its start.
 
         Raises MotionError for an instant at which it does not move (`planner.interruption.hold`).
         """
-        return hold(self.whole(), at)
+        return hold(self.whole(), at, during)
 
     @check_arguments()
     def resume(self, stop: Section | Annotated[float, Unit("m")]) -> Section:
@@ -34,9 +37,17 @@ class Interruptible(ABC):
         return resume(self.whole(), stop.until if isinstance(stop, Section) else stop)
 
     @check_arguments()
-    def override(self, share: float) -> Section:
-        """The whole motion at a share of its speed, above 0 and up to 1, certified, with pulses."""
-        return override(self.whole(), share)
+    def override(
+        self, share: float, at: Annotated[float, Unit("s")] | None = None, during: Section | None = None
+    ) -> Section:
+        """The motion at a share of the plan's speed, above 0 and up to 1, certified, with pulses.
+
+        at: from this instant (s) on, the change of speed as soon as the limits allow; None: all of it from the start.
+        during: a section that runs instead of the plan, slowed or about to stop; `at` counts from its start.
+
+        Raises MotionError where no such motion keeps every limit (`planner.interruption.override`).
+        """
+        return override(self.whole(), share, at, during)
 
     @check_arguments()
     def stops(self, count: int = 50) -> Stops:

@@ -21,6 +21,7 @@ from planner.pulses import AxesMotion, AxisPulses, PulseSchedule, find_rule, gen
 from planner.pulses.compensation.compensate import counted_motion
 from planner.pulses.generation.motion_parts import JoinedMotion, MotionSpan
 from planner.shaping.keep_limits import refuse_unkept
+from planner.shaping.shaped_motion import shaper_length
 from planner.shaping.shaped_proof import ShapedProof
 from planner.trajectory import Trajectory
 
@@ -42,6 +43,11 @@ class Whole:
     tool: Pose | None
     own_limits: tuple[OwnLimit, ...] = ()
 
+    @property
+    def duration(self) -> float:
+        """s, behind any input shapers."""
+        return self.trajectory.duration + shaper_length(self.machine.axes)
+
     def limits(self, path: MachinePath) -> tuple[Limit, ...]:
         """Those of a part of the path, with pulse rates that the plan's clock and rule can hold."""
         rule = find_rule(self.pulses.rule)
@@ -62,10 +68,14 @@ class Whole:
         acceleration: float = 0.0,
         time: float = 0.0,
         near: np.ndarray | None = None,
+        ends: tuple[float, float] = (0.0, 0.0),
+        rested: float = 0.0,
     ) -> MachinePath:
-        """The path between two lengths of it, begun with ṡ and s̈: no speed of it is to be constant.
+        """The path between two lengths of it, begun with ṡ and s̈ and ended with those of `ends`: no speed of it is to
+        be constant.
 
-        One that begins in motion is left at once where it ends; else it has the dwells that the program states there.
+        One that begins in motion is left at once where it ends; else it has the dwells that the program states there,
+        the first less what is rested (s).
         """
         path, until = self.path, self.snap(until)
         since = self.snap(since) if speed == 0 else since  # in motion it may be so near to a rest
@@ -80,15 +90,15 @@ class Whole:
             dwells[-1] = 0.0
         pieces[-1] = pieces[-1].trim(0.0, after)
         pieces[0] = pieces[0].trim(before, 0.0)
-        stops[[0, -1]] = 1
+        stops[[0, -1]], dwells[0] = 1, max(dwells[0] - rested, 0.0)
         return MachinePath(
             self.machine,
             pieces,
             stops,
             dwells,
             tool=self.tool,
-            end_speeds=(speed, 0.0),
-            end_accelerations=(acceleration, 0.0),
+            end_speeds=(speed, ends[0]),
+            end_accelerations=(acceleration, ends[1]),
             near=near,
             origin=(since, time),
         )
@@ -100,7 +110,7 @@ class Section(Result):
 
     what        it is, in a few words
     since       m of the plan's path, where it begins
-    at          s of the plan, at which it begins; None where it is not in the midst of it
+    at          s of the motion that it goes on with, at which it begins; None where that is none
     limits      those that are proved, without constant speeds that segments ask for
     shaped      behind input shapers, and its proof; trajectory and certificate are those before them
     """

@@ -247,7 +247,7 @@ class MachinePath:
         near        (n,) coordinates near which it starts; None: near home's
         origin      path length and time (s) at which it begins, where it is a part of another: places count from there
         """
-        self.end_speeds, self.end_accelerations, self._origin = end_speeds, end_accelerations, origin
+        self.end_speeds, self.end_accelerations, self.origin = end_speeds, end_accelerations, origin
         self.tool = None if tool is None else tool_map(tool)
         self._enclosed: tuple[Series, np.ndarray, Series] | None = None
         parts, meant = split_turns(machine, pieces, machine.home_q if near is None else near)
@@ -295,7 +295,7 @@ class MachinePath:
         return self.pieces[piece].segment
 
     def place(self, s: float, piece: int, t: float | None = None, axis: str = "") -> Place:
-        own, (way, begin) = self.pieces[piece], self._origin
+        own, (way, begin) = self.pieces[piece], self.origin
         return Place(way + s, own.segment, None if t is None else begin + t, axis, own.repetition)
 
     def parameter(self, s: Array, piece: np.ndarray) -> Array:

@@ -219,7 +219,7 @@ def _split_runs(path: ActuatorPath, stops: np.ndarray) -> list[Run]:
     still = count_zero_derivatives(path) % 3  # where q‴ is nothing too, nothing is free
     runs = [Run(int(a), int(b) - 1, stands=(int(still[0, a]), int(still[1, b - 1]))) for a, b in pairwise(stops)]
     runs[0] = replace(runs[0], start_speed=path.end_speeds[0])
-    runs[-1] = replace(runs[-1], end_speed=path.end_speeds[1])
+    runs[-1] = replace(runs[-1], end_speed=path.end_speeds[1], end_acceleration=path.end_accelerations[1])
     return runs
 
 

@@ -79,7 +79,7 @@ def continue_problem(
     for block in posed.blocks:
         room = continuation.room.get(block.name, np.empty(0))
         blocks.append(replace(block, room=np.append(room, block.room[len(room) :])))
-    return replace(posed, blocks=tuple(blocks), acceleration=continuation.acceleration)
+    return replace(posed, blocks=tuple(blocks), accelerations=(continuation.acceleration, run.end_acceleration))
 
 
 def _hold_knots(s: Array, knots: Array, breaks: Array) -> Array:
@@ -116,7 +116,7 @@ def cut_intervals(path: ActuatorPath, limits: Sequence[Limit], problem: Problem,
     s = np.repeat(problem.s[:-1], count) + share * np.repeat(np.diff(problem.s), count)
     placed = np.append(s, problem.s[-1]), np.repeat(problem.piece, count)
     finer = pose_problem(path, leave_out_idle(limits, problem), *placed, problem.speeds)
-    finer = replace(finer, free=problem.free, passed=problem.passed, acceleration=problem.acceleration)
+    finer = replace(finer, free=problem.free, passed=problem.passed, accelerations=problem.accelerations)
     room = {block.name: np.repeat(block.room, count) for block in problem.blocks}
     blocks = tuple(replace(block, room=room.get(block.name, block.room)) for block in finer.blocks)
     return replace(finer, blocks=blocks)

@@ -52,7 +52,7 @@ class Continuation:
 class Run:
     """Pieces first … last (inclusive) of a path, run from one speed ṡ to another: rest to rest if not told.
 
-    Under jerk limits s̈ is 0 at both ends.
+    Under jerk limits s̈ is 0 at both ends, but for those of a run that goes on with a motion.
 
     since, until  path lengths inside the first and the last piece between which it is run; None: all of them
     stands  how the path itself stands at the start and at the end (planner.path.stands): 1 where q′ = 0 and q″ is not,
@@ -60,6 +60,7 @@ class Run:
             too and q‴ is not, so that under jerk limits ṡ > 0 there and s̈ is free; else 0
     solver  of motions of order 2; fineness: times as many intervals as usual
     continuation  of a run that goes on with a motion, whose speed is start_speed
+    end_acceleration  s̈ with which that ends under jerk limits
     """
 
     first: int
@@ -72,6 +73,7 @@ class Run:
     solver: Solver = "passes"
     continuation: Continuation | None = None
     fineness: int = 1
+    end_acceleration: float = 0.0
 
     @property
     def speeds(self) -> tuple[float, float]:
@@ -168,7 +170,7 @@ class Problem:
 
     free: the ends at rest where the path stands, as `Run` has them: there ṡ, or under jerk limits s̈, is to be found
     passed: ṡ at the ends at rest where it is not 0 under jerk limits, as q″ = 0 there too; s̈ is to be found there
-    acceleration: s̈ at the start, where that is not free
+    accelerations: s̈ at the ends, where that is not free
     """
 
     s: Array
@@ -177,7 +179,7 @@ class Problem:
     speeds: tuple[float, float] = (0.0, 0.0)
     free: tuple[bool, bool] = (False, False)
     passed: tuple[float, float] = (0.0, 0.0)
-    acceleration: float = 0.0
+    accelerations: tuple[float, float] = (0.0, 0.0)
 
     @property
     def intervals(self) -> int:
@@ -197,7 +199,8 @@ class Problem:
         """The same run the other way, from its end to its start: s̈ changes its sign, ṡ and s⃛ do not."""
         s = (self.s[0] + self.s[-1] - self.s)[::-1]
         blocks = tuple(block.reversed() for block in self.blocks)
-        return Problem(s, self.piece[::-1], blocks, self.speeds[::-1], self.free[::-1], self.passed[::-1])
+        pushes = -self.accelerations[1], -self.accelerations[0]
+        return Problem(s, self.piece[::-1], blocks, self.speeds[::-1], self.free[::-1], self.passed[::-1], pushes)
 
     def part(self, own: slice) -> "Problem":
         """Some intervals one after the other, under the same speeds at the ends."""

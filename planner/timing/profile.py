@@ -245,9 +245,14 @@ class RunSolution:
         return replace(self, maker=self.method, slowness=1.0, problem=None, seen=None, parts=(), fallback=None)
 
     def aimed(self, use: Mapping[str, Array]) -> dict[str, Array]:
-        """Shares of the limits as shares of what it aims at."""
-        aim = EXACT_AIM if self.maker == STRAIGHT else SOLVER_AIM
-        return {name: values / aim for name, values in use.items()}
+        """Shares of the limits as shares of what it aims at; of all of them where it begins or ends at a speed.
+
+        Such a speed is given, and may be one of a motion that was found in closed form.
+        """
+        aims = np.full(len(self.profile.h), EXACT_AIM if self.maker == STRAIGHT else SOLVER_AIM)
+        if self.has_end_speed:
+            aims[[0, -1]] = EXACT_AIM
+        return {name: values / aims for name, values in use.items()}
 
 
 # Newton steps: the first leaves the square of a solver's 1e-8 or so, the others its own rounding.
@@ -269,14 +274,14 @@ def close_profile(problem: Problem, columns: Array) -> Profile | MotionError:
     free = problem.free_push
     columns[0, 0] = first
     if not free[0]:
-        columns[1, 0] = problem.acceleration
+        columns[1, 0] = problem.accelerations[0]
     step, h = np.diff(s), columns[3]
     most = np.abs(columns).max(1)
     size = np.stack([step / h, np.minimum(step / h**2, most[1]), np.minimum(step / h**3, most[2]), h.copy()])
     for _ in range(NEWTON_STEPS):
         v, a, j, h = columns
         ends = np.stack([h * (v + h * (a / 2 + h * j / 6)), v + h * (a + h * j / 2), a + h * j])
-        miss = ends - np.stack([step, np.append(v[1:], last), np.append(a[1:], 0.0)])
+        miss = ends - np.stack([step, np.append(v[1:], last), np.append(a[1:], problem.accelerations[1])])
         if free[1]:
             miss[2, -1] = 0.0
         change = _smallest_change(columns, ends, miss, step, size, free)

@@ -63,7 +63,7 @@ def hold(
     from kinematics.foundation.errors import BadValue
     from planner.interruption.hold import find_stops
     from planner.interruption.hold import hold as stop_at
-    from planner.interruption.hold import resume as go_on
+    from planner.interruption.override import resume as go_on
     from pulsepath.output import plan_directory, record
     from pulsepath.output.tables import show
 
@@ -98,7 +98,9 @@ def hold(
         made = [stop_at(whole, instant)]
         if resume is not None:
             made.append(go_on(whole, made[0].until))
-    files = [_write(each, name, target, force, given) for each, target in zip(made, targets, strict=False) if name]
+    files = [
+        write_section(each, name, target, force, given) for each, target in zip(made, targets, strict=False) if name
+    ]
     if as_json:
         told = {
             "held_at_s": made[0].at,
@@ -118,7 +120,8 @@ def hold(
         say(f"{file['file']}: {file['error_pulses']:.3g} pulses from {file['against']}")
 
 
-def _write(made: "Section", name: str, target: Path, force: bool, given: dict[str, Any]) -> dict[str, Any]:
+def write_section(made: "Section", name: str, target: Path, force: bool, given: dict[str, Any]) -> dict[str, Any]:
+    """A stop, the way on or a slowed motion in an export format: its record."""
     from pulsepath.format_options import EXPORTS
     from pulsepath.output import record
 

@@ -1,14 +1,16 @@
-"""Plans held at random instants: `python -m benchmarks.evidence.trials.holds [--instants 10] [--plans 20]`.
+"""Plans held and slowed at random instants: `python -m benchmarks.evidence.trials.holds [--instants 10] [--plans 24]`.
 
-Of the preset programs on their machines, at both orders where jerk is limited. Of each stop: whether its proof holds;
-the largest share of a speed, acceleration or jerk limit at 10⁵ instants; how far it leaves the path; its pulses beside
-those that were sent before; and its duration beside the soonest to many ends, each solved for on a fine grid, and to
-those of stops that begin some later, with the plan's own motion up to there.
+Of two straight moves and a pocket on a CoreXY, and of the preset programs on their machines, at both orders where jerk
+is limited. Of each stop and each change of speed: whether its proof holds; the largest share of a speed, acceleration or
+jerk limit at 10⁵ instants; how far it leaves the path; its pulses beside those that were sent before. Of a stop its
+duration beside the soonest to many ends, each solved for on a fine grid, and to those of stops that begin some later,
+with the plan's own motion up to there.
 """
 
 from argparse import ArgumentParser
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
+from pathlib import Path
 from time import process_time
 
 import numpy as np
@@ -16,7 +18,8 @@ import numpy as np
 from kinematics import load_machine
 from kinematics.foundation.errors import MotionError, attempt
 from kinematics.machine.axis import directional_bounds
-from planner import Plan, load_program, plan, program_names
+from kinematics.machine.machine import Machine
+from planner import Line, Plan, Program, import_program, load_program, plan, program_names
 from planner.interruption.section import Section
 from planner.limits import usual_order
 from planner.timing.problem import Continuation, Run
@@ -27,15 +30,25 @@ ENDS = (0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.95, 1.0, 1.05, 1.15, 1.3)
 LATER = (0.07, 0.25)
 """Of the way that a stop takes, those of the others; of its time, that by which others begin later."""
 BATCH = 20_000
+SHARES = (0.05, 0.95)
+"""Of the plan's speed, between which a change is to one."""
+EXAMPLES = Path(__file__).parents[3] / "docs/examples"
+
+
+def list_programs() -> Iterator[tuple[str, Program, Machine]]:
+    """What is planned, with its name and machine."""
+    corexy = load_machine(EXAMPLES / "corexy.toml")
+    yield "straight", Program((Line(to=np.array([0.045, 0.045, 0])), Line(to=np.zeros(3)))), corexy
+    yield "corexy-pocket", import_program(EXAMPLES / "corexy-pocket.nc").program, corexy
+    for name in program_names():
+        program = load_program(name)
+        if program.machine is not None:
+            yield name, program, load_machine(program.machine)
 
 
 def make_plans(count: int) -> Iterator[tuple[str, Plan]]:
-    """Of the presets in turn, so many."""
-    for name in program_names():
-        program = load_program(name)
-        if program.machine is None:
-            continue
-        machine = load_machine(program.machine)
+    """So many, of the programs in turn."""
+    for name, program, machine in list_programs():
         for order in range(2, usual_order(machine.axes) + 1):
             if count == 0:
                 return
@@ -100,42 +113,56 @@ def count_misfits(made: Plan, held: Section) -> int:
     return wrong
 
 
+Row = tuple[bool, float, float, int, float, float]
+"""Proved, the largest use, off the path, axes whose pulses do not go on, beside the soonest, s of processor time."""
+
+
+def try_section(name: str, made: Plan, begin: Callable[[], Section], *, soonest: bool) -> Row | None:
+    """What becomes of a stop or a change of speed; None where it is refused. What is amiss is printed."""
+    start = process_time()
+    found = attempt(begin)
+    took = process_time() - start
+    if isinstance(found, MotionError):
+        print(f"{name}: {str(found).splitlines()[0]}", flush=True)
+        return None
+    row = (
+        found.certificate.holds,
+        measure_use(found, made.order),
+        measure_distance(made, found),
+        count_misfits(made, found),
+        found.duration / find_soonest(made, found) if soonest else 1.0,
+        took,
+    )
+    if not row[0] or row[1] > 1 or row[3] or row[4] > 1.05:
+        print(f"{name}: proved {row[0]}, use {row[1]:.9f}, misfits {row[3]}, {row[4]:.3f} of soonest", flush=True)
+    return row
+
+
+def summarise(what: str, rows: list[Row]) -> None:
+    proved, use, off, misfits, ratios, times = (np.array(each) for each in zip(*rows, strict=True))
+    print(f"{len(rows)} {what}, {int(proved.sum())} proved; the largest use of a limit {use.max():.9f}")
+    print(f"off the path by {off.max():.1e} of the coordinates; {int(misfits.sum())} axes whose pulses do not go on")
+    if ratios.max() > 1:
+        beside = f"the soonest of {len(ENDS)} ends and {len(LATER)} later stops"
+        print(f"duration beside {beside}: median {np.median(ratios):.3f}, largest {ratios.max():.3f}")
+    print(f"processor time of each, with its pulses: median {np.median(times):.2f} s, largest {times.max():.2f} s")
+
+
 def main() -> None:
     parser = ArgumentParser(description=__doc__)
     parser.add_argument("--instants", type=int, default=10)
-    parser.add_argument("--plans", type=int, default=20)
+    parser.add_argument("--plans", type=int, default=24)
     asked = parser.parse_args()
-    rng, told = np.random.default_rng(19), []
+    rng, stops, changes = np.random.default_rng(19), [], []
     for name, made in make_plans(asked.plans):
         for t in np.sort(rng.uniform(0, made.trajectory.duration, asked.instants)).tolist():
-            begin = process_time()
-            held = attempt(partial(made.hold, t))
-            took = process_time() - begin
-            if isinstance(held, MotionError):
-                print(f"{name}, {t:.4f} s: {str(held).splitlines()[0]}", flush=True)
-                continue
-            ratio = held.duration / find_soonest(made, held)
-            row = (
-                held.certificate.holds,
-                measure_use(held, made.order),
-                measure_distance(made, held),
-                count_misfits(made, held),
-                ratio,
-                took,
-            )
-            told.append(row)
-            if not row[0] or row[1] > 1 or row[3] or row[4] > 1.05:
-                print(
-                    f"{name}, {t:.4f} s: proved {row[0]}, use {row[1]:.9f}, misfits {row[3]}, {row[4]:.3f} of soonest",
-                    flush=True,
-                )
-        print(f"{name}: {len(told)} stops so far", flush=True)
-    proved, use, off, misfits, ratios, times = (np.array(each) for each in zip(*told, strict=True))
-    print(f"{len(told)} stops, {int(proved.sum())} proved; the largest use of a limit {use.max():.9f}")
-    print(f"off the path by {off.max():.1e} of the coordinates; {int(misfits.sum())} axes whose pulses do not go on")
-    beside = f"the soonest of {len(ENDS)} ends and {len(LATER)} later stops"
-    print(f"duration beside {beside}: median {np.median(ratios):.3f}, largest {ratios.max():.3f}")
-    print(f"processor time of a stop with its pulses: median {np.median(times):.2f} s, largest {times.max():.2f} s")
+            share = float(rng.uniform(*SHARES))
+            stops.append(try_section(f"{name}, {t:.4f} s", made, partial(made.hold, t), soonest=True))
+            change = partial(made.override, share, t)
+            changes.append(try_section(f"{name}, {t:.4f} s, {share:.2f}", made, change, soonest=False))
+        print(f"{name}: {len(stops)} instants so far", flush=True)
+    summarise("stops", [row for row in stops if row is not None])
+    summarise("changes of speed", [row for row in changes if row is not None])
 
 
 if __name__ == "__main__":

@@ -53,10 +53,10 @@ def pose_stages(problem: Problem, guess: Array, prize: float = 0.0) -> PosedStag
     states = np.zeros((problem.intervals + 1, 2))
     states[:-1] = start[:2].T
     states[[0, -1], 0] = np.maximum(problem.speeds, problem.passed) / unit[0]
-    states[-1, 1] = 0.0
+    states[-1, 1] = problem.accelerations[1] / unit[1]
     free_start, free_end = problem.free_push
     if not free_start:
-        states[0, 1] = problem.acceleration / unit[1]
+        states[0, 1] = problem.accelerations[0] / unit[1]
     for end in np.flatnonzero(problem.free_push):
         calm[-end], controls[-end, 0] = FREE_END_JERK_WEIGHT / scale[2] ** 2, 0.0
     step = np.diff(problem.s) / length

@@ -218,11 +218,12 @@ def _solve_window(problem: Problem, columns: Array, first: int, last: int) -> Ar
         ),
         free=(problem.free[0] and start, problem.free[1] and end),
         passed=(problem.passed[0] if start else 0.0, problem.passed[1] if end else 0.0),
-        acceleration=problem.acceleration if start else float(columns[1, first]),
+        accelerations=(
+            problem.accelerations[0] if start else float(columns[1, first]),
+            problem.accelerations[1] if end else float(there[1]),
+        ),
     )
     posed = pose_stages(part, columns[:, first:last])
-    if not end:
-        posed[2][-1] = there / posed[-1][:2]
     answer = _try_starts(posed, ("near",))
     return answer if isinstance(answer, MotionError) else _columns(posed, answer)
 

@@ -82,6 +82,19 @@ def test_no_later_stop_is_sooner(at):
     assert held.duration < 1.05 * (0.02 + made.hold(at + 0.02).duration)
 
 
+@pytest.mark.parametrize("at", [0.02, 0.07, 0.1, 0.115, 0.2])
+def test_a_stop_along_a_line_takes_what_its_limits_ask_for(at):
+    """From its ramp up too, whose last part is the only motion that does not come above the largest speed."""
+    program = Program((Line(to=(0.045, 0.045, 0)), Line(to=(0, 0, 0))))  # one belt moves, √2 times as far
+    made = plan(program, load_machine(COREXY))
+    hard, jerk = np.array([3.0, 100.0]) / np.sqrt(2)
+    now = made.trajectory.at(at)
+    speed = float(now.sd[0] + now.sdd[0] ** 2 / (2 * jerk))  # once s̈ is down to 0
+    stop = speed / hard + hard / jerk if speed > hard**2 / jerk else 2 * np.sqrt(speed / jerk)
+    least = float(now.sdd[0]) / jerk + stop
+    assert least * (1 - 1e-6) <= made.hold(at).duration <= 1.03 * least
+
+
 @pytest.mark.parametrize("share", [0.31])
 def test_its_pulses_go_on_with_those_that_were_sent(circle, share):
     held = circle.hold(share * circle.trajectory.duration)

@@ -1,0 +1,151 @@
+"""A motion along a plan's path and its state at an instant: where it rests, where it is by a place, parts of it."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from kinematics.foundation.arrays import Array
+from planner.certificate.certify import Certificate
+from planner.interruption.section import SAME_PLACE, Section, Whole
+from planner.path.actuation import MachinePath
+from planner.pulses import PulseSchedule
+from planner.trajectory import Trajectory
+
+# Share of the largest ṡ up to which a motion rests at a knot, and up to which nothing moves.
+REST_SHARE, RESTING_SHARE = 1e-12, 1e-6
+# Halvings that find the instant of a place inside a time piece: to rounding.
+HALVINGS = 60
+
+
+@dataclass(frozen=True, slots=True)
+class Running:
+    """What the machine runs: a plan, or a section of it, with path lengths and pieces of the plan.
+
+    since     s of the trajectory at which time begins: behind input shapers it holds what came before
+    duration  s from there on, behind any shapers
+    """
+
+    trajectory: Trajectory
+    certificate: Certificate
+    pulses: PulseSchedule
+    since: float
+    duration: float
+
+    def round_to_tick(self, at: float) -> tuple[float, list[int]]:
+        """The instant (s) of the whole tick next to one, and the counts (n,) of what was sent before that tick."""
+        tick = min(round(at * self.pulses.clock_hz), int(self.duration * self.pulses.clock_hz))
+        return tick / self.pulses.clock_hz, [int(axis.counts([tick - 1])[0]) for axis in self.pulses.axes]
+
+
+def find_running(whole: Whole, during: Section | None) -> Running:
+    """The plan, or a section of it."""
+    if during is None:
+        return Running(whole.trajectory, whole.certificate, whole.pulses, 0.0, whole.duration)
+    shaped = during.shaped
+    base = during.trajectory if shaped is None else shaped.motion.base
+    assert isinstance(base, Trajectory)  # motions of machines are
+    path = base.path
+    assert isinstance(path, MachinePath)
+    begin = path.origin[0]
+    motion = replace(shift_motion(base, begin, find_piece(whole.path, begin)), path=whole.path)
+    since = 0.0 if shaped is None else shaped.since
+    return Running(motion, during.certificate, during.pulses, since, during.duration)
+
+
+@dataclass(frozen=True, slots=True)
+class Instant:
+    """The state of a motion in its midst: time and time piece, s and its rates, the coordinates."""
+
+    t: float
+    knot: int
+    s: float
+    v: float
+    a: float
+    q: Array
+
+
+def look(motion: Trajectory, t: float) -> Instant:
+    """The state at t (s); after the end it rests there."""
+    t = min(t, motion.duration)
+    state = motion.at(t)
+    knot = int(motion.locate(np.array([t]))[0])
+    return Instant(t, knot, float(state.along[0]), float(state.sd[0]), float(state.sdd[0]), state.q[0])
+
+
+def find_passage(motion: Trajectory, place: float) -> Instant:
+    """The instant at which it comes by a place (m); at a rest, its end."""
+    near = place + SAME_PLACE * float(motion.path.breaks[-1])
+    k = int(np.clip(np.searchsorted(motion.s, near, "right") - 1, 0, None))
+    low, high = float(motion.knots[k]), float(motion.knots[k + 1])
+    s, v, a, j = (float(each[k]) for each in (motion.s, motion.v, motion.a, motion.j))
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        h = middle - float(motion.knots[k])
+        low, high = (middle, high) if s + h * (v + h * (a / 2 + h * j / 6)) < place else (low, middle)
+    return replace(look(motion, low), s=place)
+
+
+def find_rest(motion: Trajectory, now: Instant) -> Instant | None:
+    """Where a rest begins that the motion is in, or within rounding of; None where it moves."""
+    most = motion.v.max()
+    if now.v > RESTING_SHARE * most:
+        return None
+    still = (motion.v <= REST_SHARE * most) & (motion.a == 0) & (motion.j == 0)
+    rests = np.flatnonzero(np.append(motion.v <= REST_SHARE * most, True))
+    k = now.knot if still[now.knot] else int(rests[np.argmin(np.abs(motion.knots[rests] - now.t))])
+    while k > 0 and still[k - 1]:
+        k -= 1
+    return look(motion, float(motion.knots[k]))
+
+
+def next_rest(motion: Trajectory, now: Instant) -> int:
+    """The time piece before which the motion comes to rest next."""
+    later = np.flatnonzero(motion.v[now.knot + 1 :] <= REST_SHARE * motion.v.max())
+    return now.knot + 1 + int(later[0]) if len(later) else len(motion.s)
+
+
+def cut_motion(motion: Trajectory, since: Instant, until: Instant | None, last: int = 0) -> Trajectory:
+    """What it does from an instant to another, or to before time piece `last`: time and path length begin at 0."""
+    if until is not None:  # a knot at which it is there begins nothing
+        last = until.knot + (until.t > motion.knots[until.knot])
+    knots = np.concatenate([[since.t], motion.knots[since.knot + 1 : last + 1]])
+    if until is not None:
+        knots[-1] = until.t
+    within = slice(since.knot + 1, last)
+    s, v, a = (
+        np.append(here, each[within]) for here, each in ((since.s, motion.s), (since.v, motion.v), (since.a, motion.a))
+    )
+    here = slice(since.knot, last)
+    return Trajectory(motion.path, knots - since.t, s - since.s, v, a, motion.j[here], motion.piece[here])
+
+
+def slow_motion(motion: Trajectory, share: float, path: MachinePath) -> Trajectory:
+    """At a share of its speed, along a path of the same pieces; rests last as long as before.
+
+    ṡ goes with the share, s̈ with its square, s⃛ with its cube.
+    """
+    rests = (motion.v == 0) & (motion.a == 0) & (motion.j == 0)
+    h = np.diff(motion.knots)
+    knots = np.concatenate([[0.0], np.cumsum(np.where(rests, h, h / share))])
+    v, a, j = share * motion.v, share**2 * motion.a, share**3 * motion.j
+    return Trajectory(path, knots, motion.s, v, a, j, motion.piece)
+
+
+def join_motions(path: MachinePath, before: Trajectory, after: Trajectory) -> Trajectory:
+    """One after the other along a path from whose start both count path lengths and pieces."""
+    knots = np.concatenate([before.knots, before.knots[-1] + after.knots[1:]])
+    s, v, a, j, piece = (
+        np.concatenate(both)
+        for both in zip(*((one.s, one.v, one.a, one.j, one.piece) for one in (before, after)), strict=True)
+    )
+    return Trajectory(path, knots, s, v, a, j, piece)
+
+
+def shift_motion(motion: Trajectory, way: float, pieces: int) -> Trajectory:
+    """With path lengths (m) and pieces counted from so far before."""
+    return replace(motion, s=motion.s + way, piece=np.maximum(motion.piece + pieces, 0))
+
+
+def find_piece(path: MachinePath, place: float) -> int:
+    """The piece of a path that begins at a place (m), or goes on there."""
+    return int(np.searchsorted(path.breaks, place, "right")) - 1

@@ -1,0 +1,82 @@
+"""`pulsepath override`: a plan at less of its speed, as a whole or from an instant on."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from pulsepath import known_names
+from pulsepath.command_group import FormatCommand
+from pulsepath.commands.hold import write_section
+from pulsepath.known_names import make_completer
+from pulsepath.options import json_option, read_percent, read_quantity, unverified_option
+from pulsepath.process.intent import writes
+from pulsepath.progress import say, step
+
+
+class Override(FormatCommand):
+    """Options of the export formats."""
+
+    formats = "EXPORTS"
+
+
+@click.command(cls=Override)
+@click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
+@click.option("--speed", metavar="PERCENT", required=True, help='Share of the plan\'s speed, as "50 %", up to 100 %.')
+@click.option("--at", metavar="TIME", help='Instant from which to change the speed, as "1.2 s". Default: all of it.')
+@click.option("--format", "name", metavar="FORMAT", shell_complete=make_completer(known_names.exports),
+              help="Write the motion in this export format, listed below, to --out.")  # fmt: skip
+@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Output file.")
+@unverified_option
+@click.option("--force", is_flag=True, help="Overwrite an existing file.")
+@json_option
+def override(
+    directory: Path,
+    speed: str,
+    at: str | None,
+    name: str | None,
+    out: Path | None,
+    unverified: bool,
+    force: bool,
+    as_json: bool,
+    **given: Any,
+) -> None:
+    """Run the plan in DIR at less of its speed, certified.
+
+    With --at the speed changes as soon as the limits allow, and the file goes on with the plan's pulses from there,
+    at time 0. Reads the plan and proves it again. Dwells last as long as before; constant speeds that segments require
+    are not kept.
+
+    Example: pulsepath override out/circle --speed "50 %" --at "1.2 s" --format steps --out slow.bin
+    """
+    from kinematics.foundation.errors import BadValue
+    from planner.interruption.override import override as change_speed
+    from pulsepath.output import plan_directory, record
+    from pulsepath.output.tables import show
+
+    if (name is None) != (out is None):
+        raise BadValue("--format and --out go together: give both to write the motion, or none to see what it takes")
+    share = read_percent("--speed", speed)
+    instant = None if at is None else read_quantity("--at", at, "s", least=0.0)
+    if out is not None:
+        writes(out)
+    planned = plan_directory.read(directory, unverified)
+    with step("generating pulses") as tell:
+        whole = planned.whole(tell)
+    with step("computing the motion"):
+        made = change_speed(whole, share, instant)
+    files = [write_section(made, name, out, force, given)] if name is not None and out is not None else []
+    if as_json:
+        told = {
+            "speed": share,
+            "at_s": made.at,
+            "duration_s": made.duration,
+            "certified": made.certificate.holds,
+            "files": files,
+            **record.of_doubts(planned.doubts),
+        }
+        click.echo(record.as_json(told), nl=False)
+        return
+    show(made.tables())
+    for file in files:
+        say(f"{file['file']}: {file['error_pulses']:.3g} pulses from {file['against']}")

@@ -1,0 +1,119 @@
+"""A plan slowed and sped up in its midst: limits kept, the plan's motion at its share, and hardly a sooner change."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from kinematics import load_machine
+from kinematics.foundation.errors import MotionError
+from planner import Dwell, Line, Program, plan
+from tests.planner.interruption.test_hold import uses
+
+COREXY = Path(__file__).parents[3] / "docs/examples/corexy.toml"
+
+
+@pytest.fixture(scope="module", params=[2, 3])
+def circle(request, planned):
+    return planned("bare-circle", request.param)
+
+
+@pytest.fixture(scope="module", params=[2, 3])
+def straight(request):
+    """By one belt of a CoreXY, which moves √2 times as far: speed 0.3 m/s, acceleration 3 m/s², jerk 100 m/s³."""
+    program = Program((Line(to=(0.045, 0.045, 0)), Dwell(0.2), Line(to=(0, 0, 0))))
+    return plan(program, load_machine(COREXY), order=request.param)
+
+
+def rates_at(motion, begin, places):
+    """ṡ of a motion where it comes by places (m of the plan's path)."""
+    t = np.linspace(0, motion.duration, 200_001)
+    state = motion.at(t)
+    return np.interp(places, begin + state.along, state.sd)
+
+
+@pytest.mark.parametrize("share", [0.15, 0.6])
+@pytest.mark.parametrize("at", [0.1, 0.37, 0.8])
+def test_the_speed_falls_to_its_share_and_the_plan_goes_on_at_it(circle, share, at):
+    slower = circle.override(share, at * circle.trajectory.duration)
+    before, after = circle.trajectory.at(slower.at), slower.trajectory.at(0.0)
+    assert slower.certificate.holds
+    assert after.q == pytest.approx(before.q, abs=1e-12)
+    assert after.qd == pytest.approx(before.qd, abs=1e-12)
+    if circle.order == 3:
+        assert after.qdd == pytest.approx(before.qdd, abs=1e-9)
+    assert uses(slower).max() <= 1 + 1e-9
+    assert slower.until == pytest.approx(float(circle.path.breaks[-1]), abs=1e-15)
+    # on the later half of what is left, which it reaches long before: at its share of the plan's own speed
+    places = np.linspace((slower.since + slower.until) / 2, slower.until - 1e-4, 50)
+    own, whole = rates_at(slower.trajectory, slower.since, places), rates_at(circle.trajectory, 0.0, places)
+    assert own == pytest.approx(share * whole, rel=1e-4)
+    for axis, sent in zip(slower.pulses.axes, circle.pulses.axes, strict=True):
+        assert axis.final == sent.final
+
+
+@pytest.mark.parametrize("share", [0.5, 0.1])
+def test_no_change_along_a_line_is_sooner_than_its_ramp(straight, share):
+    """From V to its share within A, and within J: ΔV/A, and A/J more where the jerk leaves A to be reached."""
+    top, hard, jerk = np.array([0.3, 3.0, 100.0]) / np.sqrt(2)
+    slower = straight.override(share, 0.2)
+    assert straight.trajectory.at(0.2).sd[0] == pytest.approx(top, rel=1e-6)  # in its cruise
+    assert slower.certificate.holds
+    t = np.linspace(0, slower.duration, 200_001)
+    reached = t[np.argmax(slower.trajectory.at(t).sd <= share * top * (1 + 1e-6))]
+    ramp = (1 - share) * top / hard + (hard / jerk if straight.order == 3 else 0)
+    assert ramp * (1 - 1e-3) <= reached <= 1.03 * ramp
+
+
+def test_what_was_slowed_is_sped_up_held_and_a_hold_is_taken_back(straight):
+    slower = straight.override(0.3, 0.15)
+    again = straight.override(1.0, 0.12, slower)
+    place = slower.trajectory.at(0.12)
+    assert again.certificate.holds
+    assert again.since == pytest.approx(slower.since + float(place.along[0]), abs=1e-12)
+    assert again.trajectory.at(0.0).qd == pytest.approx(place.qd, abs=1e-12)
+    assert uses(again).max() <= 1 + 1e-9
+    fastest = again.trajectory.at(np.linspace(0, again.duration, 2001)).sd.max()
+    assert fastest == pytest.approx(0.3 / np.sqrt(2), rel=1e-4)
+    assert slower.at + 0.12 + again.duration < slower.at + slower.duration
+    held = straight.hold(0.12, slower)
+    assert held.certificate.holds
+    assert held.duration < straight.hold(0.15).duration  # it is slower
+    taken_back = straight.override(1.0, 0.4 * straight.hold(0.15).duration, straight.hold(0.15))
+    assert taken_back.certificate.holds
+    assert taken_back.until == pytest.approx(float(straight.path.breaks[-1]))
+    for made, running in ((again, slower), (held, slower)):
+        tick = round(made.at * straight.pulses.clock_hz)
+        for own, sent in zip(made.pulses.axes, running.pulses.axes, strict=True):
+            assert own.start == sent.counts([tick - 1])[0]
+
+
+def test_dwells_last_as_long_as_before(straight):
+    motion = straight.trajectory
+    (rest,) = np.flatnonzero((motion.v == 0) & (motion.a == 0) & (motion.j == 0))
+    begins, ends = motion.knots[rest], motion.knots[rest + 1]
+    within = straight.override(0.5, begins + 0.05)
+    state = within.trajectory.at(np.linspace(0, ends - begins - 0.05 - 1e-9, 50))
+    assert np.abs(state.qd).max() == 0
+    assert within.duration == pytest.approx(ends - begins - 0.05 + 2 * (motion.duration - ends), abs=2e-7)
+    late = straight.override(0.5, begins - 1e-3)  # nothing is to slow before the rest
+    assert late.duration == pytest.approx(1e-3 + ends - begins + 2 * (motion.duration - ends), abs=3e-3)
+
+
+def test_what_runs_at_its_share_goes_on(circle):
+    same = circle.override(1.0, 0.4)
+    assert same.duration == pytest.approx(circle.trajectory.duration - same.at, abs=1e-9)
+
+
+def test_what_cannot_be_changed_is_refused(straight):
+    held = straight.hold(0.2)
+    for wrong, words in (
+        (lambda: straight.override(0.5, -0.1), "the plan lasts from 0 to .* give an instant"),
+        (lambda: straight.override(1.5, 0.1), "at most 1"),
+        (lambda: straight.override(0.5, held.duration, held), "rests there to its end; resume from there"),
+        (lambda: straight.override(0.5, held.duration + 1, held), "the hold lasts from 0 to"),
+        (lambda: straight.override(0.5, during=held), "give the instant"),
+        (lambda: straight.hold(held.duration, held), "the hold rests there"),
+    ):
+        with pytest.raises(MotionError, match=words):
+            wrong()
