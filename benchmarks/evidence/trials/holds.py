@@ -1,7 +1,7 @@
 """Plans held and slowed at random instants: `python -m benchmarks.evidence.trials.holds [--instants 10] [--plans 24]`.
 
 Of two straight moves and a pocket on a CoreXY, and of the preset programs on their machines, at both orders where jerk
-is limited. Of each stop and each change of speed: whether its proof holds; the largest share of a speed, acceleration or
+is limited. Of each stop and change of speed: whether its proof holds; the largest share of a speed, acceleration or
 jerk limit at 10⁵ instants; how far it leaves the path; its pulses beside those that were sent before. Of a stop its
 duration beside the soonest to many ends, each solved for on a fine grid, and to those of stops that begin some later,
 with the plan's own motion up to there.
