@@ -9,8 +9,11 @@
         time_from_start: {sec: 0, nanosec: 0}
 
 - Metres and radians; natural coordinates (a joint's angle, a leg's length) or, with origin home, from the machine's.
-- joint_trajectory_controller goes from point to point by the quintic that meets all three at both. It refuses a
-  trajectory that ends at a speed, unless allow_nonzero_velocity_at_trajectory_end is set.
+- joint_trajectory_controller goes from point to point by the quintic that meets all three at both. Where an
+  acceleration jumps, as at order 2 it does, the quintics beside the jump would exceed it by 0.374 of the jump, however
+  close the points: of such a motion accelerations are [], so that the controller goes by cubics, and points stand at
+  the jumps.
+- It refuses a trajectory that ends at a speed, unless allow_nonzero_velocity_at_trajectory_end is set.
 - Times are whole nanoseconds: sec and nanosec (ROS 2), or secs and nsecs (ROS 1).
 - ASCII YAML, names in double quotes with escapes, line ends \\n, decimal points whatever the locale.
 """
@@ -27,7 +30,7 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.options import option
 from planner.export.columns import BLOCK_POINTS, Columns, line_blocks, make_columns, origin_option
 from planner.export.format import Exported, ExportSource
-from planner.export.knots import REST_SPEED, KnotFormat, compare
+from planner.export.knots import REST_SPEED, KnotFormat, compare, find_jumps
 
 PER_SECOND = 10**9
 ROWS = ("positions", "velocities", "accelerations")
@@ -37,7 +40,7 @@ LINES = 5  # per point
 
 @dataclass(frozen=True, slots=True)
 class JointTrajectory(KnotFormat):
-    """ROS JointTrajectory as YAML: positions, velocities, accelerations; quintic between the points."""
+    """ROS JointTrajectory as YAML: positions, velocities, accelerations unless they jump; quintic or cubic between."""
 
     suffix: ClassVar[str] = ".yaml"
     origin: Literal["home", "natural"] = origin_option("natural")
@@ -45,7 +48,8 @@ class JointTrajectory(KnotFormat):
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         axes, motion = source.machine.axes, source.counted
-        knots = self.knots(source, 3, 1 / PER_SECOND)
+        rows = 2 if find_jumps(motion, axes).any() else 3
+        knots = self.knots(source, rows, 1 / PER_SECOND)
         form = make_columns(source, knots.tolerance, origin=self.origin, unit="SI")
         speeds = motion.at(np.array([0.0, motion.duration])).qd
         at_rest = bool((abs(speeds) <= REST_SPEED * np.array([axis.pulse for axis in axes])).all())
@@ -54,10 +58,11 @@ class JointTrajectory(KnotFormat):
             names = ", ".join(quote(axis.name) for axis in axes)
             file.write(f"joint_names: [{names}]\npoints:\n")
             at = 0
-            for steps, units in form.blocks(source, knots, 3, rest=at_rest):
+            for steps, units in form.blocks(source, knots, rows, rest=at_rest):
                 for lasting, row in zip(steps.tolist(), form.text_rows(units), strict=True):
                     at += lasting
-                    told = (f"{name}: [{', '.join(row[k::3])}]" for k, name in enumerate(ROWS))
+                    given = [row[k::rows] for k in range(rows)] + [[]] * (len(ROWS) - rows)
+                    told = (f"{name}: [{', '.join(numbers)}]" for name, numbers in zip(ROWS, given, strict=True))
                     second, nanosecond = divmod(at, PER_SECOND)
                     file.write("  - " + "\n    ".join(told) + "\n    effort: []\n")
                     file.write(f"    time_from_start: {{{whole}: {second}, {rest}: {nanosecond}}}\n")
@@ -65,8 +70,10 @@ class JointTrajectory(KnotFormat):
         moving = (
             "" if at_rest else "; it begins or ends at a speed: allow_nonzero_velocity_at_trajectory_end has to be true"
         )
-        notes = (f"positions {origin} the axes, in their sense; in {form.unit}{moving}",)
-        return compare(motion, axes, knots, _points(path, form), notes)
+        notes: tuple[str, ...] = (f"positions {origin} the axes, in their sense; in {form.unit}{moving}",)
+        if rows < len(ROWS):
+            notes += ("the accelerations jump, so none are given: a quintic would exceed them beside each jump",)
+        return compare(motion, axes, knots, _points(path, form, rows), notes)
 
 
 def quote(name: str) -> str:
@@ -75,9 +82,9 @@ def quote(name: str) -> str:
     return f'"{"".join(plain)}"'
 
 
-def _points(path: Path, form: Columns) -> Iterator[tuple[Array, Array]]:
+def _points(path: Path, form: Columns, count: int) -> Iterator[tuple[Array, Array]]:
     for lines in line_blocks(path, 2, LINES * BLOCK_POINTS):
-        rows = [[json.loads(line.partition(":")[2]) for line in lines[k::LINES]] for k in range(len(ROWS))]
+        rows = [[json.loads(line.partition(":")[2]) for line in lines[k::LINES]] for k in range(count)]
         parts = [line.strip("}\n").replace(",", ":").split(":") for line in lines[LINES - 1 :: LINES]]
         t = [int(part[2]) + int(part[4]) / PER_SECOND for part in parts]
         yield np.array(t), form.natural(np.array(rows))

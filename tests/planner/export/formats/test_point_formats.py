@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import BPoly, CubicHermiteSpline
 
 from kinematics import Axis, FileError, MotionError
+from kinematics.machine.axis import directional_bounds
 from planner import Dwell, Line, Program, import_program, plan
 from planner.export.format import ExportSource, find_format
 
@@ -84,6 +85,10 @@ class Decoded:
         if len(self.rows) == 2:
             return CubicHermiteSpline(self.t, *self.rows)(when)
         return BPoly.from_derivatives(self.t, np.stack(self.rows, 1))(when)
+
+    def accelerations_at(self, when):
+        """Of polynomials that meet more than positions."""
+        return BPoly.from_derivatives(self.t, np.stack(self.rows, 1)).derivative(2)(when)
 
 
 def factors(axes):
@@ -172,7 +177,7 @@ def ros(path, source):
     assert all(point["effort"] == [] for point in points)
     t = [point["time_from_start"]["sec"] + 1e-9 * point["time_from_start"]["nanosec"] for point in points]
     names = ("positions", "velocities", "accelerations")
-    return Decoded(np.array(t), [np.array([point[name] for point in points]) for name in names])
+    return Decoded(np.array(t), [np.array([point[name] for point in points]) for name in names if points[0][name]])
 
 
 READERS = dict(zip(FORMATS, (zaber, xps, pmac, g93, ros), strict=True))
@@ -321,36 +326,31 @@ def accept_trajectory(message, names):
     return np.array(times)
 
 
-def follow_quintics(times, points, when):
-    """(N, axes) its interpolation where positions, velocities and accelerations are given: from each to the next."""
-    q, v, a = (np.array([point[name] for point in points]) for name in ("positions", "velocities", "accelerations"))
-    t = times * 1e-9
-    k = np.clip(np.searchsorted(t, when, side="right") - 1, 0, len(t) - 2)
-    h, u = (t[k + 1] - t[k])[:, None], (when - t[k])[:, None]
-    (p0, p1), (v0, v1), (a0, a1) = ((row[k], row[k + 1]) for row in (q, v, a))
-    c3 = (-20 * p0 + 20 * p1 - 3 * a0 * h**2 + a1 * h**2 - 12 * v0 * h - 8 * v1 * h) / (2 * h**3)
-    c4 = (30 * p0 - 30 * p1 + 3 * a0 * h**2 - 2 * a1 * h**2 + 16 * v0 * h + 14 * v1 * h) / (2 * h**4)
-    c5 = (-12 * p0 + 12 * p1 - a0 * h**2 + a1 * h**2 - 6 * v0 * h - 6 * v1 * h) / (2 * h**5)
-    return p0 + u * (v0 + u * (a0 / 2 + u * (c3 + u * (c4 + u * c5))))
-
-
 @pytest.mark.parametrize("order", [2, 3])
 @pytest.mark.parametrize("tolerance", [None, 3.0])
 def test_joint_trajectory_controller_takes_the_file_and_follows_the_plan(order, tolerance, hexapod, tmp_path):
-    """By its own rules and formula, at ten thousand instants: as far off as the export states, and no farther."""
-    yaml = pytest.importorskip("yaml")
+    """By its own rules and polynomials, at ten thousand instants: as far off as the export states, and no farther.
+
+    Order 2 jumps from limit to limit: quintics told of that would exceed it by 0.374 times 2 limits, as the controller
+    itself was seen to do, but cubics with a point at the jump hardly bend. 4 %: most that was seen on presets.
+    """
     program = Program((Line([0, 0, 0.02]), Dwell(0.2), Line([0.01, 0, 0.025])), name="rest")
     made = plan(program, hexapod, order=order)
     source = ExportSource(program.name, hexapod, made.trajectory, made.pulses)
     told = find_format("ros")(tolerance=tolerance).write(source, tmp_path / "file")
-    message = yaml.safe_load((tmp_path / "file").read_text())
+    message = pytest.importorskip("yaml").safe_load((tmp_path / "file").read_text())
     times = accept_trajectory(message, [axis.name for axis in hexapod.axes])
+    decoded = ros(tmp_path / "file", source)
+    assert len(decoded.rows) == order
+    assert decoded.t == pytest.approx(1e-9 * times, abs=1e-12)
     t = np.linspace(0, made.trajectory.duration, 10_000)
-    off = abs(follow_quintics(times, message["points"], t) - made.trajectory.at(t).q)
-    found = (off / [axis.pulse for axis in hexapod.axes]).max()
-    assert "quintic between the points" in told.against
-    assert 0.3 * told.error <= found <= told.error + EPS
+    error = (abs(decoded.at(t) - made.trajectory.at(t).q) / [axis.pulse for axis in hexapod.axes]).max()
+    assert f"{['cubic', 'quintic'][order - 2]} between the points" in told.against
+    assert 0.3 * told.error <= error <= told.error + EPS
     assert told.error <= (tolerance or 0.5)
+    limits = [max(directional_bounds(axis.max_acceleration)) for axis in hexapod.axes]
+    if tolerance is None:
+        assert (abs(decoded.accelerations_at(t)) / limits).max() < 1.04
 
 
 def test_natural_coordinates_are_the_axes_own(tmp_path):
