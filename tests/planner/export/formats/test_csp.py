@@ -133,3 +133,8 @@ def test_csp_of_a_plan_keeps_every_axis_limit(hexapod, tmp_path):
     assert abs(q - exact * signs / pulse).max() <= 0.5 + 1e-6
     most = np.array([np.max(axis.max_acceleration) for axis in hexapod.axes]) * each**2 / pulse
     assert (abs(np.diff(q, 2, axis=0)).max(0) <= most + 2).all()
+    fast = np.flatnonzero((abs(np.diff(q, axis=0)) > 4 * (most + 2)).any(1))  # neighbours do not hide such a step
+    assert len(fast) > len(q) / 2
+    for row in fast:
+        assert (abs(np.diff(np.delete(q, row, 0), 2, axis=0)).max(0) > most + 2).any()
+        assert (abs(np.diff(np.insert(q, row, q[row], 0), 2, axis=0)).max(0) > most + 2).any()
