@@ -11,7 +11,7 @@ A file of one kind that is given for another is called what it is: each kind has
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, get_args, get_origin
 
 from pydantic import (
@@ -28,6 +28,7 @@ from pydantic_core import ErrorDetails, InitErrorDetails
 
 from kinematics.files.keys import Chosen, key, remedy_of
 from kinematics.files.toml_document import Document, Key
+from kinematics.foundation.arrays import LEAST_POSITIVE
 from kinematics.foundation.errors import BadValue, Fault, FileError, MotionError, validation_error
 from kinematics.foundation.names import add_article, closest, nearest
 from kinematics.foundation.units import Unit, describe_value, everyday_unit, unit_value
@@ -68,7 +69,7 @@ class TableSchema(BaseModel):
         try:
             return handler(data)
         except ValidationError as error:
-            explained = [cls._explain_error(e) for e in error.errors()]
+            explained = [cls._explain_error(e) for e in _join_missing(error.errors())]
             raise ValidationError.from_exception_data(cls.__name__, explained) from None
 
     @classmethod
@@ -90,12 +91,11 @@ class TableSchema(BaseModel):
             case "missing" if last in keys:
                 example = remedy_of(keys[last]) or _example(last, keys[last].annotation, keys[last].metadata)
                 told = BadValue(": ".join(filter(None, ["missing", example])), allowed=example)
-            case "missing":
-                told = BadValue("missing: the array is too short")
-            case "too_long":
-                most = error["ctx"]["max_length"]
-                message = f"{describe_value(value)}: the array is too long: {len(value)} entries instead of {most}"
-                told = BadValue(message, allowed=f"{most} entries")
+            case "too_short" | "too_long" as kind:
+                count = error["ctx"]["min_length" if kind == "too_short" else "max_length"]
+                message = f"{describe_value(value)} has {len(value)} {'entry' if len(value) == 1 else 'entries'}"
+                message += f" instead of {count}{_show(keys, error['loc'])}"
+                told = BadValue(message, allowed=f"{count} entries")
             case "literal_error":
                 expected = error["ctx"]["expected"].replace("'", '"')
                 choices = re.findall('"(.*?)"', expected)
@@ -108,15 +108,40 @@ class TableSchema(BaseModel):
             case "tuple_type" if isinstance(value, dict):
                 told = BadValue(f"is one table, and an array of them is asked for: write [[{last}]]")
             case "model_type" | "tuple_type" as kind:
-                told = BadValue(f"{describe_value(value)} is not {'a table' if kind == 'model_type' else 'an array'}")
+                what = "a table" if kind == "model_type" else "an array"
+                told = BadValue(f"{describe_value(value)} is not {what}{_show(keys, error['loc'])}")
             case kind if kind in _BOUNDS:
                 allowed = f"{_BOUNDS[kind]} {next(iter(error['ctx'].values())):g}"
                 told = BadValue(f"{describe_value(value)} must be {allowed}", allowed=allowed)
             case kind if kind in _TYPES:
-                told = BadValue(f"{describe_value(value)} is not {_TYPES[kind]}", allowed=_TYPES[kind])
+                message = f"{describe_value(value)} is not {_TYPES[kind]}{_show(keys, error['loc'])}"
+                told = BadValue(message, allowed=_TYPES[kind])
             case _:
                 told = BadValue(f"{describe_value(value)}: {error['msg'][0].lower()}{error['msg'][1:]}")
         return {"type": validation_error(told, "explained"), "loc": error["loc"], "input": value}
+
+
+def _join_missing(errors: Sequence[ErrorDetails]) -> Iterator[ErrorDetails]:
+    """The errors, with one of an array that is too short, not one of each entry that it lacks."""
+    lacks = [e["type"] == "missing" and bool(e["loc"]) and isinstance(e["loc"][-1], int) for e in errors]
+    most = {e["loc"][:-1]: int(e["loc"][-1]) + 1 for e, lacking in zip(errors, lacks, strict=True) if lacking}
+    for error, lacking in zip(errors, lacks, strict=True):
+        if not lacking:
+            yield error
+        elif (count := most.pop(error["loc"][:-1], None)) is not None:
+            yield {**error, "type": "too_short", "loc": error["loc"][:-1], "ctx": {"min_length": count}}
+
+
+def _show(keys: Mapping[str, FieldInfo], loc: Key) -> str:
+    """What the key's declaration says of how it may look, to go behind what is wrong with it; empty: nothing."""
+    field = keys.get(str(loc[0])) if loc else None
+    if field is None:
+        return ""
+    example = str((field.examples or [""])[0])
+    if len(loc) > 1:  # in the midst of it
+        return example and f": as in {loc[0]} = {example}"
+    remedy = remedy_of(field) or (example and f"write e.g. {example}")
+    return remedy and f": {remedy}"
 
 
 def _number_array(field: FieldInfo) -> str:
@@ -218,8 +243,8 @@ def tables_in(kind: Any) -> Iterator[type[TableSchema]]:
 
 def require_nonzero(value: Any) -> Any:
     """Validator of a number or a vector."""
-    if not any(value if isinstance(value, tuple) else (value,)):
-        raise validation_error("must not be zero")
+    if not any(abs(part) >= LEAST_POSITIVE for part in (value if isinstance(value, tuple) else (value,))):
+        raise validation_error(f"must not be zero{': write e.g. [1, 0, 0]' if isinstance(value, tuple) else ''}")
     return value
 
 

@@ -70,7 +70,8 @@ def unit_vectors(values: object, what: str, *shapes: tuple[int | None, ...]) -> 
     vectors = finite_array(values, what, *shapes)
     largest = np.abs(vectors).max(-1, keepdims=True)
     if (largest < LEAST_POSITIVE).any():
-        raise MotionError(f"{what} {vectors.tolist()} must be directions, not zero")
+        kind = "a direction" if vectors.ndim == 1 else "directions"
+        raise MotionError(f"{what} {vectors.tolist()} must be {kind}, not zero")
     vectors /= largest  # so that squares neither overflow nor vanish
     return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 

@@ -12,7 +12,7 @@ from kinematics.files.toml_document import Key
 from kinematics.foundation.errors import BadValue, MotionError, validation_error
 from kinematics.foundation.names import closest, nearest
 from kinematics.foundation.units import Length, Unit, describe_value
-from kinematics.kinds.shaper_keys import NO_SHAPER, StatedShaper, Vibration
+from kinematics.kinds.shaper_keys import NO_SHAPER, StatedShaper, VibrationTable
 from kinematics.machine.axis import Axis, AxisKind, Magnitude, StepTiming, find_drive
 
 MICROSTEPS = tuple(sorted({200, 400, 1000, 2000, 5000, 10_000, 25_000, 50_000} | {400 << k for k in range(8)}))
@@ -306,7 +306,7 @@ class MachineFile(File):
     wiring: dict[str, tuple[str, Annotated[int, Field(ge=0)]]] = key(
         "by axis: which card drives it, and which of the card's axes it is, from 0", default={}
     )
-    vibration: tuple[Vibration, ...] = key(
+    vibration: tuple[VibrationTable, ...] = key(
         "along a direction: every axis that moves the platform along it has the shaper beside its own", default=()
     )
 

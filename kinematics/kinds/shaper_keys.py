@@ -1,13 +1,17 @@
 """Keys of input shapers: `shaper` of an axis, and `[[vibration]]` of what the machine carries along a direction."""
 
-from typing import Annotated, Any, Literal, TypeVar, get_args
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal, get_args
 
-from pydantic import AfterValidator, AllowInfNan, Field
+import numpy as np
+from pydantic import AfterValidator, AllowInfNan, Field, ValidationInfo, field_validator
 
 from kinematics.files.keys import Chosen, key
 from kinematics.files.schema import Direction, TableSchema
-from kinematics.foundation.errors import MotionError, validation_error
-from kinematics.foundation.units import Unit
+from kinematics.foundation.arrays import unit_vectors
+from kinematics.foundation.errors import BadValue, MotionError, validation_error
+from kinematics.foundation.names import closest, nearest
+from kinematics.foundation.units import Unit, describe_value
 from kinematics.machine.shaper import (
     LEAST_FREQUENCY,
     MOST_DAMPING,
@@ -32,6 +36,14 @@ class ShaperTable(TableSchema):
         "of ei: the share of the vibration that may be left; 0.05 if not stated", default=None
     )
 
+    @field_validator("tolerance")
+    @classmethod
+    def _check_tolerance(cls, tolerance: float | None, info: ValidationInfo) -> float | None:
+        kind = info.data.get("kind", "ei")  # of one that is none, that alone is told
+        if tolerance is not None and kind != "ei":
+            raise validation_error(f'tolerance is of the shaper ei, not of {kind}: omit it, or write kind = "ei"')
+        return tolerance
+
     @property
     def shaper(self) -> Shaper:
         return Shaper(**self.model_dump(include=set(ShaperTable.model_fields), exclude_none=True))
@@ -41,25 +53,30 @@ NO_SHAPER = "none"
 """What an axis says that has not the shaper that all have."""
 
 
-S = TypeVar("S", bound=ShaperTable)
-
-
-def _check_tolerance(stated: S) -> S:
-    if stated.tolerance is not None and stated.kind != "ei":
-        raise validation_error(f"tolerance is of the shaper ei, not of {stated.kind}: omit it")
-    return stated
-
-
-OneShaper = Annotated[ShaperTable, AfterValidator(_check_tolerance)]
+def _show_table(kind: str) -> str:
+    return f'{{ kind = "{kind}", frequency = "35 Hz" }}'
 
 
 def _pick_shaper(value: Any) -> Any:
-    if isinstance(value, str):
+    if isinstance(value, str) and value != NO_SHAPER:
         if value in get_args(ShaperKind):
-            told = f'"{value}" needs the frequency of the vibration: write {{ kind = "{value}", frequency = "35 Hz" }}'
-            raise validation_error(told)
-        return Literal["none"]
-    return tuple[OneShaper, ...] if isinstance(value, tuple) else OneShaper
+            raise validation_error(f'"{value}" needs the frequency of the vibration: write {_show_table(value)}')
+        near = nearest(value, (NO_SHAPER, *get_args(ShaperKind)))
+        told = f'is neither "{NO_SHAPER}" nor a table{near}: write "{NO_SHAPER}", or e.g. {_show_table("zv")}'
+        raise validation_error(BadValue(f"{describe_value(value)} {told}", nearest=closest(value, (NO_SHAPER,))))
+    if value == ():
+        raise validation_error(
+            f'[] names no shaper: omit the key, or write "{NO_SHAPER}" where all other axes have one'
+        )
+    if isinstance(value, tuple):
+        return tuple[Annotated[Any, Chosen(_pick_table)], ...]
+    return Literal["none"] if isinstance(value, str) else _pick_table(value)
+
+
+def _pick_table(value: Any) -> Any:
+    if not isinstance(value, dict):
+        raise validation_error(f"{describe_value(value)} is not a table: write e.g. {_show_table('zv')}")
+    return ShaperTable
 
 
 def _join(stated: Any) -> Shaper | ShaperSeries | str:
@@ -80,4 +97,21 @@ class VibrationTable(ShaperTable):
     direction: Direction = key("of the vibration, in the base frame", "[1, 0, 0]", remedy="write e.g. [1, 0, 0]")
 
 
-Vibration = Annotated[VibrationTable, AfterValidator(_check_tolerance)]
+SAME_SHARE = 1e-3
+"""Of a frequency, a damping ratio and a direction's angle (rad), by which two vibrations are one: far below what any
+measurement tells apart."""
+
+
+def find_repeated(vibrations: Sequence[VibrationTable]) -> tuple[int, int] | None:
+    """The first two that are one and the same, which would be shaped against twice; None where there are none.
+
+    A direction and its opposite are the same.
+    """
+    lines = [unit_vectors(each.direction, "direction", (3,)) for each in vibrations]
+    for k, later in enumerate(vibrations):
+        for n, one in enumerate(vibrations[:k]):
+            near = abs(later.frequency - one.frequency) <= SAME_SHARE * one.frequency
+            near &= abs(later.damping - one.damping) <= SAME_SHARE
+            if near and later.kind == one.kind and np.linalg.norm(np.cross(lines[n], lines[k])) <= SAME_SHARE:
+                return n, k
+    return None

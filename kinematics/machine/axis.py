@@ -236,9 +236,8 @@ class Axis:
             )
         if self.timing is not None and not isinstance(self.timing, StepTiming):
             raise MotionError(f"axis {self.name}: timing must be a StepTiming, or None, not {self.timing!r:.100}")
-        if self.shaper is not None and not isinstance(self.shaper, Shaper | ShaperSeries):
-            wanted = "a Shaper, a ShaperSeries of several, or None"
-            raise MotionError(f"axis {self.name}: shaper must be {wanted}, not {self.shaper!r:.100}")
+        if self.shaper is not None:
+            self._check_shaper(self.shaper)
         self._check_wiring()
 
     def _travel(self) -> None:
@@ -281,9 +280,16 @@ class Axis:
             return f"{self.unit}{PER_TIME[field]}"
         return {"max_force": "N·m" if self.rotary else "N", **PLAIN_UNITS}.get(field, "")
 
-    def add_shaper(self, shaper: Shaper) -> "Axis":
-        """The axis with one shaper more than it has."""
-        return replace(self, shaper=join_shapers([*(self.shaper.parts if self.shaper else ()), shaper]))
+    def add_shaper(self, shaper: Shaper | ShaperSeries) -> "Axis":
+        """The axis with a shaper more than it has; as it is where it has that one already. Raises MotionError."""
+        self._check_shaper(shaper)
+        own = self.shaper.parts if self.shaper else ()
+        return replace(self, shaper=join_shapers([*own, *(part for part in shaper.parts if part not in own)]))
+
+    def _check_shaper(self, shaper: object) -> None:
+        if not isinstance(shaper, Shaper | ShaperSeries):
+            wanted = "a Shaper, a ShaperSeries of several, or None"
+            raise MotionError(f"axis {self.name}: shaper must be {wanted}, not {shaper!r:.100}")
 
     @property
     def pulse_rate(self) -> float:

@@ -17,6 +17,7 @@ from kinematics.kinds.axis_keys import MachineFile, find_pulse_faults, find_repe
 from kinematics.kinds.equations import EquationsFile, build_equations
 from kinematics.kinds.hexapod import LEGS, HexapodFile, build_hexapod
 from kinematics.kinds.linkage import NAMES, LinkageFile, build_linkage
+from kinematics.kinds.shaper_keys import find_repeated
 from kinematics.kinds.traverser import ROTARY, SLIDES, TraverserFile, build_traverser
 from kinematics.kinds.tripod import (
     ARMS,
@@ -49,6 +50,14 @@ def read_machine(source: Path | Traversable) -> Machine:
     schema, construct, names = KINDS[kind]
     wired = partial(find_wiring_faults, names or joints_of(document.data))
     model = build(document, schema, find_repeated_names, find_pulse_faults, find_stray_axis_tables, wired)
+    if (repeated := find_repeated(model.vibration)) is not None:
+        first, again = repeated
+        place = f"vibration[{first + 1}] in line {document.line(('vibration', first))}"
+        told = (
+            f"the same vibration as {place}, against which axes would be shaped twice: remove one of the two; "
+            'where the frequency is uncertain, write kind = "zvd" or "ei" in the one that stays'
+        )
+        raise FileError(document.file, [document.fault(("vibration", again), told)])
     try:
         machine = construct(model, Path(source.name).stem, source_folder("kinematics", source))
     except FileError as error:  # of a file that this one names

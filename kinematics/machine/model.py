@@ -26,7 +26,7 @@ from kinematics.machine.axis import Axis
 from kinematics.machine.kind import Kind, PlacedSkeleton, Skeleton, columns, refuse_uncontrolled
 from kinematics.machine.load import Load
 from kinematics.machine.pose import Pose, PoseLike, check_pose, column, read_pose, split_pose_symbols, to_numbers
-from kinematics.machine.shaper import Shaper
+from kinematics.machine.shaper import Shaper, ShaperSeries
 
 
 class MovingPose:
@@ -166,11 +166,12 @@ class MachineModel(Kind):
         other._of_load = {}
         return other
 
-    def shape_along(self, direction: ArrayLike, shaper: Shaper) -> Self:
+    def shape_along(self, direction: ArrayLike, shaper: Shaper | ShaperSeries) -> Self:
         """The same machine, with a shaper more on every axis that moves the platform's origin along a direction (3,).
 
         The direction is in the base frame. Home and poses beside it are looked at: a leg may stand across it at home.
-        Raises MotionError where no axis does, and for more shapers on one than it takes.
+        An axis that has the very shaper already keeps it once: that cancels the vibration.
+        Raises MotionError where no axis does, for more shapers on one than it takes, and for what is no shaper.
         """
         along = unit_vectors(direction, f"machine {self.name}: direction", (3,))
         free = columns(self)

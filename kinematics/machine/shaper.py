@@ -27,6 +27,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import nearest
 
 ShaperKind = Literal["zv", "zvd", "mzv", "ei"]
 LEAST_FREQUENCY, MOST_FREQUENCY = 0.1, 1e5
@@ -80,19 +81,24 @@ class Shaper:
     tolerance: float = DEFAULT_TOLERANCE
 
     def __post_init__(self) -> None:
-        if self.kind not in get_args(ShaperKind):
-            raise MotionError(f"shaper {self.kind!r} is none of {', '.join(get_args(ShaperKind))}")
+        kinds = get_args(ShaperKind)
+        if self.kind not in kinds:
+            raise MotionError(f"shaper {self.kind!r} is none of {', '.join(kinds)}{nearest(str(self.kind), kinds)}")
         for name, least, most, unit in (
             ("frequency", LEAST_FREQUENCY, MOST_FREQUENCY, " Hz"),
             ("damping", 0.0, MOST_DAMPING, ""),
             ("tolerance", 0.0, MOST_TOLERANCE, ""),
         ):
-            value = float(finite_array(getattr(self, name), f"shaper {self.kind}: {name}", ()))
+            value = float(finite_array(getattr(self, name), f"shaper {self.kind}: {name}", (), unit=unit.strip()))
             if not least <= value <= most:
                 raise MotionError(
                     f"shaper {self.kind}: {name} {value:g}{unit} must be from {least:g} to {most:g}{unit}"
                 )
             object.__setattr__(self, name, value)
+        if self.kind != "ei" and self.tolerance != DEFAULT_TOLERANCE:
+            raise MotionError(
+                f'shaper {self.kind}: tolerance {self.tolerance:g} is of the shaper ei alone: omit it, or use kind "ei"'
+            )
 
     @property
     def impulses(self) -> tuple[Array, Array]:
@@ -137,9 +143,11 @@ class ShaperSeries:
     parts: tuple[Shaper, ...]
 
     def __post_init__(self) -> None:
-        if len(self.parts) < 2 or not all(isinstance(part, Shaper) for part in self.parts):
-            raise MotionError(f"shapers one after the other must be two or more of Shaper, not {self.parts!r:.100}")
-        object.__setattr__(self, "parts", tuple(sorted(self.parts, key=astuple)))
+        given: object = self.parts
+        parts = tuple(given) if isinstance(given, list | tuple) else ()
+        if len(parts) < 2 or not all(isinstance(part, Shaper) for part in parts):
+            raise MotionError(f"shapers one after the other must be two or more of Shaper, not {given!r:.100}")
+        object.__setattr__(self, "parts", tuple(sorted(parts, key=astuple)))
         count = prod(len(part.impulses[1]) for part in self.parts)
         if count > MOST_IMPULSES:
             raise MotionError(

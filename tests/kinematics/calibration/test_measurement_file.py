@@ -90,7 +90,7 @@ BAD = {
     "nothing measured": ("", ["pose", "missing"]),
     "empty": ("pose = []", ["at least one [[pose]]"]),
     "not a number": (LEVEL.replace("10", "nan"), ["measured.toml:2: pose[1].desired[3]", "nan", "not a finite number"]),
-    "too short": (LEVEL.replace(", 0]", "]", 1), ["pose[1].desired", "the array is too short"]),
+    "too short": (LEVEL.replace(", 0]", "]", 1), ["pose[1].desired: [", "has 5 entries instead of 6"]),
     "too long": (LEVEL.replace("[0, 0, 10", "[0, 0, 0, 10"), ["pose[1].desired", "7 entries instead of 6"]),
     "no direction": (LEVEL.replace("90, 90, 0", "90, 90, 90"), ["desired", "not direction angles of an axis", "cos²"]),
     "error of metres": (LEVEL.replace("[0, 0, 0, 0", "[0, 0, 0, 60"), ["pose[1]", "not direction angles of an axis"]),
@@ -131,7 +131,7 @@ def test_the_shape_of_the_thesis_file_needs_no_key_of_ours(load):
 
 def test_arrays_and_numbers_that_are_too_large(faults):
     told = faults("[[pose]]\ncommanded = [1, 2, 3, 4, 5, 6]\nmeasured = [1, 2, 3, 4, 5, 6, 7]\n")
-    assert "measured: [1, 2, 3, 4, 5, 6, 7]: the array is too long: 7 entries instead of 6" in told
+    assert "measured: [1, 2, 3, 4, 5, 6, 7] has 7 entries instead of 6" in told
     told = faults("[[pose]]\ncommanded = [1, 2, 3, 4, 5, 6]\nmeasured = [1e300, 2, 3]\n")
     assert ":3: pose[1].measured[1]: 1e+300 must be at least -1e+06 mm and at most 1e+06 mm" in told
     told = faults('[noise]\nposition = "5 um"\n' + WHOLE)

@@ -133,10 +133,11 @@ def test_shapes_are_checked_like_any_key(document):
     assert faults_of(refusal) == [
         (3, "size"),
         (4, "count"),
-        (5, "up[3]"),
+        (5, "up"),
         (6, "item[1]"),
         (6, "item[2].size"),
         (7, "depth"),
     ]
     assert "3 is not a table" in str(refusal.value)
     assert "4 is not an array" in str(refusal.value)
+    assert "up: [0, 1] has 2 entries instead of 3" in str(refusal.value)  # once, not for each that it lacks

@@ -82,7 +82,7 @@ def test_what_are_no_such_numbers_is_told(values):
         (lambda: hexapod(max_tilt=(1, "a")), "mine: max_tilt .*must be .*not 'a'"),
         (lambda: hexapod(max_tilt=np.ones(12)), "mine: max_tilt .*must be one angle or"),
         (lambda: hexapod(base_rest="z"), "mine: base_rest must be"),
-        (lambda: hexapod(base_rest=[0, 0, 1e-320]), "mine: base_rest .*must be directions, not zero"),
+        (lambda: hexapod(base_rest=[0, 0, 1e-320]), "mine: base_rest .*must be a direction, not zero"),
         (lambda: hexapod(leg_radius="a"), "leg_radius must be .*not 'a'"),
         (lambda: hexapod(leg_radius=0.01, base_disc=5), "base_disc must be a Disc, not 5"),
         (lambda: tripod(platform_disc="a", leg_radius=0.01), "platform_disc must be a Disc, not 'a'"),

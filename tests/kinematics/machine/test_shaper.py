@@ -86,16 +86,44 @@ def test_the_longer_shapers_bear_a_wrong_frequency_better():
 @pytest.mark.parametrize(
     ("given", "told"),
     [
-        ({"kind": "zw", "frequency": 35}, "none of zv, zvd, mzv, ei"),
-        ({"kind": "zv", "frequency": 0.0}, "frequency 0 Hz must be from 0.1"),
+        ({"kind": "ZV", "frequency": 35}, "'ZV' is none of zv, zvd, mzv, ei, nearest is \"zv\""),
+        ({"kind": ["zv"], "frequency": 35}, "none of zv, zvd, mzv, ei"),
+        ({"kind": "zv", "frequency": 0.0}, "frequency 0 Hz must be from 0.1 to 100000 Hz"),
+        ({"kind": "zv", "frequency": -35}, "frequency -35 Hz must be from 0.1"),
+        ({"kind": "zv", "frequency": float("nan")}, "frequency must be one finite number in Hz, not nan"),
+        ({"kind": "zv", "frequency": float("inf")}, "frequency must be one finite number in Hz, not inf"),
+        ({"kind": "zv", "frequency": "35 Hz"}, "frequency must be one finite number in Hz, not '35 Hz'"),
+        ({"kind": "zv", "frequency": [35]}, r"frequency must be one finite number in Hz, not of shape \(1,\)"),
         ({"kind": "zv", "frequency": 35, "damping": 1.0}, "damping 1 must be from 0 to 0.9"),
+        ({"kind": "zv", "frequency": 35, "damping": -0.1}, "damping -0.1 must be from 0 to 0.9"),
+        ({"kind": "zv", "frequency": 35, "damping": "5 %"}, "damping must be one finite number, not '5 %'"),
         ({"kind": "ei", "frequency": 35, "tolerance": 0.7}, "tolerance 0.7 must be from 0 to 0.5"),
-        ({"kind": "zv", "frequency": float("nan")}, "frequency"),
+        ({"kind": "zvd", "frequency": 35, "tolerance": 0.1}, "zvd: tolerance 0.1 is of the shaper ei alone: omit it"),
     ],
 )
 def test_what_is_no_shaper_is_refused(given, told):
     with pytest.raises(MotionError, match=told):
         Shaper(**given)
+
+
+@pytest.mark.parametrize("given", [(), (Shaper("zv", 35.0),), ("zv", "zv"), Shaper("zv", 35.0), None])
+def test_what_is_no_series_of_shapers_is_refused(given):
+    with pytest.raises(MotionError, match="must be two or more of Shaper, not "):
+        ShaperSeries(given)
+
+
+@pytest.mark.parametrize(
+    ("direction", "shaper", "told"),
+    [
+        ([1, 0], Shaper("zv", 35.0), r"direction must be finite numbers \(3,\), not of shape \(2,\)"),
+        ([0, 0, 0], Shaper("zv", 35.0), "must be a direction, not zero"),
+        ([1, 0, 0], "zv", "shaper must be a Shaper, a ShaperSeries of several, or None, not 'zv'"),
+        ([1, 0, 0], None, "shaper must be a Shaper, .* not None"),
+    ],
+)
+def test_what_shapes_no_machine_is_refused(direction, shaper, told):
+    with pytest.raises(MotionError, match=told):
+        load_machine("hexapod").shape_along(direction, shaper)
 
 
 @pytest.mark.parametrize("shaper", [Shaper("zv", 35.5), Shaper("mzv", 12.0, 0.1), Shaper("ei", 80.0, 0.05, 0.1)])
@@ -114,14 +142,32 @@ def test_a_file_with_a_wrong_shaper_is_refused_by_line(tmp_path):
         ('{ kind = "zvv", frequency = "35 Hz" }', "zvv"),
         ('{ kind = "zv" }', "frequency"),
         ('"zv"', 'needs the frequency of the vibration: write { kind = "zv", frequency = "35 Hz" }'),
-        ('"off"', '"off" is not "none"'),
-        ('{ kind = "zv", frequency = 35 }', "without a unit"),
-        ('{ kind = "zv", frequency = "35 Hz", tolerance = 0.1 }', "tolerance is of the shaper ei"),
+        ('"off"', 'shaper: "off" is neither "none" nor a table: write "none", or e.g. { kind = "zv", freq'),
+        ("[]", r'shaper: \[\] names no shaper: omit the key, or write "none" where all other axes have one'),
+        ("35", '35 is not a table: write e.g. { kind = "zv", frequency = "35 Hz" }'),
+        ('["zv"]', r'shaper\[1\]: "zv" is not a table: write e.g. { kind = "zv", frequency = "35 Hz" }'),
+        ('[{ kind = "zv", frequency = "35 Hz" }, "none"]', r'shaper\[2\]: "none" is not a table'),
+        ("[{}]", r"shaper\[1\].frequency: missing: write e.g. \"35 Hz\""),
+        ('{ kind = "zv", frequency = 35 }', '35: a number without a unit: write e.g. "35 Hz"'),
+        ('{ kind = "zv", frequency = "0 Hz" }', '"0 Hz" must be at least 0.1 Hz and at most 100000 Hz'),
+        ('{ kind = "zv", frequency = "-35 Hz" }', '"-35 Hz" must be at least 0.1 Hz'),
+        ('{ kind = "zv", frequency = "nan Hz" }', '"nan Hz": not a finite number: write e.g. "35 Hz"'),
+        ('{ kind = "zv", frequency = "35 s" }', '"35 s": not convertible to Hz: write e.g. "35 Hz"'),
+        ('{ kind = "zv", frequency = "35 Hz", damping = 1 }', "damping: 1 must be at most 0.9"),
+        ('{ kind = "zv", frequency = "35 Hz", damping = -0.1 }', "damping: -0.1 must be at least 0"),
+        ('{ kind = "zv", frequency = "35 Hz", damping = nan }', "nan is not a finite number: write e.g. 0.05"),
+        ('{ kind = "zv", frequency = "35 Hz", damping = "5 %" }', '"5 %" is not a number: write e.g. 0.05'),
+        (
+            '{ kind = "zv", frequency = "35 Hz", tolerance = 0.1 }',
+            "tolerance: 0.1: tolerance is of the shaper ei, not of zv: omit it",
+        ),
         ('{ kind = "zv", frequency = "35 Hz", damp = 0.1 }', "damping"),
     ):
         file.write_text(text.replace("[axes]", f"[axes]\nshaper = {given}"), encoding="utf-8")
-        with pytest.raises(MotionError, match=told):
+        with pytest.raises(MotionError, match=told) as refused:
             load_machine(file)
+        line = file.read_text(encoding="utf-8").split("\n").index(f"shaper = {given}") + 1
+        assert str(refused.value).startswith(f"{file}:{line}: axes.shaper")
 
 
 def test_shapers_one_after_the_other_keep_the_zeros_of_each():
@@ -193,12 +239,28 @@ def test_one_axis_may_have_none_of_what_all_have(load):
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        (VIBRATION.format("[0, 0, 0]", 35), r"vibration\[1\].direction: .* must not be zero"),
+        (VIBRATION.format("[0, 0, 0]", 35), r"direction: \[0, 0, 0\]: must not be zero: write e.g. \[1, 0, 0\]"),
+        (VIBRATION.format("[1e-320, 0, 0]", 35), r"direction: \[1e-320, 0, 0\]: must not be zero"),
+        (VIBRATION.format("[1, 0]", 35), r"direction: \[1, 0\] has 2 entries instead of 3: write e.g. \[1, 0, 0\]$"),
+        (VIBRATION.format("[1, 0, 0, 0]", 35), "has 4 entries instead of 3: write e.g."),
+        (VIBRATION.format("[]", 35), r"direction: \[\] has 0 entries instead of 3: write e.g. \[1, 0, 0\]$"),
+        (
+            VIBRATION.format("[nan, 0, 0]", 35),
+            r"direction\[1\]: nan is not a finite number: as in direction = \[1, 0, 0\]",
+        ),
+        (VIBRATION.format('"x"', 35), r'direction: "x" is not an array: write e.g. \[1, 0, 0\]'),
+        (VIBRATION.format("[1, 0, 0]", 35) + "damping = 1.5\n", "damping: 1.5 must be at most 0.9"),
         ('\n[[vibration]]\nkind = "zv"\nfrequency = "35 Hz"\n', r"direction: missing: write e.g. \[1, 0, 0\]"),
-        (VIBRATION.format("[1, 0, 0]", 35) + "tolerance = 0.1\n", "tolerance is of the shaper ei"),
+        (
+            VIBRATION.format("[1, 0, 0]", 35) + "tolerance = 0.1\n",
+            r"vibration\[1\].tolerance: 0.1: tolerance is of the shaper ei, not of zv: omit it, or write kind = \"ei\"",
+        ),
         (VIBRATION.format("[1, 0, 0]", 35).replace("direction", "directon"), 'nearest is "direction"'),
         (VIBRATION.format("[1, 0, 0]", 35).replace("[[vibration]]", "[vibration]"), r"write \[\[vibration\]\]"),
-        (VIBRATION.format("[1, 0, 0]", 35).replace("zv", "zvd") * 4, r"vibration\[4\]: .*81 impulses in all"),
+        (
+            "".join(VIBRATION.format("[1, 0, 0]", f).replace("zv", "zvd") for f in (20, 30, 40, 50)),
+            r"vibration\[4\]: .*81 impulses in all",
+        ),
         ('\n[[axis]]\nname = "a"\nshaper = "non"\n', 'nearest is "none"'),
     ],
 )
@@ -211,3 +273,37 @@ def test_a_wrong_vibration_is_refused_by_line(load, text, told):
 def test_a_direction_in_which_nothing_moves_is_refused():
     with pytest.raises(MotionError, match=r"no axis moves the platform along \[0.0, 0.0, 1.0\] .* it moves x, y"):
         load_machine("linkage").shape_along([0, 0, 1], Shaper("zv", 35.0))
+
+
+@pytest.mark.parametrize(
+    ("again", "same"),
+    [
+        (("[1, 0, 0]", 35), True),
+        (("[-1, 0, 0]", 35), True),  # the same direction
+        (("[0.2, 1e-4, 0]", 35), True),
+        (("[1, 0, 0]", 35.02), True),
+        (("[1, 0, 0]", 35.1), False),
+        (("[1, 0.01, 0]", 35), False),
+    ],
+)
+def test_a_vibration_that_is_stated_twice_is_refused(load, again, same):
+    text = COREXY + VIBRATION.format("[1, 0, 0]", 35) + VIBRATION.format(*again)
+    first, second = (n + 1 for n, line in enumerate(text.split("\n")) if line == "[[vibration]]")
+    if not same:
+        assert load(text)
+        return
+    told = (
+        rf"machine\.toml:{second}: vibration\[2\]: the same vibration as vibration\[1\] in line {first}, .*: remove one"
+    )
+    with pytest.raises(MotionError, match=told):
+        load(text)
+    assert load(text + "damping = 0.05\n")
+    assert load(text.replace('"zv"', '"zvd"', 1))
+
+
+def test_axes_that_two_vibrations_of_one_frequency_drive_are_shaped_against_it_once(load):
+    """Both belts move the platform along x and along y: shaped against 35 Hz, they leave it in neither direction."""
+    own = COREXY.replace("[axes]", '[axes]\nshaper = { kind = "zv", frequency = "35 Hz" }')
+    for text in (COREXY + VIBRATION.format("[0, 1, 0]", 35), own):
+        machine = load(text + VIBRATION.format("[1, 0, 0]", 35))
+        assert [axis.shaper for axis in machine.axes[:2]] == [Shaper("zv", 35.0)] * 2
