@@ -160,9 +160,9 @@ def plan_parts(
     """
     program, machine = load_program(program), load_machine(machine)
     rule = find_rule(rule) if isinstance(rule, str) else rule
-    why = find_whole_reason(program, machine, rule)
-    if why is not None:
-        raise MotionError(f"program {program.name} on {machine.name} {why}: that is planned as a whole only")
+    if (why := find_whole_reason(program, machine, rule)) is not None:
+        of = f"program {program.name} on {machine.name}"
+        raise MotionError(f"{of} is planned as a whole only, because {why}, or call plan")
     order = usual_order(machine.axes) if order is None else order
     paced = pace_axes(machine.axes, clock_hz, rule)
     find_limits = partial(limits_of, axes=paced, order=order, own=limits)
@@ -229,19 +229,19 @@ def _without_pulses(pulses: PulseSchedule, first: PulseSchedule) -> PulseSchedul
 
 
 def find_whole_reason(program: Program, machine: Machine, rule: Rule) -> str | None:
-    """Why a program can only be planned as a whole; None where it can be in parts."""
+    """Why a program can only be planned as a whole, and what to change about that; None where it can be in parts."""
     if rule.whole_reason:
-        return f"asks for rule {rule.name}: {rule.whole_reason}"
+        return f"rule {rule.name} needs the whole motion, as {rule.whole_reason}: choose rule nearest"
     if program.duration is not None:
-        return "states a duration"
+        return "it states a duration, which is that of the whole: omit the duration"
     if program.start_speed or program.end_speed:
-        return "begins or ends in motion"
+        return "it begins or ends in motion: let it begin and end at rest"
     if Resonance(machine.axes).bands:
-        return "may cross bands of resonance, in a time that is proved of the whole"
+        return "the machine may cross bands of resonance, proved of the whole only: take resonance_time out of its file"
     if any(axis.compensate for axis in machine.axes):
-        return "makes up for play or lead error of axes, which looks ahead"
+        return "the machine makes up for play or lead error, which looks ahead: take compensate out of its file"
     if any(axis.shaper for axis in machine.axes):
-        return "has input shapers, which spread every instant over the parts beside it"
+        return "the machine has input shapers, which reach from each part into the next: take them out of its file"
     if isinstance(program.segments, SegmentStream):
         return None
     for number, segment in enumerate(program.segments, 1):
@@ -254,7 +254,7 @@ def find_whole_reason(program: Program, machine: Machine, rule: Rule) -> str | N
             (segment.trigger is not None, "has a trigger"),
         ):
             if held:
-                return f"has segment {number}, which {what}"
+                return f"segment {number} {what}: plan that segment by itself"
     return None
 
 

@@ -44,13 +44,14 @@ def choose_parts(stream: bool | None, inputs: Inputs, rule: str, whole: Sequence
     if stream is False or (stream is None and program.repeat * len(program.segments) <= MOST_WHOLE):
         return False
     if whole:
-        why = f"with {whole[0]}: omit that{INSTEAD.get(whole[0], '')}"
+        why = f" with {whole[0]}: omit that{INSTEAD.get(whole[0], '')}"
     elif (reason := find_whole_reason(program, inputs.machine, find_rule(rule))) is not None:
-        why = f"{reason}: give --whole, or plan that part by itself"
+        why = f", because {reason}"
     if why is not None and stream:
-        raise MotionError(f"--stream: program {program.name} cannot be planned in parts {why}")
+        of = f"program {program.name} on {inputs.machine.name}"
+        raise MotionError(f"--stream: {of} cannot be planned in parts{why}, or give --whole")
     if why is not None:
-        note(f"note: planned as a whole, which takes long and much memory; it cannot be planned in parts {why}")
+        note(f"note: planned as a whole, which takes long and much memory; it cannot be planned in parts{why}")
     return why is None
 
 

@@ -129,7 +129,11 @@ def test_a_part_that_cannot_be_is_refused_after_those_that_can(hexapod):
     [
         (Program([Line(np.ones(3) / 1e3)], duration=3.0), "hexapod", "states a duration"),
         (Program([Line(np.ones(3) / 1e3)], start_speed=1e-3), "hexapod", "begins or ends in motion"),
-        (Program([Line(np.ones(3) / 1e3, trigger=Trigger("a"))]), "hexapod", "segment 1, which has a trigger"),
+        (
+            Program([Line(np.ones(3) / 1e3, trigger=Trigger("a"))]),
+            "hexapod",
+            "segment 1 has a trigger: plan that segment by itself",
+        ),
         (Program([Line(np.ones(3) / 1e3, speed=0.01, speed_constant=True)]), "hexapod", "constant speed"),
         (Program([Line(np.ones(3) / 1e3)]), "hexapod", None),
     ],
@@ -139,13 +143,16 @@ def test_what_needs_the_whole_says_so(program, machine, why):
     found = find_whole_reason(program, machine, find_rule("nearest"))
     assert found is None if why is None else why in found
     if why is not None:
-        with pytest.raises(MotionError, match="as a whole only"):
+        with pytest.raises(MotionError, match=f"is planned as a whole only, because {found}, or call plan$"):
             next(iter(plan_parts(program, machine)))
 
 
 @pytest.mark.parametrize("rule", ["dda", "sampled"])
 def test_rules_that_look_at_the_whole_say_so(hexapod, rule):
-    with pytest.raises(MotionError, match=f"rule {rule}.*as a whole only"):
+    with pytest.raises(
+        MotionError,
+        match=f"as a whole only, because rule {rule} needs the whole motion, as it .*: choose rule nearest",
+    ):
         next(iter(plan_parts(draw_walk(4), hexapod, rule=rule)))
 
 

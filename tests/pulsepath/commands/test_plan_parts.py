@@ -220,8 +220,8 @@ def test_or_what_was_certified_before_it(call, folder):
 
 def test_what_needs_the_whole_is_refused_with_the_remedy(call, folder):
     for more, told in (
-        (("--cross-check",), "with --cross-check: omit that\n"),
-        (("--duration", "20 s"), "with --duration: omit that\n"),
+        (("--cross-check",), "with --cross-check: omit that, or give --whole\n"),
+        (("--duration", "20 s"), "with --duration: omit that, or give --whole\n"),
         (("--rig", "hexapod-steppers"), "with --rig: omit that, and run pulsepath track"),
         (("--pulses", "csv"), "with --pulses csv: omit that, and run pulsepath export --format pulses"),
     ):
@@ -229,7 +229,8 @@ def test_what_needs_the_whole_is_refused_with_the_remedy(call, folder):
         assert done.exit_code == 2, done.stderr
         assert told in done.stderr
     done = call("plan", "free-yaw", "--machine", "tripod", "--stream", "--out", folder / "none")
-    assert "give --whole" in done.stderr
+    told = " ".join(done.stderr.split())
+    assert "because segment 2 leaves orientation free: plan that segment by itself, or give --whole" in told
     assert call("plan", "circle", "--keep-certified", "--out", folder / "none").exit_code == 2
 
 

@@ -61,5 +61,7 @@ def test_record_motion_and_pulses_are_of_the_shaped_motion(call, machine_file, t
 def test_planning_in_parts_is_refused(call, machine_file, tmp_path):
     done = call("plan", "bare-circle", "--machine", machine_file, "--out", tmp_path / "o", "--stream")
     assert done.exit_code == 2
-    assert "input shapers" in done.stderr
+    told = " ".join(done.stderr.split())
+    assert "program bare-circle on shaped cannot be planned in parts, because the machine has input shapers" in told
+    assert ": take them out of its file, or give --whole" in told
     assert not (tmp_path / "o").exists()
