@@ -12,6 +12,7 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
+from planner.certificate.certify import certify
 from planner.interruption.instant import (
     Instant,
     Running,
@@ -22,15 +23,17 @@ from planner.interruption.instant import (
     join_motions,
     look,
     next_rest,
+    rest_time,
     shift_motion,
 )
 from planner.interruption.ramp import Proved, find_ramps, rest_anywhere
 from planner.interruption.section import Section, Whole, make_section, measure_way
+from planner.limits import Limit
 from planner.parallel import Progress, ignore_progress
 from planner.path.actuation import MachinePath
 from planner.shaping.keep_limits import refuse_unkept
 from planner.shaping.shaped_motion import Copies, ShapedMotion, find_copies
-from planner.shaping.shaped_proof import prove_shaped
+from planner.shaping.shaped_proof import ShapedProof, prove_shaped
 from planner.trajectory import Trajectory
 
 
@@ -77,13 +80,11 @@ def shape_section(whole: Whole, running: Running, now: Instant, made: Proved, co
     """A motion and what is proved of it behind shapers, of which copies are still on the one that runs."""
     motion = running.trajectory
     behind = look(motion, max(now.t - copies.length, 0.0))
-    path = _draw_from(whole, behind, now.s + float(made.path.breaks[-1]))
+    path = _draw_from(whole, motion, behind, now.s + float(made.path.breaks[-1]))
     first, here = find_piece(whole.path, behind.s), find_piece(whole.path, now.s)
     before = shift_motion(cut_motion(motion, behind, now), 0.0, -first)
     joined = join_motions(path, before, shift_motion(made.trajectory, now.s - behind.s, here - first))
-    shaped, limits = ShapedMotion.of(joined, copies), whole.limits(path)
-    certificates, since = (running.certificate, made.certificate), float(before.knots[-1])
-    return made._replace(shaped=prove_shaped(shaped, joined, whole.machine.axes, limits, *certificates, since=since))
+    return made._replace(shaped=_prove_section(joined, copies, whole, whole.limits(path), float(before.knots[-1])))
 
 
 def _run_out(whole: Whole, running: Running, t: float, rest: Instant, copies: Copies) -> Proved | None:
@@ -93,26 +94,33 @@ def _run_out(whole: Whole, running: Running, t: float, rest: Instant, copies: Co
     begun = find_rest(motion, behind)
     if begun is not None and begun.t == rest.t:
         return None
-    path = _draw_from(whole, behind, rest.s)
+    path = _draw_from(whole, motion, behind, rest.s)
     limits = whole.limits(path)
     before = shift_motion(cut_motion(motion, behind, rest), 0.0, -find_piece(whole.path, behind.s))
     before = replace(before, path=path)
-    proof = prove_shaped(
-        ShapedMotion.of(before, copies),
-        before,
-        whole.machine.axes,
-        limits,
-        running.certificate,
-        since=min(t, copies.length),  # which is a knot, or in the motion from its start on
-    )
+    since = min(t, copies.length)  # which is a knot, or in the motion from its start on
+    proof = _prove_section(before, copies, whole, limits, since)
     still = np.zeros(1)
     end, piece = path.breaks[-1:], np.array([len(path.pieces) - 1])
     rests = Trajectory(path, np.array([0.0, proof.duration]), end, still, still, still, piece)
     return Proved(path, limits, rests, running.certificate, behind.s, proof)
 
 
-def _draw_from(whole: Whole, now: Instant, until: float) -> MachinePath:
-    return whole.draw(now.s, until, now.v, now.a, now.t, now.q)
+def _prove_section(
+    moves: Trajectory, copies: Copies, whole: Whole, limits: tuple[Limit, ...], since: float
+) -> ShapedProof:
+    """Of the motion that copies are under way with, to its rest: what shaping keeps is proved of that alone, and whole.
+
+    Raises MotionError where what runs and what follows do not make one motion that keeps it.
+    """
+    certificate = certify(moves, [limit for limit in limits if limit.convex])
+    if not certificate.holds:
+        raise MotionError(f"the motion into the section is not proved; choose another instant:\n{certificate}")
+    return prove_shaped(ShapedMotion.of(moves, copies), moves, whole.machine.axes, limits, certificate, since=since)
+
+
+def _draw_from(whole: Whole, motion: Trajectory, now: Instant, until: float) -> MachinePath:
+    return whole.draw(now.s, until, now.v, now.a, now.t, now.q, rested=rest_time(motion, now))
 
 
 def _solve_stop(whole: Whole, running: Running, now: Instant) -> Proved:
@@ -123,7 +131,7 @@ def _solve_stop(whole: Whole, running: Running, now: Instant) -> Proved:
     for stop in find_ramps(whole, motion, now, end, rest_anywhere):
         if stop.certificate.holds:
             return stop
-    ahead = _draw_from(whole, now, end)
+    ahead = _draw_from(whole, motion, now, end)
     own = cut_motion(motion, now, None, last)
     own = replace(own, path=ahead, piece=own.piece - own.piece[0])
     return Proved(ahead, whole.limits(ahead), own, running.certificate, now.s)

@@ -98,6 +98,12 @@ def find_rest(motion: Trajectory, now: Instant) -> Instant | None:
     return look(motion, float(motion.knots[k]))
 
 
+def rest_time(motion: Trajectory, now: Instant) -> float:
+    """s for which it has rested at an instant; 0 where it moves."""
+    rest = find_rest(motion, now)
+    return 0.0 if rest is None else max(now.t - rest.t, 0.0)
+
+
 def next_rest(motion: Trajectory, now: Instant) -> int:
     """The time piece before which the motion comes to rest next."""
     later = np.flatnonzero(motion.v[now.knot + 1 :] <= REST_SHARE * motion.v.max())

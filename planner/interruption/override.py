@@ -18,6 +18,7 @@ from planner.interruption.instant import (
     join_motions,
     look,
     next_rest,
+    rest_time,
     shift_motion,
     slow_motion,
 )
@@ -77,8 +78,7 @@ def _change_speed(whole: Whole, running: Running, now: Instant, share: float) ->
     still = (motion.v == 0) & (motion.a == 0) & (motion.j == 0)
     if rest is not None and rest.t <= now.t and rest.t < motion.duration and not still[now.knot]:
         rest = None  # it has begun to move
-    rested = 0.0 if rest is None else max(now.t - rest.t, 0.0)
-    path = whole.draw(now.s, length, now.v, now.a, now.t, now.q, rested=rested)
+    path = whole.draw(now.s, length, now.v, now.a, now.t, now.q, rested=0.0 if rest is None else rest_time(motion, now))
     limits, first = whole.limits(path), find_piece(whole.path, now.s)
 
     def take_up(before: Trajectory | None, there: Instant) -> Proved | None:

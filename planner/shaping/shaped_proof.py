@@ -128,21 +128,20 @@ def prove_shaped(
     trajectory: Trajectory,
     axes: Sequence[Axis],
     limits: Sequence[Limit],
-    *certificates: Certificate,
+    certificate: Certificate,
     since: float = 0.0,
 ) -> ShapedProof:
-    """What is proved of a trajectory behind shapers, of whose certificates (of the same limits) it makes use.
+    """What is proved of a trajectory behind shapers.
 
-    certificates  of the parts that it consists of
-    since         s of the shaped motion, from which on it is looked at: the whole of the interval that it is in
+    certificate  of the trajectory itself, of its convex limits at least
+    since        s of the shaped motion, from which on it is looked at: the whole of the interval that it is in
     Raises MotionError where the pose that the axes reach is not proved to be near the path, and as `refuse_unshaped`.
     """
     refuse_unshaped(limits, trajectory.path)
     convex = [limit for limit in limits if limit.convex]
     others = [limit for limit in limits if not limit.convex]
-    of = {limit.name: max(certificates, key=lambda one: one.worst[limit.name]) for limit in convex}
-    worst = {name: certificate.worst[name] for name, certificate in of.items()}
-    where = {name: certificate.where[name] for name, certificate in of.items()}
+    worst = {limit.name: certificate.worst[limit.name] for limit in convex}
+    where = {limit.name: certificate.where[limit.name] for limit in convex}
     search = _Search(motion, trajectory, others, since)
     search.run()
     for n, limit in enumerate(others):

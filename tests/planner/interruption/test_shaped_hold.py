@@ -80,6 +80,27 @@ def test_a_stop_is_proved_behind_shapers_and_goes_on_with_the_pulses(shaped):
             assert own.start == sent.counts([tick - 1])[0]
 
 
+def test_what_is_proved_of_a_stop_is_of_what_its_copies_do(shaped):
+    """Not of the whole plan: the most of each rate from the length of the shapers before the stop up to its rest."""
+    length = shaped.shaped.motion.copies.length
+    for at in instants(shaped)[:2]:
+        held = shaped.hold(at)
+        before = shaped.trajectory.at(np.linspace(max(held.at - length, 0), held.at, INSTANTS)[:-1])
+        after = held.trajectory.at(np.linspace(0, held.trajectory.duration, INSTANTS))
+        for name in ("speed", "acceleration"):
+            rate, most = {"speed": "qd", "acceleration": "qdd"}[name], f"max_{name}"
+            moved = np.concatenate([np.abs(getattr(state, rate)).max(0) for state in (before, after)]).reshape(2, -1)
+            seen = (moved.max(0) / [getattr(axis, most) for axis in shaped.machine.axes]).max()
+            # as fine as the instants are, and as tight as bounds are made
+            assert seen <= held.shaped.worst[name] * (1 + 1e-9)
+            assert held.shaped.worst[name] <= seen * (1 + 2e-3)
+            place = held.shaped.where[name]
+            assert max(held.at - length, 0) <= place.t <= held.at + held.trajectory.duration
+            assert held.until - held.distance - 1e-9 <= place.s <= held.until + 1e-9
+        if at == 0.03:
+            assert held.shaped.worst["speed"] < 0.6 * shaped.certificate.worst["speed"]
+
+
 def test_what_is_slower_or_goes_on_is_proved_behind_shapers(shaped):
     axes, home = shaped.machine.axes, shaped.machine.home_q
     for made in (shaped.override(0.5), shaped.resume(shaped.hold(0.4 * shaped.trajectory.duration))):
