@@ -68,7 +68,7 @@ def measure_use(held: Section, order: int) -> float:
                 if bound is None:
                     continue
                 low, high = directional_bounds(bound)
-                most = max(most, values[:, k].max() / high, values[:, k].min() / low)
+                most = max(most, values[:, k].max() / high, -values[:, k].min() / low)
     return most
 
 

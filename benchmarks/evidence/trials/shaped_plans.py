@@ -4,14 +4,16 @@ Preset programs on their machines under each of the four shapers. A row for each
 is proved behind the shapers, and that is seen at 10⁵ instants; the tool's deviation from the path, proved and seen; and
 what is left of the vibration of a load behind the axes, of the unshaped, at the stated frequency and 10 % beside it.
 
-With `--rigs` the loads swing behind the drives of emulated rigs, cards and pulses included.
+With `--holds` the plans are stopped: a row for each stop, with the largest share of an axis' limit that is proved and
+seen, and how far its pulses are from where its axes ought to be, of their bound. With `--rigs` the loads swing behind
+the drives of emulated rigs, cards and pulses included.
 
 Nothing of the proof takes part: axes are convolved here copy by copy, poses come from forward kinematics, the tool's
 speed from differences of them.
 """
 
 from argparse import ArgumentParser
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from time import process_time
@@ -27,7 +29,8 @@ from kinematics.foundation.arrays import Array
 from kinematics.machine.axis import directional_bounds
 from kinematics.machine.pose import Pose, to_numbers
 from kinematics.machine.shaper import IMPULSES, Shaper
-from planner import load_program
+from planner import Plan, load_program, plan
+from planner.interruption.section import Section
 from planner.limits import limits_of, usual_order
 from planner.limits.tool import ToolSpeed
 from planner.path.actuation import MachinePath, actuate
@@ -45,6 +48,8 @@ MODES = Shaper("zv", 35.0, 0.05), Shaper("mzv", 22.0, 0.1)
 """Of a vibration along x and of one along y, both at once."""
 MODES_OF = ("bare-circle", "tripod-circle", "linkage-line", "arm-line")
 SAMPLES, BATCH = 100_000, 10_000
+HOLDS = 3
+"""Of each plan, at random instants."""
 SETTLING = 0.2
 """s that the drives are given: their loops of 30 1/s take as long."""
 STEP = 2e-4
@@ -71,26 +76,70 @@ class ShapedPlan:
         return found
 
 
+def choose_plans(count: int) -> Iterator[tuple[str, Machine, int]]:
+    """Programs, machines and orders of so many plans: all shapers in turn, until each program has had each of them.
+
+    Where the machine limits jerk, every other one is without.
+    """
+    kinds = tuple(IMPULSES)
+    for done in range(min(count, len(kinds) * len(PROGRAMS))):
+        again, k = divmod(done, len(PROGRAMS))
+        name = PROGRAMS[k]
+        bare = load_machine(load_program(name).machine or "hexapod")
+        shaper = Shaper(kinds[(k + again) % len(kinds)], FREQUENCIES.get(name, FREQUENCY), DAMPING)
+        machine = bare.driven_by([replace(axis, shaper=shaper) for axis in bare.axes])
+        yield name, machine, max(2, usual_order(machine.axes) - (k + again) % 2)
+
+
 def make_plans(count: int) -> Iterator[ShapedPlan]:
-    """So many, of the programs and shapers in turn; where the machine limits jerk, every other one without."""
-    done = 0
-    for kind in IMPULSES:
-        for name in PROGRAMS:
-            if done == count:
-                return
-            program = load_program(name)
-            bare = load_machine(program.machine or "hexapod")
-            shaper = Shaper(kind, FREQUENCIES.get(name, FREQUENCY), DAMPING)
-            machine = bare.driven_by([replace(axis, shaper=shaper) for axis in bare.axes])
-            order = max(2, usual_order(machine.axes) - done % 2)
-            begun = process_time()
-            path = actuate(program, machine)
-            limits = limits_of(path, machine.axes, order)
-            solve = partial(certified_solve, path, order=order)
-            found, _, proof, _ = solve_shaped(solve, path, limits, machine.axes)
-            assert proof is not None  # all axes have shapers
-            yield ShapedPlan(name, machine, path, order, found.trajectory, proof, process_time() - begun)
-            done += 1
+    """So many, as they are chosen."""
+    for name, machine, order in choose_plans(count):
+        begun = process_time()
+        path = actuate(load_program(name), machine)
+        limits = limits_of(path, machine.axes, order)
+        solve = partial(certified_solve, path, order=order)
+        found, _, proof, _ = solve_shaped(solve, path, limits, machine.axes)
+        assert proof is not None  # all axes have shapers
+        yield ShapedPlan(name, machine, path, order, found.trajectory, proof, process_time() - begun)
+
+
+def measure_axes(machine: Machine, order: int, q: Array, rates: Sequence[Array]) -> float:
+    """The largest share of an axis' limit on speed, acceleration, jerk (of order 3) or travel that is seen."""
+    most = 0.0
+    for values, name in zip(rates[:order], ("max_speed", "max_acceleration", "max_jerk"), strict=False):
+        for k, axis in enumerate(machine.axes):
+            low, high = directional_bounds(getattr(axis, name))
+            most = max(most, values[:, k].max() / high, -values[:, k].min() / low)
+    for k, axis in enumerate(machine.axes):
+        lo, hi = axis.travel
+        if np.isfinite(lo):
+            most = max(most, np.abs(q[:, k] - machine.home_q[k] - (lo + hi) / 2).max() / ((hi - lo) / 2))
+    return most
+
+
+def measure_stop(made: Plan, held: Section) -> tuple[float, float]:
+    """Of a stop, the largest share of an axis' limit that is seen, and how far its pulses are, of their bound.
+
+    A copy of the motion is on the plan up to its own instant of the stop, and on the stop from there on.
+    """
+    most, off, clock = 0.0, 0.0, held.pulses.clock_hz
+    begin, shaper = held.at or 0.0, made.machine.axes[0].shaper
+    assert shaper is not None  # as they are chosen
+    ticks = np.unique(np.linspace(0, int(held.duration * clock), SAMPLES).astype(np.int64))
+    for some in np.array_split(ticks, -(-len(ticks) // BATCH)):
+        t, sums = some / clock, np.zeros((4, len(some), len(made.machine.axes)))
+        for amplitude, delay in zip(*shaper.impulses, strict=True):
+            late = t - delay
+            before, after = made.trajectory.at(begin + late), held.trajectory.at(late)
+            for row, name in zip(sums, ("q", "qd", "qdd", "qddd"), strict=True):
+                row += amplitude * np.where((late < 0)[:, None], getattr(before, name), getattr(after, name))
+        q, *rates = sums
+        most = max(most, measure_axes(made.machine, made.order, q, rates))
+        for k, axis in enumerate(held.pulses.axes):
+            away = np.abs(axis.counts(some) - (q[:, k] - axis.home) / axis.pulse)
+            tick = np.abs(rates[0][:, k]).max() / (clock * axis.pulse)
+            off = max(off, float(away.max()) / (axis.bound + tick))
+    return most, off
 
 
 def convolve(plan: ShapedPlan, t: Array) -> tuple[Array, Array, Array, Array]:
@@ -122,17 +171,9 @@ def measure(plan: ShapedPlan) -> tuple[float, float]:
     most, away = 0.0, 0.0
     caps = ToolSpeed(piece.tool_speed for piece in plan.path.pieces).caps
     duration = plan.trajectory.duration + float(plan.shaper.impulses[1][-1])
-    axes = plan.machine.axes
     for t in np.array_split(np.linspace(0.0, duration, SAMPLES), -(-SAMPLES // BATCH)):
         q, *rates = convolve(plan, t)
-        for values, name in zip(rates[: plan.order], ("max_speed", "max_acceleration", "max_jerk"), strict=False):
-            for k, axis in enumerate(axes):
-                low, high = directional_bounds(getattr(axis, name))
-                most = max(most, values[:, k].max() / high, -values[:, k].min() / low)
-        for k, axis in enumerate(axes):
-            lo, hi = axis.travel
-            if np.isfinite(lo):
-                most = max(most, np.abs(q[:, k] - plan.machine.home_q[k] - (lo + hi) / 2).max() / ((hi - lo) / 2))
+        most = max(most, measure_axes(plan.machine, plan.order, q, rates))
         poses, about = reach(plan, t)
         here = tool_place(plan, poses)
         away = max(away, float(np.linalg.norm(here - tool_place(plan, about), axis=1).max()))
@@ -226,30 +267,53 @@ def measure_directions(name: str) -> tuple[float, float]:
     return left[0], left[1]
 
 
+def show_holds(count: int) -> None:
+    """A row for each stop of so many plans at random instants, and how many are as they are proved."""
+    rng, told = np.random.default_rng(23), []
+    print_row("program", "order", "shaper", "held at (s)", "proved", "seen", "pulses off, of their bound", "s")
+    print_row(*("---" for _ in range(8)))
+    for name, machine, order in choose_plans(count):
+        made = plan(load_program(name), machine, order=order)
+        for t in np.sort(rng.uniform(0, made.duration, HOLDS)).tolist():
+            begun = process_time()
+            held = made.hold(t)
+            took, (seen, off) = process_time() - begun, measure_stop(made, held)
+            assert held.shaped is not None  # all axes have shapers
+            proved = max(held.shaped.worst.values())
+            told.append((held.shaped.holds and held.certificate.holds, seen <= 1 + 1e-9, off <= 1 + 1e-6))
+            uses = f"{proved:.7f}", f"{seen:.7f}", f"{off:.4f}"
+            print_row(name, order, machine.axes[0].shaper, f"{t:.4f}", *uses, f"{took:.2f}")
+    holds, kept, near = (np.sum(each) for each in zip(*told, strict=True))
+    print(f"{len(told)} stops, {holds} proved: limits kept by {kept}, pulses within their bound {near}")
+
+
 def main() -> None:
     """A row for each plan, and the worst of all."""
     parser = ArgumentParser(description=__doc__.split("\n", 1)[0] if __doc__ else None)
     parser.add_argument("--plans", type=int, default=20)
     parser.add_argument("--rigs", action="store_true", help="loads on emulated rigs instead")
+    parser.add_argument("--holds", action="store_true", help="stops of the plans instead")
     asked = parser.parse_args()
     if asked.rigs:
         return show_rigs()
+    if asked.holds:
+        return show_holds(asked.plans)
     count = asked.plans
     heads = ("program", "order", "shaper", "proved", "seen", "deviation ≤ (µm)", "seen (µm)", "left at f", "±10 %", "s")
     print_row(*heads)
     print_row(*("---" for _ in heads))
     kept = held = quiet = 0
-    for plan in make_plans(count):
-        seen, away = measure(plan)
-        f = plan.shaper.frequency
-        left, beside = measure_vibration(plan, f), max(measure_vibration(plan, share * f) for share in (0.9, 1.1))
-        proved = max(plan.proof.worst.values())
-        kept += plan.proof.holds and seen <= 1 + 1e-9
-        held += away <= plan.proof.deviation
+    for made in make_plans(count):
+        seen, away = measure(made)
+        f = made.shaper.frequency
+        left, beside = measure_vibration(made, f), max(measure_vibration(made, share * f) for share in (0.9, 1.1))
+        proved = max(made.proof.worst.values())
+        kept += made.proof.holds and seen <= 1 + 1e-9
+        held += away <= made.proof.deviation
         quiet += left <= 0.05
-        uses = f"{proved:.7f}", f"{seen:.7f}", f"{1e6 * plan.proof.deviation:.3f}", f"{1e6 * away:.3f}"
+        uses = f"{proved:.7f}", f"{seen:.7f}", f"{1e6 * made.proof.deviation:.3f}", f"{1e6 * away:.3f}"
         shares = f"{100 * left:.2f} %", f"{100 * beside:.1f} %"
-        print_row(plan.name, plan.order, plan.shaper, *uses, *shares, f"{plan.time:.2f}")
+        print_row(made.name, made.order, made.shaper, *uses, *shares, f"{made.time:.2f}")
     for name in MODES_OF:
         x, y = measure_directions(name)
         print(f"{name}: modes along x ({MODES[0]}) and y ({MODES[1]}): {100 * x:.3f} % and {100 * y:.3f} % left")

@@ -1,10 +1,14 @@
 """Plans behind input shapers against samples: a small version of the evidence."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from benchmarks.evidence.trials import shaped_plans
 from controllers.drives.flexible_load import FlexibleLoad
-from kinematics.machine.shaper import Shaper
+from kinematics.machine.shaper import IMPULSES, Shaper
+from planner import load_program, plan
 
 
 def test_limits_deviation_and_vibration_of_some_plans(monkeypatch, capsys):
@@ -15,8 +19,44 @@ def test_limits_deviation_and_vibration_of_some_plans(monkeypatch, capsys):
     shaped_plans.main()
     out = capsys.readouterr().out
     assert "4 plans: limits kept by 4, deviations within their bound 4, at most 5 % left of 4" in out
-    assert out.count("zv 30 Hz") == 2
-    assert out.count("zvd 30 Hz") == 2
+    for kind, count in (("zv", 1), ("zvd", 2), ("mzv", 1)):  # the programs in turn, each with another one every time
+        assert out.count(f"| {kind} 30 Hz") == count
+
+
+def test_each_program_is_planned_under_all_four_shapers():
+    chosen = [(name, machine.axes[0].shaper.kind) for name, machine, _ in shaped_plans.choose_plans(100)]
+    assert len(set(chosen)) == len(chosen) == 4 * len(shaped_plans.PROGRAMS)
+    assert {kind for _, kind in chosen[:4]} == set(IMPULSES)
+
+
+def test_stops_of_plans_under_all_four_shapers(monkeypatch, capsys):
+    monkeypatch.setattr(shaped_plans, "SAMPLES", 4000)
+    monkeypatch.setattr(shaped_plans, "PROGRAMS", ("linkage-line",))
+    monkeypatch.setattr(shaped_plans, "HOLDS", 1)
+    monkeypatch.setattr("sys.argv", ["shaped_plans", "--plans", "4", "--holds"])
+    shaped_plans.main()
+    out = capsys.readouterr().out
+    assert all(f"| {kind} 30 Hz" in out for kind in IMPULSES)
+    assert "4 stops, 4 proved: limits kept by 4, pulses within their bound 4" in out
+
+
+def test_a_stop_that_is_too_hard_and_pulses_beside_their_axes_are_found(monkeypatch):
+    monkeypatch.setattr(shaped_plans, "SAMPLES", 4000)
+    monkeypatch.setattr(shaped_plans, "PROGRAMS", ("linkage-line",))
+    name, machine, order = next(shaped_plans.choose_plans(1))
+    made = plan(load_program(name), machine, order=order)
+    held = made.hold(0.4)
+    seen, off = shaped_plans.measure_stop(made, held)
+    assert seen == pytest.approx(1, abs=1e-4)
+    assert off == pytest.approx(1, abs=0.1)
+    # limits are seen on both sides
+    still, most = np.zeros((2, len(machine.axes))), np.array([axis.max_acceleration for axis in machine.axes])
+    for side in (-1.2, 1.2):
+        push = np.array([side * most, 0 * most])
+        assert shaped_plans.measure_axes(machine, 2, machine.home_q + still, [still, push]) == pytest.approx(1.2)
+    shifted = [replace(axis, ticks=axis.ticks + 500) for axis in held.pulses.axes]
+    late = replace(held, pulses=replace(held.pulses, axes=tuple(shifted)))
+    assert shaped_plans.measure_stop(made, late)[1] > 1
 
 
 def test_a_wrong_bound_is_found(monkeypatch):
