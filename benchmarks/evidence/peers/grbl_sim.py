@@ -1,8 +1,8 @@
 """Our G-code through grbl itself: `python -m benchmarks.evidence.peers.grbl_sim [SIMULATOR] [--programs …]`.
 
 SIMULATOR is grbl 1.1 compiled for this computer (grbl-sim's `grbl_sim.exe`, default: the one in PATH). Each plan's
-export `g93` is sent by `pulsepath send` over a pseudo terminal, to a grbl whose limits of acceleration are so many times
-those of the machine: how long its own planner takes, by its own clock, beside the plan, and how many steps the axes are
+export `g93` is sent by `pulsepath send` over a pseudo terminal, to a grbl with some times the machine's limits of
+acceleration: how long its own planner takes, by its own clock, beside the plan, and how many steps the axes are
 off at the end. The simulator's two threads race, and a busy computer makes it pause or hang, so the shortest of some
 runs is told, and how many came to no end. grbl has three axes. Skipped by name where there is no simulator.
 """
