@@ -35,7 +35,7 @@ from planner.timing.run import solve_run
 from planner.trajectory import Trajectory
 
 # Share of its way by which a ramp may be longer than the nearest that is found; and how often it is halved at most.
-NEAR_SHARE, HALVINGS = 0.02, 24
+NEAR_SHARE, HALVINGS = 0.01, 24
 # By how much farther it is tried to end in turn, where what a solve was promised is not proved.
 FARTHER = (1.0, 1.02, 1.1, 1.3)
 # The nearest end is sought from a share of the way ahead on: along short ways grids are fine, and a grid that is not
@@ -47,6 +47,8 @@ NO_KNOTS = np.empty(0)
 # One with jerk limits is sought from so many times the way of the nearest without them on, which begins with this share
 # of the speed, as that may be the largest; and so many times farther in turn.
 TRIED_FROM, TRIED_SPEED, GROWTH = 1.05, 0.99, 1.3
+# Of the way that is found, nearer ends that are tried once more.
+NEARER = (0.8, 0.9, 0.96)
 
 Target = Callable[[float], tuple[float, float]]
 """A place (m) of the plan's path -> ṡ and s̈ to be reached there."""
@@ -155,4 +157,10 @@ def _find_way(whole: Whole, now: Instant, end: float, target: Target, left: Cont
         return narrow(order, low, min(high, whole_way))
 
     sharp = seek(2, TRIED_SHARE * whole_way, DOUBLING)
-    return sharp if whole.order == 2 else seek(3, TRIED_FROM * sharp, GROWTH)
+    if whole.order == 2:
+        return sharp
+    way = seek(3, TRIED_FROM * sharp, GROWTH)
+    for nearer in NEARER:  # a rough solve may stop without an answer though there is one
+        if nearer * way > sharp and reaches(3, nearer * way):
+            return narrow(3, sharp, nearer * way)
+    return way
