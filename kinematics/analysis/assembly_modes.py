@@ -27,15 +27,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.kinds.legged import Legged
-from kinematics.machine.pose import Pose, from_numbers, to_numbers
+from kinematics.machine.pose import from_numbers, to_numbers
+
+if TYPE_CHECKING:
+    from kinematics.machine.pose import Pose
 
 Complex = NDArray[np.complex128]
 Equations = Callable[[np.ndarray, Array, Complex], tuple[Complex, Complex, Complex]]
@@ -134,6 +137,8 @@ def assembly_modes(machine: Legged, q: ArrayLike, *, seed: int = 0) -> Pose:
     Only isolated poses are looked for: not those of a platform that moves on locked legs (base and platform similar).
     seed chooses the generic machine that the search starts from. Raises MotionError for lengths that are none.
     """
+    from scipy.spatial.transform import RigidTransform, Rotation
+
     lengths = np.asarray(q, float)
     if lengths.shape != (6,) or not np.isfinite(lengths).all() or not (lengths > 0).all():
         raise MotionError(

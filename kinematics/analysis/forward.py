@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.analysis.singularity import prove_regular
 from kinematics.foundation.arrays import Array, freeze_array, numeric_array
@@ -15,7 +15,10 @@ from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.kind import HELD_TOLERANCE, columns, refuse_uncontrolled
 from kinematics.machine.model import MachineModel, square_jacobian
-from kinematics.machine.pose import Pose, check_pose, from_numbers, to_numbers
+from kinematics.machine.pose import check_pose, from_numbers, to_numbers
+
+if TYPE_CHECKING:
+    from kinematics.machine.pose import Pose
 
 MAX_ITERATIONS = 50
 RESIDUAL_TOLERANCE = 1e-9
@@ -62,6 +65,8 @@ def solve(machine: MachineModel, q: ArrayLike, near: Pose, certify: bool = True)
 
     See `Machine.forward` for what it raises.
     """
+    from scipy.spatial.transform import RigidTransform
+
     given = _coordinates(machine, q)
     rows = np.atleast_2d(given)
     start = to_numbers(near) if near is machine.home else check_pose(machine.name, "near", near)
@@ -186,5 +191,7 @@ def _newton_step(jacobian: Array, error: Array) -> Array:
 
 
 def _apply_twist(x: Array, twist: Array) -> Array:
+    from scipy.spatial.transform import Rotation
+
     turned = Rotation.from_rotvec(twist[:, 3:]).as_matrix() @ x[:, 3:].reshape(-1, 3, 3)
     return np.concatenate([x[:, :3] + twist[:, :3], turned.reshape(-1, 9)], 1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,7 +14,9 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.model import MachineModel, scaled_jacobian
-from kinematics.machine.pose import Pose
+
+if TYPE_CHECKING:
+    from kinematics.machine.pose import Pose
 
 # Rounding of a stroke computed from coordinates of decimetres; far below any pulse.
 USE_ROUNDING = 1e-9

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
-from scipy.spatial.transform import RigidTransform
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.casadi_function import Expression
@@ -28,6 +28,9 @@ from kinematics.machine.pose import (
     straight_pose,
     to_numbers,
 )
+
+if TYPE_CHECKING:
+    from kinematics.machine.pose import Pose
 
 # Twice the unit roundoff: covers the rounding of the operation itself and of the radius that bounds it.
 EPS = 2.0**-52
@@ -124,9 +127,7 @@ MIN_CELL_SHARE = 2.0**-12
 MAX_PARTS = 4
 
 
-def prove_regular(
-    machine: MachineModel, start: RigidTransform, end: RigidTransform, near: Array | None = None
-) -> np.ndarray:
+def prove_regular(machine: MachineModel, start: Pose, end: Pose, near: Array | None = None) -> np.ndarray:
     """(N,) bool: proved that the Jacobian is nonsingular along the whole straight motion from start to end.
 
     The Jacobian is that of what the machine controls, on the branch of the coordinates near (N, n), or home's.

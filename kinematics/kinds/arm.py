@@ -8,12 +8,11 @@ from functools import cached_property
 from importlib.resources import as_file
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.files.keys import key
 from kinematics.files.schema import TableSchema
@@ -32,7 +31,10 @@ from kinematics.machine.axis import Axis
 from kinematics.machine.kind import Bar, Pivot, Skeleton, side
 from kinematics.machine.load import Body, Load
 from kinematics.machine.machine import Machine
-from kinematics.machine.pose import Pose, column
+from kinematics.machine.pose import column
+
+if TYPE_CHECKING:
+    from kinematics.machine.pose import Pose
 
 
 def pinocchio(what: str) -> Any:
@@ -170,8 +172,10 @@ class Arm(Machine):
             bars.insert(1, Bar("link", top, hinge, first))
         return Skeleton(tuple(bars), (Pivot(top), Pivot(hinge), Pivot(bend)))
 
-    def pose_of(self, q: Array) -> Pose:
+    def pose_of(self, q: Array) -> "Pose":
         """The tool's pose at joint angles (N, 3) or (3,): the product of the joints' turns."""
+        from scipy.spatial.transform import RigidTransform, Rotation
+
         pose = RigidTransform.from_components(self.joints.tool, Rotation.from_matrix(self.joints.tool_rotation))
         for k in reversed(range(3)):
             axis, on = self.joints.directions[k], self.joints.points[k]

@@ -11,7 +11,6 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import AfterValidator, BeforeValidator
-from scipy.spatial.transform import Rotation
 
 from kinematics.files.keys import Chosen, key
 from kinematics.files.schema import TableSchema
@@ -143,6 +142,8 @@ class Equations(Machine):
 
     def _check_orientation(self) -> None:
         """Raise MotionError where the orientation that is stated is of other coordinates than it was made from."""
+        from scipy.spatial.transform import Rotation
+
         poses = to_numbers(self.home) + np.zeros((1 + 3, 1))
         turns = Rotation.from_rotvec(TRIED_TURN * np.eye(3)) * self.home.rotation
         poses[1:, 3:] = turns.as_matrix().reshape(3, 9)

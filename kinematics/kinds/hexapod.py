@@ -9,7 +9,7 @@ plate's aluminium, that joints weigh nothing, and which way the universal joints
 from importlib.resources.abc import Traversable
 from math import inf, nextafter, pi
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,7 +24,9 @@ from kinematics.kinds.axis_keys import AXES, GEOMETRY, KIND, OWN_AXES, LinearAxi
 from kinematics.kinds.legged import BASE_REST, PLATFORM_REST, Legged, Platforms, Radius, legged_geometry, rest_axes_type
 from kinematics.kinds.load_keys import LEG_MASSES, LegsTable, LoadedFile, Point
 from kinematics.machine.load import Leg, cylinder
-from kinematics.machine.pose import Pose
+
+if TYPE_CHECKING:
+    from kinematics.machine.pose import Pose
 
 
 @check_arguments()
@@ -47,7 +49,7 @@ class Hexapod(Legged):
     legs = 6
     sorts = ("linear",) * 6
 
-    def assembly_modes(self, q: ArrayLike) -> Pose:
+    def assembly_modes(self, q: ArrayLike) -> "Pose":
         """Every pose with leg lengths q (6,), as far as they are found: see `kinematics.analysis.assembly_modes`."""
         return assembly_modes(self, q)
 

@@ -1,6 +1,6 @@
 """Tables that the files of several kinds have: poses, points, and what a machine moves (`[platform]`, `[legs]`)."""
 
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from pydantic import AfterValidator
@@ -11,7 +11,10 @@ from kinematics.foundation.errors import MotionError, validation_error
 from kinematics.foundation.units import Angle, Length, Unit
 from kinematics.kinds.axis_keys import MachineFile
 from kinematics.machine.load import GRAVITY, Body, Leg, Load
-from kinematics.machine.pose import Pose, make_pose
+from kinematics.machine.pose import make_pose
+
+if TYPE_CHECKING:
+    from kinematics.machine.pose import Pose
 
 Point = tuple[Length, Length, Length]
 
@@ -23,14 +26,14 @@ class HomeTable(TableSchema):
     rotate: tuple[Angle, Angle, Angle] = key("θx, θy, θz about the moving axes in turn", default=(0.0, 0.0, 0.0))
 
     @property
-    def pose(self) -> Pose:
+    def pose(self) -> "Pose":
         return make_pose(self.to, self.rotate)
 
 
 HOME = key('the pose from which travel and pulses count, in the base frame; turned: rotate = ["0 deg", …]')
 
 
-def home_entries(home: Pose) -> dict[str, Any]:
+def home_entries(home: "Pose") -> dict[str, Any]:
     """The entries of a home that is written."""
     return {"to": home.translation, "rotate": home.rotation.as_euler("XYZ") + 0.0}
 

@@ -26,11 +26,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import RigidTransform
 
 from kinematics.analysis.clearance import Disc
 from kinematics.files.keys import key
@@ -43,7 +42,9 @@ from kinematics.kinds.axis_keys import AXES, GEOMETRY, KIND, OWN_AXES, LinearAxi
 from kinematics.kinds.legged import BASE_REST, PLATFORM_REST, Legged, Platforms, joints, legged_geometry, rest_axes_type
 from kinematics.kinds.load_keys import LEG_MASSES, LegsTable, LoadedFile, Point
 from kinematics.machine.machine import Machine
-from kinematics.machine.pose import Pose
+
+if TYPE_CHECKING:
+    from kinematics.machine.pose import Pose
 
 
 class Tripod(Legged):
@@ -74,7 +75,7 @@ class Tripod(Legged):
         plate = joints(machine, "platform", platform, self.legs) - self.tool
         super().__init__(base, plate, platform_disc=platform_disc, **options)
 
-    def arm_lengths(self, pose: Pose) -> Array:
+    def arm_lengths(self, pose: "Pose") -> Array:
         """‖p + R a − b‖ of each arm at any pose of the tool, turned or not: (N, 3) m, or (3,).
 
         A simulation, as [KMITL 2005] has it: three arms cannot hold a plate that is turned, so `inverse` refuses to.
@@ -242,6 +243,8 @@ def _key(line: str) -> str | None:
 
 
 def _machine(values: Mapping[str, tuple[float, ...]], name: str, like: Machine) -> Tripod:
+    from scipy.spatial.transform import RigidTransform
+
     base, plate = (np.array([values[key] for key in keys]) / UNITS_PER_METRE for keys in (BASE, PLATE))
     below = np.array([0.0, 0.0, values.get("Leng", (0.0,))[0]]) / UNITS_PER_METRE
     centre = np.array(values[CENTRE]) / UNITS_PER_METRE - below

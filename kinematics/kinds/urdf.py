@@ -3,19 +3,24 @@
 Links, joints and inertias alone are read; what a URDF draws, and the limits of its joints, are not.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.files.toml_document import MAX_BYTES, bytes_of
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import Fault, FileError, MotionError
 from kinematics.foundation.names import closest, nearest
 from kinematics.foundation.units import describe_value
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import RigidTransform
 
 TURNING, FIXED = ("revolute", "continuous"), "fixed"
 """Types of joints."""
@@ -114,6 +119,8 @@ def _place_links(
     root: ElementTree.Element, joints: Mapping[str, ElementTree.Element], wanted: list[str]
 ) -> tuple[dict[str, _Link], list[tuple[Array, Array]]]:
     """Every link, and a point and the direction of every wanted joint's axis, all at q = 0 in the base frame."""
+    from scipy.spatial.transform import RigidTransform
+
     bodies = {element.get("name", ""): element for element in root.findall("link")}
     ways = {name: (_of(joint, "parent"), _of(joint, "child")) for name, joint in joints.items()}
     children = [child for _, child in ways.values()]
@@ -164,6 +171,8 @@ def _combine(links: Sequence[_Link], joint: Array) -> tuple[float, Array, Array]
 
 def _origin(element: ElementTree.Element) -> RigidTransform:
     """x, y, z (m), and roll, pitch, yaw (rad) about the fixed axes in turn; nothing where it is not stated."""
+    from scipy.spatial.transform import RigidTransform, Rotation
+
     origin = element.find("origin")
     if origin is None:
         return RigidTransform.identity()

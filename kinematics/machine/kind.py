@@ -11,19 +11,21 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import inf
-from typing import ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
 from kinematics.analysis.clearance import Bodies
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import BadValue, NotFree
 from kinematics.machine.axis import Axis
 from kinematics.machine.load import Body, Load
-from kinematics.machine.pose import COMPONENTS, Pose, column, to_numbers
+from kinematics.machine.pose import COMPONENTS, column, to_numbers
+
+if TYPE_CHECKING:
+    from kinematics.machine.pose import Pose
 
 Sort = Literal["frame", "actuator", "link", "platform"]
 """What stands still, what changes its length, what an axis moves, and what carries the tool."""
@@ -180,6 +182,8 @@ def columns(machine: Kind) -> np.ndarray:
 
 def deviations(machine: Kind, x: Array) -> Array:
     """(N, 6) of pose numbers x (N, 12) from home: position, and the vector of the turn, in the base frame."""
+    from scipy.spatial.transform import Rotation
+
     home = to_numbers(machine.home)
     turn = x[:, 3:].reshape(-1, 3, 3) @ home[0, 3:].reshape(3, 3).T
     return np.concatenate([x[:, :3] - home[:, :3], Rotation.from_matrix(turn).as_rotvec()], 1)

@@ -1,6 +1,9 @@
 """What a machine is to its users: its maps, and what is computed with them."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
@@ -12,12 +15,15 @@ from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.axis import Axis, Magnitude, directional_bounds
 from kinematics.machine.model import MachineModel
-from kinematics.machine.pose import Pose, PoseLike
+from kinematics.machine.pose import PoseLike
+
+if TYPE_CHECKING:
+    from kinematics.machine.pose import Pose
 
 UNLIMITED = {"inf": "unlimited", "-inf": "unlimited", "None": "unlimited"}
 
 
-def axes_table(machine: "Machine") -> Table:
+def axes_table(machine: Machine) -> Table:
     """Travel, pulse and limits of each axis; both ways, towards smaller positions first, where they differ on one."""
     axes, units = machine.axes, [axis.unit for axis in machine.axes]
     forces = ["N" if axis.kind == "linear" else "N m" for axis in axes]
@@ -97,6 +103,8 @@ class Machine(MachineModel, Result):
         OutOfReach
             No pose is found that has the lengths q (n,); among several, their `residual` tells.
         """
+        from kinematics.machine.pose import Pose
+
         # numbers could as well be the coordinates that inverse takes as its near
         if not (near is None or isinstance(near, Pose)):
             raise MotionError(

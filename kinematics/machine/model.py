@@ -10,12 +10,11 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 from copy import copy
 from functools import cached_property
-from typing import Any, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
 from kinematics.foundation.arrays import Array, finite_array, freeze_array, unit_vectors
 from kinematics.foundation.casadi_function import Expression
@@ -25,8 +24,11 @@ from kinematics.foundation.operations import refuse_unknown
 from kinematics.machine.axis import Axis
 from kinematics.machine.kind import Kind, PlacedSkeleton, Skeleton, columns, refuse_uncontrolled
 from kinematics.machine.load import Load
-from kinematics.machine.pose import Pose, PoseLike, check_pose, column, read_pose, split_pose_symbols, to_numbers
+from kinematics.machine.pose import PoseLike, check_pose, column, read_pose, split_pose_symbols, to_numbers
 from kinematics.machine.shaper import Shaper, ShaperSeries
+
+if TYPE_CHECKING:
+    from kinematics.machine.pose import Pose
 
 
 class MovingPose:
@@ -173,6 +175,8 @@ class MachineModel(Kind):
         An axis that has the very shaper already keeps it once: that cancels the vibration.
         Raises MotionError where no axis does, for more shapers on one than it takes, and for what is no shaper.
         """
+        from scipy.spatial.transform import RigidTransform, Rotation
+
         along = unit_vectors(direction, f"machine {self.name}: direction", (3,))
         free = columns(self)
         lengths = np.where(free < 3, 1.0, self.characteristic_length)
@@ -183,7 +187,8 @@ class MachineModel(Kind):
             moved[free] = sign * aside
             turned = Rotation.from_rotvec(moved[3:]) * self.home.rotation
             try:
-                near = self.jacobian(Pose.from_components(self.home.translation + moved[:3], turned), self.home_q)
+                beside = RigidTransform.from_components(self.home.translation + moved[:3], turned)
+                near = self.jacobian(beside, self.home_q)
                 twists = np.linalg.inv(near[:, free])
             except (MotionError, np.linalg.LinAlgError):  # out of reach, or singular
                 continue

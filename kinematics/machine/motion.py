@@ -1,7 +1,9 @@
 """A motion at N instants: of the axes and of the platform, either from the other."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -10,7 +12,9 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.short_repr import short_repr
 from kinematics.machine.kind import columns
 from kinematics.machine.model import MachineModel, square_jacobian
-from kinematics.machine.pose import Pose
+
+if TYPE_CHECKING:
+    from kinematics.machine.pose import Pose
 
 # Condition of the Jacobian (turns at the characteristic length) above which coordinates no longer tell the motion.
 MAX_CONDITION = 1e10

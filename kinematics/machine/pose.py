@@ -4,18 +4,34 @@ The twelve numbers are the position (3) and the rotation matrix row by row (9), 
 frame.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.foundation.arrays import Array, numeric_array
 from kinematics.foundation.errors import MotionError, OutOfReach
 
-Pose = RigidTransform
-PoseLike = Pose | ArrayLike
+if TYPE_CHECKING:
+    from scipy.spatial.transform import RigidTransform, Rotation
+
+    Pose = RigidTransform
+else:
+
+    def __getattr__(name: str) -> Any:
+        """Pose, when it is first asked for: SciPy's rotations take longer to load than a machine's file to be read."""
+        if name == "Pose":
+            from scipy.spatial.transform import RigidTransform
+
+            return RigidTransform
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+PoseLike: TypeAlias = "Pose | ArrayLike"
 """A pose, or the numbers of one or of many: see `read_pose`."""
 
 # How far R Rᵀ may be from the identity, entry by entry: far above rounding, far below what a measurement sees.
@@ -27,6 +43,8 @@ COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
 
 def make_pose(position: Array | Sequence[float], angles: Array | Sequence[float]) -> Pose:
     """The pose at a position (…, 3) m, turned by θx, θy, θz (…, 3) rad about the moving axes in turn."""
+    from scipy.spatial.transform import RigidTransform, Rotation
+
     return RigidTransform.from_components(position, Rotation.from_euler("XYZ", angles))
 
 
@@ -36,6 +54,8 @@ def read_pose(what: str, given: object) -> Pose:
     Angles are about the moving axes in turn, Rx · Ry · Rz, as in files; three numbers are not turned. Raises
     MotionError for anything else.
     """
+    from scipy.spatial.transform import RigidTransform
+
     if isinstance(given, RigidTransform):
         return given
     numbers = numeric_array(given)
@@ -55,6 +75,8 @@ def read_rotation(what: str, given: object, *shape: int) -> Rotation:
 
     Raises MotionError for anything else.
     """
+    from scipy.spatial.transform import Rotation
+
     if isinstance(given, Rotation):
         return given
     angles = numeric_array(given)
@@ -94,7 +116,9 @@ def check_pose(machine: str, what: str, pose: Pose, *, single: bool = False) -> 
 
 def to_numbers(pose: Pose) -> Array:
     """(N, 12) position and rotation rows of N poses (N = 1 for a single one). Raises MotionError for no pose."""
-    if not isinstance(pose, Pose):
+    from scipy.spatial.transform import RigidTransform
+
+    if not isinstance(pose, RigidTransform):
         raise MotionError(f"a pose is a scipy RigidTransform, not {type(pose).__name__}")
     matrix = pose.as_matrix().reshape(-1, 4, 4)
     return np.concatenate([matrix[:, :3, 3], matrix[:, :3, :3].reshape(-1, 9)], 1)
@@ -102,6 +126,8 @@ def to_numbers(pose: Pose) -> Array:
 
 def from_numbers(values: Array) -> Pose:
     """The poses of (N, 12) numbers, or of (12,) a single one."""
+    from scipy.spatial.transform import RigidTransform, Rotation
+
     matrix = values[..., 3:].reshape(*values.shape[:-1], 3, 3)
     return RigidTransform.from_components(values[..., :3], Rotation.from_matrix(matrix))
 
