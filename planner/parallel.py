@@ -44,8 +44,7 @@ FIRST_TASKS = 2
 TASKS_EACH = 2
 # Processes that a task may take along before it is done here, and pools that are begun anew for it.
 MAX_DEATHS, MAX_POOLS = 2, 8
-# New objects until the youngest, the younger and all are looked through. Python's own numbers have a process that loads
-# much and ends soon look through all of it again and again, for a tenth of its time.
+# As in pulsepath.__main__.
 GC_THRESHOLDS = 50_000, 20, 100
 # loky would start a process anew that has grown by 300 MB, and find modules in the folder that the caller stands in.
 _ENVIRONMENT = {"LOKY_MAX_MEMORY_LEAK_SIZE": "1e18", "PYTHONSAFEPATH": "1"}
@@ -356,14 +355,3 @@ class LocalHelpers:
 
     def tell_alone(self, segment: int) -> None:
         """Nobody asked for processes."""
-
-
-@contextmanager
-def reduce_garbage_collection() -> Iterator[None]:
-    """Inside it, garbage is collected seldom."""
-    before = gc.get_threshold()
-    gc.set_threshold(*GC_THRESHOLDS)
-    try:
-        yield
-    finally:
-        gc.set_threshold(*before)

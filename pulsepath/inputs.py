@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from kinematics.files.toml_document import read
-from kinematics.foundation.errors import Fault, FileError, MotionError, NotInstalled
+from kinematics.foundation.errors import Fault, FileError, MotionError
 from kinematics.foundation.names import find, source_folder
 from planner.program.model import Program, fit_joins
-from planner.program.program_file import load_program
+from planner.program.program_file import make_program, read_program_file
 from pulsepath.progress import note
 
 if TYPE_CHECKING:
@@ -115,7 +115,9 @@ def read_inputs(
     file = Path(program)
     if machine is None:
         raise MotionError(f"{file.name} names no machine: give --machine")
-    driven, content, companions = _load_machine(machine, ready)
+    load_machine = _find_machine(machine)
+    ready()
+    driven, content, companions = load_machine()
     return Inputs(origin.read(file, machine), driven, file.read_bytes(), content, companions, origin)
 
 
@@ -127,37 +129,40 @@ def _joint_machine(name: str, file: Path, machine: str) -> dict[str, str]:
     return {"machine": machine} if name == "gcode" and find_header(decode_text(file)) is not None else {}
 
 
-def _load_machine(machine: str, ready: Callable[[], object]) -> tuple["Machine", bytes, Mapping[str, bytes]]:
-    """A machine, its file's content, and what that names beside it."""
+def _find_machine(machine: str) -> Callable[[], tuple["Machine", bytes, Mapping[str, bytes]]]:
+    """What loads a machine, its file's content, and what that names beside it; faults of the file are told at once."""
     file = find("kinematics", "machine", machine)
     if isinstance(file, Path) and not file.exists():  # said before what is slow to load
         read(file)
-    ready()
-    from kinematics import load_machine
-    from kinematics.machine.machine_writer import toml_of
+    from kinematics.machine.machine_file import validate_machine_file
 
-    driven = load_machine(machine)
-    content = toml_of(file)
-    urdf = tomllib.loads(content.decode()).get("geometry", {}).get("urdf")
-    companions = {} if urdf is None else {urdf: (source_folder("kinematics", file) / urdf).read_bytes()}
-    return driven, content, companions
+    make = validate_machine_file(file)
+
+    def load() -> tuple["Machine", bytes, Mapping[str, bytes]]:
+        from kinematics.machine.machine_writer import toml_of
+
+        driven, content = make(), toml_of(file)
+        urdf = tomllib.loads(content.decode()).get("geometry", {}).get("urdf")
+        companions = {} if urdf is None else {urdf: (source_folder("kinematics", file) / urdf).read_bytes()}
+        return driven, content, companions
+
+    return load
 
 
 def _read_native(program: str, machine: str | None, ready: Callable[[], object]) -> Inputs:
     try:
-        loaded = load_program(program)
+        document, model = read_program_file(program)
     except FileError as error:
         raise error if machine is not None else _add_machine_fault(error, program) from None
     try:
-        name = _machine_name(loaded.machine, program) if machine is None else machine
-        driven, content, companions = _load_machine(name, ready)
-    except NotInstalled:  # which is no fault of the file
-        raise
+        load_machine = _find_machine(_machine_name(model.machine, program) if machine is None else machine)
     except MotionError as error:
         if machine is not None or (isinstance(error, FileError) and Path(error.file).is_file()):
             raise
-        document = read(find("planner", "program", program))
         raise FileError(document.file, [document.fault(("machine",), error)]) from error
+    ready()
+    loaded = make_program(document, model)  # which may take SciPy, as the machine does
+    driven, content, companions = load_machine()
     return Inputs(loaded, driven, find("planner", "program", program).read_bytes(), content, companions)
 
 

@@ -61,7 +61,7 @@ def describe_wrong_kind(data: Mapping[str, Any], wanted: str) -> str:
 class TableSchema(BaseModel):
     """A table of a file: every key known and of its exact type, else a fault that names the nearest or the remedy."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, defer_build=True)
 
     @model_validator(mode="wrap")
     @classmethod

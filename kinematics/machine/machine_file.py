@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from kinematics.files.schema import build, refuse_wrong_kind
-from kinematics.files.toml_document import Key, read
+from kinematics.files.toml_document import Document, Key, read
 from kinematics.foundation.errors import BadValue, FileError, MotionError, NotInstalled
 from kinematics.foundation.names import closest, find, nearest, presets, source_folder
 from kinematics.foundation.units import describe_value
@@ -29,14 +29,26 @@ from kinematics.kinds.tripod import (
 )
 from kinematics.machine.machine import Machine
 
+Construct = Callable[[Any, str, Path | Traversable], Machine]
+"""What makes a machine of a valid file, its name and its folder."""
+
 
 def read_machine(source: Path | Traversable) -> Machine:
     """The machine that a file describes, named after the file. Raises FileError with every fault of the file.
 
     Also that of the geometry file of [KMITL 2005], which is no TOML.
     """
+    return validate_machine_file(source)()
+
+
+def validate_machine_file(source: Path | Traversable) -> Callable[[], Machine]:
+    """What makes the machine that a file describes; making it takes many times as long.
+
+    Raises FileError with every fault that the keys of the file show. What only the machine shows, such as a home pose
+    out of reach, is raised as it is made; so is all of the geometry file of [KMITL 2005].
+    """
     if is_basic_lengths(source):
-        return read_basic_lengths(source, read_machine(find("kinematics", "machine", TEMPLATE_MACHINE)))
+        return lambda: read_basic_lengths(source, read_machine(find("kinematics", "machine", TEMPLATE_MACHINE)))
     document = read(source)
     refuse_wrong_kind(document, MachineFile.what)
     kind = document.data.get("kind")
@@ -58,6 +70,10 @@ def read_machine(source: Path | Traversable) -> Machine:
             'where the frequency is uncertain, write kind = "zvd" or "ei" in the one that stays'
         )
         raise FileError(document.file, [document.fault(("vibration", again), told)])
+    return partial(_make_machine, source, document, model, construct)
+
+
+def _make_machine(source: Path | Traversable, document: Document, model: MachineFile, construct: Construct) -> Machine:
     try:
         machine = construct(model, Path(source.name).stem, source_folder("kinematics", source))
     except FileError as error:  # of a file that this one names
@@ -90,7 +106,7 @@ def _locate_fault(data: Mapping[str, Any], error: MotionError) -> Key:
     return next(places, ("geometry",))
 
 
-KINDS: dict[str, tuple[type[MachineFile], Callable[[Any, str, Path | Traversable], Machine], Sequence[str]]] = {
+KINDS: dict[str, tuple[type[MachineFile], Construct, Sequence[str]]] = {
     "hexapod": (HexapodFile, build_hexapod, LEGS),
     "tripod": (TripodFile, build_tripod, ARMS),
     "linkage": (LinkageFile, build_linkage, NAMES),

@@ -19,7 +19,7 @@ from kinematics.files.schema import (
     require_nonzero,
     unit_validator,
 )
-from kinematics.files.toml_document import read
+from kinematics.files.toml_document import Document, read
 from kinematics.foundation.arrays import freeze_array
 from kinematics.foundation.errors import Fault, FileError, validation_error
 from kinematics.foundation.names import find, presets
@@ -313,21 +313,28 @@ def load_program(name_or_path: ProgramSource) -> Program:
     MotionError
         The name is unknown; the nearest and all known ones are told.
     """
-    if isinstance(name_or_path, Program):
-        return name_or_path
+    return name_or_path if isinstance(name_or_path, Program) else make_program(*read_program_file(name_or_path))
+
+
+def read_program_file(name_or_path: str | PathLike[str]) -> tuple[Document, ProgramFile]:
+    """A program's file and what it says. Raises FileError with every fault that its keys show."""
     source = find("planner", "program", name_or_path)
     try:
         document = read(source)
     except FileError as error:
         raise _suggest_import(Path(source.name), error) from None
-    model = build(document, ProgramFile, plain=read_declared_units(document.data, PLAIN_UNITS))
+    return document, build(document, ProgramFile, plain=read_declared_units(document.data, PLAIN_UNITS))
+
+
+def make_program(document: Document, model: ProgramFile) -> Program:
+    """The program that a file describes. Raises MotionError for what only its segments show."""
     segments = [entry.segment(document.line(("segment", n))) for n, entry in enumerate(model.segment)]
     return Program(
         tuple(segments),
         model.frame,
         _pose(model.start),
         model.machine,
-        Path(source.name).stem,
+        Path(document.file).stem,
         duration=model.duration,
         speed=model.speed,
         acceleration=model.acceleration,

@@ -192,10 +192,10 @@ def plan(
         raise click.UsageError("Missing option '--out'.", click.get_current_context())
     writes(out)
     seconds = None if duration is None else read_quantity("--duration", duration, "s", above=0.0)
-    from planner.parallel import NO_PROCESS, reduce_garbage_collection, side_process
+    from planner.parallel import NO_PROCESS, side_process
 
     other = NO_PROCESS
-    with reduce_garbage_collection(), ExitStack() as stack:
+    with ExitStack() as stack:
 
         def start_other() -> None:
             nonlocal other
