@@ -6,10 +6,10 @@ host commands: a path run by one classical profile of a stated duration, or sine
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Literal, get_args
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
@@ -21,11 +21,11 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import nearest
 from kinematics.foundation.short_repr import short_repr
 from kinematics.machine.machine import Machine
-from planner.baselines.shapes import quarter_sine, trapezoid
-from planner.path.actuation import MachinePath
-from planner.pulses.motion import AxesMotion
-from planner.timing.profile import Profile
-from planner.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from planner.path.actuation import MachinePath
+    from planner.pulses.motion import AxesMotion
+    from planner.trajectory import Trajectory
 
 Timer = Literal["counter", "sleep"]
 """How a host waits for its next step; a law says which it is meant for."""
@@ -44,21 +44,20 @@ class Task:
     dt: float
 
 
-SHAPES: dict[str, Callable[[float], Profile]] = {"quarter-sine": quarter_sine, "trapezoid": trapezoid}
-"""Profiles by name; each takes the share of the time that a ramp lasts."""
-
-
 def time_path(path: MachinePath, shape: str, share: float, duration: float) -> Trajectory:
     """The path within `duration` seconds: between two stops one profile, its time in proportion to its length.
 
     share  of the time of each profile that a ramp lasts, up to 1/2
     No limit of the machine is looked at: the rig is told when to be where, as by [Sahbaz 2007].
     """
+    from planner.baselines.shapes import quarter_sine, trapezoid
+    from planner.timing.profile import Profile
+
     if not 0 < share <= 0.5:
         raise MotionError(f"a ramp of {share * duration:g} s does not fit twice into {duration:g} s; shorten it")
     if path.dwells.any():
         raise MotionError("a task's program has no dwells: its profile runs from end to end; omit them")
-    unit = SHAPES[shape](share)
+    unit = {"quarter-sine": quarter_sine, "trapezoid": trapezoid}[shape](share)
     stops = np.flatnonzero(path.stops(2))
     profiles = []
     for a, b in pairwise(stops.tolist()):

@@ -23,7 +23,6 @@ from kinematics.foundation.units import Unit, describe_value
 from kinematics.kinds.axis_keys import find_repeated_names
 from kinematics.machine.machine import Machine
 from kinematics.machine.machine_file import load_machine
-from planner.path.actuation import actuate
 from planner.program.program_file import load_program
 
 
@@ -60,6 +59,8 @@ class PathTask(TaskTiming):
     ramp: Annotated[float, Unit("s", above=0, like="1 s")] = key("time of speeding up, and of slowing down")
 
     def make_task(self, machine: Machine, folder: Path | None) -> Task:
+        from planner.path.actuation import actuate
+
         try:
             path = actuate(load_program(resolve_path(folder, self.program)), machine)
         except MotionError as error:
@@ -177,6 +178,14 @@ class RigFile(File):
 
 
 _TASK: TypeAdapter[PathTask | SineTask] = TypeAdapter(TaskTable)
+
+
+def validate_rig_file(name_or_path: str | PathLike[str]) -> None:
+    """Raise FileError with every fault that a rig's file shows by itself: `load_rig` makes the machine as well, which
+    takes many times as long."""
+    document = read(find("controllers", "rig", name_or_path))
+    refuse_wrong_kind(document, RigFile.what)
+    build(document, RigFile, find_repeated_names, partial(find_repeated_names, array="task"))
 
 
 def read_rig(source: Path | Traversable) -> Rig:

@@ -87,6 +87,14 @@ def refuse_unknown(
             raise unknown_name(what, name, list_names())
 
 
+def refuse_missing(file: Path) -> None:
+    """Raise FileError for a file that is not there, with the nearest that is."""
+    from kinematics.files.toml_document import read
+
+    if not file.exists():
+        read(file)
+
+
 def _refuse_unreadable(file: Path) -> None:
     """Raise FileError for a user's file that is missing or is no TOML; what is long is read once only, later."""
     from kinematics.files.toml_document import read

@@ -49,14 +49,20 @@ def calibrate(
     """
     writes(out)
     refuse_unknown(machine=machine)
-    from kinematics import calibration, load_machine
-    from kinematics.calibration.measurement_file import load_measurements
     from kinematics.foundation.names import find
-    from pulsepath.output import calibration_directory, record, tables
-    from pulsepath.output.directory import CALIBRATION, CALIBRATION_KIND, REPORT, replace_directory
+    from pulsepath.output.directory import CALIBRATION, CALIBRATION_KIND, REPORT, refuse_overwrite, replace_directory
     from pulsepath.progress import detail, step
 
-    nominal, measured = load_machine(machine), load_measurements(measurements)
+    refuse_overwrite(out, force, CALIBRATION_KIND)
+    find("kinematics.calibration", "measurement file", measurements)  # refuses an unknown name
+    from kinematics import load_machine
+
+    nominal = load_machine(machine)
+    from kinematics import calibration
+    from kinematics.calibration.measurement_file import load_measurements
+    from pulsepath.output import calibration_directory, record, tables
+
+    measured = load_measurements(measurements)
     sources = {
         "machine": find("kinematics", "machine", machine).read_bytes(),
         "measurements": find("kinematics.calibration", "measurement file", measurements).read_bytes(),

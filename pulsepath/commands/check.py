@@ -86,6 +86,9 @@ def check(
 
 
 def _check_plan(folder: Path, as_json: bool) -> None:
+    from pulsepath.output.directory import refuse_no_plan
+
+    refuse_no_plan(folder)
     from pulsepath.output import plan_directory, record
     from pulsepath.progress import step
 

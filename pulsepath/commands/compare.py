@@ -91,18 +91,27 @@ def compare(
     """
     writes(out / "compare.json", kept="" if saved else f"finished runs are kept in {out} and reused next time")
     refuse_unknown(rig=rig, laws=laws)
-    from benchmarks.reports import gain
-    from benchmarks.sweep import load_runs
-    from controllers.rig_file import load_rig
-    from kinematics import MotionError
-    from pulsepath.output import compare_directory, record
-    from pulsepath.output.directory import REPORT
-    from pulsepath.progress import step
+    from kinematics.foundation.errors import MotionError
+    from pulsepath.output import compare_directory
 
     if saved and (rig or laws or tasks or address or seeds != 1):
         raise MotionError("compare: with --from nothing is run, so give no RIG, --law, --task, --seeds or --address")
-    asked = [gain.read_condition(text) for text in conditions]
     to = compare_directory.destinations(out, force)
+    if rig is not None:
+        from controllers.rig_file import validate_rig_file
+
+        validate_rig_file(rig)
+    from benchmarks.sweep import load_runs, read_setting
+
+    for text in (*laws, *filter(None, [baseline])):
+        read_setting(text)
+    from benchmarks.reports import gain
+    from controllers.rig_file import load_rig
+    from pulsepath.output import record
+    from pulsepath.output.directory import REPORT
+    from pulsepath.progress import step
+
+    asked = [gain.read_condition(text) for text in conditions]
     if saved:
         runs = [load_runs(folder) for folder in saved]
         for condition, one in product(asked, runs):
@@ -159,6 +168,7 @@ def _run(
 def _announce(grid: "Grid", rig: "Rig", out: Path) -> str:
     """What is to be run, and about how long it takes; runs that are saved already take none of it."""
     from planner.parallel import cores as count_cores
+    from pulsepath.output.directory import CELLS
 
     cells, cores = list(grid), count_cores()
     lanes = Counter((cell.setting.law, cell.task) for cell in cells)
@@ -176,5 +186,5 @@ def _announce(grid: "Grid", rig: "Rig", out: Path) -> str:
     }
     told = " × ".join(f"{count} {what}" for what, count in counts.items() if count > 1)
     time = f"{seconds / 60:.0f} min" if seconds > 90 else f"{10 * ceil(seconds / 10)} s"
-    saved = "; runs that are saved there are reused" if (out / "cells").is_dir() else ""
+    saved = "; runs that are saved there are reused" if (out / CELLS).is_dir() else ""
     return f"{len(cells)} runs{told and f' ({told})'}: about {time} on {cores} cores{saved}"

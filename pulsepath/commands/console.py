@@ -90,17 +90,19 @@ def console(
     hung up. After a signal the motion is stopped and the registers are saved.
     """
     refuse_unknown(machine=machine)
+    from kinematics import load_machine
+    from kinematics.foundation.errors import MotionError
+
+    if listen is not None and tcp is None:
+        raise MotionError("--listen says where --tcp listens: give --tcp PORT as well")
+    driven = load_machine(machine)  # faults of its file are told before the rest loads
     from controllers.console import Dispatcher, open_session, snapshot_session
     from controllers.console.interpret import describe_offer
     from controllers.console.links import LOOPBACK, Socket, Transport, pipe, require_pollable, serial_line
     from controllers.console.serve import Clock, Server
-    from kinematics import MotionError, load_machine
     from pulsepath.output import register_file
 
     require_pollable()
-    if listen is not None and tcp is None:
-        raise MotionError("--listen says where --tcp listens: give --tcp PORT as well")
-    driven = load_machine(machine)
     place = state or register_file.usual_place(driven.name)
     with register_file.lock_file(place):
         session = open_session(driven, register_file.read(place))

@@ -61,11 +61,7 @@ def hold(
     Example: pulsepath hold out/circle --at "1.2 s" --format steps --out stop.bin
     """
     from kinematics.foundation.errors import BadValue
-    from planner.interruption.hold import find_stops
-    from planner.interruption.hold import hold as stop_at
-    from planner.interruption.override import resume as go_on
-    from pulsepath.output import plan_directory, record
-    from pulsepath.output.tables import show
+    from pulsepath.output.directory import refuse_no_plan
 
     if (at is None) == (stops is None):
         raise BadValue("give --at TIME, or --stops COUNT")
@@ -78,6 +74,13 @@ def hold(
     instant = None if at is None else read_quantity("--at", at, "s", least=0.0)
     targets = [target for target in (out, resume) if target is not None]
     writes(*targets)
+    refuse_no_plan(directory)
+    from planner.interruption.hold import find_stops
+    from planner.interruption.hold import hold as stop_at
+    from planner.interruption.override import resume as go_on
+    from pulsepath.output import plan_directory, record
+    from pulsepath.output.tables import show
+
     planned = plan_directory.read(directory, unverified)
     with step("generating pulses") as tell:
         whole = planned.whole(tell)

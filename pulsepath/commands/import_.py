@@ -8,7 +8,7 @@ import click
 from pulsepath import known_names
 from pulsepath.command_group import FormatCommand
 from pulsepath.known_names import make_completer
-from pulsepath.options import FIGURE_SUFFIXES
+from pulsepath.options import FIGURE_SUFFIXES, refuse_missing
 from pulsepath.process.intent import writes
 from pulsepath.progress import say
 
@@ -48,15 +48,9 @@ def import_(
     """
     image = figure or out.with_suffix(".png")
     writes(out, image)
-
-    import numpy as np
-
-    from kinematics import MotionError
     from kinematics.files.atomic_files import Destination, stage_files
-    from planner.program.program_writer import program_toml
-    from planner.sources.source import source_name
+    from kinematics.foundation.errors import MotionError
     from pulsepath.format_options import IMPORTS
-    from pulsepath.output import record
     from pulsepath.progress import step
 
     if image.suffix.lower() not in FIGURE_SUFFIXES:
@@ -64,11 +58,21 @@ def import_(
     if len({path.absolute() for path in (file, out, image)}) < 3:
         raise MotionError(f"{file}, {out} and {image} must be three different files; give another --out or --figure")
     destinations = [Destination(target, force=force) for target in (out, image)]
-    name = name or source_name(file)
+    refuse_missing(file)
+    if name is None:
+        from planner.sources.source import source_name
+
+        name = source_name(file)
     source = IMPORTS.make(name, given)
     with step(f"reading {file}"):
         found = source.read(file)
-        way = found.outline
+    # after what the file says wrong, which is told sooner so
+    import numpy as np
+
+    from planner.program.program_writer import program_toml
+    from pulsepath.output import record
+
+    way = found.outline
     with step(f"writing {out} and {image}"), stage_files(destinations) as (written, drawn):
         from planner.figures import program_path
 

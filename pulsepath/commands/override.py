@@ -50,16 +50,21 @@ def override(
     Example: pulsepath override out/circle --speed "50 %" --at "1.2 s" --format steps --out slow.bin
     """
     from kinematics.foundation.errors import BadValue
-    from planner.interruption.override import override as change_speed
-    from pulsepath.output import plan_directory, record
-    from pulsepath.output.tables import show
+    from pulsepath.output.directory import refuse_no_plan
 
     if (name is None) != (out is None):
         raise BadValue("--format and --out go together: give both to write the motion, or none to see what it takes")
     share = read_percent("--speed", speed)
+    if share > 1:
+        raise BadValue(f'option --speed: "{speed}": write up to "100 %", which is the plan\'s own speed')
     instant = None if at is None else read_quantity("--at", at, "s", least=0.0)
     if out is not None:
         writes(out)
+    refuse_no_plan(directory)
+    from planner.interruption.override import override as change_speed
+    from pulsepath.output import plan_directory, record
+    from pulsepath.output.tables import show
+
     planned = plan_directory.read(directory, unverified)
     with step("generating pulses") as tell:
         whole = planned.whole(tell)

@@ -191,8 +191,29 @@ def plan(
     if out is None:
         raise click.UsageError("Missing option '--out'.", click.get_current_context())
     writes(out)
-    seconds = None if duration is None else read_quantity("--duration", duration, "s", above=0.0)
     from planner.parallel import NO_PROCESS, side_process
+    from pulsepath.output.directory import RECORD, REPORT, fill_directory, refuse_overwrite, replace_directory
+
+    refuse_overwrite(out, force)
+    seconds = None if duration is None else read_quantity("--duration", duration, "s", above=0.0)
+    if effort is not None and gap is None:
+        raise click.UsageError("--effort is of --gap.", click.get_current_context())
+    within = None if gap is None else read_percent("--gap", gap)
+    parts = {"--keep-certified": keep, "--resume": resume, "--cluster": cluster is not None}
+    if stream is False:
+        _refuse_without_parts(parts)
+    if ":" in rule:  # the name is known to be right
+        from planner.pulses import find_rule
+
+        find_rule(rule)
+    if objective is not None:
+        from planner.tradeoffs.objective import read_objective
+
+        read_objective(objective)
+    if rig is not None:
+        from controllers.rig_file import validate_rig_file
+
+        validate_rig_file(rig)
 
     other = NO_PROCESS
     with ExitStack() as stack:
@@ -212,15 +233,10 @@ def plan(
         from pulsepath.job import run
         from pulsepath.output import plan_directory, record, tables
         from pulsepath.output.checkpoint import CHECKPOINT
-        from pulsepath.output.directory import RECORD, REPORT, fill_directory, refuse_overwrite, replace_directory
         from pulsepath.parts_job import Firing, choose_parts, open_helpers, run_parts
 
-        refuse_overwrite(out, force)
         heated = objective is not None and read_objective(objective).heat > 0
         kind = None if order is None else int(order)
-        if effort is not None and gap is None:
-            raise click.UsageError("--effort is of --gap.", click.get_current_context())
-        within = None if gap is None else read_percent("--gap", gap)
         if crossed:  # said before the work
             require("--cross-check")
         behind = read_rig(rig, inputs.machine)
@@ -242,9 +258,7 @@ def plan(
             if no is not None:
                 raise no
             return
-        for option, asked in {"--keep-certified": keep, "--resume": resume, "--cluster": cluster is not None}.items():
-            if asked:
-                raise click.UsageError(f"{option} is for --stream.", click.get_current_context())
+        _refuse_without_parts(parts)
         with replace_directory(out, force) as folder:  # where nothing can be written, that is said before the work
             with inputs.tell_lines():
                 job = run(
@@ -273,6 +287,11 @@ def plan(
     else:
         tables.show(tables.of_plan(job) if level() == VERBOSE else tables.sum_up(job))
         say(f"report: {report}")
+
+
+def _refuse_without_parts(asked: Mapping[str, bool]) -> None:
+    for option in (option for option, given in asked.items() if given):
+        raise click.UsageError(f"{option} is for --stream.", click.get_current_context())
 
 
 def _is_long(program: str, stream: bool | None) -> bool:

@@ -56,20 +56,25 @@ def pose(
     Example: pulsepath pose hexapod 5,5,35 --turn 3,-4,2
     """
     refuse_unknown(machine=machine)
-    from kinematics import MotionError, load_machine
-    from kinematics.analysis.posture import posture_of_axes, posture_of_pose
-    from pulsepath.output import record, tables
+    from kinematics.foundation.errors import MotionError
 
     axes = {"--lengths": lengths, "--travel": travel, "--counts": counts}
     given = [option for option, text in axes.items() if text is not None]
     if len(given) > 1 or (given and (pose is not None or turn is not None)):
         beside = " beside a POSE" if len(given) == 1 else ""
         raise MotionError(f"pose: {' and '.join(given)}{beside}: give a POSE, or one of {', '.join(axes)}")
+    place = None if pose is None else _read_values("POSE", pose, ("m",) * 3, "x, y, z")
+    angles = None if turn is None else _read_turn(turn)
+    from kinematics import load_machine
+
     of = load_machine(machine)
+    from kinematics.analysis.posture import posture_of_axes, posture_of_pose
+    from pulsepath.output import record, tables
+
     if given:
         found = posture_of_axes(of, _read_coordinates(of, given[0], axes[given[0]] or ""))
     else:
-        found = posture_of_pose(of, _read_pose(of, pose, turn, frame))
+        found = posture_of_pose(of, _place(of, place, angles, frame))
     if as_json:
         click.echo(record.as_json(record.of_posture(found)), nl=False)
     else:
@@ -81,23 +86,29 @@ def pose(
         click.get_current_context().exit(INFEASIBLE)
 
 
-def _read_pose(machine: "Machine", position: str | None, turn: str | None, frame: str) -> "Pose":
-    """In the base frame. Raises MotionError for what is none, or states what the machine lets follow."""
-    from scipy.spatial.transform import RigidTransform
+def _read_turn(text: str) -> list[float]:
+    """θx, θy, θz, rad."""
+    from kinematics.foundation.errors import MotionError
 
-    from kinematics import MotionError
-    from kinematics.analysis.posture import refuse_dependent
-    from kinematics.machine.pose import make_pose
-
-    home = [0.0] * 3 if frame == "home" else machine.home.translation.tolist()
-    place = home if position is None else _read_values("POSE", position, ("m",) * 3, "x, y, z")
-    angles = [0.0] * 3 if turn is None else _read_values("--turn", turn, ("rad",) * 3, "θx, θy, θz")
+    angles = _read_values("--turn", text, ("rad",) * 3, "θx, θy, θz")
     for angle, name in zip(angles, ("θx", "θy", "θz"), strict=True):
         if abs(angle) > 2 * pi * (1 + 1e-12):
             raise MotionError(
                 f"--turn: {name} of {degrees(angle):.6g}° is more than a whole turn, which a pose does not tell from "
                 "none; give the rest of it, or the axes by --travel"
             )
+    return angles
+
+
+def _place(machine: "Machine", position: list[float] | None, turn: list[float] | None, frame: str) -> "Pose":
+    """In the base frame. Raises MotionError for what states what the machine lets follow."""
+    from scipy.spatial.transform import RigidTransform
+
+    from kinematics.analysis.posture import refuse_dependent
+    from kinematics.machine.pose import make_pose
+
+    home = [0.0] * 3 if frame == "home" else machine.home.translation.tolist()
+    place, angles = home if position is None else position, turn or [0.0] * 3
     refuse_dependent(machine, dict(zip(("rx", "ry", "rz"), angles, strict=True)))
     stated = make_pose(place, angles)
     if frame == "home":
@@ -135,7 +146,7 @@ def _read_values(what: str, text: str, units: tuple[str, ...], names: str) -> li
 
 
 def _split(what: str, text: str, count: int, names: str) -> list[str]:
-    from kinematics import MotionError
+    from kinematics.foundation.errors import MotionError
     from kinematics.foundation.units import describe_value
 
     parts = [part.strip() for part in text.split(",")]
@@ -147,7 +158,7 @@ def _split(what: str, text: str, count: int, names: str) -> list[str]:
 
 
 def _read_count(text: str) -> int:
-    from kinematics import MotionError
+    from kinematics.foundation.errors import MotionError
     from kinematics.foundation.units import describe_value
 
     if not re.fullmatch(r"[+-]?\d{1,15}", text, re.ASCII):

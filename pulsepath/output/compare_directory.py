@@ -1,11 +1,14 @@
 """The output of `compare`: report, table as JSON, runs as CSV, and the saved runs for later comparisons."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from benchmarks.reports.gain import Comparison, Verdict
 from kinematics.files.atomic_files import Destination, stage_files
 from kinematics.foundation.errors import MotionError
-from pulsepath.output.directory import COMPARISON, COMPARISON_KIND, REPORT
+from pulsepath.output.directory import CELLS, COMPARISON, COMPARISON_KIND, REPORT
+
+if TYPE_CHECKING:
+    from benchmarks.reports.gain import Comparison, Verdict
 
 TABLE = "runs.csv"
 
@@ -17,8 +20,6 @@ def destinations(target: Path, force: bool) -> list[Destination]:
 
     Saved runs may stay since each is found by the hash of what it depends on: an interrupted comparison goes on.
     """
-    from benchmarks.sweep.result import CELLS
-
     if target.exists() and not target.is_dir():
         raise MotionError(f"{target} exists and is not a directory; give another --out")
     if (target / COMPARISON).exists():
@@ -29,7 +30,7 @@ def destinations(target: Path, force: bool) -> list[Destination]:
     return [Destination(target / name, force=True) for name in (REPORT, TABLE, COMPARISON)]
 
 
-def write(to: list[Destination], comparison: Comparison) -> Verdict:
+def write(to: list[Destination], comparison: "Comparison") -> "Verdict":
     """Write everything: all files or none, each whole, the record last."""
     from benchmarks.reports.gain.gain_report import comparison_record, gain_report, runs_csv
     from pulsepath.output import record

@@ -29,6 +29,8 @@ CALIBRATION, CALIBRATION_KIND = "calibration.json", "pulsepath calibrate"
 COMPARISON, COMPARISON_KIND = "compare.json", "pulsepath compare"
 """The same of `compare`."""
 RECORDS = {KIND: RECORD, CALIBRATION_KIND: CALIBRATION, COMPARISON_KIND: COMPARISON}
+CELLS = "cells"
+"""As in benchmarks.sweep.result, which takes long to load."""
 REPORT = "report.html"
 """Of each of them the page for its reader."""
 
