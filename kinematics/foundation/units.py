@@ -84,6 +84,13 @@ USUAL_UNITS = {
     "kHz": (Decimal(1000), "1 / [time]"),
     "kg": (Decimal(1), "[mass]"),
     "kg*m^2": (Decimal(1), "[mass] * [length] ** 2"),
+    "ms": (Decimal("0.001"), "[time]"),
+    "us": (Decimal("0.000001"), "[time]"),
+    "arcmin": (Decimal("0.0002908882086657215961539484614"), "[angle]"),
+    "rpm": (Decimal("0.1047197551196597746154214461"), "[angle] / [time]"),
+    "mm/min": (Decimal("0.00001666666666666666666666666667"), "[length] / [time]"),
+    "N*m": (Decimal(1), "[mass] * [length] ** 2 / [time] ** 2"),
+    "N*m*s/rad": (Decimal(1), "[mass] * [length] ** 2 / [time] / [angle]"),
 }
 
 

@@ -25,6 +25,7 @@ SLOW = {
     "rich",
     "jinja2",
     "numba",
+    "loky",
     "prompt_toolkit",
 }
 
@@ -70,6 +71,55 @@ def test_what_plans_nothing_loads_nothing_that_computes(arguments, tmp_path):
     assert set(loaded) <= {"rich"}
     assert first.returncode == code
     assert ("nearest is" in first.stderr) == (code == 2 and arguments[-1] != "9"), first.stderr
+
+
+COMPUTING = {"scipy", "numba", "loky", "matplotlib", "toppra", "jinja2", "pint"}
+FAULTY = {
+    "segment.toml": 'schema = 1\nmachine = "hexapod"\n[[segment]]\ndwell = "3 kg"\n',
+    "machine.toml": 'schema = 1\nkind = "hexapod"\n[geometry]\nbase_radios = "149 mm"\nbase_gap = 30\n',
+    "rig.toml": 'schema = 1\nmachine = "arm"\n[servo]\nposition_gain = "30 s"\n',
+    "full/notes.txt": "mine\n",
+}
+REFUSED = {
+    "check segment.toml": '"3 kg"',
+    "plan segment.toml --out o": '"3 kg"',
+    "check circle --machine machine.toml": 'nearest is "base_radius"',
+    "plan circle --machine machine.toml --out o": 'nearest is "base_radius"',
+    "console --machine machine.toml": 'nearest is "base_radius"',
+    "calibrate machine.toml cmm --out o": 'nearest is "base_radius"',
+    "pose machine.toml": 'nearest is "base_radius"',
+    "plan circle --rig rig.toml --out o": '"30 s"',
+    "compare rig.toml --out o": '"30 s"',
+    "plan circle --out full": "not empty",
+    "compare servo-rig --out full": "no saved runs",
+    "plan circle --gap 3 --out o": "per cent",
+    "plan circle --effort 2 --out o": "--gap",
+    "check full": "holds no plan",
+    "hold full --at 1s": "holds no plan",
+    "export full --format vcd": "holds no plan",
+    "track full": "holds no plan",
+    "pose hexapod 5,5": "2 entries",
+    "pose hexapod 5,5,5 --turn 400,0,0": "whole turn",
+}
+"""What is refused by what files and arguments say, and with which words."""
+
+
+@pytest.mark.parametrize("command", REFUSED)
+def test_what_files_say_wrong_is_told_before_what_computes_is_loaded(command, tmp_path):
+    for name, text in FAULTY.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    report = f"""
+import io, os, sys
+os.chdir({str(tmp_path)!r})
+sys.stderr = told = io.StringIO()
+from pulsepath.cli import main
+try: main({command.split()!r})
+except SystemExit as end: assert end.code == 2, end.code
+sys.stderr = sys.__stderr__
+assert {REFUSED[command]!r} in told.getvalue(), told.getvalue()
+"""
+    assert not COMPUTING & set(loaded_after(report))
 
 
 def test_lists_are_made_again_where_a_file_changes_or_what_is_kept_is_damaged(tmp_path, monkeypatch):
