@@ -1,11 +1,10 @@
 """Measurement files: the schema of their TOML, and the measurements that one holds."""
 
 from os import PathLike
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
-from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.calibration.measurements import AXIS, MAX_HOME_DISTANCE, POSITION, Measurements, Noise
 from kinematics.files.keys import Chosen, key
@@ -15,7 +14,12 @@ from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import validation_error
 from kinematics.foundation.names import find
 from kinematics.foundation.units import Unit
-from kinematics.machine.pose import Pose, make_pose
+from kinematics.machine.pose import make_pose
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
+    from kinematics.machine.pose import Pose
 
 PLAIN_UNITS = {"length": "m", "angle": "rad", "error": "m"}
 """The declarations that give plain numbers their unit, and the SI unit of each; "error" is of lengths in errors."""
@@ -61,6 +65,8 @@ def load_measurements(name_or_path: MeasurementSource) -> Measurements:
     source = find("kinematics.calibration", "measurement file", name_or_path)
     document = read(source)
     model = build(document, MeasurementFile, plain=read_declared_units({**DEFAULT_UNITS, **document.data}, PLAIN_UNITS))
+    from scipy.spatial.transform import RigidTransform
+
     entries: list[tuple[str, DirectionPose | WholePose | TurnedAxis]] = [
         (f"pose {k + 1}", entry) for k, entry in enumerate(model.pose)
     ]
@@ -89,8 +95,8 @@ def load_measurements(name_or_path: MeasurementSource) -> Measurements:
 class PoseRow(NamedTuple):
     """What a table says of one pose; the last two by `measurements.COMPONENTS`."""
 
-    commanded: Pose
-    measured: Pose
+    commanded: "Pose"
+    measured: "Pose"
     seen: np.ndarray
     spread: Array
 
@@ -112,13 +118,17 @@ def _direction_of_six(desired: tuple[float, ...]) -> tuple[float, ...]:
     return desired
 
 
-def _rotation_to_axis(axis: Array) -> Rotation:
+def _rotation_to_axis(axis: Array) -> "Rotation":
     """Rx(θx) · Ry(θy), whose z axis is the given one: a direction says nothing of the turn about itself."""
+    from scipy.spatial.transform import Rotation
+
     return Rotation.from_euler("XYZ", [np.arctan2(-axis[1], axis[2]), np.arcsin(axis[0]), 0.0])
 
 
-def _axis_row(at: tuple[float, ...], turn: Rotation, error: tuple[float, ...], axis: Array, spread: Array) -> PoseRow:
+def _axis_row(at: tuple[float, ...], turn: "Rotation", error: tuple[float, ...], axis: Array, spread: Array) -> PoseRow:
     """A row with an axis measured, and a position where `error` has one."""
+    from scipy.spatial.transform import RigidTransform
+
     position = np.array(at) - (error[:3] if len(error) == 6 else 0.0)
     # of the measured rotation only its z axis means anything; its x and y name the two components of the axis' error
     measured = RigidTransform.from_components(position, _rotation_to_axis(axis))
@@ -211,6 +221,8 @@ class TurnedAxis(PublishedTable):
 
     @model_validator(mode="after")
     def _same_command(self) -> Self:
+        from scipy.spatial.transform import Rotation
+
         axis, turned = _unit_direction(self.desired), Rotation.from_euler("XYZ", self.theta).as_matrix()[:, 2]
         if np.linalg.norm(np.cross(axis, turned)) > SAME_ANGLE:
             angles = np.rad2deg(np.arccos(turned))
@@ -221,6 +233,8 @@ class TurnedAxis(PublishedTable):
         return self
 
     def row(self) -> PoseRow:
+        from scipy.spatial.transform import Rotation
+
         axis = _unit_direction(tuple(np.subtract(self.desired, self.error)))
         nothing = (np.nan, np.nan, np.nan)
         spread = _spread_components(nothing, self.spread or nothing)

@@ -1,17 +1,22 @@
 """Measured poses: what was commanded, what was measured of it, and how well."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import RigidTransform
 
 from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
-from kinematics.machine.pose import Pose, to_numbers
+from kinematics.machine.pose import to_numbers
+
+if TYPE_CHECKING:
+    from kinematics.machine.pose import Pose
 
 COMPONENTS = ("x", "y", "z", "rx", "ry", "rz", "axis u", "axis v")
 """Errors of a pose: position and turn in the measuring frame; where only the platform's z axis is known, its turn about
@@ -75,7 +80,9 @@ class Measurements(Result):
                 raise MotionError(f"{self.name}: {what} must have shape {shape}, not {np.shape(array)}")
 
     def _check(self, pose: Pose, what: str) -> None:
-        if not isinstance(pose, Pose):
+        from scipy.spatial.transform import RigidTransform
+
+        if not isinstance(pose, RigidTransform):
             raise MotionError(f"{self.name}: {what} must be poses (RigidTransform), not {type(pose).__name__}")
         if pose.single:
             raise MotionError(f"{self.name}: {what} is a single pose; give a batch, of one pose or more")
@@ -132,6 +139,8 @@ def measured_positions(
     name: str = "measurements",
 ) -> Measurements:
     """Measurements of positions only, (N, 3) m in the home frame; otherwise as `whole_poses`."""
+    from scipy.spatial.transform import RigidTransform
+
     places = finite_array(measured, f"{name}: measured", unit="m")
     if places.ndim != 2 or places.shape[1] != 3:
         raise MotionError(f"{name}: measured must be positions (N, 3) in m, not of shape {places.shape}")
@@ -141,7 +150,9 @@ def measured_positions(
 def _build_measurements(
     commanded: Pose, measured: Pose, seen: int, noise: Noise | None, labels: Sequence[str] | None, name: str
 ) -> Measurements:
-    count = len(commanded) if isinstance(commanded, Pose) and not commanded.single else 1
+    from scipy.spatial.transform import RigidTransform
+
+    count = len(commanded) if isinstance(commanded, RigidTransform) and not commanded.single else 1
     named = tuple(labels) if labels is not None else tuple(f"pose {k + 1}" for k in range(count))
     return Measurements(
         commanded=commanded,

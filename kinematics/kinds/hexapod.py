@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.analysis.assembly_modes import assembly_modes
 from kinematics.files.keys import key
 from kinematics.files.schema import one_of_tables
 from kinematics.foundation.arrays import Array
@@ -51,6 +50,8 @@ class Hexapod(Legged):
 
     def assembly_modes(self, q: ArrayLike) -> "Pose":
         """Every pose with leg lengths q (6,), as far as they are found: see `kinematics.analysis.assembly_modes`."""
+        from kinematics.analysis.assembly_modes import assembly_modes
+
         return assembly_modes(self, q)
 
 

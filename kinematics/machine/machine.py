@@ -7,9 +7,6 @@ from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
-from kinematics.analysis.forward import Forward, solve
-from kinematics.analysis.margins import Margins, measure
-from kinematics.analysis.virtual_work import Balance, force_map, force_terms_map, has_load, holding_map
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
@@ -18,6 +15,9 @@ from kinematics.machine.model import MachineModel
 from kinematics.machine.pose import PoseLike
 
 if TYPE_CHECKING:
+    from kinematics.analysis.forward import Forward
+    from kinematics.analysis.margins import Margins
+    from kinematics.analysis.virtual_work import Balance
     from kinematics.machine.pose import Pose
 
 UNLIMITED = {"inf": "unlimited", "-inf": "unlimited", "None": "unlimited"}
@@ -62,21 +62,29 @@ class Machine(MachineModel, Result):
     @property
     def force_map(self) -> Balance:
         """x, ẋ, ẍ (12 each), q, q̇, q̈ (n each) -> actuator forces (n): see `kinematics.analysis.virtual_work`."""
+        from kinematics.analysis.virtual_work import force_map
+
         return self.derive(force_map, of_load=True)
 
     @property
     def force_terms_map(self) -> Balance:
         """x, x′, x″, q, q′, q″ along a path -> forces (3 n): at rest, for s̈ = 1 from rest, and for ṡ = 1."""
+        from kinematics.analysis.virtual_work import force_terms_map
+
         return self.derive(force_terms_map, of_load=True)
 
     @property
     def holding_map(self) -> Balance:
         """x (12), q (n) -> the forces (n) that hold the machine still."""
+        from kinematics.analysis.virtual_work import holding_map
+
         return self.derive(holding_map, of_load=True)
 
     @property
     def loaded(self) -> bool:
         """Whether it states masses, friction or a wrench: without any, its actuators have nothing to push."""
+        from kinematics.analysis.virtual_work import has_load
+
         return self.derive(has_load, of_load=True)
 
     def forward(self, q: ArrayLike, near: Pose | None = None, *, certify: bool = True) -> Forward:
@@ -103,6 +111,7 @@ class Machine(MachineModel, Result):
         OutOfReach
             No pose is found that has the lengths q (n,); among several, their `residual` tells.
         """
+        from kinematics.analysis.forward import solve
         from kinematics.machine.pose import Pose
 
         # numbers could as well be the coordinates that inverse takes as its near
@@ -128,6 +137,8 @@ class Machine(MachineModel, Result):
         Margins
             Use of each limit at each pose.
         """
+        from kinematics.analysis.margins import measure
+
         return measure(self, self.read_pose(pose), near)
 
     def tables(self) -> tuple[Table, ...]:

@@ -55,14 +55,14 @@ def calibrate(
 
     refuse_overwrite(out, force, CALIBRATION_KIND)
     find("kinematics.calibration", "measurement file", measurements)  # refuses an unknown name
-    from kinematics import load_machine
-
-    nominal = load_machine(machine)
-    from kinematics import calibration
     from kinematics.calibration.measurement_file import load_measurements
+    from kinematics.machine.machine_file import validate_machine_file
+
+    make = validate_machine_file(find("kinematics", "machine", machine))
+    measured, nominal = load_measurements(measurements), make()
+    from kinematics import calibration
     from pulsepath.output import calibration_directory, record, tables
 
-    measured = load_measurements(measurements)
     sources = {
         "machine": find("kinematics", "machine", machine).read_bytes(),
         "measurements": find("kinematics.calibration", "measurement file", measurements).read_bytes(),

@@ -105,6 +105,7 @@ def compare(
 
     for text in (*laws, *filter(None, [baseline])):
         read_setting(text)
+    runs = [load_runs(folder) for folder in saved]
     from benchmarks.reports import gain
     from controllers.rig_file import load_rig
     from pulsepath.output import record
@@ -113,7 +114,6 @@ def compare(
 
     asked = [gain.read_condition(text) for text in conditions]
     if saved:
-        runs = [load_runs(folder) for folder in saved]
         for condition, one in product(asked, runs):
             condition.check(one.record)
     else:

@@ -77,7 +77,6 @@ COMPUTING = {"scipy", "numba", "loky", "matplotlib", "toppra", "jinja2", "pint"}
 FAULTY = {
     "segment.toml": 'schema = 1\nmachine = "hexapod"\n[[segment]]\ndwell = "3 kg"\n',
     "machine.toml": 'schema = 1\nkind = "hexapod"\n[geometry]\nbase_radios = "149 mm"\nbase_gap = 30\n',
-    "rig.toml": 'schema = 1\nmachine = "arm"\n[servo]\nposition_gain = "30 s"\n',
     "full/notes.txt": "mine\n",
 }
 REFUSED = {
@@ -88,8 +87,6 @@ REFUSED = {
     "console --machine machine.toml": 'nearest is "base_radius"',
     "calibrate machine.toml cmm --out o": 'nearest is "base_radius"',
     "pose machine.toml": 'nearest is "base_radius"',
-    "plan circle --rig rig.toml --out o": '"30 s"',
-    "compare rig.toml --out o": '"30 s"',
     "plan circle --out full": "not empty",
     "compare servo-rig --out full": "no saved runs",
     "plan circle --gap 3 --out o": "per cent",
