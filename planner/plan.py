@@ -198,7 +198,7 @@ class Plan(Result, Interruptible):
     def whole(self) -> Whole:
         """What sections of it are made of (`planner.interruption`)."""
         program, motion = self.program, (self.path, self.trajectory, self.certificate, self.pulses)
-        return Whole(program.name, self.machine, *motion, self.order, program.tool, self.own_limits)
+        return Whole(program.name, self.machine, *motion, self.order, program.tool, self.own_limits, self.fastest)
 
     def data(self) -> Table:
         """The motion over time; `certificate` and `pulses` have data of their own."""

@@ -32,9 +32,13 @@ class Interruptible(ABC):
         return hold(self.whole(), at, during)
 
     @check_arguments()
-    def resume(self, stop: Section | Annotated[float, Unit("m")]) -> Section:
-        """The fastest motion from a stop, or from rest at a place (m of the path), to the end."""
-        return resume(self.whole(), stop.until if isinstance(stop, Section) else stop)
+    def resume(self, stop: Section | Annotated[float, Unit("m")], share: float | None = None) -> Section:
+        """The motion from a stop, or from rest at a place (m of the path), to the end.
+
+        share: of the plan's speed, which is taken up as soon as the limits allow. None: the fastest motion, or the
+        speed of a plan with a stated duration or another objective than time.
+        """
+        return resume(self.whole(), stop.until if isinstance(stop, Section) else stop, share)
 
     @check_arguments()
     def override(

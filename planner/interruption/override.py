@@ -1,5 +1,6 @@
 """A plan at less of its speed, as a whole or from an instant on, and the way on from a rest."""
 
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -24,6 +25,8 @@ from planner.interruption.instant import (
 )
 from planner.interruption.ramp import Proved, find_ramps
 from planner.interruption.section import SAME_PLACE, Section, Whole, make_section
+from planner.limits import Limit
+from planner.path.actuation import MachinePath
 from planner.shaping.keep_limits import solve_shaped
 from planner.shaping.shaped_motion import find_copies, shape_motion
 from planner.shaping.shaped_proof import prove_shaped
@@ -43,8 +46,7 @@ def override(whole: Whole, share: float, at: float | None = None, during: Sectio
     Raises MotionError for a share that is not above 0 and up to 1, for an instant that is none of the motion's, and
     where the slower motion breaks a limit, as one on a band of speeds or of the torque that friction takes may be.
     """
-    if not 0 < share <= 1:
-        raise MotionError(f"override {share:g}: must be above 0 and at most 1, which is the plan's own speed")
+    check_share("override", share)
     if at is None:
         if during is not None:
             raise MotionError("override during a section: give the instant (s) at which the speed is to change")
@@ -59,6 +61,13 @@ def override(whole: Whole, share: float, at: float | None = None, during: Sectio
     return make_section(whole, "override", *made[:5], sent, t, made.shaped)
 
 
+def check_share(what: str, share: float) -> float:
+    """The share of the plan's speed; MotionError for one that is not above 0 and up to 1."""
+    if not 0 < share <= 1:
+        raise MotionError(f"{what} {share:g}: must be above 0 and at most 1, which is the plan's own speed")
+    return share
+
+
 def _slow_whole(whole: Whole, share: float) -> Section:
     path = whole.draw(0.0, float(whole.path.breaks[-1]))
     slower, limits = slow_motion(whole.trajectory, share, path), whole.limits(path)
@@ -71,50 +80,73 @@ def _slow_whole(whole: Whole, share: float) -> Section:
     return make_section(whole, "override", path, limits, slower, certificate, 0.0, shaped=shaped)
 
 
+@dataclass(frozen=True, slots=True)
+class _Change:
+    """From an instant of a motion to the plan at a share of its speed, to its end: what that goes along."""
+
+    whole: Whole
+    now: Instant
+    share: float
+    path: MachinePath
+    limits: tuple[Limit, ...]
+
+    @classmethod
+    def begin(cls, whole: Whole, now: Instant, share: float, rested: float = 0.0) -> "_Change":
+        """rested: s that the motion has been at rest there."""
+        path = whole.draw(now.s, float(whole.path.breaks[-1]), now.v, now.a, now.t, now.q, rested=rested)
+        return cls(whole, now, share, path, whole.limits(path))
+
+    def reach(self, place: float) -> tuple[float, float]:
+        """ṡ and s̈ of the plan at its share, at a place (m)."""
+        there = find_passage(self.whole.trajectory, place)
+        return self.share * there.v, self.share**2 * there.a
+
+    def follow(self, before: Trajectory | None, there: Instant) -> Proved | None:
+        """What is run until an instant of the plan, and that from there on at its share; None: not proved."""
+        plan, first = self.whole.trajectory, find_piece(self.whole.path, self.now.s)
+        after = slow_motion(cut_motion(plan, there, None, len(plan.s)), self.share, self.path)
+        joined = after = shift_motion(after, there.s - self.now.s, -first)
+        if before is not None:
+            joined = join_motions(self.path, before, after)
+        certificate = certify(joined, self.limits)
+        return Proved(self.path, self.limits, joined, certificate, self.now.s) if certificate.holds else None
+
+    def ramp(self, motion: Trajectory | None, end: float) -> Proved | None:
+        """The soonest way from the motion, or from rest, to the plan at its share, before a place (m)."""
+        for ramp in find_ramps(self.whole, motion, self.now, end, self.reach, self.whole.trajectory.s):
+            there = find_passage(self.whole.trajectory, self.now.s + float(ramp.path.breaks[-1]))
+            made = self.follow(ramp.trajectory, there)
+            if made is not None:
+                return made
+        return None
+
+
 def _change_speed(whole: Whole, running: Running, now: Instant, share: float) -> Proved:
     """From an instant on, before any shapers: by the soonest ramp, or behind the next rest where there is none."""
-    motion, plan, length = running.trajectory, whole.trajectory, float(whole.path.breaks[-1])
+    motion, plan = running.trajectory, whole.trajectory
     rest, push = find_rest(motion, now), float(np.abs(plan.a).max())
     still = (motion.v == 0) & (motion.a == 0) & (motion.j == 0)
     if rest is not None and rest.t <= now.t and rest.t < motion.duration and not still[now.knot]:
         rest = None  # it has begun to move
-    path = whole.draw(now.s, length, now.v, now.a, now.t, now.q, rested=0.0 if rest is None else rest_time(motion, now))
-    limits, first = whole.limits(path), find_piece(whole.path, now.s)
-
-    def take_up(before: Trajectory | None, there: Instant) -> Proved | None:
-        """What was run until an instant of the plan, and that from there on at its share; None: not proved."""
-        after = slow_motion(cut_motion(plan, there, None, len(plan.s)), share, path)
-        after = shift_motion(after, there.s - now.s, -first)
-        joined = after if before is None else join_motions(path, before, after)
-        certificate = certify(joined, limits)
-        return Proved(path, limits, joined, certificate, now.s) if certificate.holds else None
-
-    def reach(place: float) -> tuple[float, float]:
-        there = find_passage(plan, place)
-        return share * there.v, share**2 * there.a
-
-    here = find_passage(plan, now.s)
+    change = _Change.begin(whole, now, share, 0.0 if rest is None else rest_time(motion, now))
+    here, first = find_passage(plan, now.s), find_piece(whole.path, now.s)
     if rest is not None:
         later = np.flatnonzero(~still & (np.arange(len(still)) >= max(now.knot, rest.knot)))
         if len(later) == 0 or rest.t >= motion.duration:
             raise MotionError(
                 f"override {share:g} at {now.t:.6f} s: the motion rests there to its end; resume from there"
             )
-        made = take_up(shift_motion(cut_motion(motion, now, None, int(later[0])), 0.0, -first), here)
+        made = change.follow(shift_motion(cut_motion(motion, now, None, int(later[0])), 0.0, -first), here)
     elif abs(now.v - share * here.v) <= SAME_SHARE * now.v and abs(now.a - share**2 * here.a) <= SAME_SHARE * push:
-        made = take_up(None, here)
+        made = change.follow(None, here)
     else:
-        last = next_rest(plan, here)
-        end = float(plan.s[last]) if last < len(plan.s) else length
-        made = None
-        for ramp in find_ramps(whole, motion, now, end, reach, plan.s):
-            made = take_up(ramp.trajectory, find_passage(plan, now.s + float(ramp.path.breaks[-1])))
-            if made is not None:
-                return made
+        last, end = find_next_rest(whole, here)
+        made = change.ramp(motion, end)
         stop = next_rest(motion, now)
-        if abs((float(motion.s[stop]) if stop < len(motion.s) else length) - end) <= SAME_PLACE * length:
-            before = shift_motion(cut_motion(motion, now, None, stop), 0.0, -first)  # both rest there
-            made = take_up(before, look(plan, float(plan.knots[last])))
+        rests_at = float(motion.s[stop]) if stop < len(motion.s) else float(whole.path.breaks[-1])
+        if made is None and abs(rests_at - end) <= SAME_PLACE * float(whole.path.breaks[-1]):  # where the plan does
+            before = shift_motion(cut_motion(motion, now, None, stop), 0.0, -first)
+            made = change.follow(before, look(plan, float(plan.knots[last])))
     if made is None:
         raise MotionError(
             f"override {share:g} at {now.t:.6f} s: no motion was found that takes up the plan's speed before its "
@@ -123,15 +155,44 @@ def _change_speed(whole: Whole, running: Running, now: Instant, share: float) ->
     return made
 
 
-def resume(whole: Whole, since: float) -> Section:
-    """The fastest motion from rest at a place (m) of the path to its end. Raises as `certified_solve`."""
+def find_next_rest(whole: Whole, now: Instant) -> tuple[int, float]:
+    """The time piece of the plan before which it comes to rest next, and the place (m) of that."""
+    last = next_rest(whole.trajectory, now)
+    return last, float(whole.trajectory.s[last] if last < len(whole.trajectory.s) else whole.path.breaks[-1])
+
+
+def resume(whole: Whole, since: float, share: float | None = None) -> Section:
+    """The motion from rest at a place (m) of the path to its end.
+
+    share: of the plan's speed, which is taken up as soon as the limits allow. None: the fastest motion, of a plan that
+    is the fastest; of one with a stated duration or another objective, its own speed. Raises as `certified_solve`.
+    """
     length = float(whole.path.breaks[-1])
     if since == length:
         raise MotionError(f"resume from {since:g} m: the path ends there, so there is nothing to resume")
     if not 0 <= since < length:
         raise MotionError(f"resume from {since:g} m: the path goes from 0 to {length:.6g} m; give a place on it")
+    if share is not None or not whole.fastest:
+        return _resume_at(whole, since, 1.0 if share is None else check_share("resume", share))
     path = whole.draw(since, length)
     limits = whole.limits(path)
     solve = partial(certified_solve, path, order=whole.order)
     found, certificate, shaped, _ = solve_shaped(solve, path, limits, whole.machine.axes)
     return make_section(whole, "resume", path, limits, found.trajectory, certificate, since, shaped=shaped)
+
+
+def _resume_at(whole: Whole, since: float, share: float) -> Section:
+    """From rest to the plan at a share of its speed: by the soonest ramp, or behind its next rest."""
+    here = find_passage(whole.trajectory, since)
+    change = _Change.begin(whole, replace(here, v=0.0, a=0.0), share)
+    last, end = find_next_rest(whole, here)
+    made = change.follow(None, here) if here.v == 0 else change.ramp(None, end)
+    if made is None:
+        path = whole.draw(since, end)
+        before = certified_solve(path, whole.limits(path), whole.order).trajectory
+        made = change.follow(before, look(whole.trajectory, float(whole.trajectory.knots[last])))
+    if made is None:
+        raise MotionError(f"resume from {since:g} m at {share:g} of the plan's speed: no motion keeps every limit")
+    moves, axes = shape_motion(made.trajectory, whole.machine.axes), whole.machine.axes
+    shaped = None if moves is None else prove_shaped(moves, made.trajectory, axes, made.limits, made.certificate)
+    return make_section(whole, "resume", *made[:4], since, shaped=shaped)

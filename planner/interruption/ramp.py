@@ -71,14 +71,15 @@ def rest_anywhere(place: float) -> tuple[float, float]:
 
 
 def find_ramps(
-    whole: Whole, motion: Trajectory, now: Instant, end: float, target: Target, knots: Array = NO_KNOTS
+    whole: Whole, motion: Trajectory | None, now: Instant, end: float, target: Target, knots: Array = NO_KNOTS
 ) -> Iterator[Proved]:
-    """From an instant of a motion to what a target has before `end` (m): the soonest that is found, then later ones.
+    """From an instant of a motion, or from rest (None), to what a target has before `end` (m): the soonest first.
 
     knots: places (m) where s⃛ of what is taken up may step. On a grid that holds them, and those of the motion that is
     left, to follow either for a while is among the motions of the problem.
     """
-    knots = np.union1d(motion.s, knots)
+    if motion is not None:
+        knots = np.union1d(motion.s, knots)
     for leave in _find_leaves(whole, motion, now):
         left = Continuation(np.zeros(1), np.zeros((4, 0)), {}, leave.a, knots[knots > leave.s] - leave.s)
         way = _find_way(whole, leave, end, target, left)
@@ -91,20 +92,20 @@ def find_ramps(
             found = attempt(partial(certified_solve, path, limits, whole.order, continuation=left))
             if isinstance(found, MotionError):
                 continue
-            if leave is now:
+            if motion is None or leave is now:
                 yield Proved(path, limits, found.trajectory, found.certificate, now.s)
             else:
                 yield _follow_first(whole, motion, now, leave, found.trajectory, target(until))
 
 
-def _find_leaves(whole: Whole, motion: Trajectory, now: Instant) -> Iterator[Instant]:
+def _find_leaves(whole: Whole, motion: Trajectory | None, now: Instant) -> Iterator[Instant]:
     """When the motion may be left: at once; else where its s⃛ steps next.
 
     As it comes to its largest speed its jerk is all that the limits allow, to the last digit where it was found in
     closed form: no solver finds the only motion that there is from its midst.
     """
     yield now
-    if whole.order == 2:
+    if motion is None or whole.order == 2:
         return
     steps = np.abs(np.diff(motion.j)) > STEP_SHARE * np.abs(motion.j).max()
     later = 1 + np.flatnonzero(steps & (motion.knots[1:-1] > now.t) & (motion.v[1:] > 0))

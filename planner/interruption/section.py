@@ -31,7 +31,10 @@ SAME_PLACE = 1e-12
 
 @dataclass(frozen=True, slots=True)
 class Whole:
-    """What a section is one of: a plan's name, machine, path, motion, proof, pulses, order, tool and own limits."""
+    """What a section is one of: a plan's name, machine, path, motion, proof, pulses, order, tool and own limits.
+
+    fastest: whether its motion is, and not one of a stated duration or with the least of another objective
+    """
 
     name: str
     machine: Machine
@@ -42,6 +45,7 @@ class Whole:
     order: int
     tool: Pose | None
     own_limits: tuple[OwnLimit, ...] = ()
+    fastest: bool = True
 
     @property
     def duration(self) -> float:

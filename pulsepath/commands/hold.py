@@ -118,7 +118,8 @@ def hold(
         return
     show(made[0].tables())
     if len(made) > 1:
-        say(f"from there to the end: {made[1].duration:.6f} s, certified")
+        pace = "the fastest motion" if whole.fastest else "at the plan's own speed"
+        say(f"from there to the end: {made[1].duration:.6f} s, certified, {pace}")
     for file in files:
         say(f"{file['file']}: {file['error_pulses']:.3g} pulses from {file['against']}")
 

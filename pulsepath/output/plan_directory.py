@@ -77,7 +77,7 @@ class StoredPlan(Interruptible):
     """A plan taken up again: its motion, exactly as proved; clock and rule of its pulses, order of its limits.
 
     load: its whole motion, once it is asked for; follow: the same part by part, where it was planned so
-    stated: what was stated of its pulses, without them; pulse_file: where they are
+    stated: what was stated of its pulses, without them; pulse_file: where they are; fastest: as `Whole` has it
     doubts: why it is not known to be what was proved; nothing but where that was asked for
     """
 
@@ -92,6 +92,7 @@ class StoredPlan(Interruptible):
     stated: PulseSchedule | None = None
     pulse_file: Path | None = None
     doubts: tuple[str, ...] = ()
+    fastest: bool = True
 
     @property
     def trajectory(self) -> Trajectory:
@@ -118,11 +119,10 @@ class StoredPlan(Interruptible):
 
     def whole(self, progress: Progress = ignore_progress) -> Whole:
         """What sections of it are made of, with its pulses, and its motion proved once more."""
-        motion = self.trajectory
-        proof, path = certify(motion, self.limits), motion.path
+        motion, pulses = self.trajectory, self.pulses(progress)
+        proof, path, tool = certify(motion, self.limits), motion.path, self.program.tool
         assert isinstance(path, MachinePath)  # as every plan's
-        program, pulses = self.program, self.pulses(progress)
-        return Whole(program.name, self.machine, path, motion, proof, pulses, self.order, program.tool)
+        return Whole(self.program.name, self.machine, path, motion, proof, pulses, self.order, tool, (), self.fastest)
 
     def open_pulses(self) -> PulseFile | None:
         """Their binary file, to be read part by part; None where there is none that has and states what was proved."""
@@ -324,7 +324,8 @@ def _load(folder: Path, unverified: bool, proving: AbstractContextManager[object
     duration = read_duration(folder / MOTION) + shaper_length(machine.axes)
     stated = _state_pulses(pulses, duration, machine, clock, rule)
     held = next((folder / name for name in (BINARY, PULSES["csv"]) if name and (folder / name).is_file()), None)
-    taken = StoredPlan(program, machine, load, clock, rule, order, follow, digest, stated, held)
+    fastest = record.get("stated_duration_s") is None and record.get("objective") == "time"
+    taken = StoredPlan(program, machine, load, clock, rule, order, follow, digest, stated, held, fastest=fastest)
     if unverified:
         return replace(taken, pulse_file=None, doubts=(*doubts, "the motion was not proved again"))
     with proving:

@@ -7,7 +7,7 @@ import pytest
 
 from kinematics import load_machine
 from kinematics.foundation.errors import MotionError
-from planner import Dwell, Line, Program, plan
+from planner import Dwell, Line, Program, load_program, plan
 from tests.planner.interruption.test_hold import uses
 
 COREXY = Path(__file__).parents[3] / "docs/examples/corexy.toml"
@@ -98,6 +98,20 @@ def test_dwells_last_as_long_as_before(straight):
     assert within.duration == pytest.approx(ends - begins - 0.05 + 2 * (motion.duration - ends), abs=2e-7)
     late = straight.override(0.5, begins - 1e-3)  # nothing is to slow before the rest
     assert late.duration == pytest.approx(1e-3 + ends - begins + 2 * (motion.duration - ends), abs=3e-3)
+
+
+def test_a_plan_of_a_stated_duration_is_resumed_at_its_own_speed():
+    made = plan(load_program("bare-circle"), load_machine("hexapod"), duration=4.0)
+    held = made.hold(1.4)
+    rest = made.resume(held)
+    places = np.linspace(held.until + 0.02, 0.09, 50)
+    own, whole = rates_at(rest.trajectory, rest.since, places), rates_at(made.trajectory, 0.0, places)
+    assert rest.certificate.holds
+    assert own == pytest.approx(whole, rel=1e-4)
+    slow = made.resume(held, 0.5)
+    assert rates_at(slow.trajectory, slow.since, places) == pytest.approx(0.5 * whole, rel=1e-4)
+    assert made.resume(held, 1.0).duration == rest.duration < slow.duration
+    assert uses(slow).max() <= 1 + 1e-9
 
 
 def test_what_runs_at_its_share_goes_on(circle):
