@@ -19,6 +19,7 @@ from controllers.drives.stepper import Stepper
 from kinematics.foundation.arrays import Array, freeze_array, freeze_fields
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import nearest
+from kinematics.foundation.options import check_arguments, check_fields
 from kinematics.foundation.short_repr import short_repr
 from kinematics.machine.machine import Machine
 
@@ -136,16 +137,13 @@ class Host:
     closing_stop: float | None = None
 
     def __post_init__(self) -> None:
-        if self.timer not in get_args(Timer):
-            raise MotionError(f'host: timer "{self.timer}" is neither "counter" nor "sleep"')
+        check_fields(self)
         for name in ("granularity", "jitter"):
             value = getattr(self, name)
             if not 0 <= value < float("inf"):
                 raise MotionError(f"host: {name} {value} s must be zero or more")
         if self.seed < 0:
             raise MotionError(f"host: seed {self.seed} must be zero or more")
-        if self.speed_from not in ("encoder", "card"):
-            raise MotionError(f'host: speed from "{self.speed_from}" is neither "encoder" nor "card"')
         if self.closing_stop is not None and not 0 <= self.closing_stop < float("inf"):
             raise MotionError(f"host: closing stop {self.closing_stop} s must be zero or more")
 
@@ -195,6 +193,12 @@ class Rig:
     tasks: tuple[Task, ...] = ()
 
     def __post_init__(self) -> None:
+        for name in ("drives", "tasks"):
+            if isinstance(given := getattr(self, name), list):
+                object.__setattr__(self, name, tuple(given))
+        check_fields(self, "machine")
+        if not hasattr(self.machine, "axes"):
+            raise MotionError(f"rig: machine is {self.machine!r:.60}; expected a machine, as load_machine gives it")
         if len(self.drives) != len(self.machine.axes):
             raise MotionError(
                 f"rig: {len(self.drives)} drives for the {len(self.machine.axes)} axes of machine {self.machine.name}"
@@ -207,6 +211,7 @@ class Rig:
         drives = ", ".join(f"{kinds.count(kind)} {kind}s" for kind in dict.fromkeys(kinds))
         return f"{self.name}: {drives}, card {self.card.name}"
 
+    @check_arguments()
     def task(self, name: str) -> Task:
         """The task of a name. Raises MotionError with the nearest and all known ones."""
         known = {task.name: task for task in self.tasks}

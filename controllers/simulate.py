@@ -118,6 +118,8 @@ class Recorder:
 HOST_STEP = 5e-3
 """s. Between two commands the card's speed is a straight line, which leaves the plan by dt²/12 of what the acceleration
 changes by: at most 1.3 pulses of 0.75 µm between ±225 mm/s², the hexapod's. A host that polls the card can keep it."""
+MAX_WAIT = 3600.0
+"""s: the longest step of a host, settling and interval between records; longer ones are slips of the unit."""
 SETTLING_TIME = 0.5
 """s after the end of the plan: fifteen time constants of a 30 1/s position loop."""
 
@@ -284,7 +286,7 @@ def _refuse_times(dt: float, sample: float, exact: bool, settle: float, period: 
             f"track: the host's step {dt * 1e3:g} ms is not a whole multiple of the drives' sample time "
             f"{sample * 1e3:g} ms; use {max(inner, 1) * sample * 1e3:g} ms"
         )
-    if not 0 <= settle < float("inf"):
-        raise MotionError(f"track: settling time {settle} s must be zero or more")
-    if period is not None and not 0 < period < float("inf"):
-        raise MotionError(f"track: period {period} s must be above zero")
+    if not 0 <= settle <= MAX_WAIT:
+        raise MotionError(f"track: settle {settle:g} s must be from 0 to {MAX_WAIT:g} s")
+    if period is not None and not 0 < period <= MAX_WAIT:
+        raise MotionError(f"track: period {period:g} s must be above 0, and at most {MAX_WAIT:g} s")

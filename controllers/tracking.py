@@ -17,7 +17,7 @@ from controllers.laws.law import AnyLaw, Feedback, Memory, Reference, StatefulLa
 from controllers.laws.registry import find_law
 from controllers.rig import Rig, Timer
 from controllers.rig_choice import choose_rig
-from controllers.simulate import HOST_STEP, SETTLING_TIME, sample, simulate
+from controllers.simulate import HOST_STEP, MAX_WAIT, SETTLING_TIME, sample, simulate
 from kinematics.foundation.arrays import Array, freeze_fields
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import check_arguments
@@ -243,8 +243,8 @@ def _track_lanes(
     """law: that of the batch, of which every run is called by its own of `laws`."""
     motion = motion_of(plan)
     chosen = choose_rig(machine, rig)
-    if not 0 < dt < float("inf"):
-        raise MotionError(f"track: the host's step {dt * 1e3:g} ms must be above zero")
+    if not 0 < dt <= MAX_WAIT:
+        raise MotionError(f"track: dt {dt:g} s, the host's step, must be above 0, and at most {MAX_WAIT:g} s")
     rigs = [chosen] * len(laws)
     runs = simulate(sample(motion, machine, dt), law, rigs, settle=settle, period=period, progress=progress)
     pulse = np.array([axis.pulse for axis in machine.axes])

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kinematics.foundation.arrays import MAX_TIME
 from kinematics.foundation.errors import MotionError, NotFree, OutOfReach
 from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
@@ -47,6 +48,9 @@ from planner.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from planner.tradeoffs.limit_worth import Worth
+
+MAX_CLOCK_HZ = 10**18
+"""Ticks per second: of a faster clock, ten seconds are more ticks than int64 holds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -270,11 +274,11 @@ def plan(
         order = usual_order(machine.axes)
     if order not in (2, 3):
         raise MotionError(f"order {order} is not known; 2 limits speed and acceleration, 3 jerk too")
-    if isinstance(clock_hz, bool) or not isinstance(clock_hz, (int, np.integer)) or clock_hz <= 0:
-        raise MotionError(f"clock_hz {clock_hz} must be a positive whole number of ticks per second")
+    if not 0 < clock_hz <= MAX_CLOCK_HZ:
+        raise MotionError(f"clock_hz {clock_hz!r:.60} must be above 0, and at most {MAX_CLOCK_HZ:g} ticks per second")
     duration = program.duration if duration is None else duration
-    if duration is not None and not 0 < duration < np.inf:
-        raise MotionError(f"duration {duration} s must be positive and finite")
+    if duration is not None and not 0 < duration <= MAX_TIME:
+        raise MotionError(f"duration {duration:g} s must be above 0, and at most {MAX_TIME:g} s")
     objective = read_objective(objective) if isinstance(objective, str) else objective
     if duration is not None and objective.heat > 0:
         raise MotionError(f'objective "{objective}" finds a duration of its own: omit it, or the one of {duration:g} s')

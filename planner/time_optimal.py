@@ -96,15 +96,22 @@ def _check_end_speeds(start_speed: float, end_speed: float) -> tuple[float, floa
     return float(start_speed), float(end_speed)
 
 
+MOST = 1e60
+"""Of a bound: what is beyond overflows when it is scaled. Give None where there is none."""
+
+
 def _per_axis(name: str, values: ArrayLike | None, count: int) -> Sequence[Magnitude | None]:
     if values is None:
         return [None] * count
     try:
         bounds = np.asarray(values, float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         bounds = np.array(np.nan)  # words, complex numbers, ragged lists
-    if bounds.shape not in ((), (1,), (count,), (count, 2)) or not (bounds > 0).all() or not np.isfinite(bounds).all():
-        raise MotionError(f"{name} = {values} must be one positive number, or one for each of the {count} axes, or two")
+    if bounds.shape not in ((), (1,), (count,), (count, 2)) or not ((bounds > 0) & (bounds <= MOST)).all():
+        raise MotionError(
+            f"{name} = {values!r:.80} must be one positive number, or one for each of the {count} axes, or two, "
+            f"at most {MOST:g}"
+        )
     if bounds.ndim == 2:
         return [(below, above) for below, above in bounds.tolist()]
     return [float(value) for value in np.broadcast_to(bounds, count)]

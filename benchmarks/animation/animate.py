@@ -38,7 +38,7 @@ from benchmarks.animation.frames import (
     parse_colour,
 )
 from benchmarks.reports.page import render
-from kinematics.files.atomic_files import Destination
+from kinematics.files.atomic_files import Destination, require_folder
 from kinematics.files.plain_text import plain
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
@@ -248,8 +248,9 @@ def animate(
     Raises
     ------
     MotionError
-        The file exists.
+        The file exists, or its folder does not.
     """
+    require_folder(f"animate {path}", Path(path))
     target = Destination(Path(path), force=force, remedy="give force=True to replace it")
     target.write(document(plan, frames, magnify))
     return target.path

@@ -17,7 +17,7 @@ from benchmarks.animation.frames import (
     colour_uses,
     compute_frames,
 )
-from kinematics.files.atomic_files import Destination
+from kinematics.files.atomic_files import Destination, require_folder
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import check_arguments
@@ -40,6 +40,7 @@ def save_four_views(
     plan: AnimatablePlan, path: str | Path, t: float | None = None, *, magnify: float | None = None, force: bool = False
 ) -> Path:
     """Write `four_views` to a file, .pdf, .png or .svg. Raises MotionError for one that exists, unless `force`."""
+    require_folder(f"views {path}", Path(path))
     target = Destination(Path(path), force=force, remedy="give force=True to replace it")
     write_four_views(plan, target, t, magnify)
     return target.path

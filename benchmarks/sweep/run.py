@@ -40,7 +40,7 @@ from controllers.rig_file import load_rig
 from controllers.simulate import sample, simulate
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
-from kinematics.foundation.options import check_arguments
+from kinematics.foundation.options import check_arguments, check_fields
 from kinematics.machine.machine import Machine
 from planner.cluster import LostTask, is_installed, run_on_cluster
 from planner.environment import LIBRARIES
@@ -146,12 +146,27 @@ def _motion(motion: Any) -> list[Any]:
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """Every setting on every task, rig variation and seed; duplicates run once."""
+    """Every setting on every task, rig variation and seed; duplicates run once.
+
+    settings    as `settings_of` and `read_setting` make them
+    tasks       names of tasks of the rig
+    variations  of the rig's inertia and friction
+    seeds       whole numbers, of what the host's timer draws
+    Lists do as well as tuples. Raises MotionError for what is none of these.
+    """
 
     settings: tuple[Setting, ...]
     tasks: tuple[str, ...]
     variations: tuple[Variation, ...] = VARIATIONS
     seeds: tuple[int, ...] = (0,)
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            if isinstance(given := getattr(self, each.name), list):
+                object.__setattr__(self, each.name, tuple(given))
+        check_fields(self)
+        if any(seed < 0 for seed in self.seeds):
+            raise MotionError(f"grid: seeds {list(self.seeds)} must be whole numbers from 0 on")
 
     def __iter__(self) -> Iterator[Cell]:
         return (

@@ -16,7 +16,7 @@ import numpy as np
 
 from controllers.card import Command, TAMove
 from controllers.rig import Timer
-from kinematics.foundation.arrays import Array, freeze_array, numeric_array
+from kinematics.foundation.arrays import Array, finite_array, freeze_array, numeric_array
 from kinematics.foundation.errors import MotionError
 
 Gain = float | Array
@@ -28,7 +28,11 @@ Grid = Mapping[str, tuple[float, ...]]
 
 def check_gain(law: str, name: str, value: Gain, advice: str) -> Gain:
     """The gain as a float or a read-only array. Raises MotionError unless finite, and a number or (B, 1)."""
-    values = np.asarray(value, float)
+    values = numeric_array(value)
+    if values is None:
+        raise MotionError(
+            f"law {law}: {name} is {value!r:.60}; expected a number, or an array (B, 1) of them; {advice}"
+        )
     if values.ndim not in (0, 2) or (values.ndim == 2 and values.shape[1] != 1):
         raise MotionError(
             f"law {law}: {name} has shape {values.shape}; give a number, or an array (B, 1) of one value for each run"
@@ -43,6 +47,10 @@ def format_gain(value: Gain) -> str:
     """The gain in a name: "0.7", or "0.5…0.9" where runs differ."""
     low, high = np.min(value), np.max(value)
     return f"{low:g}" if low == high else f"{low:g}…{high:g}"
+
+
+REFERENCE_SHAPES = ((None, None), (None, None, None))
+"""Samples and axes; samples, runs and axes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,8 +68,14 @@ class Reference:
     _heading: Array = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "position", freeze_array(self.position, np.float64))
-        object.__setattr__(self, "speed", freeze_array(self.speed, np.float64))
+        if not finite_array(self.dt, "reference: dt", (), unit="s") > 0:
+            raise MotionError(f"reference: dt {self.dt} s must be above 0")
+        for name, unit in (("position", "pulses"), ("speed", "pulses/s")):
+            samples = finite_array(getattr(self, name), f"reference: {name}", *REFERENCE_SHAPES, unit=unit)
+            object.__setattr__(self, name, freeze_array(samples))
+        if not self.position.size or self.position.shape != self.speed.shape:
+            shapes = f"{self.position.shape} and {self.speed.shape}"
+            raise MotionError(f"reference: position and speed are {shapes}; give one speed for each position")
         sign = np.where(np.abs(self.speed) > _REST_SPEED, np.sign(self.speed), 0.0)
         k = np.arange(len(sign)).reshape(-1, *(1,) * (sign.ndim - 1))
         last = np.maximum.accumulate(np.where(sign != 0, k, 0))
@@ -135,11 +149,21 @@ class Feedback:
     speed     v(k − 1), pulses/s: the change of `position` over the step that ends here, divided by its time; or the
               card's output rate now, as the host is set (`controllers.rig.Host.speed_from`)
     counter   the card's own position counter, pulses
+    Raises MotionError for what is no numbers, and arrays of different shapes.
     """
 
     position: Array
     speed: Array
     counter: Array
+
+    def __post_init__(self) -> None:
+        for name, unit in (("position", "pulses"), ("speed", "pulses/s"), ("counter", "pulses")):
+            given = getattr(self, name)
+            if type(given) is not np.ndarray or given.dtype.kind != "f":  # one is made for every step
+                object.__setattr__(self, name, finite_array(given, f"feedback: {name}", unit=unit))
+        if not self.position.shape == self.speed.shape == self.counter.shape:
+            shapes = f"{self.position.shape}, {self.speed.shape} and {self.counter.shape}"
+            raise MotionError(f"feedback: position, speed and counter are {shapes}; give one of each for every lane")
 
 
 class Law(Protocol):

@@ -299,9 +299,11 @@ def _build_metrics(
 ) -> tuple[Metrics, ...]:
     t = lanes.t
     pulse = freeze_array([axis.pulse for axis in machine.axes])
-    shafts = _shafts(lanes, task, machine, pulse, band)
     if not 0 < period < float("inf"):
         raise MotionError(f"evaluate: period {period} s must be above zero")
+    if not 0 <= band < float("inf"):
+        raise MotionError(f"evaluate: band {band} must be 0 pulses or more")
+    shafts = _shafts(lanes, task, machine, pulse, band)
     every = max(1, round(period / (t[1] - t[0])))
     few, planned = machine.home_q + lanes.actual[::every] * pulse, sample_plan(task.motion, machine, t[::every])
     following, until = few - planned.q[:, None], lanes.samples(every)

@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinematics.foundation.arrays import Array
+from kinematics.foundation.arrays import LEAST_POSITIVE, Array, finite_array
 from kinematics.foundation.errors import MotionError
 from kinematics.kinds.legged import Legged
 from kinematics.machine.pose import from_numbers, to_numbers
@@ -139,11 +139,7 @@ def assembly_modes(machine: Legged, q: ArrayLike, *, seed: int = 0) -> Pose:
     """
     from scipy.spatial.transform import RigidTransform, Rotation
 
-    lengths = np.asarray(q, float)
-    if lengths.shape != (6,) or not np.isfinite(lengths).all() or not (lengths > 0).all():
-        raise MotionError(
-            f"machine {machine.name}: assembly modes need six finite lengths above 0 m, not {lengths.tolist()}"
-        )
+    lengths = finite_array(q, f"machine {machine.name}: lengths of its legs", (6,), unit="m", least=LEAST_POSITIVE)
     above, below = machine.platform.mean(0), machine.base.mean(0)
     a, b = machine.platform - above, machine.base - below
     size = float(np.sqrt(((a**2).sum() + (b**2).sum() + (lengths**2).sum()) / 18))

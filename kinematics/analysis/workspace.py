@@ -31,6 +31,9 @@ from kinematics.machine.pose import check_pose
 if TYPE_CHECKING:
     from kinematics.machine.machine import Machine
 
+MAX_CELLS = 1000
+"""Along every side: of more, the nodes of the grid do not fit into memory."""
+
 
 def largest_block(
     solid: np.ndarray, sides: Sequence[float], holding: tuple[int, int, int] | None = None
@@ -272,9 +275,9 @@ def workspace(
         A range is none.
     """
     machine = load_machine(machine)
-    if not isinstance(cells, Integral) or isinstance(cells, bool) or cells < 1:
+    if not isinstance(cells, Integral) or isinstance(cells, bool) or not 1 <= cells <= MAX_CELLS:
         raise MotionError(
-            f"workspace of {machine.name}: cells must be a whole number of at least 1, not {cells!r:.100}"
+            f"workspace of {machine.name}: cells must be a whole number from 1 to {MAX_CELLS}, not {cells!r:.100}"
         )
     rotation = machine.home.rotation if rotation is None else rotation
     if not isinstance(rotation, Rotation):

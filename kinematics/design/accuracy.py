@@ -57,13 +57,19 @@ class ErrorSource(Protocol):
 
 def require_nonnegative(source: Any, skip: tuple[str, ...] = (), per_axis: tuple[str, ...] = ()) -> None:
     """Every number of a source is finite and no less than zero; those in `per_axis` may be one for each axis."""
+    if not isinstance(source.name, str) or not source.name:
+        raise MotionError(f"{type(source).__name__}: name is {source.name!r:.60}; expected a text that is not empty")
     for field in fields(source):
         value = getattr(source, field.name)
-        if field.name in ("name", *skip) or isinstance(value, bool):
+        if isinstance(field.default, bool) and not isinstance(value, bool):
+            raise MotionError(f"{source.name}: {field.name} is {value!r:.60}; expected True or False")
+        if field.name in ("name", *skip) or isinstance(field.default, bool):
             continue
         if value is None and field.default is None:
             continue
         numbers = finite_array(value, f"{source.name}: {field.name}", unit="SI units")
+        if not numbers.size:
+            raise MotionError(f"{source.name}: {field.name} is empty; give one number, or one for each axis (SI units)")
         if (numbers < 0).any() or numbers.ndim > 1 or (numbers.ndim and field.name not in per_axis):
             kind = "not negative" if (numbers < 0).any() else "a single number"
             raise MotionError(f"{source.name}: {field.name} {value} must be {kind} (SI units)")

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib.resources import files
 from importlib.resources.abc import Traversable
+from math import inf
 from os import PathLike
 from pathlib import Path
 from typing import Any, TypeVar
@@ -13,7 +14,7 @@ from typing import Any, TypeVar
 from kinematics.files.toml_document import MAX_BYTES, bytes_of, refuse_utf16, utf8_fault
 from kinematics.foundation.errors import Fault, FileError, MotionError
 from kinematics.foundation.names import nearest
-from kinematics.foundation.options import check_arguments
+from kinematics.foundation.options import check_arguments, check_fields
 from kinematics.foundation.units import describe, describe_value, everyday_unit, quantity, unit_value
 
 
@@ -35,6 +36,9 @@ class Actuator:
     type: str = ""
     cost: tuple[float, float] | None = None
 
+    def __post_init__(self) -> None:
+        _check_part(self)
+
 
 @dataclass(frozen=True, slots=True)
 class Joint:
@@ -49,6 +53,18 @@ class Joint:
     mass: float | None = None
     type: str = ""
     cost: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        _check_part(self)
+
+
+def _check_part(part: Actuator | Joint) -> None:
+    """Raise MotionError for a property of a wrong kind, or one that is not above 0."""
+    check_fields(part)
+    for name, unit in _PROPERTIES.items():
+        value = getattr(part, name, None)
+        if value is not None and not 0 < value < inf:
+            raise MotionError(f"{type(part).__name__.lower()} {part.name}: {name} {value} {unit} must be above 0")
 
 
 @check_arguments()
@@ -74,6 +90,7 @@ def load_joints(path: str | PathLike[str] | None = None) -> tuple[Joint, ...]:
 Part = TypeVar("Part", bound=Actuator | Joint)
 
 _COMMON = {"force": "N", "precision": "m", "size": "m", "mass": "kg"}
+_PROPERTIES = {"stroke": "m", "speed": "m/s", "tilt": "rad", "force": "N", "precision": "m", "mass": "kg"}
 _TEXT_FIELDS = ("company", "model", "type")
 _EMPTY_CELLS = ("", "-", "–")
 _COST = re.compile(r"(\d+(?:\.\d+)?)(?:\s*[-–]\s*(\d+(?:\.\d+)?))?")

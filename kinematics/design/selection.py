@@ -139,8 +139,10 @@ def joint_need(machine: MachineSource, pose: PoseLike, force: ArrayLike | None =
         raise MotionError(f"machine {machine.name} has no joints that tilt")
     pose = machine.read_pose(pose)
     machine.inverse(pose)  # refuses what cannot be reached
+    if force is not None and not np.size(force := finite_array(force, "joint_need: force", unit="N")):
+        raise MotionError("joint_need: force is empty; give the forces of the joints in N, or None where any will do")
     tilt = float(np.arccos(np.clip(machine.tilt_map(to_numbers(pose)), -1.0, 1.0)).max())
-    return JointNeed(tilt or None, None if force is None else float(np.abs(finite_array(force, "force")).max()) or None)
+    return JointNeed(tilt or None, None if force is None else float(np.abs(force).max()) or None)
 
 
 def _check_need(need: ActuatorNeed | JointNeed) -> None:

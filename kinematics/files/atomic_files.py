@@ -118,6 +118,16 @@ def staged_path(made: Path, place: Path) -> Path:
     return made / NEW / place.name
 
 
+def require_folder(what: str, place: Path) -> None:
+    """Raise MotionError for a file to write whose folder is not there, or of a name that no file can have."""
+    if "\0" in str(place):
+        raise MotionError(f"{what}: the path has a NUL in it; give another")
+    if not place.parent.is_dir():
+        raise MotionError(f"{what}: there is no folder {place.parent}; make it first")
+    if place.is_dir():
+        raise MotionError(f"{what}: it is a folder; give the name of a file")
+
+
 Stamp = tuple[int, int, int, int] | None
 """Tells a file from another, and from itself after a change; None: there is none."""
 OCCUPIED_ERRNOS = (errno.EEXIST, errno.ENOTEMPTY, errno.ENOTDIR, errno.EISDIR)

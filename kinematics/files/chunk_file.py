@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 from zlib import crc32
 
+from kinematics.files.toml_document import unreadable_error
 from kinematics.foundation.errors import Fault, FileError
 
 SIGNATURE = b"\x89PPB\r\n\x1a\n"
@@ -112,10 +113,14 @@ def open_chunks(path: str | PathLike[str], kind: str, schema: int, partial: bool
     """What a file of a kind holds; its contents are read later, chunk by chunk.
 
     partial: also of a file that is not finished, as far as its last mark. Raises FileError for a file of another kind
-    or version, or one that is not whole.
+    or version, one that is not whole, and one that cannot be opened.
     """
     place = Path(path)
-    with place.open("rb") as file:
+    try:
+        opened = place.open("rb")
+    except (OSError, ValueError) as error:
+        raise unreadable_error(place, error) from None
+    with opened as file:
         size = os.fstat(file.fileno()).st_size
         _read_start(file, place)
         chunks, fault = _scan(file, size)

@@ -36,12 +36,17 @@ def bytes_of(source: Path | Traversable, most: int) -> bytes:
         with source.open("rb") as stream:
             raw = stream.read(most + 1)
     except (OSError, ValueError) as error:  # ValueError: a path that no file can have
-        told = getattr(error, "strerror", None) or str(error)
-        near = _suggest_file(source) if isinstance(error, FileNotFoundError) and isinstance(source, Path) else ""
-        raise FileError(file, [Fault("", f"{told}{near}")]) from None
+        raise unreadable_error(source, error) from None
     if len(raw) > most:
         raise FileError(file, [Fault("", f"larger than {most >> 20} MB")])
     return raw
+
+
+def unreadable_error(source: Path | Traversable, error: OSError | ValueError) -> FileError:
+    """What to raise of a file that cannot be opened; of one that is missing, with the nearest that is there."""
+    told = getattr(error, "strerror", None) or str(error)
+    near = _suggest_file(source) if isinstance(error, FileNotFoundError) and isinstance(source, Path) else ""
+    return FileError(str(source), [Fault("", f"{told}{near}")])
 
 
 def refuse_utf16(file: str, raw: bytes) -> None:

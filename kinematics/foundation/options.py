@@ -19,6 +19,7 @@ from typing import Annotated, Any, Literal, ParamSpec, TypeVar, Union, cast, get
 
 import numpy as np
 
+from kinematics.foundation.arrays import MAX_FLOAT
 from kinematics.foundation.errors import MotionError, locate_errors
 from kinematics.foundation.names import add_article, nearest, unknown_name
 from kinematics.foundation.units import Unit, quantity
@@ -132,7 +133,7 @@ def check_fields(value: object, *but: str) -> None:
     for name, (accepted, classes) in _field_kinds(kind, but).items():
         one = getattr(value, name)
         if not isinstance(one, classes) or one is True or one is False:  # programs have millions of these values
-            _refuse_misfit(kind.__name__.lower(), name, one, accepted)
+            _refuse_misfit(_split_name(kind.__name__), name, one, accepted)
 
 
 @cache
@@ -182,18 +183,19 @@ def fits(value: object, kind: Any) -> bool:
     origin, parts = get_origin(kind), get_args(kind)
     if origin is Annotated:
         return fits(value, parts[0])
+    if isinstance(kind, TypeVar):
+        return kind.__bound__ is None or fits(value, kind.__bound__)
     if origin in (Union, UnionType):
         return any(fits(value, part) for part in parts)
     if origin is Literal:
         return any(type(value) is type(part) and value == part for part in parts)
     if origin is Callable:
         return callable(value)
-    if origin in (Sequence, Iterable):
-        is_row = isinstance(value, origin | np.ndarray) and not isinstance(value, str | bytes | Mapping)
-        looked_at = value if isinstance(value, tuple | list) else ()
-        return is_row and all(fits(each, parts[0]) for each in looked_at)
+    if origin in (Sequence, Iterable) or _is_row_type(kind):
+        return _is_row(value, origin) and all(fits(each, parts[0]) for each in _list_entries(value))
     if kind in _NUMBERS:
-        return isinstance(value, _NUMBERS[kind][0]) and not isinstance(value, bool | np.bool_)
+        is_number = isinstance(value, _NUMBERS[kind][0]) and not isinstance(value, bool | np.bool_)
+        return is_number and (kind is int or not isinstance(value, int) or abs(value) <= MAX_FLOAT)
     if kind is bool:
         return isinstance(value, bool | np.bool_)
     if not isclass(kind):
@@ -201,6 +203,24 @@ def fits(value: object, kind: Any) -> bool:
     if getattr(kind, "_is_protocol", False):
         return not isclass(value) and all(hasattr(value, name) for name in _list_attributes(kind))
     return isinstance(value, kind)
+
+
+def _is_row_type(kind: Any) -> bool:
+    """Whether it is the annotation of a tuple of any length."""
+    return get_origin(kind) is tuple and get_args(kind)[1:] == (...,)
+
+
+def _is_row(value: object, kind: Any) -> bool:
+    if isinstance(value, np.ndarray):
+        return value.ndim > 0 and kind is not tuple
+    return isinstance(value, kind) and not isinstance(value, str | bytes | Mapping)
+
+
+def _list_entries(value: Any) -> Sequence[Any]:
+    """Those that can be looked at without using them up: of an array of numbers the first, since all are of a kind."""
+    if isinstance(value, np.ndarray):
+        return tuple(value if value.dtype.kind == "O" else value[:1])
+    return value if isinstance(value, tuple | list) else ()
 
 
 def _list_attributes(protocol: Any) -> tuple[str, ...]:
@@ -214,14 +234,17 @@ def _describe(kind: Any) -> list[str]:
     if origin is Annotated:
         units = [each.unit for each in parts[1:] if isinstance(each, Unit)]
         return [" in ".join(_describe(parts[0]) + units)]
+    if isinstance(kind, TypeVar):
+        return _describe(kind.__bound__)
     if origin in (Union, UnionType):
         return [words for part in parts for words in _describe(part)]
     if origin is Literal:
         return [f'"{part}"' if isinstance(part, str) else str(part) for part in parts]
     if origin is Callable:
         return ["a function"]
-    if origin in (Sequence, Iterable):
-        return [f"a list, each entry {' or '.join(dict.fromkeys(_describe(parts[0])))}"]
+    if origin in (Sequence, Iterable) or _is_row_type(kind):
+        row = "a tuple" if origin is tuple else "a list"
+        return [f"{row}, each entry {' or '.join(dict.fromkeys(_describe(parts[0])))}"]
     if kind in _NUMBERS:
         return [_NUMBERS[kind][1]]
     if kind in _PLAIN:
@@ -229,5 +252,9 @@ def _describe(kind: Any) -> list[str]:
     name = getattr(kind, "__name__", str(kind))
     if name in ("PathLike", "Path"):
         return ["a path"]
-    words = " ".join(re.findall("[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+", name)).lower()
-    return [add_article(words)]
+    return [add_article(_split_name(name))]
+
+
+def _split_name(name: str) -> str:
+    """The name of a class in words: "actuator need" of `ActuatorNeed`."""
+    return " ".join(re.findall("[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+", name)).lower()

@@ -17,7 +17,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
-from kinematics.files.atomic_files import Destination
+from kinematics.files.atomic_files import Destination, require_folder
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import add_article, nearest
 from kinematics.foundation.options import check_arguments
@@ -155,10 +155,7 @@ class Result(ABC):
                 f'{what}: "{place.suffix}" is no suffix of what {add_article(self._kind)} is saved as'
                 f"{nearest(place.suffix, known)}; there are {', '.join(known)}"
             )
-        if not place.parent.is_dir():
-            raise MotionError(f"{what}: there is no folder {place.parent}; make it first")
-        if place.is_dir():
-            raise MotionError(f"{what}: it is a folder; give the name of a file")
+        require_folder(what, place)
         with Destination(place, force=force, remedy="give another name, or force=True to replace it").stage() as file:
             known[place.suffix](file)
 

@@ -7,7 +7,7 @@ plate's aluminium, that joints weigh nothing, and which way the universal joints
 """
 
 from importlib.resources.abc import Traversable
-from math import inf, nextafter, pi
+from math import inf, nextafter, pi, tau
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from kinematics.files.keys import key
 from kinematics.files.schema import one_of_tables
-from kinematics.foundation.arrays import Array
+from kinematics.foundation.arrays import LEAST_POSITIVE, MAX_DISTANCE, Array, finite_array
 from kinematics.foundation.options import check_arguments
 from kinematics.foundation.units import Length, Unit
 from kinematics.kinds.axis_keys import AXES, GEOMETRY, KIND, OWN_AXES, LinearAxis, LinearDefaults, axes
@@ -32,8 +32,11 @@ if TYPE_CHECKING:
 def joint_circle(radius: float, gap: float, height: float) -> Array:
     """Joint centres (6, 3) on a circle, paired: azimuths γ/2, 120°∓γ/2, 240°∓γ/2, −γ/2 for the gap γ (rad) of a pair.
 
-    Source: [Sahbaz 2007, chapter 5].
+    Source: [Sahbaz 2007, chapter 5]. Raises MotionError for a radius that is not above 0 m, and numbers out of range.
     """
+    finite_array(radius, "joint_circle: radius", (), unit="m", least=LEAST_POSITIVE, most=MAX_DISTANCE)
+    finite_array(gap, "joint_circle: gap", (), unit="rad", least=-tau, most=tau)
+    finite_array(height, "joint_circle: height", (), unit="m", least=-MAX_DISTANCE, most=MAX_DISTANCE)
     third, half = np.deg2rad(120), gap / 2
     azimuth = np.array([half, third - half, third + half, 2 * third - half, 2 * third + half, -half])
     return np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth), np.full(6, height)], 1)

@@ -191,7 +191,7 @@ class Axis:
         """Everything is what it says, sequences become tuples of floats; else MotionError names the field."""
         if not isinstance(self.name, str) or not self.name:
             raise MotionError(f"an axis needs a name, a text that is not empty, not {self.name!r}")
-        if self.kind not in ("linear", "rotary"):
+        if not isinstance(self.kind, str) or self.kind not in ("linear", "rotary"):
             raise MotionError(f'axis {self.name}: kind {self.kind!r} is neither "linear" nor "rotary"')
         self._travel()
         self._numbers("pulse", (), least=LEAST_POSITIVE)
@@ -222,12 +222,16 @@ class Axis:
             curve = getattr(self, field)
             if curve is not None and (len(curve) < 2 or any(not b[0] > a[0] for a, b in pairwise(curve))):
                 raise MotionError(f"axis {self.name}: {field} {curve} must be two or more points, first values rising")
-        if self.pushed not in ("+", "-"):
+        if not isinstance(self.pushed, str) or self.pushed not in ("+", "-"):
             raise MotionError(f'axis {self.name}: pushed {self.pushed!r} is neither "+" nor "-"')
+        if not isinstance(self.compensate, tuple | list):
+            wanted = f"a list of {' and '.join(COMPENSATION_KINDS)}"
+            raise MotionError(f"axis {self.name}: compensate must be {wanted}, not {self.compensate!r:.100}")
         object.__setattr__(self, "compensate", tuple(self.compensate))
         for kind in self.compensate:
-            if kind not in COMPENSATION_KINDS:
-                raise MotionError(f"axis {self.name}: compensate {kind!r} is none of {', '.join(COMPENSATION_KINDS)}")
+            if not isinstance(kind, str) or kind not in COMPENSATION_KINDS:
+                known = ", ".join(COMPENSATION_KINDS)
+                raise MotionError(f"axis {self.name}: compensate {kind!r:.100} is none of {known}")
         if min(self._slopes()) <= 0:
             raise BadValue(
                 f"axis {self.name}: its lead error falls by more than the way between two points: "

@@ -4,9 +4,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from kinematics.foundation.arrays import Array, finite_array, freeze_array
+from kinematics.foundation.arrays import MAX_DISTANCE, Array, finite_array, freeze_array
 from kinematics.foundation.errors import MotionError
-from kinematics.foundation.options import check_arguments
+from kinematics.foundation.options import check_arguments, check_fields
 from kinematics.foundation.short_repr import short_repr
 
 # Rounding, as a share of the largest moment, that an inertia may be off what a rigid body can have.
@@ -32,6 +32,7 @@ class Body:
     name: str = "body"
 
     def __post_init__(self) -> None:
+        check_fields(self, "mass", "centre", "inertia")
         if finite_array(self.mass, f"{self.name}: mass", (), unit="kg") < 0:
             raise MotionError(f"{self.name}: mass {self.mass} kg must be finite and not below 0")
         centre = finite_array(self.centre, f"{self.name}: centre", (3,), unit="m")
@@ -54,8 +55,10 @@ class Body:
 @check_arguments()
 def cylinder(mass: float, radius: float, low: float, high: float, name: str = "cylinder") -> Body:
     """A solid cylinder along z from low to high (m): I_z = m r²/2, I_x = I_y = m (3 r² + h²)/12."""
-    if not (0 <= radius < np.inf and low < high):
-        raise MotionError(f"{name}: radius {radius} m must not be below 0, and {low} m must lie below {high} m")
+    if not 0 <= radius <= MAX_DISTANCE:
+        raise MotionError(f"{name}: radius {radius} m must be from 0 to {MAX_DISTANCE:g} m")
+    if not -MAX_DISTANCE <= low < high <= MAX_DISTANCE:
+        raise MotionError(f"{name}: low {low} m must lie below high {high} m, both within {MAX_DISTANCE:g} m")
     across, along = mass * (3 * radius**2 + (high - low) ** 2) / 12, mass * radius**2 / 2
     return Body(mass, freeze_array([0, 0, (low + high) / 2]), freeze_array(np.diag([across, across, along])), name)
 
@@ -125,7 +128,12 @@ class Load:
     wrench: Array = field(default_factory=lambda: freeze_array(np.zeros(6)))
 
     def __post_init__(self) -> None:
-        legs = (self.legs,) if isinstance(self.legs, Leg) else tuple(self.legs)
+        legs = (self.legs,) if isinstance(self.legs, Leg) else self.legs
+        if not isinstance(legs, tuple | list) or not all(isinstance(leg, Leg) for leg in legs):
+            raise MotionError(f"load: legs must be a Leg, or one for each leg, not {legs!r:.100}")
+        if not isinstance(self.platform, Body):
+            raise MotionError(f"load: platform must be a Body, not {self.platform!r:.100}")
+        legs = tuple(legs)
         object.__setattr__(self, "legs", legs)
         for name, size, unit in (("gravity", 3, "m/s²"), ("wrench", 6, "N and N·m")):
             values = finite_array(getattr(self, name), f"load: {name}", (size,), unit=unit)

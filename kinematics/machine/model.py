@@ -21,6 +21,7 @@ from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.errors import BadValue, MotionError, OutOfReach, locate_errors
 from kinematics.foundation.names import add_article
 from kinematics.foundation.operations import refuse_unknown
+from kinematics.foundation.options import check_arguments, fits
 from kinematics.machine.axis import Axis
 from kinematics.machine.kind import Kind, PlacedSkeleton, Skeleton, columns, refuse_uncontrolled
 from kinematics.machine.load import Load
@@ -84,7 +85,8 @@ T = TypeVar("T")
 def check_axes(of: Kind, name: str, given: Iterable[Axis]) -> tuple[Axis, ...]:
     """As many axes as there are freedoms, each of its sort, no two with the same name or the same driver."""
     kind, count = type(of).__name__.lower(), len(of.freedom)
-    axes = tuple(given) if isinstance(given, Iterable) else (given,)
+    rows: Any = given
+    axes: tuple[Axis, ...] = tuple(rows) if fits(rows, Iterable[object]) else (rows,)
     strange = [axis for axis in axes if not isinstance(axis, Axis)]
     if strange:
         raise MotionError(f"machine {name}: axes must be {count} of Axis, not {strange[0]!r:.100}")
@@ -146,6 +148,7 @@ class MachineModel(Kind):
             refuse_unknown(self.inverse_map.function)
         self.home_q: Array = freeze_array(self.inverse(home, np.zeros(len(self.axes)) if near is None else near))
 
+    @check_arguments()
     def carrying(self, load: Load) -> Self:
         """The same machine with another load."""
         other = copy(self)

@@ -82,8 +82,9 @@ class Shaper:
 
     def __post_init__(self) -> None:
         kinds = get_args(ShaperKind)
-        if self.kind not in kinds:
-            raise MotionError(f"shaper {self.kind!r} is none of {', '.join(kinds)}{nearest(str(self.kind), kinds)}")
+        if not isinstance(self.kind, str) or self.kind not in kinds:
+            known = f"{', '.join(kinds)}{nearest(str(self.kind)[:60], kinds)}"
+            raise MotionError(f"shaper: kind {self.kind!r:.60} is none of {known}")
         for name, least, most, unit in (
             ("frequency", LEAST_FREQUENCY, MOST_FREQUENCY, " Hz"),
             ("damping", 0.0, MOST_DAMPING, ""),

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
-from kinematics.files.atomic_files import Destination
+from kinematics.files.atomic_files import Destination, require_folder
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import load_plugin, make_with
 from kinematics.machine.machine import Machine
@@ -156,8 +156,7 @@ def write_export(
     """What `Plan.export` does; the file is there whole or not at all."""
     format_ = make_with(find_format(name), f"format {name}", options)
     place = Path(path)
-    if not place.parent.is_dir():
-        raise MotionError(f"export {place}: there is no folder {place.parent}; make it first")
+    require_folder(f"export {place}", place)
     target = Destination(place, force=force, remedy="give force=True to replace it, or another path")
     with target.stage() as file:
         return export(format_, name, source, file)

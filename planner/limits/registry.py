@@ -57,7 +57,7 @@ def limits_of(path: ActuatorPath, axes: Sequence[Axis], order: int, own: Sequenc
     if isinstance(path, MachinePath):
         limits += [make(path.machine, path) for make in MACHINE_LIMITS.values()]
     found = [limit for limit in limits if limit.binds]
-    for limit in make_own_limits(path, own) if own != () else ():
+    for limit in make_own_limits(path, own):
         if any(limit.name == other.name for other in found):
             raise MotionError(f'limits: there is a limit "{limit.name}" already; give yours a name of its own')
         if Term.SDDD in limit.terms and order < 3:

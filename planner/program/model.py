@@ -1,6 +1,6 @@
 """The program model: what the tool is asked to do, segment by segment, in SI units and in the program's own frame."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import islice
@@ -29,6 +29,7 @@ from planner.program.validation import (
     check_positive,
     check_rotation,
     legible,
+    read_constants,
     repeats,
     unit_direction,
 )
@@ -164,16 +165,14 @@ class Curve(MovingSegment):
 
     def __post_init__(self) -> None:
         check_caps(self, "curve", "position", "rotate", "constants")
-        if not fits(given := self.constants, Mapping | Sequence[Sequence[object]]):
-            raise MotionError(f"curve: constants are {given!r:.60}; expected names and numbers")
-        object.__setattr__(self, "constants", tuple(dict(given).items()))
+        object.__setattr__(self, "constants", read_constants(self.constants))
         check_names(dict(self.constants))
         check_positive("curve", "length", self.length, "m")
         check_positive("curve", "angle", self.angle, "rad")
         if not (isfinite(self.begin) and isfinite(self.end)) or self.begin == self.end:
             raise MotionError(f"curve: t from {self.begin} to {self.end} must be finite, and differ")
         for name, texts in (("position", self.position), ("rotate", self.rotate)):
-            if texts is not None and (isinstance(texts, str) or not fits(texts, Sequence[str]) or len(texts) != 3):
+            if texts is not None and (not fits(texts, Sequence[str]) or len(texts) != 3):
                 raise MotionError(f"curve: {name} takes three formulas, each a text, not {texts!r:.60}")
             for text in texts or ():
                 formula(text, dict(self.constants), SX.sym("t"))
@@ -313,7 +312,7 @@ class Program(Result):
         check_caps(self, f"program {self.name}", "segments", "repeat", "start", "tool", "work")
         told, given = "give it a line, arc, spline, curve, turn, synchronised move or dwell", self.segments
         if not isinstance(given, SegmentStream):
-            object.__setattr__(self, "segments", tuple(given) if isinstance(given, Iterable) else (given,))
+            object.__setattr__(self, "segments", tuple(given) if fits(given, Iterable[object]) else (given,))
             if odd := [one for one in self.segments if not isinstance(one, Segment)]:
                 raise MotionError(f"program {self.name}: {odd[0]!r:.60} is no segment: {told}")
         for frame in ("start", "tool", "work"):

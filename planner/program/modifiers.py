@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from math import pi, radians
 
-from kinematics.foundation.arrays import Array, freeze_fields
+from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import check_fields
 from kinematics.foundation.units import Angle, Length
@@ -128,4 +128,5 @@ class Free:
             raise MotionError(f"free: tilt {self.tilt} rad must not be negative, and be less than a right angle")
         if not self.yaw and self.tilt == 0:
             raise MotionError("free: free yaw, a tilt, or both; otherwise omit free")
-        freeze_fields(self, "controls")
+        if self.controls is not None:
+            object.__setattr__(self, "controls", freeze_array(finite_array(self.controls, "free: controls")))

@@ -1,5 +1,6 @@
 """What a program may give: points, directions and magnitudes that make sense, or a refusal that says what is wanted."""
 
+from collections.abc import Mapping
 from math import isfinite
 from typing import TYPE_CHECKING
 
@@ -9,7 +10,7 @@ from numpy.typing import ArrayLike
 from kinematics.files.plain_text import describe_control_character
 from kinematics.foundation.arrays import MAX_DISTANCE, MAX_TURNS, MIN_MAGNITUDE, Array, freeze_array, most
 from kinematics.foundation.errors import MotionError
-from kinematics.foundation.options import check_fields
+from kinematics.foundation.options import check_fields, fits
 
 if TYPE_CHECKING:
     from kinematics.machine.pose import Pose
@@ -26,7 +27,7 @@ def check_point(segment: str, name: str, value: ArrayLike) -> Array:
     """Three finite numbers."""
     try:
         found = freeze_array(value, float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         found = freeze_array([])
     if found.shape != (3,) or not all(map(isfinite, found.tolist())):  # of three numbers, sooner than numpy
         raise MotionError(f"{segment}: {name} must be three finite numbers, not {value!r}")
@@ -58,7 +59,7 @@ def check_points(segment: str, name: str, value: ArrayLike) -> Array:
     """(N, 3) of them, at least one."""
     try:
         found = freeze_array(value, float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         found = freeze_array([])
     if found.ndim != 2 or found.shape[1:] != (3,) or not len(found) or not np.isfinite(found).all():
         raise MotionError(f"{segment}: {name} must be points of three finite numbers, at least one, not {value!r:.100}")
@@ -86,6 +87,17 @@ def check_rotation(segment: object, what: str, name: str, *count: int) -> None:
         if not count and not turned.single:
             raise MotionError(f"{what}: {name} must be one rotation, not {len(turned)}; index the one that is meant")
         object.__setattr__(segment, name, turned)
+
+
+def read_constants(given: object) -> tuple[tuple[str, float], ...]:
+    """Names and numbers of a mapping, or of a row of pairs."""
+    pairs = tuple(given.items()) if isinstance(given, Mapping) else given
+    if not isinstance(pairs, tuple | list) or not all(
+        isinstance(pair, tuple | list) and len(pair) == 2 and isinstance(pair[0], str) and fits(pair[1], float)
+        for pair in pairs
+    ):
+        raise MotionError(f"curve: constants are {given!r:.60}; expected names and numbers, as {{'r': 0.02}}")
+    return tuple(dict(pairs).items())
 
 
 def check_frame(what: str, given: object) -> "Pose":

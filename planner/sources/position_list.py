@@ -23,12 +23,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from kinematics.files.atomic_files import write_whole
+from kinematics.files.atomic_files import require_folder, write_whole
 from kinematics.files.toml_document import format_decimal
 from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.errors import BadValue, MotionError
 from kinematics.foundation.names import closest, nearest
-from kinematics.foundation.options import check_arguments
+from kinematics.foundation.options import check_arguments, check_fields
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.foundation.units import describe_value, unit_value
@@ -59,11 +59,7 @@ class PositionList(Result):
     dwells: Array | None = None
 
     def __post_init__(self) -> None:
-        if self.order not in ("xyz", "yzx") or self.frame not in ("home", "base"):
-            raise MotionError(
-                f'position list: order "{self.order}" is neither "xyz" nor "yzx", or frame "{self.frame}" neither '
-                '"home" nor "base"'
-            )
+        check_fields(self, "poses", "dwells")
         poses = finite_array(self.poses, "position list: poses", (None, 6), least=-MAX_COORDINATE, most=MAX_COORDINATE)
         object.__setattr__(self, "poses", freeze_array(poses))
         given = np.zeros(len(poses)) if self.dwells is None else self.dwells
@@ -96,22 +92,26 @@ class PositionList(Result):
         )
         return (Table(f"{len(self)} poses from {self.frame}, {meaning}", columns),)
 
+    @check_arguments()
     def record(self, pose: ArrayLike, dwell: float = 0.0) -> "PositionList":
         """With one more pose at the end, and s of rest there."""
         return self._insert(len(self), pose, dwell)
 
+    @check_arguments()
     def insert(self, number: int, pose: ArrayLike, dwell: float = 0.0) -> "PositionList":
         """With a pose that gets a number, and s of rest there; what had it, and all after that, move up by one."""
         if number != len(self) + 1:
             self._check_number(number)
         return self._insert(number - 1, pose, dwell)
 
+    @check_arguments()
     def remove(self, first: int, last: int | None = None) -> "PositionList":
         """Without one pose, or those from one to another; what comes after moves down."""
         self._check_range(first, first if last is None else last)
         gone = slice(first - 1, last or first)
         return replace(self, poses=np.delete(self.poses, gone, axis=0), dwells=np.delete(self.rests, gone))
 
+    @check_arguments()
     def part(self, first: int | None = None, last: int | None = None) -> "PositionList":
         """Those from one number to another, both included; None: from the first, to the last."""
         first, last = 1 if first is None else first, len(self) if last is None else last
@@ -270,5 +270,6 @@ def positions_csv(listed: PositionList) -> str:
 
 @check_arguments()
 def save_positions(listed: PositionList, path: str | PathLike[str]) -> None:
-    """Write a list as CSV atomically: complete, or the file is unchanged."""
+    """Write a list as CSV atomically: complete, or the file is unchanged. Raises MotionError where no folder is."""
+    require_folder(f"save {path}", Path(path))
     write_whole(Path(path), positions_csv(listed))

@@ -12,6 +12,7 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import nearest
+from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from planner.certificate.certify import Certificate
@@ -102,12 +103,14 @@ class Worth(Result):
         k = int(np.argmax(own)) if len(own) else 0
         return (self.limits[k], self.axes[k]) if len(own) and own[k] > self._least else None
 
+    @check_arguments()
     def of(self, limit: str, axis: str = ALL) -> float:
         """s that one per cent more of a limit saves; NaN where that is not known. Raises MotionError for no such."""
         *_, axis = self._find(limit, axis)
         rows = [k for k, row in enumerate(zip(self.limits, self.axes, strict=True)) if row == (limit, axis)]
         return float(self.saved[rows[0]]) if rows else np.nan
 
+    @check_arguments()
     def replan(self, limit: str, axis: str = ALL, by: float = 0.2) -> LimitChange:
         """The motion with a limit of an axis, or of all, changed by a share, and what that saves.
 

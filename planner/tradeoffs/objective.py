@@ -46,6 +46,8 @@ class Objective:
 
     def __post_init__(self) -> None:
         check_fields(self)
+        if not 0 <= self.heat <= MOST_WEIGHT:
+            raise MotionError(f"objective: heat {self.heat:g}, a weight, must be from 0 to {MOST_WEIGHT:g}")
 
     def __str__(self) -> str:
         return "time" if self.heat == 0 else "time + heat" if self.heat == 1 else f"time + {self.heat:.15g} heat"

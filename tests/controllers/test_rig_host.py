@@ -46,11 +46,11 @@ def test_what_a_host_draws_is_its_own():
 @pytest.mark.parametrize(
     ("host", "words"),
     [
-        ({"timer": "clock"}, "neither"),
+        ({"timer": "clock"}, 'timer is "clock"; expected "counter" or "sleep"'),
         ({"granularity": -1.0}, "granularity"),
         ({"jitter": np.nan}, "jitter"),
         ({"seed": -1}, "seed"),
-        ({"speed_from": "drive"}, "neither"),
+        ({"speed_from": "drive"}, 'speed_from is "drive"; expected "encoder" or "card"'),
         ({"closing_stop": -1e-3}, "closing stop"),
         ({"closing_stop": np.nan}, "closing stop"),
     ],

@@ -9,6 +9,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import pulsepath as pp
+from controllers.laws.law import Feedback, Reference
 from kinematics import MotionError
 
 RIG = "hexapod-steppers"
@@ -101,6 +102,22 @@ VALUES = {
     "Program": {"segments": [pp.Dwell(1.0)], "frame": "home", "start": None, "machine": None, "name": "p",
                 "speed": None, "duration": None, "tool": None, "work": None, "repeat": 1, "start_speed": 0.0,
                 "file": ""},
+    "Axis": {"name": "a", "kind": "linear", "travel": (0.0, 0.1), "pulse": 1e-6, "direction": 1, "max_speed": 0.1,
+             "max_jerk": 1.0, "max_force": 1.0, "pushed": "+", "compensate": ("lead",), "torque_speed": None},
+    "Body": {"mass": 1.0, "centre": [0, 0, 0], "inertia": np.eye(3), "name": "b"},
+    "Leg": {"barrel": pp.Body(1.0), "rod": pp.Body(1.0), "first_axis": [1, 0, 0]},
+    "Shaper": {"kind": "zv", "frequency": 10.0, "damping": 0.1, "tolerance": 0.05},
+    "cylinder": {"mass": 1.0, "radius": 0.1, "low": 0.0, "high": 0.1, "name": "c"},
+    "joint_circle": {"radius": 0.1, "gap": 0.5, "height": 0.0},
+    "Actuator": {"name": "a", "line": 1, "stroke": 0.1, "force": 1.0, "size": (0.1, 0.1), "mass": None, "cost": (1, 2)},
+    "Joint": {"name": "j", "line": 1, "tilt": 0.1, "force": None},
+    "ActuatorNeed": {"stroke": 0.1, "speed": None, "force": 1.0, "precision": 1e-6},
+    "Backlash": {"width": 1e-6, "name": "b"}, "PulseLength": {"error": 1e-9, "common": False, "name": "p"},
+    "Temperature": {"ambient": 1.0, "heating": 1.0, "axis_expansion": 1e-5, "name": "t"},
+    "Noise": {"position": 1e-6, "rotation": 1e-6},
+    "PositionList": {"poses": np.zeros((3, 6)), "order": "xyz", "frame": "home", "dwells": None},
+    "Grid": {"settings": (pp.read_setting("6"),), "tasks": ("circle",), "seeds": (0,)},
+    "Rig": {"machine": pp.load_machine("hexapod"), "drives": pp.load_rig(RIG).drives, "name": "r"},
     "Blend": {"tolerance": 1e-4, "angle": None}, "Fit": {"tolerance": 1e-4, "corner": 0.5, "stop": False},
     "Trigger": {"name": "t", "at": 0.5}, "Free": {"yaw": True, "tilt": 0.1}, "Objective": {"heat": 0.1},
 }  # fmt: skip
@@ -124,13 +141,29 @@ def test_segments_and_programs_refuse_what_they_cannot_hold(name):
     kind = getattr(pp, name)
     kind(**VALUES[name])
     for argument, wrong in product(VALUES[name], WRONG):
-        if (isinstance(wrong, str) and argument in ("name", "machine", "file")) or (argument, wrong) == (
-            "constants",
-            {},
-        ):
+        is_a_text = (isinstance(wrong, str) and argument in ("name", "file")) or (name, argument) == (
+            "Program",
+            "machine",
+        )
+        if (is_a_text and isinstance(wrong, str)) or (argument, wrong) == ("constants", {}):
             continue
-        with pytest.raises(MotionError, match=argument if argument != "segments" else "segment|empty"):
+        with pytest.raises(MotionError, match=WORDS.get((name, argument), argument)):
             kind(**{**VALUES[name], argument: wrong})
+
+
+@pytest.mark.parametrize("name", [name for name in VALUES if name not in ("Dwell", "Program")])
+def test_numbers_that_no_float_holds_are_refused_where_they_are_given(name):
+    """An integer of four hundred digits, NaN and infinity, where a number is asked for."""
+    kind, given = getattr(pp, name), VALUES[name]
+    numbers = [argument for argument, value in given.items() if type(value) is float]
+    for argument, wrong in product(numbers, (10**400, float("nan"), float("inf"))):
+        with pytest.raises(MotionError, match=WORDS.get((name, argument), argument)):
+            kind(**{**given, argument: wrong})
+
+
+WORDS = {("Program", "segments"): "segment|empty", ("Axis", "name"): "a name", ("Curve", "begin"): "begin|t from",
+         ("Curve", "end"): "end|t from"}  # fmt: skip
+"""What a refusal says of an argument where that is not its name."""
 
 
 @pytest.mark.parametrize(
@@ -138,6 +171,43 @@ def test_segments_and_programs_refuse_what_they_cannot_hold(name):
     [
         (lambda: pp.plan("circle", "hexapod", order="2"), 'plan: order is "2"; expected a whole number or None'),
         (lambda: pp.plan("circle", "hexapod", effort=True), "plan: effort is True; expected a whole number"),
+        (lambda: pp.Grid(3, 4), "grid: settings is 3; expected a tuple, each entry a setting"),
+        (lambda: pp.Grid([3], ["circle"]), "grid: settings is (3,)"),
+        (lambda: pp.Grid([pp.read_setting("6")], ["circle"], seeds=[-1]), "seeds [-1] must be whole numbers from 0"),
+        (lambda: pp.Rig("hexapod", ()), "rig: machine is 'hexapod'; expected a machine"),
+        (lambda: pp.load_rig(RIG).task(3), "task: name is 3; expected a text"),
+        (lambda: pp.Actuator("a", 1, stroke=-0.1), "actuator a: stroke -0.1 m must be above 0"),
+        (lambda: pp.ActuatorNeed("long"), "needed stroke must be one finite number in SI units, not 'long'"),
+        (lambda: pp.select_parts([1], pp.ActuatorNeed(0.1)), "parts is [1]; expected a list, each entry an actuator"),
+        (lambda: pp.joint_need("hexapod", [0, 0, 0.3], []), "joint_need: force is empty"),
+        (lambda: pp.Backlash([]), "backlash: width is empty"),
+        (
+            lambda: pp.joint_circle(-0.1, 0.5, 0),
+            "joint_circle: radius must be one finite number in m above 0 and at most 100000",
+        ),
+        (lambda: pp.workspace("hexapod", cells=10**9), "cells must be a whole number from 1 to 1000"),
+        (lambda: pp.load_machine("hexapod").carrying("much"), 'carrying: load is "much"; expected a load'),
+        (
+            lambda: pp.load_machine("hexapod").assembly_modes("x"),
+            "lengths of its legs must be finite numbers (6,) in m",
+        ),
+        (lambda: pp.PositionList(np.zeros((2, 6))).remove("1"), 'remove: first is "1"; expected a whole number'),
+        (lambda: pp.read_pulses("no/pulses.ppb"), "there is no folder no"),
+        (lambda: pp.save_positions(pp.PositionList(np.zeros((2, 6))), "no/a.csv"), "there is no folder no; make it"),
+        (lambda: pp.plan("circle", "hexapod", clock_hz=10**30), "must be above 0, and at most 1e+18 ticks per second"),
+        (
+            lambda: pp.plan("circle", "hexapod", duration=1e300),
+            "duration 1e+300 s must be above 0, and at most 1e+09 s",
+        ),
+        (lambda: pp.plan("circle", "hexapod", limits=np.zeros(3)), "limits must be a list of limits"),
+        (
+            lambda: Feedback([[0.0]], [["fast"]], [[0.0]]),
+            "feedback: speed must be finite numbers in pulses/s, not [['fast']]",
+        ),
+        (lambda: Feedback([[0.0]], [[0.0, 1.0]], [[0.0]]), "position, speed and counter are (1, 1), (1, 2) and (1, 1)"),
+        (lambda: Reference(0.0, [[0.0]], [[0.0]]), "reference: dt 0.0 s must be above 0"),
+        (lambda: Reference(0.01, [0.0], [[0.0]]), "reference: position must be finite numbers (N, N) or (N, N, N)"),
+        (lambda: Reference(0.01, [[0.0]], [[0.0, 1.0]]), "give one speed for each position"),
         (lambda: pp.find_law(6), "find_law: name is 6; expected a text"),
         (lambda: pp.find_law("6", gain="much"), "law 6: gain"),
         (lambda: pp.animate("x", "a.html"), 'animate: plan is "x"; expected'),
@@ -173,6 +243,16 @@ def test_a_plan_says_what_its_methods_take(given, tmp_path):
         (lambda: plan.export("csp", tmp_path / "a.csv", cycel=1), 'no option "cycel", nearest is "cycle"'),
         (lambda: hold.export("csp", tmp_path / "no" / "a.csv"), "there is no folder"),
         (lambda: plan.trajectory.at(None), "at: t must be finite numbers"),
+        (lambda: plan.worth.of(3), "of: limit is 3; expected a text"),
+        (lambda: plan.worth.replan("speed", by="much"), 'replan: by is "much"; expected a number'),
+        (lambda: pp.animate(plan, tmp_path / "no" / "a.html"), "there is no folder"),
+        (lambda: pp.save_four_views(plan, tmp_path / "a\0.png"), "the path has a NUL in it"),
+        (lambda: pp.track(plan, "hexapod", "6", rig=RIG, settle=1e9), "settle 1e+09 s must be from 0 to 3600 s"),
+        (lambda: pp.track(plan, "hexapod", "6", rig=RIG, dt=1e300), "dt 1e+300 s, the host's step, must be above 0"),
+        (
+            lambda: pp.evaluate(pp.track(plan, "hexapod", "6", rig=RIG), plan, "hexapod", band=-1.0),
+            "band -1.0 must be 0",
+        ),
     ):
         with pytest.raises(MotionError) as refused:
             call()
