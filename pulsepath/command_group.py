@@ -170,7 +170,7 @@ class ProgramCommand(click.Command):
 class FormatCommand(click.Command):
     """Such a command. `formats` names them in pulsepath.format_options."""
 
-    formats: ClassVar[Literal["EXPORTS", "IMPORTS"]]
+    formats: ClassVar[Literal["EXPORTS", "IMPORTS", "STOPS"]]
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
         if ctx.resilient_parsing:  # while a shell completes, which must not wait for all formats to load

@@ -22,12 +22,18 @@ TYPES = {"int": click.INT, "float": click.FLOAT, "str": click.STRING}
 class Formats:
     """The formats of a command: what they are called together, the table of names, how each dataclass is found.
 
+    fits    which of them the command offers
     Their options and first lines are kept on disk (`known_names.recall`), so that --help does not load them all.
     """
 
     what: str
     table: str
     find: Callable[[str], type[Any]]
+    fits: Callable[[type[Any]], bool] = lambda kind: True
+
+    def names(self) -> list[str]:
+        """Of those that the command offers."""
+        return [*self._recall()["first"]]
 
     def options(self) -> list[click.Parameter]:
         """One option per field name; its help lists the formats that have the field and their descriptions."""
@@ -44,6 +50,8 @@ class Formats:
         options: dict[str, dict[str, Any]] = {}
         first: dict[str, str] = {}
         for name in getattr(import_module(known_names.TABLES[self.what]), self.table):
+            if not self.fits(self.find(name)):
+                continue
             first[name] = (self.find(name).__doc__ or "").splitlines()[0]
             for field, kind in _fields(self.find(name)):
                 known.setdefault(field.name, {}).setdefault(field.metadata["help"], []).append(name)
@@ -99,7 +107,14 @@ def _find_import(name: str) -> type[Any]:
     return find_source(name)
 
 
+def _takes_stop(kind: type[Any]) -> bool:
+    from planner.export.format import takes_stop
+
+    return takes_stop(kind)
+
+
 EXPORTS = Formats("exports", "FORMATS", _find_export)
+STOPS = Formats("stops", "FORMATS", _find_export, _takes_stop)
 IMPORTS = Formats("imports", "SOURCES", _find_import)
 
 

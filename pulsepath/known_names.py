@@ -66,6 +66,13 @@ def exports() -> list[str]:
     return registered_names("planner/export/format.py", "FORMATS")
 
 
+def stop_exports() -> list[str]:
+    """Those that can hold a stop, which begins in motion."""
+    from pulsepath.format_options import STOPS
+
+    return STOPS.names()
+
+
 def imports() -> list[str]:
     return registered_names("planner/sources/source.py", "SOURCES")
 
@@ -74,6 +81,7 @@ TABLES = {
     "laws": "controllers.laws.registry",
     "rules": "planner.pulses.generation.generate",
     "exports": "planner.export.format",
+    "stops": "planner.export.format",
     "imports": "planner.sources.source",
 }
 """Modules whose tables a program may add its own names to: once they are loaded, they tell, and not their files."""

@@ -111,6 +111,8 @@ class Format(Protocol):
     """A file format: a frozen dataclass whose fields, made by `option`, are its options.
 
     The first line of its docstring is what the command's help says of it; the rest states units, line ends and limits.
+    One that starts and ends at rest, so that it cannot hold a stop, which begins in motion, states `from_rest`: what
+    messages call it.
     """
 
     suffix: ClassVar[str]
@@ -142,6 +144,11 @@ FORMATS = {
     "sasidhar": "planner.export.formats.sasidhar:Sasidhar",
 }
 """Module and class by the name that the command line knows."""
+
+
+def takes_stop(kind: type[Format]) -> bool:
+    """Whether a format can hold a stop, which begins in motion."""
+    return not getattr(kind, "from_rest", "")
 
 
 def find_format(name: str) -> type[Format]:

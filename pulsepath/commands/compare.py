@@ -60,8 +60,8 @@ THESIS_LAWS = ("1", "2", "3", "4", "5", "6", "7")
     "conditions",
     multiple=True,
     metavar="CONDITION",
-    help='Exit with code 1 if CONDITION holds for the best setting on any path: "contour_rms > 1.1x" '
-    "(1.1 times the baseline).",
+    help="Exit with code 1 if CONDITION holds for the best setting on any path: "
+    '"contour_rms > 1.1x" (the mean over rigs and seeds, times the baseline\'s) or "contour_max > 250 um" (any run).',
 )
 @click.option("--address", metavar="ADDRESS", help="Dask scheduler to use. Default: the cores of this computer.")
 @click.option("--force", is_flag=True, help="Replace an earlier comparison in DIR; saved runs are kept.")

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 
 class Hold(FormatCommand):
-    """Options of the export formats."""
+    """Options of the export formats that can hold a stop."""
 
-    formats = "EXPORTS"
+    formats = "STOPS"
 
 
 @click.command(cls=Hold)
@@ -31,7 +31,7 @@ class Hold(FormatCommand):
     metavar="COUNT",
     help="Instead of --at: time and distance to rest from COUNT instants; --out writes the table as .csv or .json.",
 )
-@click.option("--format", "name", metavar="FORMAT", shell_complete=make_completer(known_names.exports),
+@click.option("--format", "name", metavar="FORMAT", shell_complete=make_completer(known_names.stop_exports),
               help="Write the stop in this export format, listed below, to --out.")  # fmt: skip
 @click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Output file of the stop, or the table.")
 @click.option(
@@ -78,6 +78,7 @@ def hold(
     from planner.interruption.hold import find_stops
     from planner.interruption.hold import hold as stop_at
     from planner.interruption.override import resume as go_on
+    from pulsepath.format_options import STOPS
     from pulsepath.output import plan_directory, record
     from pulsepath.output.tables import show
 
@@ -101,8 +102,9 @@ def hold(
         made = [stop_at(whole, instant)]
         if resume is not None:
             made.append(go_on(whole, made[0].until))
+    options = {} if name is None else STOPS.options_of(name, given)
     files = [
-        write_section(each, name, target, force, given) for each, target in zip(made, targets, strict=False) if name
+        write_section(each, name, target, force, options) for each, target in zip(made, targets, strict=False) if name
     ]
     if as_json:
         told = {
@@ -124,10 +126,9 @@ def hold(
         say(f"{file['file']}: {file['error_pulses']:.3g} pulses from {file['against']}")
 
 
-def write_section(made: "Section", name: str, target: Path, force: bool, given: dict[str, Any]) -> dict[str, Any]:
+def write_section(made: "Section", name: str, target: Path, force: bool, options: dict[str, Any]) -> dict[str, Any]:
     """A stop, the way on or a slowed motion in an export format: its record."""
-    from pulsepath.format_options import EXPORTS
     from pulsepath.output import record
 
-    done = made.export(name, target, force=force, **EXPORTS.options_of(name, given))
+    done = made.export(name, target, force=force, **options)
     return record.of_export(name, str(target), done)

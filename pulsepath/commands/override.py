@@ -62,6 +62,7 @@ def override(
         writes(out)
     refuse_no_plan(directory)
     from planner.interruption.override import override as change_speed
+    from pulsepath.format_options import EXPORTS
     from pulsepath.output import plan_directory, record
     from pulsepath.output.tables import show
 
@@ -70,7 +71,9 @@ def override(
         whole = planned.whole(tell)
     with step("computing the motion"):
         made = change_speed(whole, share, instant)
-    files = [write_section(made, name, out, force, given)] if name is not None and out is not None else []
+    files = []
+    if name is not None and out is not None:
+        files.append(write_section(made, name, out, force, EXPORTS.options_of(name, given)))
     if as_json:
         told = {
             "speed": share,

@@ -323,9 +323,9 @@ class Condition:
     def list_reasons(self, comparison: Comparison, entry: SettingEntry | None) -> list[str]:
         """Why it holds of a setting, path by path; empty where it does not.
 
-        A ratio is what the verdict is made of: the mean over all rigs and seeds, over the baseline's, on paths that
-        are ranked. A quantity is compared with every run. Without a setting that holds everywhere the condition holds,
-        since what is checked is not there.
+        A ratio is judged on each ranked path: the mean over its rigs and seeds, over the baseline's on the same path.
+        The verdict's ratio is the mean of these over the paths. A quantity is compared with every run. If no setting
+        holds everywhere, the condition is met, since there is none to check.
         """
         if entry is None:
             return [f"{self.text}: no setting holds on every path and rig"]

@@ -54,12 +54,13 @@ class InverseTime(KnotFormat):
     """G-code in inverse time (G93): joint axes, straight between points."""
 
     suffix: ClassVar[str] = ".ngc"
+    from_rest: ClassVar[str] = "G-code in inverse time"
     origin: Literal["home", "natural"] = origin_option("home")
     letters: str | None = letters_option()
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         axes, motion = source.machine.axes, source.counted
-        refuse_moving_ends(motion, axes, "G-code in inverse time")  # a controller starts a file from standstill
+        refuse_moving_ends(motion, axes, self.from_rest)  # a controller starts a file from standstill
         letters = assign_letters(axes, self.letters, LETTERS, "G-code")
         knots = self.knots(source, 1, TIME_STEP)
         form = make_columns(source, knots.tolerance, origin=self.origin)

@@ -111,6 +111,7 @@ class Xps(KnotFormat):
     """Newport XPS PVT trajectory: relative moves and exit speeds, cubic between them."""
 
     suffix: ClassVar[str] = ".trj"
+    from_rest: ClassVar[str] = "an XPS trajectory"
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         axes, motion = source.machine.axes, source.counted
@@ -119,7 +120,7 @@ class Xps(KnotFormat):
                 f"axis {axes[MOST_AXES].name}: {len(axes)} axes, but an XPS has at most {MOST_AXES}; "
                 "choose another format"
             )
-        refuse_moving_ends(motion, axes, "an XPS trajectory")
+        refuse_moving_ends(motion, axes, self.from_rest)
         knots = self.knots(source, 2, XPS_STEP)
         form = make_columns(source, knots.tolerance)
         with path.open("w", encoding="ascii", newline="") as file:
@@ -147,13 +148,14 @@ class Pmac(KnotFormat):
     """PMAC motion program in PVT mode: relative moves and end speeds, cubic between them."""
 
     suffix: ClassVar[str] = ".pmc"
+    from_rest: ClassVar[str] = "a PMAC program in PVT mode"
     letters: str | None = letters_option()
     unit: Literal["mm", "counts"] = option("mm", "mm (rotary axes: deg), or counts: pulses of the wiring. Default mm")
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         axes, motion = source.machine.axes, source.counted
         letters = assign_letters(axes, self.letters, LETTERS, "a PMAC coordinate system")
-        refuse_moving_ends(motion, axes, "a PMAC program in PVT mode")
+        refuse_moving_ends(motion, axes, self.from_rest)
         knots = self.knots(source, 2, PMAC_STEP, MAX_SEGMENT_STEPS)
         form = make_columns(source, knots.tolerance, unit=self.unit)
         named = describe_letters(axes, letters)
@@ -193,6 +195,7 @@ class ZaberCsv(KnotFormat):
     """Zaber PVT sequence: a CSV of segment times, positions and velocities, cubic between them."""
 
     suffix: ClassVar[str] = ".csv"
+    from_rest: ClassVar[str] = "Zaber PVT"
     origin: Literal["home", "natural"] = origin_option("home")
     letters: str | None = letters_option()
     step: float = option(ZABER_STEP, "resolution of durations. Default 0.1 ms", "s")
@@ -200,7 +203,7 @@ class ZaberCsv(KnotFormat):
     def write(self, source: ExportSource, path: Path) -> Exported:
         axes, motion = source.machine.axes, source.counted
         letters = assign_letters(axes, self.letters, ALPHABET, "Zaber PVT")
-        refuse_moving_ends(motion, axes, "Zaber PVT")
+        refuse_moving_ends(motion, axes, self.from_rest)
         if not 1e-9 <= self.step <= 1:
             raise MotionError(f"step {self.step!r} s: must be from 1 ns to 1 s")
         knots = self.knots(source, 2, self.step)

@@ -38,6 +38,7 @@ from planner.export.card_calls import (
 )
 from planner.export.format import Exported, ExportSource, refuse_compensated
 from planner.export.formats.adlink import quote_comment
+from planner.export.knots import refuse_moving_ends
 from planner.pulses.schedule import refuse_counter
 from planner.trajectory import Trajectory
 
@@ -72,9 +73,11 @@ class Sahbaz:
     """One trapezoidal move per axis from stop to stop, as the hexapod's own program calls the ADLINK cards."""
 
     suffix: ClassVar[str] = ".bas"
+    from_rest: ClassVar[str] = "a list of trapezoidal moves"
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         refuse_compensated(source, "sahbaz")
+        refuse_moving_ends(source.counted, source.machine.axes, self.from_rest)
         kinds = [next(number for number in KINDS if KINDS[number] == kind) for kind in find_card_kinds(source)]
         for pulses, axis in zip(source.pulses.axes, source.machine.axes, strict=True):
             refuse_counter(pulses, axis)

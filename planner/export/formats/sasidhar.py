@@ -22,6 +22,7 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from planner.baselines.moves import deviation, distance_to_curve, independent_ramps, move_places, time_moves
 from planner.export.format import Exported, ExportSource, refuse_compensated
+from planner.export.knots import refuse_moving_ends
 from planner.path.actuation import MachinePath
 from planner.pulses.schedule import Ticks
 
@@ -39,6 +40,7 @@ class Sasidhar:
     """Remote line protocol of the four-axis traverser: one line of steps per move between stops."""
 
     suffix: ClassVar[str] = ".txt"
+    from_rest: ClassVar[str] = "the line protocol"
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         machine, pulses = source.machine, source.pulses
@@ -50,6 +52,7 @@ class Sasidhar:
                 f"sasidhar: axis {odd[0]!r} of machine {machine.name} is not a capital letter; the protocol names "
                 "axes by one letter, as X, Y, Z and R: rename it in your own machine file"
             )
+        refuse_moving_ends(source.counted, machine.axes, self.from_rest)
         ends, instants = _find_stops(source)
         wiring = np.array([axis.direction for axis in machine.axes])
         counts = pulses.counts(instants) * wiring

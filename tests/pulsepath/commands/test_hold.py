@@ -5,6 +5,7 @@ import json
 import pytest
 
 from kinematics import MotionError
+from planner.export.format import FORMATS, find_format, takes_stop
 from pulsepath import load_plan
 from tests import read_lines
 
@@ -46,6 +47,26 @@ def test_a_table_of_stops(call, plan):
     assert done.exit_code == 0, done.stderr
     assert "distance to rest" in done.stdout
     assert len((plan / "stops.csv").read_text().splitlines()) == 5
+
+
+def test_help_lists_the_formats_that_can_hold_a_stop(call, plan, tmp_path):
+    """Every format refuses a motion that starts at speed, or is offered: as its own declaration says."""
+    told = call("hold", "--help").stdout
+    held = load_plan(plan).hold(0.6)
+    for name in FORMATS:
+        try:
+            held.export(name, tmp_path / name)
+            refused = ""
+        except MotionError as no:
+            refused = str(no)
+        offered = any(line.split()[:1] == [name] for line in told.partition("Formats:")[2].splitlines())
+        assert offered is takes_stop(find_format(name))
+        if offered:
+            assert "at rest" not in refused
+        else:
+            assert "starts and ends at rest" in refused or "has no card" in refused or "capital letter" in refused
+    assert "g93" not in told
+    assert "g93" in call("export", "--help").stdout
 
 
 def test_a_plan_with_its_stops(call, tmp_path):
