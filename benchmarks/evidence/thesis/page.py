@@ -131,63 +131,65 @@ FINDINGS = (
         "Laws 6 and 7 are better than 4 and 5",
         "the least RMS tracking error over the gains of each pair; better by more than 1 %",
         judge_error_loops,
-        "Laws 4 and 5 send the error itself as an absolute target: once the axis follows well, that is a place near "
-        "zero, and they drive back there.",
+        "Laws 4 and 5 send the error itself as an absolute target. Once the axis follows well, the error is near "
+        "zero, so they drive the axis back to zero.",
     ),
     Finding(
         "Law 4 (kp = 0.7) and law 5 are unstable",
         "their RMS tracking error is over ten times that of the open loop (law 3), with every gain of 5",
         judge_instability,
-        "They lose the motion for the reason above. It is not a loop that rings with a growing swing: speeds are those "
-        "of the reference, so the card never runs away.",
+        "They lose the motion for the reason above. The loop does not oscillate with growing amplitude: the speeds are "
+        "those of the reference, so the card never runs away.",
     ),
     Finding(
         "Laws 6 and 7 behave well for k from 0.5 to 0.9, best near 0.7",
-        "the best k lies from 0.6 to 0.8, and those from 0.5 to 0.9 are within 10 % of it",
+        "the best k is from 0.6 to 0.8, and the error with k from 0.5 to 0.9 is within 10 % of the best",
         judge_gains,
-        "The top speed npuls(k+1) that the table gives forbids catching up: a target further ahead is not reached any "
-        "sooner within the step. So k makes next to no difference where the axis does not turn round, and harm where "
-        "it does.",
+        "The top speed npuls(k+1) in the thesis' table prevents catching up: a target further ahead is reached no "
+        "sooner within the step. So k makes hardly any difference where the axis does not reverse, and makes things"
+        " worse where it does.",
     ),
     Finding(
-        "The same of 6r and 7r, repaired here: the top speed carries the correction",
+        "The same for 6r and 7r, our repaired versions, whose top speed includes the correction",
         "as above",
         judge_repaired_gains,
-        "Not the thesis' laws, but what they may have been meant to be. With the correction in the speed k matters, "
-        "and the error falls up to k = 1, the greatest that was tried. What put the thesis' best k at 0.7 is not among "
-        "the assumptions below.",
+        "These are not the thesis' laws, but what they may have been meant to be. With the correction in the speed, k "
+        "matters, and the error falls up to k = 1, the largest value tried. None of the assumptions below explains why "
+        "the thesis found the best k at 0.7.",
     ),
     Finding(
         "The card's counter is better than the operating system's sleep",
-        "the RMS tracking error of law 1 against that of law 2; better by more than 1 %",
+        "the RMS tracking error of law 1 is more than 1 % less than that of law 2",
         judge_counter,
-        "Every sleep is late by up to a tick of the system's timer, and lateness adds up over the steps.",
+        "Every sleep ends late by up to one tick of the system's timer, and the delays add up over the steps.",
     ),
     Finding(
         "Ramps as long as the sample shake the shaft less than full trapezoids",
-        "the following error's RMS at the host's sample rate and above, of the worst axis, of law 3 against 3t",
+        "the worst axis' RMS following error at frequencies from the host's sample rate up, law 3 against law 3t",
         judge_ramps,
-        "A full trapezoid stops the axis at every sample. The jerk, told beside it, decides nothing: where the gear "
-        "has play it is that of the teeth meeting, which in this model takes no time; without play it says the same.",
+        "A full trapezoid stops the axis at every sample. The jerk is listed too, but does not decide: with "
+        "backlash in the gear, it comes from the teeth meeting, which takes no time in this model; without backlash"
+        " it leads to the same verdict.",
     ),
     Finding(
         "Every algorithm ends on time",
-        "the closing stop, at which the thesis' program prints the time that its card has counted, is sent less than "
-        "one sample after the planned end. The thesis states no tolerance; one sample is ours",
+        "the closing stop, at which the thesis' program prints the time counted by its card, is sent less than one "
+        "sample after the planned end. The thesis states no tolerance; one sample is our choice",
         judge_end_times,
-        "The stop comes after the last sample whatever a law does and wherever its axes are. So where the host watches "
-        "the card's counter every law is on time by definition, and law 2 is late by what its sleeps add up to: "
-        "with a timer of 1 ms by less than a sample.",
+        "The stop comes after the last sample, whatever a law does and wherever its axes are. So if the host "
+        "watches the card's counter, every law is on time by definition. Law 2 is late by the sum of its delays: "
+        "with a 1 ms timer, by less than a sample.",
     ),
     Finding(
-        "In the end the motors are where the reference is",
+        "The motors end where the reference ends",
         f"all axes are within {END_BAND:g} pulses (0.024°) of their goal {LATE_TIME} s after the planned end, "
-        "with a law's best gain. This criterion is ours: the thesis states none",
+        "with the law's best gain. The criterion is ours: the thesis states none",
         judge_arrival,
-        "Laws 4 and 5 have lost the place, and law 2 the time. Straight ramps from sample to sample of a speed that is "
-        f"curved cover {UNCOVERED} pulses less than the motion, and in none of the other laws a later command has the "
-        "speed to make that good: the last has none, and would run at one step of the registers, 1.5 pulses/s, if the "
-        "closing stop let it. Half the gear's play, 7 pulses, comes on top: no encoder at the motor sees it.",
+        "Laws 4 and 5 have lost the position, and law 2 is late. The speed is curved, and straight ramps from "
+        f"sample to sample cover {UNCOVERED} pulses less than the motion. In the other laws no later command is fast"
+        " enough to make up for that: the last has no speed, and would run at one step of the registers, 1.5 "
+        "pulses/s, if the closing stop allowed it. Half of the gear's backlash, 7 pulses, adds to this: an encoder "
+        "on the motor does not see it.",
     ),
 )
 """What the thesis found, in its chapter 7 [Sahbaz 2007]."""
@@ -195,27 +197,29 @@ FINDINGS = (
 
 COMMAND = "python -m benchmarks.evidence.thesis.page --out docs/findings.md"
 INTRODUCTION = f"""\
-# What the thesis found about its laws
+# Do the thesis' findings hold?
 
-[Sahbaz 2007] compares seven tracking algorithms on a rig of three AC servos. No curve of it is legible, so its findings
-are orderings. Here each is put to the emulated rig `servo-rig`: does it hold, by what figure, and if not, why.
-`{COMMAND}` makes this page.
+[Sahbaz 2007] compares seven tracking algorithms on a rig of three AC servos. Its curves are not legible, so its
+findings only rank the algorithms. This page tests each finding on the emulated rig `servo-rig`: does it hold, by
+which figure, and if not, why? `{COMMAND}` writes this page.
 
-The rig's parameters are the thesis' Table 7.4 and the motors' data sheets as they are remembered. What neither prints
-is assumed; every assumption stands in `controllers/presets/servo-rig.toml` and was fixed before any law was run on the
-rig. One thing has changed since: the range of the card's speed registers, 100 000 pulses/s, which the thesis prints,
-was missing; *speeds that are not rounded to registers* is the rig as it was before. The second part shows what each
-assumption decides, the semantics of the motion card above all: one is changed at a time. A law is judged at the best
-gain of its grid on the thesis' straight line (5 s, 41 samples), by its RMS tracking error in space unless something
-else is said. The laws' equations: [tracking laws](theory/laws.md); the drives': [drives and cards](theory/drives.md).
+The rig's parameters come from the thesis' Table 7.4 and, from memory, the motors' data sheets. What neither states is
+assumed; `controllers/presets/servo-rig.toml` lists every assumption. All were fixed before any law was run on the
+rig, with one correction since: the range of the card's speed registers, 100 000 pulses/s, which the thesis states,
+was missing. *Speeds that are not rounded to registers* is the rig as it was before. The second part shows what each
+assumption decides, above all the behaviour of the motion card: one assumption is changed at a time. A law is judged
+with the best gain of its grid on the thesis' straight line (5 s, 41 samples), by its RMS tracking error in space
+unless stated otherwise. See [tracking laws](theory/laws.md) for the equations, and [drives and
+cards](theory/drives.md) for the drives.
 
-The program that ran the laws is printed in the thesis' Appendix E, and is followed where it says what it does: v(k − 1)
-is `GetCurrentSpeed`, the card's own output rate and not a speed of the encoders; after the last sample every axis is
-stopped within 1 ms (`SDStop`), and nothing is sent any more. Two things it calls without saying what they do:
-`SetContinuousMove(axis, 1)`, for every axis before the first command, may make a command wait behind the running move
-(in a queue of any length here: how many commands the card holds is not printed either) or let it replace that; and the
-rate may be read with the sign of its direction or without. For the latter speaks that the program adds v(k − 1) where
-npuls(k + 1) < 0. As stated: it replaces, and has a sign, as Table 7.5 is written.
+The program that ran the laws is printed in the thesis' Appendix E, and we follow it where it is clear: v(k − 1) is
+`GetCurrentSpeed`, the card's own output rate, not a speed from the encoders; after the last sample every axis is
+stopped within 1 ms (`SDStop`), and nothing more is sent. The behaviour of two calls is not stated.
+`SetContinuousMove(axis, 1)`, called for every axis before the first command, may make a command wait for the current
+move to end or replace it. (Here the queue has any length: how many commands the card holds is not stated either.) And
+`GetCurrentSpeed` may return the rate with or without the sign of its direction. One line supports the latter: the
+program adds v(k − 1) where npuls(k + 1) < 0. *As stated* means that a command replaces the move, and the rate has a
+sign, as Table 7.5 is written.
 """
 
 
@@ -223,7 +227,7 @@ def page(outcomes: Sequence[Outcome]) -> str:
     """Markdown; the first outcome is that of the rig as stated."""
     rows = [summary(finding, outcomes[0]) for finding in FINDINGS]
     parts = [INTRODUCTION, "## On the rig as stated", markdown(("finding", "verdict", "figure"), rows)]
-    parts += ["## Which reading of the printed program a finding needs", _readings(outcomes)]
+    parts += ["## Which reading of the printed program each finding needs", _readings(outcomes)]
     parts.append("## Why")
     parts += [f"### {finding.name}\n\nJudged: {finding.judged}.\n\n{finding.because}" for finding in FINDINGS]
     parts.append("## What each assumption decides")
@@ -242,11 +246,11 @@ def describe_need(verdicts: Mapping[str, bool]) -> str:
     """What a finding needs, from whether it holds under each assumption, the readings among them."""
     holds = [reading for reading in READINGS if verdicts[reading]]
     if len(holds) == len(READINGS):
-        return "none: it holds under each"
+        return "none: it holds with each"
     if holds:
         return "; ".join(holds)
     others = [name for name, held in verdicts.items() if held]
-    return f"another assumption: {'; '.join(others)}" if others else "neither a reading nor another assumption helps"
+    return f"another assumption: {'; '.join(others)}" if others else "none: no reading or assumption makes it hold"
 
 
 def _readings(outcomes: Sequence[Outcome]) -> str:
@@ -255,7 +259,7 @@ def _readings(outcomes: Sequence[Outcome]) -> str:
     for n, finding in enumerate(FINDINGS, 1):
         verdicts = {name: finding.judge(outcome).holds for name, outcome in known.items()}
         rows.append((str(n), *("yes" if verdicts[reading] else "no" for reading in READINGS), describe_need(verdicts)))
-    text = "Findings by their number in the table above; yes: it holds. Figures are in the last part."
+    text = "Findings are numbered as in the table above; yes: the finding holds. The figures are in the last part."
     return f"{text}\n\n{markdown(('finding', *READINGS, 'reading that it needs'), rows)}"
 
 
@@ -265,7 +269,7 @@ def _overview(outcomes: Sequence[Outcome]) -> str:
         (outcome.assumption.name, *("yes" if finding.judge(outcome).holds else "no" for finding in FINDINGS))
         for outcome in outcomes
     ]
-    return f"Findings by their number in the table above; yes: it holds.\n\n{markdown(header, rows)}"
+    return f"Findings are numbered as in the table above; yes: the finding holds.\n\n{markdown(header, rows)}"
 
 
 def _by_assumption(finding: Finding, outcomes: Sequence[Outcome]) -> str:

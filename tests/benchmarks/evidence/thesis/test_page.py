@@ -43,10 +43,10 @@ def test_the_rig_as_stated_reads_and_ends_as_the_printed_program_and_each_readin
 
 def test_what_a_finding_needs_is_said_of_the_readings_under_which_it_holds():
     none = dict.fromkeys((*READINGS, "drives 5 ms late"), False)
-    assert describe_need(none) == "neither a reading nor another assumption helps"
+    assert describe_need(none) == "none: no reading or assumption makes it hold"
     assert describe_need(none | {"drives 5 ms late": True}) == "another assumption: drives 5 ms late"
     assert describe_need(none | {READINGS[1]: True, READINGS[3]: True}) == f"{READINGS[1]}; {READINGS[3]}"
-    assert describe_need(none | dict.fromkeys(READINGS, True)) == "none: it holds under each"
+    assert describe_need(none | dict.fromkeys(READINGS, True)) == "none: it holds with each"
 
 
 def test_each_assumption_changes_the_rig_or_what_it_is_asked():
