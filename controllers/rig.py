@@ -18,7 +18,7 @@ from controllers.drives.servo import Servo, leg_servo
 from controllers.drives.stepper import Stepper
 from kinematics.foundation.arrays import Array, freeze_array, freeze_fields
 from kinematics.foundation.errors import MotionError
-from kinematics.foundation.names import nearest
+from kinematics.foundation.names import count_noun, nearest
 from kinematics.foundation.options import check_arguments, check_fields
 from kinematics.foundation.short_repr import short_repr
 from kinematics.machine.machine import Machine
@@ -201,7 +201,8 @@ class Rig:
             raise MotionError(f"rig: machine is {self.machine!r:.60}; expected a machine, as load_machine gives it")
         if len(self.drives) != len(self.machine.axes):
             raise MotionError(
-                f"rig: {len(self.drives)} drives for the {len(self.machine.axes)} axes of machine {self.machine.name}"
+                f"rig: {count_noun(len(self.drives), 'drive')} for the "
+                f"{count_noun(len(self.machine.axes), 'axis')} of machine {self.machine.name}"
             )
 
     @property

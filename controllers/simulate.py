@@ -23,6 +23,7 @@ from controllers.laws.law import AnyLaw, Feedback, Reference, begin_law, step_la
 from controllers.rig import Rig, instants
 from kinematics.foundation.arrays import Array, freeze_fields
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import count_noun
 from planner.parallel import Progress, ignore_progress
 
 if TYPE_CHECKING:
@@ -274,7 +275,8 @@ def _refuse(reference: Reference, rigs: Sequence[Rig]) -> None:
     lanes = reference.position.shape[1:]
     if lanes not in ((len(axes),), (len(rigs), len(axes))):
         raise MotionError(
-            f"track: a reference of {' x '.join(map(str, lanes))} for {len(rigs)} rigs of {len(axes)} axes; "
+            f"track: a reference of {' x '.join(map(str, lanes))} for {count_noun(len(rigs), 'rig')} "
+            f"of {count_noun(len(axes), 'axis')}; "
             "give one for each axis, or for each run and axis"
         )
 

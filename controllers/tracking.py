@@ -20,6 +20,7 @@ from controllers.rig_choice import choose_rig
 from controllers.simulate import HOST_STEP, MAX_WAIT, SETTLING_TIME, sample, simulate
 from kinematics.foundation.arrays import Array, freeze_fields
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import count_noun
 from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
@@ -126,7 +127,8 @@ class Tracking(Result):
         freeze_fields(self, "t", "reference", "command", "actual", "pulses", "lost")
 
     def __repr__(self) -> str:
-        return f"<Tracking under {self.law} on rig {self.rig}: {len(self.axes)} axes at {len(self.t)} instants>"
+        size = f"{count_noun(len(self.axes), 'axis')} at {count_noun(len(self.t), 'instant')}"
+        return f"<Tracking under {self.law} on rig {self.rig}: {size}>"
 
     def tables(self) -> tuple[Table, ...]:
         """The following error of each axis, and its pulses; `controllers.evaluate` tells more."""

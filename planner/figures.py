@@ -13,6 +13,7 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.figure import PALETTE, draw_bars, line_style, literal_label, new_axes, new_axes_3d
+from kinematics.foundation.names import count_noun
 from kinematics.foundation.result import draws
 from kinematics.machine.axis import Axis
 from kinematics.machine.pose import from_numbers
@@ -256,7 +257,7 @@ def program_path(outline: Outline, ax: Axes | None = None, title: str = "") -> A
         middle = 0.5e3 * (outline.low[k] + outline.high[k])
         ax.set(**{f"{'xyz'[place]}lim": (middle - half, middle + half), f"{'xyz'[place]}label": f"{'xyz'[k]} (mm)"})
     ax.set_aspect("equal")
-    ax.set_title(literal_label(title) or f"{len(strokes)} segments, {1e3 * outline.length:.6g} mm")
+    ax.set_title(literal_label(title) or f"{count_noun(len(strokes), 'segment')}, {1e3 * outline.length:.6g} mm")
     root = ax.get_figure(root=True)
     if root is not None and len(strokes) > 1:
         root.colorbar(drawn, ax=ax, label="segment", shrink=0.7, pad=0.1 if not thin else 0.02)

@@ -341,11 +341,24 @@ def plan(
 
 @check_arguments("program", "machine", "limits")
 def check(program: ProgramSource, machine: MachineSource, *, limits: Sequence[OwnLimit] = ()) -> Standing:
-    """Limits that slowing down cannot fix, proved over a program's path: violations, the worst first, and margins.
+    """Limits that slowing down cannot fix, proved over a program's path.
 
-    limits: of your own, as of `plan`.
+    Parameters
+    ----------
+    program, machine
+        Each as it is, by its name, or by the path of its file.
+    limits
+        Of your own, as of `plan`.
 
-    Raises MotionError for a path that cannot be drawn.
+    Returns
+    -------
+    Standing
+        Violations, the worst first, and margins.
+
+    Raises
+    ------
+    MotionError
+        The path cannot be drawn.
     """
     program, machine = load_program(program), load_machine(machine)
     program = orient_open(program, machine, usual_order(machine.axes))

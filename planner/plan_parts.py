@@ -14,6 +14,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import count_noun
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Table
 from kinematics.machine.machine import Machine
@@ -76,7 +77,7 @@ class PlanStanding(Result):
 
     def tables(self) -> tuple[Table, ...]:
         """How long it takes, what is proved of it, what was fitted, its pulses."""
-        windows = f"{self.windows} window{'s' if self.windows > 1 else ''}"
+        windows = count_noun(self.windows, "window")
         title = f"{self.program} on {self.machine.name}, order {self.order}, in {windows}"
         units = {axis.name: axis.unit for axis in self.machine.axes}
         return (

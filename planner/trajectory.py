@@ -15,6 +15,7 @@ from kinematics.analysis.clearance import Bodies
 from kinematics.foundation.arrays import Array, finite_array, freeze_fields
 from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import count_noun
 from kinematics.foundation.result import Result
 from kinematics.foundation.short_repr import short_repr
 from kinematics.foundation.table import Column, Table
@@ -127,7 +128,9 @@ class Trajectory(Result):
 
     def __repr__(self) -> str:
         axes = len(self.path.names)
-        return f"<Trajectory: {self.duration:.6g} s, {axes} ax{'i' if axes == 1 else 'e'}s, {len(self.s)} time pieces>"
+        return (
+            f"<Trajectory: {self.duration:.6g} s, {count_noun(axes, 'axis')}, {count_noun(len(self.s), 'time piece')}>"
+        )
 
     def tables(self) -> tuple[Table, ...]:
         """Between what each axis moves, and the largest of its derivatives that is seen."""

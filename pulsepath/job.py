@@ -14,6 +14,7 @@ from controllers.metrics.evaluate import PERIOD, evaluate_each
 from controllers.rig import Rig
 from controllers.tracking import track_each
 from kinematics import Machine, MotionError
+from kinematics.foundation.names import count_noun
 from planner import LimitChange, Plan, Program, Tradeoff, Worth, plan
 from planner.baselines import KINDS, Classical, classical, pick_baseline
 from planner.baselines.classical import Course, course
@@ -195,8 +196,8 @@ def run(
         )
     if gap is not None and planned.bound.gap > gap:
         note(
-            f"note: asked for a motion within {100 * gap:g} % of the fastest: {100 * planned.bound.gap:.3g} % is "
-            f"proved after {effort} rounds; more of them (--effort) may come nearer"
+            f"note: you asked for a motion within {100 * gap:g} % of the fastest; {100 * planned.bound.gap:.3g} % is "
+            f"proved after {count_noun(effort, 'round')}. More rounds (--effort) may prove less"
         )
     look = partial(review_plan, planned, figures, rig)
     looking = other.start(look)
@@ -219,7 +220,7 @@ def run(
             tradeoff = planned.trade()
     held = None
     if stops is not None:
-        with step(f"stopping from {stops} instants"):
+        with step(f"stopping from {count_noun(stops, 'instant')}"):
             held = planned.stops(stops)
     seen = cache(partial(looking.result, look))
     return Job(planned, baseline, others, realised, seen, figures, rig, beside, worth, change, tradeoff, held)

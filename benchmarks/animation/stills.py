@@ -39,7 +39,29 @@ FLAT_HEIGHT_SHARE = 1e-3
 def save_four_views(
     plan: AnimatablePlan, path: str | Path, t: float | None = None, *, magnify: float | None = None, force: bool = False
 ) -> Path:
-    """Write `four_views` to a file, .pdf, .png or .svg. Raises MotionError for one that exists, unless `force`."""
+    """Write `four_views` to a file.
+
+    Parameters
+    ----------
+    plan
+        As of `four_views`.
+    path
+        Whose suffix is .pdf, .png or .svg.
+    t, magnify
+        As of `four_views`.
+    force
+        Replace a file that is there.
+
+    Returns
+    -------
+    Path
+        Of the file.
+
+    Raises
+    ------
+    MotionError
+        The file exists, its folder does not, or the suffix is another.
+    """
     require_folder(f"views {path}", Path(path))
     target = Destination(Path(path), force=force, remedy="give force=True to replace it")
     write_four_views(plan, target, t, magnify)

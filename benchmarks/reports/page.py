@@ -14,6 +14,7 @@ import numpy as np
 
 from benchmarks.reports.time_series import Panel, pack_panels, read_panels
 from kinematics.files.plain_text import plain
+from kinematics.foundation.names import count_noun
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -143,6 +144,7 @@ def round_up(value: float, digits: int) -> str:
 
 
 FILTERS: dict[str, Callable[..., Any]] = {
+    "counted": count_noun,
     "down": lambda value, digits: f"{floor(value * 10**digits) / 10**digits:.{digits}f}",
     "fixed": lambda value, digits: f"{value:.{digits}f}",
     "general": lambda value, digits: f"{value:.{digits}g}",

@@ -13,6 +13,7 @@ from benchmarks.reports.page import Drawing, draw_figure, group_digits, render, 
 from benchmarks.reports.timeline import list_segments, make_band
 from controllers.metrics import Metrics
 from controllers.rig import Rig
+from kinematics.foundation.names import count_noun
 from kinematics.foundation.options import check_arguments
 from planner.active_limits import ACTIVE_SHARE, active_limits
 from planner.baselines import Classical, describe_differences, missing_limits
@@ -125,7 +126,7 @@ def summary(plan: Plan, classical: Classical, verdict: PulseCheck) -> dict[str, 
         "Solved by": f"{', '.join(sorted(set(plan.methods)))}; certified in round {plan.rounds}",
         "Pulses": f"{group_digits(plan.pulses.total)} on a clock of {group_digits(plan.pulses.clock_hz)} Hz",
         "Highest pulse rate": f"{verdict.highest_rate:.1f} 1/s",
-        "Pulse check": f"{verdict.fault_count} errors; {_exactness(plan, verdict)}",
+        "Pulse check": f"{count_noun(verdict.fault_count, 'error')}; {_exactness(plan, verdict)}",
     }
 
 

@@ -12,6 +12,7 @@ from benchmarks.sweep import Grid, read_setting, settings_of, sweep
 from controllers.laws.registry import LAWS
 from controllers.rig_file import load_rig
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import count_noun
 
 
 def main() -> int:
@@ -34,7 +35,10 @@ def main() -> int:
         _say(f"error: {error}")
         return 2
     failed = sum(bool(result.failure) for result in runs.results.values())
-    print(f"{len(runs.results)} runs in {asked.out}, {failed} of them failed; {perf_counter() - begin:.1f} s")
+    print(
+        f"{count_noun(len(runs.results), 'run')} in {asked.out}, {failed} of them failed; "
+        f"{perf_counter() - begin:.1f} s"
+    )
     return 0
 
 

@@ -22,6 +22,7 @@ from controllers.rig import Rig
 from kinematics.files.atomic_files import write_whole
 from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import count_noun
 from kinematics.foundation.options import check_arguments, split_options
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
@@ -322,7 +323,7 @@ class SavedRuns(Result):
             ),
             Column("failure", [one.failure for one in runs]),
         )
-        return Table(f"{len(runs)} runs of {self.name}", columns)
+        return Table(f"{count_noun(len(runs), 'run')} of {self.name}", columns)
 
     def series(self, key: str) -> RunSeries | None:
         """How a run went over time, read from its file; None of one that failed."""

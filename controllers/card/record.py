@@ -15,6 +15,7 @@ from controllers.card.model import Card, OutputMode, Refused
 from controllers.card.profile import Edges
 from controllers.card.state import CardState, round_to_ticks, send
 from kinematics.foundation.arrays import Array, freeze_fields
+from kinematics.foundation.names import count_noun
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +95,8 @@ class Record:
             raise Refused(f"{self.card.name}: count {wrong[0]} is outside {low} … {high} pulses of the comparator")
         if len(counts) > self.card.compare_list:
             raise Refused(
-                f"{self.card.name}: {len(counts)} counts to compare; the comparator holds {self.card.compare_list}; "
+                f"{self.card.name}: {count_noun(len(counts), 'count')} to compare; the comparator "
+                f"holds {self.card.compare_list}; "
                 "give the others when these have fired"
             )
         train, found, at = self.train(lane), [], 0

@@ -16,6 +16,7 @@ from controllers.card.channels import Channels, Command
 from controllers.card.model import Card, Refused
 from controllers.card.profile import MoveProfile, current_move, cut, idle_move, merge_sequences, standstill
 from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.names import count_noun
 from planner.pulses.schedule import COUNTER
 
 
@@ -89,7 +90,10 @@ def limit_move(now: Channels, move: MoveProfile, joint: bool) -> MoveProfile:
     if limits is None:
         return move
     if len(limits) != lanes[-1]:
-        raise Refused(f"{card.name}: {len(limits)} soft limits for {lanes[-1]} channels; give one pair for each")
+        raise Refused(
+            f"{card.name}: {count_noun(len(limits), 'soft limit')} for "
+            f"{count_noun(lanes[-1], 'channel')}; give one pair for each"
+        )
     at, target = np.full(lanes, np.inf), np.array(move.target)
     for lane in np.argwhere(now.due):
         i = tuple(lane)

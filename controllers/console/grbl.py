@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from kinematics.foundation.errors import Fault, FileError, MotionError, NotInstalled
+from kinematics.foundation.names import count_noun
 
 BUFFER = 127
 """Bytes that every grbl takes: its buffer has 128 places, and early versions leave one empty."""
@@ -94,7 +95,7 @@ def read_gcode(path: Path, longest: int, anywhere: bool = False) -> GcodeFile:
         else:
             lines.append(GcodeLine(number, plain))
     if long:
-        more = f", and {len(long) - 1} lines more" if len(long) > 1 else ""
+        more = f", and {count_noun(len(long) - 1, 'line')} more" if len(long) > 1 else ""
         told = (
             f"{max(length for _, length in long)} characters without spaces and comments{more}, limit {longest}; "
             "export fewer axes, or state the controller's own limit with --line"

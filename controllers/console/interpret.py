@@ -20,6 +20,7 @@ from controllers.console.motion import JOG_SPEED_SHARE, WHOLE_TOLERANCE, Planned
 from controllers.console.session import Session
 from kinematics.analysis.forward import RESIDUAL_TOLERANCE
 from kinematics.foundation.errors import MotionError, OutOfReach
+from kinematics.foundation.names import count_noun
 from kinematics.foundation.units import quantity
 from kinematics.machine.axis import Axis
 from kinematics.machine.pose import Pose
@@ -178,9 +179,12 @@ def report(session: Session) -> str:
         target[i] = steps
         motion = trapezoid_motion(drives, np.zeros_like(target), target, drives.speed, 0.0)
         fired = int(motion.directions_between(0.0, np.inf)[i].sum())
-        verdict = "OK" if fired == steps == motion.counts(np.inf)[i] else f"FAULT: {fired} pulses fired"
+        verdict = "OK" if fired == steps == motion.counts(np.inf)[i] else f"FAULT: {count_noun(fired, 'pulse')} fired"
         rate = f"{drives.speed[i]:.6g} steps/s at most after a ramp of {drives.ramp[i]:.0f}"
-        lines.append(f"{name}: {steps} steps of {axis.pulse:.6g} {axis.unit}, {rate}, {motion.end:.3f} s: {verdict}")
+        lines.append(
+            f"{name}: {count_noun(steps, 'step')} of {axis.pulse:.6g} {axis.unit}, {rate}, "
+            f"{motion.end:.3f} s: {verdict}"
+        )
     return "\n".join(lines)
 
 

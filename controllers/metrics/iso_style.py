@@ -17,6 +17,7 @@ from controllers.rig import Rig, Task
 from controllers.simulate import Runs
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import count_noun
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 
@@ -124,7 +125,7 @@ class PathAccuracy(Result):
 
     def tables(self) -> tuple[Table, ...]:
         """The figures that are known."""
-        title = f"ISO-style, {self.cycles} cycles, {len(self.offset)} stations"
+        title = f"ISO-style, {count_noun(self.cycles, 'cycle')}, {count_noun(len(self.offset), 'station')}"
         return (figures_table(title, self.figures()),)
 
     def data(self) -> Table:
@@ -240,7 +241,7 @@ class VelocityAccuracy(Result):
                 ".4f",
             ),
         )
-        return (Table(f"ISO-style, {self.cycles} cycles at {1e3 * self.commanded:.6g} mm/s", columns),)
+        return (Table(f"ISO-style, {count_noun(self.cycles, 'cycle')} at {1e3 * self.commanded:.6g} mm/s", columns),)
 
 
 def velocity_accuracy(speeds: Array, commanded: float) -> VelocityAccuracy:

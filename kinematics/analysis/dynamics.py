@@ -18,6 +18,7 @@ from kinematics.analysis.platform_motion import motion_of_axes
 from kinematics.foundation.arrays import Array, finite_array, freeze_fields
 from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import count_noun
 from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
@@ -343,7 +344,7 @@ def _check_motion(machine: Machine, motion: Motion) -> Motion:
     """The motion, if it is one of this machine: its coordinates are those of its poses."""
     n = len(machine.axes)
     if motion.q.shape[1] != n:
-        raise MotionError(f"machine {machine.name} has {n} axes; the motion has {motion.q.shape[1]}")
+        raise MotionError(f"machine {machine.name} has {count_noun(n, 'axis')}; the motion has {motion.q.shape[1]}")
     x = to_numbers(motion.pose)
     off = np.abs(machine.inverse_map(machine.inputs(x, motion.q)) - motion.q)
     if not (off <= COORDINATE_ROUNDING * np.maximum(1.0, np.abs(motion.q))).all():

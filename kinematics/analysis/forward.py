@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from kinematics.analysis.singularity import prove_regular
 from kinematics.foundation.arrays import Array, freeze_array, numeric_array
 from kinematics.foundation.errors import MotionError, OutOfReach
+from kinematics.foundation.names import count_noun
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.kind import HELD_TOLERANCE, columns, refuse_uncontrolled
@@ -72,7 +73,8 @@ def solve(machine: MachineModel, q: ArrayLike, near: Pose, certify: bool = True)
     start = to_numbers(near) if near is machine.home else check_pose(machine.name, "near", near)
     if len(start) not in (1, len(rows)):
         raise MotionError(
-            f"machine {machine.name}: forward takes one pose `near`, or one for each of {len(rows)} rows of q, "
+            f"machine {machine.name}: forward takes one pose `near`, or one for each of "
+            f"{count_noun(len(rows), 'row')} of q, "
             f"not {len(start)}"
         )
     refuse_uncontrolled(machine, start, "near {}".format)

@@ -5,6 +5,7 @@ from numpy.typing import ArrayLike
 
 from kinematics.foundation.arrays import Array, finite_array
 from kinematics.foundation.errors import MotionError, OutOfReach
+from kinematics.foundation.names import count_noun
 from kinematics.foundation.options import check_arguments
 from kinematics.machine.kind import columns
 from kinematics.machine.machine import Machine
@@ -21,10 +22,32 @@ def motion_of_poses(
     acceleration: ArrayLike | None = None,
     near: ArrayLike | None = None,
 ) -> Motion:
-    """The motion of given poses, twists (N, 6) and accelerations (N, 6); default: at rest.
+    """The motion of given poses; at rest unless twists or accelerations are given.
 
-    What follows is filled in, whatever is given for it. Raises OutOfReach where a pose has no coordinates, MotionError
-    where a twist leaves the machine's freedom. near as in `Machine.inverse`.
+    Components that follow are filled in, whatever is given for them.
+
+    Parameters
+    ----------
+    machine
+        The machine, its name, or the path of its file.
+    pose
+        N poses in the base frame.
+    twist, acceleration
+        (N, 6): [m/s, rad/s] and [m/s², rad/s²] of the platform's origin in the base frame.
+    near
+        As of `Machine.inverse`.
+
+    Returns
+    -------
+    Motion
+        Poses and coordinates of the axes, with their derivatives.
+
+    Raises
+    ------
+    OutOfReach
+        A pose has no coordinates.
+    MotionError
+        A twist leaves the machine's freedom.
     """
     machine = load_machine(machine)
     pose = machine.read_pose(pose)
@@ -49,7 +72,22 @@ def motion_of_poses(
 def motion_of_axes(machine: MachineSource, state: AxesAndPose) -> Motion:
     """The motion of the platform from that of the axes: J ν = q̇ and J ν̇ = q̈ − J̇ ν, solved for what is controlled.
 
-    Raises MotionError where the machine is singular, so that the axes do not tell the motion.
+    Parameters
+    ----------
+    machine
+        The machine, its name, or the path of its file.
+    state
+        Poses, q, q̇ and q̈ of N instants, as `Trajectory.at` gives them.
+
+    Returns
+    -------
+    Motion
+        With twists and accelerations of the platform.
+
+    Raises
+    ------
+    MotionError
+        The machine is singular, so that the axes do not determine the motion.
     """
     machine = load_machine(machine)
     if not all(hasattr(state, name) for name in ("pose", "q", "qd", "qdd")):
@@ -61,7 +99,8 @@ def motion_of_axes(machine: MachineSource, state: AxesAndPose) -> Motion:
     for what, rows in (("q", q), ("qd", qd), ("qdd", qdd)):
         if rows.shape != (len(x), n) or not np.isfinite(rows).all():
             raise MotionError(
-                f"machine {machine.name} has {n} axes: {what} must be finite, ({len(x)}, {n}) for {len(x)} poses, "
+                f"machine {machine.name} has {count_noun(n, 'axis')}: {what} must be finite, "
+                f"({len(x)}, {n}) for {count_noun(len(x), 'pose')}, "
                 f"not {rows.shape}"
             )
     inputs = machine.inputs(x, q)

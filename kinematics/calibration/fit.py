@@ -27,6 +27,7 @@ from kinematics.calibration.result import Calibration, Estimate, Observability, 
 from kinematics.calibration.search import frame_start, minimize_errors
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import count_noun
 from kinematics.foundation.options import check_arguments
 from kinematics.kinds.hexapod import Hexapod
 from kinematics.machine.axis import Axis
@@ -141,7 +142,8 @@ def calibrate(
     chosen = _used_components(measured, use)
     if chosen.sum() < len(parameters):
         raise MotionError(
-            f"{measured.name}: {measured.fit.sum()} poses give {chosen.sum()} values for {len(parameters)} parameters "
+            f"{measured.name}: {count_noun(chosen.sum(), 'value')} of {count_noun(measured.fit.sum(), 'pose')} for "
+            f"{count_noun(len(parameters), 'parameter')} "
             f"({', '.join(parts)}); measure more poses, or identify fewer parameters"
         )
     prediction, select = Prediction.from_measurements(machine, vector, measured), selection(vector, parameters)
@@ -261,13 +263,27 @@ def _leave_one_out_errors(errors: Array, jacobian: Array, weights: Array, chosen
 
 @check_arguments()
 def foreseen_errors(calibration: Calibration, commanded: Pose) -> Array:
-    """Predicted standard errors (N, m) of the parameters if one of N further poses were measured, one at a time.
+    """Predicted standard errors of the parameters if one of N further poses were measured, one at a time.
 
     They depend on where a pose is and not on what will be read there: Σ⁻¹ = Σ₀⁻¹ + Jᵀ W J of its errors' Jacobian J at
-    the estimates, of the components that the calibration used and with its noise. A standard error stays infinite where
-    the pose does not show the parameter apart either.
+    the estimates, of the components that the calibration used and with its noise.
 
-    commanded  relative to the machine's home pose. Raises MotionError for one that the machine cannot be sent to.
+    Parameters
+    ----------
+    calibration
+        Of the machine so far.
+    commanded
+        Batch of N poses, relative to the machine's home pose.
+
+    Returns
+    -------
+    Array
+        (N, m), of the m parameters; infinite where the pose does not identify the parameter either.
+
+    Raises
+    ------
+    MotionError
+        The machine cannot be sent to a pose.
     """
     machine, data = calibration.nominal, calibration.measurements
     vector = full_vector(machine)

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import count_noun
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.pose import to_numbers
@@ -87,7 +88,9 @@ class Measurements(Result):
         if pose.single:
             raise MotionError(f"{self.name}: {what} is a single pose; give a batch, of one pose or more")
         if len(pose) != len(self.labels):
-            raise MotionError(f"{self.name}: {len(pose)} {what} poses for {len(self.labels)} labels; give one each")
+            raise MotionError(
+                f"{self.name}: {len(pose)} {what} poses for {count_noun(len(self.labels), 'label')}; give one each"
+            )
         bad = ~(np.isfinite(to_numbers(pose)).all(1) & (np.abs(pose.translation) <= MAX_HOME_DISTANCE).all(1))
         if bad.any():
             label = self.labels[int(np.argmax(bad))]
@@ -112,7 +115,7 @@ class Measurements(Result):
                 if any(value is not None for value in shown):
                     columns.append(Column(f"{what} {name}", shown, "m" if k < 3 else "rad", "human", ".4f"))
         columns.append(Column("fitted", self.fit))
-        return (Table(f"{self.name}: {len(self)} poses from home", tuple(columns), self.notes),)
+        return (Table(f"{self.name}: {count_noun(len(self), 'pose')} from home", tuple(columns), self.notes),)
 
 
 def whole_poses(
@@ -123,9 +126,28 @@ def whole_poses(
     labels: Sequence[str] | None = None,
     name: str = "measurements",
 ) -> Measurements:
-    """Measurements of whole poses, relative to the machine's home pose; labels count from 1 by default.
+    """Measurements of whole poses.
 
-    Raises MotionError for poses that are no batches of the same length, not finite, or not one for each label.
+    Parameters
+    ----------
+    commanded, measured
+        Batches of N poses, relative to the machine's home pose.
+    noise
+        Standard deviations of the measurements; None: unknown, so residuals give the scale.
+    labels
+        What messages call each pose. None: counted from 1.
+    name
+        What messages call the measurements.
+
+    Returns
+    -------
+    Measurements
+        All of them used in a fit.
+
+    Raises
+    ------
+    MotionError
+        The poses are no batches of the same length, not finite, or not one for each label.
     """
     return _build_measurements(commanded, measured, ROTATION.stop, noise, labels, name)
 
@@ -138,7 +160,27 @@ def measured_positions(
     labels: Sequence[str] | None = None,
     name: str = "measurements",
 ) -> Measurements:
-    """Measurements of positions only, (N, 3) m in the home frame; otherwise as `whole_poses`."""
+    """Measurements of positions without rotations.
+
+    Parameters
+    ----------
+    commanded
+        Batch of N poses, relative to the machine's home pose.
+    measured
+        (N, 3) m in the home frame.
+    noise, labels, name
+        As of `whole_poses`.
+
+    Returns
+    -------
+    Measurements
+        All of them used in a fit.
+
+    Raises
+    ------
+    MotionError
+        As `whole_poses`.
+    """
     from scipy.spatial.transform import RigidTransform
 
     places = finite_array(measured, f"{name}: measured", unit="m")

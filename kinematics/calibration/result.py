@@ -19,7 +19,7 @@ import numpy as np
 from kinematics.calibration.measurements import AXIS, COMPONENTS, POSITION, ROTATION, Measurements, Noise
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
-from kinematics.foundation.names import nearest
+from kinematics.foundation.names import count_noun, nearest
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.machine import Machine
@@ -208,7 +208,7 @@ class Calibration(Result):
         return self.tables()[1]
 
     def __repr__(self) -> str:
-        return f"<Calibration of {self.nominal.name}: {len(self.parameters)} parameters>"
+        return f"<Calibration of {self.nominal.name}: {count_noun(len(self.parameters), 'parameter')}>"
 
     def worst(self, errors: Array) -> str:
         """Component and pose of the largest position error."""

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from kinematics.analysis.singularity import sensitivity
 from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import count_noun
 from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
@@ -368,7 +369,7 @@ def _per_axis(value: ArrayLike, machine: Machine, name: str) -> Array:
     values, count = np.asarray(value, float), len(machine.axes)
     if values.shape not in ((), (count,)):
         raise MotionError(
-            f"{name}: {values.size} numbers for the {count} axes of {machine.name}; give one, or one each"
+            f"{name}: {count_noun(values.size, 'number')} for the {count} axes of {machine.name}; give one, or one each"
         )
     return np.broadcast_to(values, count)
 

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 from kinematics.files.toml_document import MAX_BYTES, bytes_of, refuse_utf16, utf8_fault
 from kinematics.foundation.errors import Fault, FileError, MotionError
-from kinematics.foundation.names import nearest
+from kinematics.foundation.names import count_noun, nearest
 from kinematics.foundation.options import check_arguments, check_fields
 from kinematics.foundation.units import describe, describe_value, everyday_unit, quantity, unit_value
 
@@ -22,7 +22,15 @@ from kinematics.foundation.units import describe, describe_value, everyday_unit,
 class Actuator:
     """Catalogue data of a linear actuator, SI; None: not stated.
 
-    size  outer dimensions, m; mass of all its parts, kg; cost (lowest, highest) in the catalogue's currency
+    name, line        of the part, and of the catalogue's file in which it is
+    stroke, speed     m, m/s
+    force             N, the largest
+    precision         m, the smallest step
+    size              m, outer dimensions
+    mass              kg, of all its parts
+    type              in the catalogue's words
+    cost              (lowest, highest) in the catalogue's currency
+    Raises MotionError for a property that is not above 0.
     """
 
     name: str
@@ -42,7 +50,11 @@ class Actuator:
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """Catalogue data of a spherical or universal joint: tilt (rad) to each side of its rest axis; SI."""
+    """Catalogue data of a spherical or universal joint, SI; None: not stated.
+
+    tilt     rad to each side of its rest axis
+    name, line, force, precision, size, mass, type, cost  as of an `Actuator`
+    """
 
     name: str
     line: int
@@ -175,7 +187,14 @@ def _columns(header: tuple[int, list[str]], units: dict[str, str], faults: list[
 
 def _part(line: int, cells: list[str], columns: list[_Column], part: type[Part], faults: list[Fault]) -> Part | None:
     if len(cells) != len(columns):
-        faults.append(Fault("", f"{len(cells)} cells for {len(columns)} columns; an empty cell is not stated", line))
+        faults.append(
+            Fault(
+                "",
+                f"{count_noun(len(cells), 'cell')} for {count_noun(len(columns), 'column')}; an empty "
+                "cell is not stated",
+                line,
+            )
+        )
         return None
     values: dict[str, Any] = {}
     for cell, column in zip(cells, columns, strict=True):

@@ -99,10 +99,24 @@ class AxisMotion:
 def actuator_need(motions: Iterable[AxisMotion | Motion | Forces], precision: float | None = None) -> ActuatorNeed:
     """Requirements on one type of linear actuator used on all axes, for all motions.
 
-    A motion may be given as what `forces` or `motion_of_poses` returns.
-
     stroke = maxᵢ (max q_i − min q_i) over all motions together; speed = max |qd|; force = max |force|.
-    Raises MotionError for no motion, motions of different machines, and forces of some of them only.
+
+    Parameters
+    ----------
+    motions
+        Also as `forces` or `motion_of_poses` returns them.
+    precision
+        m, the coarsest that will do. None: any.
+
+    Returns
+    -------
+    ActuatorNeed
+        Without force where the motions have none.
+
+    Raises
+    ------
+    MotionError
+        There is no motion, the motions are of different machines, or only some have forces.
     """
     runs = [_read_motion(motion) for motion in motions]
     if not runs or len({run.q.shape[1] for run in runs}) > 1:
@@ -133,7 +147,27 @@ def _read_motion(motion: AxisMotion | Motion | Forces) -> AxisMotion:
 
 @check_arguments("machine", "pose")
 def joint_need(machine: MachineSource, pose: PoseLike, force: ArrayLike | None = None) -> JointNeed:
-    """Requirements on one type of joint: largest tilt over N poses, largest |force| (any shape, N)."""
+    """Requirements on one type of joint used everywhere.
+
+    Parameters
+    ----------
+    machine
+        The machine, its name, or the path of its file.
+    pose
+        N poses, over which the largest tilt is taken.
+    force
+        N, of any shape, of which the largest size is taken. None: any will do.
+
+    Returns
+    -------
+    JointNeed
+        The largest tilt, and the largest force.
+
+    Raises
+    ------
+    MotionError
+        The machine has no joints that tilt.
+    """
     machine = load_machine(machine)
     if not machine.tilt_names:
         raise MotionError(f"machine {machine.name} has no joints that tilt")

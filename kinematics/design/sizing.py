@@ -143,12 +143,18 @@ class Check:
 class StepperSizing(Result):
     """The sizing line by line, SI. Torques at the motor's shaft.
 
-    resolution           coarsest step allowed, m; coarsest_lead: the lead at which the motor's step is that, m/rev
+    resolution           coarsest step allowed, m
+    coarsest_lead        the lead at which the motor's step is that, m/rev
     step                 travel of one step, m
-    speed, rate          top speed, m/s, and its steps/s; duration: what the travel then takes, s
-    *_inertia            kg·m² as the motor sees it; acceleration: rad/s²
-    acceleration_torque  N·m, and so on; torque: their sum, wanted at every rate up to `rate`
+    average_speed        m/s, travel over time
+    least_speed          m/s, the top speed of the trapezoid that takes exactly the time allowed
+    speed, rate          top speed, m/s, and its steps/s
+    duration             s that the travel then takes
+    slide_inertia, screw_inertia, rotor_inertia, inertia  kg·m² as the motor sees them, and their sum
+    acceleration         rad/s²
+    acceleration_torque, friction_torque, gravity_torque, torque  N·m, and their sum, wanted at every rate up to `rate`
     standstill_torque    N·m that the motor must hold against the weight, counting on no friction
+    checks               rules, each met or not
     """
 
     resolution: float
@@ -214,15 +220,33 @@ _UNITS = {
 def size_stepper(
     slide: Slide, screw: Leadscrew, motor: StepMotor, traverse: Traverse, share: float = STEPS_PER_ACCURACY
 ) -> StepperSizing:
-    """Size the motor of a leadscrew axis; `checks` lists the rules that are met and those that are not.
+    """Size the motor of a leadscrew axis.
 
     lead λ per revolution, r = λ/2π, efficiency η, step angle θ, top speed v:
     rate = v/λ · 2π/θ;  α = (v/r)/ramp;  I = m r² + π ρ L D⁴/32 + I_rotor
     T_A = (m r²/η + I_screw + I_rotor) α;  T_F = F r/η + drag;  T_G = lift m g r/η;  T = T_A + T_F + T_G
     standstill: lift m g r (a screw's friction helps to hold, but is not counted on)
-    Resolution rule: step λθ/2π ≤ accuracy/share. Raises MotionError for values that mean nothing.
     Source: [Sasidhar 1981, Appendix B], with exact factors for its rounded ones, and the slide's inertia through the
     screw's efficiency.
+
+    Parameters
+    ----------
+    slide, screw, motor
+        The parts of the axis.
+    traverse
+        What the axis must do.
+    share
+        Resolution rule: step λθ/2π ≤ accuracy/share.
+
+    Returns
+    -------
+    StepperSizing
+        Whose `checks` lists the rules that are met and those that are not.
+
+    Raises
+    ------
+    MotionError
+        A value makes no sense.
     """
     if not (isfinite(share) and share >= 1):
         raise MotionError(f"sizing: share {share} must be at least 1 step within the accuracy")

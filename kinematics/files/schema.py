@@ -30,7 +30,7 @@ from kinematics.files.keys import Chosen, key, remedy_of
 from kinematics.files.toml_document import Document, Key
 from kinematics.foundation.arrays import LEAST_POSITIVE
 from kinematics.foundation.errors import BadValue, Fault, FileError, MotionError, validation_error
-from kinematics.foundation.names import add_article, closest, nearest
+from kinematics.foundation.names import add_article, closest, count_noun, nearest
 from kinematics.foundation.units import Unit, describe_value, everyday_unit, unit_value
 
 KIND_KEYS = {
@@ -93,9 +93,8 @@ class TableSchema(BaseModel):
                 told = BadValue(": ".join(filter(None, ["missing", example])), allowed=example)
             case "too_short" | "too_long" as kind:
                 count = error["ctx"]["min_length" if kind == "too_short" else "max_length"]
-                message = f"{describe_value(value)} has {len(value)} {'entry' if len(value) == 1 else 'entries'}"
-                message += f" instead of {count}{_show(keys, error['loc'])}"
-                told = BadValue(message, allowed=f"{count} entries")
+                message = f"{describe_value(value)} has {count_noun(len(value), 'entry')} instead of {count}"
+                told = BadValue(f"{message}{_show(keys, error['loc'])}", allowed=count_noun(count, "entry"))
             case "literal_error":
                 expected = error["ctx"]["expected"].replace("'", '"')
                 choices = re.findall('"(.*?)"', expected)

@@ -18,7 +18,7 @@ import casadi as ca
 
 from kinematics.foundation import operations
 from kinematics.foundation.errors import BadValue, MotionError, locate_errors
-from kinematics.foundation.names import closest, nearest
+from kinematics.foundation.names import closest, count_noun, nearest
 from kinematics.foundation.units import describe_value
 
 MAX_CHARACTERS = 500
@@ -136,7 +136,7 @@ def _build_node(node: ast.expr, text: str, known: Mapping[str, ca.SX], depth: in
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in _FUNCTIONS:
             count, function = _FUNCTIONS[name]
             if len(arguments) < count or (len(arguments) > count and name not in _VARIADIC):
-                raise MotionError(f"{name} takes {count} argument{'s' * (count > 1)}, not {len(arguments)}")
+                raise MotionError(f"{name} takes {count_noun(count, 'argument')}, not {len(arguments)}")
             values = [_build_node(argument, text, known, depth + 1) for argument in arguments]
             made = function(*values)
         case ast.Call(func=ast.Name(id=name)):

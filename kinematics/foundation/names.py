@@ -61,6 +61,16 @@ def add_article(noun: str) -> str:
     return f"{'an' if noun[:1].lower() in 'aeiou' else 'a'} {noun}"
 
 
+def count_noun(count: float, noun: str, form: str = "") -> str:
+    """A number, in a form, and its noun: "1 pulse", "0 pulses", "2 axes", "3 entries", "0.5 pulses"."""
+    shown = f"{count:{form}}"
+    if shown == "1":
+        return f"1 {noun}"
+    if noun.endswith("axis"):
+        return f"{shown} {noun[:-2]}es"
+    return f"{shown} {noun[:-1]}ies" if noun.endswith(("ry", "ty")) else f"{shown} {noun}s"
+
+
 def nearest(name: str, choices: Iterable[str]) -> str:
     """The clause that names the choice nearest to a mistaken name, empty if none comes close."""
     found = closest(name, choices)

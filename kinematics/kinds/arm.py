@@ -195,10 +195,28 @@ class Arm(Machine):
 
 @check_arguments()
 def read_urdf(path: Path, joints: Sequence[str], tool: str) -> Joints:
-    """Read the three named joints and the tool frame at q = 0, in the base frame, from a URDF file.
+    """Read three joints and the tool frame at q = 0, in the base frame, from a URDF file.
 
-    The joints must turn, follow each other in this order from the base, and the last must carry the tool. Raises
-    FileError for what the file does not hold. pinocchio reads it where it is installed, else `kinematics.kinds.urdf`.
+    pinocchio reads it where it is installed, else `kinematics.kinds.urdf`.
+
+    Parameters
+    ----------
+    path
+        Of the URDF file.
+    joints
+        Names of three revolute joints, each carried by the one before, from the base.
+    tool
+        Name of the frame of the tool, which the last joint carries.
+
+    Returns
+    -------
+    Joints
+        Their points and axes, and the tool's frame.
+
+    Raises
+    ------
+    FileError
+        The file does not hold them.
     """
     try:
         pin = pinocchio("an arm's URDF")

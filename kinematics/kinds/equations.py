@@ -17,7 +17,7 @@ from kinematics.files.schema import TableSchema
 from kinematics.foundation.arrays import LEAST_POSITIVE, finite_array
 from kinematics.foundation.errors import BadValue, MotionError, locate_errors, validation_error
 from kinematics.foundation.formula import check_names, formula
-from kinematics.foundation.names import closest, nearest
+from kinematics.foundation.names import closest, count_noun, nearest
 from kinematics.foundation.units import Length, Unit, describe_value, quantity
 from kinematics.kinds.axis_keys import (
     GEOMETRY,
@@ -121,7 +121,8 @@ class Equations(Machine):
         texts = (coordinates,) * count if isinstance(coordinates, str) else tuple(coordinates)
         if len(texts) != count or len(given) != count:
             raise BadValue(
-                f"machine {name}: {len(given)} axes and {len(texts)} formulas for {count} components "
+                f"machine {name}: {count_noun(len(given), 'axis')} and "
+                f"{count_noun(len(texts), 'formula')} for {count_noun(count, 'component')} "
                 f"({', '.join(self.freedom)}); give as many of each",
                 key=("coordinates",),
             )

@@ -30,9 +30,28 @@ if TYPE_CHECKING:
 
 @check_arguments()
 def joint_circle(radius: float, gap: float, height: float) -> Array:
-    """Joint centres (6, 3) on a circle, paired: azimuths γ/2, 120°∓γ/2, 240°∓γ/2, −γ/2 for the gap γ (rad) of a pair.
+    """Joint centres on a circle, paired: azimuths γ/2, 120°∓γ/2, 240°∓γ/2, −γ/2.
 
-    Source: [Sahbaz 2007, chapter 5]. Raises MotionError for a radius that is not above 0 m, and numbers out of range.
+    Source: [Sahbaz 2007, chapter 5].
+
+    Parameters
+    ----------
+    radius
+        m, of the circle.
+    gap
+        rad, the angle γ between the two joints of a pair.
+    height
+        m, z of all centres.
+
+    Returns
+    -------
+    Array
+        (6, 3) m.
+
+    Raises
+    ------
+    MotionError
+        The radius is not above 0, or a number is out of range.
     """
     finite_array(radius, "joint_circle: radius", (), unit="m", least=LEAST_POSITIVE, most=MAX_DISTANCE)
     finite_array(gap, "joint_circle: gap", (), unit="rad", least=-tau, most=tau)

@@ -16,7 +16,7 @@ import numpy as np
 from kinematics.files.toml_document import MAX_BYTES, bytes_of
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import Fault, FileError, MotionError
-from kinematics.foundation.names import closest, nearest
+from kinematics.foundation.names import closest, count_noun, nearest
 from kinematics.foundation.units import describe_value
 
 if TYPE_CHECKING:
@@ -207,6 +207,6 @@ def _numbers(element: ElementTree.Element, text: str, what: str, count: int = 3)
     except ValueError:
         found = np.array([])
     if found.shape != (count,) or not np.isfinite(found).all():
-        told = f"{count} finite number{'s' * (count > 1)}, not {describe_value(text)}"
+        told = f"{count_noun(count, 'finite number')}, not {describe_value(text)}"
         raise _Wrong("", f"{element.tag} {element.get('name', '')}: {what} must be {told}")
     return found

@@ -137,11 +137,13 @@ def directional_bounds(bound: Magnitude | None) -> tuple[float, float]:
 class Axis:
     """A linear (m) or rotary (rad) actuator; limits are magnitudes in SI units, None means unlimited.
 
+    name, kind      what messages call it; "linear" or "rotary"
     travel          (lo, hi) relative to home; both ends or neither, since its use is counted from the middle. Home may
                     lie outside, as a switch beyond the working range does
     max_speed, max_acceleration, max_jerk  one number, or two: (towards smaller q, towards greater q)
     pulse           m or rad that one pulse moves the axis
     direction       +1/-1: the sign in which a positive coordinate is counted by the wiring
+    max_force       N or N m
     torque_speed    ((speed, force), ...) pull-out curve of the motor, speeds rising: what force it gives at a speed and
                     at every lower one; below the first point as there, none beyond the last
     friction        N s/m or N m s/rad: a viscous force, against q̇

@@ -54,7 +54,29 @@ class Body:
 
 @check_arguments()
 def cylinder(mass: float, radius: float, low: float, high: float, name: str = "cylinder") -> Body:
-    """A solid cylinder along z from low to high (m): I_z = m r²/2, I_x = I_y = m (3 r² + h²)/12."""
+    """A solid cylinder along z: I_z = m r²/2, I_x = I_y = m (3 r² + h²)/12.
+
+    Parameters
+    ----------
+    mass
+        kg.
+    radius
+        m.
+    low, high
+        m, z of its two ends.
+    name
+        What messages call it.
+
+    Returns
+    -------
+    Body
+        In the frame in which z is given.
+
+    Raises
+    ------
+    MotionError
+        The radius is negative, or low is not below high.
+    """
     if not 0 <= radius <= MAX_DISTANCE:
         raise MotionError(f"{name}: radius {radius} m must be from 0 to {MAX_DISTANCE:g} m")
     if not -MAX_DISTANCE <= low < high <= MAX_DISTANCE:

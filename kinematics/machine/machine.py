@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from numpy.typing import ArrayLike
 
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import count_noun
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.axis import Axis, Magnitude, directional_bounds
@@ -146,4 +147,4 @@ class Machine(MachineModel, Result):
         return (axes_table(self),)
 
     def __repr__(self) -> str:
-        return f"<{type(self).__name__} {self.name}: {len(self.axes)} axes>"
+        return f"<{type(self).__name__} {self.name}: {count_noun(len(self.axes), 'axis')}>"

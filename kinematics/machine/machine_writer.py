@@ -43,12 +43,26 @@ def toml_of(source: Path | Traversable) -> bytes:
 
 @check_arguments()
 def machine_toml(machine: Machine, comment: str = "", *, complete: bool = False) -> str:
-    """The TOML text of a machine, with explicit joint centres, after a comment.
+    """The TOML text of a machine, with explicit joint centres.
 
-    complete  with the keys that say what holds without them too
+    Parameters
+    ----------
+    machine
+        The machine.
+    comment
+        Goes before the text, line by line.
+    complete
+        Also write keys at their defaults.
 
-    Raises MotionError for what machine files cannot say: an arm's URDF, unlimited travel of a slide, other names of
-    axes than the kind has.
+    Returns
+    -------
+    str
+        What a machine file holds.
+
+    Raises
+    ------
+    MotionError
+        Machine files cannot say it: an arm's URDF, unlimited travel of a slide, other axis names than the kind has.
     """
     kind, schema, names = _file_of(machine)
     given = machine.load

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from kinematics.foundation.arrays import Array, finite_array, freeze_array, unit_vectors
 from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.errors import BadValue, MotionError, OutOfReach, locate_errors
-from kinematics.foundation.names import add_article
+from kinematics.foundation.names import add_article, count_noun
 from kinematics.foundation.operations import refuse_unknown
 from kinematics.foundation.options import check_arguments, fits
 from kinematics.machine.axis import Axis
@@ -92,7 +92,8 @@ def check_axes(of: Kind, name: str, given: Iterable[Axis]) -> tuple[Axis, ...]:
         raise MotionError(f"machine {name}: axes must be {count} of Axis, not {strange[0]!r:.100}")
     if len(axes) != count:
         raise MotionError(
-            f"machine {name}: {len(axes)} axes; {add_article(kind)} has {count}, for {', '.join(of.freedom)}"
+            f"machine {name}: {count_noun(len(axes), 'axis')}; {add_article(kind)} has {count}, for "
+            f"{', '.join(of.freedom)}"
         )
     for axis, sort in zip(axes, of.sorts, strict=False):
         if axis.kind != sort:

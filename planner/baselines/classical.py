@@ -13,6 +13,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import count_noun
 from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
@@ -323,7 +324,7 @@ def describe_differences(plan: Plan, timing: Classical) -> tuple[str, ...]:
         told.append(f"leaves the path by up to {1e3 * timing.deviation.distance:.3f} mm")
     if plan.path.fit is not None:
         rounded = sum(not blend.stop for blend in plan.path.blends)
-        told += [f"stops at {rounded} corner{'s' * (rounded > 1)} that the plan rounds"] if rounded else []
+        told += [f"stops at {count_noun(rounded, 'corner')} that the plan rounds"] if rounded else []
     elif not plan.path.stops(plan.order).all():
         told.append("stops at every join")
     if plan.path.end_speeds != (0.0, 0.0):

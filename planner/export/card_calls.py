@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError, require
+from kinematics.foundation.names import count_noun
 from kinematics.foundation.polynomials import shift_polynomials
 from kinematics.foundation.units import format_distinct
 from planner.export.format import ExportSource
@@ -254,7 +255,8 @@ def _notes(source: ExportSource, calls: Sequence[Call], spacing: int, ranges: Se
     starts = [axis.direction * pulses.start for axis, pulses in zip(axes, source.pulses.axes, strict=True)]
     spans = ", ".join(f"{axis.name} {top:.1f}" for axis, top in zip(axes, ranges, strict=True))
     return (
-        f"{len(calls)} calls, {spacing / 1e3:g} ms apart for an axis that moves; the pulses fired are within 0.5 more",
+        f"{count_noun(len(calls), 'call')}, {spacing / 1e3:g} ms apart for an axis that moves; the "
+        "pulses fired are within 0.5 more",
         f"counters must stand at {', '.join(map(str, starts))} at time 0",
         f"speed ranges that were rounded to, in pulses/s: {spans}",
         "assumed of the cards: speeds are magnitudes, tacc is the time of the whole ramp, tdec = 0 stops dead",

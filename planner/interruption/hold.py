@@ -10,6 +10,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import count_noun
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from planner.certificate.certify import certify
@@ -159,7 +160,7 @@ class Stops(Result):
             Column("largest", [f"{self.time.max():.4f} s", f"{1e3 * self.distance.max():.3f} mm"]),
             Column("at", [f"{self.t[np.argmax(each)]:.4f} s" for each in (self.time, self.distance)]),
         )
-        return (Table(f"stops of {self.name}, from {len(self.t)} instants", columns),)
+        return (Table(f"stops of {self.name}, from {count_noun(len(self.t), 'instant')}", columns),)
 
     def data(self) -> Table:
         """Each of them."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import count_noun
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.axis import Axis
 from kinematics.machine.machine import Machine
@@ -110,7 +111,8 @@ def _check_shapes(limit: Limit, path: ActuatorPath) -> None:
     for what, shape in found.items():
         if shape != wanted:
             raise MotionError(
-                f'limit "{limit.name}": its {what} is of shape {shape} at {len(state.t)} places; expected {wanted}, '
+                f'limit "{limit.name}": its {what} is of shape {shape} at {count_noun(len(state.t), "place")}; '
+                f"expected {wanted}, "
                 f"a row for each place and a column for each channel ({', '.join(map(str, limit.channels))})"
             )
 

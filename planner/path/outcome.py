@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from kinematics.foundation.names import count_noun
 from kinematics.foundation.table import Column, Table
 from planner.path.shape import Fitted
 from planner.place import Place
@@ -81,11 +82,11 @@ class FitSummary:
     def describe(self) -> str:
         """How near to the program it is, where it is farthest from it, and what became of its corners."""
         at = self.deviates_at
-        corners = f"{self.rounded} corner{'' if self.rounded == 1 else 's'} rounded, {self.stopped} with a stop"
+        corners = f"{count_noun(self.rounded, 'corner')} rounded, {self.stopped} with a stop"
         near = f"within {1e6 * self.deviation:.4g} µm of the program (proved; tolerance {1e6 * self.tolerance:.4g} µm)"
         worst = f"farthest at {1e3 * at.s:.3f} mm, segment {at.segment}"
-        curves = f"{self.curves} curve{'' if self.curves == 1 else 's'}"
-        made = f"{self.before} pieces became {self.after} in {curves}, " if self.before else ""
+        curves = count_noun(self.curves, "curve")
+        made = f"{count_noun(self.before, 'piece')} became {self.after} in {curves}, " if self.before else ""
         return f"{made}{near}, {worst}; {corners}"
 
 

@@ -29,9 +29,22 @@ from planner.program.program_file import ProgramSource, load_program
 def synchronise(program: ProgramSource, machine: MachineSource) -> tuple[Program, tuple[int, ...]]:
     """Replace every segment and spline point of a program by a synchronised move to its end.
 
-    Caps, triggers and dwells stay; blends, constant speeds and free orientations have no place in it. Also the numbers
-    of segments that end where they start, for which there is nothing to move: they are left out. Raises MotionError
-    for an end that cannot be told, a trigger on such a segment or inside a spline, or where nothing moves at all.
+    Caps, triggers and dwells stay; blends, constant speeds and free orientations are dropped.
+
+    Parameters
+    ----------
+    program, machine
+        Each as it is, by its name, or by the path of its file.
+
+    Returns
+    -------
+    Program, tuple
+        The program of moves, and the numbers of segments that end where they start: they have no move and are left out.
+
+    Raises
+    ------
+    MotionError
+        An end is not known, a trigger is on such a segment or inside a spline, or nothing moves at all.
     """
     program, machine = load_program(program), load_machine(machine)
     here = default_start(program, machine) if program.start is None else program.start

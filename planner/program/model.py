@@ -13,6 +13,7 @@ from casadi import SX
 from kinematics.foundation.arrays import Array, is_within_limit, most
 from kinematics.foundation.errors import Fault, FileError, MotionError
 from kinematics.foundation.formula import check_names, formula
+from kinematics.foundation.names import count_noun
 from kinematics.foundation.options import check_fields, fits
 from kinematics.foundation.result import Result
 from kinematics.foundation.short_repr import short_repr
@@ -137,7 +138,8 @@ class Spline(MovingSegment):
         check_rotation(self, "spline", "rotate", len(through))
         if self.rotate is not None and (self.rotate.single or len(self.rotate) != len(through)):
             given = 1 if self.rotate.single else len(self.rotate)
-            raise MotionError(f"spline: {given} orientations for {len(through)} points; give one for each, or none")
+            few = f"{count_noun(given, 'orientation')} for {count_noun(len(through), 'point')}"
+            raise MotionError(f"spline: {few}; give one for each, or none")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -324,7 +326,7 @@ class Program(Result):
             raise MotionError(f"program {self.name}: repeat {self.repeat} must be a whole number from 1 on")
         held = self.repeat > 1 or not isinstance(self.segments, SegmentStream)  # what is read once may go on for ever
         if held and self.repeat * len(self.segments) > MOST_SEGMENTS:
-            told = f"repeat {self.repeat} of {len(self.segments)} segments is more than {MOST_SEGMENTS} segments in all"
+            told = f"repeat {self.repeat} of {count_noun(len(given), 'segment')} is more than {MOST_SEGMENTS} in all"
             lines = [segment.line_number for segment in self.segments if segment.line_number]
             if self.file:
                 raise FileError(self.file, [Fault("repeat", f"{told}; run parts of it", min(lines, default=1))])
@@ -337,8 +339,7 @@ class Program(Result):
         check_positive(f"program {self.name}", "duration", self.duration, "s")
 
     def __repr__(self) -> str:
-        count = len(self.segments)
-        return f"<Program {self.name}: {count} segment{'s' * (count > 1)}, from {self.frame}>"
+        return f"<Program {self.name}: {count_noun(len(self.segments), 'segment')}, from {self.frame}>"
 
     def tables(self) -> tuple[Table, ...]:
         """Its segments, one a row: where each leads as far as it says so itself, its caps, join and trigger."""
@@ -363,7 +364,7 @@ class Program(Result):
         )  # fmt: skip
         told = tuple(column for column in columns if any(value is not None for value in column.values))
         again = "" if self.repeat == 1 else f", {self.repeat} times"
-        return (Table(f"{self.name}: {len(segments)} segments{again}, from {self.frame}", told),)
+        return (Table(f"{self.name}: {count_noun(len(segments), 'segment')}{again}, from {self.frame}", told),)
 
     def cap(self, segment: Segment, name: str) -> float | None:
         """A segment's own cap, or the program's; None where neither says one, or the segment cannot have it."""

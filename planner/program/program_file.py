@@ -22,7 +22,7 @@ from kinematics.files.schema import (
 from kinematics.files.toml_document import Document, read
 from kinematics.foundation.arrays import freeze_array
 from kinematics.foundation.errors import Fault, FileError, validation_error
-from kinematics.foundation.names import find, presets
+from kinematics.foundation.names import count_noun, find, presets
 from kinematics.foundation.units import Unit
 from planner.program.model import MIN_MOVE, Arc, Dwell, Frame, Line, Program, Segment, Spline, Synchronised, Turn
 from planner.program.segment_tables import (
@@ -77,7 +77,7 @@ def _check_distinct(points: tuple[tuple[float, float, float], ...]) -> tuple[Any
 
 def _start_type(value: object) -> Any:
     if isinstance(value, tuple) and len(value) not in (3, 6):
-        raise validation_error(f"{len(value)} entries: give 3 (x, y, z) or 6 (x, y, z, θx, θy, θz)")
+        raise validation_error(f"{count_noun(len(value), 'entry')}: give 3 (x, y, z) or 6 (x, y, z, θx, θy, θz)")
     return PositionAndAngles if isinstance(value, tuple) and len(value) == 6 else Position
 
 
@@ -128,7 +128,7 @@ class SplineTable(TableSchema):
     """A smooth curve through points."""
 
     through: Annotated[tuple[Position, ...], AfterValidator(_check_distinct)] = key(
-        "the points, from where the path stands"
+        "the points, from the end of the segment before"
     )
     rotate: tuple[Orientation, ...] | None = key("an orientation for each point; kept if not stated", default=None)
 
@@ -137,7 +137,8 @@ class SplineTable(TableSchema):
         if self.rotate is not None and len(self.rotate) != len(self.through):
             given, points = len(self.rotate), len(self.through)
             raise validation_error(
-                f"{given} orientations in rotate for {points} points in through: give one for each, or none"
+                f"{count_noun(given, 'orientation')} in rotate for {count_noun(points, 'point')} in "
+                "through: give one for each, or none"
             )
         return self
 

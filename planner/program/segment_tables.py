@@ -246,7 +246,8 @@ class CurveTable(TableSchema):
 
 class CurveEntry(PathEntry):
     curve: CurveTable = key(
-        "by equations, in the units above, from where the path stands; rx, ry, rz turn it; constants: numbers by name",
+        "by equations, in the units above, from the end of the segment before; rx, ry, rz turn it; "
+        "constants: numbers by name",
         '{ x = "r*cos(t)", y = "r*sin(t)", z = "25", from = 0, to = "2*pi", constants = { r = 10 } }',
     )
 

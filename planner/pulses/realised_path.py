@@ -14,6 +14,7 @@ import numpy as np
 from kinematics.analysis.singularity import sensitivity
 from kinematics.foundation.arrays import Array, freeze_array, merge_rising
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import count_noun
 from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
@@ -134,7 +135,8 @@ class RealisedPath(Result):
         """Each error, its bound, and where it is largest."""
         every = "each" if self.stride == 1 else f"one in {self.stride}"
         title = (
-            f"realised path of the {self.mover} of {self.machine}, rule {self.rule}: {self.instants} instants, "
+            f"realised path of the {self.mover} of {self.machine}, rule {self.rule}: "
+            f"{count_noun(self.instants, 'instant')}, "
             f"{every} just after and just before a pulse"
         )
         units = [error.unit for error in self.errors]
@@ -201,7 +203,8 @@ def realised(plan: CountedMotion, pulses: PulseSchedule | None = None, *, stride
     schedule = plan.pulses if pulses is None else pulses
     if len(schedule.axes) != len(machine.axes) or isinstance(stride, bool) or stride < 1:
         raise MotionError(
-            f"realised path: {len(schedule.axes)} axes of pulses for machine {machine.name} with {len(machine.axes)}, "
+            f"realised path: {count_noun(len(schedule.axes), 'axis')} of pulses for machine "
+            f"{machine.name} with {len(machine.axes)}, "
             f"stride {stride}; give one of each per axis, and a stride from 1 on"
         )
     grid = np.linspace(0.0, _last_tick(schedule), WINDOWS + 1)

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinematics.foundation.arrays import finite_array, freeze_array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import count_noun
 from kinematics.foundation.result import Result
 from kinematics.foundation.short_repr import short_repr
 from kinematics.foundation.table import Column, Table
@@ -155,8 +156,9 @@ class PulseSchedule(Result):
 
     def __repr__(self) -> str:
         count = len(self.axes)
-        axes = f"{count} ax{'i' if count == 1 else 'e'}s"
-        return f"<PulseSchedule: {self.total} pulses on {axes} in {self.duration:.6g} s, clock {self.clock_hz} Hz>"
+        axes = count_noun(count, "axis")
+        pulses = f"{count_noun(self.total, 'pulse')} on {axes}"
+        return f"<PulseSchedule: {pulses} in {self.duration:.6g} s, clock {self.clock_hz} Hz>"
 
     def tables(self) -> tuple[Table, ...]:
         """The pulses of each axis; what keeping them apart and the compensation cost, if anything."""
@@ -249,7 +251,7 @@ def schedule_tables(
             Column("net count", [net for _, net in counted]),
             Column("error ≤", [axis.bound for axis in axes], "pulses", form=".3f", up=True),
         ),
-        (f"{sum(pulses for pulses, _ in counted)} pulses of all axes", f"error: {COUNT_BOUND}"),
+        (f"{count_noun(sum(pulses for pulses, _ in counted), 'pulse')} in all", f"error: {COUNT_BOUND}"),
     )
     if moved := schedule.moves:
         yield Table(

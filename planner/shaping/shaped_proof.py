@@ -14,6 +14,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array, freeze_fields, largest_in_rows
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import count_noun
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.axis import Axis
@@ -80,7 +81,7 @@ class ShapedProof(Result):
 
     def describe(self) -> str:
         """Deviation and proof in a line."""
-        proved = f"{len(self.worst)} limits proved" if self.holds else "LIMITS ARE NOT KEPT"
+        proved = f"{count_noun(len(self.worst), 'limit')} proved" if self.holds else "LIMITS ARE NOT KEPT"
         near = f"the tool within {1e6 * self.deviation:.3f} µm of the path"
         return f"{near}, {proved}"
 

@@ -11,6 +11,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.foundation.arrays import Array, freeze_fields
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import count_noun
 from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
@@ -64,11 +65,11 @@ class ArmSimulation(Result):
         )
         count = int(self.turned.sum())
         told = (
-            f"{count} of {len(self.listed)} poses are rotated, and only simulated: no motion is made of them",
+            f"rotated, and only simulated: {count} of {count_noun(len(self.listed), 'pose')}; no motion includes them",
             f"off: error of the end point if {self.machine}, whose plate cannot rotate, were driven to these lengths",
         )
         beyond = ("beyond: arms outside their travel",)
-        title = f"arm lengths of {self.machine} at {len(self.listed)} poses from {self.listed.frame}"
+        title = f"arm lengths of {self.machine} at {count_noun(len(self.listed), 'pose')} from {self.listed.frame}"
         return (Table(title, columns, (*self.notes, *(told if count else ()), *(beyond if any(short) else ()))),)
 
 
@@ -76,8 +77,25 @@ class ArmSimulation(Result):
 def simulate_arms(listed: PositionList, machine: MachineSource, *, unit: float | None = None) -> ArmSimulation:
     """Arm lengths at the poses of a list; rotation R = Ry · Rz · Rx if the list states so.
 
-    unit  m: every step of the source's rule (`positions.step_poses`), of a unit or of 1°; None: the listed poses
-    Raises MotionError for a machine without three arms, and for a list without a pose.
+    Parameters
+    ----------
+    listed
+        The poses.
+    machine
+        A machine with three arms, its name, or the path of its file.
+    unit
+        m: simulate every step of the source's rule (`positions.step_poses`), of a unit or of 1°. None: the listed
+        poses.
+
+    Returns
+    -------
+    ArmSimulation
+        Lengths of the arms at each pose.
+
+    Raises
+    ------
+    MotionError
+        The machine has no three arms, or the list has no pose.
     """
     machine = load_machine(machine)
     if not isinstance(machine, Tripod):

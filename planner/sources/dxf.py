@@ -25,7 +25,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from kinematics.foundation.errors import Fault, FileError, MotionError, NotInstalled
-from kinematics.foundation.names import nearest
+from kinematics.foundation.names import count_noun, nearest
 from kinematics.foundation.options import option
 from kinematics.foundation.units import describe_value
 from planner.program.model import Line, Program
@@ -99,7 +99,9 @@ def read_drawing(path: Path, options: "Dxf") -> Drawing:
         message = f"not a readable DXF file: {describe_value(told)}{more}"
         raise FileError(str(path), [Fault("", message, line if more else 1)]) from None
     warnings = [
-        f"{count} entities of layout {describe_value(name)} are not read" for name, count in papers.items() if count
+        f"not read: {count_noun(count, 'entity')} of layout {describe_value(name)}"
+        for name, count in papers.items()
+        if count
     ]
     metres = _read_unit(path, document.units if b"$INSUNITS" in raw else 0, options.length, warnings)
     taken = _select_entities(path, entities, layers, options, warnings)
@@ -143,10 +145,10 @@ def _select_entities(
         elif layer in hidden:
             left[f"on layer {describe_value(layer_of(entity))}, which is off or frozen"] += 1
         elif entity.dxf.hasattr("invisible") and entity.dxf.invisible:
-            left["that are invisible"] += 1
+            left["marked invisible"] += 1
         else:
             taken.append(entity)
-    warnings += [f"{count} entities {why} were skipped" for why, count in left.items()]
+    warnings += [f"skipped {count_noun(count, 'entity')} {why}" for why, count in left.items()]
     return taken
 
 
@@ -271,13 +273,16 @@ class Dxf:
         if shapes.worst:
             told.append(f"ellipses and splines are curves through points, off by {shapes.worst * 1e6:.3g} um at most")
         if shapes.nothing:
-            told.append(f"{shapes.nothing} lines, arcs and polyline sides have no length and were skipped")
+            told.append(f"skipped {count_noun(shapes.nothing, 'shape')} without length (lines, arcs, polyline sides)")
         if short:
-            told.append(f"{short} entities are shorter than the tolerance and were skipped")
+            told.append(f"skipped {count_noun(short, 'entity')} shorter than the tolerance")
         if shapes.flattened:
-            told.append(f"{shapes.flattened} entities have a width or a thickness: the path is their centre line")
+            told.append(
+                f"{count_noun(shapes.flattened, 'entity')} with a width or a thickness: the path is the centre line"
+            )
         if forks:
-            told.append(f"{forks} points have more than two ends: contours continue there in the straightest direction")
+            forked = f"{count_noun(forks, 'point')} with more than two ends"
+            told.append(f"{forked}: contours continue there in the straightest direction")
         if contours > 1 and self.retract is None:
             told.append(f"{contours} contours, and no retract: moves between them lie in the drawing's plane")
         return told

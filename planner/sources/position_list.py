@@ -27,7 +27,7 @@ from kinematics.files.atomic_files import require_folder, write_whole
 from kinematics.files.toml_document import format_decimal
 from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.errors import BadValue, MotionError
-from kinematics.foundation.names import closest, nearest
+from kinematics.foundation.names import closest, count_noun, nearest
 from kinematics.foundation.options import check_arguments, check_fields
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
@@ -90,7 +90,7 @@ class PositionList(Result):
             *(Column(f"θ{name}", self.poses[:, 3 + k], "rad", "human") for k, name in enumerate("xyz")),
             *([Column("dwell", self.rests, "s", form="g")] if self.rests.any() else []),
         )
-        return (Table(f"{len(self)} poses from {self.frame}, {meaning}", columns),)
+        return (Table(f"{count_noun(len(self), 'pose')} from {self.frame}, {meaning}", columns),)
 
     @check_arguments()
     def record(self, pose: ArrayLike, dwell: float = 0.0) -> "PositionList":
@@ -229,7 +229,7 @@ def _columns(
 def _row(number: int, cells: list[str], columns: list[tuple[int, float]], faults: Faults) -> list[float]:
     pose = [0.0] * len(NAMES)
     if len(cells) != len(columns):
-        faults.add(f"{len(cells)} entries for {len(columns)} columns", number)
+        faults.add(f"{count_noun(len(cells), 'entry')} for {count_noun(len(columns), 'column')}", number)
         return pose
     for cell, (place, unit) in zip(cells, columns, strict=True):
         text = cell.strip()

@@ -26,6 +26,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from kinematics.foundation.errors import Fault, FileError, MotionError
+from kinematics.foundation.names import count_noun
 from kinematics.foundation.options import check_arguments, option
 from kinematics.foundation.units import describe_value, quantity
 from kinematics.kinds.tripod import Tripod
@@ -196,9 +197,10 @@ def join_poses(
         still += nth > 0 and not moves and not turns and rest == 0
         far += nth > 0 and float(abs(pose[3:] - listed.poses[nth - 1, 3:]).max()) > pi
         place, turned = pose[:3], rotation
-    told = [f"{still} poses repeat the pose before and were skipped"] if still else []
+    told = [f"skipped {count_noun(still, 'pose')} equal to the pose before"] if still else []
     if far:
-        told.append(f"{far} poses change an angle by more than half a turn: the tool rotates the shorter way")
+        some = f"{count_noun(far, 'pose')} with an angle more than half a turn from the pose before"
+        told.append(f"{some}: the tool rotates the shorter way")
     return tuple(segments), told
 
 

@@ -100,7 +100,7 @@ def timing_table(
     """
     what, times, notes = ["duration"], [duration], [note]
     if shaped is not None:
-        what, times, notes = [*what, BEFORE_SHAPERS], [shaped, duration], [note, "what is below is of this"]
+        what, times, notes = [*what, BEFORE_SHAPERS], [shaped, duration], [note, "the rows below refer to this"]
     if bound is not None:
         what.append("lower bound, proved")
         times.append(bound.value)

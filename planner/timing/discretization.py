@@ -7,6 +7,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import count_noun
 from planner.limits.limit import Limit, Term
 from planner.path.actuation import ActuatorPath
 from planner.timing.initial_guess import MAX_BRIEF_SHARE, WINDOW_GROWTH, Smoothed, pass_breaks, slow_breaks
@@ -228,7 +229,7 @@ def _interval_count(rule: Rule, path: ActuatorPath, run: Run, on_top: bool = Fal
         )
         order = ", or plan at order 2" if rule != SECOND_ORDER else ""
         raise MotionError(
-            f"from {since} to {until} the motion does not stop, and takes {size} intervals to time, "
+            f"from {since} to {until} the motion does not stop, and takes {count_noun(size, 'interval')} to time, "
             f'at most {most}: write join = "stop" on the way, or split a segment that turns many times{order}'
         )
     return size

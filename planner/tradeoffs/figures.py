@@ -17,7 +17,7 @@ def limit_worths(worth: Worth, ax: Axes | None = None) -> Axes:
     """What one per cent more of each limit saves, the most valuable first."""
     rows = [k for k in worth.rank() if worth.saved[k] >= LEAST_BAR * worth.saved.max()][:MOST_BARS]
     names = [_name(worth, k) for k in rows]
-    ax = draw_bars(names, [1e3 * float(worth.saved[k]) for k in rows], "ms saved by one per cent more", ax)
+    ax = draw_bars(names, [1e3 * float(worth.saved[k]) for k in rows], "ms saved by raising the limit by 1 %", ax)
     ax.set_axisbelow(True)
     return ax
 

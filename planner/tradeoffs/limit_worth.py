@@ -153,7 +153,7 @@ class Worth(Result):
         """The most valuable change in one line: of one axis, and of all axes where that is more."""
         rows = self.rank()
         if not rows:
-            return "no limit that is known is worth anything"
+            return "no limit whose worth is known saves time"
         one = next((k for k in rows if self.axes[k] != ALL and self.saved[k] > self._least), None)
         every = next((k for k in rows if self.axes[k] == ALL), None)
         more = every is not None and (one is None or self.saved[every] > self.saved[one] * LITTLE_MORE)
@@ -167,9 +167,9 @@ class Worth(Result):
         columns = (
             *names,
             Column("saved", self.saved[rows], "s", "milli", form=".4f"),
-            Column("with what binds beside it", self.together[rows], "s", "milli", form=".4f"),
+            Column("with all active limits raised", self.together[rows], "s", "milli", form=".4f"),
         )
-        return (Table("saved by one per cent more of a limit, to first order", columns, tuple(self._notes())),)
+        return (Table("time saved by raising a limit by 1 %, to first order", columns, tuple(self._notes())),)
 
     @property
     def _least(self) -> float:
@@ -179,9 +179,9 @@ class Worth(Result):
         of = np.array(self.limits)
         idle = [name for name in dict.fromkeys(self.limits) if not (self.together[of == name] > self._least).any()]
         if idle:
-            yield f"nothing is saved by more {', '.join(idle)}"
+            yield f"no time is saved by raising {', '.join(idle)}"
         if self.unknown:
-            yield f"not known: {', '.join(self.unknown)}, counted among the others; replan(limit) tells"
+            yield f"not known: {', '.join(self.unknown)}, counted with the others; replan(limit) finds out"
         if abs(self.explained - 1) > MOST_UNEXPLAINED:
             yield f"rough: the limits make up {100 * self.explained:.1f} % of the duration"
 

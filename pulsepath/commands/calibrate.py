@@ -6,6 +6,7 @@ from typing import Literal
 
 import click
 
+from kinematics.foundation.names import count_noun
 from pulsepath import known_names
 from pulsepath.known_names import make_completer
 from pulsepath.options import json_option, refuse_unknown
@@ -22,7 +23,7 @@ from pulsepath.progress import say
     default="factor,frame-yaw",
     show_default=True,
     metavar="PARTS",
-    help="What to identify, of: factor, factors (one per axis), offsets, joints, frame, frame-yaw.",
+    help="Parameters to identify, from: factor, factors (one per axis), offsets, joints, frame, frame-yaw.",
 )
 @click.option(
     "--use",
@@ -70,9 +71,12 @@ def calibrate(
     with replace_directory(
         out, force, CALIBRATION_KIND
     ) as folder:  # where nothing can be written, that is said before the work
-        with step(f"identifying {nominal.name} from {len(measured)} measurements"):
+        with step(f"identifying {nominal.name} from {count_noun(len(measured), 'measurement')}"):
             found = calibration.calibrate(nominal, measured, [part.strip() for part in model.split(",")], use=use)
-        detail(f"{len(found.parameters)} parameters, {found.observability.rank} combinations of them identifiable")
+        detail(
+            f"{count_noun(len(found.parameters), 'parameter')}, {found.observability.rank} "
+            "combinations of them identifiable"
+        )
         with step("writing files"):
             calibration_directory.write(folder, found, sources)
     report = str(out / REPORT)

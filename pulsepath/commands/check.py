@@ -6,6 +6,7 @@ from typing import Any
 
 import click
 
+from kinematics.foundation.names import count_noun
 from pulsepath.command_group import ProgramCommand
 from pulsepath.options import (
     apply_motion,
@@ -106,5 +107,5 @@ def _check_plan(folder: Path, as_json: bool) -> None:
     say(
         "it has no file of pulses: only the motion was checked"
         if file is None
-        else f"{file}: {pulses} pulses, checked against the motion"
+        else f"{file}: {count_noun(pulses or 0, 'pulse')}, checked against the motion"
     )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from kinematics.foundation.names import count_noun
 from pulsepath import known_names
 from pulsepath.known_names import make_completer
 from pulsepath.options import refuse_unknown
@@ -187,4 +188,4 @@ def _announce(grid: "Grid", rig: "Rig", out: Path) -> str:
     told = " × ".join(f"{count} {what}" for what, count in counts.items() if count > 1)
     time = f"{seconds / 60:.0f} min" if seconds > 90 else f"{10 * ceil(seconds / 10)} s"
     saved = "; runs that are saved there are reused" if (out / CELLS).is_dir() else ""
-    return f"{len(cells)} runs{told and f' ({told})'}: about {time} on {cores} cores{saved}"
+    return f"{count_noun(len(cells), 'run')}{told and f' ({told})'}: about {time} on {cores} cores{saved}"

@@ -5,6 +5,7 @@ from typing import Any
 
 import click
 
+from kinematics.foundation.names import count_noun
 from pulsepath import known_names
 from pulsepath.command_group import FormatCommand
 from pulsepath.known_names import make_completer
@@ -85,7 +86,7 @@ def import_(
     if as_json:
         click.echo(record.as_json(about), nl=False)
         return
-    say(f"{out}: {about['segments']} segments from {file}, read as {name}; drawn in {image}")
+    say(f"{out}: {count_noun(about['segments'], 'segment')} from {file}, read as {name}; drawn in {image}")
     say("  entities: " + ", ".join(f"{count} {kind}" for kind, count in found.entities.items()))
     ranges = zip("xyz", *(np.round(corner * 1e3, 9) + 0.0 for corner in (way.low, way.high)), strict=True)
     say("  extents: " + ", ".join(f"{axis} {low:.6g} to {high:.6g} mm" for axis, low, high in ranges))

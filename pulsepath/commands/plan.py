@@ -56,7 +56,7 @@ LONG_FILE = 1 << 16
     type=click.IntRange(min=1),
     default=10_000_000,
     show_default=True,
-    help="Clock of the pulse times, ticks/s.",
+    help="Clock frequency of the pulse times, in ticks/s.",
 )
 @click.option(
     "--duration", metavar="TIME", help='Plan the smoothest motion of this duration, as "12 s", not the fastest motion.'

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from kinematics.foundation.names import count_noun
 from pulsepath import known_names
 from pulsepath.known_names import make_completer
 from pulsepath.options import ALLOW_MINUS, json_option, refuse_unknown
@@ -152,7 +153,8 @@ def _split(what: str, text: str, count: int, names: str) -> list[str]:
     parts = [part.strip() for part in text.split(",")]
     if len(parts) != count:
         raise MotionError(
-            f"{what} {describe_value(text)}: {len(parts)} entries; write {count}, with commas between: {names}"
+            f"{what} {describe_value(text)}: {count_noun(len(parts), 'entry')}; write {count}, with "
+            f"commas between: {names}"
         )
     return parts
 

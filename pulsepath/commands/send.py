@@ -5,6 +5,7 @@ from pathlib import Path
 
 import click
 
+from kinematics.foundation.names import count_noun
 from pulsepath.process import supervisor
 from pulsepath.progress import note, say, step
 
@@ -29,17 +30,17 @@ FIND_IT = "it has lost steps, or does not move: home it before it moves again"
     type=click.IntRange(16),
     default=79,
     show_default=True,
-    help="Longest line that it takes, in characters: grblHAL and FluidNC take up to 255.",
+    help="Longest line that the controller accepts, in characters: up to 255 for grblHAL and FluidNC.",
 )
 @click.option(
-    "--anywhere", is_flag=True, help="Do not compare where the axes stand with the file's header; it need not have one."
+    "--anywhere", is_flag=True, help="Start from any position: do not compare the axes with the file's header."
 )
 def send(file: Path, port: str, baud: int, buffer: int, line: int, anywhere: bool) -> None:
     """Send FILE, written by export --format g93, to grbl.
 
-    Waits until it has moved; grblHAL and FluidNC take it too. Checks every line and where the axes stand before
-    anything moves. After an error or an alarm no further line is sent, the axes are slowed down (feed hold) and the
-    rest is dropped (soft reset); so also after Ctrl-C.
+    Also works with grblHAL and FluidNC. Checks every line and the position of the axes before anything moves, and
+    returns when the motion has ended. After an error, an alarm or Ctrl-C it sends no further line, decelerates the axes
+    (feed hold) and discards the rest (soft reset).
 
     Example: pulsepath send out/mine/g93.ngc --port /dev/ttyUSB0
 
@@ -76,4 +77,7 @@ def send(file: Path, port: str, baud: int, buffer: int, line: int, anywhere: boo
     finally:
         device.close()
     at = " ".join(f"{letter}{value:.3f}" for letter, value in place.items())
-    say(f"{file}: {len(program.lines)} lines taken and moved in {lasted:.1f} s; the axes stand at {at or '?'}")
+    say(
+        f"{file}: {count_noun(len(program.lines), 'line')} taken and moved in {lasted:.1f} s; the "
+        f"axes stand at {at or '?'}"
+    )

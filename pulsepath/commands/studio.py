@@ -44,9 +44,9 @@ def studio(
 ) -> None:
     """Show the reports below DIR side by side.
 
-    DIR is by default out. Opens a browser with the list of plans, comparisons and calibrations. A report that is
-    written again is shown again by itself. With --program, saving the program plans it again. The pages are served
-    on loopback (127.0.0.1) only, until Ctrl-C.
+    DIR defaults to out. Opens a browser with the list of plans, comparisons and calibrations. A report reloads when it
+    is rewritten. With --program, the program is planned again whenever you save it. The pages are served on loopback
+    (127.0.0.1) only, until Ctrl-C.
 
     Example: pulsepath studio out --program program.toml
     """

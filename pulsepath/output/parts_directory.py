@@ -9,6 +9,7 @@ from typing import Any
 
 from benchmarks.reports.parts_report import write_report
 from kinematics import MotionError
+from kinematics.foundation.names import count_noun
 from planner.export.formats.binary import PulseWriter, find_end
 from planner.export.motion_file import MotionWriter, PartHead, follow_motion
 from planner.overview import Overview
@@ -43,7 +44,9 @@ class PartsWriter:
         for name, file in self._files.items():
             size = file.seek(0, os.SEEK_END)
             if size < sizes[name]:
-                told = f"has {size} bytes, and its checkpoint counts on {sizes[name]}: it cannot be resumed"
+                told = (
+                    f"has {count_noun(size, 'byte')}, and its checkpoint counts on {sizes[name]}: it cannot be resumed"
+                )
                 raise MotionError(f"{folder / name} {told}; omit --resume, and give --force to begin anew")
             file.truncate(sizes[name])
         self._motion = MotionWriter.resume(folder / MOTION, self._files[MOTION])
@@ -187,7 +190,7 @@ def _finish(
             motions = follow_motion(folder / MOTION, steps, machine, program.tool, whole=not ending)
             verdict = check_file_parts(file, standing.pulses, machine, motions, tell)
         if not verdict.holds:
-            raise Defect(f"{verdict.fault_count} faults in the pulses, the first: {verdict.faults[0]}")
+            raise Defect(f"{count_noun(verdict.fault_count, 'fault')} in the pulses, the first: {verdict.faults[0]}")
         digest = digest_pulses(open_pulses(file).parts())
         told = of_pulse_file(file, standing.pulses, standing.machine, verdict, standing.counted)
         (folder / CERTIFICATE).write_text(as_json(told), encoding="utf-8")

@@ -7,6 +7,7 @@ from typing import Any
 
 from controllers import Metrics
 from kinematics import Axis, Machine
+from kinematics.foundation.names import count_noun
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import SCALES, Column, Table
 from kinematics.machine.axis import Magnitude, directional_bounds
@@ -48,7 +49,7 @@ def of_plan(job: Job) -> list[Table]:
     told += f"; the fastest motion takes {plan.lower_bound:.6f} s or more" if plan.known else ""
     rows: list[tuple[str, float | None, str]] = [
         ("duration", plan.duration, "" if plan.fastest else told),
-        *(() if plan.shaped is None else [(BEFORE_SHAPERS, plan.trajectory.duration, "what is below is of this")]),
+        *(() if plan.shaped is None else [(BEFORE_SHAPERS, plan.trajectory.duration, "the rows below refer to this")]),
         ("baseline timing", job.classical.duration, _describe_timing(plan, job.classical, job.classical.kind)),
         ("time saved", job.time_saved, f"{percent:.2f} %{unlike}"),
     ]
@@ -77,7 +78,7 @@ def sum_up(job: Job) -> list[Table]:
     told = plan.describe_objective()
     rows = [("duration", f"{plan.duration:.6f} s{f', {told}' if told else ''}")]
     if plan.shaped is not None:
-        rows.append((BEFORE_SHAPERS, f"{plan.trajectory.duration:.6f} s; saving and gap are of this"))
+        rows.append((BEFORE_SHAPERS, f"{plan.trajectory.duration:.6f} s; saving and gap refer to this"))
         rows.append(("input shapers", plan.shaped.describe()))
     if plan.fastest and not missing_limits(plan, job.classical):  # else they are unlike
         percent = 100 * job.time_saved / job.classical.duration
@@ -117,7 +118,7 @@ def sum_up_parts(standing: PlanStanding) -> list[Table]:
     """A plan made in parts on a screen, as `sum_up` does."""
     proof, still = standing.certificate, geometric_limits()
     used = [name for name, share in proof.worst.items() if share > NEARLY and name not in still]
-    windows = f"{standing.windows} window{'s' if standing.windows > 1 else ''}"
+    windows = count_noun(standing.windows, "window")
     rows = [
         ("duration", f"{standing.duration:.6f} s, {1e3 * standing.start.length:.3f} mm of path"),
         ("limits", f"{len(proof.worst)} proved at every instant; used up: {', '.join(used) or 'none'}"),
@@ -155,7 +156,7 @@ def _sum_up_blends(blends: Sequence[Blended]) -> str:
 def _sum_up_fit(fit: FitSummary) -> str:
     at = fit.deviates_at
     near = f"within {1e3 * fit.deviation:.3g} mm of them, proved; farthest at {1e3 * at.s:.3f} mm, segment {at.segment}"
-    return f"{fit.before} pieces made {fit.after}, {near}"
+    return f"{count_noun(fit.before, 'piece')} made {fit.after}, {near}"
 
 
 def _sum_up_departures(departures: Sequence[Departure]) -> str:

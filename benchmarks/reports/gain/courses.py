@@ -19,6 +19,7 @@ from controllers.metrics import Circle, CircularTest, circular_test
 from controllers.metrics.iso_style import Stations, path_accuracy, pose_accuracy
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import count_noun
 
 MAX_SETTINGS_DRAWN = 5
 """Settings that share the axes of a figure: more lines are not told apart."""
@@ -178,7 +179,7 @@ def _iso_row(entry: SettingEntry, task: str, runs: Sequence[RunSeries]) -> IsoRo
     except MotionError as error:
         return IsoRow(entry, task, {}, str(error))
     values = (path.at_p, path.rt_p, pose.accuracy, pose.repeatability)
-    return IsoRow(entry, task, dict(zip(ISO, values, strict=True)), f"{len(runs)} cycles")
+    return IsoRow(entry, task, dict(zip(ISO, values, strict=True)), f"{count_noun(len(runs), 'cycle')}")
 
 
 def _find_circle_pairs(

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from math import exp, inf, isfinite, log, sqrt
 from typing import Any
 
+from kinematics.foundation.names import count_noun
+
 HUMAN = {
     "m": ("µm", 1e6),
     "rad": ("mrad", 1e3),
@@ -90,7 +92,7 @@ def _end(figures: Figures, about: About) -> float | None:
 CRITERIA = (
     Criterion("contour error", 0.4, _error("contour_rms"), format_unit),
     Criterion("tracking error", 0.2, _error("tracking_rms"), format_unit),
-    Criterion("vibration", 0.2, _vibration, lambda value, _: f"{value:.3g} pulses RMS"),
+    Criterion("vibration", 0.2, _vibration, lambda value, _: f"{count_noun(value, 'pulse', '.3g')} RMS"),
     Criterion("effort", 0.1, _effort, lambda value, _: f"{100 * value:.3g} % of the torque limit RMS"),
     Criterion(
         "end",

@@ -26,6 +26,7 @@ from benchmarks.reports.page import render
 from benchmarks.sweep.result import setting_columns
 from controllers.metrics.metrics import END_BAND
 from kinematics.files.plain_text import finite_or_none
+from kinematics.foundation.names import count_noun
 
 MARKS = {
     "better": ("▼ better", "good"),
@@ -160,7 +161,7 @@ def _notes(row: ComparisonRow) -> Iterator[str]:
     for reason, rigs in reasons.items():
         yield f"failed with {', '.join(dict.fromkeys(rigs))}: {reason}"
     if row.away:
-        yield f"off its goal in {row.away} of {row.runs} runs"
+        yield f"off its goal in {row.away} of {count_noun(row.runs, 'run')}"
 
 
 def _units(comparison: Comparison, task: str) -> list[str]:

@@ -17,7 +17,7 @@ from benchmarks.sweep import Setting
 from benchmarks.sweep.result import figure_unit
 from controllers.metrics import FIGURES
 from kinematics.foundation.errors import MotionError
-from kinematics.foundation.names import nearest
+from kinematics.foundation.names import count_noun, nearest
 from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
@@ -232,11 +232,11 @@ def _describe_verdict(
         of = f"of {len(others)} settings"
         verb = f"is the best {of}" if score < 1 else f"comes closest {of} to the baseline, which remains the best"
     counts = ", ".join(f"{mark} on {marks.count(mark)}" for mark in ("better", "neither", "worse") if mark in marks)
-    many = f"{len(comparison.ranked)} path{'s' if len(comparison.ranked) > 1 else ''}"
+    many = count_noun(len(comparison.ranked), "path")
     pieces = [
         f"{name} {verb}, weighed ({weights_text()}): {score:.3g} times the baseline, {baseline}.",
         f"Its RMS contour error is {ratio:.3g} times that of the baseline "
-        f"(geometric mean over {many} and {rows[0].runs} runs of each; {counts}).",
+        f"(geometric mean over {many} and {count_noun(rows[0].runs, 'run')} of each; {counts}).",
     ]
     both = [(row, comparison.row(comparison.baseline, row.task)) for row in rows]
     errors = [
@@ -252,7 +252,7 @@ def _describe_verdict(
     if away := sum(row.away for row in rows):
         theirs = comparison.of(comparison.baseline)
         pieces.append(
-            f"It ends off its goal in {away} of its {sum(row.runs for row in rows)} runs "
+            f"It ends off its goal in {away} of its {count_noun(sum(row.runs for row in rows), 'run')} "
             f"(baseline in {sum(row.away for row in theirs)} of {sum(row.runs for row in theirs)})."
         )
     pieces += _describe_faults(comparison, others)

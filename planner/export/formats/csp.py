@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from kinematics.analysis.dynamics import forces
 from kinematics.foundation.arrays import Array, finite_array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import count_noun
 from kinematics.foundation.options import option
 from kinematics.machine.axis import directional_bounds
 from planner.export.columns import Columns, line_blocks, make_columns
@@ -132,7 +133,10 @@ class CyclicPosition:
     ) -> Exported:
         axes = source.machine.axes
         skip = len(axes) + 2
-        notes = [f"a row every {1e3 * knots.step:.6g} ms; {self.increments} increments a pulse, from home, as wired"]
+        notes = [
+            f"a row every {1e3 * knots.step:.6g} ms; {count_noun(self.increments, 'increment')} a "
+            "pulse, from home, as wired"
+        ]
         differences, parabola = _measure(source, form, knots, _read(path, skip, width))
         k = int(differences.argmax())
         told = "" if np.isinf(allowed[k]) else f"; its limits allow {_floor(allowed[k])}"

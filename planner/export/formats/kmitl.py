@@ -50,7 +50,7 @@ from scipy.spatial.transform import RigidTransform
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
-from kinematics.foundation.names import add_article
+from kinematics.foundation.names import add_article, count_noun
 from kinematics.foundation.options import option
 from kinematics.kinds.tripod import Tripod
 from kinematics.machine.machine import Machine
@@ -147,7 +147,7 @@ class KmitlArms:
             max(_errors(source, held, s, piece, unit)),
             "the path, the DDA run from point to point",
             (
-                f"{len(s)} points, {1e3 * step:g} mm apart at most; the file holds no times",
+                f"{count_noun(len(s), 'point')}, {1e3 * step:g} mm apart at most; the file holds no times",
                 f"its reader counts {COUNTS_PER_UNIT} to a unit of {1e3 * unit:g} mm: one count is "
                 f"{unit / COUNTS_PER_UNIT / source.machine.axes[0].pulse:.6g} pulses",
             ),
@@ -202,7 +202,8 @@ class KmitlByte:
         axes, pulses = source.machine.axes, source.pulses.axes
         if len(axes) > MAX_AXES:
             raise MotionError(
-                f"byte: machine {source.machine.name} has {len(axes)} axes; a byte holds {MAX_AXES} at most"
+                f"byte: machine {source.machine.name} has {count_noun(len(axes), 'axis')}; a byte "
+                f"holds {MAX_AXES} at most"
             )
         ticks = np.unique(np.concatenate([axis.ticks for axis in pulses]))
         steps = np.zeros(len(ticks), np.uint8)
@@ -220,7 +221,10 @@ class KmitlByte:
         return Exported(
             error,
             "the counts after every step",
-            (f"{len(steps)} bytes, {len(axes)} axes; it holds no times", f"counters must stand at {starts} before it"),
+            (
+                f"{count_noun(len(steps), 'byte')}, {count_noun(len(axes), 'axis')}; it holds no times",
+                f"counters must stand at {starts} before it",
+            ),
             len(held),
         )
 
@@ -259,7 +263,8 @@ class KmitlPositions:
         text = positions_text(x, np.zeros((len(s), 3)), machine, unit)
         path.write_text(text, encoding="ascii", newline="")
         notes = [
-            f"{len(s)} poses, joined by straight lines within {1e3 * chord:g} mm; the file holds no times",
+            f"{count_noun(len(s), 'pose')}, joined by straight lines within {1e3 * chord:g} mm; the "
+            "file holds no times",
             f"units of {1e3 * unit:g} mm in the machine's base frame; z of ends and centres from home's",
         ]
         if len(s) > 9:

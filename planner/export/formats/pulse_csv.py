@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from kinematics.foundation.arrays import merge_rising
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import count_noun
 from kinematics.foundation.options import option
 from kinematics.machine.axis import StepTiming, ceil_ticks
 from planner.export.format import Exported, ExportSource
@@ -75,7 +76,9 @@ def write(
     """
     stated = schedule.stated if isinstance(schedule, PulseFile) else schedule
     if len(wiring) != len(stated.axes) or any(sign not in (1, -1) for sign in wiring):
-        raise MotionError(f"wiring {tuple(wiring)}: give +1 or -1 for each of the {len(stated.axes)} axes")
+        raise MotionError(
+            f"wiring {tuple(wiring)}: give +1 or -1 for each of the {count_noun(len(stated.axes), 'axis')}"
+        )
     spacing = measure_spacing(_parts(schedule))
     high = high_ticks(spacing, width, timing)
     names = [f"{axis.name} {line}" for axis in stated.axes for line in ("STEP", "DIR")]

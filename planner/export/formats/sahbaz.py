@@ -26,6 +26,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import count_noun
 from planner.export.card_calls import (
     KINDS,
     MICROSECONDS,
@@ -93,7 +94,8 @@ class Sahbaz:
             off,
             "the motion, the trapezoids replayed in closed form",
             (
-                f"{len(moves)} calls for {len(times)} moves; the pulses fired are within ½ more",
+                f"{count_noun(len(moves), 'call')} for {count_noun(len(times), 'move')}; the pulses "
+                "fired are within ½ more",
                 f"counters must stand at {', '.join(map(str, starts))} at time 0",
                 "between two rests each axis runs a trapezoid of its own; the tool's way is no straight line",
             ),

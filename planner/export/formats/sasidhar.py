@@ -20,6 +20,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import count_noun
 from planner.baselines.moves import deviation, distance_to_curve, independent_ramps, move_places, time_moves
 from planner.export.format import Exported, ExportSource, refuse_compensated
 from planner.export.knots import refuse_moving_ends
@@ -75,7 +76,7 @@ class Sasidhar:
         q = machine.home_q + (counts[0] + held[np.append(0, at)]) * wiring * [axis.pulse for axis in machine.axes]
         rests = float(np.sum(np.asarray(source.trajectory.path.dwells)))
         notes = [
-            f"{len(lines)} moves; wait for DONE after each; the counts at every stop are exact",
+            f"{count_noun(len(lines), 'move')}; wait for DONE after each; the counts at every stop are exact",
             *_describe_deviation(source, ends),
             f"counters stand at {', '.join(map(str, counts[0].tolist()))} before it",
         ]

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import count_noun
 from kinematics.machine.axis import Axis
 from planner.pulses.checking.convolution import rebuild_motion
 from planner.pulses.checking.rolling_motion import RollingMotion
@@ -166,7 +167,9 @@ def _begin(
     """A search for each axis, which has looked at what the schedule says of itself and at the start."""
     width = motion.at(np.zeros(1)).q.shape[1]
     if width != len(stated.axes):
-        raise MotionError(f"the schedule has {len(stated.axes)} axes, the motion {width}; check it against its own")
+        raise MotionError(
+            f"the schedule has {count_noun(len(stated.axes), 'axis')}, the motion {width}; check it against its own"
+        )
     grid = _make_grid(motion.knots)
     searches = [
         Search(stated, k, motion, grid, stated.axes[k].start, find_standard(stated, k, motion)) for k in range(width)

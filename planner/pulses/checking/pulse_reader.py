@@ -133,10 +133,24 @@ def _decode_axis(content: bytes, at: int, begin: int) -> tuple[Ticks, Signs, int
 
 @check_arguments()
 def open_pulses(path: str | PathLike[str], partial: bool = False) -> PulseFile:
-    """A file of pulses in the binary form, of which nothing but what it states is read yet.
+    """A file of pulses in the binary form, of which only the header and the last mark are read yet.
 
-    partial: also one that is not finished, up to the stop that it holds. Raises FileError for a file that is none, of
-    another version, cut or damaged.
+    Parameters
+    ----------
+    path
+        Of the file.
+    partial
+        Also accept one that is not finished, up to the stop that it holds.
+
+    Returns
+    -------
+    PulseFile
+        Reads its parts on demand.
+
+    Raises
+    ------
+    FileError
+        The file is no such file, of another version, cut or damaged.
     """
     held = open_chunks(path, KIND, SCHEMA, partial)
     try:
@@ -147,7 +161,23 @@ def open_pulses(path: str | PathLike[str], partial: bool = False) -> PulseFile:
 
 @check_arguments()
 def read_pulses(path: str | PathLike[str], partial: bool = False) -> PulseSchedule:
-    """The schedule in a file of the binary form, as it was written. Raises FileError as `open_pulses`."""
+    """The schedule in a file of the binary form, as it was written.
+
+    Parameters
+    ----------
+    path, partial
+        As of `open_pulses`.
+
+    Returns
+    -------
+    PulseSchedule
+        All pulses, in memory.
+
+    Raises
+    ------
+    FileError
+        As `open_pulses`.
+    """
     return open_pulses(path, partial).read()
 
 

@@ -79,7 +79,7 @@ class Flow:
             elif word.keyword in ("sub", "while", "do", "if", "repeat"):
                 if word.keyword == "sub":
                     if word.label in self.subs:
-                        self._fault(word, f"{word.label} sub stands twice in this file: give it another label")
+                        self._fault(word, f"{word.label} sub is defined twice in this file: give it another label")
                     self.subs[word.label] = word
                 opened.append(word)
             elif word.keyword in PARTS:
@@ -96,9 +96,9 @@ class Flow:
                 last.end, word.start = word.line, last.line
                 opened.pop()
             elif word.keyword in ("break", "continue") and not self._loop(opened, word):
-                self._fault(word, f"{word.label} {word.keyword} stands in no loop {word.label}")
+                self._fault(word, f"{word.label} {word.keyword} is not inside a loop {word.label}")
             elif word.keyword == "return" and not any(one.keyword == "sub" for one in opened):
-                self._fault(word, f"{word.label} return stands in no sub")
+                self._fault(word, f"{word.label} return is not inside a sub")
         for word in opened:
             end = {"do": "while"}.get(word.keyword, f"end{word.keyword}")
             self._fault(word, f"{word.label} {word.keyword} has no end: write {word.label} {end}")

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import count_noun
 from kinematics.machine.pose import Pose
 from planner.program.model import MIN_MOVE, Arc, Dwell, Line, Segment, Turn
 from planner.program.modifiers import Blend, Fit, Join, Stop, Through
@@ -392,5 +393,5 @@ class GcodeRun:
         if self.off > 1e-9:
             told.append(f"arcs end up to {self.off * 1e6:.3g} um from their end points, because their radii differ")
         if after:
-            told.append(f"{after} lines after the end of the program are not read")
+            told.append(f"not read: {count_noun(after, 'line')} after the end of the program")
         return tuple(told)

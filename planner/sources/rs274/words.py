@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from typing import Literal, NamedTuple
 
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import count_noun
 from kinematics.foundation.units import describe_value
 from planner.sources.rs274.expressions import NUMBER, ExpressionFault, Parameters, read_block
 from planner.sources.rs274.flow import KEYWORDS, Flow, find_flow
@@ -96,7 +97,9 @@ def blocks(text: str, faults: Faults, deleted: Literal["skip", "run"] | None = N
         line = ended.rstrip("\n")
         if len(line) > MAX_CHARACTERS:
             faults.add(
-                f"{len(line)} characters; a line has at most {MAX_CHARACTERS}: split it, or shorten its comment", number
+                f"{count_noun(len(line), 'character')}; a line has at most {MAX_CHARACTERS}: split "
+                "it, or shorten its comment",
+                number,
             )
             continue
         if "(" in line or ";" in line or ")" in line:
@@ -160,7 +163,7 @@ def _find_odd_character(line: str) -> tuple[int, str]:
     if rest[0] in "@^":
         return at + 1, f"{describe_value(rest)}: polar coordinates are not supported; write X and Y"
     if rest[0] == "%":
-        return at + 1, "% stands alone on its line, before the program and after it"
+        return at + 1, "% must be alone on its line, before the program and after it"
     if re.match(r"[GM][Oo]", rest, re.IGNORECASE):
         return at + 1, f"{describe_value(rest)} is not a word: write {rest[0]}0 with a zero"
     if rest[0].isascii() and rest[0].isalpha():

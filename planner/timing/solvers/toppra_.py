@@ -11,6 +11,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError, NotInstalled
+from kinematics.foundation.names import count_noun
 
 # toppra's own bound on x; a free axis needs some bound for its linear programmes.
 _LARGEST = 1e6
@@ -28,7 +29,9 @@ def largest_speeds(
     solver = algorithm([constraint], _Interval(), gridpoints=points, solver_wrapper="seidel")
     _, speed, _, _ = solver.compute_parameterization(*np.sqrt(ends), return_data=True)
     if speed is None or not np.isfinite(speed).all():
-        return MotionError(f"toppra found no motion over {len(step)} intervals; our own solver may: omit the solver")
+        return MotionError(
+            f"toppra found no motion over {count_noun(len(step), 'interval')}; our own solver may: omit the solver"
+        )
     return np.asarray(speed, float) ** 2
 
 

@@ -326,7 +326,7 @@ def test_models_that_are_none(preset, parts, told):
 
 def test_too_few_values_are_refused(preset):
     used = draw_commands(np.random.default_rng(0), 1)
-    with pytest.raises(MotionError, match=r"1 poses give 6 values for 48 parameters.*measure more poses"):
+    with pytest.raises(MotionError, match=r"6 values of 1 pose for 48 parameters.*measure more poses"):
         calibrate(preset, whole_poses(used, used), ALL_PARTS)
 
 

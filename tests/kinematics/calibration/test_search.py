@@ -237,7 +237,7 @@ def test_calls_that_ask_for_nothing_known(preset, changed, told):
     ("make", "told"),
     [
         (lambda p: whole_poses(p[0], p[0]), "commanded is a single pose"),
-        (lambda p: whole_poses(p, p, labels=["one"]), "4 commanded poses for 1 labels; give one each"),
+        (lambda p: whole_poses(p, p, labels=["one"]), "4 commanded poses for 1 label; give one each"),
         (lambda p: whole_poses(p, p[:3]), "3 measured poses for 4 labels"),
         (lambda p: whole_poses(p, p.translation), r"measured must be poses \(RigidTransform\), not ndarray"),
         (lambda p: measured_positions(p, 2e3 + p.translation), "pose 1: measured must be finite, and within 1000 m"),

@@ -10,6 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from kinematics import MotionError
+from kinematics.foundation.names import count_noun
 from kinematics.foundation.units import (
     MAX_LENGTH,
     USUAL_UNITS,
@@ -255,3 +256,20 @@ def test_the_usual_units_are_read_without_pint():
         "import sys, kinematics.foundation.units as u; u.quantity('2.5 mm/s', 'm/s'); assert 'pint' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize(
+    ("count", "noun", "form", "words"),
+    [
+        (0, "pulse", "", "0 pulses"),
+        (1, "axis", "", "1 axis"),
+        (2, "axis", "", "2 axes"),
+        (3, "entry", "", "3 entries"),
+        (2, "entity", "", "2 entities"),
+        (1.0, "pulse", ".3g", "1 pulse"),
+        (0.5, "pulse", ".3g", "0.5 pulses"),
+        (1.0004, "pulse", ".3g", "1 pulse"),
+    ],
+)
+def test_a_number_and_its_noun_agree(count, noun, form, words):
+    assert count_noun(count, noun, form) == words

@@ -226,7 +226,7 @@ def first_key(value):
         ({"base": np.zeros((6, 2))}, r"mine: base .*\(6, 2\)"),
         ({"platform": np.full((6, 3), np.nan)}, "mine: platform .*finite"),
         ({"platform": np.full((6, 3), np.inf)}, "mine: platform .*finite"),
-        ({"axes": [Axis("leg1")]}, "mine: 1 axes.*6"),
+        ({"axes": [Axis("leg1")]}, "mine: 1 axis.*6"),
         ({"axes": [Axis("leg1")] * 6}, "mine: .*same name"),
         ({"base_rest": [0, 0, 0]}, "mine: base_rest .*not zero"),
         ({"platform_rest": [0, 0, np.nan]}, "mine: platform_rest .*finite"),

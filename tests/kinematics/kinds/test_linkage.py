@@ -103,7 +103,7 @@ def test_lengths_that_close_no_triangle_are_refused(preset):
         ({"base_b": [np.nan, 0]}, "base_b"),
         ({"offset": -0.1}, "offset"),
         ({"angle": np.inf}, "angle"),
-        ({"axes": AXES[:1]}, "1 axes; a linkage has 2"),
+        ({"axes": AXES[:1]}, "1 axis; a linkage has 2"),
     ],
 )
 def test_what_is_no_linkage_is_refused(values, phrase):

@@ -160,7 +160,7 @@ def test_a_turn_by_quarters_goes_all_the_way_round(hexapod):
         (lambda: Spline([]), "points of three finite numbers, at least one"),
         (lambda: Spline([[0, 0]]), "points of three finite numbers"),
         (lambda: Spline([[0, 0, np.inf]]), "points of three finite numbers"),
-        (lambda: Spline([[0, 0, 1]], Rotation.identity(2)), "2 orientations for 1 points; give one for each"),
+        (lambda: Spline([[0, 0, 1]], Rotation.identity(2)), "2 orientations for 1 point; give one for each"),
         (lambda: Spline([[0, 0, 1]], Rotation.identity()), None),
         (lambda: Spline([[0, 0, 1]], speed=-1), "speed -1 m/s"),
     ],
@@ -168,7 +168,7 @@ def test_a_turn_by_quarters_goes_all_the_way_round(hexapod):
 def test_nonsense_is_refused_with_its_name(make, phrase):
     with pytest.raises(MotionError) as refusal:
         make()
-    assert (phrase or "1 orientations") in str(refusal.value)
+    assert (phrase or "1 orientation for") in str(refusal.value)
 
 
 @pytest.mark.parametrize("order", [2, 3])

@@ -164,7 +164,7 @@ arc = {{ centre = [0, 2, 3], normal = [0, 0, 2], angle = 720, rise = "3 deg" }}
     found = [(fault.key, fault.message) for fault in refusal.value.faults]
     expected = [
         ("segment[1].spline.through", "points 2 and 3 are the same; omit one of them"),
-        ("segment[2].spline", "2 orientations in rotate for 1 points in through: give one for each, or none"),
+        ("segment[2].spline", "2 orientations in rotate for 1 point in through: give one for each, or none"),
         ("segment[2].join.angle", "must be"),
         ("segment[3].spline.through", "at least one point"),
         ("segment[3].join", 'write "stop", "through", { blend'),

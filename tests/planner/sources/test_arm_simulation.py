@@ -22,7 +22,7 @@ def test_held_poses_are_the_machine_s_own_and_turned_ones_are_marked():
     np.testing.assert_allclose(found.lengths[:2], machine.inverse(held), rtol=1e-14)
     np.testing.assert_array_equal(found.off[:2], 0.0)
     told = str(found)
-    assert "1 of 3 poses are rotated, and only simulated" in told
+    assert "rotated, and only simulated: 1 of 3 poses" in told
 
 
 def test_how_far_off_the_held_plate_would_be_is_where_these_arms_meet():

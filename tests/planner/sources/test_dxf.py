@@ -306,7 +306,7 @@ def test_at_a_fork_contours_go_on_straight(sheet):
         space.add_line((0, 0), far)
     space.add_line((50, 50), (51, 50))
     found = read(speed=1)
-    assert any("1 points have more than two ends" in told for told in found.warnings)
+    assert any("1 point with more than two ends" in told for told in found.warnings)
     ways = [[part for _, part in parts] for parts in contours(found.program)]
     assert sorted(map(len, ways)) == [1, 2, 2]
     for way, at in zip(ways, contours(found.program), strict=True):
@@ -527,7 +527,7 @@ def test_what_is_not_supported_is_listed_and_the_drawing_refused(sheet):
         space.delete_entity(entity)
     left = read(skip="notes")
     assert left.entities == {"LINE": 1}
-    assert '151 entities on layer "NOTES", as the options say were skipped' in left.warnings
+    assert 'skipped 151 entities on layer "NOTES", as the options say' in left.warnings
     with pytest.raises(FileError, match=r'no layer "note".*nearest is "notes"'):
         read(skip="note")
 
@@ -544,8 +544,8 @@ def test_layers(sheet):
     found = read()
     assert found.entities == {"LINE": 2}
     told = " ".join(found.warnings)
-    for words in ('"OFF", which is off or frozen', '"ICE", which is', "1 entities that are invisible",
-                  '1 entities of layout "Layout1" are not read'):  # fmt: skip
+    for words in ('"OFF", which is off or frozen', '"ICE", which is', "skipped 1 entity marked invisible",
+                  'not read: 1 entity of layout "Layout1"'):  # fmt: skip
         assert words in told
     assert read(layers="cut, off").entities == {"LINE": 2}
 
@@ -569,9 +569,9 @@ def test_widths_and_lengths_of_nothing_are_told(sheet):
     space.add_line((40, 40), (40.001, 40))
     found = read()
     told = " ".join(found.warnings)
-    assert "3 lines, arcs and polyline sides have no length" in told
-    assert "1 entities are shorter than the tolerance" in told
-    assert "1 entities have a width or a thickness" in told
+    assert "skipped 3 shapes without length" in told
+    assert "skipped 1 entity shorter than the tolerance" in told
+    assert "1 entity with a width or a thickness" in told
     assert len(found.program.segments) == 2
 
 

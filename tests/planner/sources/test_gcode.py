@@ -362,11 +362,11 @@ def test_spindle_coolant_and_tool_words_are_skipped_with_a_warning_or_refused(re
 def test_what_follows_the_end_is_told(read):
     done = read("%\nG0 X1\nM30\n%\nG0 X2\n")
     assert len(done.program.segments) == 1
-    assert "1 lines after the end of the program are not read" in done.warnings
+    assert "not read: 1 line after the end of the program" in done.warnings
     assert [w for w in done.warnings if w.startswith("no G20 or G21")]
     done = read("%\nG21 G0 X1\n%\nG0 X2\n")
     assert len(done.program.segments) == 1
-    assert done.warnings == ("1 lines after the end of the program are not read",)
+    assert done.warnings == ("not read: 1 line after the end of the program",)
 
 
 def test_comments_may_hold_anything(read):

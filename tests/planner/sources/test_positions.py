@@ -168,7 +168,7 @@ def test_through_the_poses(write):
     assert first.rotate is None
     assert turn.to.as_matrix() == pytest.approx(Rotation.from_euler("XYZ", POSES[2, 3:]).as_matrix())
     assert isinstance(turn.join, Stop)
-    assert found.warnings == ("1 poses repeat the pose before and were skipped",)
+    assert found.warnings == ("skipped 1 pose equal to the pose before",)
     assert found.entities == {"poses": 5}
     assert len(import_program(path, first=2, last=3).program.segments) == 2
     with pytest.raises(MotionError, match="no pose 6"):

@@ -55,7 +55,7 @@ def test_nine_per_cent_of_error_are_not_worth_2800_times_the_vibration(tmp_path)
         "closed-position gain 0.3 has a smaller RMS contour error, 0.91 times the baseline's, but it costs"
         in verdict.text
     )
-    assert "52.9 times the vibration (52.9 pulses RMS against 1 pulses RMS on " in verdict.text
+    assert "52.9 times the vibration (52.9 pulses RMS against 1 pulse RMS on " in verdict.text
     record = comparison_record(found, verdict)["verdict"]
     assert record["least_contour_error"]["gains"] == {"gain": 0.3}
     assert sum(record["weights"].values()) == pytest.approx(1)
@@ -70,7 +70,7 @@ def test_a_great_gain_is_worth_its_price_which_is_told(tmp_path):
     verdict = verdict_of(found)
     assert verdict.best == verdict.least == SettingEntry(0, GOOD)
     assert verdict.score < 0.2
-    assert "It costs 3 times the vibration (3 pulses RMS against 1 pulses RMS on " in verdict.text
+    assert "It costs 3 times the vibration (3 pulses RMS against 1 pulse RMS on " in verdict.text
     assert "2 times the effort (20 % of the torque limit RMS against 10 % of the torque limit RMS on " in verdict.text
     assert "has a smaller RMS contour error" not in verdict.text
 
