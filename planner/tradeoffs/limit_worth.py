@@ -11,7 +11,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
-from kinematics.foundation.names import nearest
+from kinematics.foundation.names import count_noun, nearest
 from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
@@ -37,6 +37,9 @@ LEAST_SHARE = 1e-6
 LITTLE_MORE = 1.02
 # Share of the duration that the multipliers may leave without a limit before that is said.
 MOST_UNEXPLAINED = 0.02
+
+# Cosine between two ways, below minus which the path runs back into itself.
+RUN_BACK = 0.999
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,6 +147,26 @@ class Worth(Result):
             raise MotionError(f"{limit} has no axis {axis!r}{nearest(axis, names)}; there are {', '.join(names)}")
         return found, found.channels.index(axis), axis
 
+    @property
+    def corner_stops(self) -> tuple[int, float]:
+        """How many corners the motion stops at, and about how long (s) that takes.
+
+        Around each stop the speed falls from a local maximum and rises to the next. The estimate is the time of both
+        ramps, less what their ways take at those maxima: what a corner that costs no speed at all would save. Stops for
+        dwells, at the ends and where the path runs back into itself, which no blend spares, do not count.
+        """
+        motion, lost, count = self.trajectory, 0.0, 0
+        t, s, v = motion.knots, np.append(motion.s, motion.path.breaks[-1]), np.append(motion.v, 0.0)
+        for k in _find_corner_stops(motion):
+            low, high = k, k
+            while low > 0 and v[low - 1] > v[low]:
+                low -= 1
+            while high < len(v) - 1 and v[high + 1] > v[high]:
+                high += 1
+            count += 1
+            lost += float(t[high] - t[low] - (s[k] - s[low]) / v[low] - (s[high] - s[k]) / v[high])
+        return count, lost
+
     def rank(self) -> list[int]:
         """The rows that save anything, the most valuable first."""
         order = np.lexsort((-self.together, -self.saved)).tolist()
@@ -180,10 +203,29 @@ class Worth(Result):
         idle = [name for name in dict.fromkeys(self.limits) if not (self.together[of == name] > self._least).any()]
         if idle:
             yield f"no time is saved by raising {', '.join(idle)}"
+        count, lost = self.corner_stops
+        if count:
+            share = f"{lost:.3g} s, {100 * lost / self.trajectory.duration:.1f} %"
+            told = f"{count_noun(count, 'stop')} at corners: decelerating and accelerating again costs about {share}"
+            yield f"{told}; blends or fits of these joins save part of it"
         if self.unknown:
             yield f"not known: {', '.join(self.unknown)}, counted with the others; replan(limit) finds out"
         if abs(self.explained - 1) > MOST_UNEXPLAINED:
             yield f"rough: the limits make up {100 * self.explained:.1f} % of the duration"
+
+
+def _find_corner_stops(motion: Trajectory) -> list[int]:
+    """The knots at which it rests between two pieces that meet at a corner, without a dwell."""
+    path, found = motion.path, []
+    for k in (np.flatnonzero(np.diff(motion.piece)) + 1).tolist():
+        if motion.v[k] > 0 or path.dwells[motion.piece[k]] > 0:
+            continue
+        s, pieces = np.repeat(motion.s[k], 2), motion.piece[[k - 1, k]]
+        before, after = np.asarray(path.derivatives(s, pieces, 1)[1])
+        sizes = float(np.linalg.norm(before) * np.linalg.norm(after))
+        if sizes > 0 and float(before @ after) > -RUN_BACK * sizes:
+            found.append(k)
+    return found
 
 
 def _tell_ms(time: float) -> str:
