@@ -77,8 +77,7 @@ class PlanStanding(Result):
 
     def tables(self) -> tuple[Table, ...]:
         """How long it takes, what is proved of it, what was fitted, its pulses."""
-        windows = count_noun(self.windows, "window")
-        title = f"{self.program} on {self.machine.name}, order {self.order}, in {windows}"
+        title = f"{self.program} on {self.machine.name}, order {self.order}, in {count_noun(self.windows, 'window')}"
         units = {axis.name: axis.unit for axis in self.machine.axes}
         return (
             timing_table(title, self.duration),

@@ -31,7 +31,6 @@ import numpy as np
 from kinematics import Fault, FileError, Machine, MotionError, Pose
 from kinematics.files.chunk_file import Chunk, ChunkWriter, open_chunks, resume_chunks
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.names import count_noun
 from planner.certificate.continuity import piece_end_lengths
 from planner.path.actuation import ActuatorPath, MachinePath
 from planner.path.join_and_blend import PathStep
@@ -195,9 +194,7 @@ def motion_parts(path: Path, partial: bool = False) -> Iterator[MotionPart]:
         reached = replace(reached, pieces=reached.pieces + len(columns[0]), knot=float(knots[-1]))
         yield MotionPart(reached.head, knots, columns)
     if (reached.pieces, reached.duration) != (held.mark.get("pieces"), held.mark.get("duration")):
-        raise _refusal(
-            path, f"holds {count_noun(reached.pieces, 'piece')} up to {reached.duration} s, and says otherwise"
-        )
+        raise _refusal(path, f"holds {reached.pieces} pieces up to {reached.duration} s, and says otherwise")
 
 
 def read_duration(path: Path) -> float:

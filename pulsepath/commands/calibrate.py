@@ -6,7 +6,6 @@ from typing import Literal
 
 import click
 
-from kinematics.foundation.names import count_noun
 from pulsepath import known_names
 from pulsepath.known_names import make_completer
 from pulsepath.options import json_option, refuse_unknown
@@ -50,7 +49,7 @@ def calibrate(
     """
     writes(out)
     refuse_unknown(machine=machine)
-    from kinematics.foundation.names import find
+    from kinematics.foundation.names import count_noun, find
     from pulsepath.output.directory import CALIBRATION, CALIBRATION_KIND, REPORT, refuse_overwrite, replace_directory
     from pulsepath.progress import detail, step
 

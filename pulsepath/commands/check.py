@@ -6,7 +6,6 @@ from typing import Any
 
 import click
 
-from kinematics.foundation.names import count_noun
 from pulsepath.command_group import ProgramCommand
 from pulsepath.options import (
     apply_motion,
@@ -87,6 +86,7 @@ def check(
 
 
 def _check_plan(folder: Path, as_json: bool) -> None:
+    from kinematics.foundation.names import count_noun
     from pulsepath.output.directory import refuse_no_plan
 
     refuse_no_plan(folder)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from kinematics.foundation.names import count_noun
 from pulsepath import known_names
 from pulsepath.known_names import make_completer
 from pulsepath.options import refuse_unknown
@@ -168,6 +167,7 @@ def _run(
 
 def _announce(grid: "Grid", rig: "Rig", out: Path) -> str:
     """What is to be run, and about how long it takes; runs that are saved already take none of it."""
+    from kinematics.foundation.names import count_noun
     from planner.parallel import cores as count_cores
     from pulsepath.output.directory import CELLS
 

@@ -5,7 +5,6 @@ from typing import Any
 
 import click
 
-from kinematics.foundation.names import count_noun
 from pulsepath import known_names
 from pulsepath.command_group import FormatCommand
 from pulsepath.known_names import make_completer
@@ -51,6 +50,7 @@ def import_(
     writes(out, image)
     from kinematics.files.atomic_files import Destination, stage_files
     from kinematics.foundation.errors import MotionError
+    from kinematics.foundation.names import count_noun
     from pulsepath.format_options import IMPORTS
     from pulsepath.progress import step
 

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from kinematics.foundation.names import count_noun
 from pulsepath import known_names
 from pulsepath.known_names import make_completer
 from pulsepath.options import ALLOW_MINUS, json_option, refuse_unknown
@@ -148,6 +147,7 @@ def _read_values(what: str, text: str, units: tuple[str, ...], names: str) -> li
 
 def _split(what: str, text: str, count: int, names: str) -> list[str]:
     from kinematics.foundation.errors import MotionError
+    from kinematics.foundation.names import count_noun
     from kinematics.foundation.units import describe_value
 
     parts = [part.strip() for part in text.split(",")]

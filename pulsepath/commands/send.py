@@ -5,7 +5,6 @@ from pathlib import Path
 
 import click
 
-from kinematics.foundation.names import count_noun
 from pulsepath.process import supervisor
 from pulsepath.progress import note, say, step
 
@@ -48,6 +47,7 @@ def send(file: Path, port: str, baud: int, buffer: int, line: int, anywhere: boo
     """
     from controllers.console.grbl import PATIENCE, STOP_PATIENCE, Controller, open_port, read_gcode, refuse_elsewhere
     from kinematics import MotionError
+    from kinematics.foundation.names import count_noun
 
     if line >= buffer:
         raise MotionError(f"--line {line}: a line and its end have to fit the --buffer of {buffer} bytes; give less")

@@ -16,7 +16,6 @@ import numpy as np
 from controllers.rig_choice import rig_hint
 from kinematics import Machine, MotionError, load_machine
 from kinematics.files.chunk_file import holds_chunks
-from kinematics.foundation.names import count_noun
 from kinematics.foundation.options import check_arguments
 from planner import Plan, Program, Trajectory, load_program
 from planner.certificate.certify import certify
@@ -193,15 +192,15 @@ def write(folder: Path, job: Job, inputs: Inputs, pulses: str = DEFAULT_PULSES) 
     form = PULSES[pulses]
     file = None if form is None else folder / form
     if file is not None:
-        with step(f"writing {count_noun(plan.pulses.total, 'pulse')}") as tell:
+        with step(f"writing {plan.pulses.total} pulses") as tell:
             _write_pulses(file, plan, tell)
-    with step(f"checking {count_noun(plan.pulses.total, 'pulse')}") as tell:
+    with step(f"checking {plan.pulses.total} pulses") as tell:
         if file is not None:
             verdict = check_file(file, plan, tell)
         else:
             verdict = check(plan.pulses, plan.counted, plan.machine.axes, plan.machine.home_q)
     if not verdict.holds:
-        raise Defect(f"{count_noun(verdict.fault_count, 'fault')} in the pulses, the first: {verdict.faults[0]}")
+        raise Defect(f"{verdict.fault_count} faults in the pulses, the first: {verdict.faults[0]}")
     (folder / CERTIFICATE).write_text(
         as_json(of_pulse_file(file, plan.pulses, plan.machine, verdict)), encoding="utf-8"
     )

@@ -129,7 +129,7 @@ o104 while [#3 GT 1]
         ("o1 else", "1: column 1: o1 else has no o1 if"), ("o1 break", "o1 break is not inside a loop o1"),
         ("G0 X1\no7 call", "2: column 1: o7 is not a sub of this file: add it there"),
         ("o1 return", "o1 return is not inside a sub"), ("o1 repeat\no1 endrepeat", "needs a value"),
-        ("o1 sub\no1 endsub\no1 sub\no1 endsub", "3: column 1: o1 sub stands twice"),
+        ("o1 sub\no1 endsub\no1 sub\no1 endsub", "3: column 1: o1 sub is defined twice"),
         ("o1 while [#9]\no1 endwhile", "1: column 11: #9 has no value here"),
         ("o1 sub\no1 call\no1 endsub\no1 call", "2: column 1: calls within calls: more than 20 deep"),
         ("o1 while [1]\no1 endwhile", "runs more than"),

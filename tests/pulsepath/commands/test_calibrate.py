@@ -111,7 +111,7 @@ def test_an_earlier_calibration_is_replaced_only_on_demand(call, tmp_path, folde
 
 
 BAD = {
-    "one pose for 48 parameters": (["--model", "factors,offsets,joints"], "1 poses give 3 values for 48 parameters"),
+    "one pose for 48 parameters": (["--model", "factors,offsets,joints"], "3 values of 1 pose for 48 parameters"),
     "unknown part": (["--model", "factr"], 'nearest is "factor"'),
     "empty": (["--model", ""], "not part of a calibration model"),
 }

@@ -72,7 +72,7 @@ def test_units_may_be_said(call):
         (["hexapod", "5,5"], 2, 'POSE "5,5": 2 entries; write 3, with commas between: x, y, z'),
         (["hexapod", "5,5,x"], 2, "POSE: "),
         (["hexapod", "1e30,0,0"], 1, "infeasible: machine hexapod: leg1 would be 1.33e+33 pulses from home"),
-        (["hexapod", ""], 2, 'POSE "": 1 entries'),
+        (["hexapod", ""], 2, 'POSE "": 1 entry'),
         (["hexapod", "5,5,5 kg"], 2, "POSE: "),
         (["hexapod", "-5,0,35", "--lengths", "1"], 2, "--lengths beside a POSE: give a POSE, or one of --lengths"),
         (["hexapod", "--lengths", "1", "--counts", "1"], 2, "--lengths and --counts: give a POSE, or one of"),

@@ -69,12 +69,12 @@ def test_other_formats_are_shown_but_changed_as_csv(call, tmp_path):
     keys = ("____cex", "____cey", "____cez", "_____rx", "_____ry", "_____rz")
     other = tmp_path / "list.txt"
     other.write_text("".join(f"Polar1{key} 1.5\n" for key in keys))
-    assert "1 poses from base, Ry·Rz·Rx" in call("positions", other).stdout
+    assert "1 pose from base, Ry·Rz·Rx" in call("positions", other).stdout
     refused = call("positions", other, "record", "0 mm, 0 mm, 0 mm")
     assert refused.exit_code == 2
     assert "lists are changed as CSV" in refused.stderr
     assert call("positions", other, "save", tmp_path / "list.csv").exit_code == 0
-    assert "1 poses from base, Ry·Rz·Rx" in call("positions", tmp_path / "list.csv").stdout
+    assert "1 pose from base, Ry·Rz·Rx" in call("positions", tmp_path / "list.csv").stdout
     missing = call("positions", tmp_path / "none.csv")
     assert (missing.exit_code, missing.stdout) == (2, "")
     assert "No such file" in missing.stderr
