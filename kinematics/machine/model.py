@@ -1,7 +1,6 @@
 """The maps of a machine: everything numeric that follows from its kind's one expression.
 
-The first and second rates of what is a function of the pose, along any motion, too. Axes and loads that do not fit the
-kind are refused.
+Rates of functions of the pose along any motion, too. Axes and loads that do not fit the kind are refused.
 """
 
 from __future__ import annotations
@@ -181,8 +180,7 @@ class MachineModel(Kind):
         """
         from scipy.spatial.transform import RigidTransform, Rotation
 
-        along = unit_vectors(direction, f"machine {self.name}: direction", (3,))
-        free = columns(self)
+        along, free = unit_vectors(direction, f"machine {self.name}: direction", (3,)), columns(self)
         lengths = np.where(free < 3, 1.0, self.characteristic_length)
         aside = BESIDE_HOME * self.characteristic_length * np.cos(np.arange(1.0, 1 + len(free))) / lengths
         share = np.zeros(len(self.axes))
@@ -192,8 +190,7 @@ class MachineModel(Kind):
             turned = Rotation.from_rotvec(moved[3:]) * self.home.rotation
             try:
                 beside = RigidTransform.from_components(self.home.translation + moved[:3], turned)
-                near = self.jacobian(beside, self.home_q)
-                twists = np.linalg.inv(near[:, free])
+                twists = np.linalg.inv(self.jacobian(beside, self.home_q)[:, free])
             except (MotionError, np.linalg.LinAlgError):  # out of reach, or singular
                 continue
             size = np.linalg.norm(twists * lengths[:, None], axis=0)

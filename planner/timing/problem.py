@@ -24,7 +24,6 @@ SOLVER_AIM, EXACT_AIM = 1 - 1e-6, 1 - 1e-9
 PASSED_SHARE, MOST_PASSED_USE = 0.97, 0.8
 # What holding still may use of a limit, as a share, and still leave a motion to be found.
 MAX_HOLDING_SHARE = 1 - 1e-9
-
 ODD_TERMS = {Term.SDD, Term.SDSDD}
 """Terms that change their sign where a motion is run the other way, from its end to its start."""
 
@@ -59,8 +58,7 @@ class Run:
             so that what is at rest there is so whatever ṡ is, or under jerk limits s̈: these are free; 2 where q″ = 0
             too and q‴ is not, so that under jerk limits ṡ > 0 there and s̈ is free; else 0
     solver  of motions of order 2; fineness: times as many intervals as usual
-    continuation  of a run that goes on with a motion, whose speed is start_speed
-    end_acceleration  s̈ with which that ends under jerk limits
+    continuation  of a run that goes on with a motion, whose speed is start_speed; end_acceleration: s̈ where that ends
     """
 
     first: int
@@ -197,10 +195,9 @@ class Problem:
 
     def reversed(self) -> "Problem":
         """The same run the other way, from its end to its start: s̈ changes its sign, ṡ and s⃛ do not."""
-        s = (self.s[0] + self.s[-1] - self.s)[::-1]
-        blocks = tuple(block.reversed() for block in self.blocks)
-        pushes = -self.accelerations[1], -self.accelerations[0]
-        return Problem(s, self.piece[::-1], blocks, self.speeds[::-1], self.free[::-1], self.passed[::-1], pushes)
+        s, (start, end) = (self.s[0] + self.s[-1] - self.s)[::-1], self.accelerations
+        blocks, speeds = tuple(block.reversed() for block in self.blocks), self.speeds[::-1]
+        return Problem(s, self.piece[::-1], blocks, speeds, self.free[::-1], self.passed[::-1], (-end, -start))
 
     def part(self, own: slice) -> "Problem":
         """Some intervals one after the other, under the same speeds at the ends."""

@@ -59,10 +59,8 @@ BINARY = "pulses.bin"
 PULSES = {"csv": "pulses.csv", "binary": BINARY, "none": None}
 """The file of pulses by the form that is asked for."""
 DEFAULT_PULSES = "binary"
-TRIGGERS = "triggers.csv"
-"""Only where the program has triggers."""
-STOPS = "stops.csv"
-"""Only where they were asked for."""
+TRIGGERS, STOPS = "triggers.csv", "stops.csv"
+"""Only where the program has triggers, and where stops were asked for."""
 ORIENTATION = "orientation.json"
 """Only where the program leaves orientation free: what was chosen, by the index of the segment, from 0."""
 DERIVED = (TRAJECTORY, *filter(None, PULSES.values()), CERTIFICATE, TRIGGERS, STOPS, REPORT, "figures")
@@ -325,7 +323,7 @@ def _load(folder: Path, unverified: bool, proving: AbstractContextManager[object
     stated = _state_pulses(pulses, duration, machine, clock, rule)
     held = next((folder / name for name in (BINARY, PULSES["csv"]) if name and (folder / name).is_file()), None)
     fastest = record.get("stated_duration_s") is None and record.get("objective") == "time"
-    taken = StoredPlan(program, machine, load, clock, rule, order, follow, digest, stated, held, fastest=fastest)
+    taken = StoredPlan(program, machine, load, clock, rule, order, follow, digest, stated, held, (), fastest)
     if unverified:
         return replace(taken, pulse_file=None, doubts=(*doubts, "the motion was not proved again"))
     with proving:
