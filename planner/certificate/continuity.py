@@ -51,6 +51,7 @@ def find_jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
         motion = np.array([[v, a, j], [v + h * (a + h * j / 2), a + h * j, j]])
         blur = INSTANT_ROUNDING * trajectory.knots[own]
         look_for_jumps(start, end, motion, blur, trajectory.piece[own], before, worst, at, least, largest, first)
+    least, largest = np.minimum(least, before[0]), np.maximum(largest, before[0])  # where it ends is met too
     final[0, 0] = before[0, 0]
     _, goes, rounded = np.maximum(np.abs(before), np.abs(final))
     beyond = np.abs(final[0] - before[0]) - INSTANT_ROUNDING * trajectory.duration * goes - rounded

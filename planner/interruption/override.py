@@ -146,6 +146,9 @@ def _change_speed(whole: Whole, running: Running, now: Instant, share: float) ->
         rests_at = float(motion.s[stop]) if stop < len(motion.s) else float(whole.path.breaks[-1])
         if made is None and abs(rests_at - end) <= SAME_PLACE * float(whole.path.breaks[-1]):  # where the plan does
             before = shift_motion(cut_motion(motion, now, None, stop), 0.0, -first)
+            if stop == len(motion.s):  # there is no more of either: this was proved with all of it
+                own = replace(before, path=change.path)
+                return Proved(change.path, change.limits, own, running.certificate, now.s)
             made = change.follow(before, look(plan, float(plan.knots[last])))
     if made is None:
         raise MotionError(

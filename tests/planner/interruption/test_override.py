@@ -114,6 +114,14 @@ def test_a_plan_of_a_stated_duration_is_resumed_at_its_own_speed():
     assert uses(slow).max() <= 1 + 1e-9
 
 
+@pytest.mark.parametrize("before", [2e-3, 1e-4])
+def test_what_is_about_to_rest_rests(circle, before):
+    """Nothing slower comes to the plan's end from there: it goes on."""
+    late = circle.override(0.2, circle.trajectory.duration - before)
+    assert late.certificate.holds
+    assert before * (1 - 1e-3) <= late.duration <= 3 * before
+
+
 def test_what_runs_at_its_share_goes_on(circle):
     same = circle.override(1.0, 0.4)
     assert same.duration == pytest.approx(circle.trajectory.duration - same.at, abs=1e-9)
