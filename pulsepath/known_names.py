@@ -66,13 +66,6 @@ def exports() -> list[str]:
     return registered_names("planner/export/format.py", "FORMATS")
 
 
-def stop_exports() -> list[str]:
-    """Those that can hold a stop, which begins in motion."""
-    from pulsepath.format_options import STOPS
-
-    return STOPS.names()
-
-
 def imports() -> list[str]:
     return registered_names("planner/sources/source.py", "SOURCES")
 

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pulsepath import known_names
 from pulsepath.command_group import FormatCommand
+from pulsepath.format_options import STOPS
 from pulsepath.known_names import make_completer
 from pulsepath.options import json_option, read_quantity, unverified_option
 from pulsepath.process.intent import writes
@@ -31,7 +31,7 @@ class Hold(FormatCommand):
     metavar="COUNT",
     help="Instead of --at: time and distance to rest from COUNT instants; --out writes the table as .csv or .json.",
 )
-@click.option("--format", "name", metavar="FORMAT", shell_complete=make_completer(known_names.stop_exports),
+@click.option("--format", "name", metavar="FORMAT", shell_complete=make_completer(STOPS.names),
               help="Write the stop in this export format, listed below, to --out.")  # fmt: skip
 @click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Output file of the stop, or the table.")
 @click.option(
@@ -78,7 +78,6 @@ def hold(
     from planner.interruption.hold import find_stops
     from planner.interruption.hold import hold as stop_at
     from planner.interruption.override import resume as go_on
-    from pulsepath.format_options import STOPS
     from pulsepath.output import plan_directory, record
     from pulsepath.output.tables import show
 
