@@ -4,9 +4,12 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+
 from kinematics.foundation.result import saves
 from planner.export import motion_file, plan_files
 from planner.export.formats import binary, npz
+from planner.interruption.hold import Stops
 from planner.program.model import Program
 from planner.program.program_writer import program_toml
 from planner.pulses.schedule import PulseSchedule
@@ -36,6 +39,18 @@ def trajectory_files(trajectory: Trajectory) -> Files:
 def schedule_files(schedule: PulseSchedule) -> Files:
     """.bin and .npz: exact, as `export` writes them."""
     return {".bin": partial(binary.write, schedule), ".npz": partial(npz.write, schedule)}
+
+
+@saves(Stops)
+def stop_files(stops: Stops) -> Files:
+    """.npz: the arrays t, place, time and distance, little-endian float64, as `numpy.load` reads them."""
+
+    def write_arrays(path: Path) -> None:
+        arrays = {name: getattr(stops, name).astype("<f8") for name in ("t", "place", "time", "distance")}
+        with path.open("wb") as file:
+            np.savez(file, **arrays)
+
+    return {".npz": write_arrays}
 
 
 @saves(PositionList)

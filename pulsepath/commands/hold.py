@@ -29,7 +29,7 @@ class Hold(FormatCommand):
     "--stops",
     type=click.IntRange(min=1),
     metavar="COUNT",
-    help="Instead of --at: time and distance to rest from COUNT instants; --out writes the table as .csv or .json.",
+    help="Instead of --at: time and distance to rest from COUNT instants; --out writes them as .csv, .json or .npz.",
 )
 @click.option("--format", "name", metavar="FORMAT", shell_complete=make_completer(STOPS.names),
               help="Write the stop in this export format, listed below, to --out.")  # fmt: skip

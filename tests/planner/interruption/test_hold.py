@@ -141,12 +141,17 @@ def test_an_override_scales_rates_by_its_powers(circle, share):
     assert slower.pulses.total == circle.pulses.total
 
 
-def test_stops_over_the_motion(circle):
+def test_stops_over_the_motion(circle, tmp_path):
     found = circle.stops(3)
     held = circle.hold(found.t[1])
     assert (found.time[1], found.distance[1]) == pytest.approx((held.duration, held.distance), rel=0.05)
     assert found.time[0] == 0
     assert "distance to rest" in str(found)
+    found.save(tmp_path / "stops.npz")
+    with np.load(tmp_path / "stops.npz") as saved:
+        assert {name: values.tolist() for name, values in saved.items()} == {
+            name: getattr(found, name).tolist() for name in ("t", "place", "time", "distance")
+        }
 
 
 def test_what_cannot_be_is_refused(circle):
