@@ -14,6 +14,7 @@ import click
 
 from kinematics.foundation.errors import MotionError
 from pulsepath import progress
+from pulsepath.process import supervisor
 from pulsepath.process.ending import EndSignal, raise_on_signal
 from pulsepath.process.exits import INTERRUPTED
 
@@ -52,8 +53,9 @@ def serve_until_interrupted(find: FindPage, port: int, told: dict[str, Any], no_
                     time.sleep(3600)
         except EndSignal as end:
             progress.note("stopped")
-            if end.code != INTERRUPTED:
-                click.get_current_context().exit(end.code)
+            code = 0 if end.code == INTERRUPTED else end.code
+            supervisor.tell(said=True, code=code)
+            click.get_current_context().exit(code)
 
 
 @contextmanager

@@ -48,7 +48,10 @@ def supervise() -> None:
 
 
 def tell(**what: Any) -> None:
-    """Tell the first process, where there is one: what is about to be written, or how long an orderly end may take."""
+    """Tell the first process, where there is one: what is about to be written, or how long an orderly end may take.
+
+    code: all is done, and how it ends: what is left is Python's own end, which may take long on a computer at work.
+    """
     if _tell is not None:
         import json
 
@@ -227,7 +230,7 @@ def _clear_up(worker: int, watch: _Watch, mode: list[Any] | None) -> int:
         if not watch.told.get("said"):
             said = load_alone("plain_text").plain(of_interruption(watch.told))
             os.write(2, f"{said}\n".encode(errors="replace"))
-    return 128 + (watch.asked or signal.SIGINT)
+    return int(watch.told.get("code", 128 + (watch.asked or signal.SIGINT)))
 
 
 def _remove_leftovers(worker: int, watch: _Watch, mode: list[Any] | None) -> None:

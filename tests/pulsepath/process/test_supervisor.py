@@ -102,6 +102,20 @@ def test_it_ends_whatever_computes(tmp_path, work):
     assert said == "interrupted: nothing was written to a/b/out\n"
 
 
+def test_what_is_done_keeps_its_code_however_long_python_takes_to_end(tmp_path):
+    done = """
+    from pulsepath.process.supervisor import tell
+    try:
+        time.sleep(100)
+    except KeyboardInterrupt:
+        tell(said=True, code=0)
+        sum(range(10**12))
+"""
+    process = start(tmp_path, done)
+    process.send_signal(signal.SIGINT)
+    assert (end(process), process.returncode) == ("", 0)
+
+
 def test_a_plan_leaves_nothing_behind(tmp_path):
     process = start(tmp_path, CASADI, PLAN)
     assert [path.name for path in (tmp_path / "a" / "b").iterdir()] != []
