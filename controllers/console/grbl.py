@@ -129,16 +129,15 @@ class Controller:
         self.port, self.name, self.buffer = port, name, buffer
         self._held: deque[tuple[int, GcodeLine]] = deque()
         self._partial = b""
-        self._heard = self._asked = time.monotonic()
+        self._asked, self._unanswered = time.monotonic(), 0
         self._offset: list[float] | None = None
         self.state, self.place = "", {}  # type: tuple[str, dict[str, float]]
 
     def wake(self) -> None:
         """Wait until the board has started, and drop what is left of a line. Raises MotionError unless it is idle."""
 
-        begin = time.monotonic()
         while not self.state:
-            if time.monotonic() - begin > START_PATIENCE:
+            if self._is_silent(START_PATIENCE):
                 raise MotionError(
                     f"{self.name}: nothing that is grbl answers within {START_PATIENCE:g} s; "
                     "check the port, its --baud and the board"
@@ -156,9 +155,8 @@ class Controller:
 
     def find_place(self) -> dict[str, float]:
         """Where the axes stand in work coordinates, by letter; {}: the controller does not tell."""
-        begin = time.monotonic()
-        self.place, self._offset = {}, None
-        while not self.place and time.monotonic() - begin < PATIENCE:
+        self.place, self._offset, self._unanswered = {}, None, 0
+        while not self.place and not self._is_silent(PATIENCE):
             self._ask()
             self._listen()
         return self.place
@@ -169,8 +167,7 @@ class Controller:
         Raises MotionError for the first that is refused, an alarm, a reset of the board, or silence.
         """
 
-        done = sent = 0
-        self._heard = time.monotonic()
+        done = sent = self._unanswered = 0
         while done < len(lines):
             while sent < len(lines) and self._used + len(lines[sent].text) + 1 <= self.buffer:
                 data = lines[sent].text.encode("ascii") + b"\n"
@@ -190,8 +187,7 @@ class Controller:
                     raise MotionError(f"{self.name}: the board was reset, at line {at.number} or before")
             tell(done, len(lines))
             self._ask()
-            if time.monotonic() - self._heard > PATIENCE:
-                raise MotionError(f"{self.name}: no answer for {PATIENCE:g} s; check the cable and the board")
+            self._refuse_silence()
 
     @property
     def _used(self) -> int:
@@ -200,14 +196,13 @@ class Controller:
     def wait_idle(self) -> None:
         """Until all that was sent has been moved. Raises MotionError for an alarm, or silence."""
 
-        self.state, self._heard = "", time.monotonic()
+        self.state, self._unanswered = "", 0
         while self._base != "Idle":
             for answer in self._listen():
                 if answer.startswith("ALARM:"):
                     raise MotionError(f"{self.name}: {answer}{_explain(answer, ALARMS)}")
             self._ask()
-            if time.monotonic() - self._heard > PATIENCE:
-                raise MotionError(f"{self.name}: no answer for {PATIENCE:g} s; check the cable and the board")
+            self._refuse_silence()
 
     def stop(self) -> bool:
         """Feed hold, then, once the axes stand, a soft reset, which drops all that is left; whether they came to rest.
@@ -232,7 +227,16 @@ class Controller:
     def _ask(self) -> None:
         if time.monotonic() - self._asked > STATUS_PERIOD:
             self._asked = time.monotonic()
+            self._unanswered += 1
             self._write(STATUS)
+
+    def _is_silent(self, patience: float) -> bool:
+        """Whether questions of so many s have no answer: the clock alone goes on while this process is held up."""
+        return self._unanswered * STATUS_PERIOD > patience
+
+    def _refuse_silence(self) -> None:
+        if self._is_silent(PATIENCE):
+            raise MotionError(f"{self.name}: no answer for {PATIENCE:g} s; check the cable and the board")
 
     def _listen(self) -> list[str]:
         """The lines that have come, but for the status, which is noted."""
@@ -240,7 +244,7 @@ class Controller:
         *ended, self._partial = (self._partial + data).replace(b"\r", b"\n").split(b"\n")
         answers = [text for line in ended if (text := line.decode("ascii", "replace").strip())]
         if answers:
-            self._heard = time.monotonic()
+            self._unanswered = 0
         for answer in answers:
             if answer.startswith("<") and answer.endswith(">"):
                 self._note_status(answer[1:-1])

@@ -8,6 +8,8 @@ import time
 import tty
 from collections import deque
 from contextlib import suppress
+from itertools import count
+from types import SimpleNamespace
 
 import pytest
 
@@ -254,6 +256,16 @@ def test_a_file_without_a_header_is_refused_unless_it_may_begin_anywhere(call, g
     board = grbl(place=START)
     assert call("send", plain, "--port", board.port, "--anywhere").exit_code == 0
     assert board.taken == ["G21", "G90", "G1X20F600"]
+
+
+def test_a_computer_that_is_held_up_does_not_take_that_for_silence(call, grbl, program, monkeypatch):
+    """Of its own time a minute is lost, once and for all; the board answers each question."""
+    asked = count()
+    clock = SimpleNamespace(monotonic=lambda: time.monotonic() + 60.0 * (next(asked) > 30))
+    monkeypatch.setattr("controllers.console.grbl.time", clock)
+    done = call("send", program, "--port", grbl(place=START).port)
+    assert done.exit_code == 0, done.stderr
+    assert next(asked) > 31
 
 
 def test_axes_that_did_not_get_there_are_told_to_be_homed(call, grbl, program):
