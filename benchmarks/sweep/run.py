@@ -231,6 +231,9 @@ def _reduce_run(
     return RunResult(cell, {name: value for name, value in figures.items() if not isnan(value)}, series=series)
 
 
+MIN_CLUSTER_BATCHES = 8
+"""Fewer are done by processes of our own, of which there are none where there is little to do, before a cluster of this
+computer has started."""
 MAX_LANES = 64
 """Runs simulated at once: more gain little, and hold their whole course in memory."""
 
@@ -259,7 +262,7 @@ def sweep(
         That keeps the runs.
     address
         Of a Dask scheduler whose workers have this package. None: this computer's cores, through Dask where it is
-        installed, else through processes of our own.
+        installed and there is much to do, else through processes of our own.
     progress
         Called with how many runs are done, and of how many.
     tell
@@ -313,8 +316,8 @@ def _run(
     tell: Callable[[str], None],
 ) -> list[LostTask]:
     lost: list[LostTask] = []
-    if address is None and (not is_installed() or len(batches) < 2):
-        if len(batches) > 1:
+    if address is None and (not is_installed() or len(batches) < MIN_CLUSTER_BATCHES):
+        if len(batches) > 1 and not is_installed():
             tell('Dask is not installed (extra "cluster"): the runs are spread over processes of this computer')
         spread(partial(score, rig=rig), batches, keep)
         return lost

@@ -278,6 +278,18 @@ def test_an_address_without_dask_is_refused(tmp_path, rig, grid, monkeypatch):
         sweep(grid, rig, tmp_path, address="tcp://127.0.0.1:9")
 
 
+def test_a_cluster_of_this_computer_is_for_much(tmp_path, rig, grid, monkeypatch):
+    def refuse(_, batches, *__, **___):
+        raise NotImplementedError(f"{len(batches)} batches")
+
+    monkeypatch.setattr(run, "is_installed", lambda: True)
+    monkeypatch.setattr(run, "run_on_cluster", refuse)
+    assert len(sweep(grid, rig, tmp_path / "little").results) == 12
+    monkeypatch.setattr(run, "MAX_LANES", 1)
+    with pytest.raises(NotImplementedError, match="12 batches"):
+        sweep(grid, rig, tmp_path / "much")
+
+
 def test_a_killed_worker_loses_nothing(tmp_path, rig, grid, monkeypatch):
     distributed = pytest.importorskip("distributed", reason="the extra cluster")
     monkeypatch.setattr(run, "MAX_LANES", 1)
