@@ -30,17 +30,33 @@ SLOW = {
 }
 
 
-def loaded_after(code):
-    """Those of the slow packages that a fresh interpreter has loaded after some code."""
+ROOT = Path(__file__).parents[2]
+
+
+def run_fresh(code, folder=ROOT):
+    """What a fresh interpreter prints on stderr that runs some code in a folder, with the packages of this tree."""
+    command = [sys.executable, "-c", code]
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run(command, input="", capture_output=True, text=True, check=True, env=environment, cwd=folder)
+    return done.stderr
+
+
+def loaded_after(code, folder=ROOT):
+    """Those of the slow packages that it has loaded then; and what it said before."""
     report = f"import json, sys\n{code}\nprint(json.dumps(sorted({SLOW!r} & set(sys.modules))), file=sys.stderr)"
-    done = subprocess.run([sys.executable, "-c", report], input="", capture_output=True, text=True, check=True)
-    return json.loads(done.stderr.splitlines()[-1])
+    *said, loaded = run_fresh(report, folder).splitlines()
+    return json.loads(loaded), "\n".join(said)
+
+
+def call(arguments, code=0):
+    """Code that calls a command, and asks for how it ends."""
+    ended = f"except SystemExit as end: assert (end.code or 0) == {code}, end.code"
+    return f"from pulsepath.cli import main\ntry: main({arguments!r})\n{ended}"
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["plan", "--help"], ["console", "--help"], ["--version"]])
 def test_help_loads_nothing_slow(arguments):
-    code = f"from pulsepath.cli import main\ntry: main({arguments!r})\nexcept SystemExit as end: assert not end.code"
-    assert loaded_after(code) == []
+    assert loaded_after(call(arguments))[0] == []
 
 
 LISTS = [[name] for name in ("machines", "programs", "rigs", "laws", "rules")]
@@ -60,17 +76,19 @@ UNKNOWN = [
 ]
 
 
-@pytest.mark.parametrize("arguments", [*LISTS, *FORMATS, *UNKNOWN], ids=" ".join)
-def test_what_plans_nothing_loads_nothing_that_computes(arguments, tmp_path):
-    """Of lists and formats the second time: the first makes what is kept on disk, which is told alike then."""
-    command = [sys.executable, "-c", "from pulsepath.cli import main; main()", *arguments]
-    first = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
-    code = 0 if arguments not in UNKNOWN else 2
-    told = f"import os\nos.chdir({str(tmp_path)!r})\nfrom pulsepath.cli import main\ntry: main({arguments!r})\n"
-    loaded = loaded_after(f"{told}except SystemExit as end: assert (end.code or 0) == {code}, end.code")
+@pytest.mark.parametrize("arguments", [*LISTS, *FORMATS], ids=" ".join)
+def test_lists_that_are_kept_load_nothing_that_computes(arguments):
+    """The first time makes what is kept on disk."""
+    run_fresh(call(arguments))
+    loaded, _ = loaded_after(call(arguments))
     assert set(loaded) <= {"rich"}
-    assert first.returncode == code
-    assert ("nearest is" in first.stderr) == (code == 2 and arguments[-1] != "9"), first.stderr
+
+
+@pytest.mark.parametrize("arguments", UNKNOWN, ids=" ".join)
+def test_what_is_mistaken_loads_nothing_that_computes(arguments, tmp_path):
+    loaded, said = loaded_after(call(arguments, code=2), tmp_path)
+    assert set(loaded) <= {"rich"}
+    assert ("nearest is" in said) == (arguments[-1] != "9"), said
 
 
 COMPUTING = {"scipy", "numba", "loky", "matplotlib", "toppra", "jinja2", "pint"}
@@ -142,15 +160,14 @@ def test_lists_are_made_again_where_a_file_changes_or_what_is_kept_is_damaged(tm
 @pytest.mark.skipif(os.name != "posix", reason="Windows has no console")
 def test_a_script_from_a_pipe_needs_no_prompt(tmp_path):
     arguments = ["console", "--machine", "traverser", "--fast", "--state", str(tmp_path / "state.json")]
-    code = f"from pulsepath.cli import main\ntry: main({arguments!r})\nexcept SystemExit as end: assert not end.code"
-    loaded = loaded_after(code)
+    loaded, _ = loaded_after(call(arguments))
     assert "numpy" in loaded
     assert "prompt_toolkit" not in loaded
 
 
 def test_importing_the_package_loads_nothing_slow():
-    assert loaded_after("import pulsepath as pp; pp.__version__; dir(pp)") == []
-    assert "numpy" in loaded_after("import pulsepath as pp; pp.Axis")
+    assert loaded_after("import pulsepath as pp; pp.__version__; dir(pp)")[0] == []
+    assert "numpy" in loaded_after("import pulsepath as pp; pp.Axis")[0]
 
 
 @pytest.mark.skipif(os.name != "posix", reason="asks the system what its children cost")
