@@ -48,7 +48,7 @@ def test_the_record(directory, job):
     assert 1e-6 < realised["errors"]["position"]["max"] < 5e-6
 
 
-def test_nothing_written_tells_where_or_when_it_was_made(directory, inputs, job, tmp_path):
+def test_nothing_written_tells_where_or_when_it_was_made(drawn, directory, inputs, job, tmp_path):
     for path in directory.glob("*.*"):
         text = path.read_text(errors="replace")
         assert str(directory.parent) not in text
