@@ -1,5 +1,6 @@
-"""How fast the machine is that the tests run on, so that bounds of time hold on slower ones and beside other work."""
+"""How long tests may take: bounds of time that hold on slower machines and beside other work, and counts of cases."""
 
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import process_time
@@ -10,6 +11,9 @@ WORK: dict[Callable[[], object], float] = {
 }
 """Arithmetic, and making objects, which slows down more beside others that do; and s of CPU that each took on the
 machine that the bounds were written on."""
+
+LONG = os.environ.get("PULSEPATH_LONG_TESTS") == "1"
+"""Whether many cases are to be tried where some show the same: before a release, as CONTRIBUTING.md says."""
 
 
 def slowness() -> float:

@@ -13,6 +13,8 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
+from tests.pace import LONG
+
 PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 PLATFORMS = {
     "linux": ("Linux", "x86_64", [f"manylinux_2_{minor}_x86_64" for minor in (5, 12, 17, 24, 27, 28, 31, 34, 35)]),
@@ -52,10 +54,10 @@ def pip(*arguments: str) -> None:
 
 
 # on Linux the oldest Python's are what the tests themselves were installed from
-@pytest.mark.parametrize(
-    ("platform", "python"),
-    [("linux", "3.13"), ("macos", "3.11"), ("macos", "3.13"), ("windows", "3.11"), ("windows", "3.13")],
-)
+OTHERS = [("windows", "3.11"), ("linux", "3.13"), ("macos", "3.11"), ("macos", "3.13"), ("windows", "3.13")]
+
+
+@pytest.mark.parametrize(("platform", "python"), OTHERS if LONG else OTHERS[:1])
 def test_the_core_has_wheels(platform: str, python: str, tmp_path: Path) -> None:
     """With all that it needs in turn; nothing is built, and of the wheels no more is fetched than what they need."""
     tags = [f"--platform={tag}" for tag in PLATFORMS[platform][2]]

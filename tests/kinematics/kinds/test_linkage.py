@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Axis, Linkage, MotionError, OutOfReach, load_machine, machine_toml
+from tests.pace import LONG
 
 AXES = [Axis("a"), Axis("b")]
 
@@ -53,6 +54,7 @@ def test_the_frame_turns_with_actuator_a(preset):
     assert np.abs(turned - Rotation.from_euler("Z", theta[:, None]).as_matrix()).max() < 1e-11
 
 
+@settings(max_examples=100 if LONG else 25)
 @given(st.floats(0, 0.3), st.floats(-np.pi, np.pi), st.floats(0.2, 0.6), st.floats(0, 2 * np.pi), st.floats(-3, 3))
 def test_distances_are_those_of_the_drawn_joint(offset, angle, length, theta, turn):
     """Draw the joint and the point from (q_a, θ); the inverse gives the distances back, wherever the base lies."""

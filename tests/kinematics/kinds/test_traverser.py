@@ -12,21 +12,24 @@ AXES = [Axis("X"), Axis("Y"), Axis("Z"), Axis("R", kind="rotary")]
 
 
 @pytest.fixture(scope="module")
+def machine():
+    return Traverser(axes=AXES, home=RigidTransform.identity())
+
+
+@pytest.fixture(scope="module")
 def preset():
     return load_machine("traverser")
 
 
 @given(st.floats(-1e3, 1e3), st.floats(-3.1, 3.1))
-def test_the_turn_nearest_to_what_was_meant(angle, off):
-    machine = Traverser(axes=AXES, home=RigidTransform.identity())
+def test_the_turn_nearest_to_what_was_meant(machine, angle, off):
     pose = RigidTransform.from_rotation(Rotation.from_euler("Z", angle))
     found = machine.inverse(pose, near=[0, 0, 0, angle + off])
     assert found[3] == pytest.approx(angle, abs=1e-10)  # the matrix of 1e3 rad holds the angle to 1e-13
 
 
 @given(st.floats(-50, 50))
-def test_forward_keeps_every_turn(angle):
-    machine = Traverser(axes=AXES, home=RigidTransform.identity())
+def test_forward_keeps_every_turn(machine, angle):
     found = machine.forward([0.1, 0.2, 0.3, angle])
     assert found.residual < 1e-12
     assert machine.inverse(found.pose, near=[0, 0, 0, angle])[3] == pytest.approx(angle, abs=1e-12)

@@ -12,6 +12,7 @@ from planner.certificate.enclosure import Cells
 from planner.certificate.ranges import ROUNDINGS, bound_balls, bound_motion, bound_ranges
 from planner.path.actuation import actuate
 from planner.path.polynomial import PolynomialPath
+from tests.pace import LONG
 
 
 def exact(values):
@@ -41,7 +42,7 @@ def compose(outer, inner):
     return found
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25 if LONG else 8, deadline=None)
 @given(st.integers(0, 2**31), st.floats(-6, 0), st.floats(0, 3))
 def test_what_is_exact_lies_in_the_range(seed, small, far):
     """Polynomials of a path, in exact fractions: every instant's q … q⃛, with all that rounding did to the bounds."""
@@ -135,7 +136,7 @@ def test_polynomials_of_every_shape_stay_in_their_range():
     """Cubics with two peaks, and what higher powers make of them: values in extended precision, at 2001 instants."""
     random, tau = np.random.default_rng(5), np.linspace(-1, 1, 2001, dtype=np.longdouble)
     polynomial, (cells, width) = np.polynomial.polynomial, (24, 2)
-    for _ in range(12):
+    for _ in range(12 if LONG else 3):
         mid = np.zeros((9, 1, width))
         mid[:8] = random.normal(size=(8, 1, width)) * 10 ** random.uniform(-3, 0, (8, 1, width))
         motion = random.normal(size=(4, cells)) * 10 ** random.uniform(-4, -0.1, (4, cells))

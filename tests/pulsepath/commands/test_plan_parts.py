@@ -23,7 +23,8 @@ from pulsepath import load_plan, parts_job, progress
 from pulsepath.commands import plan as command
 from pulsepath.output.verification import seal_record
 
-LINES = 400
+LINES, PIECES = 120, 6
+"""In six windows."""
 FAR = "G1 X500 Y0"
 
 
@@ -40,13 +41,15 @@ def folder(tmp_path_factory):
 def planned(call, folder):
     file = folder / "spiral.nc"
     file.write_text(code())
-    done = call("plan", file, "--machine", "hexapod", "--stream", "--out", folder / "plan", "--json")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(parts_job, "plan_parts", partial(plan_parts, pieces=PIECES))
+        done = call("plan", file, "--machine", "hexapod", "--stream", "--out", folder / "plan", "--json")
     assert done.exit_code == 0, done.stderr
     return json.loads(done.stdout)
 
 
 def test_the_record_says_what_was_proved(planned):
-    assert planned["windows"] >= 1
+    assert planned["windows"] > 3
     assert planned["ends_before"] is None
     assert planned["certificate"]["holds"]
     assert all(limit["worst_ratio"] <= 1 for limit in planned["certificate"]["limits"].values())
@@ -158,13 +161,13 @@ def test_a_motion_whose_parts_are_not_the_program_is_no_plan(call, stopping, tmp
     assert told in checked.stderr
 
 
-@pytest.mark.parametrize("lines", [120, 121, 122])
+@pytest.mark.parametrize("lines", [51, 54])
 def test_every_file_states_the_same_duration(call, folder, lines):
-    """The sum of many parts' durations is one number, wherever it is stated."""
+    """The sum of the parts' durations is one number, wherever it is stated: of these, numbers that round differ."""
     file, out = folder / f"stops{lines}.nc", folder / f"stops{lines}"
     file.write_text("\n".join(["G21 G90 G61", "G1 X1 Z25 F600", *(f"G1 X{k % 2} Y{k % 3}" for k in range(lines))]))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(parts_job, "plan_parts", partial(plan_parts, pieces=8))
+        patch.setattr(parts_job, "plan_parts", partial(plan_parts, pieces=4))
         more = ("--stream", "--order", "2", "--no-figures")
         assert call("plan", file, "--machine", "hexapod", *more, "--out", out).exit_code == 0
     checked = call("check", out)
@@ -174,12 +177,11 @@ def test_every_file_states_the_same_duration(call, folder, lines):
 
 def test_turns_go_on_behind_a_stop(call, folder):
     """An axis that has turned more than half a turn is gone on with from there, not from home's side."""
-    turns = "".join("[[segment]]\nturn = { axis = [0, 0, 1], angle = 50 }\n" for _ in range(12))
+    turns = "".join("[[segment]]\nturn = { about = [0, 0, 1], angle = 50 }\n" for _ in range(12))
     file = folder / "turns.toml"
     file.write_text(f'schema = 1\nmachine = "traverser"\nlength = "mm"\nangle = "deg"\n{turns}')
     whole = call("plan", file, "--whole", "--order", "2", "--no-figures", "--out", folder / "turned", "--json")
-    if whole.exit_code:
-        pytest.skip(whole.stderr)
+    assert whole.exit_code == 0, whole.stderr
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(parts_job, "plan_parts", partial(plan_parts, pieces=3))
         more = ("--stream", "--order", "2", "--no-figures", "--json")
@@ -202,9 +204,10 @@ def test_a_program_that_goes_out_of_reach_gives_nothing(call, folder):
     assert not (folder / "far").exists()
 
 
-def test_or_what_was_certified_before_it(call, folder):
+def test_or_what_was_certified_before_it(call, folder, monkeypatch):
+    monkeypatch.setattr(parts_job, "plan_parts", partial(plan_parts, pieces=PIECES))
     file = folder / "long.nc"
-    file.write_text("\n".join([*spiral(3 * LINES), FAR, ""]))
+    file.write_text(code(FAR))
     more = ("--stream", "--keep-certified", "--order", "2", "--no-figures")
     done = call("plan", file, "--machine", "hexapod", *more, "--out", folder / "kept")
     assert done.exit_code == 1
