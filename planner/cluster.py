@@ -23,7 +23,7 @@ from kinematics.machine.machine import Machine
 from kinematics.machine.machine_file import MachineSource, load_machine
 from planner.environment import PACKAGES, Facts, Look, describe_mismatches, make_fact_finder
 from planner.limits import OwnLimit
-from planner.parallel import TASKS_EACH, Progress, cores, ignore_progress, without_processes
+from planner.parallel import TASKS_EACH, Progress, cores, hold_interrupts, ignore_progress, without_processes
 from planner.plan import Plan, plan
 from planner.program.model import Program
 from planner.program.program_file import ProgramSource, load_program
@@ -37,6 +37,9 @@ MAX_CONNECTION_TIME = 10.0
 ALONE = "the motion goes on for long without a stop: its windows need each other, and this computer plans them in turn"
 # Between two looks (s) for a file that a scheduler is about to write.
 FILE_PERIOD = 0.1
+# What Dask says of itself: what goes wrong is raised here, and all it adds is said of clusters that are ended midway.
+LOGGERS = "distributed", "distributed.client", "tornado.application", "asyncio"
+WORKER_LOGS = {"distributed.nanny.pre-spawn-environ.DASK_LOGGING__DISTRIBUTED": "critical"}
 
 
 class LostTask(MotionError):
@@ -112,13 +115,15 @@ def open_cluster(
     `pulsepath`. Raises MotionError as `run_on_cluster`.
     """
     try:
+        import dask
         from distributed import Client, LocalCluster
     except ImportError as missing:
         raise NotInstalled("a cluster", "Dask", "cluster") from missing
-    with ExitStack() as stack:
+    with _hush_logs(), ExitStack() as stack:
         there: Any = None if address is None else _find_scheduler(address)
         if address is None:
-            with _hide_main():
+            # workers inherit that no Ctrl-C comes to them: this process ends them, once they have started
+            with _hide_main(), hold_interrupts(), dask.config.set(WORKER_LOGS):
                 count = min(cores(), most or cores())
                 local = LocalCluster(
                     n_workers=count, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0"
@@ -268,6 +273,23 @@ def _hide_main() -> Iterator[None]:
         yield
     finally:
         sys.modules["__main__"] = main
+
+
+@contextmanager
+def _hush_logs() -> Iterator[None]:
+    """Around a cluster: nothing of Dask's own logs; as before after it, unless Ctrl-C ends all: what is left of it then
+    would speak after the last line."""
+    before = {name: logging.getLogger(name).level for name in LOGGERS}
+    for name in LOGGERS:
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    try:
+        yield
+    except (KeyboardInterrupt, GeneratorExit):
+        before.clear()
+        raise
+    finally:
+        for name, level in before.items():
+            logging.getLogger(name).setLevel(level)
 
 
 def _check_workers(client: Any, look: Look) -> None:

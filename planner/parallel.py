@@ -227,13 +227,13 @@ def open_pool(work: bytes, processes: int, modules: Sequence[str] = ()) -> Itera
         begin = (ends[0], tuple(modules))
         executor = ProcessPoolExecutor(processes, initializer=_begin_process, initargs=begin, env=_ENVIRONMENT)
         stack.callback(executor.shutdown, kill_workers=True)
-        with _hold_interrupts():
+        with hold_interrupts():
             executor.submit(int)  # on which they start
         yield Pool(executor, folder)
 
 
 @contextmanager
-def _hold_interrupts() -> Iterator[None]:
+def hold_interrupts() -> Iterator[None]:
     """No Ctrl-C in processes that start meanwhile: what is held off here is held off in them."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
