@@ -1,10 +1,11 @@
 """`pulsepath compare`: compare tracking laws and gains on a rig, or saved runs, in one report."""
 
-from collections import Counter
+from collections.abc import Callable
 from itertools import product
 from math import ceil
 from pathlib import Path
-from typing import TYPE_CHECKING
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -19,13 +20,14 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from benchmarks.reports.gain import Condition
-    from benchmarks.sweep import Grid, SavedRuns
+    from benchmarks.sweep import Grid, SavedRuns, Setting
     from controllers.rig import Rig
 
-STEP_COST, DRIVE_COST, FIXED_COST = 0.7e-3, 2.4e-7, 22.0
-"""s of one core for a step of a batch, and for a sample of one drive of one run; s for starting and for the report."""
+DEFAULT_RIG = "servo-rig"
 THESIS_LAWS = ("1", "2", "3", "4", "5", "6", "7")
 """The algorithms of [Sahbaz 2007, Table 7.5]."""
+MODEL_LAWS = ("ff", "mpc")
+"""Laws that know a model of the drives, of which one setting each is quick and shows what the others leave."""
 
 
 @click.command()
@@ -37,7 +39,7 @@ THESIS_LAWS = ("1", "2", "3", "4", "5", "6", "7")
     multiple=True,
     metavar="LAW",
     help='Law to run over its gain grid, or with given gains as "6:gain=0.7"; repeatable. '
-    "Default: the seven published laws.",
+    "Default: the seven published laws, and feedforward and predictive with their usual gains.",
     shell_complete=make_completer(known_names.laws),
 )
 @click.option("--task", "tasks", multiple=True, metavar="TASK", help="Task of the rig; repeatable. Default: all.")
@@ -51,6 +53,13 @@ THESIS_LAWS = ("1", "2", "3", "4", "5", "6", "7")
     help="Compare the runs saved in DIR instead of running new ones; repeatable.",
 )
 @click.option(
+    "--against",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Compare each setting with its own runs saved in DIR, too; --fail-if ratios are then of these. Default laws "
+    "and tasks: those in DIR.",
+)
+@click.option(
     "--baseline",
     metavar="LAW",
     help='Setting to compare against. Default: "6:gain=0.7" if it was run, else the first setting.',
@@ -60,8 +69,9 @@ THESIS_LAWS = ("1", "2", "3", "4", "5", "6", "7")
     "conditions",
     multiple=True,
     metavar="CONDITION",
-    help="Exit with code 1 if CONDITION holds for the best setting on any path: "
-    '"contour_rms > 1.1x" (the mean over rigs and seeds, times the baseline\'s) or "contour_max > 250 um" (any run).',
+    help='Exit with code 1 if CONDITION holds for the best setting on any path: "contour_rms > 1.1x" (the mean over rigs '
+    "and seeds, times the baseline's; with --against, of any setting, times its saved runs'), or "
+    '"contour_max > 250 um" (any run).',
 )
 @click.option("--address", metavar="ADDRESS", help="Dask scheduler to use. Default: the cores of this computer.")
 @click.option("--force", is_flag=True, help="Replace an earlier comparison in DIR; saved runs are kept.")
@@ -73,6 +83,7 @@ def compare(
     tasks: tuple[str, ...],
     seeds: int,
     saved: tuple[Path, ...],
+    against: Path | None,
     baseline: str | None,
     conditions: tuple[str, ...],
     address: str | None,
@@ -83,9 +94,11 @@ def compare(
 
     RIG is a bundled rig or a TOML file. Default: servo-rig.
 
-    Every law runs over its gain grid on every task, with inertia and friction as stated and 30 % off: by default in
-    about a minute on two cores. Prints the number of runs and the estimated time first. Runs are saved in DIR and
-    are not repeated if they are already there; `--from DIR` compares them later.
+    Every law runs over its gain grid on every task, with inertia and friction as stated and 30 % off; by default the
+    published ones, and feedforward and predictive with their usual gains, in
+    about a minute on two cores. Prints the number of runs first, and the time left, by their own pace, after the
+    first ones. Runs are saved in DIR and are not repeated if they are already there; `--from DIR` compares them later,
+    and `--against DIR` runs the same settings anew and guards against regression.
 
     Example: pulsepath compare servo-rig --law 3 --law 6 --out out/laws
     """
@@ -95,7 +108,10 @@ def compare(
     from pulsepath.output import compare_directory
 
     if saved and (rig or laws or tasks or address or seeds != 1):
-        raise MotionError("compare: with --from nothing is run, so give no RIG, --law, --task, --seeds or --address")
+        raise MotionError(
+            "compare: with --from nothing is run, so give no RIG, --law, --task, --seeds or --address; "
+            "to run RIG and compare it with saved runs, give --against DIR"
+        )
     to = compare_directory.destinations(out, force)
     if rig is not None:
         from controllers.rig_file import validate_rig_file
@@ -105,7 +121,7 @@ def compare(
 
     for text in (*laws, *filter(None, [baseline])):
         read_setting(text)
-    runs = [load_runs(folder) for folder in saved]
+    runs, old = [load_runs(folder) for folder in saved], None if against is None else load_runs(against)
     from benchmarks.reports import gain
     from controllers.rig_file import load_rig
     from pulsepath.output import record
@@ -113,21 +129,36 @@ def compare(
     from pulsepath.progress import step
 
     asked = [gain.read_condition(text) for text in conditions]
-    if saved:
-        for condition, one in product(asked, runs):
-            condition.check(one.record)
-    else:
-        runs = [_run(load_rig(rig or "servo-rig"), out, laws, tasks, seeds, address, baseline, asked)]
+    for condition, one in product(asked, [*runs, *filter(None, [old])]):
+        condition.check(one.record)
+    if not saved:
+        if old is not None and rig is None and old.record["rig"] != DEFAULT_RIG:
+            raise MotionError(f"compare: the runs in {against} are of rig {old.record['rig']}: give the RIG to run")
+        chosen = load_rig(rig or DEFAULT_RIG)
+        settings, tasks = _choose_runs(chosen, laws, tasks, baseline, old)
+        runs = [_run(chosen, out, settings, tasks, seeds, address, asked)]
     with step("comparing runs"):
         found = gain.compare(runs, baseline)
-        verdict = compare_directory.write(to, found)
-    met = [reason for condition in asked for reason in condition.list_reasons(found, verdict.best)]
+        changes = {} if old is None else gain.guard(found, gain.compare([old]), asked)
+        every = [one for each in changes.values() for one in each]
+        verdict = compare_directory.write(to, found, every)
+    met = [
+        reason
+        for condition in asked
+        if condition not in changes
+        for reason in condition.list_reasons(found, verdict.best)
+    ]
+    met += [reason for condition, each in changes.items() for reason in gain.list_regressions(condition, each)]
     report = str(out / REPORT)
     if as_json:
-        told = {"verdict": verdict.text, "gains": verdict.gains, "report": report, "failed": met}
+        told: dict[str, Any] = {"verdict": verdict.text, "gains": verdict.gains, "report": report, "failed": met}
+        if old is not None:
+            told["against_saved"] = [one.as_record() for one in every]
         click.echo(record.as_json(told), nl=False)
     else:
         say("\n  ".join(verdict.told))
+        for each in changes.values():
+            say(f"against {against}, the worst of {len(each)}: {each[0]}")
         say(f"{verdict.gains}\nreport: {report}" if verdict.gains else f"report: {report}")
         for reason in met:
             say(f"failed: {reason}", err=True)
@@ -135,50 +166,60 @@ def compare(
         click.get_current_context().exit(INFEASIBLE)
 
 
+def _choose_runs(
+    rig: "Rig", laws: tuple[str, ...], tasks: tuple[str, ...], baseline: str | None, old: "SavedRuns | None"
+) -> "tuple[list[Setting], tuple[str, ...]]":
+    """The settings and tasks to run: those asked for, else those of the saved runs that are to be compared with."""
+    from benchmarks.sweep import read_setting, settings_of
+    from kinematics import MotionError
+
+    known = tuple(task.name for task in rig.tasks)
+    if old is not None and not laws:
+        settings = list(dict.fromkeys(run.cell.setting for run in old.results.values()))
+    else:
+        settings = [
+            setting
+            for law in laws or THESIS_LAWS
+            for setting in ([read_setting(law)] if ":" in law else settings_of(law))
+        ]
+        settings += [] if laws else map(read_setting, MODEL_LAWS)
+    if baseline is not None and read_setting(baseline) not in settings:
+        run = ", ".join(setting.text for setting in settings)
+        raise MotionError(f"compare: the baseline {baseline} is not among the settings to run: {run}")
+    if old is not None and not tasks:
+        tasks = tuple(task for task in old.record["tasks"] if task in known)
+    return settings, tasks or known
+
+
 def _run(
     rig: "Rig",
     out: Path,
-    laws: tuple[str, ...],
+    settings: "Sequence[Setting]",
     tasks: tuple[str, ...],
     seeds: int,
     address: str | None,
-    baseline: str | None,
     asked: "Sequence[Condition]",
 ) -> "SavedRuns":
     """The runs of a rig, after all options have been checked; saved runs are reused."""
-    from benchmarks.sweep import Grid, described, read_setting, settings_of, sweep
-    from kinematics import MotionError
+    from benchmarks.sweep import Grid, described, sweep
     from pulsepath.progress import note, step
 
-    settings = [
-        setting for law in laws or THESIS_LAWS for setting in ([read_setting(law)] if ":" in law else settings_of(law))
-    ]
-    if baseline is not None and read_setting(baseline) not in settings:
-        known = ", ".join(setting.text for setting in settings)
-        raise MotionError(f"compare: the baseline {baseline} is not among the settings to run: {known}")
-    grid = Grid(tuple(settings), tasks or tuple(task.name for task in rig.tasks), seeds=tuple(range(seeds)))
+    grid = Grid(tuple(settings), tasks, seeds=tuple(range(seeds)))
     facts = described(grid, rig)
     for condition in asked:
         condition.check(facts)
-    note(_announce(grid, rig, out))
-    with step(f"running {rig.name}") as tell:
+    note(_announce(grid, out))
+    with step(f"running {rig.name}", _make_pace(perf_counter)) as tell:
         return sweep(grid, rig, out, address=address, progress=tell, tell=note)
 
 
-def _announce(grid: "Grid", rig: "Rig", out: Path) -> str:
-    """What is to be run, and about how long it takes; runs that are saved already take none of it."""
+def _announce(grid: "Grid", out: Path) -> str:
+    """What is to be run."""
     from kinematics.foundation.names import count_noun
     from planner.parallel import cores as count_cores
     from pulsepath.output.directory import CELLS
 
-    cells, cores = list(grid), count_cores()
-    lanes = Counter((cell.setting.law, cell.task) for cell in cells)
-    tasks = {name: rig.task(name) for name in grid.tasks}
-    sampled = DRIVE_COST * sum(1 / drive.sample for drive in rig.drives)
-    work = sum(
-        tasks[task].motion.duration * (STEP_COST / tasks[task].dt + sampled * runs) for (_, task), runs in lanes.items()
-    )
-    seconds = FIXED_COST + work / cores
+    cells = list(grid)
     counts = {
         "settings": len({cell.setting for cell in cells}),
         "tasks": len({cell.task for cell in cells}),
@@ -186,6 +227,23 @@ def _announce(grid: "Grid", rig: "Rig", out: Path) -> str:
         "seeds": len({cell.seed for cell in cells}),
     }
     told = " × ".join(f"{count} {what}" for what, count in counts.items() if count > 1)
-    time = f"{seconds / 60:.0f} min" if seconds > 90 else f"{10 * ceil(seconds / 10)} s"
     saved = "; runs that are saved there are reused" if (out / CELLS).is_dir() else ""
-    return f"{count_noun(len(cells), 'run')}{told and f' ({told})'}: about {time} on {cores} cores{saved}"
+    return f"{count_noun(len(cells), 'run')}{told and f' ({told})'} on {count_cores()} cores{saved}"
+
+
+def _make_pace(clock: Callable[[], float]) -> Callable[[int, int], str]:
+    """What says how many runs are done and, by the pace of those since the first call, how long the others take."""
+    begin: tuple[float, int] | None = None
+
+    def describe(done: int, of: int) -> str:
+        nonlocal begin
+        now = clock()
+        begin = begin or (now, done)
+        passed, fresh = now - begin[0], done - begin[1]
+        if fresh <= 0 or done == of:
+            return f"{done} of {of}"
+        seconds = passed / fresh * (of - done)
+        time = f"{seconds / 60:.0f} min" if seconds > 90 else f"{ceil(seconds)} s"
+        return f"{done} of {of}, about {time} left"
+
+    return describe

@@ -8,7 +8,9 @@ from kinematics.foundation.errors import MotionError
 from pulsepath.output.directory import CELLS, COMPARISON, COMPARISON_KIND, REPORT
 
 if TYPE_CHECKING:
-    from benchmarks.reports.gain import Comparison, Verdict
+    from collections.abc import Sequence
+
+    from benchmarks.reports.gain import Change, Comparison, Verdict
 
 TABLE = "runs.csv"
 
@@ -30,13 +32,19 @@ def destinations(target: Path, force: bool) -> list[Destination]:
     return [Destination(target / name, force=True) for name in (REPORT, TABLE, COMPARISON)]
 
 
-def write(to: list[Destination], comparison: "Comparison") -> "Verdict":
-    """Write everything: all files or none, each whole, the record last."""
+def write(
+    to: list[Destination],
+    comparison: "Comparison",
+    changes: "Sequence[Change]" = (),
+) -> "Verdict":
+    """Write everything: all files or none, each whole, the record last. changes: against saved runs."""
     from benchmarks.reports.gain.gain_report import comparison_record, gain_report, runs_csv
     from pulsepath.output import record
 
-    verdict, page = gain_report(comparison)
-    text = record.as_json({"schema": record.SCHEMA, "kind": COMPARISON_KIND, **comparison_record(comparison, verdict)})
+    verdict, page = gain_report(comparison, changes)
+    text = record.as_json(
+        {"schema": record.SCHEMA, "kind": COMPARISON_KIND, **comparison_record(comparison, verdict, changes)}
+    )
     to[0].place.parent.mkdir(parents=True, exist_ok=True)
     with stage_files(to) as files:
         for file, content in zip(files, (page, runs_csv(comparison), text), strict=True):

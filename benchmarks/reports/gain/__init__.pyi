@@ -4,9 +4,14 @@ from .comparison import (
     SettingEntry as SettingEntry,
     compare as compare,
 )
-from .verdict import (
+from .condition import (
+    Change as Change,
     Condition as Condition,
-    Verdict as Verdict,
+    guard as guard,
+    list_regressions as list_regressions,
     read_condition as read_condition,
+)
+from .verdict import (
+    Verdict as Verdict,
     verdict_of as verdict_of,
 )

@@ -333,19 +333,20 @@ def _row(
         _mean(nominal) if nominal and all(nominal) else {},
         (min(errors), max(errors)) if errors else None,
         tuple((rig, result.failure) for (rig, _), result in runs.items() if result.failure),
-        sum(map(_is_away, runs.values())),
+        sum(map(is_away, runs.values())),
         sum(_is_unstable(result, largest) for result in runs.values()),
         None if about is None or entry == baseline else _compare_errors(runs, others, about),
     )
 
 
-def _is_away(result: RunResult) -> bool:
+def is_away(result: RunResult) -> bool:
+    """Whether a run is not within `END_BAND` pulses of its goal at the end of the record."""
     return result.figures.get("end_time") == inf
 
 
 def _is_unstable(result: RunResult, largest: float) -> bool:
     """The tracking error counts: a run that stays where it starts is on the path all the time."""
-    return bool(result.failure) or (_is_away(result) and result.figures["tracking_rms"] > largest)
+    return bool(result.failure) or (is_away(result) and result.figures["tracking_rms"] > largest)
 
 
 def _mean(figures: Sequence[Mapping[str, float]]) -> dict[str, float]:

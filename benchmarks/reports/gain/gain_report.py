@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from io import StringIO
 from math import inf, nan
 from typing import Any
@@ -17,6 +17,7 @@ from benchmarks.reports.gain.comparison import (
     ComparisonRow,
     SettingEntry,
 )
+from benchmarks.reports.gain.condition import Change
 from benchmarks.reports.gain.courses import ISO, IsoBlock, iso_block, select_series
 from benchmarks.reports.gain.criteria import CRITERIA, HUMAN, format_unit, number, weigh
 from benchmarks.reports.gain.run_figures import MOST_BEST, draw
@@ -50,8 +51,9 @@ COLUMNS = (
 )
 
 
-def gain_report(comparison: Comparison) -> tuple[Verdict, str]:
-    """The verdict, and the page that begins with it."""
+def gain_report(comparison: Comparison, changes: Sequence[Change] = ()) -> tuple[Verdict, str]:
+    """The verdict, and the page that begins with it. changes: of its settings against their saved runs, the worst
+    first."""
     verdict = verdict_of(comparison)
     shown_ones = select_series(comparison, verdict)
     iso = iso_block(comparison, shown_ones.entries[:2])
@@ -80,8 +82,15 @@ def gain_report(comparison: Comparison) -> tuple[Verdict, str]:
         weighed=list(_weigh_entries(comparison)),
         places=pack_places(comparison, comparison.rank()[:MOST_BEST]) if "tradeoff" in figures else None,
         most_best=MOST_BEST,
+        changes=[_change_row(one) for one in changes],
     )
     return verdict, page
+
+
+def _change_row(change: Change) -> tuple[str, ...]:
+    values = (format_unit(value, change.unit) for value in (change.saved, change.value))
+    ratio = _ratio(change.ratio) if change.stable else f"{_ratio(change.ratio)}, unstable now"
+    return (change.setting.label, change.task, change.figure, *values, ratio)
 
 
 def choose_mark(row: ComparisonRow, comparison: Comparison) -> str:
@@ -217,7 +226,7 @@ def _circle_rows(comparison: Comparison, iso: IsoBlock) -> Iterator[list[str]]:
         yield [about, comparison.label(turns.entry), *(number(value, "m") for value in named), turns.note]
 
 
-def comparison_record(comparison: Comparison, verdict: Verdict) -> dict[str, Any]:
+def comparison_record(comparison: Comparison, verdict: Verdict, changes: Sequence[Change] = ()) -> dict[str, Any]:
     """The verdict, every row of the table, and how the runs were made; null for what is infinite or not known."""
     return {
         "baseline": _entry(comparison, comparison.baseline),
@@ -251,6 +260,7 @@ def comparison_record(comparison: Comparison, verdict: Verdict) -> dict[str, Any
             }
             for row in comparison.rows
         ],
+        **({"against_saved": [one.as_record() for one in changes]} if changes else {}),
         "sources": [{"name": source.name, **source.record} for source in comparison.sources],
     }
 

@@ -1,27 +1,21 @@
-"""What comes out of a comparison, in sentences; and conditions on it: "contour_rms > 1.1x" fails if so"""
+"""What comes out of a comparison, in sentences."""
 
 from __future__ import annotations
 
-import operator
-import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf, isfinite
-from statistics import fmean, geometric_mean
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from benchmarks.reports.gain.comparison import RANK, Comparison, ComparisonRow, SettingEntry
+from benchmarks.reports.gain.comparison import RANK, Comparison, SettingEntry, is_away
 from benchmarks.reports.gain.criteria import CRITERIA, TRADE_RATIO, format_unit, weights_text
 from benchmarks.sweep import Setting
-from benchmarks.sweep.result import figure_unit
-from controllers.metrics import FIGURES
-from kinematics.foundation.errors import MotionError
-from kinematics.foundation.names import count_noun, nearest
+from controllers.metrics.metrics import END_BAND
+from kinematics.foundation.names import count_noun, presets
 from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
-from kinematics.foundation.units import quantity
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -123,7 +117,8 @@ def verdict_of(comparison: Comparison) -> Verdict:
         why = "no other setting was run" if not others else "no other setting holds on every path and rig"
         why = why if comparison.ranked else "no path ranks settings"
         pieces = [f"The baseline {name} is not compared: {why}.", *_describe_faults(comparison, others)]
-        return Verdict(None, inf, (), (*pieces, *describe_unranked(comparison)))
+        pieces += [_describe_setting(comparison, entry) for entry in comparison.entries[:MAX_DESCRIBED]]
+        return Verdict(None, inf, (), (*pieces, *describe_unranked(comparison), *_describe_laws(comparison)))
     best, least = ranked[0], min(ranked, key=comparison.mean_ratio)
     margins = _margins(comparison, best)
     told = _describe_verdict(comparison, best, least, margins, others)
@@ -185,6 +180,11 @@ def _margins(comparison: Comparison, best: SettingEntry) -> tuple[Margin, ...]:
     return tuple(found)
 
 
+MODEL_LAWS = {"ff": "feedforward", "mpc": "predictive"}
+"""Laws that know a model of the drives, by number: `compare` runs their gains where it is asked to."""
+OFF_GOAL = f"more than {END_BAND:g} pulses of an axis away"
+MAX_DESCRIBED = 5
+"""Settings whose figures are told where none is best."""
 SAME_RATIO = 1e-9
 """Relative difference of errors below which a gain changed nothing."""
 
@@ -249,11 +249,10 @@ def _describe_verdict(
     costs = _costs(comparison, best)
     if costs:
         pieces.append(f"It costs {costs}.")
-    if away := sum(row.away for row in rows):
-        theirs = comparison.of(comparison.baseline)
+    if away := _describe_ending(comparison, best):
+        theirs = _describe_ending(comparison, comparison.baseline) or "in none of its runs"
         pieces.append(
-            f"It ends off its goal in {away} of its {count_noun(sum(row.runs for row in rows), 'run')} "
-            f"(baseline in {sum(row.away for row in theirs)} of {sum(row.runs for row in theirs)})."
+            f"It ends off its goal, more than {END_BAND:g} pulses of an axis away, {away} (baseline {theirs})."
         )
     pieces += _describe_faults(comparison, others)
     if least != best:
@@ -275,126 +274,68 @@ def _describe_verdict(
                 f"Its {what} is at most {format_unit(own, '')} of the limit (baseline {format_unit(base, '')})."
             )
     pieces += _describe_edges(comparison, best)
-    pieces += (
-        [f"Margin: {'; '.join(map(str, margins))}."] if margins else ["Margin: the law has no gain that was varied."]
-    )
-    return (*pieces, *describe_unranked(comparison))
+    pieces.append(_describe_margins(best, margins))
+    return (*pieces, *describe_unranked(comparison), *_describe_laws(comparison))
 
 
-COMPARISONS: dict[str, Callable[[float, float], bool]] = {
-    ">": operator.gt,
-    ">=": operator.ge,
-    "<": operator.lt,
-    "<=": operator.le,
-}
-GRAMMAR = re.compile(r"\s*([a-z_]+(?:\.[\w-]+)?)\s*(>=|<=|>|<)\s*(\d+(?:\.\d*)?(?:e[+-]?\d+)?)\s*(\S.*?)?\s*")
-HELP = 'write FIGURE > VALUE, as "contour_rms > 1.1x" (times the baseline), "contour_max > 250 um", "torque_peak > 0.9"'
+def _describe_margins(best: SettingEntry, margins: tuple[Margin, ...]) -> str:
+    if margins:
+        return f"Margin: {'; '.join(map(str, margins))}."
+    if not best.setting.gains:
+        return "Margin: the law has no gains."
+    law = best.setting.law
+    return f"Margin: not known, since no other gains of {law} were run; --law {law} without gains runs them all."
 
 
-COUNTS = ("", "full steps")
-"""Units of figures that a plain number is compared with."""
-EXAMPLES = {"m": "um", "rad": "mrad", "s": "ms", "m²": "um^2", "rad²": "mrad^2", "m/s³": "m/s^3", "rad/s³": "rad/s^3"}
-"""SI unit -> how one that people use is written in a condition."""
+def _describe_setting(comparison: Comparison, entry: SettingEntry) -> str:
+    """Whether a setting is stable, and its figures path by path."""
+    rows = comparison.of(entry)
+    many, bad = sum(row.runs for row in rows), sum(row.unstable for row in rows)
+    where = ", ".join(row.task for row in rows if row.unstable)
+    held = f"failed or is unstable in {bad} of {many} runs, on {where}" if bad else f"is stable in all of {many} runs"
+    figures = []
+    for row in rows:
+        unit = comparison.unit(RANK, row.task)
+        if row.figures and row.spread:
+            low, high = (format_unit(value, unit) for value in row.spread)
+            rigs = f" ({low} to {high} over {row.runs} runs)" if row.runs > 1 else ""
+            torque = row.figures.get("torque_peak")
+            peak = "" if torque is None else f", peak torque {format_unit(torque, '')} of the limit"
+            figures.append(f"{format_unit(row.figures[RANK], unit)}{rigs}{peak} on {row.task}")
+    pieces = [f"{comparison.label(entry)} {held}."]
+    if figures:
+        pieces.append(f"RMS contour error on the rig as stated: {'; '.join(figures)}.")
+    if away := _describe_ending(comparison, entry):
+        pieces.append(f"It ends off its goal, {OFF_GOAL}, {away}.")
+    return " ".join(pieces)
 
 
-@dataclass(frozen=True, slots=True)
-class Condition:
-    """unit: "x" for times the baseline, else the unit of a quantity, "" of a plain number."""
-
-    text: str
-    figure: str
-    compared: str
-    value: float
-    unit: str
-
-    def check(self, record: Mapping[str, Any]) -> None:
-        """Raise MotionError where runs with this record will have no such figure, or none of such a unit."""
-        known = {figure.name for figure in FIGURES} | {
-            f"{figure.name}.{axis}" for figure in FIGURES if figure.per_axis for axis in record["axes"]
-        }
-        if self.figure not in known:
-            raise MotionError(
-                f'condition "{self.text}": there is no figure {self.figure}{nearest(self.figure, known)}; '
-                f"figures: {', '.join(sorted(known))}"
-            )
-        for task in record["tasks"]:
-            self._limit(figure_unit(self.figure, task, record))
-
-    def list_reasons(self, comparison: Comparison, entry: SettingEntry | None) -> list[str]:
-        """Why it holds of a setting, path by path; empty where it does not.
-
-        A ratio is judged on each ranked path: the mean over its rigs and seeds, over the baseline's on the same path.
-        The verdict's ratio is the mean of these over the paths. A quantity is compared with every run. If no setting
-        holds everywhere, the condition is met, since there is none to check.
-        """
-        if entry is None:
-            return [f"{self.text}: no setting holds on every path and rig"]
-        told = (
-            self._check_ratio(comparison, entry, row) if self.unit == "x" else self._check_runs(comparison, entry, row)
-            for row in comparison.of(entry)
-            if self.unit != "x" or row.task in comparison.ranked
-        )
-        return [f"{self.text}: {comparison.label(entry)} {reason}" for reason in told if reason]
-
-    def _check_ratio(self, comparison: Comparison, entry: SettingEntry, row: ComparisonRow) -> str:
-        in_space = any(figure.unit == "path" for figure in FIGURES if figure.name == self.figure)
-        least = comparison.floor(row.task) if in_space else -inf  # what no rig could show is no difference
-        own, base = (
-            [max(self._value(run.figures), least) for run in comparison.runs(of, row.task)]
-            for of in (entry, comparison.baseline)
-        )
-        mean = geometric_mean if min(own + base) > 0 else fmean
-        value, limit = mean(own), self.value * mean(base)
-        unit = comparison.unit(self.figure, row.task)
-        told = f"{format_unit(value, unit)} {self.compared} {format_unit(limit, unit)}"
-        about = (
-            f"{self.value:g} × the baseline; mean of {row.runs} runs"
-            if row.runs > 1
-            else f"{self.value:g} × the baseline"
-        )
-        return f"on {row.task}: {told} ({about})" if COMPARISONS[self.compared](value, limit) else ""
-
-    def _check_runs(self, comparison: Comparison, entry: SettingEntry, row: ComparisonRow) -> str:
-        unit = comparison.unit(self.figure, row.task)
-        limit = self._limit(unit)
-        runs = [(self._value(run.figures), run.cell) for run in comparison.runs(entry, row.task)]
-        worst = max if self.compared.startswith(">") else min
-        value, cell = worst(runs, key=lambda run: run[0])
-        told = f"{format_unit(value, unit)} {self.compared} {format_unit(limit, unit)}"
-        about = f"rig {cell.variation.name}, seed {cell.seed}"
-        return f"on {row.task}: {told} ({about})" if COMPARISONS[self.compared](value, limit) else ""
-
-    def _limit(self, unit: str) -> float:
-        """The value in SI. Raises MotionError unless it has a unit where the figure has one."""
-        if self.unit == "x" or (self.unit == "" and unit in COUNTS):
-            return self.value
-        try:
-            if not self.unit:
-                raise MotionError(
-                    f"{self.figure} needs a unit, as {self._unit_example(unit)}, or x for times the baseline"
-                )
-            return quantity(f"{self.value!r} {self.unit}", unit or "1")
-        except MotionError as error:
-            raise MotionError(f'condition "{self.text}": {error}') from None
-
-    def _unit_example(self, unit: str) -> str:
-        return f'"{self.value:g} {EXAMPLES.get(unit, unit)}"'
-
-    def _value(self, figures: Mapping[str, float]) -> float:
-        if not figures:
-            return inf
-        if self.figure not in figures:
-            raise MotionError(
-                f'condition "{self.text}": the runs have no figure {self.figure}{nearest(self.figure, figures)}; '
-                f"figures: {', '.join(sorted(figures))}"
-            )
-        return figures[self.figure]
+def _describe_ending(comparison: Comparison, entry: SettingEntry) -> str:
+    """In how many runs a setting ends off its goal, and the largest distance from it; empty: in none."""
+    rows, source = comparison.of(entry), comparison.sources[entry.source]
+    many = sum(row.away for row in rows)
+    ends = [
+        (float(series.tracking[-1]), result.cell.task)
+        for key, result in source.results.items()
+        if result.cell.setting == entry.setting and is_away(result) and (series := source.series(key)) is not None
+    ]
+    told = f"in {many} of its {count_noun(sum(row.runs for row in rows), 'run')}"
+    if ends:
+        distance, task = max(ends)
+        told += f", by up to {format_unit(distance, comparison.unit(RANK, task))} on {task}"
+    return told if many else ""
 
 
-def read_condition(text: str) -> Condition:
-    """The condition of "contour_rms > 1.1x" or "contour_max > 250 um". Raises MotionError for what is no condition."""
-    match = GRAMMAR.fullmatch(text)
-    if match is None:
-        raise MotionError(f'condition "{text}" is not understood: {HELP}')
-    figure, compared, value, unit = match.groups()
-    return Condition(text.strip(), figure, compared, float(value), unit or "")
+def _describe_laws(comparison: Comparison) -> list[str]:
+    """Which laws by model were not run, and what runs them: their errors are often far smaller."""
+    run = {entry.setting.law for entry in comparison.entries}
+    left = {number: name for number, name in MODEL_LAWS.items() if name not in run}
+    if not left:
+        return []
+    options = " ".join(f"--law {each}" for each in (comparison.baseline.setting.text, *left))
+    rig = comparison.sources[comparison.baseline.source].record["rig"]
+    rig = rig if rig in presets("controllers") else "RIG"
+    return [
+        f"Not run: {', '.join(left.values())}. Laws that know a model of the drives often err far less: "
+        f'"pulsepath compare {rig} {options} --out DIR" runs them.'
+    ]

@@ -2,13 +2,16 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from benchmarks.reports.page import Drawing
-from benchmarks.sweep import VARIATIONS, Grid, read_setting, sweep
+from benchmarks.sweep import VARIATIONS, Grid, load_runs, read_setting, sweep
+from benchmarks.sweep.result import DIGESTS, SEAL, Store
 from controllers import load_rig
+from pulsepath.commands.compare import _make_pace
 
 
 @pytest.fixture(scope="module")
@@ -76,9 +79,75 @@ def test_what_is_going_to_run_and_for_how_long_is_told_first(tmp_path, call, mon
         runs, *factors = map(int, re.findall(r"\d+", said.partition(")")[0]))
         counts[more] = runs
         assert runs == np.prod(factors)
-        seconds = int(re.search(r"about (\d+) s on 2 cores", said)[1])
-        assert 20 <= seconds <= (70 if not more else 30)
+        assert said.endswith("on 2 cores")
     assert counts["--seeds", "2", "--task", "line"] == 2 * counts[()] / 5
+
+
+def test_the_time_left_is_told_by_the_runs_own_pace():
+    now = iter([100.0, 103.0, 110.0, 130.0, 400.0])
+    describe = _make_pace(lambda: next(now))
+    assert describe(25, 100) == "25 of 100"  # saved ones tell nothing
+    assert describe(25, 100) == "25 of 100"
+    assert describe(50, 100) == "50 of 100, about 20 s left"
+    assert describe(85, 100) == "85 of 100, about 8 s left"
+    assert describe(100, 100) == "100 of 100"
+    slow = _make_pace(iter([0.0, 60.0]).__next__)
+    assert [slow(0, 10), slow(1, 10)] == ["0 of 10", "1 of 10, about 9 min left"]
+
+
+def worsen(source, folder, factor, setting):
+    """The same runs, but for the errors of a setting, which are larger by a factor."""
+    worse, keys = Store(folder), []
+    for key, one in source.results.items():
+        hit = one.cell.setting == read_setting(setting)
+        figures = {name: value * (factor if hit else 1.0) for name, value in one.figures.items()}
+        series = source.series(key)
+        worse.keep(key, replace(one, figures={**one.figures, "contour_rms": figures["contour_rms"]}, series=series))
+        keys.append(key)
+    worse.record({name: value for name, value in source.record.items() if name not in ("cells", SEAL, DIGESTS)}, keys)
+    return folder
+
+
+def test_each_setting_is_guarded_by_its_own_saved_runs(tmp_path, runs, call):
+    """Though the best setting stays as it was."""
+    worse = worsen(load_runs(runs), tmp_path / "worse", 1.2, "6:gain=0.7")
+    asked = ("--against", runs, "--fail-if", "contour_rms > 1.1x", "--out")
+    done = call("compare", "--from", worse, *asked, tmp_path / "out", "--json")
+    told = json.loads(done.stdout)
+    assert done.exit_code == 1
+    assert len(told["failed"]) == 1
+    assert "closed-position gain 0.7 on line: contour_rms 1.2 times the saved" in told["failed"][0]
+    ratios = {row["law"]: row["ratio"] for row in told["against_saved"]}
+    assert ratios == pytest.approx({"closed-position": 1.2, "closed-position-repaired": 1.0})
+    assert json.loads((tmp_path / "out" / "compare.json").read_text())["against_saved"] == told["against_saved"]
+    assert "Against saved runs" in (tmp_path / "out" / "report.html").read_text()
+    # the same two the other way round are better, and runs against themselves are as they were
+    done = call("compare", "--from", runs, "--against", worse, *asked[2:], tmp_path / "better")
+    assert done.exit_code == 0, done.stderr
+    done = call("compare", "--from", runs, *asked, tmp_path / "same")
+    assert (done.exit_code, "contour_rms 1 times the saved" in done.stdout) == (0, True)
+
+
+def test_the_settings_and_tasks_of_saved_runs_are_run_again(tmp_path, runs, call, monkeypatch):
+    def never(*_, **__):
+        raise NotImplementedError
+
+    monkeypatch.setattr("benchmarks.sweep.sweep", never)
+    done = call("compare", "--against", runs, "--out", tmp_path / "out")
+    assert done.stderr.startswith("10 runs (2 settings × 5 variations of the rig)")
+
+
+def test_a_baseline_alone_is_as_good_as_itself(tmp_path, runs, call):
+    alone = tmp_path / "alone"
+    one = (read_setting("6:gain=0.7"),)
+    sweep(Grid(one, ("line",), VARIATIONS[:2]), load_rig("servo-rig"), alone)
+    for condition, code in (("contour_rms > 1.1x", 0), ("contour_rms > 0.9x", 1)):
+        done = call("compare", "--from", alone, "--fail-if", condition, "--out", tmp_path / f"out{code}")
+        assert done.exit_code == code, done.stderr
+    told = " ".join(done.stdout.split())
+    assert "closed-position gain 0.7 is stable in all of 2 runs. RMS contour error on the rig as stated: " in told
+    assert "Not run: feedforward, predictive." in told
+    assert "pulsepath compare servo-rig --law closed-position:gain=0.7 --law ff --law mpc" in told
 
 
 def test_what_is_no_comparison_is_not_touched(tmp_path, runs, call):
@@ -97,6 +166,7 @@ def test_what_is_no_comparison_is_not_touched(tmp_path, runs, call):
         (["--from", "nowhere"], "holds no saved runs"),
         (["servo-rigg"], 'no rig is called "servo-rigg"'),
         (["--law", "8"], 'no law is called "8"'),
+        (["--against", "nowhere"], "holds no saved runs"),
         (["--task", "lines"], 'no task "lines"'),
         (["--fail-if", "contour_rms"], "is not understood"),
         (["--fail-if", "contur_rms > 1x"], "no figure contur_rms"),

@@ -1,0 +1,245 @@
+"""Conditions on a comparison: "contour_rms > 1.1x" fails if so, against the baseline or against saved runs."""
+
+from __future__ import annotations
+
+import operator
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import inf, isfinite
+from statistics import fmean, geometric_mean
+from typing import Any
+
+from benchmarks.reports.gain.comparison import RANK, Comparison, ComparisonRow, SettingEntry
+from benchmarks.reports.gain.criteria import format_unit
+from benchmarks.sweep import RunResult, Setting
+from benchmarks.sweep.result import figure_unit
+from controllers.metrics import FIGURES
+from kinematics.files.plain_text import finite_or_none
+from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import nearest
+from kinematics.foundation.units import quantity
+
+COMPARISONS: dict[str, Callable[[float, float], bool]] = {
+    ">": operator.gt,
+    ">=": operator.ge,
+    "<": operator.lt,
+    "<=": operator.le,
+}
+GRAMMAR = re.compile(r"\s*([a-z_]+(?:\.[\w-]+)?)\s*(>=|<=|>|<)\s*(\d+(?:\.\d*)?(?:e[+-]?\d+)?)\s*(\S.*?)?\s*")
+HELP = 'write FIGURE > VALUE, as "contour_rms > 1.1x" (times the baseline), "contour_max > 250 um", "torque_peak > 0.9"'
+
+
+COUNTS = ("", "full steps")
+"""Units of figures that a plain number is compared with."""
+EXAMPLES = {"m": "um", "rad": "mrad", "s": "ms", "m²": "um^2", "rad²": "mrad^2", "m/s³": "m/s^3", "rad/s³": "rad/s^3"}
+"""SI unit -> how one that people use is written in a condition."""
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """A figure of a setting on a path, SI, and of the same setting's saved runs: means over `runs` pairs.
+
+    stable  whether the new runs are; the saved ones were
+    met     whether the condition holds of it, as it does where the setting is unstable now
+    """
+
+    setting: Setting
+    task: str
+    figure: str
+    unit: str
+    saved: float
+    value: float
+    runs: int
+    stable: bool
+    met: bool
+
+    @property
+    def ratio(self) -> float:
+        """Of the new runs to the saved ones; 1 where both are 0."""
+        if self.value == self.saved:
+            return 1.0
+        return self.value / self.saved if self.saved else inf
+
+    def __str__(self) -> str:
+        now, before = format_unit(self.value, self.unit), format_unit(self.saved, self.unit)
+        many = f"mean of {self.runs} runs" if self.runs > 1 else "1 run"
+        end = "" if self.stable else ", and unstable now"
+        ratio = f"{self.figure} {self.ratio:.3g} times the saved ({now}, saved {before}; {many}){end}"
+        return f"{self.setting.label} on {self.task}: {ratio}"
+
+    def as_record(self) -> dict[str, Any]:
+        """As plain data, SI; null for what is infinite."""
+        numbers = {"saved": self.saved, "value": self.value, "ratio": self.ratio}
+        return {
+            "law": self.setting.law,
+            "gains": dict(self.setting.gains),
+            "path": self.task,
+            "figure": self.figure,
+            **{name: finite_or_none(number) for name, number in numbers.items()},
+            "runs": self.runs,
+            "stable": self.stable,
+            "failed": self.met,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """unit: "x" for times the baseline, else the unit of a quantity, "" of a plain number."""
+
+    text: str
+    figure: str
+    compared: str
+    value: float
+    unit: str
+
+    def check(self, record: Mapping[str, Any]) -> None:
+        """Raise MotionError where runs with this record will have no such figure, or none of such a unit."""
+        known = {figure.name for figure in FIGURES} | {
+            f"{figure.name}.{axis}" for figure in FIGURES if figure.per_axis for axis in record["axes"]
+        }
+        if self.figure not in known:
+            raise MotionError(
+                f'condition "{self.text}": there is no figure {self.figure}{nearest(self.figure, known)}; '
+                f"figures: {', '.join(sorted(known))}"
+            )
+        for task in record["tasks"]:
+            self._limit(figure_unit(self.figure, task, record))
+
+    def list_reasons(self, comparison: Comparison, entry: SettingEntry | None) -> list[str]:
+        """Why it holds of a setting, path by path; empty where it does not.
+
+        A ratio is what the verdict is made of: the mean over all rigs and seeds, over the baseline's, on paths that
+        are ranked. A quantity is compared with every run. Where the baseline alone was run it is the best there is.
+        Without a setting that holds everywhere the condition holds, since what is checked is not there.
+        """
+        if entry is None and comparison.entries == (comparison.baseline,) and not comparison.fault(comparison.baseline):
+            entry = comparison.baseline
+        if entry is None:
+            return [f"{self.text}: no setting holds on every path and rig"]
+        told = (
+            self._check_ratio(comparison, entry, row) if self.unit == "x" else self._check_runs(comparison, entry, row)
+            for row in comparison.of(entry)
+            if self.unit != "x" or row.task in comparison.ranked
+        )
+        return [f"{self.text}: {comparison.label(entry)} {reason}" for reason in told if reason]
+
+    def _check_ratio(self, comparison: Comparison, entry: SettingEntry, row: ComparisonRow) -> str:
+        own, base = (comparison.runs(of, row.task) for of in (entry, comparison.baseline))
+        value, mean = self._means(own, base, comparison.floor(row.task))
+        limit = self.value * mean
+        unit = comparison.unit(self.figure, row.task)
+        told = f"{format_unit(value, unit)} {self.compared} {format_unit(limit, unit)}"
+        about = (
+            f"{self.value:g} × the baseline; mean of {row.runs} runs"
+            if row.runs > 1
+            else f"{self.value:g} × the baseline"
+        )
+        return f"on {row.task}: {told} ({about})" if COMPARISONS[self.compared](value, limit) else ""
+
+    def list_changes(self, comparison: Comparison, saved: Comparison) -> list[Change]:
+        """The figure of every setting over that of its saved runs, the worst first; saved runs are compared alone.
+
+        Runs are paired by rig and seed. A path on which the saved runs of a setting are unstable is left out, and so is
+        a pair whose saved run has no such figure: there is nothing to guard.
+        """
+        changes = [
+            change
+            for row in comparison.rows
+            for old in saved.rows
+            if old.stable and (old.entry.setting, old.task) == (row.entry.setting, row.task)
+            for change in self._change(comparison, row, saved.runs(old.entry, old.task))
+        ]
+        return sorted(changes, key=lambda one: one.ratio, reverse=self.compared.startswith(">"))
+
+    def _change(self, comparison: Comparison, row: ComparisonRow, saved: Sequence[RunResult]) -> Iterator[Change]:
+        new = {(run.cell.variation.name, run.cell.seed): run for run in comparison.runs(row.entry, row.task)}
+        pairs = [
+            (new[key], old)
+            for old in saved
+            if (key := (old.cell.variation.name, old.cell.seed)) in new and isfinite(self._value(old.figures))
+        ]
+        if pairs:
+            own, base = zip(*pairs, strict=True)
+            value, mean = self._means(own, base, comparison.floor(row.task))
+            met = not row.stable or COMPARISONS[self.compared](value, self.value * mean)
+            unit = comparison.unit(self.figure, row.task)
+            yield Change(row.entry.setting, row.task, self.figure, unit, mean, value, len(pairs), row.stable, met)
+
+    def _means(self, own: Sequence[RunResult], base: Sequence[RunResult], floor: float) -> tuple[float, float]:
+        """Of runs and of those they are compared with; geometric where all are above 0."""
+        in_space = any(figure.unit == "path" for figure in FIGURES if figure.name == self.figure)
+        least = floor if in_space else -inf  # what no rig could show is no difference
+        values = [[max(self._value(run.figures), least) for run in runs] for runs in (own, base)]
+        mean = geometric_mean if min(values[0] + values[1]) > 0 else fmean
+        return mean(values[0]), mean(values[1])
+
+    def _check_runs(self, comparison: Comparison, entry: SettingEntry, row: ComparisonRow) -> str:
+        unit = comparison.unit(self.figure, row.task)
+        limit = self._limit(unit)
+        runs = [(self._value(run.figures), run.cell) for run in comparison.runs(entry, row.task)]
+        worst = max if self.compared.startswith(">") else min
+        value, cell = worst(runs, key=lambda run: run[0])
+        told = f"{format_unit(value, unit)} {self.compared} {format_unit(limit, unit)}"
+        about = f"rig {cell.variation.name}, seed {cell.seed}"
+        return f"on {row.task}: {told} ({about})" if COMPARISONS[self.compared](value, limit) else ""
+
+    def _limit(self, unit: str) -> float:
+        """The value in SI. Raises MotionError unless it has a unit where the figure has one."""
+        if self.unit == "x" or (self.unit == "" and unit in COUNTS):
+            return self.value
+        try:
+            if not self.unit:
+                raise MotionError(
+                    f"{self.figure} needs a unit, as {self._unit_example(unit)}, or x for times the baseline"
+                )
+            return quantity(f"{self.value!r} {self.unit}", unit or "1")
+        except MotionError as error:
+            raise MotionError(f'condition "{self.text}": {error}') from None
+
+    def _unit_example(self, unit: str) -> str:
+        return f'"{self.value:g} {EXAMPLES.get(unit, unit)}"'
+
+    def _value(self, figures: Mapping[str, float]) -> float:
+        if not figures:
+            return inf
+        if self.figure not in figures:
+            raise MotionError(
+                f'condition "{self.text}": the runs have no figure {self.figure}{nearest(self.figure, figures)}; '
+                f"figures: {', '.join(sorted(figures))}"
+            )
+        return figures[self.figure]
+
+
+def read_condition(text: str) -> Condition:
+    """The condition of "contour_rms > 1.1x" or "contour_max > 250 um". Raises MotionError for what is no condition."""
+    match = GRAMMAR.fullmatch(text)
+    if match is None:
+        raise MotionError(f'condition "{text}" is not understood: {HELP}')
+    figure, compared, value, unit = match.groups()
+    return Condition(text.strip(), figure, compared, float(value), unit or "")
+
+
+def guard(comparison: Comparison, saved: Comparison, conditions: Sequence[Condition]) -> dict[Condition, list[Change]]:
+    """Every setting against its own saved runs, by the conditions that are ratios; contour error where there is none.
+
+    Raises MotionError where no setting was run on a path on which its saved runs are stable.
+    """
+    ratios = [one for one in conditions if one.unit == "x"] or [Condition("", RANK, ">", inf, "x")]
+    changes = {one: one.list_changes(comparison, saved) for one in ratios}
+    if not all(changes.values()):
+        known = ", ".join(dict.fromkeys(f"{row.entry.setting.text} on {row.task}" for row in saved.rows if row.stable))
+        name = saved.sources[0].name
+        raise MotionError(
+            f"compare: nothing that was run has stable saved runs in {name}; they are of {known or 'none'}"
+        )
+    return changes
+
+
+def list_regressions(condition: Condition, changes: Sequence[Change]) -> list[str]:
+    """In which settings a condition holds: the worst named, the others counted."""
+    met = [change for change in changes if change.met and condition.text]
+    if not met:
+        return []
+    others = f", and {len(met) - 1} more of {len(changes)}" if met[1:] else ""
+    return [f"{condition.text}: {met[0]}{others}"]
