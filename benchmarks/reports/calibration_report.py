@@ -15,10 +15,16 @@ MICRO_UNITS = {"m": ("µm", 1e6), "rad": ("µrad", 1e6), "": ("", 1.0)}
 HUMAN_UNITS = {"m": ("mm", 1e3), "rad": ("mrad", 1e3), "": ("", 1.0)}
 GROUP_UNITS = {"position": "µm", "rotation": "µrad", "axis": "µrad"}
 MEANINGS = {
-    "O1": "(σ₁ … σₘ)^(1/m) / √N [Borm and Menq 1991]",
-    "O2": "σₘ / σ₁ [Driels and Pathre 1990]",
-    "O3": "σₘ [Nahvi, Hollerbach and Hayward 1994]",
-    "O4": "σₘ² / σ₁ [Nahvi and Hollerbach 1996]",
+    "O1": (
+        "how well the parameters are shown on the whole, for the number of poses",
+        "(σ₁ … σₘ)^(1/m) / √N [Borm and Menq 1991]",
+    ),
+    "O2": (
+        "how evenly: 1 where all combinations are shown alike, below 1/30 some are hardly told apart",
+        "σₘ / σ₁ [Driels and Pathre 1990]",
+    ),
+    "O3": ("how well the weakest combination is shown", "σₘ [Nahvi, Hollerbach and Hayward 1994]"),
+    "O4": ("how well and how evenly in one, O2 · O3", "σₘ² / σ₁ [Nahvi and Hollerbach 1996]"),
 }
 
 
@@ -92,7 +98,7 @@ def _page(calibration: Calibration, figures: dict[str, Drawing]) -> str:
         values=int(calibration.used.sum()),
         parameters=[_row(estimate) for estimate in calibration.parameters],
         meanings=[explain_pulse(pulse) for pulse in identified_pulses(calibration)],
-        indices=[(name, value, MEANINGS[name]) for name, value in observed.indices.items()],
+        indices=[(name, value, *MEANINGS[name]) for name, value in observed.indices.items()],
         unseen=[describe_combination(change, names) for change in observed.unobservable_changes],
         weakest=describe_combination(observed.weakest, names),
         errors={group: _errors(calibration, group) for group in rms_by_stage(calibration)},

@@ -31,6 +31,12 @@ MIN_NAMED_SHARE = 0.05
 """Share of its largest coefficient from which on a parameter is named in a combination."""
 
 
+MAX_CHANCE_SIGMAS = 5.0
+"""Standard deviations of √(χ²/ν) that chance may account for."""
+MIN_EVENNESS = 1 / 30
+"""σ_m / σ_1 of unit columns below which they are nearly dependent [Belsley, Kuh and Welsch 1980]."""
+
+
 @dataclass(frozen=True, slots=True)
 class Observability(Result):
     """singular (m,) σ falling; scale (m,) 1 / length of the columns; combinations (m, m) of scaled columns, in rows."""
@@ -192,7 +198,7 @@ class Calibration(Result):
         errors = Table(
             f"calibration of {self.nominal.name} by {', '.join(self.parts)}: RMS per component at the fitted poses",
             (Column("error", groups), *rms),
-            tuple(f"skipped: {reason}" for reason in self.skipped),
+            (*(f"warning: {text}" for text in self.warnings), *(f"skipped: {reason}" for reason in self.skipped)),
         )
         own, unknown = [one.unit for one in self.parameters], {"inf": "not identifiable", "nan": "unknown"}
         parameters = (
@@ -206,6 +212,48 @@ class Calibration(Result):
     def data(self) -> Table:
         """The parameters."""
         return self.tables()[1]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What speaks against the estimates, a sentence each; empty where nothing does.
+
+        - The residuals exceed the stated noise by more than chance: √(χ²/ν) scatters by 1/√(2ν) about 1.
+        - A group of errors that was fitted is larger than with the nominal parameters.
+        - There are fewer values to spare than parameters, so that a wrong model would not show.
+        - The columns of the Jacobian are nearly dependent, σ_m / σ_1 < 1/30 [Belsley, Kuh and Welsch 1980].
+        """
+        found, spare = [], self.degrees
+        limit = 1 + MAX_CHANCE_SIGMAS / np.sqrt(2 * max(spare, 1))
+        faults = []
+        if self.measurements.noise is not None and self.scale > limit:
+            faults.append(f"the residuals are {self.scale:.2g} times the stated noise")
+        for group, part in GROUPS.items():
+            before, after = (self.rms(errors, group) for errors in (self.before, self.after))
+            if self.used[:, part].any() and after > limit * before and after > limit * self._noise_of(group):
+                unit = "µm" if group == "position" else "µrad"
+                faults.append(f"the errors of the {group} got worse, {1e6 * before:.3g} to {1e6 * after:.3g} {unit}")
+        if faults:
+            remedy = "identify other parameters (--model), or check the stated noise"
+            found.append(f"the model does not explain the data: {', and '.join(faults)}; {remedy}")
+        count, poses = len(self.parameters), int(self.measurements.fit.sum())
+        if spare < count:
+            found.append(
+                f"{int(self.used.sum())} values of {poses} pose{'s' if poses > 1 else ''} leave {spare} to spare for "
+                f"{count} parameters, so a wrong model would not show; measure more poses"
+            )
+        evenness = self.observability.indices["O2"]
+        if 0 < evenness < MIN_EVENNESS:
+            weakest = describe_combination(self.observability.weakest, self.names)
+            found.append(
+                f"the parameters are hardly told apart (O2 {evenness:.2g}, below 1/30), least {weakest}; "
+                "measure poses farther apart, or identify fewer parameters"
+            )
+        return tuple(found)
+
+    def _noise_of(self, group: str) -> float:
+        """Stated noise of a component of a group; 0 where none is stated."""
+        noise = self.measurements.noise
+        return 0.0 if noise is None else noise.position if group == "position" else noise.rotation
 
     def __repr__(self) -> str:
         return f"<Calibration of {self.nominal.name}: {count_noun(len(self.parameters), 'parameter')}>"

@@ -1,5 +1,6 @@
 """Every error that is raised on purpose, from one root; and what a validator of a file's values raises."""
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -84,13 +85,32 @@ class Fault:
     nearest: str = ""
 
 
+NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+MAX_ALIKE = 5
+"""Faults that differ in numbers alone, as one cause has at every pose, up to which a message tells each."""
+
+
 class FileError(MotionError):
-    """A file that cannot be used; `faults` holds all its errors, found in one pass."""
+    """A file that cannot be used; `faults` holds all its errors, found in one pass.
+
+    The message tells each, but of many that differ in numbers alone the first, and how many more there are.
+    """
 
     def __init__(self, file: str, faults: Sequence[Fault]) -> None:
         self.file = file
         self.faults = tuple(faults)
-        super().__init__("\n".join(self._describe(fault) for fault in self.faults))
+        super().__init__("\n".join(self._list_lines()))
+
+    def _list_lines(self) -> Iterator[str]:
+        alike: dict[str, list[Fault]] = {}
+        for fault in self.faults:
+            alike.setdefault(NUMBER.sub("#", f"{fault.key}: {fault.message}"), []).append(fault)
+        many = {id(fault): group for group in alike.values() if len(group) > MAX_ALIKE for fault in group}
+        for fault in self.faults:
+            group = many.get(id(fault), [fault])
+            if fault is group[0]:
+                more = f" (and {len(group) - 1} more like it, the last in line {group[-1].line})" if group[1:] else ""
+                yield self._describe(fault) + more.replace(", the last in line None", "")
 
     def _describe(self, fault: Fault) -> str:
         place = self.file if fault.line is None else f"{self.file}:{fault.line}"

@@ -47,6 +47,7 @@ def record(calibration: Calibration, sources: dict[str, bytes]) -> Record:
         "values": int(calibration.used.sum()),
         "degrees_of_freedom": calibration.degrees,
         "noise": None if data.noise is None else asdict(data.noise),
+        "warnings": list(calibration.warnings),
         "residual_scale": finite_or_none(calibration.scale),
         "rms": {
             group: {name: finite_or_none(calibration.rms(errors, group)) for name, errors in stages.items()}

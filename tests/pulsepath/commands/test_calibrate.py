@@ -174,3 +174,34 @@ def test_what_the_machine_cannot_be_sent_to_is_bad_input(call, tmp_path):
     (skipped,) = json.loads((tmp_path / "o" / "calibration.json").read_text())["skipped_checks"]
     assert skipped.startswith("rotation 1 (6.4): machine tripod holds ry")
     assert skipped in (tmp_path / "o" / "report.html").read_text()
+
+
+def test_a_model_that_does_not_explain_the_data_is_told(tmp_path, drawn, call):
+    """The machine drawn has errors of its joints, which a common factor does not explain."""
+    _, path = drawn
+    out = tmp_path / "out"
+    done = call("calibrate", "hexapod", path, "--model", "factor", "--out", out, "--json")
+    assert done.exit_code == 0, done.stderr
+    record = json.loads(done.stdout)
+    (warning,) = record["warnings"]
+    assert f"the residuals are {record['residual_scale']:.2g} times the stated noise" in warning
+    assert "the model does not explain the data: " in (out / "report.html").read_text()
+    done = call("calibrate", "hexapod", path, "--model", "factor", "--out", tmp_path / "text")
+    assert "warning: the model does not explain the data: " in " ".join(done.stdout.split())
+    # of a machine that is as its file says, with noise as stated, there is nothing to say
+    machine, random = load_machine("hexapod"), np.random.default_rng(1)
+    commanded = draw_commands(random, 12)
+    measured = add_noise(commanded, random)
+    assert calibrate(machine, whole_poses(commanded, measured, noise=NOISE), ("factor",)).warnings == ()
+
+
+def test_one_cause_at_every_pose_is_told_once(tmp_path, drawn, call):
+    _, path = drawn
+    wrong = tmp_path / "wrong.toml"
+    wrong.write_text('length = "m"\n' + path.read_text())
+    done = call("calibrate", "hexapod", wrong, "--out", tmp_path / "out", "--json")
+    assert done.exit_code == 2
+    lines = done.stderr.strip().splitlines()
+    assert sum("travel is 0 mm to 50.8 mm" in line for line in lines) == 1
+    assert "(and 11 more like it, the last in line " in lines[-1]
+    assert len(json.loads(done.stdout)["error"]["faults"]) == 12
