@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import ceil
 from typing import cast
 
 import numpy as np
@@ -264,6 +265,10 @@ _ERROR_UNIT = {"position": "µm", "rotation": "µrad", "axis": "µrad"}
 _NAME = {"position": "position", "rotation": "rotation", "axis": "direction of the z axis"}
 
 
+MAX_NAMED_POSES, MAX_NUMBERED_POSES = 12, 32
+"""Up to so many poses have their names below the axis; of more, so many at most have their numbers."""
+
+
 @draws(Calibration)
 def errors_by_pose(calibration: Calibration, ax: Axes | None = None, group: str = "position") -> Axes:
     """Root mean square of each pose's errors in a group: before, after, and leave-one-out."""
@@ -280,14 +285,16 @@ def errors_by_pose(calibration: Calibration, ax: Axes | None = None, group: str 
         # dots, not bars: a bar on a logarithmic axis begins at no value of its own
         if np.isfinite(size[known]).any():
             ax.plot(at + 0.2 * (n - 1), size[known], STAGE_MARKS[n], color=STAGE_COLOURS[name], label=name)
-    crowded = len(labels) > 12
-    ax.set_xticks(
-        at, [str(k + 1) if crowded else literal_label(label).replace(" (", "\n(") for k, label in enumerate(labels)]
-    )
+    if len(labels) > MAX_NAMED_POSES:
+        numbered = at[:: ceil(len(at) / MAX_NUMBERED_POSES)]
+        ax.set_xticks(numbered, [str(k + 1) for k in numbered])
+        ax.set_xlabel("pose")
+    else:
+        ax.set_xticks(at, [literal_label(label).replace(" (", "\n(") for label in labels])
     ax.set(ylabel=f"RMS per component ({_ERROR_UNIT[group]})")
     scale_error_axis(ax)
     ax.set_title(f"Errors of the {_NAME[group]}", loc="left")
-    ax.tick_params(axis="x", labelsize=6 if crowded else 9, rotation=90 if len(labels) > 24 else 0)
+    ax.tick_params(axis="x", labelsize=9)
     ax.set_axisbelow(True)
     # above the axes: among the dots there may be no room
     ax.legend(frameon=False, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)

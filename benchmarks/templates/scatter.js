@@ -107,7 +107,7 @@
   button.addEventListener("click", () => { whole = !whole; draw(); });
   document.documentElement.classList.add("drawn");
   let before = 0;
-  new ResizeObserver(() => requestAnimationFrame(() => {
-    if (box.clientWidth !== before) draw(before = box.clientWidth);
-  })).observe(box);
+  const fit = () => { if (box.clientWidth !== before) draw(before = box.clientWidth); };
+  fit(); // a page that is printed or pictured may never come to a frame
+  new ResizeObserver(() => requestAnimationFrame(fit)).observe(box);
 })();

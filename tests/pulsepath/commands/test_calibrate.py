@@ -69,9 +69,11 @@ def test_the_report_says_what_was_found_and_loads_nothing(folder):
     assert not re.search(r"https?:|//\w|@import|url\(", page)
     assert not re.search(r"<(script|link|iframe|object|base)\b", page)
     # directions of the z axis were not fitted, so there is no such error of theirs
-    assert "leave-one-out x" in page
-    assert "after axis u" in page
-    assert "leave-one-out axis" not in page
+    _, position, axis = [of.partition("</thead>")[0] for of in page.split("<caption>Errors of the ")]
+    stages = re.compile(r'colspan="\d" class="n">([\w-]+)</th>')
+    assert stages.findall(position) == ["before", "after", "leave-one-out"]
+    assert stages.findall(axis) == ["before", "after"]
+    assert 'class="n">axis u</th>' in axis
     assert text.count("<img src=") == len(list((folder / "figures").iterdir())) == 3
     for told in ("183.1 → 13.3 µm", "15.8 µm", "0.762 µm (half step", "1.78 % more", "is not explained", "Nahvi"):
         assert told in page
