@@ -22,6 +22,7 @@ from planner.certificate.constant_speed import CONSTANT_SPEED, SPEED_TOLERANCE
 from planner.cross_check import CrossCheck
 from planner.interruption.hold import Stops
 from planner.limits import Limit
+from planner.limits.limit import AxisLimit
 from planner.plan import Plan
 from planner.pulses import PulseCheck, RealisedPath
 from planner.pulses.schedule import RATE_WINDOWS
@@ -330,7 +331,7 @@ def _page(
         saved=classical.duration - plan.trajectory.duration,
         missing=missing_limits(plan, classical),
         differences={one.kind: describe_differences(plan, one) for one in others},
-        allowed={limit.name: _format_bounds(limit) for limit in plan.limits} | CLAIMS,
+        allowed={limit.name: _format_bounds(limit, plan) for limit in plan.limits} | CLAIMS,
         active=dict(_active_time(plan)),
         active_share=ACTIVE_SHARE,
         window=plan.pulses.duration / RATE_WINDOWS,
@@ -347,17 +348,29 @@ def _page(
 CLAIMS = {CROSSING: "the time of its axis", CONSTANT_SPEED: f"{SPEED_TOLERANCE:g} off the speed"}
 
 
-def _format_bounds(limit: Limit) -> str:
-    """The bounds of a limit in the units that people read; their range where the channels differ."""
+def _format_bounds(limit: Limit, plan: Plan) -> str:
+    """What a limit allows at the place where it is used most: that of its channel and segment, as people read it.
+
+    A place has both its ends (lo … hi); a rate that differs by direction has both, towards smaller positions first.
+    """
+    worst = plan.certificate.where[limit.name]
+    piece = next(k for k in range(len(plan.path.pieces)) if plan.path.segment(k) == worst.segment)
     shown: dict[str, list[float]] = {}
     for channel, (unit, scale) in enumerate(limit.units):
-        both = (limit.report_value(side, channel)[1] for side in (-1.0, 1.0))
-        shown.setdefault(unit, []).extend(bound * scale for bound in both if isfinite(bound))
-    return ", ".join(
-        f"{' … '.join(f'{bound:.6g}' for bound in sorted({min(bounds), max(bounds)}))} {unit}"
+        if limit.channels[channel] == worst.axis:  # of a curve several lines are of one axis
+            both = (limit.report_value(side, channel, piece)[1] for side in (-1.0, 1.0))
+            shown.setdefault(unit, []).extend(bound * scale for bound in both if isfinite(bound))
+    told = [
+        (_join_bounds(bounds, isinstance(limit, AxisLimit) and not limit.geometric), unit)
         for unit, bounds in shown.items()
-        if bounds
-    )
+    ]
+    return ", ".join(f"{bounds} {unit}" for bounds, unit in told if bounds)
+
+
+def _join_bounds(bounds: Sequence[float], directed: bool) -> str:
+    """Bounds that are one, those of two directions, or the ends of a range."""
+    ends = list(dict.fromkeys(bounds)) if directed else sorted({min(bounds), max(bounds)}) if bounds else []
+    return (" / " if directed else " … ").join(f"{bound:.6g}" for bound in ends)
 
 
 def _active_time(plan: Plan) -> Iterator[tuple[str, float]]:

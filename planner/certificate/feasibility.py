@@ -151,7 +151,7 @@ def prove_feasibility(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:
             # a peak between the points looked at is proved all the same
             for channel in {top, *np.flatnonzero(round_reached_use(most) > 1).tolist()} if part in broken else ():
                 if most[channel] > found.get((limit.name, piece, channel), (0.0,))[0]:
-                    told = limit_violation(limit, float(value[rows[channel], channel]), channel, places[channel])
+                    told = limit_violation(limit, float(value[rows[channel], channel]), channel, piece, places[channel])
                     found[limit.name, piece, channel] = float(most[channel]), told
     # where two pieces meet both are as far out: that is the fault of the one that leads there
     worst_first = sorted(found.items(), key=lambda item: (-round(item[1][0], TIE_DIGITS), item[0][1]))
@@ -163,9 +163,9 @@ def _state_at_points(along: Trajectory, part: int) -> State:
     return along.within(np.full(PART_POINTS, part), span * np.linspace(0.0, 1.0, PART_POINTS))
 
 
-def limit_violation(limit: Limit, value: float, channel: int, place: Place) -> Infeasible:
+def limit_violation(limit: Limit, value: float, channel: int, piece: int, place: Place) -> Infeasible:
     """What to say where a geometric limit is broken."""
     unit, scale = limit.units[channel]
-    reached, allowed = (each * scale for each in limit.report_value(value, channel))
+    reached, allowed = (each * scale for each in limit.report_value(value, channel, piece))
     remedy = limit.remedy(abs(reached - allowed), unit)
     return Infeasible(limit.name, limit.channels[channel], place, reached, allowed, unit, remedy)

@@ -35,7 +35,7 @@ class Travel(AxisLimit):
     def value(self, motion: LimitState) -> Quantity:
         return motion.q - self.middle
 
-    def report_value(self, value: float, channel: int) -> tuple[float, float]:
+    def report_value(self, value: float, channel: int, piece: int) -> tuple[float, float]:
         """The stroke from home, and the end of travel on its side."""
         lo, hi = self.travel[channel]
         middle = (lo + hi) / 2 if np.isfinite([lo, hi]).all() else 0.0
@@ -63,7 +63,7 @@ class Room(Limit):
     def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:
         return np.asarray(np.maximum(-low, high) / self.bounds + 0.0)  # no −0
 
-    def report_value(self, value: float, channel: int) -> tuple[float, float]:
+    def report_value(self, value: float, channel: int, piece: int) -> tuple[float, float]:
         middle = float(self.middle[channel])
         return value + middle, middle + float(np.copysign(self.bounds[channel], value))
 
@@ -88,7 +88,7 @@ class Tilt(Limit):
     def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:
         return np.arccos(np.clip(low, -1.0, 1.0)) / self.bounds
 
-    def report_value(self, value: float, channel: int) -> tuple[float, float]:
+    def report_value(self, value: float, channel: int, piece: int) -> tuple[float, float]:
         return float(np.arccos(np.clip(value, -1.0, 1.0))), float(self.bounds[channel])
 
 
@@ -123,5 +123,5 @@ class Clearance(Limit):
         """Distances have no smooth bound: a thousandth of the contact is near enough, and less where they overlap."""
         return np.where(met > 1, 0.05 * met, 1e-3)
 
-    def report_value(self, value: float, channel: int) -> tuple[float, float]:
+    def report_value(self, value: float, channel: int, piece: int) -> tuple[float, float]:
         return value - float(self.bounds[channel]), 0.0

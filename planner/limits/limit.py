@@ -141,8 +141,8 @@ class Limit(ABC):
         """How far above the use that is met a proven bound may stay."""
         return MAX_OVERESTIMATE
 
-    def report_value(self, value: float, channel: int) -> tuple[float, float]:
-        """A value as people say it and the limit that it is held against, SI."""
+    def report_value(self, value: float, channel: int, piece: int) -> tuple[float, float]:
+        """A value as people say it and the limit that it is held against on a piece of the path, SI."""
         return abs(value), float(self.bounds[channel])
 
     def scale(self, factor: float, channel: int | None = None) -> Self:
@@ -186,7 +186,7 @@ class AxisLimit(Limit):
     def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:
         return np.asarray(np.maximum(-low / self.below, high / self.bounds) + 0.0)  # no −0
 
-    def report_value(self, value: float, channel: int) -> tuple[float, float]:
+    def report_value(self, value: float, channel: int, piece: int) -> tuple[float, float]:
         return abs(value), float((self.bounds if value > 0 else self.below)[channel])
 
     def _scale(self, factors: Array) -> None:

@@ -28,8 +28,8 @@ class ToolLimit(Limit):
     def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:
         return np.asarray(np.sqrt(np.maximum(high, 0.0)) / self.caps[piece][:, None])
 
-    def report_value(self, value: float, channel: int) -> tuple[float, float]:
-        return float(np.sqrt(max(value, 0.0))), float(self.bounds[channel])
+    def report_value(self, value: float, channel: int, piece: int) -> tuple[float, float]:
+        return float(np.sqrt(max(value, 0.0))), float(self.caps[piece])
 
     def _scale(self, factors: Array) -> None:
         self.caps, self.bounds = freeze_array(self.caps * factors[0]), freeze_array(self.bounds * factors)

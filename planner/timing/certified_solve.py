@@ -246,8 +246,8 @@ def _unproved_error(trajectory: Trajectory, limits: Sequence[Limit], certificate
         if limit.geometric and certificate.worst[limit.name] > 1:
             place = certificate.where[limit.name]
             channel = limit.channels.index(place.axis)
-            value = limit.value(trajectory.at(place.t if place.t is not None else 0.0))
-            return limit_violation(limit, float(value[0, channel]), channel, place)
+            state = trajectory.at(place.t if place.t is not None else 0.0)
+            return limit_violation(limit, float(limit.value(state)[0, channel]), channel, int(state.piece[0]), place)
     unproved = [name for name, worst in certificate.worst.items() if not np.isfinite(worst)]
     if unproved:
         return MotionError(

@@ -241,7 +241,7 @@ def speed_error(
     value = limit.value(_state_at_speed(path, s[worst], piece[worst], np.array([speed])))
     channel = int(np.argmax(limit.use(value, value, piece[worst])[0]))
     unit, scale = limit.units[channel]
-    reached, allowed = limit.report_value(float(value[0, channel]), channel)
+    reached, allowed = limit.report_value(float(value[0, channel]), channel, int(piece[worst[0]]))
     place = path.place(float(s[worst[0]]), int(piece[worst[0]]), None, limit.channels[channel])
     band = limit.first_band(channel) if isinstance(limit, Resonance) else ""
     remedy = (

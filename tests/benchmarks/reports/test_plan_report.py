@@ -6,6 +6,7 @@ from base64 import b64encode
 from dataclasses import replace
 from html.parser import HTMLParser
 from importlib.resources import files
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -364,3 +365,26 @@ def test_a_dwell_is_a_segment_of_its_own_in_time():
     assert [end - begin for (begin, name), end in zip(found, ends, strict=True) if "dwell" in name] == pytest.approx(
         [0.25, 0.5, 0.25, 0.5]
     )
+
+
+def test_a_limit_is_shown_as_it_is_where_it_is_used_most(tmp_path):
+    """Of a room the ends of the axis that is there; of the tool's speed the cap of the segment that is there."""
+    room = {"x": ["-60 mm", "60 mm"], "y": ["-60 mm", "60 mm"], "z": ["-10 mm", "12 mm"]}
+    text = Path("docs/examples/corexy.toml").read_text()
+    machine = tmp_path / "machine.toml"
+    machine.write_text(re.sub(r"(?m)^room = .*", f"room = {str(room).replace(': [', ' = [')}".replace("'", '"'), text))
+    moves = [Line(np.array([0.0, 0, 11e-3]), speed=2e-3), Line(np.array([10e-3, 0, 11e-3]), speed=20e-3)]
+    planned = plan(Program(tuple(moves), name="lift"), load_machine(machine), order=2)
+    write_report(
+        planned,
+        classical(planned),
+        [],
+        tmp_path / "report.html",
+        verdict=check(planned.pulses, planned.trajectory),
+        figures={},
+    )
+    head, *rows = Page((tmp_path / "report.html").read_text()).tables["certificate"]
+    shown = {row[0]: dict(zip(head, row, strict=True)) for row in rows}
+    assert (shown["room"]["worst at"], shown["room"]["allowed"]) == ("z", "-10 … 12 mm")
+    speeds = {"1": "2 mm/s", "2": "20 mm/s"}
+    assert shown["tool speed"]["allowed"] == speeds[shown["tool speed"]["segment"]]

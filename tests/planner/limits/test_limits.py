@@ -284,19 +284,20 @@ def test_geometric_limits_put_no_rows(limits, path, motion):
 def test_channels_bounds_and_units_belong_together(limit, motion):
     assert len(limit.channels) == len(limit.bounds) == len(limit.units) == limit.value(motion.state).shape[1]
     for channel, (unit, scale) in enumerate(limit.units):
-        said, allowed = limit.report_value(float(ZOO[type(limit)].full(limit, np.zeros(1, int))[0, channel]), channel)
+        said, allowed = limit.report_value(
+            float(ZOO[type(limit)].full(limit, np.zeros(1, int))[0, channel]), channel, 0
+        )
         expected = {"deg": 180 / np.pi, "mm": 1e3, "1": 1.0, "N": 1.0}
         assert scale == expected[unit.split("/")[0]]
-        assert said >= allowed * (1 - 1e-12)  # other pieces may have a higher cap
-        assert isinstance(limit, ToolLimit) or said == pytest.approx(allowed, rel=1e-12, abs=1e-12)
+        assert said == pytest.approx(allowed, rel=1e-12, abs=1e-12)
 
 
 def test_travel_is_told_as_the_stroke_from_home(limits, hexapod):
     travel = limits[Travel]
     q = hexapod.home_q + 0.06
-    assert travel.report_value(float((q - travel.middle)[2]), 2) == pytest.approx((0.06, 0.0508), rel=1e-12)
+    assert travel.report_value(float((q - travel.middle)[2]), 2, 0) == pytest.approx((0.06, 0.0508), rel=1e-12)
     q = hexapod.home_q - 0.004
-    assert travel.report_value(float((q - travel.middle)[2]), 2) == pytest.approx((-0.004, 0.0), abs=1e-15)
+    assert travel.report_value(float((q - travel.middle)[2]), 2, 0) == pytest.approx((-0.004, 0.0), abs=1e-15)
 
 
 def test_tilt_is_the_angle_of_leg_and_rest_axis(limits, motion, hexapod):

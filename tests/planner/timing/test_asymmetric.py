@@ -181,8 +181,8 @@ def test_told_against_its_own_side():
     axis = Axis("x", max_speed=(0.018, 0.02))
     path = PolynomialPath([0.0, 1.0], np.array([[[1.0]], [[0.0]]]), ["x"])
     speed = limits_of(path, [axis], 2)[0]
-    assert speed.report_value(0.021, 0) == (0.021, 0.02)
-    assert speed.report_value(-0.019, 0) == (0.019, 0.018)
+    assert speed.report_value(0.021, 0, 0) == (0.021, 0.02)
+    assert speed.report_value(-0.019, 0, 0) == (0.019, 0.018)
     low, high = np.array([[-0.009]]), np.array([[0.015]])
     assert speed.use(low, high, np.zeros(1, int)) == pytest.approx(0.75, rel=1e-15)
     assert speed.use(low, -low / 9, np.zeros(1, int)) == pytest.approx(0.5, rel=1e-15)
