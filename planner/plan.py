@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinematics.foundation.arrays import MAX_TIME
 from kinematics.foundation.errors import MotionError, NotFree, OutOfReach
 from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
@@ -32,6 +31,7 @@ from planner.program.model import Program
 from planner.program.program_file import ProgramSource, load_program
 from planner.pulses import AxesMotion, PulseSchedule, RealisedPath, Rule, find_rule, generate, pace_axes, realised
 from planner.pulses.compensation.compensate import counted_motion
+from planner.pulses.generation.motion_parts import refuse_long
 from planner.pulses.schedule import schedule_tables
 from planner.pulses.triggers import Triggered, find_triggers, trigger_tables
 from planner.shaping.keep_limits import solve_shaped
@@ -277,8 +277,10 @@ def plan(
     if not 0 < clock_hz <= MAX_CLOCK_HZ:
         raise MotionError(f"clock_hz {clock_hz!r:.60} must be above 0, and at most {MAX_CLOCK_HZ:g} ticks per second")
     duration = program.duration if duration is None else duration
-    if duration is not None and not 0 < duration <= MAX_TIME:
-        raise MotionError(f"duration {duration:g} s must be above 0, and at most {MAX_TIME:g} s")
+    if duration is not None and not 0 < duration < np.inf:
+        raise MotionError(f"duration {duration:g} s must be positive and finite")
+    if duration is not None:
+        refuse_long(duration, int(clock_hz))
     objective = read_objective(objective) if isinstance(objective, str) else objective
     if duration is not None and objective.heat > 0:
         raise MotionError(f'objective "{objective}" finds a duration of its own: omit it, or the one of {duration:g} s')

@@ -69,8 +69,8 @@ MODEL_LAWS = ("ff", "mpc")
     "conditions",
     multiple=True,
     metavar="CONDITION",
-    help='Exit with code 1 if CONDITION holds for the best setting on any path: "contour_rms > 1.1x" (the mean over rigs '
-    "and seeds, times the baseline's; with --against, of any setting, times its saved runs'), or "
+    help='Exit with code 1 if CONDITION holds for the best setting on any path: "contour_rms > 1.1x" (the mean over '
+    "rigs and seeds, times the baseline's; with --against, of any setting, times its saved runs'), or "
     '"contour_max > 250 um" (any run).',
 )
 @click.option("--address", metavar="ADDRESS", help="Dask scheduler to use. Default: the cores of this computer.")

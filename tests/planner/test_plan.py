@@ -313,3 +313,16 @@ def test_a_gap_that_is_asked_for_is_proved_by_finer_bounds_and_grids(hexapod):
 def test_a_gap_that_says_nothing_is_refused(hexapod, given, words):
     with pytest.raises(MotionError, match=words):
         plan(load_program("bare-circle"), hexapod, **given)
+
+
+def test_a_motion_is_at_most_so_long_that_instants_tell_ticks_apart(hexapod):
+    """Up to 2^28 s neighbouring instants are 2^-25 s apart, 0.3 ticks of 10 MHz; beyond it 0.6, more than a half."""
+    line, longest = Program((Line(np.array([0.0, 0, 1e-4])),), frame="home"), 2.0**28
+    found = plan(line, hexapod, order=2, duration=longest)
+    assert found.trajectory.duration == pytest.approx(longest, rel=1e-12)
+    assert check_pulses(found.pulses, found.counted).holds
+    with pytest.raises(Infeasible, match=r"duration 268435457 s is beyond 268435456 s.*a clock of 8388608 Hz or less"):
+        plan(line, hexapod, order=2, duration=longest + 1)
+    wait = Program((*line.segments, Dwell(longest)), frame="home")
+    with pytest.raises(Infeasible, match="no longer motion has its instants within half a tick"):
+        plan(wait, hexapod, order=2)

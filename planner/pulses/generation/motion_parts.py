@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
-from math import floor
+from math import ceil, floor, frexp, log2
 from typing import Any
 
 import numpy as np
@@ -16,9 +16,13 @@ from numpy.typing import NDArray
 from kinematics.foundation.arrays import Array, freeze_array, freeze_fields
 from kinematics.machine.axis import Axis
 from planner.parallel import Progress, ignore_progress
+from planner.place import Infeasible
 from planner.pulses.generation.pieces import fit
 from planner.pulses.motion import AxesMotion, MotionState
 from planner.pulses.schedule import AxisPulses
+
+TICK_BITS = 52
+"""Bits of a float64, 53, but for the one that tells halves of a tick apart."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +62,21 @@ class MotionPart:
         """`tick` as an even number and the rest of it: even, so that halves are rounded as in the whole."""
         whole = 2 * floor(self.tick / 2)
         return whole, float(self.tick - whole)
+
+
+def refuse_long(duration: float, clock_hz: int) -> None:
+    """Raise Infeasible for a motion (s) so long that float64 instants of it no longer tell the clock's ticks apart.
+
+    Below 2ᵉ s instants lie 2^(e − 53) s apart. A pulse is due within half a tick of its crossing, so that has to be
+    half a tick at most: 2ᵉ ≤ 2⁵² / clock. Whole ticks, below 2⁵² then, are exact in float64 and int64.
+    """
+    longest = 2.0 ** (frexp(2.0**TICK_BITS / clock_hz)[1] - 1)
+    if duration <= longest:
+        return
+    slower = 2.0**TICK_BITS / 2.0 ** ceil(log2(duration))
+    other = f", or a clock of {floor(slower)} Hz or less" if slower >= 1 else ""
+    remedy = f"on a clock of {clock_hz} Hz no longer motion has its instants within half a tick: make it shorter{other}"
+    raise Infeasible("duration", "", None, duration, longest, "s", remedy)
 
 
 @dataclass(frozen=True, slots=True)
