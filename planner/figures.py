@@ -152,8 +152,11 @@ def axis_motion(
 
 
 def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] = "path") -> Axes:
-    """The use of every limit, along the path or over time, under a band in the colour of the active limit."""
-    ax = new_axes(ax)
+    """The use of every limit, along the path or over time, under a band in the colour of the active limit.
+
+    On a figure of its own it has a legend; of given axes the figure has that, as for several of them.
+    """
+    own, ax = ax is None, new_axes(ax)
     trajectory = plan.trajectory
     s = np.append(trajectory.s, trajectory.at(trajectory.duration).s)
     edges = trajectory.knots if over == "time" else 1e3 * s
@@ -184,6 +187,8 @@ def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] 
         ylim=(0, 1.3),
         yticks=np.linspace(0, 1, 5),
     )
+    if own:
+        ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, frameon=False)
     return ax
 
 

@@ -26,9 +26,11 @@ _REPORTS = {
 
 
 def __getattr__(name: str) -> object:
-    """A public name of the packages below [PEP 562], each of which loads it where it is; kept here from then on."""
-    if find_spec(f"{__name__}.{name}") is not None:  # a module of this package, which an import asks for here first
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    """A module of this package, or a public name of the packages below [PEP 562], each of which loads it where it is;
+    kept here from then on.
+    """
+    if find_spec(f"{__name__}.{name}") is not None:  # an import of it asks here first
+        return import_module(f"{__name__}.{name}")
     import controllers
     import kinematics
     import planner
@@ -43,4 +45,4 @@ def __getattr__(name: str) -> object:
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *__getattr__("__all__")])
+    return sorted([*globals(), *__getattr__("__all__"), "plots"])

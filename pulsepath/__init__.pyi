@@ -5,6 +5,7 @@ from benchmarks.sweep import Grid as Grid, read_setting as read_setting, setting
 from controllers import *
 from kinematics import *
 from planner import *
+from pulsepath import plots as plots
 from pulsepath.output.plan_directory import load_plan as load_plan
 
 __version__: str

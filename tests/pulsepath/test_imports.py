@@ -199,7 +199,13 @@ def test_every_name_is_the_one_that_the_type_checker_is_told():
     for name, module in told.items():
         value = getattr(pp, name)
         assert value is getattr(module, name)
-        assert not isinstance(value, type(sys))
+        assert isinstance(value, type(sys)) == (name == "plots")
+
+
+def test_the_figures_are_there_without_an_import_of_their_own():
+    script = "import pulsepath as pp; assert 'plots' in dir(pp); print(pp.plots.limit_use.__name__)"
+    told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert told.stdout == "limit_use\n"
 
 
 def test_an_unknown_name_is_an_attribute_error():

@@ -349,7 +349,10 @@ def test_what_is_drawn_on_given_axes_stays_there(planned, metrics):
     assert drawn == pytest.approx([1e6 * law.contour.max for law in metrics])
     assert len(following_error(metrics[0]).get_lines()) == 6
     for over, end in (("path", 2 * np.pi * 15), ("time", planned.trajectory.duration)):
-        assert limit_use(planned, over=over).get_xlim() == pytest.approx((0, end))
+        ax = limit_use(planned, over=over)
+        assert ax.get_xlim() == pytest.approx((0, end))
+        legend = {text.get_text() for text in ax.get_legend().get_texts()}
+        assert legend >= {limit.name for limit in planned.limits}
 
 
 def test_a_dwell_is_a_segment_of_its_own_in_time():
