@@ -1,6 +1,7 @@
 """CiA 402 cyclic synchronous position for EtherCAT drives: a row per cycle, in whole increments.
 
-    # pulsepath "circle": cyclic synchronous position (CiA 402, mode 8), a row every 1 ms; set 0x60C2 to it
+    # pulsepath "circle": cyclic synchronous position (CiA 402, mode 8), a row every 1 ms; set 0x60C2 to it; 0x607A in
+      increments, 0x60B1 in increments/s, 0x60B2 in 0.1 % of the rated torque     (of the same line)
     # axis 0 = "leg1": starts at 0, second difference at most 12 increments
     cycle,0x607A:0,0x60B1:0,0x60B2:0
     0,0,0,118
@@ -41,8 +42,12 @@ SHORTEST_CYCLE, LONGEST_CYCLE = 0.25e-3, 4e-3
 """s"""
 ROUNDING = 1e-9
 """Share by which a cycle that is meant to be one of these may differ."""
-OBJECTS = {"0x607A": ("target position", 32), "0x60B1": ("velocity offset", 32), "0x60B2": ("torque offset", 16)}
-"""What the columns are called, and the bits of each object with its sign."""
+OBJECTS = {
+    "0x607A": ("target position", "increments", 32),
+    "0x60B1": ("velocity offset", "increments/s", 32),
+    "0x60B2": ("torque offset", "0.1 % of the rated torque", 16),
+}
+"""What the columns are called, their units, and the bits of each object with its sign."""
 PER_MILLE = 1000
 ROUNDED_DIFFERENCE, ROUNDED_CHORD, ROUNDED_PARABOLA = 2.0, 0.5, 0.625
 """Increments that rounding adds: half of one times the sum of the weights' magnitudes, 4, 1 and 1.25."""
@@ -76,7 +81,8 @@ class CyclicPosition:
         allowed = self._bound_differences(source)
         with path.open("w", encoding="ascii", newline="") as file:
             file.write(f"# pulsepath {json.dumps(source.name)}: cyclic synchronous position (CiA 402, mode 8), ")
-            file.write(f"a row every {1e3 * each:.6g} ms; set 0x60C2 to it\n")
+            units = ", ".join(f"{kind} in {OBJECTS[kind][1]}" for kind in kinds)
+            file.write(f"a row every {1e3 * each:.6g} ms; set 0x60C2 to it; {units}\n")
             start = next(iter(form.blocks(source, knots, 1)))[1][0, 0]
             for k, axis in enumerate(axes):
                 most = "" if np.isinf(allowed[k]) else f", second difference at most {_floor(allowed[k])} increments"
@@ -171,7 +177,7 @@ def _find_torques(source: ExportSource, t: Array, rated: Array) -> Array:
 def _refuse_large(source: ExportSource, kinds: tuple[str, ...], parts: list[Array], nth: Whole, each: float) -> None:
     """Raise MotionError for a number that its object does not hold."""
     for kind, numbers in zip(kinds, parts, strict=True):
-        name, bits = OBJECTS[kind]
+        name, _, bits = OBJECTS[kind]
         row, k = np.unravel_index(int(abs(numbers).argmax()), numbers.shape)
         if abs(numbers[row, k]) >= 2 ** (bits - 1):
             remedy = "a larger rated" if kind == "0x60B2" else "fewer increments per pulse, or a longer pulse"

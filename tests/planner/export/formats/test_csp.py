@@ -33,6 +33,8 @@ def test_csp_positions_are_the_motion_within_half_an_increment(tmp_path, cycle, 
     done = find_format("csp")(cycle=cycle, increments=increments).write(source, tmp_path / "p.csv")
     each, q, qd, torque = cycles_of(tmp_path / "p.csv")
     assert each == cycle
+    head = (tmp_path / "p.csv").read_text().split("\n")[0]
+    assert head.endswith("; set 0x60C2 to it; 0x607A in increments, 0x60B1 in increments/s")
     assert not torque.size
     t = np.minimum(np.arange(len(q)) * each, np.pi)
     assert t[-1] == np.pi > t[-2]
