@@ -42,6 +42,10 @@ def machines() -> list[str]:
     return preset_names("kinematics/presets")
 
 
+def machine_kinds() -> list[str]:
+    return registered_names("kinematics/machine/machine_file.py", "KINDS")
+
+
 def programs() -> list[str]:
     return preset_names("planner/presets")
 

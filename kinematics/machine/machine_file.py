@@ -53,12 +53,7 @@ def validate_machine_file(source: Path | Traversable) -> Callable[[], Machine]:
     refuse_wrong_kind(document, MachineFile.what)
     kind = document.data.get("kind")
     if not isinstance(kind, str) or kind not in KINDS:
-        told = (
-            "missing" if kind is None else f"{describe_value(kind)} is not a kind of machine{nearest(str(kind), KINDS)}"
-        )
-        known = ", ".join(map(describe_value, KINDS))
-        no = BadValue(f"{told}; kinds: {known}", allowed=known, nearest=closest(str(kind), KINDS))
-        raise FileError(document.file, [document.fault(("kind",), no)])
+        raise FileError(document.file, [document.fault(("kind",), _refuse_kind(kind))])
     schema, construct, names = KINDS[kind]
     wired = partial(find_wiring_faults, names or joints_of(document.data))
     model = build(document, schema, find_repeated_names, find_pulse_faults, find_stray_axis_tables, wired)
@@ -71,6 +66,21 @@ def validate_machine_file(source: Path | Traversable) -> Callable[[], Machine]:
         )
         raise FileError(document.file, [document.fault(("vibration", again), told)])
     return partial(_make_machine, source, document, model, construct)
+
+
+def _refuse_kind(kind: Any) -> BadValue:
+    """Why it is no kind; of a word that a machine of another kind is called by, with the way to its file."""
+    known = ", ".join(map(describe_value, KINDS))
+    told, bundled = f"{describe_value(kind)} is not a kind of machine", presets("kinematics")
+    if kind is None:
+        told = "missing"
+    elif isinstance(kind, str) and kind in bundled:
+        own = str(read(bundled[kind]).data["kind"])
+        told += f", but a machine of kind {describe_value(own)}: pulsepath init --machine {kind} writes its file"
+        return BadValue(f"{told}; kinds: {known}", allowed=known, nearest=own)
+    return BadValue(
+        f"{told}{nearest(str(kind), KINDS)}; kinds: {known}", allowed=known, nearest=closest(str(kind), KINDS)
+    )
 
 
 def _make_machine(source: Path | Traversable, document: Document, model: MachineFile, construct: Construct) -> Machine:

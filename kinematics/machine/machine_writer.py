@@ -228,7 +228,8 @@ def _starter_tables(preset: str, data: dict[str, Any]) -> Iterator[str]:
         own = [Key(key, "its own") for key in one if key != "name"]
         yield from table_lines("[[axis]]", [name, *own], one, about["axis"])
     if not data.get("axis"):
-        faster = next(key for key in keys["axes"] if key.name == "max_speed")
+        own_table = "rotary" if machine.axes[0].kind == "rotary" and "rotary" in keys else "axes"
+        faster = next(key for key in keys[own_table] if key.name == "max_speed")
         yield from table_lines("[[axis]]", [name, replace(faster, about="its own")], None, about["axis"])
     yield from table_lines("[[vibration]]", keys_of(*schema.tables_of("vibration")), None, about["vibration"])
     wired = [Key(axis, "card, and which of its axes", f'["PCI-8164", {n}]') for n, axis in enumerate(names)]

@@ -1,5 +1,6 @@
 """`pulsepath init`: a commented machine and a commented program to start from."""
 
+import tomllib
 from pathlib import Path
 
 import click
@@ -16,8 +17,8 @@ from pulsepath.progress import say
 @click.option(
     "--machine",
     metavar="MACHINE",
-    help="Bundled machine or machine kind to start from. Default: the program's machine, else hexapod.",
-    shell_complete=make_completer(known_names.machines),
+    help="Bundled machine or machine kind to start from, as equations. Default: the program's machine, else hexapod.",
+    shell_complete=make_completer(lambda: sorted({*known_names.machines(), *known_names.machine_kinds()})),
 )
 @click.option(
     "--program",
@@ -35,6 +36,7 @@ def init(directory: Path, machine: str | None, program: str | None, force: bool,
 
     Example: pulsepath init mine --machine tripod
     """
+    machine = None if machine is None else _find_machine(machine)
     refuse_unknown(program, machine)
     from kinematics import load_machine
     from kinematics.machine.machine_writer import companions, machine_starter
@@ -62,3 +64,13 @@ def init(directory: Path, machine: str | None, program: str | None, force: bool,
     say("next:")
     for command in following:
         say(f"  {command}")
+
+
+def _find_machine(name: str) -> str:
+    """The name of a machine, and of a kind that no machine is called by that of the first machine of it."""
+    from kinematics.foundation.names import presets
+
+    known = presets("kinematics")
+    if name in known or name not in known_names.machine_kinds():
+        return name
+    return next(each for each, file in known.items() if tomllib.loads(file.read_text("utf-8"))["kind"] == name)

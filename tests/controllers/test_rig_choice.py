@@ -11,6 +11,7 @@ from controllers.rig import assumed_rig
 from controllers.rig_choice import choose_rig, fit_rig, fitting_rigs, rig_hint
 from kinematics import MotionError, calibrate, load_machine, load_measurements, machine_names
 from planner import Line, Program, plan
+from tests.kinematics.kinds.test_equations import OF_FORMULAS
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +24,8 @@ def motion(hexapod):
     return plan(Program((Line((0.0, 0.0, 0.002)),)), hexapod).trajectory
 
 
-@pytest.mark.parametrize("name", machine_names())
+# machines of formulas have assumed numbers: whoever owns such a one states its rig
+@pytest.mark.parametrize("name", [name for name in machine_names() if name not in OF_FORMULAS])
 def test_every_bundled_machine_has_one_bundled_rig(name):
     machine = load_machine(name)
     (rig,) = fitting_rigs(machine)

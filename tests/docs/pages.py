@@ -1,7 +1,7 @@
 """Runs a page of docs/: what a reader would type and write, in order, in one directory, against what the page shows.
 
 - A fence whose first line is a comment that names a file ("# part.toml", "; part.nc") is that file; so is the file of
-  a `literalinclude` of docs/examples.
+  a `literalinclude` of docs/examples or of presets.
 - Any other ```python fence is run; all of a page share their names. A ```text fence right after it is what it prints.
 - A ```console fence holds commands, each after "$ ", and what they print; a comment "# exit code 1" says how one ends.
   A command that shows nothing may print anything. One that ends with " &" runs until the page ends.
@@ -66,7 +66,7 @@ def run_blocks(page: Path, background: contextlib.ExitStack) -> int:
         named = FILE.match(fence.body)
         if fence.language.startswith("{literalinclude}"):
             source = page.parent / fence.language.split()[1]
-            if "examples" in source.parts:
+            if {"examples", "presets"} & set(source.parts):
                 Path(source.name).write_bytes(source.read_bytes())
         elif named:
             Path(named["name"]).write_text(fence.body, encoding="utf-8")

@@ -122,7 +122,7 @@ MAKERS = {
     "Tripod": lambda: pp.load_machine("tripod"),
     "Linkage": lambda: pp.load_machine("linkage"),
     "Traverser": lambda: pp.load_machine("traverser"),
-    "Equations": lambda: pp.load_machine(Path(__file__).parents[2] / "docs" / "examples" / "delta.toml"),
+    "Equations": lambda: pp.load_machine("delta"),
     "Arm": lambda: pp.load_machine("arm"),
     "Margins": lambda: machine().check(machine().home),
     "Forward": lambda: machine().forward(machine().home_q),

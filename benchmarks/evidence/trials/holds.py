@@ -37,7 +37,7 @@ EXAMPLES = Path(__file__).parents[3] / "docs/examples"
 
 def list_programs() -> Iterator[tuple[str, Program, Machine]]:
     """What is planned, with its name and machine."""
-    corexy = load_machine(EXAMPLES / "corexy.toml")
+    corexy = load_machine("corexy")
     yield "straight", Program((Line(to=np.array([0.045, 0.045, 0])), Line(to=np.zeros(3)))), corexy
     yield "corexy-pocket", import_program(EXAMPLES / "corexy-pocket.nc").program, corexy
     for name in program_names():

@@ -81,8 +81,8 @@ class CyclicPosition:
         allowed = self._bound_differences(source)
         with path.open("w", encoding="ascii", newline="") as file:
             file.write(f"# pulsepath {json.dumps(source.name)}: cyclic synchronous position (CiA 402, mode 8), ")
-            units = ", ".join(f"{kind} in {OBJECTS[kind][1]}" for kind in kinds)
-            file.write(f"a row every {1e3 * each:.6g} ms; set 0x60C2 to it; {units}\n")
+            told = ", ".join(f"{kind} in {OBJECTS[kind][1]}" for kind in kinds)
+            file.write(f"a row every {1e3 * each:.6g} ms; set 0x60C2 to it; {told}\n")
             start = next(iter(form.blocks(source, knots, 1)))[1][0, 0]
             for k, axis in enumerate(axes):
                 most = "" if np.isinf(allowed[k]) else f", second difference at most {_floor(allowed[k])} increments"

@@ -1,4 +1,4 @@
-"""Machines of formulas: the files that the docs show, against geometry worked out otherwise, and as plans."""
+"""Machines of formulas: the bundled ones, against geometry worked out otherwise, and as plans."""
 
 from pathlib import Path
 
@@ -15,13 +15,23 @@ from kinematics.machine.model import place_skeleton
 from kinematics.machine.pose import COMPONENTS, from_numbers, to_numbers
 from planner import Arc, Curve, Line, Program, Turn, plan
 
-EXAMPLES = Path(__file__).parents[3] / "docs" / "examples"
-NAMES = ("corexy", "delta", "delta-rotary", "scara", "hexapod-rotary", "hexaglide", "five-axis")
+PRESETS = Path(__file__).parents[3] / "kinematics" / "presets"
+OF_FORMULAS = (
+    "cartesian",
+    "gantry",
+    "corexy",
+    "delta",
+    "delta-rotary",
+    "scara",
+    "hexapod-rotary",
+    "hexaglide",
+    "five-axis",
+)
 
 
-@pytest.fixture(scope="module", params=NAMES)
+@pytest.fixture(scope="module", params=OF_FORMULAS)
 def machine(request):
-    return load_machine(EXAMPLES / f"{request.param}.toml")
+    return load_machine(request.param)
 
 
 def move(machine, twists):
@@ -88,7 +98,7 @@ def test_plans_are_certified_and_their_pulses_follow(machine, order):
 )
 def test_drawn_links_keep_their_lengths(name, lengths):
     """The bars are worked out from the coordinates, the rods' ends from the pose: a wrong branch would stretch them."""
-    machine = load_machine(EXAMPLES / f"{name}.toml")
+    machine = load_machine(name)
     poses = move(machine, np.random.default_rng(2).uniform(-1, 1, (10, 6)) * ([0.01] * 3 + [0.05] * 3))
     bars = place_skeleton(machine, to_numbers(poses), machine.inverse(poses)).bars
     found = np.linalg.norm(bars[:, :, 1] - bars[:, :, 0], axis=2)
@@ -98,7 +108,7 @@ def test_drawn_links_keep_their_lengths(name, lengths):
 
 
 def changed(tmp_path, name, old, new):
-    text = (EXAMPLES / f"{name}.toml").read_text(encoding="utf-8")
+    text = (PRESETS / f"{name}.toml").read_text(encoding="utf-8")
     assert old in text
     (tmp_path / "machine.toml").write_text(text.replace(old, new), encoding="utf-8")
     return tmp_path / "machine.toml"
@@ -127,7 +137,7 @@ def test_what_is_wrong_in_a_file_is_refused_by_name(tmp_path, old, new, told):
 
 def test_out_of_reach_and_singular_are_refused():
     """A SCARA reaches 380 mm; where its arm is straight, no speed of the tool along it has a finite speed of joints."""
-    scara = load_machine(EXAMPLES / "scara.toml")
+    scara = load_machine("scara")
     with pytest.raises(OutOfReach, match="bring it nearer"):
         scara.inverse(RigidTransform.from_translation([0.381, 0, 0]))
     with pytest.raises(MotionError):
@@ -135,7 +145,7 @@ def test_out_of_reach_and_singular_are_refused():
 
 
 def test_a_turning_axis_goes_on_past_half_a_turn():
-    scara = load_machine(EXAMPLES / "scara.toml")
+    scara = load_machine("scara")
     turned = scara.home * RigidTransform.from_rotation(Rotation.from_euler("z", 2.0))
     near = scara.home_q + np.array([0, 0, 0, 2 * np.pi])
     assert scara.inverse(scara.home, near)[3] == pytest.approx(scara.home_q[3] + 2 * np.pi)
@@ -144,7 +154,7 @@ def test_a_turning_axis_goes_on_past_half_a_turn():
 
 def test_a_bed_is_kept_where_the_belts_would_reach_farther():
     """x + y and x − y reach a diamond of 100 mm; the bed is a box in it, and an arc leaves it between its ends."""
-    machine = load_machine(EXAMPLES / "corexy.toml")
+    machine = load_machine("corexy")
     assert machine.inverse(RigidTransform.from_translation([0.09, 0, 0])).max() < 0.1
     with pytest.raises(MotionError, match=r"room 90 mm is (above|beyond) .*60 mm .*at x"):
         plan(Program((Line([0.09, 0, 0]),)), machine)
@@ -157,7 +167,7 @@ def test_a_bed_is_kept_where_the_belts_would_reach_farther():
 
 
 def test_margins_the_workspace_and_postures_keep_to_the_bed():
-    machine = load_machine(EXAMPLES / "corexy.toml")
+    machine = load_machine("corexy")
     places = np.array([[0.03, -0.06, 0.02], [0.0, 0.0615, 0.02], [0.0, 0.0, -0.0115]])
     margins = machine.check(RigidTransform.from_translation(places))
     assert margins.ok.tolist() == [True, False, False]
@@ -174,7 +184,7 @@ def test_margins_the_workspace_and_postures_keep_to_the_bed():
 
 
 def test_a_bed_is_written_back(tmp_path):
-    machine = load_machine(EXAMPLES / "corexy.toml")
+    machine = load_machine("corexy")
     (tmp_path / "again.toml").write_text(machine_toml(machine), encoding="utf-8")
     assert load_machine(tmp_path / "again.toml").room == machine.room
 
@@ -190,7 +200,7 @@ DOME = Curve(
 
 def test_a_five_axis_table_holds_the_tool_upright_on_a_dome():
     """Where the slides hold the tool's tip, carried by the table that A tilts and C turns, is the point of the part."""
-    machine = load_machine(EXAMPLES / "five-axis.toml")
+    machine = load_machine("five-axis")
     start = RigidTransform.from_components([0.015, 0, 0.03 * 0.75**0.5], Rotation.from_euler("y", 30, degrees=True))
     made = plan(Program((DOME,), start=start, frame="base"), machine)
     assert made.certificate.holds
@@ -222,7 +232,7 @@ def test_an_orientation_that_is_not_that_of_the_coordinates_is_refused(tmp_path,
 
 
 def test_a_five_axis_table_is_singular_where_the_tool_stands_along_its_turning_axis(tmp_path):
-    machine = load_machine(EXAMPLES / "five-axis.toml")
+    machine = load_machine("five-axis")
     with pytest.raises(MotionError, match=r"singular|no actuator coordinates"):
         plan(Program((Turn(Rotation.from_euler("x", 30, degrees=True)),)), machine)
 
@@ -242,6 +252,6 @@ def test_what_is_written_is_the_same_machine(machine, tmp_path, complete):
 
 @pytest.mark.parametrize("room", [[(0, 1)], [(0, np.inf), (0, 1), (0, 1)], [(1, 0), (0, 1), (0, 1)], [(0, np.nan)] * 3])
 def test_a_room_that_is_none_is_refused(room):
-    machine = load_machine(EXAMPLES / "corexy.toml")
+    machine = load_machine("corexy")
     with pytest.raises(MotionError, match=r"room .*from and to of x, y and z"):
         Equations(machine.freedom, machine.coordinates, axes=machine.axes, home=machine.home, room=room)

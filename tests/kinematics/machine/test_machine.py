@@ -9,11 +9,12 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kinematics import Load, MotionError, OutOfReach, forces, load_machine, machine_names, motion_of_poses
 from kinematics.machine.kind import columns
 from kinematics.machine.pose import COMPONENTS
+from tests.kinematics.kinds.test_equations import OF_FORMULAS
 
 
 @pytest.mark.parametrize("name", machine_names())
 def test_every_preset_is_in_the_zoo(name, zoo_names):
-    assert name in zoo_names
+    assert name in {*zoo_names, *OF_FORMULAS}
 
 
 def test_home_is_where_it_says(machine):

@@ -217,7 +217,7 @@ def test_names_are_the_bundled_files():
 def test_an_unknown_name_brings_the_nearest_and_all_others():
     with pytest.raises(MotionError) as refusal:
         load_machine("hexpod")
-    assert 'no machine is called "hexpod", nearest is "hexapod"; bundled: arm, hexapod' in str(refusal.value)
+    assert 'no machine is called "hexpod", nearest is "hexapod"; bundled: arm, cartesian, ' in str(refusal.value)
     assert not isinstance(refusal.value, FileError)
 
 
@@ -240,3 +240,9 @@ def test_wiring_is_by_axis(load):
         load(PRESET.replace('leg6 = ["PCI', 'leg7 = ["PCI'))
     with pytest.raises(FileError, match=r"wiring.leg6\[2\]"):
         load(PRESET.replace('leg6 = ["PCI-8164", 3]', 'leg6 = ["PCI-8164", -1]'))
+
+
+def test_a_word_that_a_bundled_machine_has_is_no_kind_but_the_way_to_its_file(tmp_path):
+    (tmp_path / "mine.toml").write_text('schema = 1\nkind = "corexy"\n')
+    with pytest.raises(FileError, match=r'"corexy" is not a kind .* a machine of kind "equations": .*--machine corexy'):
+        load_machine(tmp_path / "mine.toml")

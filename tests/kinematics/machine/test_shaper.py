@@ -189,7 +189,7 @@ def test_shapers_one_after_the_other_keep_the_zeros_of_each():
         ShaperSeries((Shaper("ei", 20.0),) * 4)
 
 
-COREXY = (Path(__file__).parents[3] / "docs" / "examples" / "corexy.toml").read_text(encoding="utf-8")
+COREXY = (Path(__file__).parents[3] / "kinematics" / "presets" / "corexy.toml").read_text(encoding="utf-8")
 VIBRATION = '\n[[vibration]]\ndirection = {}\nkind = "zv"\nfrequency = "{} Hz"\n'
 
 

@@ -1,7 +1,5 @@
 """A plan held, gone on with and run slower: limits kept, on the path, pulses that go on, and hardly a sooner stop."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -14,7 +12,6 @@ from planner.timing.problem import Continuation, Run
 from planner.timing.run import solve_run
 
 INSTANTS = 20_000
-COREXY = Path(__file__).parents[3] / "docs/examples/corexy.toml"
 
 
 @pytest.fixture(scope="module", params=[2, 3])
@@ -75,7 +72,7 @@ def test_hardly_any_stop_is_sooner(circle, share):
 def test_no_later_stop_is_sooner(at):
     """Behind a blend by which the jerk leaves a narrow way, that hardly any grid but the plan's own shows."""
     program = Program((Line(to=(0.03, 0, 0), join=Blend(5e-4)), Line(to=(0.03, 0.03, 0), speed=0.05)))
-    made = plan(program, load_machine(COREXY))
+    made = plan(program, load_machine("corexy"))
     held = made.hold(at)
     assert held.certificate.holds
     assert held.at == pytest.approx(at, abs=1e-6)
@@ -86,7 +83,7 @@ def test_no_later_stop_is_sooner(at):
 def test_a_stop_along_a_line_takes_what_its_limits_ask_for(at):
     """From its ramp up too, whose last part is the only motion that does not come above the largest speed."""
     program = Program((Line(to=(0.045, 0.045, 0)), Line(to=(0, 0, 0))))  # one belt moves, √2 times as far
-    made = plan(program, load_machine(COREXY))
+    made = plan(program, load_machine("corexy"))
     hard, jerk = np.array([3.0, 100.0]) / np.sqrt(2)
     now = made.trajectory.at(at)
     speed = float(now.sd[0] + now.sdd[0] ** 2 / (2 * jerk))  # once s̈ is down to 0

@@ -1,7 +1,5 @@
 """A plan slowed and sped up in its midst: limits kept, the plan's motion at its share, and hardly a sooner change."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -9,8 +7,6 @@ from kinematics import load_machine
 from kinematics.foundation.errors import MotionError
 from planner import Dwell, Line, Program, load_program, plan
 from tests.planner.interruption.test_hold import uses
-
-COREXY = Path(__file__).parents[3] / "docs/examples/corexy.toml"
 
 
 @pytest.fixture(scope="module", params=[2, 3])
@@ -22,7 +18,7 @@ def circle(request, planned):
 def straight(request):
     """By one belt of a CoreXY, which moves √2 times as far: speed 0.3 m/s, acceleration 3 m/s², jerk 100 m/s³."""
     program = Program((Line(to=(0.045, 0.045, 0)), Dwell(0.2), Line(to=(0, 0, 0))))
-    return plan(program, load_machine(COREXY), order=request.param)
+    return plan(program, load_machine("corexy"), order=request.param)
 
 
 def rates_at(motion, begin, places):

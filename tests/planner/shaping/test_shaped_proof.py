@@ -22,7 +22,6 @@ from planner.shaping.shaped_enclosure import enclose_shaped
 from planner.shaping.shaped_motion import reached_poses
 from planner.timing.certified_solve import certified_solve
 
-EXAMPLES = Path(__file__).parents[3] / "docs" / "examples"
 KINDS = {
     "hexapod": ("blended", Shaper("zv", 35.0, 0.05)),
     "tripod": ("tripod-circle", Shaper("zvd", 35.0, 0.05)),
@@ -141,7 +140,7 @@ def test_axes_with_shapers_of_their_own_stay_together():
 
 def test_modes_along_x_and_y_of_a_corexy_are_both_still_and_its_limits_kept():
     """By a convolution of its own: each belt with both trains of impulses, the screw late by their centroid."""
-    machine = load_machine(Path(__file__).parents[3] / "docs" / "examples" / "corexy.toml")
+    machine = load_machine(Path(__file__).parents[3] / "kinematics" / "presets" / "corexy.toml")
     modes = {(1, 0, 0): Shaper("zv", 35.0, 0.05), (0, 1, 0): Shaper("mzv", 22.0, 0.1)}
     for direction, shaper in modes.items():
         machine = machine.shape_along(direction, shaper)
@@ -280,7 +279,7 @@ def test_a_motion_along_a_wall_of_its_room_is_proved(order, tmp_path, monkeypatc
     However long the motion is: cells that are near the wall are cut beside more that are at rest than cuts are allowed.
     """
     monkeypatch.setattr(shaped_proof, "MOST_CUT", 2000)
-    text = (EXAMPLES / "corexy.toml").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[3] / "kinematics" / "presets" / "corexy.toml").read_text(encoding="utf-8")
     (tmp_path / "wall.toml").write_text(text.replace('x = ["-60 mm"', 'x = ["0 mm"'), encoding="utf-8")
     machine = load_machine(tmp_path / "wall.toml")
     machine = machine.driven_by([replace(axis, shaper=Shaper("zv", 35.0, 0.05)) for axis in machine.axes])
