@@ -101,10 +101,13 @@ class Worth(Result):
 
     @property
     def best(self) -> tuple[str, str] | None:
-        """The limit and the one axis of it that save most; None where nothing is saved."""
-        own = np.array([0.0 if axis == ALL else value for axis, value in zip(self.axes, self.saved, strict=True)])
-        k = int(np.argmax(own)) if len(own) else 0
-        return (self.limits[k], self.axes[k]) if len(own) and own[k] > self._least else None
+        """The limit, and the one axis or all of it, that save most; None where nothing is saved.
+
+        All axes are that only where they save more than the best of them.
+        """
+        one, every = self._find_most()
+        k = every if every is not None else one
+        return None if k is None else (self.limits[k], self.axes[k])
 
     @check_arguments()
     def of(self, limit: str, axis: str = ALL) -> float:
@@ -173,24 +176,44 @@ class Worth(Result):
         return [k for k in order if self.together[k] > self._least]
 
     def describe(self) -> str:
-        """The most valuable change in one line: of one axis, and of all axes where that is more."""
-        rows = self.rank()
-        if not rows:
-            return "no limit whose worth is known saves time"
-        one = next((k for k in rows if self.axes[k] != ALL and self.saved[k] > self._least), None)
+        """The most valuable change in one line: of all axes where that is more than of one, then of one axis."""
+        one, every = self._find_most()
+        told = [
+            f"{call(self.limits[k], self.axes[k])}, {_tell_ms(self.saved[k])} ms" for k in (every, one) if k is not None
+        ]
+        if len(told) > 1:
+            told[1] = f"of one axis alone, {told[1]}"
+        return "; ".join(told) or "no limit whose worth is known saves time"
+
+    def _find_most(self) -> tuple[int | None, int | None]:
+        """The rows of the one axis that saves most, and of all axes of a limit where that is more."""
+        rows = [k for k in self.rank() if self.saved[k] > self._least]
+        one = next((k for k in rows if self.axes[k] != ALL), None)
         every = next((k for k in rows if self.axes[k] == ALL), None)
         more = every is not None and (one is None or self.saved[every] > self.saved[one] * LITTLE_MORE)
-        told = [k for k in (one, every if more else None) if k is not None]
-        return "; ".join(f"{call(self.limits[k], self.axes[k])}, {_tell_ms(self.saved[k])} ms" for k in told)
+        return one, every if more else None
 
     def tables(self) -> tuple[Table, ...]:
-        """What each limit saves, the most valuable first; below, what saves nothing, and what is not known."""
-        rows = self.rank()
-        names = (Column(what, [of[k] for k in rows]) for what, of in (("limit", self.limits), ("axis", self.axes)))
+        """What each limit saves, the most valuable first; below, what saves nothing, and what is not known.
+
+        Axes of a limit that save the same share a row, and what saves nothing by itself has no number.
+        """
+        groups: dict[tuple[str, ...], list[int]] = {}
+        for k in self.rank():
+            own = (f"{1e3 * value:.4f}" for value in (self.saved[k], self.together[k]))
+            groups.setdefault((self.limits[k], "" if self.axes[k] != ALL else ALL, *own), []).append(k)
+        first = [rows[0] for rows in groups.values()]
         columns = (
-            *names,
-            Column("saved", self.saved[rows], "s", "milli", form=".4f"),
-            Column("with all active limits raised", self.together[rows], "s", "milli", form=".4f"),
+            Column("limit", [self.limits[k] for k in first]),
+            Column("axis", [", ".join(self.axes[k] for k in sorted(rows)) for rows in groups.values()]),
+            Column(
+                "saved",
+                [value if value > self._least else None for value in self.saved[first].tolist()],
+                "s",
+                "milli",
+                form=".4f",
+            ),
+            Column("with all active limits raised", self.together[first], "s", "milli", form=".4f"),
         )
         return (Table("time saved by raising a limit by 1 %, to first order", columns, tuple(self._notes())),)
 
@@ -212,6 +235,11 @@ class Worth(Result):
             yield f"not known: {', '.join(self.unknown)}, counted with the others; replan(limit) finds out"
         if abs(self.explained - 1) > MOST_UNEXPLAINED:
             yield f"rough: the limits make up {100 * self.explained:.1f} % of the duration"
+        if (self.saved[self.rank()] < self.together[self.rank()] * (1 - TIE)).any():
+            yield (
+                "with all active limits raised: where others hold the motion back at the same place, one alone saves "
+                "little; this is its part in what is saved there if all that bind there are raised"
+            )
 
 
 def _find_corner_stops(motion: Trajectory) -> list[int]:
