@@ -107,7 +107,10 @@ def _check_shapes(limit: Limit, path: ActuatorPath) -> None:
         found["use"] = np.shape(limit.use(value, value, state.piece))
     if not limit.geometric:
         rows = limit.rows(make_points(path, state.along, state.piece))
-        found |= {f"coefficient of {term.value}": np.shape(each) for term, each in rows.coefficients.items()}
+        width = np.shape(rows.bound)[-1:]  # facets of a round limit are more than its channels
+        for term, each in rows.coefficients.items():
+            if np.shape(each) != wanted[:1] + width:
+                found[f"coefficient of {term.value}"] = np.shape(each)
     for what, shape in found.items():
         if shape != wanted:
             raise MotionError(
