@@ -16,7 +16,7 @@ from kinematics.foundation.figure import PALETTE, draw_bars, line_style, literal
 from kinematics.foundation.names import count_noun
 from kinematics.foundation.result import draws
 from kinematics.machine.axis import Axis
-from kinematics.machine.pose import from_numbers
+from kinematics.machine.pose import from_numbers, to_numbers
 from planner.active_limits import active_limits, find_segments, limit_shares
 from planner.baselines.classical import Classical
 from planner.certificate.certify import Certificate
@@ -31,6 +31,7 @@ from planner.program.model import Program
 from planner.pulses.realised_path import RealisedPath
 from planner.pulses.schedule import RATE_WINDOWS, PulseSchedule
 from planner.shaping import figures as _shaping_figures  # noqa: F401  # registers its own
+from planner.shaping.shaped_motion import reached_poses
 from planner.sources.arm_simulation import ArmSimulation
 from planner.sources.outline import Outline, outline
 from planner.sources.position_list import PositionList
@@ -42,6 +43,8 @@ from planner.trajectory import Trajectory
 
 DRAWN_INSTANTS = 2000
 """Instants drawn, beside the knots of the trajectory."""
+VISIBLE_SHARE = 1 / 150
+"""Of a path's extent, from which on the distance of another is seen."""
 
 
 @draws(Trajectory)
@@ -96,6 +99,13 @@ def path_in_space(plan: Plan, ax: Axes3D | None = None) -> Axes3D:
     position = 1e3 * (plan.machine.home.inv() * pose if from_home else pose).translation
     speed = 1e3 * np.linalg.norm(state.tool_velocity, axis=1)
     ax = draw_way(ax, position, speed, f"speed of the {mover} (mm/s)")
+    if plan.shaped is not None and 1e3 * plan.shaped.contour > VISIBLE_SHARE * np.ptp(position, axis=0).max():
+        t = np.linspace(0, plan.shaped.duration, 2 * DRAWN_INSTANTS)
+        reached = reached_poses(plan.trajectory, plan.shaped.motion, t, plan.shaped.motion.positions_at(t))
+        x = to_numbers(plan.machine.home.inv() * reached if from_home else reached)
+        place = 1e3 * (x if plan.path.tool is None else plan.path.tool(x))[:, :3]
+        ax.plot(*place.T, color=PALETTE[3], linewidth=1, label="behind the input shapers", zorder=5)
+        ax.legend(loc="upper left", frameon=False)
     ax.set_title(f"Path in space, from the machine's {'home pose' if from_home else 'base frame'}")
     return ax
 

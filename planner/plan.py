@@ -134,6 +134,24 @@ class Plan(Result, Interruptible):
         return find_left_out(self.path, self.limits)
 
     @property
+    def exceeded(self) -> str:
+        """What is said where a blend or fit tolerance is not proved behind the input shapers; else ""."""
+        if self.shaped is None:
+            return ""
+        left = [(blend.tolerance, blend.deviation) for blend in self.path.blends if not blend.stop]
+        left += [] if self.path.fit is None else [(self.path.fit.tolerance, self.path.fit.deviation)]
+        over = [both for both in left if both[1] + self.shaped.contour > both[0]]
+        if not over:
+            return ""
+        tolerance, deviation = max(over, key=lambda both: both[1] - both[0])
+        return (
+            f"the blend or fit tolerance of {1e6 * tolerance:g} µm is not proved behind the input shapers: they take "
+            f"the tool up to {1e6 * self.shaped.contour:.3f} µm off the path (at {self.shaped.contour_at}), which "
+            f"itself uses {1e6 * deviation:.3f} µm; ask for a smaller tolerance, lower max_acceleration or the speed "
+            "there, or use a shorter shaper (zv, or a higher frequency)"
+        )
+
+    @property
     def triggers(self) -> tuple[Triggered, ...]:
         """What the program marks by `trigger`: when, where, and the counts by then."""
         late = (0.0, 0.0) if self.shaped is None else (self.shaped.delay, self.shaped.motion.copies.length)

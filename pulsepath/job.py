@@ -194,6 +194,8 @@ def run(
             rule=rule,
             progress=tell,
         )
+    if planned.exceeded:
+        note(f"warning: {planned.exceeded}")
     if gap is not None and planned.bound.gap > gap:
         note(
             f"note: you asked for a motion within {100 * gap:g} % of the fastest; {100 * planned.bound.gap:.3g} % is "

@@ -135,7 +135,9 @@ def _shaping(plan: Plan) -> dict[str, str]:
     """What input shapers make of it, where there are any."""
     if plan.shaped is None:
         return {}
-    before = f"{plan.trajectory.duration:.6f} s; all below but the pulses is of this motion, and so are the figures"
+    before = (
+        f"{plan.trajectory.duration:.6f} s; of this motion is all that is not said to be behind them, but the pulses"
+    )
     return {BEFORE_SHAPERS.capitalize(): before, "Behind them": plan.shaped.describe()}
 
 

@@ -11,6 +11,7 @@ J V̇ + h(x_s, V) = q̈_s, with J at x_s: with E = 1 − C J, V = C q̇_s + E C 
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,8 @@ ORDER, JACOBIAN_ORDER = 6, 3
 """Of the expansions in time: of the motion, and of the Jacobian."""
 ROOM = 3.0
 """Times the pose's first estimate that the box about it has."""
+NEAREST_STEPS = 4
+"""Of Newton's method, to the place on the path that is nearest to the tool."""
 
 
 @dataclass(frozen=True)
@@ -112,6 +115,53 @@ class ShapedEnclosure(Enclosure):
             at = path.tool(np.concatenate([np.zeros(3), np.eye(3).ravel()])[None])[0, :3]
             shift = shift + turn * float(np.linalg.norm(at)) * (1 + 16 * EPS)
         return shift, turn
+
+    def contour(self) -> tuple[Array, Array]:
+        """(N,) m of the tool's position from the path, wherever on it: an upper bound; and what it is in the middles.
+
+        Any place on the path bounds it, so the path is enclosed at u(τ), which keeps abreast of the tool: u(0) is
+        nearest to it, and from there u runs with the tool's motion along the path's tangent.
+        """
+        path, cells = self.path, len(self.piece)
+        assert isinstance(path, MachinePath)
+        at = self.tool_rate(0)[:, :3]
+        whole = np.nan_to_num(at.pad(at.order).mid[:, :cells])
+        s, piece, tangent, least = _find_nearest(path, whole[0], self.s.mid[0, :cells], self.piece)
+        along = np.einsum("knj,nj->kn", whole, tangent / np.maximum((tangent**2).sum(1, keepdims=True), 1e-12))
+        along[0] = s
+        low, high = path.breaks[piece], path.breaks[piece + 1]
+        reach = np.abs(along[1:]).sum(0)
+        inside = np.clip(s, low + reach, np.maximum(high - reach, low + reach))  # where all of u is on the piece
+        along[0] = np.where(2 * reach <= high - low, inside, (low + high) / 2)
+        along[1:] *= np.where(2 * reach <= high - low, 1.0, 0.0)
+        size, degree = np.abs(along), len(along)
+        wide = np.stack(
+            [sum((comb(j, k) * size[j] for j in range(k + 1, degree)), np.zeros(cells)) for k in range(degree)]
+        )
+        error = np.concatenate([np.zeros_like(wide), wide * (1 + 8 * EPS)], 1)
+        beside = path.enclose_pose(Series(np.concatenate([along, along], 1), error, at.order), np.tile(piece, 2))
+        beside = beside if path.tool is None else self.evaluate(path.tool, beside)
+        off = np.maximum(*np.abs(bound_series(at - beside[:, :3], cells)))
+        bound = np.linalg.norm(off, axis=1) * (1 + 16 * EPS)
+        return np.where(np.isfinite(bound), bound, np.inf), least
+
+
+def _find_nearest(
+    path: MachinePath, at: Array, s: Array, piece: NDArray[np.intp]
+) -> tuple[Array, NDArray[np.intp], Array, Array]:
+    """Places s (N,) on pieces (N,) near to positions (N, 3), sought from others; the tangents and distances there."""
+    for last in (*[False] * NEAREST_STEPS, True):
+        x, first, second = (
+            (values if path.tool is None else path.tool(values))[:, :3] for values in path.pose_derivatives(s, piece, 2)
+        )
+        if last:
+            break
+        square = (first**2).sum(1)
+        bend = square - ((at - x) * second).sum(1)
+        step = ((at - x) * first).sum(1) / np.where(bend > square / 4, bend, np.maximum(square, 1e-12))
+        s = np.clip(s + step, 0.0, path.breaks[-1])
+        piece = np.clip(np.searchsorted(path.breaks, s, side="right") - 1, 0, len(path.breaks) - 2)
+    return s, piece, first, np.linalg.norm(at - x, axis=1)
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ the corner between them.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from math import ceil
 
 import numpy as np
 
@@ -31,6 +32,8 @@ from planner.trajectory import Trajectory
 
 OVER = 1e-3
 """How far beyond a limit a bound may stay that slowing down mends: what is planned anew keeps that much away."""
+CLOSE, LEAST_CONTOUR = 1.05, 1e-7
+"""Times what was met of the distance from the path that its bound may be, and m below which it is not made closer."""
 LONGEST_CELL, SHORTEST_CELL = 4e-3, 1e-4
 """s: cells of time that are looked at first, and below which none is cut."""
 CELL_BATCH, MOST_CUT = 512, 200_000
@@ -44,7 +47,8 @@ class ShapedProof(Result):
     motion         q_s(t) = Σ Aᵢ q(t − tᵢ)
     worst, where   per limit, the proven bound of value/limit over continuous time, and its place
     convex         names of the limits that follow from those of the motion that is shaped
-    deviation      m: of the tool from where the path was `delay` earlier, so from the path; a proven bound
+    deviation      m: of the tool from its place on the path `delay` earlier, ahead and behind too; a proven bound
+    contour        m: of the tool from the path, wherever on it; a proven bound, at most `deviation`
     turn           rad: of the platform likewise
     axis_deviation (n,) m or rad: of each axis likewise: ½ Σ Aᵢ (tᵢ − t̄)² · sup |q̈|, or tighter
     since          s of the motion, from which on all this is proved
@@ -56,8 +60,10 @@ class ShapedProof(Result):
     where: Mapping[str, Place]
     convex: tuple[str, ...]
     deviation: float
+    contour: float
     turn: float
     deviates_at: Place
+    contour_at: Place
     axis_deviation: Array
     since: float = 0.0
 
@@ -82,8 +88,12 @@ class ShapedProof(Result):
     def describe(self) -> str:
         """Deviation and proof in a line."""
         proved = f"{count_noun(len(self.worst), 'limit')} proved" if self.holds else "LIMITS ARE NOT KEPT"
-        near = f"the tool within {1e6 * self.deviation:.3f} µm of the path"
-        return f"{near}, {proved}"
+        return f"{self.describe_deviation()}, {proved}"
+
+    def describe_deviation(self) -> str:
+        """How far the tool is from the path and from its place on it, rounded up."""
+        off, away = (ceil(1e9 * each) / 1e3 for each in (self.contour, self.deviation))
+        return f"the tool off the path by at most {off:.3f} µm, off its place on it, delayed, by at most {away:.3f} µm"
 
     def tables(self) -> tuple[Table, ...]:
         """The shaper of each axis and how far it moves the axis; the limits after shaping."""
@@ -91,7 +101,7 @@ class ShapedProof(Result):
         shapers = [str(axis.shaper or "none") for axis in self.axes]
         title = (
             f"behind its input shapers the motion lasts {self.duration:.6f} s, is {1e3 * self.delay:.3f} ms "
-            f"late, and the tool leaves the path by {1e6 * self.deviation:.3f} µm at most, proved"
+            f"late; {self.describe_deviation()}, proved"
         )
         columns = (
             Column("axis", names),
@@ -155,8 +165,10 @@ def prove_shaped(
         where,
         tuple(limit.name for limit in convex),
         float(search.away),
+        float(search.off),
         float(search.turned),
         search.place(search.away_at),
+        search.place(search.off_at),
         search.axes,
         since,
     )
@@ -168,7 +180,7 @@ class _Search:
     def __init__(self, motion: ShapedMotion, trajectory: Trajectory, limits: Sequence[Limit], since: float) -> None:
         self.motion, self.trajectory, self.limits, self.since = motion, trajectory, limits, since
         self.bound, self.at = np.zeros((2, len(limits)))
-        self.away = self.away_at = self.turned = 0.0
+        self.away = self.away_at = self.off = self.off_at = self.met = self.turned = 0.0
         self.axes = np.zeros(motion.copies.weights.shape[1])
 
     def run(self) -> None:
@@ -182,15 +194,15 @@ class _Search:
         cut = 0
         while len(cells.k):
             found = [self._look(cells[part]) for part in _batches(len(cells.k))]
-            uses, away, turned, axes = (np.concatenate(each, axis=-1) for each in zip(*found, strict=True))
-            loose = (uses > 1 + over).any(0) | ~np.isfinite(away)
+            uses, away, off, turned, axes = (np.concatenate(each, axis=-1) for each in zip(*found, strict=True))
+            loose = (uses > 1 + over).any(0) | ~np.isfinite(away) | (off > max(CLOSE * self.met, LEAST_CONTOUR))
             loose &= (cells.hi - cells.lo > SHORTEST_CELL) & (cut <= MOST_CUT)
-            self._keep(cells[~loose], uses[:, ~loose], away[~loose], turned[~loose], axes[:, ~loose])
+            self._keep(cells[~loose], uses[:, ~loose], away[~loose], off[~loose], turned[~loose], axes[:, ~loose])
             cells = cells[loose].parts(2)
             cut += len(cells.k)
 
-    def _look(self, cells: Cells) -> tuple[Array, Array, Array, Array]:
-        """Of N cells: bounds of the uses (limits, N), of the deviations (N,) and (N,), and of the axes' (n, N)."""
+    def _look(self, cells: Cells) -> tuple[Array, Array, Array, Array, Array]:
+        """Of N cells: bounds of the uses (limits, N), of the three deviations (N,) each, and of the axes' (n, N)."""
         count = len(cells.k)
         with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
             enclosure = enclose_shaped(self.motion, self.trajectory, cells)
@@ -198,10 +210,13 @@ class _Search:
             for n, limit in enumerate(self.limits):
                 uses[n] = _use(limit, *bound_series(limit.value(enclosure), count), enclosure)
             away, turned = enclosure.away()
+            off, least = enclosure.contour()
+            self.met = max(self.met, float(np.minimum(least, away).max()))
             low, high = bound_series(enclosure.apart, count)
-        return np.where(np.isnan(uses), np.inf, uses), away, turned, np.maximum(np.abs(low), np.abs(high)).T
+        moved = np.maximum(np.abs(low), np.abs(high)).T
+        return np.where(np.isnan(uses), np.inf, uses), away, np.minimum(off, away), turned, moved
 
-    def _keep(self, cells: Cells, uses: Array, away: Array, turned: Array, axes: Array) -> None:
+    def _keep(self, cells: Cells, uses: Array, away: Array, off: Array, turned: Array, axes: Array) -> None:
         if not len(cells.k):
             return
         middle = self.motion.knots[cells.k] + (cells.lo + cells.hi) / 2
@@ -219,6 +234,9 @@ class _Search:
         first = int(away.argmax())
         if away[first] > self.away:
             self.away, self.away_at = float(away[first]), float(middle[first])
+        first = int(off.argmax())
+        if off[first] > self.off:
+            self.off, self.off_at = float(off[first]), float(middle[first])
         self.turned = max(self.turned, float(turned.max()))
         self.axes = np.maximum(self.axes, axes.max(1))
 

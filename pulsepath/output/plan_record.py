@@ -65,7 +65,7 @@ def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
             },
         },
         "certificate": _certificate(plan.certificate),
-        "shaping": None if plan.shaped is None else _shaping(plan.shaped),
+        "shaping": None if plan.shaped is None else _shaping(plan.shaped) | {"warning": plan.exceeded or None},
         "fit": fit_record(plan.path.fit),
         "blends": blend_records(plan.path.blends),
         "synchronised_moves": departure_records(plan.departures),
@@ -164,8 +164,10 @@ def _shaping(shaped: ShapedProof) -> Record:
             }
             for axis, off in zip(shaped.axes, shaped.axis_deviation, strict=True)
         },
+        "tool_contour_um": 1e6 * shaped.contour,
         "tool_deviation_um": 1e6 * shaped.deviation,
         "turn_deviation_rad": shaped.turn,
+        "contour_at": place_record(shaped.contour_at),
         "deviates_at": place_record(shaped.deviates_at),
         "holds": shaped.holds,
         "limits": {

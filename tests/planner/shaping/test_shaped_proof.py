@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from controllers.drives.flexible_load import FlexibleLoad
 from kinematics import load_machine
@@ -51,6 +52,18 @@ def sample(machine, trajectory, proof, t):
     return poses, about
 
 
+def measure_contour(trajectory, places):
+    """(N,) m from places (N, 3) to the strokes beside the nearest of many points of the path."""
+    points = trajectory.at(np.linspace(0, trajectory.duration, 300_001)).pose.translation
+    nearest = np.clip(cKDTree(points).query(places)[1], 1, len(points) - 2)
+    found = []
+    for first, last in ((points[nearest - 1], points[nearest]), (points[nearest], points[nearest + 1])):
+        way = last - first
+        share = ((places - first) * way).sum(1) / np.maximum((way**2).sum(1), 1e-30)
+        found.append(np.linalg.norm(places - first - np.clip(share, 0, 1)[:, None] * way, axis=1))
+    return np.minimum(*found)
+
+
 @pytest.fixture(scope="module", params=sorted(KINDS))
 def solved(request):
     return solve(request.param)
@@ -78,6 +91,8 @@ def test_the_deviation_holds_and_is_close(solved):
     away = np.linalg.norm(poses.translation - about.translation, axis=1).max()
     turned = (poses.rotation * about.rotation.inv()).magnitude().max()
     assert away <= proof.deviation <= 1.3 * away
+    off = measure_contour(trajectory, poses.translation).max()
+    assert off - 1e-10 <= proof.contour <= min(1.06 * off + 1e-7, proof.deviation)
     assert turned <= proof.turn + 1e-12
     moved = np.abs(proof.motion.at(t).q - trajectory.at(np.clip(t - proof.delay, 0, trajectory.duration)).q).max(0)
     spread = proof.motion.copies.spread

@@ -49,13 +49,48 @@ def test_record_motion_and_pulses_are_of_the_shaped_motion(call, machine_file, t
     home = pp.load_machine("hexapod").home.translation
     away = np.abs(np.linalg.norm((place - place[0])[:, :2] - [-0.015, 0.0], axis=1) - 0.015)
     assert np.allclose(place[0], home + np.array([0.015, 0, 0.025]), atol=1e-9)
-    assert away.max() <= 1e-6 * shaping["tool_deviation_um"]
-    assert away.max() > 0.05e-6 * shaping["tool_deviation_um"]
+    assert 0.95e-6 * shaping["tool_contour_um"] < away.max() <= 1e-6 * shaping["tool_contour_um"]
+    assert shaping["tool_contour_um"] <= shaping["tool_deviation_um"]
+    assert shaping["warning"] is None  # it has no tolerance to keep
     taken = pp.load_plan(out)  # proved again, behind the shapers as well
     assert taken.duration == told["duration_s"]
     no = call("export", out, "--format", "adlink")
     assert no.exit_code == 2
     assert "has an input shaper" in no.stderr
+
+
+CORNER = """
+schema = 1
+length = "mm"
+[[segment]]
+line = { to = [6, 0, 0] }
+join = { blend = BLEND }
+[[segment]]
+line = { to = [6, 4, 0] }
+"""
+
+
+@pytest.mark.parametrize("blend", [0.02, 0.5])
+def test_a_tolerance_that_is_not_proved_behind_the_shapers_is_warned_of(call, tmp_path, blend):
+    """Against the corner itself: how far the table's poses leave it, or would at most."""
+    program, out = tmp_path / "corner.toml", tmp_path / "out"
+    program.write_text(CORNER.replace("BLEND", str(blend)), encoding="utf-8")
+    axes = [replace(axis, shaper=Shaper("zv", 28.0, 0.05)) for axis in pp.load_machine("traverser").axes]
+    machine = tmp_path / "machine.toml"
+    machine.write_text(machine_toml(pp.load_machine("traverser").driven_by(axes)), encoding="utf-8")
+    done = call("plan", program, "--machine", machine, "--out", out, "--no-figures")
+    assert done.exit_code == 0, done.stderr
+    told = json.loads((out / "plan.json").read_text())
+    table = np.genfromtxt(out / "trajectory.csv", delimiter=",", names=True)
+    x, y = 1e3 * (table["x_m"] - table["x_m"][0]), 1e3 * (table["y_m"] - table["y_m"][0])
+    off = np.minimum(np.hypot(y, np.maximum(x - 6, 0)), np.hypot(x - 6, np.maximum(-y, 0))).max()
+    (left,) = told["blends"]
+    used = 1e3 * left["deviation_m"] + 1e-3 * told["shaping"]["tool_contour_um"]
+    assert off <= used
+    warned = used > blend
+    assert (told["shaping"]["warning"] is not None) == warned
+    assert ("not proved behind the input shapers" in done.stderr) == warned
+    assert ("not proved behind the input shapers" in (out / "report.html").read_text()) == warned
 
 
 def test_planning_in_parts_is_refused(call, machine_file, tmp_path):
