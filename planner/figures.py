@@ -114,13 +114,15 @@ def draw_way(ax: Axes3D, position: Array, speed: Array, label: str = "speed alon
     """Points (N, 3) mm one after the other, coloured by the speed (N,) mm/s there; where they rest."""
     strokes = list(np.stack([position[:-1], position[1:]], 1))
     # fast is dark: it stands out from the paper, and from the inverted paper of a dark page too
-    line = Line3DCollection(strokes, cmap="viridis_r", linewidths=2.5)
+    # and thin where the way is long for its room: strokes beside each other would run together
+    extent = np.ptp(position, axis=0)
+    turns = float(np.linalg.norm(np.diff(position, axis=0), axis=1).sum()) / max(float(extent.max()), 1e-9)
+    line = Line3DCollection(strokes, cmap="viridis_r", linewidths=float(np.clip(60 / max(turns, 1.0), 0.3, 2.5)))
     line.set_array((speed[:-1] + speed[1:]) / 2)
     ax.add_collection3d(line)
     rest = position[speed <= 1e-6 * speed.max(initial=0.0)]
     ax.scatter(*rest.T, color="black", s=14, depthshade=False, label="at rest")
     ax.scatter(*position[0], s=80, facecolor="none", edgecolor="black", depthshade=False, label="start")
-    extent = np.ptp(position, axis=0)
     for name, low, size in zip("xyz", position.min(0), extent, strict=True):
         half = max(size, extent.max() / 10) / 2
         ax.set(**{f"{name}lim": (low + size / 2 - half, low + size / 2 + half), f"{name}label": f"{name} (mm)"})
@@ -332,9 +334,11 @@ def window_uses(standing: PlanStanding, ax: Axes | None = None) -> Axes:
     for n, (name, use) in enumerate(standing.certificate.use.items()):
         edges = np.linspace(0.5, standing.windows + 0.5, len(use) + 1)
         _draw_stairs(ax, use, edges, label=literal_label(name), **line_style(n))
-    ax.axhline(1.0, color="black", linestyle=(0, (6, 3)), linewidth=1)
+    ax.axhline(1.0, color="#9AA4AE", linewidth=4, alpha=0.5, zorder=0)  # most limits are used up: it lies under them
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+    ax.set_xlim(0.5, standing.windows + 0.5)
     ax.set(xlabel="window", ylabel="largest share of the limit, proved", ylim=(0, 1.1))
-    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, frameon=False)
+    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, frameon=False)
     return ax
 
 

@@ -309,6 +309,7 @@ def _overlay(frames: Frames) -> str:
         views=[{"name": view.name, "label": view.name[0].upper() + view.name[1:]} for view in VIEWS],
         gradient=", ".join(f"{colour} {100 * place:g}%" for place, colour in RAMP),
         what=frames.what,
+        bare=all(bar.sort == "platform" for bar in frames.bars),
         tilted=bool(np.isfinite(frames.tilt).any()),
         planned=PLANNED_COLOUR,
         realised=REALISED_COLOUR,

@@ -86,8 +86,9 @@ def _owners(channel: str, axes: Sequence[str]) -> list[int]:
 MIN_PATH_INSTANTS, PATH_INSTANT_RATE, MAX_PATH_INSTANTS = 1200, 100.0, 6000
 """Instants at which both paths are drawn, evenly in time: at least; 1/s of a motion that lasts longer; at most, so that
 the page stays small."""
-DRAWN_ERROR_SHARE = 0.04
-"""Share of the path's size that the largest error of the pulses is drawn as, at most, if nothing else is asked for."""
+DRAWN_ERROR_SHARE, PLAIN_LENGTH = 0.01, 6.0
+"""Share of the path's size that the largest error of the pulses is drawn as, at most, if nothing else is asked for; and
+how many times its size a path is long, from which on it is less: what lies beside each other is not to cross."""
 TOOL_AXES_SHARE = 0.15
 """Share of the path's extent that the axes of the tool are long, by which a machine without a skeleton is drawn."""
 FLATNESS_SHARE = 1e-6
@@ -245,7 +246,9 @@ def magnification(planned: Array, errors: Array | None) -> float:
     largest = 0.0 if errors is None else float(np.linalg.norm(errors, axis=1).max())
     if largest == 0.0:
         return 1.0
-    room = DRAWN_ERROR_SHARE * float(np.linalg.norm(np.ptp(planned, axis=0))) / largest
+    size = float(np.linalg.norm(np.ptp(planned, axis=0)))
+    length = float(np.linalg.norm(np.diff(planned, axis=0), axis=1).sum())
+    room = DRAWN_ERROR_SHARE * size / max(1.0, length / (PLAIN_LENGTH * (size or 1.0))) / largest
     steps = [step * 10.0**power for power in range(12) for step in (1, 2, 5)]
     return max([step for step in steps if step <= room], default=1.0)
 

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DPI, SMALL_DPI = 150, 115
+NARROW = 6.2
+"""Inches: width of a figure whose letters a telephone shows large enough when all of it is seen."""
 COLOURS, NEARLY_WHITE = 128, 248
 """Of the palette of a figure, enough for a colour map and for soft edges; from where on a channel counts as full."""
 EDGE = 12

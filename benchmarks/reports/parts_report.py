@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.reports.page import Drawing, draw_figure, group_digits, render, save_figures, style
+from benchmarks.reports.page import NARROW, Drawing, draw_figure, group_digits, render, save_figures, style
 from benchmarks.reports.time_series import TIME, Panel, Series
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.figure import PALETTE, literal_label
@@ -70,13 +70,14 @@ def summary(standing: PlanStanding) -> dict[str, str]:
 
 def draw(standing: PlanStanding, seen: Overview) -> dict[str, Drawing]:
     """Every figure of the page as a PNG, by name."""
+    from kinematics.foundation.figure import new_axes
     from planner.figures import window_uses
 
     with style():
         return {
             "path": draw_figure(_draw_path(seen)),
             "axes": _draw_axes(standing, seen),
-            "limits": draw_figure(window_uses(standing)),
+            "limits": draw_figure(window_uses(standing, new_axes(None, (NARROW, 3.6)))),
         }
 
 
@@ -87,7 +88,7 @@ def _draw_path(seen: Overview) -> "Axes":
     way, t = seen.column("s")[0], seen.t
     speed = np.gradient(way, t) if len(t) > 1 else np.zeros(len(t))
     points = np.stack([seen.column(name)[0] for name in "xyz"], 1)
-    drawn: Axes = draw_way(new_axes_3d(None), 1e3 * points, 1e3 * speed)
+    drawn: Axes = draw_way(new_axes_3d(None, (NARROW, 0.75 * NARROW)), 1e3 * points, 1e3 * speed)
     return drawn
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmarks.animation.animate import POLICY as PLAYER_POLICY
-from benchmarks.reports.page import Drawing, draw_figure, group_digits, render, save_figures, style
+from benchmarks.reports.page import NARROW, Drawing, draw_figure, group_digits, render, save_figures, style
 from benchmarks.reports.timeline import list_segments, make_band
 from controllers.metrics import Metrics
 from controllers.rig import Rig
@@ -135,9 +135,7 @@ def _shaping(plan: Plan) -> dict[str, str]:
     """What input shapers make of it, where there are any."""
     if plan.shaped is None:
         return {}
-    before = (
-        f"{plan.trajectory.duration:.6f} s; of this motion is all that is not said to be behind them, but the pulses"
-    )
+    before = f"{plan.trajectory.duration:.6f} s; all that is not said to be behind them is of this motion"
     return {BEFORE_SHAPERS.capitalize(): before, "Behind them": plan.shaped.describe()}
 
 
@@ -185,10 +183,12 @@ def draw_axes(plan: Plan) -> dict[str, Drawing]:
 
 def draw_path(plan: Plan) -> dict[str, Drawing]:
     """The figures of the path, and of the limits along it."""
+    from kinematics.foundation.figure import new_axes_3d
     from planner.figures import path_in_space
 
     with style():
-        return {"path": draw_figure(path_in_space(plan)), "limits": draw_figure(*_draw_limit_use(plan))}
+        space = path_in_space(plan, new_axes_3d(None, (NARROW, 0.75 * NARROW)))
+        return {"path": draw_figure(space), "limits": draw_figure(*_draw_limit_use(plan))}
 
 
 def draw_comparisons(plan: Plan, classical: Classical, realised: RealisedPath | None) -> dict[str, Drawing]:
@@ -239,10 +239,10 @@ def _draw_limit_use(plan: Plan) -> "list[Axes]":
 def _draw_worth(worth: Worth) -> "list[Axes]":
     from planner.tradeoffs.figures import worth_along
 
-    axes = _stack_axes(2, 3.6, share=False)
+    axes = _stack_axes(2, 3.2, share=False, width=NARROW)
     worth.plot(axes[0])
     worth_along(worth, axes[1])
-    _add_legend(axes[1])
+    _add_legend(axes[1], 3)
     return axes
 
 
@@ -281,17 +281,17 @@ def _draw_classical(plan: Plan, classical: Classical) -> "Axes":
     return _add_legend(ax)
 
 
-def _stack_axes(count: int, height: float, share: bool = True) -> "list[Axes]":
+def _stack_axes(count: int, height: float, share: bool = True, width: float = 9.0) -> "list[Axes]":
     """Axes of one figure, one below the other; with `share`, on one time axis."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(9, count * height + 0.4), layout="constrained")
+    figure = Figure(figsize=(width, count * height + 0.4), layout="constrained")
     return list(figure.subplots(count, 1, sharex=share, squeeze=False)[:, 0])
 
 
-def _add_legend(ax: "Axes") -> "Axes":
+def _add_legend(ax: "Axes", columns: int = 6) -> "Axes":
     """The axes with their legend above them, where it hides nothing."""
-    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=6, frameon=False)
+    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=columns, frameon=False)
     return ax
 
 

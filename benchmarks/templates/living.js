@@ -7,6 +7,13 @@
     return new Float32Array(bytes.buffer); // little-endian, as every machine with a browser is
   };
   const times = page.series.times.map(read), end = page.duration;
+  // The room for the numbers beside the figures: one for all, so that their times stand below each other.
+  const widest = Object.values(page.series.figures).flat().flatMap(panel => [...panel.levels.map(([level]) => level), ...panel.series.flatMap(one => {
+    const y = read(one.y);
+    return [y.reduce((a, b) => Math.min(a, b), 0), y.reduce((a, b) => Math.max(a, b), 0)];
+  })]).reduce((most, value) => Math.max(most, Math.round(1.05 * value).toLocaleString("en-US").length), 0);
+  const gutter = Math.max(62, Math.ceil(7.5 * widest) + 18);
+  root.style.setProperty("--gutter", gutter + "px");
   const plots = [], dashes = [[], [8, 4], [8, 3, 2, 3], [2, 3]], levelDash = [6, 4];
   let shown = [0, end], now = 0, busy = false, hidden = new Set();
 
@@ -93,7 +100,7 @@
       width: box.clientWidth, height: 210,
       title: panel.label,
       scales: { x: { time: false, range: (_, low, high) => [Math.max(low, 0), high] }, y: { range } },
-      axes: [{ ...axis, size: 34 }, { ...axis, size: 62 }],
+      axes: [{ ...axis, size: 34 }, { ...axis, size: gutter }],
       cursor: { y: false, sync: { key: "time", scales: ["x", null] }, drag: { x: true, y: false, dist: 4 }, bind: { mouseleave: () => null },
         points: { size: 6 }, focus: { prox: -1 },
         // what holds from an instant on holds until the next
@@ -160,14 +167,17 @@
     ctx.font = "12px system-ui, sans-serif";
     ctx.textBaseline = "middle";
     let free = -1;
+    const seen = page.segments.filter(([from], k) => from <= shown[1] && (page.segments[k + 1]?.[0] ?? end) >= shown[0]).length;
+    const crowded = seen > width / 14; // then only some are marked, each with its number
     page.segments.forEach(([from, name], k) => {
       const left = Math.max(place(from), 0), right = Math.min(place(page.segments[k + 1]?.[0] ?? end), width);
       if (right < 0 || left > width || left < free) return;
       ctx.fillStyle = style("--soft");
       ctx.fillRect(left, bar, 1, height - bar);
-      const short = name.replace(/^\D*/, ""), text = [name, short].find(one => ctx.measureText(one).width + 8 < right - left);
+      const short = name.replace(/^\D*/, ""), room = crowded ? width - left : right - left;
+      const text = (crowded ? [short] : [name, short]).find(one => ctx.measureText(one).width + 8 < room);
       if (text) ctx.fillText(text, left + 4, bar + (height - bar) / 2);
-      free = left + 2;
+      free = left + (crowded ? Math.max(60, ctx.measureText(short).width + 24) : 2);
     });
   };
 
