@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 from kinematics.files.toml_document import read
 from kinematics.foundation.errors import Fault, FileError, MotionError
 from kinematics.foundation.names import find, source_folder
-from planner.program.model import Program, fit_joins
+from planner.program.joins import fit_joins
+from planner.program.model import Program
 from planner.program.program_file import make_program, read_program_file
 from pulsepath.progress import note
 

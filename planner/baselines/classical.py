@@ -29,7 +29,8 @@ from planner.limits.registry import make_own_limits
 from planner.limits.resonance import Resonance
 from planner.path.actuation import ActuatorPath, MachinePath, actuate
 from planner.plan import Plan
-from planner.program.model import MovingSegment, Program, stop_at_joins
+from planner.program.joins import stop_at_joins
+from planner.program.model import MovingSegment, Program
 from planner.timing.certified_run import Timing, required_slowness
 from planner.timing.certified_solve import certified_solve
 from planner.timing.problem import Block, Problem, Run, make_grid, pose_problem

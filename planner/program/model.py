@@ -1,8 +1,7 @@
 """The program model: what the tool is asked to do, segment by segment, in SI units and in the program's own frame."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from functools import partial
+from dataclasses import dataclass, field
 from itertools import islice
 from math import isfinite
 from typing import TYPE_CHECKING, Literal, overload
@@ -19,7 +18,7 @@ from kinematics.foundation.result import Result
 from kinematics.foundation.short_repr import short_repr
 from kinematics.foundation.table import Column, Table
 from kinematics.foundation.units import Acceleration, Angle, AngularSpeed, Duration, Length, Speed
-from planner.program.modifiers import STOP, Fit, Free, Join, Stop, Trigger
+from planner.program.modifiers import STOP, Free, Join, Trigger
 from planner.program.validation import (
     MOST_SEGMENTS,
     check_angle,
@@ -252,11 +251,13 @@ Frame = Literal["home", "base"]
 class SegmentStream(Sequence[Segment]):
     """Segments of a file that are not held: whoever goes through them reads it anew.
 
-    read   begins with the first; total: how many there are. None of them has an event or an orientation left free.
+    read   begins with the first; total: how many there are. None of them has an orientation left free.
+    marked  whether any of them has a trigger
     """
 
     read: Callable[[], Iterator[Segment]]
     total: int
+    marked: bool = False
 
     def __iter__(self) -> Iterator[Segment]:
         return self.read()
@@ -377,23 +378,3 @@ def _end(segment: Segment) -> Array | None:
     if isinstance(segment, Line | Synchronised):
         return segment.to
     return segment.through[-1] if isinstance(segment, Spline) else None
-
-
-def fit_joins(program: Program, tolerance: float) -> Program:
-    """The same program with its path fitted within a tolerance (m), whatever its joins say."""
-    fitted = (part if isinstance(part, Dwell) else replace(part, join=Fit(tolerance)) for part in program.segments)
-    return replace(program, segments=tuple(fitted))
-
-
-def stop_at_joins(program: Program) -> Program:
-    """The same program with a stop at every join, or every corner of a fit: what a control without blends would run."""
-    stream = program.segments
-    if isinstance(stream, SegmentStream):
-        return replace(program, segments=SegmentStream(partial(_stop_each, stream), stream.total))
-    return replace(program, segments=tuple(_stop_each(stream)))
-
-
-def _stop_each(segments: Sequence[Segment]) -> Iterator[Segment]:
-    for part in segments:
-        corner = replace(part.join, stop=True) if not isinstance(part, Dwell) and isinstance(part.join, Fit) else Stop()
-        yield part if isinstance(part, Dwell) else replace(part, join=corner)

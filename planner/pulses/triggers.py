@@ -62,7 +62,7 @@ def find_triggers(
     delay, length: s, by which the pulses are behind the trajectory in motion, and before they rest where it does, as
     input shapers put them
     """
-    if isinstance(program.segments, SegmentStream):
+    if isinstance(program.segments, SegmentStream) and not program.segments.marked:
         return ()
     events = {
         number: segment.trigger

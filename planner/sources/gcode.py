@@ -25,17 +25,19 @@
 | #1 = [2 * #<depth>] | parameters and expressions (planner.sources.rs274.expressions) |
 | O1 sub, call, if, while, do, repeat … | in which order lines run (planner.sources.rs274.flow) |
 | / | a block that the option `block_delete` skips or runs |
+| M3 M4 M5 M7 M8 M9 | a trigger with its name, where the path has come to (planner.sources.rs274.events) |
+| M6 | likewise, and the motion stops there |
 | M2 M30 % | the end: what follows is not read |
 | N ( … ) ; | numbers of lines, and comments |
 
 A file of joint axes, as the export g93 writes it, says so in its header: its places are found by forward kinematics of
 the option `machine`, and without that it is refused (planner.sources.rs274.joints).
 
-Words of spindle, coolant and tool (S T M3 to M9 M19 G97) are skipped with a warning that counts them, or with the
-option `strict` refused. Everything else is a fault with its line and column; further words named in the option `ignore`
-are skipped and counted likewise, where the path stays as it is without them. F is a cap: the machine is as fast as it
-can under it. Coordinates that are rounded make small corners where curves were smooth, at which G61 stops: G64 P passes
-them.
+Other words of spindle and tool (S T M19 G97) are skipped with a warning that counts them and names their lines; with
+the option `strict` these and M3 to M9 are refused. Everything else is a fault with its line and column; further words
+named in the option `ignore` are skipped likewise, where the path stays as it is without them. F is a cap: the machine
+is as fast as it can under it. Coordinates that are rounded make small corners where curves were smooth, at which G61
+stops: G64 P passes them.
 """
 
 from collections.abc import Iterator, Sequence
@@ -83,7 +85,7 @@ class Gcode:
         None, 'position of the file\'s zero from home, as "0 mm, 0 mm, 25 mm" or with three angles. Default: at home'
     )
     ignore: str | None = option(None, 'further words to skip, as "M0 M48 G43 H"')
-    strict: bool = option(False, "refuse spindle, coolant and tool words instead of skipping them with a warning")
+    strict: bool = option(False, "refuse spindle, coolant and tool words instead of marking or skipping them")
     machine: str | None = option(None, "for a file of joint axes, as written by the export g93: the machine it is for")
 
     def __post_init__(self) -> None:
@@ -129,9 +131,11 @@ class Gcode:
         if hold:
             segments = tuple(run.follow(text))
         else:
-            count = sum(1 for _ in run.follow(text))
-            segments = SegmentStream(partial(self._read_again, path, sha256(text.encode("utf-8", "surrogateescape"))
-                                             .hexdigest()), count)  # fmt: skip
+            count, marked = 0, False
+            for segment in run.follow(text):
+                count, marked = count + 1, marked or getattr(segment, "trigger", None) is not None
+            digest = sha256(text.encode("utf-8", "surrogateescape")).hexdigest()
+            segments = SegmentStream(partial(self._read_again, path, digest), count, marked)
         if not faults and not run.entities.keys() - {"G4"}:
             faults.add("nothing moves: no G0, G1, G2 or G3 moves the tool")
         faults.refuse()

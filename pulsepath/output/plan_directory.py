@@ -28,7 +28,7 @@ from planner.orientation.orient import apply_choice, find_choice
 from planner.parallel import Progress, ignore_progress
 from planner.path.actuation import MachinePath, actuate
 from planner.path.chain import walk_path
-from planner.program.model import fit_joins
+from planner.program.joins import fit_joins
 from planner.pulses import PulseCheck, PulseFile, PulseSchedule, check, check_file, generate, open_pulses, pace_axes
 from planner.pulses.checking.edge_reader import check_file_parts
 from planner.pulses.checking.pulse_reader import list_statements, read_compensation

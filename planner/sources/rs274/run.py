@@ -16,6 +16,7 @@ from planner.program.model import MIN_MOVE, Arc, Dwell, Line, Segment, Turn
 from planner.program.modifiers import Blend, Fit, Join, Stop, Through
 from planner.sources.rs274.arcs import PLANES, read_arc
 from planner.sources.rs274.coordinates import Coordinates, ToolOffsets
+from planner.sources.rs274.events import Events, WordLines
 from planner.sources.rs274.words import (
     GROUPS,
     MAX_NUMBER,
@@ -48,6 +49,8 @@ class Options(Protocol):
     @property
     def ignored_words(self) -> frozenset[str]: ...
     @property
+    def strict(self) -> bool: ...
+    @property
     def first_join(self) -> Join: ...
     @property
     def arc_tolerance(self) -> float | None: ...
@@ -70,7 +73,7 @@ class GcodeRun:
         self.ready: list[Segment] = []
         self.number = 0
         self.entities: Counter[str] = Counter()
-        self.left_out: Counter[str] = Counter()
+        self.left_out, self.events = WordLines(), Events(options.ignored_words, options.strict)
         self.nowhere, self.several, self.off, self.unstated = 0, 0, 0.0, True
         self.ended, self.offsets = False, ToolOffsets()
         start = RigidTransform.identity() if work is None else work.inv()
@@ -100,13 +103,13 @@ class GcodeRun:
     def _add(self, segment: Segment) -> None:
         if self.held is not None:
             self.ready.append(self.held)
-        self.held = segment
+        self.held = self.events.begin(segment)
 
     def block(self, block: Block) -> None:
         """One line's words; what is wrong with them becomes a fault."""
         number, found = block.number, block.words
         try:
-            codes, values = self._sort_words(found)
+            codes, values = self._sort_words(number, found)
             if codes or "F" in values or "P" in values:
                 self._modal(codes, values)
             if codes.get("join") == 64:  # whose P is no number of turns
@@ -123,7 +126,7 @@ class GcodeRun:
             nth = [k for k, (letter, text) in enumerate(found) if key in (letter.upper(), letter + text)]
             self.faults.add(str(wrong), number, f"column {block.column(nth[-1] if nth else 0)}")
 
-    def _sort_words(self, found: Words) -> tuple[dict[str, float], dict[str, float]]:
+    def _sort_words(self, number: int, found: Words) -> tuple[dict[str, float], dict[str, float]]:
         """The block's G by group, and the numbers of its other words by letter."""
         codes: dict[str, float] = {}
         values: dict[str, float] = {}
@@ -145,7 +148,9 @@ class GcodeRun:
             elif letter == "M" and value in (2, 30):
                 self.ended = True
             elif (word := find_ignored_word(letter, value, self.options.ignored_words)) is not None:
-                self.left_out[word] += 1
+                self.left_out.add(word, number)
+                silent.append((letter, value))
+            elif letter == "M" and value in self.events.codes:
                 silent.append((letter, value))
             else:
                 word = f"{letter}{value:g}"
@@ -159,6 +164,7 @@ class GcodeRun:
             silent.append(("G", 49.0))
         if silent:
             self.offsets.block(silent)
+            self.held = self.events.read(number, silent, self.held)
         return codes, values
 
     def _modal(self, codes: dict[str, float], values: dict[str, float]) -> None:
@@ -357,7 +363,6 @@ class GcodeRun:
         fed: bool,
     ) -> None:
         first, second, normal = PLANES[self.plane]
-        word = f"G{self.motion:.0f}"
         points, most = (begin, place, end), self.options.arc_tolerance
         arc = read_arc(values, self.motion == 2, self.plane, self.unit, self.from_start, points, most)
         centre, axis = [0.0] * 3, [0.0] * 3
@@ -375,14 +380,12 @@ class GcodeRun:
         self.stands[first] = arc.centre[0] + u * cos(turn) - v * sin(turn)
         self.stands[second] = arc.centre[1] + u * sin(turn) + v * cos(turn)
         self.off = max(self.off, arc.off)
-        self.entities[word] += 1
+        self.entities[f"G{self.motion:.0f}"] += 1
 
     def warnings(self, after: int) -> tuple[str, ...]:
         """What was taken to mean something, and what was left out; after: lines that stand after the end."""
-        told = []
-        if self.unstated:
-            told.append(f"no G20 or G21: unit {self.options.length} was assumed")
-        told += [f"skipped {word} ({count}x)" for word, count in sorted(self.left_out.items())]
+        told = [f"no G20 or G21: unit {self.options.length} was assumed"] if self.unstated else []
+        told += [*self.events.describe(), *(f"skipped {text}" for text in self.left_out.describe())]
         if self.nowhere:
             told.append(f"blocks that end where they start were skipped: {self.nowhere}")
         if self.several:

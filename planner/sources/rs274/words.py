@@ -171,8 +171,8 @@ def _find_odd_character(line: str) -> tuple[int, str]:
     return at + 1, f"{describe_value(rest)}: not the start of a word; take it out, or put it into ( … )"
 
 
-MACHINING_WORDS = frozenset({"S", "T", *(f"M{number}" for number in (3, 4, 5, 6, 7, 8, 9, 19)), "G97"})
-"""Of spindle, coolant and tool: they leave the path as it is, and are skipped unless the user wants them refused."""
+MACHINING_WORDS = frozenset({"S", "T", "M19", "G97"})
+"""Of spindle and tool, and no events: they leave the path as it is, and are skipped unless they are to be refused."""
 IGNORABLE_LETTERS = frozenset("STHDE")
 """Speed of the spindle, tool, the numbers of its offsets, and what a printer extrudes: left out with any number."""
 IGNORABLE_G = frozenset({40.0, 43.0, 49.0, *SYSTEMS, 80.0, 97.0, 98.0, 99.0})

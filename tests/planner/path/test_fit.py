@@ -17,7 +17,7 @@ from planner.path.closeness import bound_distance
 from planner.path.fit import fit_chains
 from planner.path.shape import LINE, Drawn, arc, line
 from planner.path.spline import SPLINE
-from planner.program.model import stop_at_joins
+from planner.program.joins import stop_at_joins
 
 HEIGHT, TOLERANCE = 0.025, 2e-5
 

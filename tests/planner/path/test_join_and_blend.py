@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kinematics import Hexapod
 from planner import Arc, Blend, Dwell, Line, Program, Spline, Stop, Through, Turn, check, plan
 from planner.path.actuation import actuate
-from planner.program.model import stop_at_joins
+from planner.program.joins import stop_at_joins
 
 START = RigidTransform.from_components([0.0, 0, 0.25], Rotation.identity())
 START_FROM_HOME = RigidTransform.from_components([0.0, 0, 0.025], Rotation.identity())

@@ -11,9 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from kinematics import FileError, MotionError
-from planner import Arc, Blend, Dwell, Fit, Line, Stop, Through, Turn, import_program, load_program
+from kinematics import FileError, MotionError, load_machine
+from planner import Arc, Blend, Dwell, Fit, Line, Stop, Through, Turn, import_program, load_program, plan
+from planner.path.actuation import actuate
 from planner.path.chain import chain_pieces
+from planner.program.joins import fit_joins
+from planner.program.modifiers import Trigger
 from planner.program.program_writer import program_toml
 from planner.sources.gcode import Gcode
 from tests.pace import cpu_limit, slowness
@@ -329,7 +332,7 @@ def test_what_a_printer_extrudes_is_left_out_when_asked(read):
         read(text)
     done = read(text, ignore="E M104")
     assert [line.to[0] for line in done.program.segments] == [0.01, 0.02]
-    assert "skipped E (4x)" in done.warnings
+    assert "skipped E (4x: lines 3, 4, 5, 6)" in done.warnings
 
 
 def test_words_are_left_out_on_demand_and_counted(read):
@@ -337,7 +340,8 @@ def test_words_are_left_out_on_demand_and_counted(read):
     done = read(text, ignore="S T M3 M6, H g43 M5 M09 G54")
     assert done.program.segments[0].to == pytest.approx([0.001, 0, 0])
     assert done.program.segments[1].to == pytest.approx([0.001, 0, 0.005])
-    assert "skipped M3 (1x)" in done.warnings
+    assert "skipped M3 (1x: line 1)" in done.warnings
+    assert not any(segment.trigger for segment in done.program.segments)
     with pytest.raises(FileError, match="G43 is not supported"):
         read(text, ignore="S T M H")
     for word in ("G92", "G28", "X", "M98", "M30", "G1", "G", "F", "?"):  # their words would be taken for a path
@@ -345,18 +349,66 @@ def test_words_are_left_out_on_demand_and_counted(read):
             read(text, ignore=word)
 
 
-def test_spindle_coolant_and_tool_words_are_skipped_with_a_warning_or_refused(read):
+def test_spindle_coolant_and_tool_words_are_skipped_with_their_lines_or_refused(read):
     """The path is as without them; with `strict`, each is refused at its place."""
     text = "G21 G0 X1 S100 M03\nT1 M6 M8\nG97 S200 M4\nG1 X2 F600 M9\nM5 M7 M19"
     done = read(text)
     assert [line.to[0] for line in done.program.segments] == [1e-3, 2e-3]
-    words = ("G97", "M19", "M3", "M4", "M5", "M6", "M7", "M8", "M9")
-    assert done.warnings == (*(f"skipped {word} (1x)" for word in words), "skipped S (2x)", "skipped T (1x)")
+    skipped = ["G97 (1x: line 3)", "M19 (1x: line 5)", "S (2x: lines 1, 3)", "T (1x: line 2)"]
+    assert [warning for warning in done.warnings if "skipped" in warning] == [f"skipped {word}" for word in skipped]
     with pytest.raises(FileError) as refused:
         read(text, strict=True)
     assert [fault.line for fault in refused.value.faults] == [1, 2, 3, 4, 5]
     assert "column 11: S100 is not supported" in str(refused.value)
-    assert read(text, strict=True, ignore="S T M3 M4 M5 M6 M7 M8 M9 M19 G97").warnings == done.warnings
+    words = "S T M3 M4 M5 M6 M7 M8 M9 M19 G97"
+    assert read(text, strict=True, ignore=words).warnings == read(text, ignore=words).warnings
+
+
+def test_warnings_name_the_first_lines_and_count_the_rest(read):
+    done = read("G21 G0 X1\n" + "S1 G0 X2\nS2 G0 X1\n" * 5)
+    assert done.warnings == ("skipped S (10x: lines 2, 3, 4, 5, 6 and 5 more)",)
+
+
+def test_the_motion_stops_at_a_change_of_the_tool_whatever_joins_say(read):
+    text = "G21 G1 X1 F600\nX2\nT2 M6\nS800 M3\nX3\nX4\n"
+    for option in ({}, {"fit": 1e-5}, {"blend": 1e-5}):
+        before, at, *_ = read(text, **option).program.segments[:3]
+        assert not isinstance(before.join, Stop)
+        assert isinstance(at.join, Stop)
+        assert at.trigger == Trigger("M6 T2 M3 S800")
+    # a fit of the whole program keeps that stop, and no other
+    fitted = fit_joins(read(text, join="stop").program, 1e-5)
+    assert [type(segment.join) for segment in fitted.segments] == [Fit, Stop, Fit, Fit]
+    path = actuate(fitted, load_machine("traverser"))
+    assert sum(path.stops(2)) == 3  # start, end, and the tool change
+
+
+def test_events_mark_the_place_where_the_path_has_come_to(read):
+    """A block's events come before its motion, as in LinuxCNC; before the first segment they mark its start."""
+    done = read("G21 M3 S5\nG1 X1 F600 M8\nX2\nX3 M9\nM5")
+    assert [segment.trigger for segment in done.program.segments] == [
+        Trigger("M3 S5 M8", 0.0), Trigger("M9"), Trigger("M5"),
+    ]  # fmt: skip
+    assert done.warnings[:2] == ("M3 (1x: line 1): marked by a trigger", "M5 (1x: line 5): marked by a trigger")
+    # a segment has one trigger, so that what comes at the end of the first marks the start of the second
+    done = read("G21 M3\nG1 X1 F600\nM6\nX2")
+    assert [segment.trigger for segment in done.program.segments] == [Trigger("M3", 0.0), Trigger("M6", 0.0)]
+    assert isinstance(done.program.segments[0].join, Stop)
+    assert isinstance(fit_joins(done.program, 1e-5).segments[0].join, Stop)
+    done = read("G21 M3\nG1 X1 F600\nM5")
+    assert "M5 at the end: the last segment has a trigger already, so it has none" in done.warnings
+    done = read("G21 G1 X1 F600\nM8\nG4 P1\nM9\nX2")
+    assert [getattr(segment, "trigger", None) for segment in done.program.segments] == [Trigger("M8"), None, None]
+    assert "M9 (1x: line 4): after a rest, where no trigger can be" in done.warnings
+
+
+def test_events_of_a_file_that_is_not_held_are_found(read, tmp_path):
+    (tmp_path / "part.nc").write_text("G21 G1 X1 F600\nM6\nX2\n")
+    program = Gcode().stream(tmp_path / "part.nc").program
+    assert program.segments.marked
+    (event,) = plan(program, "traverser", order=2).triggers
+    assert (event.name, event.where.segment) == ("M6", 1)
+    assert event.pose.translation[0] == pytest.approx(load_machine("traverser").home.translation[0] + 1e-3)
 
 
 def test_what_follows_the_end_is_told(read):
