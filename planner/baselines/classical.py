@@ -30,7 +30,7 @@ from planner.limits.resonance import Resonance
 from planner.path.actuation import ActuatorPath, MachinePath, actuate
 from planner.plan import Plan
 from planner.program.joins import stop_at_joins
-from planner.program.model import MovingSegment, Program
+from planner.program.model import MIN_MOVE, MovingSegment, Program
 from planner.timing.certified_run import Timing, required_slowness
 from planner.timing.certified_solve import certified_solve
 from planner.timing.problem import Block, Problem, Run, make_grid, pose_problem
@@ -321,12 +321,12 @@ def describe_differences(plan: Plan, timing: Classical) -> tuple[str, ...]:
         told.append(f"keeps {', '.join(more)} too")
     if not timing.certificate.holds:
         told.append("not certified")
-    if timing.deviation is not None:
-        told.append(f"leaves the path by up to {1e3 * timing.deviation.distance:.3f} mm")
+    if timing.deviation is not None and timing.deviation.distance > MIN_MOVE:
+        told.append(f"leaves the path by up to {1e3 * timing.deviation.distance:.3g} mm")
     if plan.path.fit is not None:
         rounded = sum(not blend.stop for blend in plan.path.blends)
         told += [f"stops at {count_noun(rounded, 'corner')} that the plan rounds"] if rounded else []
-    elif not plan.path.stops(plan.order).all():
+    elif not plan.path.stops(plan.order).all() and len({(p.repetition, p.segment) for p in plan.path.pieces}) > 1:
         told.append("stops at every join")
     if plan.path.end_speeds != (0.0, 0.0):
         told.append("from rest to rest")

@@ -67,7 +67,7 @@ def test_moves_between_poses_say_what_they_leave(laden):
     between = classical(found, "synchronised")
     told = describe_differences(found, between)
     assert {"jerk", "tool speed", "tilt", "clearance", "force"} <= set(missing_limits(found, between))
-    assert told[-1] == f"leaves the path by up to {1e3 * between.deviation.distance:.3f} mm"
+    assert told[-1] == f"leaves the path by up to {1e3 * between.deviation.distance:.3g} mm"
     assert pick_baseline(found, [between, classical(found)]).kind == "trapezoid"
 
 
