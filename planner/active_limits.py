@@ -1,14 +1,19 @@
-"""What a plan does when: the limit that holds its motion back, and the segment of the program."""
+"""What a plan does when: the limit that holds its motion back, and the segment of the program; and both together."""
 
 import numpy as np
 
 from kinematics.foundation.arrays import Array, largest_in_rows
+from kinematics.foundation.table import Column, Table
 from planner.plan import Plan
+from planner.program.joins import is_marked_stop
 from planner.program.model import Dwell
 from planner.timing.profile import Profile, sample_limit_use
 
 ACTIVE_SHARE = 0.99
 """The share of a limit from which on it holds the motion back."""
+MANY_STOPS = 20
+"""Stops at joins from which on they are worth a line."""
+PROPOSED_FIT = "0.02 mm"
 
 
 def limit_shares(plan: Plan) -> dict[str, Array]:
@@ -56,3 +61,49 @@ def find_segments(plan: Plan) -> list[tuple[int, int]]:
         if not found or found[-1][1] != number or k == begins[0]:
             found.append((int(k), number))
     return found
+
+
+def tabulate_segments(plan: Plan) -> Table:
+    """Each segment of the program, all its repetitions together, and the limit that is active longest in it.
+
+    Its line is that of the file that was read; the length of a turn is its angle times the characteristic length.
+    """
+    motion, segments = plan.trajectory, list(plan.program.segments)
+    begins, numbers = zip(*find_segments(plan), strict=True)
+    times, ways = np.diff(motion.knots), np.diff(np.append(motion.s, motion.path.breaks[-1]))
+    owner = np.repeat(numbers, np.diff((*begins, len(times)))) - 1
+    taken, way = (np.bincount(owner, each, len(segments)) for each in (times, ways))
+    held = np.zeros((len(segments), len(plan.limits) + 1))  # s for which each limit is active; last: for which none is
+    np.add.at(held, (owner, active_limits(plan)), times)
+    longest = held[:, :-1].argmax(1)
+    rows = np.flatnonzero(taken > 0)
+    share = held[rows, longest[rows]] / taken[rows]
+    lines = [segments[k].line_number for k in rows]
+    columns = (
+        Column("segment", rows + 1),
+        *([Column("line", lines)] if any(lines) else []),
+        Column("kind", [type(segments[k]).__name__.lower() for k in rows]),
+        Column("length", way[rows], "m", "human", ".3f"),
+        Column("time", taken[rows], "s", form=".4f"),
+        Column("mean speed", way[rows] / taken[rows], "m/s", "human", ".4g"),
+        Column("held back by", [plan.limits[longest[k]].name if held[k, longest[k]] > 0 else None for k in rows]),
+        Column("for", [100 * each if each > 0 else None for each in share.tolist()], "%", form=".0f"),
+    )
+    fitted = () if plan.path.fit is None else ("each part of a fitted curve counts as the segment beside it",)
+    return Table("segments", columns, fitted)
+
+
+def describe_stops(plan: Plan) -> str:
+    """At how many joins the motion stops, and what passes them; nothing where these are few.
+
+    A stop for a rest, or one that a trigger marks, is meant, and counts as none.
+    """
+    path, segments = plan.path, [*plan.program.segments, None]
+    whose = [(piece.repetition, piece.segment) for piece in path.pieces]
+    joins = [k for k in range(1, len(whose)) if whose[k] != whose[k - 1]]
+    rests, stops = path.stops(plan.order), 0
+    for k in joins:
+        before, after = segments[whose[k - 1][1] - 1], segments[whose[k - 1][1]]
+        meant = isinstance(after, Dwell) or (before is not None and is_marked_stop(before, after))
+        stops += bool(rests[k]) and not meant
+    return f'at {stops} of {len(joins)} joins; --fit "{PROPOSED_FIT}" can pass them' if stops >= MANY_STOPS else ""

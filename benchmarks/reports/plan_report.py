@@ -15,7 +15,8 @@ from controllers.metrics import Metrics
 from controllers.rig import Rig
 from kinematics.foundation.names import count_noun
 from kinematics.foundation.options import check_arguments
-from planner.active_limits import ACTIVE_SHARE, active_limits
+from kinematics.foundation.table import MAX_SHOWN_ROWS
+from planner.active_limits import ACTIVE_SHARE, active_limits, describe_stops, tabulate_segments
 from planner.baselines import Classical, describe_differences, missing_limits
 from planner.certificate.certify import CROSSING
 from planner.certificate.constant_speed import CONSTANT_SPEED, SPEED_TOLERANCE
@@ -121,6 +122,7 @@ def summary(plan: Plan, classical: Classical, verdict: PulseCheck) -> dict[str, 
         **_bound(plan),
         "Segments": f"{len(plan.program.segments)}{again}",
         "Length of the path": f"{1e3 * float(plan.path.breaks[-1]):.3f} mm ({radian})",
+        **({"Stops": stops} if (stops := describe_stops(plan)) else {}),
         **({} if plan.path.fit is None else {"Fit": plan.path.fit.describe()}),
         **_departures(plan),
         "Order": f"{plan.order} ({kept})",
@@ -336,6 +338,8 @@ def _page(
         allowed={limit.name: _format_bounds(limit, plan) for limit in plan.limits} | CLAIMS,
         active=dict(_active_time(plan)),
         active_share=ACTIVE_SHARE,
+        each=tabulate_segments(plan),
+        most_rows=MAX_SHOWN_ROWS,
         window=plan.pulses.duration / RATE_WINDOWS,
         scene=scene,
         policy=PLAYER_POLICY if scene else POLICY,

@@ -15,13 +15,13 @@ def fit_joins(program: Program, tolerance: float) -> Program:
     """
     behind = (*program.segments[1:], None)
     fitted = (
-        part if isinstance(part, Dwell) or _is_marked_stop(part, after) else replace(part, join=Fit(tolerance))
+        part if isinstance(part, Dwell) or is_marked_stop(part, after) else replace(part, join=Fit(tolerance))
         for part, after in zip(program.segments, behind, strict=True)
     )
     return replace(program, segments=tuple(fitted))
 
 
-def _is_marked_stop(part: Segment, after: Segment | None) -> bool:
+def is_marked_stop(part: Segment, after: Segment | None) -> bool:
     """Whether a segment ends at rest and a trigger is there: at its end, or at the start of the one after it."""
     ends = [getattr(part, "trigger", None), getattr(after, "trigger", None)]
     marked = any(one is not None and one.at == at for one, at in zip(ends, (1.0, 0.0), strict=True))

@@ -8,7 +8,8 @@ from platform import python_version
 
 from kinematics import Axis, Machine
 from kinematics.files.plain_text import finite_or_none
-from planner import LimitChange, Triggered, Worth
+from planner import LimitChange, Plan, Triggered, Worth
+from planner.active_limits import tabulate_segments
 from planner.baselines import describe_differences, missing_limits
 from planner.certificate.certify import Certificate
 from planner.limits import find_unkept_limits
@@ -105,6 +106,7 @@ def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
             }
             for stretch in plan.constant_speeds
         ],
+        "segments": _segments(plan),
         "triggers": [_trigger(event, plan.machine.axes) for event in plan.triggers],
         **_origin(inputs, () if job.crossed is None else ("toppra",)),
     }
@@ -239,6 +241,17 @@ def _origin(inputs: Inputs, packages: Sequence[str]) -> Record:
             },
         },
     }
+
+
+def _segments(plan: Plan) -> list[Record]:
+    """How long each segment takes, and what holds it back; the line of its file, None where it has none."""
+    columns = {column.name: column.raw for column in tabulate_segments(plan).columns}
+    columns.setdefault("line", [None] * len(columns["segment"]))
+    keys = {
+        "segment": "segment", "line": "line", "kind": "kind", "length": "length_m", "time": "time_s",
+        "mean speed": "mean_speed_m_s", "held back by": "held_back_by", "for": "held_back_for_percent",
+    }  # fmt: skip
+    return [dict(zip(keys.values(), row, strict=True)) for row in zip(*(columns[key] for key in keys), strict=True)]
 
 
 def _trigger(event: Triggered, axes: Sequence[Axis]) -> Record:

@@ -12,6 +12,7 @@ from kinematics.foundation.result import Result
 from kinematics.foundation.table import SCALES, Column, Table
 from kinematics.machine.axis import Magnitude, directional_bounds
 from planner import Classical, Plan, Standing
+from planner.active_limits import describe_stops, tabulate_segments
 from planner.baselines import describe_differences, missing_limits
 from planner.limits.registry import geometric_limits
 from planner.path.outcome import Blended, FitSummary
@@ -65,7 +66,7 @@ def of_plan(job: Job) -> list[Table]:
     worth = () if job.worth is None or level() < VERBOSE else job.worth.tables()
     tradeoff = () if job.tradeoff is None else job.tradeoff.tables()
     stops = () if job.stops is None else job.stops.tables()
-    return [replace(first, columns=timed), *rest, *tradeoff, *worth, *stops, *crossed]
+    return [replace(first, columns=timed), tabulate_segments(plan), *rest, *tradeoff, *worth, *stops, *crossed]
 
 
 NEARLY = 0.999
@@ -96,6 +97,8 @@ def sum_up(job: Job) -> list[Table]:
     rows.append(("limits", f"{len(proof.worst)} proved at every instant; used up: {', '.join(used) or 'none'}"))
     if job.worth is not None and job.worth.best is not None:
         rows.append(("saved by 1 % more of", job.worth.describe()))
+    if stops := describe_stops(plan):
+        rows.append(("stops", stops))
     if plan.path.fit is not None and plan.path.fit.before:
         rows.append(("fit", _sum_up_fit(plan.path.fit)))
     if plan.departures:

@@ -21,7 +21,7 @@ from controllers.figures import contour_error, following_error
 from controllers.rig import assumed_rig
 from kinematics import load_machine
 from planner import classical, load_program, plan
-from planner.active_limits import active_limits
+from planner.active_limits import active_limits, tabulate_segments
 from planner.figures import axis_motion, limit_use, path_in_space, pulse_rate
 from planner.program.model import Dwell, Line, Program
 from planner.pulses import check
@@ -141,6 +141,13 @@ def test_every_figure_is_there_and_in_the_page(folder, page):
     assert all(attributes["alt"] for attributes in shown)
     for png in files.values():
         assert png.startswith(b"\x89PNG\r\n\x1a\n")
+
+
+def test_the_segments_have_their_times(page, planned):
+    table = tabulate_segments(planned)
+    assert page.tables["segments"] == [[column.title for column in table.read], *table.cells()]
+    (time,) = (column.raw for column in table.columns if column.name == "time")
+    assert sum(time) == pytest.approx(planned.trajectory.duration)
 
 
 def test_it_says_what_limits_are_worth(text, page, planned):
