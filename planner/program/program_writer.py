@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from kinematics.files.keys import Key, format_entries, keys_of, table_lines
+from kinematics.files.plain_text import plain_line
 from kinematics.files.toml_document import format_decimal
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.names import find
@@ -24,15 +25,20 @@ from planner.program.segment_tables import PathEntry
 from planner.program.validation import CAPS
 
 
-def program_toml(program: Program, comment: str = "", *, complete: bool = False) -> str:
-    """The TOML text of a program, after the lines of a comment; complete: with what holds where nothing is said."""
+def program_toml(program: Program, comment: str = "", *, complete: bool = False, source: str = "") -> str:
+    """The TOML text of a program, after the lines of a comment; complete: with what holds where nothing is said.
+
+    source: the file whose lines the segments were, told as a comment of each
+    """
     lines = [f"# {line}".rstrip() for line in comment.splitlines()]
     lines += ["schema = 1", *_lines(ProgramFile, _head(program, complete))]
     for segment in program.segments:
         name = type(segment).__name__.lower()
         entry = next(table for table in SEGMENTS if name in table.model_fields)
         shape: Callable[[Any], Any] = _SHAPES.get(name, _place)
-        lines += ["", "[[segment]]", *_lines(entry, {name: shape(segment)} | _modifiers(segment, complete))]
+        known = source and segment.line_number is not None
+        told = f"  # line {segment.line_number} of {plain_line(source)}" if known else ""
+        lines += ["", f"[[segment]]{told}", *_lines(entry, {name: shape(segment)} | _modifiers(segment, complete))]
     return "\n".join(lines) + "\n"
 
 

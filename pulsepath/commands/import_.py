@@ -78,7 +78,7 @@ def import_(
         from planner.figures import program_path
 
         told = f"{found.program.name}, imported from {file.name} ({name})"
-        written.write_text(program_toml(found.program, told), encoding="utf-8")
+        written.write_text(program_toml(found.program, told, source=file.name), encoding="utf-8")
         figure_of = program_path(way).get_figure(root=True)
         if figure_of is not None:
             figure_of.savefig(drawn, dpi=150)
