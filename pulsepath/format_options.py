@@ -1,5 +1,6 @@
 """The options of formats on the command line, made from the fields of the formats themselves."""
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import Field, dataclass
 from importlib import import_module
@@ -14,6 +15,8 @@ from pulsepath.options import read_quantity
 if TYPE_CHECKING:
     from pulsepath.inputs import Origin
 
+USUAL = re.compile(r'as "([^"]+)"|Default:? (\d[\d.]* [a-z/]+)')
+"""A usual value of an option that is a quantity, in its help."""
 TYPES = {"int": click.INT, "float": click.FLOAT, "str": click.STRING}
 """Of options, as they are kept on disk."""
 
@@ -83,7 +86,10 @@ class Formats:
             raise MotionError(f"format {name} has no option {_flag(key)}; its options: {offered}")
         for key in values:
             unit = own[key].metadata["unit"]
-            values[key] = read_quantity(_flag(key), values[key], unit) if unit else values[key]
+            if unit:
+                usual = USUAL.search(own[key].metadata["help"])
+                like = None if usual is None else usual[1] or usual[2]
+                values[key] = read_quantity(_flag(key), values[key], unit, like=like)
             if get_origin(kinds[key]) is Literal and values[key] not in get_args(kinds[key]):
                 choices = ", ".join(get_args(kinds[key]))
                 raise MotionError(f'format {name}, option {_flag(key)}: "{values[key]}" is none of {choices}')

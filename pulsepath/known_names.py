@@ -82,6 +82,11 @@ TABLES = {
     "imports": "planner.sources.source",
 }
 """Modules whose tables a program may add its own names to: once they are loaded, they tell, and not their files."""
+CONTROLLERS = {
+    "linuxcnc": "halstreamer", "ethercat": "csp", "klipper": "steps --named", "grbl": "g93", "grblhal": "g93",
+    "fluidnc": "g93", "ros2": "ros", "newport": "xps", "csv": "pulses",
+}  # fmt: skip
+"""The export format, with its options, of controllers that people ask for by their own names."""
 PACKAGES = ("kinematics", "planner", "controllers", "pulsepath")
 """What lists tell of, or tell it."""
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -24,6 +24,8 @@ MACHINE_FILE, PROGRAM_FILE = "machine.toml", "program.toml"
 FIRST_LOOK = 1 << 16
 """Bytes of a file up to which reading it twice costs nothing that is felt."""
 PERCENT = re.compile(r"\s*(\d*\.?\d+(?:[eE][+-]?\d+)?)\s*%\s*")
+FREQUENCY = re.compile(r"\s*(\d+(?:\.\d*)?(?:[eE]\+?\d{1,2})?)\s*(|Hz|kHz|MHz|GHz)\s*", re.ASCII)
+MULTIPLES = {"": 1, "Hz": 1, "kHz": 10**3, "MHz": 10**6, "GHz": 10**9}
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 ALLOW_MINUS = {"ignore_unknown_options": True}
 """Settings of a command whose arguments may begin with a minus, as the poses "-5,5,35" and "-10 mm, 0 mm, 25 mm" do."""
@@ -68,6 +70,7 @@ def refuse_unknown(
 
     laws   with their gains or not; rule: with its options or not; format: of exports
     """
+    from kinematics.foundation.errors import BadValue
     from kinematics.foundation.names import find, unknown_name
 
     for package, what, name in (
@@ -82,8 +85,12 @@ def refuse_unknown(
     written += [] if format is None else [("exports", "format", format, known_names.exports)]
     for table, what, text, list_names in written:
         name = text.partition(":")[0].strip()
+        loaded = sys.modules.get(known_names.TABLES[table])
+        taken = known_names.CONTROLLERS.get(name.lower()) if table == "exports" else None
+        if taken is not None and name not in getattr(loaded, "FORMATS", ()):
+            raise BadValue(f'no format is called "{name}"; for that, give --format {taken}', nearest=taken)
         # what is loaded may have got more names, and tells itself
-        if known_names.TABLES[table] not in sys.modules and name not in list_names():
+        if loaded is None and name not in list_names():
             raise unknown_name(what, name, list_names())
 
 
@@ -104,15 +111,33 @@ def _refuse_unreadable(file: Path) -> None:
         read(file)
 
 
-def read_quantity(flag: str, text: str, unit: str, above: float = -inf, least: float = -inf) -> float:
-    """The SI value of a quantity that an option gives. Raises BadValue, which names the option."""
+def read_quantity(
+    flag: str, text: str, unit: str, above: float = -inf, least: float = -inf, like: str | None = None
+) -> float:
+    """The SI value of a quantity that an option gives; like: a usual one. Raises BadValue, which names the option."""
     from kinematics.foundation.errors import BadValue
     from kinematics.foundation.units import Unit
 
     try:
-        return Unit(unit, above=above, least=least).read(text, {})
+        return Unit(unit, above=above, least=least, like=like).read(text, {})
     except BadValue as error:
         raise BadValue(f"option {flag}: {error}", allowed=error.allowed, nearest=error.nearest) from None
+
+
+class Frequency(click.ParamType[int]):
+    """A whole number of Hz, plain or with a unit, as 16000000 or "16 MHz"."""
+
+    name = "frequency"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        """The number of Hz; fails the parameter with what is wrong."""
+        from fractions import Fraction
+
+        found = FREQUENCY.fullmatch(str(value))
+        ticks = Fraction(found[1]) * MULTIPLES[found[2]] if found else Fraction(0)
+        if ticks < 1 or ticks.denominator != 1:
+            self.fail(f'"{value}": write a whole number of Hz from 1 on, as 16000000 or "16 MHz"', param, ctx)
+        return int(ticks)
 
 
 def read_percent(flag: str, text: str) -> float:

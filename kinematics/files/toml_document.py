@@ -56,7 +56,9 @@ def refuse_utf16(file: str, raw: bytes) -> None:
 
 
 def utf8_fault(raw: bytes, error: UnicodeDecodeError) -> Fault:
-    """What is wrong with bytes that are some other text."""
+    """What is wrong with bytes that are some other text, or none."""
+    if b"\0" in raw:  # which no text has
+        return Fault("", "a binary file, as of an image or a program: give a text file", 1)
     wrong = f"byte 0x{raw[error.start]:02x}"
     return Fault("", f"not UTF-8 text ({wrong}): save it as UTF-8", raw.count(b"\n", 0, error.start) + 1)
 

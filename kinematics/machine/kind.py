@@ -206,3 +206,9 @@ def refuse_uncontrolled(machine: Kind, x: Array, name_of: Callable[[int], str] =
             f"machine {machine.name} holds {name}: {name_of(pose)} has {name} {value} off home; "
             f"it moves {', '.join(machine.freedom)} only; leave {name} as it is at home"
         )
+
+
+def describe_pose(x: Array, k: int) -> str:
+    """Pose k of some (N, 12), as messages name it: by its number, where there are more, and its position."""
+    number = f"pose {k}" if len(x) > 1 else "the pose"
+    return f"{number}, position {', '.join(f'{each + 0.0:.6g}' for each in x[k, :3] * 1e3)} mm"

@@ -22,7 +22,7 @@ from kinematics.foundation.names import add_article, count_noun
 from kinematics.foundation.operations import refuse_unknown
 from kinematics.foundation.options import check_arguments, fits
 from kinematics.machine.axis import Axis
-from kinematics.machine.kind import Kind, PlacedSkeleton, Skeleton, columns, refuse_uncontrolled
+from kinematics.machine.kind import Kind, PlacedSkeleton, Skeleton, columns, describe_pose, refuse_uncontrolled
 from kinematics.machine.load import Load
 from kinematics.machine.pose import PoseLike, check_pose, column, read_pose, split_pose_symbols, to_numbers
 from kinematics.machine.shaper import Shaper, ShaperSeries
@@ -308,11 +308,8 @@ class MachineModel(Kind):
             q[lost] = self.inverse_map(self.inputs(x[lost], other))
             lost = self._find_unreachable(q)
         if lost.any():
-            first = int(np.argmax(lost))
-            raise OutOfReach(
-                f"machine {self.name}: no actuator coordinates reach pose {first}, "
-                f"position {x[first, :3] * 1e3} mm; bring it nearer"
-            )
+            where = describe_pose(x, int(np.argmax(lost)))
+            raise OutOfReach(f"machine {self.name}: no actuator coordinates reach {where}; bring it nearer")
         return x, q
 
     def _find_unreachable(self, q: Array) -> np.ndarray:
@@ -347,7 +344,7 @@ class MachineModel(Kind):
         if endless.any():
             first = int(np.argmax(endless))
             raise MotionError(
-                f"machine {self.name} is singular at pose {first}, position {x[first, :3] * 1e3} mm: its coordinates "
+                f"machine {self.name} is singular at {describe_pose(x, first)}: its coordinates "
                 "have no finite rates there; keep away from it (check tells how near it is)"
             )
         return j[0] if pose.single else j

@@ -10,7 +10,7 @@ import numpy as np
 from kinematics.foundation.arrays import Array, freeze_fields
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.short_repr import short_repr
-from kinematics.machine.kind import columns
+from kinematics.machine.kind import columns, describe_pose
 from kinematics.machine.model import MachineModel, square_jacobian
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def controlled_jacobian(machine: MachineModel, x: Array, q: Array) -> Array:
     if broken.any():
         first = int(np.argmax(broken))
         raise MotionError(
-            f"machine {machine.name} is singular at pose {first}, position {x[first, :3] * 1e3} mm: its axes do not "
+            f"machine {machine.name} is singular at {describe_pose(x, first)}: its axes do not "
             "hold the platform there, so that forces and errors have no bound; keep away from it"
         )
     return jacobian

@@ -184,7 +184,8 @@ def call_list(source: ExportSource, spacing: float | None, speed_range: float | 
     return require(_make_calls(source, kinds, tried, speed_range))
 
 
-def find_card_kinds(source: ExportSource) -> list[CardKind]:
+def find_card_kinds(source: ExportSource, format: str = "adlink") -> list[CardKind]:
+    """The kind of card of each axis; format: that asks, for messages. Raises MotionError for an axis without one."""
     kinds: list[CardKind] = []
     names: dict[str, str | None] = {}
     for axis in source.machine.axes:
@@ -192,17 +193,17 @@ def find_card_kinds(source: ExportSource) -> list[CardKind]:
         if len(found) != 1:
             wired = f"is wired to {axis.card!r}" if axis.card else "has no card"
             raise MotionError(
-                f"adlink: axis {axis.name} of machine {source.machine.name} {wired}; give it a PCI-8132 or a PCI-8164 "
-                f'in [wiring], as in {axis.name} = ["PCI-8164", 0]'
+                f"{format}: axis {axis.name} of machine {source.machine.name} {wired}; give it a PCI-8132 or a "
+                f'PCI-8164 in [wiring], as in {axis.name} = ["PCI-8164", 0]'
             )
         (number,) = found
         if names.setdefault(number, axis.card) != axis.card:
             raise MotionError(
-                f"adlink: {names[number]!r} and {axis.card!r} are two cards of one type; the card library numbers "
+                f"{format}: {names[number]!r} and {axis.card!r} are two cards of one type; the card library numbers "
                 "axes across all cards of a type: use one name and number the channels consecutively"
             )
         if axis.channel is None or axis.channel >= KINDS[number].axes:
-            raise MotionError(f"adlink: axis {axis.name}: channel {axis.channel}; limit {KINDS[number].axes - 1}")
+            raise MotionError(f"{format}: axis {axis.name}: channel {axis.channel}; limit {KINDS[number].axes - 1}")
         kinds.append(KINDS[number])
     return kinds
 

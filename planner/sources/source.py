@@ -190,10 +190,14 @@ MAX_FAULTS = 100
 
 
 class Faults:
-    """The faults of a file, in the order in which they are found."""
+    """The faults of a file, in the order in which they are found.
+
+    unread  whether lines were left out for theirs, so that what seems to be missing may stand there
+    """
 
     def __init__(self, file: str) -> None:
         self.file = file
+        self.unread = False
         self._found: list[Fault] = []
 
     def add(self, told: str | MotionError, line: int | None = 1, key: str = "", value: str | None = None) -> None:

@@ -56,7 +56,7 @@ def check(
     refuse_unknown(program, machine)
     from pulsepath.inputs import read_inputs
 
-    tolerance = None if fit is None else read_quantity("--fit", fit, "m", above=0.0)
+    tolerance = None if fit is None else read_quantity("--fit", fit, "m", above=0.0, like="0.02 mm")
     origin = None
     if given:  # only then are the formats worth their loading
         from pulsepath.format_options import find_origin

@@ -87,4 +87,4 @@ def override(
         return
     show(made.tables())
     for file in files:
-        say(f"{file['file']}: {file['error_pulses']:.3g} pulses from {file['against']}")
+        say(f"{file['file']}: error {file['error_pulses']:.3g} pulses against {file['against']}")

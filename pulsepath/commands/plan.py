@@ -12,6 +12,7 @@ from pulsepath import known_names
 from pulsepath.command_group import ProgramCommand
 from pulsepath.known_names import make_completer
 from pulsepath.options import (
+    Frequency,
     apply_motion,
     dump_option,
     fit_option,
@@ -53,10 +54,11 @@ LONG_FILE = 1 << 16
 )
 @click.option(
     "--clock-hz",
-    type=click.IntRange(min=1),
+    type=Frequency(),
     default=10_000_000,
     show_default=True,
-    help="Clock frequency of the pulse times, in ticks/s.",
+    metavar="FREQUENCY",
+    help='Clock frequency of the pulse times, in ticks/s, or as "16 MHz".',
 )
 @click.option(
     "--duration", metavar="TIME", help='Plan the smoothest motion of this duration, as "12 s", not the fastest motion.'
@@ -325,7 +327,7 @@ def _read(
 ) -> "Inputs":
     from pulsepath.inputs import read_inputs
 
-    tolerance, origin = None if fit is None else read_quantity("--fit", fit, "m", above=0.0), None
+    tolerance, origin = None if fit is None else read_quantity("--fit", fit, "m", above=0.0, like="0.02 mm"), None
     if given:  # only then are the formats worth their loading
         from pulsepath.format_options import find_origin
 

@@ -9,6 +9,7 @@ from planner.path.actuation import actuate
 from planner.timing import discretization
 from planner.trajectory import MOST_ROWS, period
 from pulsepath.cli import main
+from pulsepath.options import Frequency
 
 HEAD = 'schema = 1\nmachine = "hexapod"\nlength = "mm"\nangle = "deg"\n'
 UP = "[[segment]]\nline = { to = [0, 0, 25] }\n"
@@ -117,3 +118,23 @@ def test_tables_of_long_motions_stay_bounded():
     assert period(1.0) == period(999.0) == 1e-3
     for duration in (1001.0, 1e4, 1e6, 1e9):
         assert MOST_ROWS / 11 < duration / period(duration) <= MOST_ROWS
+
+
+@pytest.mark.parametrize(
+    ("text", "ticks"),
+    [("16 MHz", 16_000_000), ("16000000", 16_000_000), ("12.5MHz", 12_500_000), ("2e7", 20_000_000), ("1 Hz", 1)],
+)
+def test_a_clock_is_a_whole_number_of_hertz(text, ticks):
+    assert Frequency().convert(text, None, None) == ticks
+
+
+@pytest.mark.parametrize("text", ["0", "1.5 Hz", "16 mhz", "-1", "nan", "1e-3 kHz x", "0.1"])
+def test_no_other_clock_is_taken(text):
+    done = CliRunner().invoke(main, ["plan", "circle", "--out", "any", "--clock-hz", text])
+    assert done.exit_code == 2
+    assert 'write a whole number of Hz from 1 on, as 16000000 or "16 MHz"' in done.output
+
+
+def test_an_example_has_the_size_of_what_is_asked_for():
+    done = CliRunner().invoke(main, ["plan", "circle", "--out", "any", "--fit", "0.02"])
+    assert 'write e.g. "0.02 mm"' in f"{done.output}{done.exception}"

@@ -79,7 +79,8 @@ class Sahbaz:
     def write(self, source: ExportSource, path: Path) -> Exported:
         refuse_compensated(source, "sahbaz")
         refuse_moving_ends(source.counted, source.machine.axes, self.from_rest)
-        kinds = [next(number for number in KINDS if KINDS[number] == kind) for kind in find_card_kinds(source)]
+        wired = find_card_kinds(source, "sahbaz")
+        kinds = [next(number for number in KINDS if KINDS[number] == kind) for kind in wired]
         for pulses, axis in zip(source.pulses.axes, source.machine.axes, strict=True):
             refuse_counter(pulses, axis)
         moves = _moves(source, kinds)

@@ -31,13 +31,13 @@ class WordLines:
         if len(first) < MOST_LINES and line not in first:  # a line may run again
             first.append(line)
 
-    def describe(self) -> list[str]:
-        """Each word, as M5 (7x: lines 3, 8, 12, 20, 31 and 2 more)."""
+    def describe(self, before: str = "") -> list[str]:
+        """Each word behind what became of it, as M5 (7x: lines 3, 8, 12, 20, 31 and 2 more)."""
         told = []
         for word, count in sorted(self.counts.items()):
             first = self.lines[word]
             more = f" and {count - len(first)} more" if count > len(first) else ""
-            told.append(f"{word} ({count}x: line{'s' * (len(first) > 1)} {', '.join(map(str, first))}{more})")
+            told.append(f"{before}{word} ({count}x: line{'s' * (len(first) > 1)} {', '.join(map(str, first))}{more})")
         return told
 
 
@@ -49,7 +49,7 @@ class Events:
 
     def __init__(self, ignored: frozenset[str], strict: bool) -> None:
         self.codes = [] if strict else [code for code in EVENTS if not find_ignored_word("M", code, ignored)]
-        self.waiting: list[str] = []
+        self.waiting: list[tuple[str, str, int]] = []  # what it is called, its word and line
         self.tool, self.spindle = "", ""
         self.marked, self.lost = WordLines(), WordLines()
 
@@ -70,13 +70,13 @@ class Events:
         if isinstance(held, Dwell):  # its end is no place of the path that a trigger could mark
             self.lost.add(word, line)
             return held
-        self.marked.add(word, line)
         if held is not None and word == f"M{TOOL_CHANGE:g}":
             held = replace(held, join=Stop())
         before = None if held is None else held.trigger
         if held is None or (before is not None and before.at < 1):
-            self.waiting.append(word + setting)
+            self.waiting.append((word + setting, word, line))
             return held
+        self.marked.add(word, line)
         name = word + setting if before is None else f"{before.name} {word}{setting}"
         return replace(held, trigger=Trigger(name))
 
@@ -84,7 +84,9 @@ class Events:
         """A new segment, with the events that waited for it; a rest before it lets them wait on."""
         if not self.waiting or isinstance(segment, Dwell):
             return segment
-        name = " ".join(self.waiting)
+        name = " ".join(called for called, _, _ in self.waiting)
+        for _, word, line in self.waiting:
+            self.marked.add(word, line)
         self.waiting.clear()
         return replace(segment, trigger=Trigger(name, 0.0))
 
@@ -94,6 +96,6 @@ class Events:
         for text in self.marked.describe():
             stop = "the motion stops there, at" if text.startswith(f"M{TOOL_CHANGE:g} ") else "marked by"
             told.append(f"{text}: {stop} a trigger")
-        if self.waiting:
-            told.append(f"{' '.join(self.waiting)} at the end: the last segment has a trigger already, so it has none")
+        for called, _, line in self.waiting:
+            told.append(f"{called} (line {line}): no trigger, as the last segment has one at its start already")
         return told + [f"{text}: after a rest, where no trigger can be" for text in self.lost.describe()]

@@ -260,6 +260,8 @@ class GcodeRun:
     ) -> None:
         """The way to where the words lead; from_home: X Y Z that count from there."""
         if self.motion is None:
+            if self.faults.unread:  # it may stand in a line that was left out
+                return
             raise WordFault("", "no G0, G1, G2 or G3 is active")
         if changed := self.coordinates.move():
             raise WordFault(
@@ -320,7 +322,7 @@ class GcodeRun:
             return way * self.feed
         if self.feed is not None:
             return self.feed * unit
-        if self.options.feed is None:
+        if self.options.feed is None and not self.faults.unread:
             raise WordFault("", "no F is active; add one, or give the option feed")
         return self.options.feed if unit == self.unit else None
 
@@ -385,14 +387,12 @@ class GcodeRun:
     def warnings(self, after: int) -> tuple[str, ...]:
         """What was taken to mean something, and what was left out; after: lines that stand after the end."""
         told = [f"no G20 or G21: unit {self.options.length} was assumed"] if self.unstated else []
-        told += [*self.events.describe(), *(f"skipped {text}" for text in self.left_out.describe())]
+        told += [*self.events.describe(), *self.left_out.describe("skipped ")]
         if self.nowhere:
             told.append(f"blocks that end where they start were skipped: {self.nowhere}")
         if self.several:
-            told.append(
-                f"{self.several} blocks rotate about several axes at once: by the shortest rotation, while controllers "
-                "interpolate each letter"
-            )
+            way = "by the shortest rotation, while controllers interpolate each letter"
+            told.append(f"{self.several} blocks rotate about several axes at once: {way}")
         if self.off > 1e-9:
             told.append(f"arcs end up to {self.off * 1e6:.3g} um from their end points, because their radii differ")
         if after:

@@ -101,6 +101,7 @@ def blocks(text: str, faults: Faults, deleted: Literal["skip", "run"] | None = N
                 "it, or shorten its comment",
                 number,
             )
+            faults.unread = True
             continue
         if "(" in line or ";" in line or ")" in line:
             line = _COMMENT.sub(lambda comment: " " * len(comment[0]), line)
@@ -117,6 +118,7 @@ def blocks(text: str, faults: Faults, deleted: Literal["skip", "run"] | None = N
                 line = line.replace("/", " ", 1)
             computed = _compute_words(number, line, parameters, faults)
             if computed is None:
+                faults.unread = True
                 continue
             found, columns = computed
         else:

@@ -161,6 +161,7 @@ def test_lines_agree_with_a_writer_that_counts_them(tmp_path_factory, data, tabl
         ("a = 1\na = 2\n", 2, "not TOML"),
         ("a = 1\n\nb = [1,\n", 4, "not TOML"),
         (b"a = 1\n\nb = '\xff'\n", 3, "not UTF-8"),
+        (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR" + bytes(range(1, 256)), 1, "a binary file"),
         ("a = " + "9" * 5000, 1, "not TOML"),
         ("a = " + "[" * 3000 + "]" * 3000, None, "nested too deeply"),
         (b"#" * (MAX_BYTES + 1), None, "larger than 16 MB"),

@@ -396,7 +396,10 @@ def test_events_mark_the_place_where_the_path_has_come_to(read):
     assert isinstance(done.program.segments[0].join, Stop)
     assert isinstance(fit_joins(done.program, 1e-5).segments[0].join, Stop)
     done = read("G21 M3\nG1 X1 F600\nM5")
-    assert "M5 at the end: the last segment has a trigger already, so it has none" in done.warnings
+    assert done.warnings == (
+        "M3 (1x: line 1): marked by a trigger",
+        "M5 (line 3): no trigger, as the last segment has one at its start already",
+    )
     done = read("G21 G1 X1 F600\nM8\nG4 P1\nM9\nX2")
     assert [getattr(segment, "trigger", None) for segment in done.program.segments] == [Trigger("M8"), None, None]
     assert "M9 (1x: line 4): after a rest, where no trigger can be" in done.warnings
@@ -409,6 +412,14 @@ def test_events_of_a_file_that_is_not_held_are_found(read, tmp_path):
     (event,) = plan(program, "traverser", order=2).triggers
     assert (event.name, event.where.segment) == ("M6", 1)
     assert event.pose.translation[0] == pytest.approx(load_machine("traverser").home.translation[0] + 1e-3)
+
+
+def test_a_line_that_cannot_be_read_hides_nothing_that_the_next_would_miss(read):
+    """Its F or its G1 may stand there."""
+    for text in ("G1 X10 F600 (open\nG1 X20", "G1 F600 X1 (open\nX2"):
+        with pytest.raises(FileError) as refused:
+            read(text)
+        assert [fault.line for fault in refused.value.faults] == [1]
 
 
 def test_what_follows_the_end_is_told(read):

@@ -220,3 +220,18 @@ def test_an_option_of_several_formats_is_the_same_kind_of_value_in_each():
         for key, field in options(format_).items():
             kinds.setdefault(key, set()).add((str(hints[key]).replace(" | None", ""), field.metadata["unit"]))
     assert {key: found for key, found in kinds.items() if len(found) > 1} == {}
+
+
+@pytest.mark.parametrize(
+    ("name", "taken"),
+    [("linuxcnc", "halstreamer"), ("EtherCAT", "csp"), ("klipper", "steps --named"), ("grbl", "g93")],
+)
+def test_a_controllers_name_tells_the_format_that_it_takes(call, plan, name, taken):
+    done = call("export", plan, "--format", name)
+    assert done.exit_code == 2
+    assert f'no format is called "{name}"; for that, give --format {taken}' in done.stderr
+    assert taken.split()[0] in FORMATS
+
+
+def test_a_format_names_itself_and_the_size_of_its_own_option(call, plan, tmp_path):
+    assert 'write e.g. "1 ms"' in call("export", plan, "--format", "csp", "--cycle", "2").stderr

@@ -79,10 +79,11 @@ def test_spindle_words_are_warned_of_and_with_strict_refused(call, part, tmp_pat
     part.write_text("G21 M3 S900\nG1 Z3 F600\nM5\n")
     done = call("import", part, "--out", tmp_path / "p.toml")
     assert done.exit_code == 0, done.stderr
-    assert "warning: skipped M3 (1x)" in done.stdout
+    assert "warning: M3 (1x: line 1): marked by a trigger" in done.stdout
+    assert "# line 2 of part.nc" in (tmp_path / "p.toml").read_text()
     checked = call("check", part, "--machine", "hexapod")
     assert checked.exit_code == 0, checked.stderr
-    assert "skipped M5 (1x)" in checked.stderr
+    assert "M5 (line 3): no trigger" in checked.stderr
     for command in (("import", part, "--out", tmp_path / "p.toml", "--force"), ("check", part, "--machine", "hexapod")):
         strict = call(*command, "--strict")
         assert strict.exit_code == 2
