@@ -96,18 +96,19 @@ def run_parts(
         spent, before = perf_counter() - begin, first or (0, 0.0)
         left = spent * (of - done) / max(done - before[0], 1)
         speed = (reached - before[1]) / max(spent, 1e-9)
-        where = place.find(done, of)
+        where = f"segment {done} of {of}, all repetitions" if program.repeat > 1 else place.find(done, of)
         return f"{where}, {reached:.1f} s of motion, {speed:.1f} times real time, about {left:.0f} s left"
 
     with step(f"planning {program.name} on {machine.name} part by part", describe) as tell:
 
-        def tell_standing(standing: PlanStanding) -> None:
+        def tell_standing(standing: PlanStanding, repetition: int) -> None:
             nonlocal reached, first
+            done = (repetition - 1) * len(program.segments) + standing.segment
             if first is None:
                 begun = standing.windows == 1
-                first = (0, 0.0) if begun else (standing.segment, standing.duration)
+                first = (0, 0.0) if begun else (done, standing.duration)
             reached = standing.duration
-            tell(standing.segment, len(program.segments))
+            tell(done, program.repeat * len(program.segments))
 
         kind = usual_order(machine.axes) if order is None else order
         plan = partial(

@@ -16,6 +16,7 @@ from contextlib import suppress
 from enum import EnumMeta
 from functools import cache, update_wrapper
 from hashlib import sha256
+from multiprocessing import parent_process
 from pathlib import Path
 from threading import RLock, Thread, local
 from threading import enumerate as enumerate_threads
@@ -80,6 +81,9 @@ def _run_in_thread(work: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
 
 @cache
 def _announce() -> None:
+    """Said once: of several processes that compile the same, by the first."""
+    if parent_process() is not None:
+        return
     told = f"every run, some 30 s, {_advise()}" if _LOST else "once, some 30 s; later runs find them on disk"
     logging.getLogger("pulsepath").warning("compiling numerical kernels: %s", told)
 

@@ -61,7 +61,7 @@ def hold(
     Example: pulsepath hold out/circle --at "1.2 s" --format steps --out stop.bin
     """
     from kinematics.foundation.errors import BadValue
-    from pulsepath.output.directory import refuse_no_plan
+    from pulsepath.output.directory import refuse_late, refuse_no_plan
 
     if (at is None) == (stops is None):
         raise BadValue("give --at TIME, or --stops COUNT")
@@ -75,6 +75,8 @@ def hold(
     targets = [target for target in (out, resume) if target is not None]
     writes(*targets)
     refuse_no_plan(directory)
+    if instant is not None:
+        refuse_late(directory, instant)
     from planner.interruption.hold import find_stops
     from planner.interruption.hold import hold as stop_at
     from planner.interruption.override import resume as go_on
@@ -122,7 +124,7 @@ def hold(
         pace = "the fastest motion" if whole.fastest else "at the plan's own speed"
         say(f"from there to the end: {made[1].duration:.6f} s, certified, {pace}")
     for file in files:
-        say(f"{file['file']}: {file['error_pulses']:.3g} pulses from {file['against']}")
+        say(f"{file['file']}: error {file['error_pulses']:.3g} pulses against {file['against']}")
 
 
 def write_section(made: "Section", name: str, target: Path, force: bool, options: dict[str, Any]) -> dict[str, Any]:

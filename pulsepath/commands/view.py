@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pulsepath.options import json_option, unverified_option
+from pulsepath.options import FIGURE_SUFFIXES, json_option, unverified_option
 from pulsepath.process.intent import writes
 from pulsepath.progress import say
 
@@ -64,7 +64,7 @@ def view(
     """
     targets = [target for target in (stills, html) if target is not None]
     writes(*targets)
-    from pulsepath.output.directory import refuse_no_plan
+    from pulsepath.output.directory import refuse_late, refuse_no_plan
 
     refuse_no_plan(directory)
     from kinematics import MotionError
@@ -77,6 +77,10 @@ def view(
         raise MotionError("--at is the time of the still images: give --stills FILE too")
     destinations = {target: Destination(target, force=force) for target in targets}
     when = None if at is None else quantity(at, "s")
+    if stills is not None and stills.suffix.lower() not in FIGURE_SUFFIXES:
+        raise MotionError(f"{stills}: still images are {', '.join(sorted(FIGURE_SUFFIXES))}; give a name that ends so")
+    if when is not None:
+        refuse_late(directory, when)
     plan, doubts = _load_drawn_plan(directory, unverified)
     told: dict[str, Any] = {"program": plan.program.name, "machine": plan.machine.name, **record.of_doubts(doubts)}
     if stills is not None:

@@ -72,6 +72,19 @@ def refuse_no_plan(folder: Path) -> None:
         raise MotionError(f"{folder} holds no plan: make one with pulsepath plan PROGRAM --out {folder}")
 
 
+def refuse_late(folder: Path, t: float) -> None:
+    """Raise MotionError for a time (s) at which the motion of a plan in a folder has ended, by what its record states.
+
+    What the record does not state is told when the plan is read.
+    """
+    with suppress(OSError, ValueError, AttributeError):
+        duration = json.loads((folder / RECORD).read_bytes()).get("duration_s")
+        if isinstance(duration, float) and t > duration:
+            raise MotionError(
+                f"t = {t:.6g} s is not within the motion, which lasts from 0 to {duration:.6g} s; give an instant of it"
+            )
+
+
 def write_files(folder: Path, files: Mapping[str, bytes], force: bool) -> None:
     """Write files into a directory, which may be there already: all of them, or none.
 

@@ -107,7 +107,7 @@ def write(
     inputs: Inputs,
     plan: Callable[[PlanMark | None], Iterable[PlanPart]],
     options: Mapping[str, Any],
-    tell: Callable[[PlanStanding], None],
+    tell: Callable[[PlanStanding, int], None],
     *,
     pulses: bool,
     figures: bool,
@@ -116,6 +116,7 @@ def write(
     """Write everything into a folder as the parts come, the record last: what it holds, and why it is no more.
 
     A folder with a checkpoint is gone on with. plan: from a mark on; options: what makes it another plan.
+    tell: is told what is known behind each part, and in which repetition of the program that is.
     pulses: their file as well. keep: where a part cannot be planned, the folder becomes a plan that ends with the stop
     before it, if there is any. Else raises as the parts do.
     """
@@ -140,7 +141,7 @@ def write(
                 writer.add(part)
                 seen.add(part.motion, part.start.begin, part.start.length)
                 write_checkpoint(folder, of, Checkpoint(part.mark, writer.secure(), part.rest_pulses is None))
-                tell(part.standing)
+                tell(part.standing, part.motion.path.place(0.0, int(part.motion.piece[-1])).repetition or 1)
         except MotionError as error:
             if not keep or part is None:
                 raise

@@ -164,6 +164,15 @@ def test_a_first_call_that_takes_long_is_announced_once(monkeypatch, caplog):
     assert [record.message.split(":")[0] for record in caplog.records] == ["compiling numerical kernels"]
 
 
+def test_a_process_that_another_started_leaves_it_to_that(monkeypatch, caplog):
+    monkeypatch.setattr(kernels, "parent_process", lambda: "one")
+    kernels._announce.cache_clear()
+    with caplog.at_level("WARNING", "pulsepath"):
+        kernels._announce()
+    kernels._announce.cache_clear()
+    assert caplog.records == []
+
+
 def test_what_does_not_plan_does_not_load_the_compiler():
     code = (
         "import sys, pulsepath.cli, kinematics, planner; kinematics.load_machine('hexapod');"
