@@ -77,16 +77,15 @@ class Inputs:
             self.tell_line(no)
             raise
 
-    def tell_line(self, no: MotionError) -> None:
-        """In which line of the program's file the segment is that a refusal names, if it names one."""
-        named = re.search(r"\bsegment (\d+)", str(no))
-        if named is None:
-            return
-        number, segments = int(named[1]), self.program.segments
-        line = segments[number - 1].line_number if number <= len(segments) else None
-        if line:
-            suffix = ".toml" if self.origin is None else self.origin.suffix
-            note(f"segment {number} is in line {line} of {self.program.name}{suffix}")
+    def tell_line(self, *refusals: MotionError) -> None:
+        """In which line of the program's file the segments are that refusals name, each once."""
+        named = [re.search(r"\bsegment (\d+)", str(no)) for no in refusals]
+        for number in dict.fromkeys(int(each[1]) for each in named if each is not None):
+            segments = self.program.segments
+            line = segments[number - 1].line_number if number <= len(segments) else None
+            if line:
+                suffix = ".toml" if self.origin is None else self.origin.suffix
+                note(f"segment {number} is in line {line} of {self.program.name}{suffix}")
 
     @property
     def digests(self) -> dict[str, str]:

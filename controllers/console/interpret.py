@@ -68,6 +68,8 @@ def describe_registers(session: Session, t: float) -> str:
     words = session.describe(t)
     if session.motion is None and not session.unknown():
         words += f" = {describe_tool(session)}"
+    if session.unknown():
+        words += " (?: not counted from home)"
     return words
 
 

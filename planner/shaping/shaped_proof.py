@@ -157,7 +157,7 @@ def prove_shaped(
     search.run()
     for n, limit in enumerate(others):
         worst[limit.name] = float(search.bound[n])
-        where[limit.name] = search.place(search.at[n])
+        where[limit.name] = search.place(search.at[n], limit.channels[search.channel[n]])
     return ShapedProof(
         motion,
         tuple(axes),
@@ -180,6 +180,7 @@ class _Search:
     def __init__(self, motion: ShapedMotion, trajectory: Trajectory, limits: Sequence[Limit], since: float) -> None:
         self.motion, self.trajectory, self.limits, self.since = motion, trajectory, limits, since
         self.bound, self.at = np.zeros((2, len(limits)))
+        self.channel = np.zeros(len(limits), int)
         self.away = self.away_at = self.off = self.off_at = self.met = self.turned = 0.0
         self.axes = np.zeros(motion.copies.weights.shape[1])
 
@@ -194,29 +195,38 @@ class _Search:
         cut = 0
         while len(cells.k):
             found = [self._look(cells[part]) for part in _batches(len(cells.k))]
-            uses, away, off, turned, axes = (np.concatenate(each, axis=-1) for each in zip(*found, strict=True))
+            uses, channels, away, off, turned, axes = (
+                np.concatenate(each, axis=-1) for each in zip(*found, strict=True)
+            )
             loose = (uses > 1 + over).any(0) | ~np.isfinite(away) | (off > max(CLOSE * self.met, LEAST_CONTOUR))
             loose &= (cells.hi - cells.lo > SHORTEST_CELL) & (cut <= MOST_CUT)
-            self._keep(cells[~loose], uses[:, ~loose], away[~loose], off[~loose], turned[~loose], axes[:, ~loose])
+            kept = ~loose
+            self._keep(
+                cells[kept], uses[:, kept], channels[:, kept], away[kept], off[kept], turned[kept], axes[:, kept]
+            )
             cells = cells[loose].parts(2)
             cut += len(cells.k)
 
-    def _look(self, cells: Cells) -> tuple[Array, Array, Array, Array, Array]:
-        """Of N cells: bounds of the uses (limits, N), of the three deviations (N,) each, and of the axes' (n, N)."""
+    def _look(self, cells: Cells) -> tuple[Array, np.ndarray, Array, Array, Array, Array]:
+        """Of N cells: bounds of the uses (limits, N), the channels that have them, bounds of the three deviations (N,)
+        each, and of the axes' (n, N).
+        """
         count = len(cells.k)
         with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
             enclosure = enclose_shaped(self.motion, self.trajectory, cells)
-            uses = np.zeros((len(self.limits), count))
+            uses, channels = np.zeros((len(self.limits), count)), np.zeros((len(self.limits), count), int)
             for n, limit in enumerate(self.limits):
-                uses[n] = _use(limit, *bound_series(limit.value(enclosure), count), enclosure)
+                uses[n], channels[n] = _use(limit, *bound_series(limit.value(enclosure), count), enclosure)
             away, turned = enclosure.away()
             off, least = enclosure.contour()
             self.met = max(self.met, float(np.minimum(least, away).max()))
             low, high = bound_series(enclosure.apart, count)
         moved = np.maximum(np.abs(low), np.abs(high)).T
-        return np.where(np.isnan(uses), np.inf, uses), away, np.minimum(off, away), turned, moved
+        return np.where(np.isnan(uses), np.inf, uses), channels, away, np.minimum(off, away), turned, moved
 
-    def _keep(self, cells: Cells, uses: Array, away: Array, off: Array, turned: Array, axes: Array) -> None:
+    def _keep(
+        self, cells: Cells, uses: Array, channels: np.ndarray, away: Array, off: Array, turned: Array, axes: Array
+    ) -> None:
         if not len(cells.k):
             return
         middle = self.motion.knots[cells.k] + (cells.lo + cells.hi) / 2
@@ -231,6 +241,7 @@ class _Search:
             first = int(uses[n].argmax())
             if uses[n, first] > self.bound[n]:
                 self.bound[n], self.at[n] = float(round_reached_use(uses[n, first : first + 1])[0]), middle[first]
+                self.channel[n] = channels[n, first]
         first = int(away.argmax())
         if away[first] > self.away:
             self.away, self.away_at = float(away[first]), float(middle[first])
@@ -240,18 +251,21 @@ class _Search:
         self.turned = max(self.turned, float(turned.max()))
         self.axes = np.maximum(self.axes, axes.max(1))
 
-    def place(self, t: float) -> Place:
+    def place(self, t: float, axis: str = "") -> Place:
         """Where the path is `centre` before t; its time is that of the shaped motion."""
         state = self.trajectory.at(np.clip(t - self.motion.copies.centre, 0.0, self.trajectory.duration))
         path = self.trajectory.path
         assert isinstance(path, MachinePath)
-        return path.place(float(state.s[0]), int(state.piece[0]), float(t))
+        return path.place(float(state.s[0]), int(state.piece[0]), float(t), axis)
 
 
 def _batches(count: int) -> list[np.ndarray]:
     return [np.arange(first, min(first + CELL_BATCH, count)) for first in range(0, count, CELL_BATCH)]
 
 
-def _use(limit: Limit, low: Array, high: Array, enclosure: ShapedEnclosure) -> Array:
-    """(N,) the share of a limit that is used: of caps on several segments, the largest holds."""
-    return np.asarray(np.min([largest_in_rows(limit.use(low, high, piece)) for piece in enclosure.pieces], axis=0))
+def _use(limit: Limit, low: Array, high: Array, enclosure: ShapedEnclosure) -> tuple[Array, np.ndarray]:
+    """(N,) the share of a limit that is used, and the channel that uses it: of caps on several segments, the largest
+    holds.
+    """
+    uses = [limit.use(low, high, piece) for piece in enclosure.pieces]
+    return np.asarray(np.min([largest_in_rows(each) for each in uses], axis=0)), np.min(uses, axis=0).argmax(1)

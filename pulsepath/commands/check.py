@@ -73,8 +73,7 @@ def check(
         return
     with inputs.tell_lines():
         found = planner.check(inputs.program, inputs.machine)
-    for violation in found.violations:
-        inputs.tell_line(violation)
+    inputs.tell_line(*found.violations)
     if as_json:
         click.echo(record.as_json(record.of_check(found)), nl=False)
     elif found.violations:

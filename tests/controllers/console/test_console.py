@@ -65,7 +65,7 @@ def test_an_axis_that_is_not_homed_goes_no_farther_than_its_travel_is_long(talk)
     assert console.desk.end is None
     console.say("POS X CCW 76800")
     assert console.wait() == ["DONE"]
-    assert console.say("WHERE") == ["X ?-76800 Y ?0 Z ?0 R ?0"]
+    assert console.say("WHERE") == ["X ?-76800 Y ?0 Z ?0 R ?0 (?: not counted from home)"]
     # from either end of what it has been through, no farther than one travel in all
     assert "outside -76800 to 0" in console.say("POS X CW 76801")[0]
     assert console.say("HOME X") == ["HOME X: register 0; X at 0 mm of its travel, 0 to 1219.2 mm, steps 0 to 76800"]

@@ -156,3 +156,12 @@ def test_what_was_proved_before_is_kept_where_that_is_asked_for(call, tmp_path):
     q = machine.home_q + counted * [axis.pulse for axis in machine.axes]
     there = machine.forward(q).pose.translation - machine.home.translation
     np.testing.assert_allclose(there * 1e3, [7.2, 0.0, 25.0], atol=0.15)  # on the rounding of the corner
+
+
+def test_the_line_of_a_segment_that_breaks_several_limits_is_told_once(call, tmp_path):
+    (tmp_path / "far.toml").write_text(
+        'schema = 1\nmachine = "hexapod"\nlength = "mm"\n[[segment]]\nline = { to = [0, 0, 90] }\n'
+    )
+    done = call("check", tmp_path / "far.toml")
+    assert done.output.count("beyond 50.8 mm at leg") == 6
+    assert done.stderr == "segment 1 is in line 4 of far.toml\n"
