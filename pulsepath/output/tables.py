@@ -105,6 +105,11 @@ def sum_up(job: Job) -> list[Table]:
         rows.append(("off the line", _sum_up_departures(plan.departures)))
     if plan.path.blends:
         rows.append(("blends", _sum_up_blends(plan.path.blends)))
+    asked = [blend.tolerance for blend in plan.path.blends]
+    asked += [] if plan.path.fit is None else [plan.path.fit.tolerance]
+    if asked and max(asked) > (length := float(plan.path.breaks[-1])):
+        told = f"{1e3 * max(asked):.6g} mm, more than the whole path of {1e3 * length:.6g} mm: is the unit as meant?"
+        rows.append(("tolerance", told))
     bound = max(axis.bound for axis in plan.pulses.axes)
     rows.append(("pulses", f"{plan.pulses.total} by the rule {plan.pulses.rule}, within {bound:.3f} of the motion"))
     what, values = zip(*rows, strict=True)

@@ -165,3 +165,14 @@ def test_the_line_of_a_segment_that_breaks_several_limits_is_told_once(call, tmp
     done = call("check", tmp_path / "far.toml")
     assert done.output.count("beyond 50.8 mm at leg") == 6
     assert done.stderr == "segment 1 is in line 4 of far.toml\n"
+
+
+@pytest.mark.parametrize(("blend", "told"), [("5 m", "5000 mm, more than the whole path of"), ("0.05 mm", "")])
+def test_a_tolerance_beyond_the_path_is_told(call, tmp_path, blend, told):
+    corner = f'[[segment]]\nline = {{ to = [0, 5, 0] }}\njoin = {{ blend = "{blend}" }}\n'
+    head = 'schema = 1\nmachine = "traverser"\nlength = "mm"\n'
+    (tmp_path / "p.toml").write_text(f"{head}{corner}[[segment]]\nline = {{ to = [5, 5, 0] }}\n")
+    done = call("plan", tmp_path / "p.toml", "--out", tmp_path / "out", "--no-figures", "--pulses", "none")
+    assert done.exit_code == 0, done.stderr
+    assert told in done.stdout
+    assert ("is the unit as meant?" in done.stdout) == bool(told)
