@@ -16,7 +16,7 @@ from pulsepath import progress
 from pulsepath.process import supervisor
 from pulsepath.process.ending import EndSignal, raise_on_signal
 from pulsepath.process.exits import INTERRUPTED, JSON, TRACEBACK, describe_error
-from pulsepath.process.intent import describe_interruption
+from pulsepath.process.intent import ARGUMENTS, describe_interruption
 from pulsepath.progress import say
 
 OTHERS_TITLE, OTHER_FORMAT = "Others", "pulsepath.other_format"
@@ -52,6 +52,7 @@ class Commands(click.Group):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         ctx.meta[JSON] = ctx.meta.get(JSON, False) or "--json" in args
+        ctx.meta.setdefault(ARGUMENTS, tuple(args))
         return super().parse_args(ctx, args)
 
     def invoke(self, ctx: click.Context) -> Any:

@@ -17,6 +17,7 @@ from planner.pulses import find_rule
 from planner.windows import Helpers
 from pulsepath.inputs import Inputs
 from pulsepath.output import parts_directory
+from pulsepath.process.intent import keeps
 from pulsepath.progress import note, step
 
 INSTEAD = {
@@ -108,7 +109,9 @@ def run_parts(
                 begun = standing.windows == 1
                 first = (0, 0.0) if begun else (done, standing.duration)
             reached = standing.duration
-            tell(done, program.repeat * len(program.segments))
+            total = program.repeat * len(program.segments)
+            keeps(f"segments 1 to {done} of {total}, {reached:.1f} s of motion, are kept in {folder.name}")
+            tell(done, total)
 
         kind = usual_order(machine.axes) if order is None else order
         plan = partial(

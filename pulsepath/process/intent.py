@@ -1,13 +1,15 @@
 """What a command is about to write, so that an interrupted command can say whether it did."""
 
 import os
+import shlex
 from pathlib import Path
 from typing import Any
 
 from pulsepath.process import supervisor
 from pulsepath.process.exits import of_interruption, read_stamp
 
-_INTENT = "pulsepath.process.intent"
+_INTENT, ARGUMENTS = "pulsepath.process.intent", "pulsepath.arguments"
+"""Where a context keeps what is about to be written, and the words of the command line."""
 
 
 def writes(*targets: Path, kept: str = "") -> None:
@@ -24,6 +26,18 @@ def writes(*targets: Path, kept: str = "") -> None:
     if context is not None:
         context.meta[_INTENT] = intent
         supervisor.tell(**intent)
+
+
+def keeps(what: str) -> None:
+    """From here on an interruption is told with what stays of unfinished work, as it has grown, and what goes on."""
+    import click
+
+    context = click.get_current_context(silent=True)
+    if context is not None and _INTENT in context.meta:
+        words = [word for word in context.meta.get(ARGUMENTS, ()) if word not in ("--resume", "--force")]
+        command = shlex.join(["pulsepath", *words, "--resume"])
+        context.meta[_INTENT]["kept"] = f'{what}: "{command}" goes on from there'
+        supervisor.tell(kept=context.meta[_INTENT]["kept"])
 
 
 def describe_interruption(context: Any) -> str:

@@ -83,6 +83,7 @@ def gain_report(comparison: Comparison, changes: Sequence[Change] = ()) -> tuple
         places=pack_places(comparison, comparison.rank()[:MOST_BEST]) if "tradeoff" in figures else None,
         most_best=MOST_BEST,
         changes=[_change_row(one) for one in changes],
+        worst_change=str(changes[0]) if changes else "",
     )
     return verdict, page
 

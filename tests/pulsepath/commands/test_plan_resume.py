@@ -70,7 +70,17 @@ def test_the_same_bytes_come_of_it(drawn, call, file, tmp_path, monkeypatch, sma
     assert json.loads(whole.stdout)["windows"] > 4
     done = break_off(monkeypatch, call, after, "plan", file, *ASKED, "--out", tmp_path / "out")
     assert done.exit_code == 130
-    assert "kept for --resume" in done.stderr
+    if after == 1:
+        assert "kept for --resume" in done.stderr
+    else:
+        kept = re.search(
+            r"segments 1 to (\d+) of \d+, ([\d.]+) s of motion, are kept in out.unfinished: "
+            r'"pulsepath (plan .*) --resume" goes on from there',
+            done.stderr,
+        )
+        assert 0 < int(kept[1]) < LINES
+        assert float(kept[2]) > 0
+        assert kept[3].split() == ["plan", str(file), *ASKED, "--out", str(tmp_path / "out")]
     assert not (tmp_path / "out").exists()
     again = call("plan", file, *ASKED, "--out", tmp_path / "out", "--resume", "--json")
     assert again.exit_code == 0, again.stderr
