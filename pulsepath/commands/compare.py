@@ -126,7 +126,7 @@ def compare(
     from controllers.rig_file import load_rig
     from pulsepath.output import record
     from pulsepath.output.directory import REPORT
-    from pulsepath.progress import step
+    from pulsepath.progress import note, step
 
     asked = [gain.read_condition(text) for text in conditions]
     for condition, one in product(asked, [*runs, *filter(None, [old])]):
@@ -148,6 +148,11 @@ def compare(
         if condition not in changes
         for reason in condition.list_reasons(found, verdict.best)
     ]
+    if asked and len(saved) > 1 and old is None and verdict.best is not None:
+        note(
+            f"--fail-if judges the best setting of all, which is of {runs[verdict.best.source].name}; to guard every "
+            "setting of other runs give them alone by --from, and --against DIR"
+        )
     met += [reason for condition, each in changes.items() for reason in gain.list_regressions(condition, each)]
     report = str(out / REPORT)
     if as_json:

@@ -1,8 +1,10 @@
 """A cluster whose workers would compute something else gets no work."""
 
+import logging
 import os
 import pickle
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -146,3 +148,21 @@ def test_it_looks_where_another_version_is(tmp_path):
     assert describe_mismatches(here, {}) == [
         f"{what} not installed (here {value[:12]})" for what, value in here.items()
     ]
+
+
+def test_ctrl_c_reaches_no_worker_and_dask_says_nothing_of_itself():
+    """A terminal sends it to every process in front; the first one ends the others."""
+
+    pytest.importorskip("distributed", reason="the extra cluster")
+
+    def see_blocked():
+        return signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+
+    before = logging.getLogger("distributed").level
+    with open_cluster(most=1) as cluster:
+        assert list(cluster.client.run(see_blocked).values()) == [True]
+        assert not logging.getLogger("distributed").isEnabledFor(logging.ERROR)
+        spoken = cluster.client.run(lambda: logging.getLogger("distributed.worker").isEnabledFor(logging.ERROR))
+        assert list(spoken.values()) == [False]
+    assert logging.getLogger("distributed").level == before
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
