@@ -104,7 +104,7 @@ def path_in_space(plan: Plan, ax: Axes3D | None = None) -> Axes3D:
         reached = reached_poses(plan.trajectory, plan.shaped.motion, t, plan.shaped.motion.positions_at(t))
         x = to_numbers(plan.machine.home.inv() * reached if from_home else reached)
         place = 1e3 * (x if plan.path.tool is None else plan.path.tool(x))[:, :3]
-        ax.plot(*place.T, color=PALETTE[3], linewidth=1, label="behind the input shapers", zorder=5)
+        ax.plot(*place.T, color=PALETTE[3], linewidth=1, label="behind the input shapers", zorder=5, clip_on=False)
         ax.legend(loc="upper left", frameon=False)
     ax.set_title(f"Path in space, from the machine's {'home pose' if from_home else 'base frame'}")
     return ax
@@ -117,12 +117,14 @@ def draw_way(ax: Axes3D, position: Array, speed: Array, label: str = "speed alon
     # and thin where the way is long for its room: strokes beside each other would run together
     extent = np.ptp(position, axis=0)
     turns = float(np.linalg.norm(np.diff(position, axis=0), axis=1).sum()) / max(float(extent.max()), 1e-9)
-    line = Line3DCollection(strokes, cmap="viridis_r", linewidths=float(np.clip(60 / max(turns, 1.0), 0.3, 2.5)))
+    line = Line3DCollection(
+        strokes, cmap="viridis_r", linewidths=float(np.clip(60 / max(turns, 1.0), 0.3, 2.5)), clip_on=False
+    )
     line.set_array((speed[:-1] + speed[1:]) / 2)
     ax.add_collection3d(line)
     rest = position[speed <= 1e-6 * speed.max(initial=0.0)]
-    ax.scatter(*rest.T, color="black", s=14, depthshade=False, label="at rest")
-    ax.scatter(*position[0], s=80, facecolor="none", edgecolor="black", depthshade=False, label="start")
+    ax.scatter(*rest.T, color="black", s=14, depthshade=False, clip_on=False, label="at rest")
+    ax.scatter(*position[0], s=80, facecolor="none", edgecolor="black", depthshade=False, clip_on=False, label="start")
     for name, low, size in zip("xyz", position.min(0), extent, strict=True):
         half = max(size, extent.max() / 10) / 2
         ax.set(**{f"{name}lim": (low + size / 2 - half, low + size / 2 + half), f"{name}label": f"{name} (mm)"})

@@ -88,7 +88,7 @@ def _draw_path(seen: Overview) -> "Axes":
     way, t = seen.column("s")[0], seen.t
     speed = np.gradient(way, t) if len(t) > 1 else np.zeros(len(t))
     points = np.stack([seen.column(name)[0] for name in "xyz"], 1)
-    drawn: Axes = draw_way(new_axes_3d(None, (NARROW, 0.75 * NARROW)), 1e3 * points, 1e3 * speed)
+    drawn: Axes = draw_way(new_axes_3d(None, (1.15 * NARROW, 0.75 * NARROW)), 1e3 * points, 1e3 * speed)
     return drawn
 
 

@@ -189,7 +189,7 @@ def draw_path(plan: Plan) -> dict[str, Drawing]:
     from planner.figures import path_in_space
 
     with style():
-        space = path_in_space(plan, new_axes_3d(None, (NARROW, 0.75 * NARROW)))
+        space = path_in_space(plan, new_axes_3d(None, (1.15 * NARROW, 0.75 * NARROW)))
         return {"path": draw_figure(space), "limits": draw_figure(*_draw_limit_use(plan))}
 
 
