@@ -75,7 +75,7 @@ def import_(
 
     way = found.outline
     with step(f"writing {out} and {image}"), stage_files(destinations) as (written, drawn):
-        from planner.figures import program_path
+        from planner.sources.figures import program_path
 
         told = f"{found.program.name}, imported from {file.name} ({name})"
         written.write_text(program_toml(found.program, told, source=file.name), encoding="utf-8")

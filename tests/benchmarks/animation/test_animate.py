@@ -301,9 +301,9 @@ def test_errors_are_magnified_by_round_numbers_and_never_made_less():
     for error, factor in [(1e-6, 1000.0), (3.9e-6, 200.0), (1.0, 1.0), (0.0, 1.0)]:
         errors = np.array([[0, error, 0]])
         assert magnification(planned, errors) == factor
+        assert factor == 1.0 or factor * error <= DRAWN_ERROR_SHARE * 0.1 * (1 + 1e-12)
     # to and fro 60 times, ten times as long as a path may be: a tenth
     assert magnification(np.tile(planned, (30, 1)), np.array([[0, 1e-6, 0]])) == 100.0
-        assert factor == 1.0 or factor * error <= DRAWN_ERROR_SHARE * 0.1 * (1 + 1e-12)
     assert magnification(planned, None) == 1.0
 
 
