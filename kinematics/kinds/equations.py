@@ -311,9 +311,7 @@ class EquationsGeometry(TableSchema):
         "what is drawn of each axis", '[{ start = ["0", "0", "q"], end = ["x", "y", "z"] }]', ()
     )
     length: Annotated[float, Unit("m", above=0)] = key("lever at which a turn counts as a way", '"100 mm"', 0.1)
-    room: RoomTable | None = key(
-        "where x, y and z may be, beside the travel of the axes", '{ z = ["-400 mm", "400 mm"] }', None
-    )
+    room: RoomTable | None = key("where x, y and z may be, beside the travel", '{ z = ["-400 mm", "400 mm"] }', None)
     home: HomeTable = HOME
 
 
