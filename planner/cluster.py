@@ -6,7 +6,7 @@ import logging
 import pickle
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -18,15 +18,8 @@ from types import ModuleType
 from typing import Any, Generic, TypeVar
 
 from kinematics.foundation.errors import MotionError, NotInstalled
-from kinematics.foundation.options import check_arguments
-from kinematics.machine.machine import Machine
-from kinematics.machine.machine_file import MachineSource, load_machine
 from planner.environment import PACKAGES, Facts, Look, describe_mismatches, make_fact_finder
-from planner.limits import OwnLimit
-from planner.parallel import TASKS_EACH, Progress, cores, hold_interrupts, ignore_progress, without_processes
-from planner.plan import Plan, plan
-from planner.program.model import Program
-from planner.program.program_file import ProgramSource, load_program
+from planner.parallel import TASKS_EACH, cores, hold_interrupts, without_processes
 
 Task = TypeVar("Task")
 Shared = TypeVar("Shared")
@@ -369,54 +362,3 @@ _unpack = lru_cache(4)(pickle.loads)
 
 def _call(task: Task, work: Callable[[Task], Result]) -> Result:
     return work(task)
-
-
-@check_arguments("machine")
-def plan_many(
-    programs: Iterable[ProgramSource],
-    machine: MachineSource,
-    *,
-    order: int | None = None,
-    clock_hz: int = 10_000_000,
-    limits: Sequence[OwnLimit] = (),
-    address: str | None = None,
-    progress: Progress = ignore_progress,
-) -> list[Plan | MotionError]:
-    """Plan many programs in parallel.
-
-    Parameters
-    ----------
-    programs
-        Each as it is, by name, or by the path of a file.
-    machine, order, clock_hz, limits
-        As of `plan`.
-    address
-        Of a Dask scheduler (`run_on_cluster`). None: this computer's cores.
-    progress
-        Called with how many programs are done, and of how many.
-
-    Returns
-    -------
-    list
-        The Plan of each program, or the MotionError that it was refused with, in order.
-
-    Raises
-    ------
-    MotionError
-        Dask is not installed, or nothing answers at the address.
-    """
-    asked, machine = [load_program(program) for program in programs], load_machine(machine)
-    found: dict[int, Plan | MotionError] = {}
-    how = machine, {"order": order, "clock_hz": clock_hz, "limits": limits}
-    for n, one in run_on_cluster(_plan_one, asked, how, address) if asked else ():
-        found[n] = MotionError(f"program {asked[n].name}: {one}") if isinstance(one, LostTask) else one
-        progress(len(found), len(asked))
-    return [found[n] for n in range(len(asked))]
-
-
-def _plan_one(program: Program, how: tuple[Machine, dict[str, Any]]) -> Plan | MotionError:
-    machine, options = how
-    try:
-        return plan(program, machine, **options)
-    except MotionError as error:
-        return error.with_traceback(None)
