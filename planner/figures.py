@@ -262,7 +262,7 @@ def window_uses(standing: PlanStanding, ax: Axes | None = None) -> Axes:
         edges = np.linspace(0.5, standing.windows + 0.5, len(use) + 1)
         _draw_stairs(ax, use, edges, label=literal_label(name), **line_style(n))
     ax.axhline(1.0, color="#9AA4AE", linewidth=4, alpha=0.5, zorder=0)  # most limits are used up: it lies under them
-    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     ax.set_xlim(0.5, standing.windows + 0.5)
     ax.set(xlabel="window", ylabel="largest share of the limit, proved", ylim=(0, 1.1))
     ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, frameon=False)
