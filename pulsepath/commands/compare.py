@@ -1,5 +1,6 @@
 """`pulsepath compare`: compare tracking laws and gains on a rig, or saved runs, in one report."""
 
+from collections import Counter
 from collections.abc import Callable
 from itertools import product
 from math import ceil
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
     from controllers.rig import Rig
 
 DEFAULT_RIG = "servo-rig"
+STEP_COST, DRIVE_COST, FIXED_COST = 0.7e-3, 2.4e-7, 5.0
+"""s of one core for a step of a batch, and for a sample of one drive of one run; s for starting and for the report."""
 THESIS_LAWS = ("1", "2", "3", "4", "5", "6", "7")
 """The algorithms of [Sahbaz 2007, Table 7.5]."""
 MODEL_LAWS = ("ff", "mpc")
@@ -95,10 +98,10 @@ def compare(
     RIG is a bundled rig or a TOML file. Default: servo-rig.
 
     Every law runs over its gain grid on every task, with inertia and friction as stated and 30 % off; by default the
-    published ones, and feedforward and predictive with their usual gains, in
-    about a minute on two cores. Prints the number of runs first, and the time left, by their own pace, after the
-    first ones. Runs are saved in DIR and are not repeated if they are already there; `--from DIR` compares them later,
-    and `--against DIR` runs the same settings anew and guards against regression.
+    published ones, and feedforward and predictive with their usual gains, in about a minute on two cores. Prints first
+    the number of runs and about how long they take, then the time left, by their own pace. Runs are saved in DIR and
+    are not repeated if they are already there; `--from DIR` compares them later, and `--against DIR` runs the same
+    settings anew and guards against regression.
 
     Example: pulsepath compare servo-rig --law 3 --law 6 --out out/laws
     """
@@ -213,18 +216,26 @@ def _run(
     facts = described(grid, rig)
     for condition in asked:
         condition.check(facts)
-    note(_announce(grid, out))
+    note(_announce(grid, rig, out))
     with step(f"running {rig.name}", _make_pace(perf_counter)) as tell:
         return sweep(grid, rig, out, address=address, progress=tell, tell=note)
 
 
-def _announce(grid: "Grid", out: Path) -> str:
-    """What is to be run."""
+def _announce(grid: "Grid", rig: "Rig", out: Path) -> str:
+    """What is to be run, and about how long it takes; runs that are saved already take none of it."""
     from kinematics.foundation.names import count_noun
     from planner.parallel import cores as count_cores
     from pulsepath.output.directory import CELLS
 
-    cells = list(grid)
+    cells, cores = list(grid), count_cores()
+    lanes = Counter((cell.setting.law, cell.task) for cell in cells)
+    tasks = {name: rig.task(name) for name in grid.tasks}
+    sampled = DRIVE_COST * sum(1 / drive.sample for drive in rig.drives)
+    work = sum(
+        tasks[task].motion.duration * (STEP_COST / tasks[task].dt + sampled * runs) for (_, task), runs in lanes.items()
+    )
+    seconds = FIXED_COST + work / cores
+    time = f"{seconds / 60:.0f} min" if seconds > 90 else f"{10 * ceil(seconds / 10)} s"
     counts = {
         "settings": len({cell.setting for cell in cells}),
         "tasks": len({cell.task for cell in cells}),
@@ -233,7 +244,7 @@ def _announce(grid: "Grid", out: Path) -> str:
     }
     told = " × ".join(f"{count} {what}" for what, count in counts.items() if count > 1)
     saved = "; runs that are saved there are reused" if (out / CELLS).is_dir() else ""
-    return f"{count_noun(len(cells), 'run')}{told and f' ({told})'} on {count_cores()} cores{saved}"
+    return f"{count_noun(len(cells), 'run')}{told and f' ({told})'}: about {time} on {cores} idle cores{saved}"
 
 
 def _make_pace(clock: Callable[[], float]) -> Callable[[int, int], str]:
