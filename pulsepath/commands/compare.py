@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from controllers.rig import Rig
 
 DEFAULT_RIG = "servo-rig"
-STEP_COST, DRIVE_COST, FIXED_COST = 0.7e-3, 2.4e-7, 5.0
+STEP_COST, DRIVE_COST, FIXED_COST = 1.3e-3, 4.5e-7, 5.0
 """s of one core for a step of a batch, and for a sample of one drive of one run; s for starting and for the report."""
 THESIS_LAWS = ("1", "2", "3", "4", "5", "6", "7")
 """The algorithms of [Sahbaz 2007, Table 7.5]."""
