@@ -36,7 +36,7 @@ from planner.pulses.schedule import schedule_tables
 from planner.pulses.triggers import Triggered, find_triggers, trigger_tables
 from planner.shaping.keep_limits import solve_shaped
 from planner.shaping.shaped_motion import shorten_duration
-from planner.shaping.shaped_proof import ShapedProof
+from planner.shaping.shaped_proof import ShapedProof, describe_exceeded
 from planner.timing.certified_solve import EFFORT, certified_solve, refuse_gap, solve_within, timing_table
 from planner.timing.duration_bound import DurationBound, bound_duration
 from planner.timing.problem import Solver
@@ -136,20 +136,7 @@ class Plan(Result, Interruptible):
     @property
     def exceeded(self) -> str:
         """What is said where a blend or fit tolerance is not proved behind the input shapers; else ""."""
-        if self.shaped is None:
-            return ""
-        left = [(blend.tolerance, blend.deviation) for blend in self.path.blends if not blend.stop]
-        left += [] if self.path.fit is None else [(self.path.fit.tolerance, self.path.fit.deviation)]
-        over = [both for both in left if both[1] + self.shaped.contour > both[0]]
-        if not over:
-            return ""
-        tolerance, deviation = max(over, key=lambda both: both[1] - both[0])
-        return (
-            f"the blend or fit tolerance of {1e6 * tolerance:g} µm is not proved behind the input shapers: they take "
-            f"the tool up to {1e6 * self.shaped.contour:.3f} µm off the path (at {self.shaped.contour_at}), which "
-            f"itself uses {1e6 * deviation:.3f} µm; ask for a smaller tolerance, lower max_acceleration or the speed "
-            "there, or use a shorter shaper (zv, or a higher frequency)"
-        )
+        return "" if self.shaped is None else describe_exceeded(self.path, self.shaped)
 
     @property
     def triggers(self) -> tuple[Triggered, ...]:

@@ -252,9 +252,7 @@ def _draw_realised(realised: RealisedPath) -> "list[Axes]":
     from planner.figures import realised_error
 
     names = [error.name for error in realised.errors if error.name in ("position", "orientation")]
-    axes = _stack_axes(len(names), 2.6)
-    for name, ax in zip(names, axes, strict=True):
-        realised_error(realised, name, ax)
+    axes = [realised_error(realised, name, ax) for name, ax in zip(names, _stack_axes(len(names), 2.6), strict=True)]
     _add_legend(axes[0])
     return axes
 

@@ -174,6 +174,22 @@ def prove_shaped(
     )
 
 
+def describe_exceeded(path: MachinePath, proof: ShapedProof) -> str:
+    """What is said where a blend or fit tolerance is not proved behind the shapers; else ""."""
+    left = [(blend.tolerance, blend.deviation) for blend in path.blends if not blend.stop]
+    left += [] if path.fit is None else [(path.fit.tolerance, path.fit.deviation)]
+    over = [both for both in left if both[1] + proof.contour > both[0]]
+    if not over:
+        return ""
+    tolerance, deviation = max(over, key=lambda both: both[1] - both[0])
+    return (
+        f"the blend or fit tolerance of {1e6 * tolerance:g} µm is not proved behind the input shapers: they take "
+        f"the tool up to {1e6 * proof.contour:.3f} µm off the path (at {proof.contour_at}), which "
+        f"itself uses {1e6 * deviation:.3f} µm; ask for a smaller tolerance, lower max_acceleration or the speed "
+        "there, or use a shorter shaper (zv, or a higher frequency)"
+    )
+
+
 class _Search:
     """Cells of time, cut where a limit may be broken: the largest bound of each limit, and of the deviations."""
 
