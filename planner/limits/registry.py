@@ -47,9 +47,13 @@ MACHINE_LIMITS: dict[type[Limit], Callable[[Machine, MachinePath], Limit]] = {
 
 OwnLimit = Limit | Callable[[Machine, MachinePath], Limit]
 """A limit of a caller's own: itself, or what makes it for a machine and a path, where it depends on them."""
+# Of a caller, usually.
+NO_LIMITS: tuple[OwnLimit, ...] = ()
 
 
-def limits_of(path: ActuatorPath, axes: Sequence[Axis], order: int, own: Sequence[OwnLimit] = ()) -> tuple[Limit, ...]:
+def limits_of(
+    path: ActuatorPath, axes: Sequence[Axis], order: int, own: Sequence[OwnLimit] = NO_LIMITS
+) -> tuple[Limit, ...]:
     """The limits of a motion of an order (2: to acceleration, 3: to jerk) along a path, if they bind anything.
 
     own: limits beside those of the table. Raises MotionError for one that the motion cannot be held to.
@@ -58,7 +62,7 @@ def limits_of(path: ActuatorPath, axes: Sequence[Axis], order: int, own: Sequenc
     if isinstance(path, MachinePath):
         limits += [make(path.machine, path) for make in MACHINE_LIMITS.values()]
     found = [limit for limit in limits if limit.binds]
-    for limit in make_own_limits(path, own):
+    for limit in () if own is NO_LIMITS else make_own_limits(path, own):
         if any(limit.name == other.name for other in found):
             raise MotionError(f'limits: there is a limit "{limit.name}" already; give yours a name of its own')
         if Term.SDDD in limit.terms and order < 3:

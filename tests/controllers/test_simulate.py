@@ -87,9 +87,9 @@ def test_reference_speed_is_the_derivative_of_its_position(rig, axis_motion):
     [
         ({"dt": 0.6e-3}, "0.5 ms"),
         ({"dt": 1e-5}, "0.25 ms"),
-        ({"dt": np.nan}, "nan ms"),
-        ({"dt": 0.0}, "0 ms"),
-        ({"settle": -0.1}, "settling time -0.1"),
+        ({"dt": np.nan}, "dt nan s"),
+        ({"dt": 0.0}, "dt 0 s"),
+        ({"settle": -0.1}, "settle -0.1 s"),
         ({"servo": []}, "0 drives for the 3 axes"),
     ],
 )

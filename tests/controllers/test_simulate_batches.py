@@ -143,5 +143,5 @@ def test_what_is_no_batch_is_refused(rig, short):
         simulate(short, law, [rig, replace(rig, card=replace(rig.card, while_moving="queue"))])
     with pytest.raises(MotionError, match="2 x 3 for 3 rigs of 3 axes"):
         simulate(stack_references([short, short]), law, [rig, rig, rig])
-    with pytest.raises(MotionError, match="reference of 2 for 1 rigs of 3 axes"):
+    with pytest.raises(MotionError, match="reference of 2 for 1 rig of 3 axes"):
         simulate(replace(short, position=short.position[:, :2], speed=short.speed[:, :2]), law, [rig])

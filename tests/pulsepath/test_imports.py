@@ -134,7 +134,7 @@ except SystemExit as end: assert end.code == 2, end.code
 sys.stderr = sys.__stderr__
 assert {REFUSED[command]!r} in told.getvalue(), told.getvalue()
 """
-    assert not COMPUTING & set(loaded_after(report))
+    assert not COMPUTING & set(loaded_after(report)[0])
 
 
 def test_lists_are_made_again_where_a_file_changes_or_what_is_kept_is_damaged(tmp_path, monkeypatch):

@@ -23,7 +23,7 @@ PROGRAMS = {
     ),
     "turn": ("[[segment]]\nturn = { about = [0, 0, 1], angle = 1e12 }\n", "6: ", "deg"),
     "repeat": ("repeat = 1000000000000\n" + UP, "5: repeat", "1e+06"),
-    "product": ("repeat = 900000\n" + UP + OUT, "6: repeat", "1000000 segments"),
+    "product": ("repeat = 900000\n" + UP + OUT, "6: repeat", "more than 1000000 in all"),
     "far": ("[[segment]]\nline = { to = [1e300, 0, 0] }\n", "6: ", "1e+08 mm"),
     "blend": ('[[segment]]\nline = { to = [0, 0, 25] }\njoin = { blend = "1e300 mm" }\n' + OUT, "7: ", "1e+08 mm"),
     "dwell": (UP + '[[segment]]\ndwell = "1e30 s"\n', "8: ", "1e+09 s"),

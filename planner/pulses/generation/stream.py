@@ -23,7 +23,14 @@ from planner.place import Infeasible, Place
 from planner.pulses.compensation.compensate import MotorsAhead, merge_costs
 from planner.pulses.generation.firing_rule import Rule, describe_rule
 from planner.pulses.generation.levels import cancel_pairs
-from planner.pulses.generation.motion_parts import JoinedMotion, MotionPart, MotionSpan, PieceMotion, refuse_long
+from planner.pulses.generation.motion_parts import (
+    TICK_BITS,
+    JoinedMotion,
+    MotionPart,
+    MotionSpan,
+    PieceMotion,
+    refuse_long,
+)
 from planner.pulses.generation.pieces import FIT_TOLERANCE
 from planner.pulses.generation.spacing import GivenPulse, HeldPulses, LeastGaps, Spaced, space_pulses
 from planner.pulses.motion import AxesMotion, MotorMotion
@@ -183,7 +190,8 @@ class PulseStream:
         now, machine = self._reached, self._machine
         if now.ended:
             raise MotionError("the motion has ended: begin another stream for another motion")
-        refuse_long(motion.duration, self._clock_hz)
+        if motion.duration * self._clock_hz > 2.0 ** (TICK_BITS - 1):  # up to there none is too long
+            refuse_long(motion.duration, self._clock_hz)
         along = motion.at(np.array([0.0, motion.duration])).s
         offset, home = now.s - float(along[0]), np.asarray(machine.home_q, float)
         part = MotionPart(

@@ -252,13 +252,13 @@ def test_a_twist_off_the_freedom_and_a_singular_pose_are_refused():
     tripod = load_machine("tripod")
     with pytest.raises(OutOfReach, match=f"holds {COMPONENTS[4]}: the twist at instant 0 has 0.1"):
         motion_of_poses(tripod, tripod.home, [0, 0, 0, 0, 0.1, 0])
-    with pytest.raises(MotionError, match=r"tripod has 3 axes: q must be finite, \(1, 3\) for 1 poses, not \(1, 6\)"):
+    with pytest.raises(MotionError, match=r"tripod has 3 axes: q must be finite, \(1, 3\) for 1 pose, not \(1, 6\)"):
         motion_of_axes(tripod, motion_of_poses(load_machine("hexapod"), load_machine("hexapod").home))
     with pytest.raises(MotionError, match=r"twist must be finite numbers \(1, 6\) or \(6,\), not"):
         motion_of_poses(tripod, tripod.home, np.zeros((2, 6)))
     # all arms in one plane bear nothing across it
     level = RigidTransform.from_translation([0, 0, tripod.base[0, 2] - tripod.platform[0, 2]])
-    with pytest.raises(MotionError, match="machine tripod is singular at pose 0"):
+    with pytest.raises(MotionError, match="machine tripod is singular at the pose, position 0, 0, -50 mm"):
         forces(tripod, motion_of_poses(tripod, level), platform=Body(1.0))
 
 

@@ -144,7 +144,7 @@ def test_the_coordinate_that_is_no_number_is_named(preset):
 @pytest.mark.parametrize("count", [1, 3])
 def test_as_many_starts_as_coordinates(preset, count):
     near = RigidTransform.from_translation(preset.home.translation + np.zeros((2, 3)))
-    with pytest.raises(MotionError, match=f"machine hexapod: .*`near`, or one for each of {count} rows of q, not 2"):
+    with pytest.raises(MotionError, match=f"machine hexapod: .*`near`, or one for each of {count} rows? of q, not 2"):
         preset.forward(np.tile(preset.home_q, (count, 1)), near)
 
 

@@ -307,7 +307,7 @@ def test_refusals(preset, reaches):
         workspace(preset, z=(1, 0))
     with pytest.raises(MotionError, match=r"x, held or .* must be finite numbers .*nan"):
         workspace(preset, x=(np.nan, 0))
-    with pytest.raises(MotionError, match="cells must be a whole number of at least 1, not 0"):
+    with pytest.raises(MotionError, match="cells must be a whole number from 1 to 1000, not 0"):
         workspace(preset, cells=0)
     with pytest.raises(MotionError, match=r"nothing inside all limits .* at \(0, 0, 233\.636\) mm: leg\d"):
         workspace(preset, rotation=Rotation.from_rotvec([2, 0, 0]))

@@ -272,7 +272,7 @@ def test_rounded_arcs_stay_where_the_file_has_them(read):
     ("G0 X1 (open", "column 7: the comment has no end"),
     ("G0 X1 )", "column 7: unmatched parenthesis"),
     ("/G0 X1", "column 1: block delete (/): give the option block_delete"),
-    ("G0 X1 % and more", "column 7: % stands alone"),
+    ("G0 X1 % and more", "column 7: % must be alone"),
     ("G0 X1 \x00 Y2", "column 7"),
     ("G0 X\uff11", "column 4"),  # a digit, but not of ASCII
     (b"G0 X1 \xff Y2", "column 7"),

@@ -79,7 +79,7 @@ def test_what_is_going_to_run_and_for_how_long_is_told_first(tmp_path, call, mon
         runs, *factors = map(int, re.findall(r"\d+", said.partition(")")[0]))
         counts[more] = runs
         assert runs == np.prod(factors)
-        assert said.endswith("on 2 cores")
+        assert re.search(r": about \d+ (s|min) on 2 idle cores$", said)
     assert counts["--seeds", "2", "--task", "line"] == 2 * counts[()] / 5
 
 
