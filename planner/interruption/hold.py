@@ -20,11 +20,12 @@ from planner.interruption.instant import (
     cut_motion,
     find_piece,
     find_rest,
+    find_rest_left,
+    find_rest_place,
     find_running,
     join_motions,
     look,
     next_rest,
-    rest_time,
     shift_motion,
 )
 from planner.interruption.ramp import Proved, find_ramps, rest_anywhere
@@ -36,6 +37,10 @@ from planner.shaping.keep_limits import refuse_unkept
 from planner.shaping.shaped_motion import Copies, ShapedMotion, find_copies
 from planner.shaping.shaped_proof import ShapedProof, prove_shaped
 from planner.trajectory import Trajectory
+
+# Share of a path's length up to which what copies still move along is none: of less, the rounding of places (10⁻¹⁶ of
+# the length) is more than ends may be apart (10⁻⁹).
+SAME_STOP = 1e-7
 
 
 def hold(whole: Whole, at: float, during: Section | None = None) -> Section:
@@ -81,7 +86,8 @@ def shape_section(whole: Whole, running: Running, now: Instant, made: Proved, co
     """A motion and what is proved of it behind shapers, of which copies are still on the one that runs."""
     motion = running.trajectory
     behind = look(motion, max(now.t - copies.length, 0.0))
-    path = _draw_from(whole, motion, behind, now.s + float(made.path.breaks[-1]))
+    until, last = now.s + float(made.path.breaks[-1]), bool(made.path.dwells[-1] > 0)
+    path = _draw_from(whole, motion, behind, until, last)
     first, here = find_piece(whole.path, behind.s), find_piece(whole.path, now.s)
     before = shift_motion(cut_motion(motion, behind, now), 0.0, -first)
     joined = join_motions(path, before, shift_motion(made.trajectory, now.s - behind.s, here - first))
@@ -95,7 +101,9 @@ def _run_out(whole: Whole, running: Running, t: float, rest: Instant, copies: Co
     begun = find_rest(motion, behind)
     if begun is not None and begun.t == rest.t:
         return None
-    path = _draw_from(whole, motion, behind, rest.s)
+    if rest.s - behind.s <= SAME_STOP * float(whole.path.breaks[-1]):
+        return None
+    path = _draw_from(whole, motion, behind, rest.s, last_dwell=False)
     limits = whole.limits(path)
     before = shift_motion(cut_motion(motion, behind, rest), 0.0, -find_piece(whole.path, behind.s))
     before = replace(before, path=path)
@@ -120,15 +128,16 @@ def _prove_section(
     return prove_shaped(ShapedMotion.of(moves, copies), moves, whole.machine.axes, limits, certificate, since=since)
 
 
-def _draw_from(whole: Whole, motion: Trajectory, now: Instant, until: float) -> MachinePath:
-    return whole.draw(now.s, until, now.v, now.a, now.t, now.q, rested=rest_time(motion, now))
+def _draw_from(whole: Whole, motion: Trajectory, now: Instant, until: float, last_dwell: bool = True) -> MachinePath:
+    left = find_rest_left(motion, now)
+    return whole.draw(now.s, until, now.v, now.a, now.t, now.q, rests=left, last_dwell=last_dwell)
 
 
 def _solve_stop(whole: Whole, running: Running, now: Instant) -> Proved:
     """The soonest before any shapers: the motion's own, where it goes on to a rest of its own."""
     motion = running.trajectory
     last = next_rest(motion, now)
-    end = float(motion.s[last]) if last < len(motion.s) else float(whole.path.breaks[-1])
+    end = find_rest_place(motion, last)
     for stop in find_ramps(whole, motion, now, end, rest_anywhere):
         if stop.certificate.holds:
             return stop

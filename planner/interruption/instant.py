@@ -6,7 +6,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from planner.certificate.certify import Certificate
-from planner.interruption.section import SAME_PLACE, Section, Whole
+from planner.interruption.section import SAME_PLACE, Section, Whole, refuse_other
 from planner.path.actuation import MachinePath
 from planner.pulses import PulseSchedule
 from planner.trajectory import Trajectory
@@ -39,6 +39,8 @@ class Running:
 
 def find_running(whole: Whole, during: Section | None) -> Running:
     """The plan, or a section of it."""
+    if during is not None:
+        refuse_other(whole, during)
     if during is None:
         return Running(whole.trajectory, whole.certificate, whole.pulses, 0.0, whole.duration)
     shaped = during.shaped
@@ -98,16 +100,22 @@ def find_rest(motion: Trajectory, now: Instant) -> Instant | None:
     return look(motion, float(motion.knots[k]))
 
 
-def rest_time(motion: Trajectory, now: Instant) -> float:
-    """s for which it has rested at an instant; 0 where it moves."""
-    rest = find_rest(motion, now)
-    return 0.0 if rest is None else max(now.t - rest.t, 0.0)
+def find_rest_left(motion: Trajectory, now: Instant) -> float:
+    """s for which it goes on resting from an instant on; 0 where it moves."""
+    moves = np.flatnonzero((motion.v != 0) | (motion.a != 0) | (motion.j != 0))
+    after = int(next((k for k in moves.tolist() if k >= now.knot), len(motion.s)))
+    return float(motion.knots[after] - now.t) if after > now.knot else 0.0
 
 
 def next_rest(motion: Trajectory, now: Instant) -> int:
     """The time piece before which the motion comes to rest next."""
     later = np.flatnonzero(motion.v[now.knot + 1 :] <= REST_SHARE * motion.v.max())
     return now.knot + 1 + int(later[0]) if len(later) else len(motion.s)
+
+
+def find_rest_place(motion: Trajectory, last: int) -> float:
+    """The place (m) at which it rests before time piece `last`."""
+    return float(motion.s[last]) if last < len(motion.s) else look(motion, motion.duration).s
 
 
 def cut_motion(motion: Trajectory, since: Instant, until: Instant | None, last: int = 0) -> Trajectory:

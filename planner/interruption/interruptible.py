@@ -38,7 +38,7 @@ class Interruptible(ABC):
         share: of the plan's speed, which is taken up as soon as the limits allow. None: the fastest motion, or the
         speed of a plan with a stated duration or another objective than time.
         """
-        return resume(self.whole(), stop.until if isinstance(stop, Section) else stop, share)
+        return resume(self.whole(), stop, share)
 
     @check_arguments()
     def override(

@@ -15,16 +15,17 @@ from planner.interruption.instant import (
     find_passage,
     find_piece,
     find_rest,
+    find_rest_left,
+    find_rest_place,
     find_running,
     join_motions,
     look,
     next_rest,
-    rest_time,
     shift_motion,
     slow_motion,
 )
 from planner.interruption.ramp import Proved, find_ramps
-from planner.interruption.section import SAME_PLACE, Section, Whole, make_section
+from planner.interruption.section import SAME_PLACE, Section, Whole, make_section, refuse_other
 from planner.limits import Limit
 from planner.path.actuation import MachinePath
 from planner.shaping.keep_limits import solve_shaped
@@ -91,9 +92,9 @@ class _Change:
     limits: tuple[Limit, ...]
 
     @classmethod
-    def begin(cls, whole: Whole, now: Instant, share: float, rested: float = 0.0) -> "_Change":
-        """rested: s that the motion has been at rest there."""
-        path = whole.draw(now.s, float(whole.path.breaks[-1]), now.v, now.a, now.t, now.q, rested=rested)
+    def begin(cls, whole: Whole, now: Instant, share: float, rests: float | None = None) -> "_Change":
+        """rests: s that are left of a dwell there; None: all that is stated."""
+        path = whole.draw(now.s, float(whole.path.breaks[-1]), now.v, now.a, now.t, now.q, rests=rests)
         return cls(whole, now, share, path, whole.limits(path))
 
     def reach(self, place: float) -> tuple[float, float]:
@@ -128,14 +129,13 @@ def _change_speed(whole: Whole, running: Running, now: Instant, share: float) ->
     still = (motion.v == 0) & (motion.a == 0) & (motion.j == 0)
     if rest is not None and rest.t <= now.t and rest.t < motion.duration and not still[now.knot]:
         rest = None  # it has begun to move
-    change = _Change.begin(whole, now, share, 0.0 if rest is None else rest_time(motion, now))
+    change, what = _Change.begin(whole, now, share, find_rest_left(motion, now)), f"override {share:g}"
+    what += f" at {now.t - running.since:.6f} s"
     here, first = find_passage(plan, now.s), find_piece(whole.path, now.s)
     if rest is not None:
         later = np.flatnonzero(~still & (np.arange(len(still)) >= max(now.knot, rest.knot)))
         if len(later) == 0 or rest.t >= motion.duration:
-            raise MotionError(
-                f"override {share:g} at {now.t:.6f} s: the motion rests there to its end; resume from there"
-            )
+            raise MotionError(f"{what}: the motion rests there to its end; resume from there")
         made = change.follow(shift_motion(cut_motion(motion, now, None, int(later[0])), 0.0, -first), here)
     elif abs(now.v - share * here.v) <= SAME_SHARE * now.v and abs(now.a - share**2 * here.a) <= SAME_SHARE * push:
         made = change.follow(None, here)
@@ -143,17 +143,19 @@ def _change_speed(whole: Whole, running: Running, now: Instant, share: float) ->
         last, end = find_next_rest(whole, here)
         made = change.ramp(motion, end)
         stop = next_rest(motion, now)
-        rests_at = float(motion.s[stop]) if stop < len(motion.s) else float(whole.path.breaks[-1])
+        rests_at = find_rest_place(motion, stop)
         if made is None and abs(rests_at - end) <= SAME_PLACE * float(whole.path.breaks[-1]):  # where the plan does
             before = shift_motion(cut_motion(motion, now, None, stop), 0.0, -first)
             if stop == len(motion.s):  # there is no more of either: this was proved with all of it
                 own = replace(before, path=change.path)
                 return Proved(change.path, change.limits, own, running.certificate, now.s)
             made = change.follow(before, look(plan, float(plan.knots[last])))
+        elif made is None and rests_at < end:  # a stop: it comes to its rest, from where the plan is taken up
+            made = _rest_first(change, motion, now, stop, rests_at, end)
     if made is None:
         raise MotionError(
-            f"override {share:g} at {now.t:.6f} s: no motion was found that takes up the plan's speed before its "
-            "next rest and keeps every limit; choose another instant or share, or hold and resume"
+            f"{what}: no motion was found that takes up the plan's speed before its next rest and keeps every limit; "
+            "choose another instant or share, or hold and resume"
         )
     return made
 
@@ -161,35 +163,57 @@ def _change_speed(whole: Whole, running: Running, now: Instant, share: float) ->
 def find_next_rest(whole: Whole, now: Instant) -> tuple[int, float]:
     """The time piece of the plan before which it comes to rest next, and the place (m) of that."""
     last = next_rest(whole.trajectory, now)
-    return last, float(whole.trajectory.s[last] if last < len(whole.trajectory.s) else whole.path.breaks[-1])
+    return last, find_rest_place(whole.trajectory, last)
 
 
-def resume(whole: Whole, since: float, share: float | None = None) -> Section:
-    """The motion from rest at a place (m) of the path to its end.
+def _rest_first(
+    change: _Change, motion: Trajectory, now: Instant, stop: int, rests_at: float, end: float
+) -> Proved | None:
+    """The motion to the rest before its time piece `stop`, at a place (m), and the way from there to the plan."""
+    whole = change.whole
+    here = find_passage(whole.trajectory, rests_at)
+    onward = _Change.begin(whole, replace(here, v=0.0, a=0.0), change.share).ramp(None, end)
+    if onward is None:
+        return None
+    first, there = find_piece(whole.path, now.s), find_piece(whole.path, rests_at)
+    before = shift_motion(cut_motion(motion, now, None, stop), 0.0, -first)
+    joined = join_motions(change.path, before, shift_motion(onward.trajectory, rests_at - now.s, there - first))
+    certificate = certify(joined, change.limits)
+    return Proved(change.path, change.limits, joined, certificate, now.s) if certificate.holds else None
+
+
+def resume(whole: Whole, stop: Section | float, share: float | None = None) -> Section:
+    """The motion from a stop, whose pulses it goes on with, or from rest at a place (m) of the path, to its end.
 
     share: of the plan's speed, which is taken up as soon as the limits allow. None: the fastest motion, of a plan that
     is the fastest; of one with a stated duration or another objective, its own speed. Raises as `certified_solve`.
     """
     length = float(whole.path.breaks[-1])
+    if isinstance(stop, Section):
+        refuse_other(whole, stop)
+        since, sent = stop.until, [axis.final for axis in stop.pulses.axes]
+    else:
+        since, sent = stop, None
     if since == length:
         raise MotionError(f"resume from {since:g} m: the path ends there, so there is nothing to resume")
     if not 0 <= since < length:
         raise MotionError(f"resume from {since:g} m: the path goes from 0 to {length:.6g} m; give a place on it")
     if share is not None or not whole.fastest:
-        return _resume_at(whole, since, 1.0 if share is None else check_share("resume", share))
+        return _resume_at(whole, since, 1.0 if share is None else check_share("resume", share), sent)
     path = whole.draw(since, length)
     limits = whole.limits(path)
     solve = partial(certified_solve, path, order=whole.order)
     found, certificate, shaped, _ = solve_shaped(solve, path, limits, whole.machine.axes)
-    return make_section(whole, "resume", path, limits, found.trajectory, certificate, since, shaped=shaped)
+    return make_section(whole, "resume", path, limits, found.trajectory, certificate, since, sent, shaped=shaped)
 
 
-def _resume_at(whole: Whole, since: float, share: float) -> Section:
+def _resume_at(whole: Whole, since: float, share: float, sent: list[int] | None) -> Section:
     """From rest to the plan at a share of its speed: by the soonest ramp, or behind its next rest."""
     here = find_passage(whole.trajectory, since)
     change = _Change.begin(whole, replace(here, v=0.0, a=0.0), share)
     last, end = find_next_rest(whole, here)
-    made = change.follow(None, here) if here.v == 0 else change.ramp(None, end)
+    # where the plan rests too, with the dwell there
+    made = change.follow(None, find_rest(whole.trajectory, here) or here) if here.v == 0 else change.ramp(None, end)
     if made is None:
         path = whole.draw(since, end)
         before = certified_solve(path, whole.limits(path), whole.order).trajectory
@@ -198,4 +222,4 @@ def _resume_at(whole: Whole, since: float, share: float) -> Section:
         raise MotionError(f"resume from {since:g} m at {share:g} of the plan's speed: no motion keeps every limit")
     moves, axes = shape_motion(made.trajectory, whole.machine.axes), whole.machine.axes
     shaped = None if moves is None else prove_shaped(moves, made.trajectory, axes, made.limits, made.certificate)
-    return make_section(whole, "resume", *made[:4], since, shaped=shaped)
+    return make_section(whole, "resume", *made[:4], since, sent, shaped=shaped)

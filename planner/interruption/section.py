@@ -73,13 +73,14 @@ class Whole:
         time: float = 0.0,
         near: np.ndarray | None = None,
         ends: tuple[float, float] = (0.0, 0.0),
-        rested: float = 0.0,
+        rests: float | None = None,
+        last_dwell: bool = True,
     ) -> MachinePath:
         """The path between two lengths of it, begun with ṡ and s̈ and ended with those of `ends`: no speed of it is to
         be constant.
 
-        One that begins in motion is left at once where it ends; else it has the dwells that the program states there,
-        the first less what is rested (s).
+        One that begins in motion is left at once where it ends; else it has the dwells that the program states there.
+        rests: s of the first that are left; last_dwell: whether the last is one of it.
         """
         path, until = self.path, self.snap(until)
         since = self.snap(since) if speed == 0 else since  # in motion it may be so near to a rest
@@ -90,11 +91,13 @@ class Whole:
         after, before = path.breaks[last + 1] - until, since - path.breaks[first]
         if before > 0 or speed > 0:
             dwells[0] = 0.0
-        if after > 0 or speed > 0:
+        elif rests is not None:
+            dwells[0] = rests
+        if after > 0 or speed > 0 or not last_dwell:
             dwells[-1] = 0.0
         pieces[-1] = pieces[-1].trim(0.0, after)
         pieces[0] = pieces[0].trim(before, 0.0)
-        stops[[0, -1]], dwells[0] = 1, max(dwells[0] - rested, 0.0)
+        stops[[0, -1]] = 1
         return MachinePath(
             self.machine,
             pieces,
@@ -115,6 +118,7 @@ class Section(Result):
     what        it is, in a few words
     since       m of the plan's path, where it begins
     at          s of the motion that it goes on with, at which it begins; None where that is none
+    plan        the motion of the plan that it is a section of
     limits      those that are proved, without constant speeds that segments ask for
     shaped      behind input shapers, and its proof; trajectory and certificate are those before them
     """
@@ -131,6 +135,7 @@ class Section(Result):
     since: float
     at: float | None = None
     shaped: ShapedProof | None = field(default=None, repr=False)
+    plan: Trajectory | None = field(default=None, repr=False)
 
     @property
     def duration(self) -> float:
@@ -204,8 +209,34 @@ def make_section(
     if sent is not None:
         own = replace(own, axes=tuple(map(go_on, own.axes, sent)))
     return Section(
-        what, whole.name, whole.machine, path, limits, trajectory, certificate, motors, own, since, at, shaped
+        what,
+        whole.name,
+        whole.machine,
+        path,
+        limits,
+        trajectory,
+        certificate,
+        motors,
+        own,
+        since,
+        at,
+        shaped,
+        whole.trajectory,
     )
+
+
+def refuse_other(whole: Whole, section: Section) -> None:
+    """Raise MotionError for a section of another plan."""
+    own, other = whole.trajectory, section.plan
+    if other is own:
+        return
+    if other is None or not all(
+        np.array_equal(getattr(own, name), getattr(other, name)) for name in ("knots", "s", "v", "a", "j")
+    ):
+        raise MotionError(
+            f"the {section.what} of {section.name} is not of this plan: give a section that its own hold, resume or "
+            "override made"
+        )
 
 
 def go_on(axis: AxisPulses, sent: int) -> AxisPulses:
@@ -215,8 +246,9 @@ def go_on(axis: AxisPulses, sent: int) -> AxisPulses:
         return axis
     if abs(off) > 1:
         raise MotionError(
-            f"axis {axis.name}: {sent} counts were sent where the motion that goes on begins at {axis.start}; "
-            "axes with compensation cannot be interrupted where they turn: choose another instant"
+            f"axis {axis.name}: {sent} counts were sent where the motion that goes on begins at {axis.start}; axes "
+            "with compensation cannot be interrupted where they turn, nor a rule that counts from the start (dda): "
+            "choose another instant, or plan with --rule nearest"
         )
     if len(axis) and axis.ticks[0] == 0 and axis.direction[0] == off:  # sent already
         return replace(axis, ticks=axis.ticks[1:], direction=axis.direction[1:], start=sent)

@@ -71,6 +71,10 @@ def hold(
         raise BadValue("--format needs --at TIME and --out FILE")
     if resume is not None and out is None:
         raise BadValue("--resume continues from a written stop: give --out FILE too")
+    if resume is not None and resume.resolve() == (out and out.resolve()):
+        raise BadValue(
+            f"--out and --resume are the same file, {out}: give two, one for the stop and one for the way on"
+        )
     instant = None if at is None else read_quantity("--at", at, "s", least=0.0)
     targets = [target for target in (out, resume) if target is not None]
     writes(*targets)
@@ -102,7 +106,7 @@ def hold(
     with step("computing the stop"):
         made = [stop_at(whole, instant)]
         if resume is not None:
-            made.append(go_on(whole, made[0].until))
+            made.append(go_on(whole, made[0]))
     options = {} if name is None else STOPS.options_of(name, given)
     files = [
         write_section(each, name, target, force, options) for each, target in zip(made, targets, strict=False) if name

@@ -50,7 +50,7 @@ def override(
     Example: pulsepath override out/circle --speed "50 %" --at "1.2 s" --format steps --out slow.bin
     """
     from kinematics.foundation.errors import BadValue
-    from pulsepath.output.directory import refuse_no_plan
+    from pulsepath.output.directory import refuse_late, refuse_no_plan
 
     if (name is None) != (out is None):
         raise BadValue("--format and --out go together: give both to write the motion, or none to see what it takes")
@@ -61,6 +61,8 @@ def override(
     if out is not None:
         writes(out)
     refuse_no_plan(directory)
+    if instant is not None:
+        refuse_late(directory, instant)
     from planner.interruption.override import override as change_speed
     from pulsepath.format_options import EXPORTS
     from pulsepath.output import plan_directory, record

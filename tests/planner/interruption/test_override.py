@@ -135,3 +135,46 @@ def test_what_cannot_be_changed_is_refused(straight):
     ):
         with pytest.raises(MotionError, match=words):
             wrong()
+
+
+def test_a_dwell_that_is_changed_twice_is_as_long_as_stated(straight):
+    motion = straight.trajectory
+    (rest,) = np.flatnonzero((motion.v == 0) & (motion.a == 0) & (motion.j == 0))
+    begins, ends = motion.knots[rest], motion.knots[rest + 1]
+    once = straight.override(0.5, begins + 0.03)
+    twice = straight.override(0.8, 0.02, once)
+    assert twice.certificate.holds
+    assert twice.duration == pytest.approx(ends - begins - 0.05 + (motion.duration - ends) / 0.8, abs=1e-6)
+
+
+@pytest.mark.parametrize("share", [0.05, 0.5, 0.95])
+def test_a_stop_is_taken_back_up_to_its_end(straight, share):
+    """Where no motion leads on any more, it comes to its rest first."""
+    stop = straight.hold(0.12)
+    on = straight.override(1.0, share * stop.duration, stop)
+    assert on.certificate.holds
+    assert on.until == pytest.approx(float(straight.path.breaks[-1]))
+    assert uses(on).max() <= 1 + 1e-9
+    assert share * stop.duration + on.duration <= stop.duration + straight.resume(stop, 1.0).duration + 1e-3
+
+
+def test_pulses_go_on_with_those_of_the_stop_by_every_rule():
+    program = Program((Line(to=(0.03, 0.01, 0)), Line(to=(0.03, 0.03, 0)), Line(to=(0, 0, 0))))
+    made = plan(program, load_machine("corexy"), order=2, rule="nearest:hysteresis=0.4")
+    for at in np.random.default_rng(1).uniform(0.01, 0.9 * made.trajectory.duration, 12).tolist():
+        stop = made.hold(at)
+        if stop.until < float(made.path.breaks[-1]):
+            rest = made.resume(stop)
+            for own, sent, whole in zip(rest.pulses.axes, stop.pulses.axes, made.pulses.axes, strict=True):
+                assert (own.start, own.final) == (sent.final, whole.final)
+
+
+def test_a_section_of_another_plan_is_refused(straight, circle):
+    other = circle.hold(0.3)
+    for wrong in (
+        lambda: straight.resume(other),
+        lambda: straight.hold(0.01, other),
+        lambda: straight.override(0.5, 0.01, other),
+    ):
+        with pytest.raises(MotionError, match="is not of this plan"):
+            wrong()

@@ -8,7 +8,7 @@ import pytest
 
 from kinematics import load_machine
 from kinematics.machine.shaper import Shaper
-from planner import Infeasible, load_program, plan
+from planner import Dwell, Infeasible, Line, Program, load_program, plan
 from planner.interruption import hold
 from planner.pulses import check
 
@@ -165,3 +165,17 @@ def test_copies_that_still_move_run_out(shaped):
         assert held.distance > 0
     with pytest.raises(Exception, match="the plan lasts from 0 to"):
         shaped.hold(motion.duration + copies.length + 0.01)
+
+
+def test_behind_a_short_move_and_a_dwell_copies_run_out():
+    """The path that copies are on begins at rest, and ends where the program dwells: that dwell is not of the stop."""
+    machine = load_machine("corexy")
+    machine = machine.driven_by([axis.add_shaper(Shaper("zvd", 20.0)) for axis in machine.axes])
+    program = Program((Line(to=(0.0006, 0.0005, 0)), Dwell(0.3), Line(to=(0.03, 0.01, 0))))
+    made = plan(program, machine)
+    end = made.trajectory.duration + made.shaped.motion.copies.length
+    for at in (0.0353, 0.1, end - 1e-3):
+        assert made.hold(at).shaped.holds
+    with pytest.raises(Exception, match="rests there"):
+        made.hold(end - 3e-4)  # a nanometre is left
+    assert len(made.stops(20).t) == 20
