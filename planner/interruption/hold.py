@@ -193,7 +193,6 @@ def find_stops(whole: Whole, count: int, progress: Progress = ignore_progress) -
             found.append((t, place, 0.0, 0.0))
         else:
             refuse_unkept(stop.limits, stop.shaped)
-            duration = stop.trajectory.duration if stop.shaped is None else stop.shaped.duration
-            found.append((t, place, duration, measure_way(stop.path, stop.shaped)))
+            found.append((t, place, stop.duration, measure_way(stop.path, stop.shaped)))
         progress(n + 1, count)
     return Stops(whole.name, *(np.array(each) for each in zip(*found, strict=True)))

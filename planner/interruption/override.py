@@ -47,7 +47,7 @@ def override(whole: Whole, share: float, at: float | None = None, during: Sectio
     Raises MotionError for a share that is not above 0 and up to 1, for an instant that is none of the motion's, and
     where the slower motion breaks a limit, as one on a band of speeds or of the torque that friction takes may be.
     """
-    check_share("override", share)
+    _check_share("override", share)
     if at is None:
         if during is not None:
             raise MotionError("override during a section: give the instant (s) at which the speed is to change")
@@ -62,7 +62,7 @@ def override(whole: Whole, share: float, at: float | None = None, during: Sectio
     return make_section(whole, "override", *made[:5], sent, t, made.shaped)
 
 
-def check_share(what: str, share: float) -> float:
+def _check_share(what: str, share: float) -> float:
     """The share of the plan's speed; MotionError for one that is not above 0 and up to 1."""
     if not 0 < share <= 1:
         raise MotionError(f"{what} {share:g}: must be above 0 and at most 1, which is the plan's own speed")
@@ -75,10 +75,14 @@ def _slow_whole(whole: Whole, share: float) -> Section:
     certificate = certify(slower, limits)
     if not certificate.holds:
         raise MotionError(f"override {share:g}: the slower motion does not keep every limit:\n{certificate}")
-    axes = whole.machine.axes
-    moves = shape_motion(slower, axes)
-    shaped = None if moves is None else prove_shaped(moves, slower, axes, limits, certificate)
-    return make_section(whole, "override", path, limits, slower, certificate, 0.0, shaped=shaped)
+    return _make_from_rest(whole, "override", Proved(path, limits, slower, certificate, 0.0))
+
+
+def _make_from_rest(whole: Whole, what: str, made: Proved, sent: list[int] | None = None) -> Section:
+    """A section that begins at rest: behind shapers no copies of what was before it are under way."""
+    moves, axes = shape_motion(made.trajectory, whole.machine.axes), whole.machine.axes
+    shaped = None if moves is None else prove_shaped(moves, made.trajectory, axes, made.limits, made.certificate)
+    return make_section(whole, what, *made[:5], sent, shaped=shaped)
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +144,7 @@ def _change_speed(whole: Whole, running: Running, now: Instant, share: float) ->
     elif abs(now.v - share * here.v) <= SAME_SHARE * now.v and abs(now.a - share**2 * here.a) <= SAME_SHARE * push:
         made = change.follow(None, here)
     else:
-        last, end = find_next_rest(whole, here)
+        last, end = _find_next_rest(whole, here)
         made = change.ramp(motion, end)
         stop = next_rest(motion, now)
         rests_at = find_rest_place(motion, stop)
@@ -160,7 +164,7 @@ def _change_speed(whole: Whole, running: Running, now: Instant, share: float) ->
     return made
 
 
-def find_next_rest(whole: Whole, now: Instant) -> tuple[int, float]:
+def _find_next_rest(whole: Whole, now: Instant) -> tuple[int, float]:
     """The time piece of the plan before which it comes to rest next, and the place (m) of that."""
     last = next_rest(whole.trajectory, now)
     return last, find_rest_place(whole.trajectory, last)
@@ -199,7 +203,7 @@ def resume(whole: Whole, stop: Section | float, share: float | None = None) -> S
     if not 0 <= since < length:
         raise MotionError(f"resume from {since:g} m: the path goes from 0 to {length:.6g} m; give a place on it")
     if share is not None or not whole.fastest:
-        return _resume_at(whole, since, 1.0 if share is None else check_share("resume", share), sent)
+        return _resume_at(whole, since, 1.0 if share is None else _check_share("resume", share), sent)
     path = whole.draw(since, length)
     limits = whole.limits(path)
     solve = partial(certified_solve, path, order=whole.order)
@@ -211,7 +215,7 @@ def _resume_at(whole: Whole, since: float, share: float, sent: list[int] | None)
     """From rest to the plan at a share of its speed: by the soonest ramp, or behind its next rest."""
     here = find_passage(whole.trajectory, since)
     change = _Change.begin(whole, replace(here, v=0.0, a=0.0), share)
-    last, end = find_next_rest(whole, here)
+    last, end = _find_next_rest(whole, here)
     # where the plan rests too, with the dwell there
     made = change.follow(None, find_rest(whole.trajectory, here) or here) if here.v == 0 else change.ramp(None, end)
     if made is None:
@@ -220,6 +224,4 @@ def _resume_at(whole: Whole, since: float, share: float, sent: list[int] | None)
         made = change.follow(before, look(whole.trajectory, float(whole.trajectory.knots[last])))
     if made is None:
         raise MotionError(f"resume from {since:g} m at {share:g} of the plan's speed: no motion keeps every limit")
-    moves, axes = shape_motion(made.trajectory, whole.machine.axes), whole.machine.axes
-    shaped = None if moves is None else prove_shaped(moves, made.trajectory, axes, made.limits, made.certificate)
-    return make_section(whole, "resume", *made[:4], since, sent, shaped=shaped)
+    return _make_from_rest(whole, "resume", made, sent)

@@ -64,6 +64,11 @@ class Proved(NamedTuple):
     since: float
     shaped: ShapedProof | None = None
 
+    @property
+    def duration(self) -> float:
+        """s, behind the shapers if there are any."""
+        return self.trajectory.duration if self.shaped is None else self.shaped.duration
+
 
 def rest_anywhere(place: float) -> tuple[float, float]:
     """A target: to stand still."""

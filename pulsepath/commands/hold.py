@@ -13,7 +13,7 @@ from pulsepath.process.intent import writes
 from pulsepath.progress import say, step
 
 if TYPE_CHECKING:
-    from planner.interruption.section import Section
+    pass
 
 
 class Hold(FormatCommand):
@@ -84,12 +84,11 @@ def hold(
     from planner.interruption.hold import find_stops
     from planner.interruption.hold import hold as stop_at
     from planner.interruption.override import resume as go_on
-    from pulsepath.output import plan_directory, record
+    from pulsepath.output import record
     from pulsepath.output.tables import show
+    from pulsepath.sections import read_whole, say_errors, write_section
 
-    planned = plan_directory.read(directory, unverified)
-    with step("generating pulses") as tell:
-        whole = planned.whole(tell)
+    planned, whole = read_whole(directory, unverified)
     if stops is not None:
         with step("computing stops") as tell:
             found = find_stops(whole, stops, tell)
@@ -127,13 +126,4 @@ def hold(
     if len(made) > 1:
         pace = "the fastest motion" if whole.fastest else "at the plan's own speed"
         say(f"from there to the end: {made[1].duration:.6f} s, certified, {pace}")
-    for file in files:
-        say(f"{file['file']}: error {file['error_pulses']:.3g} pulses against {file['against']}")
-
-
-def write_section(made: "Section", name: str, target: Path, force: bool, options: dict[str, Any]) -> dict[str, Any]:
-    """A stop, the way on or a slowed motion in an export format: its record."""
-    from pulsepath.output import record
-
-    done = made.export(name, target, force=force, **options)
-    return record.of_export(name, str(target), done)
+    say_errors(files)

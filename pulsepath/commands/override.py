@@ -7,11 +7,10 @@ import click
 
 from pulsepath import known_names
 from pulsepath.command_group import FormatCommand
-from pulsepath.commands.hold import write_section
 from pulsepath.known_names import make_completer
 from pulsepath.options import json_option, read_percent, read_quantity, unverified_option
 from pulsepath.process.intent import writes
-from pulsepath.progress import say, step
+from pulsepath.progress import step
 
 
 class Override(FormatCommand):
@@ -65,12 +64,11 @@ def override(
         refuse_late(directory, instant)
     from planner.interruption.override import override as change_speed
     from pulsepath.format_options import EXPORTS
-    from pulsepath.output import plan_directory, record
+    from pulsepath.output import record
     from pulsepath.output.tables import show
+    from pulsepath.sections import read_whole, say_errors, write_section
 
-    planned = plan_directory.read(directory, unverified)
-    with step("generating pulses") as tell:
-        whole = planned.whole(tell)
+    planned, whole = read_whole(directory, unverified)
     with step("computing the motion"):
         made = change_speed(whole, share, instant)
     files = []
@@ -88,5 +86,4 @@ def override(
         click.echo(record.as_json(told), nl=False)
         return
     show(made.tables())
-    for file in files:
-        say(f"{file['file']}: error {file['error_pulses']:.3g} pulses against {file['against']}")
+    say_errors(files)
