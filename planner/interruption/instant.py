@@ -5,10 +5,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kinematics.foundation.arrays import Array
+from kinematics.machine.machine import Machine
 from planner.certificate.certify import Certificate
-from planner.interruption.section import SAME_PLACE, Section, Whole, refuse_other
+from planner.interruption.section import NONE_SENT, SAME_PLACE, Section, Sent, Whole, refuse_other
 from planner.path.actuation import MachinePath
-from planner.pulses import PulseSchedule
+from planner.pulses import AxesMotion, PulseSchedule
+from planner.pulses.compensation.compensate import counted_motion
 from planner.trajectory import Trajectory
 
 # Share of the largest ṡ up to which a motion rests at a knot, and up to which nothing moves.
@@ -23,18 +25,27 @@ class Running:
 
     since     s of the trajectory at which time begins: behind input shapers it holds what came before
     duration  s from there on, behind any shapers
+    counted   what its pulses count; sent: before them
     """
 
     trajectory: Trajectory
     certificate: Certificate
     pulses: PulseSchedule
+    machine: Machine
     since: float
     duration: float
+    counted: AxesMotion
+    sent: Sent = NONE_SENT
 
-    def round_to_tick(self, at: float) -> tuple[float, list[int]]:
-        """The instant (s) of the whole tick next to one, and the counts (n,) of what was sent before that tick."""
+    def round_to_tick(self, at: float) -> tuple[float, Sent]:
+        """The instant (s) of the whole tick next to one, and what was sent before that tick."""
         tick = min(round(at * self.pulses.clock_hz), int(self.duration * self.pulses.clock_hz))
-        return tick / self.pulses.clock_hz, [int(axis.counts([tick - 1])[0]) for axis in self.pulses.axes]
+        return tick / self.pulses.clock_hz, self.find_sent(tick)
+
+    def find_sent(self, tick: int | None = None) -> Sent:
+        """What was sent before a tick; None: all."""
+        tick = int(self.duration * self.pulses.clock_hz) + 1 if tick is None else tick
+        return Sent.before(tick, self.pulses, self.counted, self.machine, self.sent)
 
 
 def find_running(whole: Whole, during: Section | None) -> Running:
@@ -42,7 +53,9 @@ def find_running(whole: Whole, during: Section | None) -> Running:
     if during is not None:
         refuse_other(whole, during)
     if during is None:
-        return Running(whole.trajectory, whole.certificate, whole.pulses, 0.0, whole.duration)
+        motion, machine = whole.trajectory, whole.machine
+        counted = counted_motion(motion, machine.axes, machine.home_q)
+        return Running(motion, whole.certificate, whole.pulses, machine, 0.0, whole.duration, counted)
     shaped = during.shaped
     base = during.trajectory if shaped is None else shaped.motion.base
     assert isinstance(base, Trajectory)  # motions of machines are
@@ -51,7 +64,8 @@ def find_running(whole: Whole, during: Section | None) -> Running:
     begin = path.origin[0]
     motion = replace(shift_motion(base, begin, find_piece(whole.path, begin)), path=whole.path)
     since = 0.0 if shaped is None else shaped.since
-    return Running(motion, during.certificate, during.pulses, since, during.duration)
+    own = during.certificate, during.pulses, during.machine, since, during.duration, during.counted, during.sent
+    return Running(motion, *own)
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,7 +25,7 @@ from planner.interruption.instant import (
     slow_motion,
 )
 from planner.interruption.ramp import Proved, find_ramps
-from planner.interruption.section import SAME_PLACE, Section, Whole, make_section, refuse_other
+from planner.interruption.section import NONE_SENT, SAME_PLACE, Section, Sent, Whole, make_section, refuse_other
 from planner.limits import Limit
 from planner.path.actuation import MachinePath
 from planner.shaping.keep_limits import solve_shaped
@@ -78,7 +78,7 @@ def _slow_whole(whole: Whole, share: float) -> Section:
     return _make_from_rest(whole, "override", Proved(path, limits, slower, certificate, 0.0))
 
 
-def _make_from_rest(whole: Whole, what: str, made: Proved, sent: list[int] | None = None) -> Section:
+def _make_from_rest(whole: Whole, what: str, made: Proved, sent: Sent = NONE_SENT) -> Section:
     """A section that begins at rest: behind shapers no copies of what was before it are under way."""
     moves, axes = shape_motion(made.trajectory, whole.machine.axes), whole.machine.axes
     shaped = None if moves is None else prove_shaped(moves, made.trajectory, axes, made.limits, made.certificate)
@@ -195,9 +195,9 @@ def resume(whole: Whole, stop: Section | float, share: float | None = None) -> S
     length = float(whole.path.breaks[-1])
     if isinstance(stop, Section):
         refuse_other(whole, stop)
-        since, sent = stop.until, [axis.final for axis in stop.pulses.axes]
+        since, sent = stop.until, find_running(whole, stop).find_sent()
     else:
-        since, sent = stop, None
+        since, sent = stop, NONE_SENT
     if since == length:
         raise MotionError(f"resume from {since:g} m: the path ends there, so there is nothing to resume")
     if not 0 <= since < length:
@@ -211,7 +211,7 @@ def resume(whole: Whole, stop: Section | float, share: float | None = None) -> S
     return make_section(whole, "resume", path, limits, found.trajectory, certificate, since, sent, shaped=shaped)
 
 
-def _resume_at(whole: Whole, since: float, share: float, sent: list[int] | None) -> Section:
+def _resume_at(whole: Whole, since: float, share: float, sent: Sent) -> Section:
     """From rest to the plan at a share of its speed: by the soonest ramp, or behind its next rest."""
     here = find_passage(whole.trajectory, since)
     change = _Change.begin(whole, replace(here, v=0.0, a=0.0), share)

@@ -1,6 +1,5 @@
 """A section of a plan's path with a motion of its own: certified, with pulses that go on with those before it."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from typing import Any
@@ -17,9 +16,11 @@ from planner.certificate.certify import Certificate
 from planner.export.format import Exported, ExportSource, write_export
 from planner.limits import Limit, OwnLimit, limits_of
 from planner.path.actuation import MachinePath
-from planner.pulses import AxesMotion, AxisPulses, PulseSchedule, find_rule, generate, pace_axes
-from planner.pulses.compensation.compensate import counted_motion
+from planner.pulses import AxesMotion, PulseSchedule, find_rule, generate, pace_axes
+from planner.pulses.compensation.compensate import CompensatedMotion, counted_motion, find_plays
+from planner.pulses.compensation.play import Play
 from planner.pulses.generation.motion_parts import JoinedMotion, MotionSpan
+from planner.pulses.generation.sent import SentPulses, find_sent
 from planner.shaping.keep_limits import refuse_unkept
 from planner.shaping.shaped_motion import shaper_length
 from planner.shaping.shaped_proof import ShapedProof
@@ -112,6 +113,25 @@ class Whole:
 
 
 @dataclass(frozen=True, slots=True)
+class Sent:
+    """Pulses (n,) that were sent before a section, and where its axes (n,) stand in their plays; empty: none."""
+
+    pulses: tuple[SentPulses, ...] = ()
+    plays: tuple[Play, ...] = ()
+
+    @classmethod
+    def before(cls, tick: int, pulses: PulseSchedule, counted: AxesMotion, machine: Machine, earlier: "Sent") -> "Sent":
+        """Before a tick of the pulses that count a motion, and before all of these. Raises as `find_plays`."""
+        plays: tuple[Play, ...] = ()
+        if isinstance(counted, CompensatedMotion):
+            plays = find_plays(counted, machine.axes, min(tick / pulses.clock_hz, counted.duration))
+        return cls(find_sent(pulses, tick, earlier.pulses), plays)
+
+
+NONE_SENT = Sent()
+
+
+@dataclass(frozen=True, slots=True)
 class Section(Result):
     """A motion along a section of a plan's path, whose pulses go on with those that were sent before it.
 
@@ -119,6 +139,7 @@ class Section(Result):
     since       m of the plan's path, where it begins
     at          s of the motion that it goes on with, at which it begins; None where that is none
     plan        the motion of the plan that it is a section of
+    sent        before it, where it goes on behind other pulses
     limits      those that are proved, without constant speeds that segments ask for
     shaped      behind input shapers, and its proof; trajectory and certificate are those before them
     """
@@ -136,6 +157,7 @@ class Section(Result):
     at: float | None = None
     shaped: ShapedProof | None = field(default=None, repr=False)
     plan: Trajectory | None = field(default=None, repr=False)
+    sent: Sent = field(default=NONE_SENT, repr=False)
 
     @property
     def duration(self) -> float:
@@ -187,13 +209,13 @@ def make_section(
     trajectory: Trajectory,
     certificate: Certificate,
     since: float,
-    sent: Sequence[int] | None = None,
+    sent: Sent = NONE_SENT,
     at: float | None = None,
     shaped: ShapedProof | None = None,
 ) -> Section:
-    """With pulses behind those that were sent: the counts (n,) before its first tick; None: none before its start.
+    """With pulses behind those that were sent.
 
-    Raises MotionError where these differ by more than rounding can, Infeasible for a limit that is not kept behind
+    Raises MotionError where counts differ by more than pulses are moved, Infeasible for a limit that is not kept behind
     shapers.
     """
     axes, home, pulses = whole.machine.axes, whole.machine.home_q, whole.pulses
@@ -204,10 +226,8 @@ def make_section(
         if shaped.since > 0:
             moves = JoinedMotion.of(MotionSpan(moves, shaped.since, moves.duration))
         axes = tuple(replace(axis, shaper=None) for axis in axes)  # it is shaped
-    motors = counted_motion(moves, axes, home)
-    own = generate(motors, axes, home, pulses.clock_hz, pulses.rule)
-    if sent is not None:
-        own = replace(own, axes=tuple(map(go_on, own.axes, sent)))
+    motors = counted_motion(moves, axes, home, sent.plays)
+    own = generate(motors, axes, home, pulses.clock_hz, pulses.rule, sent=sent.pulses)
     return Section(
         what,
         whole.name,
@@ -222,6 +242,7 @@ def make_section(
         at,
         shaped,
         whole.trajectory,
+        sent,
     )
 
 
@@ -237,20 +258,3 @@ def refuse_other(whole: Whole, section: Section) -> None:
             f"the {section.what} of {section.name} is not of this plan: give a section that its own hold, resume or "
             "override made"
         )
-
-
-def go_on(axis: AxisPulses, sent: int) -> AxisPulses:
-    """An axis' pulses behind a count: a crossing beside the first tick may have been rounded to either side of it."""
-    off = sent - axis.start
-    if off == 0:
-        return axis
-    if abs(off) > 1:
-        raise MotionError(
-            f"axis {axis.name}: {sent} counts were sent where the motion that goes on begins at {axis.start}; axes "
-            "with compensation cannot be interrupted where they turn, nor a rule that counts from the start (dda): "
-            "choose another instant, or plan with --rule nearest"
-        )
-    if len(axis) and axis.ticks[0] == 0 and axis.direction[0] == off:  # sent already
-        return replace(axis, ticks=axis.ticks[1:], direction=axis.direction[1:], start=sent)
-    ticks = np.concatenate([[0], axis.ticks])  # not sent yet
-    return replace(axis, ticks=ticks, direction=np.concatenate([[-off], axis.direction]).astype(np.int8), start=sent)

@@ -1,7 +1,7 @@
 """Compensation: what an axis has to count so that behind its screw's errors and its play it is where it should be."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.polynomials import solve_heights
 from kinematics.machine.axis import Axis
-from planner.pulses.compensation.take_up import Play, TurnSearch, take_up, taken_up
+from planner.pulses.compensation.play import Play, Turn, TurnSearch
+from planner.pulses.compensation.take_up import refuse_carried, take_up, taken_up
 from planner.pulses.generation.motion_parts import JoinedMotion, MotionSpan, PieceMotion
 from planner.pulses.generation.pieces import FIT_TOLERANCE, Stretches, cut_monotone, fit
 from planner.pulses.motion import AxesMotion, MotionState
@@ -30,6 +31,7 @@ class CompensatedMotion:
     take-up  the play is on the side that the last move left, at the start on the one that the axis' `pushed` states.
              At every turn the motor crosses it in a smooth step about the instant at which the axis turns, or while
              it rests there (`planner.pulses.compensation.take_up`)
+    begun    the plays at its start
     """
 
     planned: AxesMotion
@@ -39,6 +41,7 @@ class CompensatedMotion:
     parts: NDArray[np.intp]
     steps: tuple[Array, ...]
     costs: tuple[Compensation, ...]
+    begun: tuple[Play, ...] = field(repr=False)
 
     @property
     def duration(self) -> float:
@@ -66,14 +69,19 @@ class _State:
     qddd: Array
 
 
-def compensate_motion(motion: AxesMotion, axes: Sequence[Axis], home: Array) -> CompensatedMotion | None:
+def compensate_motion(
+    motion: AxesMotion, axes: Sequence[Axis], home: Array, plays: Sequence[Play] = ()
+) -> CompensatedMotion | None:
     """The motion as the motors have to make it, where some axis asks for compensation; None where none does.
 
-    Raises Infeasible where the motion leaves a motor no room to take up its play.
+    plays: those that another motion left the axes in, which this one goes on from. Raises Infeasible where the motion
+    leaves a motor no room to take up its play.
     """
     if not any(axis.compensate for axis in axes):
         return None
-    return compensate_part(motion, axes, home, begin_plays(motion, axes, home), 0.0, True)[0]
+    for k, play in enumerate(plays):
+        refuse_carried(motion, k, axes[k], play)
+    return compensate_part(motion, axes, home, plays or begin_plays(motion, axes, home), 0.0, True)[0]
 
 
 def begin_plays(motion: AxesMotion, axes: Sequence[Axis], home: Array) -> tuple[Play, ...]:
@@ -116,8 +124,37 @@ def compensate_part(
         if table is not None:
             parts[:, k] = np.searchsorted(table[0], middle[:, k], side="right")
     steps = tuple(freeze_array(play.list_steps()) for play in reached)
-    made = CompensatedMotion(motion, freeze_array(home), freeze_array(times), tuple(tables), parts, steps, tuple(costs))
+    home = freeze_array(home)
+    made = CompensatedMotion(motion, home, freeze_array(times), tuple(tables), parts, steps, tuple(costs), tuple(plays))
     return made, until, tuple(play.shift(until) for play in reached)
+
+
+def find_plays(made: CompensatedMotion, axes: Sequence[Axis], t: float) -> tuple[Play, ...]:
+    """Where the axes stand in their play at an instant (s) of a motion, for another that leaves it there.
+
+    Raises MotionError where a motor has begun to cross the play before the axis comes to its turn.
+    """
+    found = []
+    x = made.planned.at(np.array([t])).q[0] - made.home
+    for k, (axis, begun) in enumerate(zip(axes, made.begun, strict=True)):
+        turns, _ = _find_turns(made, k, axis, made.duration)
+        known, search = _find_turns(made, k, axis, t)
+        steps = [(start, span, way) for start, span, way in made.steps[k][int(begun.taken != 0) :].tolist()]
+        found.append(begun.leave(t, axis.name, steps, turns, len(known), search, float(x[k])))
+    return tuple(found)
+
+
+def _find_turns(made: CompensatedMotion, k: int, axis: Axis, until: float) -> tuple[list[Turn], TurnSearch]:
+    """The turns of axis k that are known at a time (s), and how far those behind them are."""
+    begun = made.begun[k]
+    if until == 0 or "backlash" not in axis.compensate or axis.backlash == 0:
+        return [], begun.search
+    motion = JoinedMotion.of(MotionSpan(made.planned, 0.0, until))
+    pieces = fit(motion, np.full(len(made.home), FIT_TOLERANCE * axis.pulse))
+    counted = pieces.coefficients[k].copy()
+    counted[0] -= made.home[k]
+    noise = float(pieces.noise[k])
+    return begun.search.find(cut_monotone(pieces.start, pieces.length, counted, noise), axis, noise, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,14 +224,14 @@ def merge_costs(before: Compensation, after: Compensation) -> Compensation:
     return replace(after, crossings=before.crossings + after.crossings, **every)
 
 
-def counted_motion(motion: AxesMotion, axes: Sequence[Axis], home: Array) -> AxesMotion:
+def counted_motion(motion: AxesMotion, axes: Sequence[Axis], home: Array, plays: Sequence[Play] = ()) -> AxesMotion:
     """What the pulses count: the motion, behind the shapers that axes have, and what motors that compensate make of it.
 
-    One that is shaped already is not shaped again. Raises as `compensate_motion` does.
+    One that is shaped already is not shaped again. plays as in `compensate_motion`, which it raises as.
     """
     if any(axis.shaper for axis in axes) and not isinstance(motion, ShapedMotion):
         motion = shape_motion(motion, axes) or motion
-    return compensate_motion(motion, axes, home) or motion
+    return compensate_motion(motion, axes, home, plays) or motion
 
 
 def _table(axis: Axis) -> Array | None:

@@ -8,114 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
 from kinematics.foundation.units import round_up_digits
 from kinematics.machine.axis import Axis, Magnitude, directional_bounds
 from planner.place import Infeasible, Place
+from planner.pulses.compensation.play import Play, TurnSearch
 from planner.pulses.generation.pieces import Stretches
 from planner.pulses.motion import AxesMotion
 from planner.pulses.schedule import Compensation
-
-# Share of a pulse within which an axis rests.
-REST_PULSES = 1e-4
-
-
-Turn = tuple[float, float, float]
-"""When an axis comes to a turn and when it leaves it, in s, and which way: +1 or -1."""
-
-
-@dataclass(frozen=True, slots=True)
-class TurnSearch:
-    """How far the turns of an axis are known: it runs one way from an extreme, or is on its way back from there.
-
-    Runs back by less than half a pulse turn nothing. Before its first move an axis has come from where `pushed` says.
-
-    way       it was going last, +1 or -1
-    extreme   m or rad, the farthest that way; reached, left: s, when it came there and when it left
-    leaving   it has left by more than noise; gone: by more than REST_PULSES
-    farthest  m or rad that it has run back; unturned: the most that turned nothing
-    """
-
-    way: float
-    extreme: float
-    reached: float
-    left: float
-    leaving: bool = False
-    gone: bool = False
-    farthest: float = 0.0
-    unturned: float = 0.0
-
-    def find(self, stretches: Stretches, axis: Axis, noise: float, since: float) -> "tuple[list[Turn], TurnSearch]":
-        """The turns on stretches that begin at a time (s) or later, and how far those behind them are known.
-
-        noise: m or rad that is none of the motion. Where stretches are cut makes no difference.
-        """
-        pulse, ends, start = axis.pulse, stretches.ends, stretches.start
-        stop = start + stretches.length
-        turns: list[Turn] = []
-        way, extreme, reached, left = self.way, self.extreme, self.reached, self.left
-        leaving, gone, farthest, unturned = self.leaving, self.gone, self.farthest, self.unturned
-        moving = np.flatnonzero(np.diff(ends))
-        for k in moving[start[moving] >= since].tolist():
-            x = float(ends[k + 1])
-            if (x - extreme) * way > 0:
-                if leaving or (x - extreme) * way > noise:
-                    reached, leaving, gone = float(stop[k]), False, False
-                extreme, unturned, farthest = x, max(unturned, farthest), 0.0
-                continue
-            back = (extreme - x) * way
-            if not leaving and back > noise:
-                left, leaving = max(reached, float(start[k])), True
-            gone = gone or back > REST_PULSES * pulse
-            farthest = max(farthest, back)
-            if back >= pulse / 2:
-                way = -way
-                turns.append((reached, left, way))
-                extreme, reached, leaving, gone, farthest = x, float(stop[k]), False, False, 0.0
-        return turns, TurnSearch(way, extreme, reached, left, leaving, gone, farthest, unturned)
-
-    def shift(self, time: float) -> "TurnSearch":
-        """The same where the clock begins later by a time (s)."""
-        return replace(self, reached=self.reached - time, left=self.left - time)
-
-
-@dataclass(frozen=True, slots=True)
-class Play:
-    """Where an axis is in its play at the seam of two parts of a motion; times (s) count from there.
-
-    search   its turns
-    waiting  turns whose step is not known yet: more time behind them might make it longer
-    left     when it left the last turn before these; None: there was none
-    steps    that are not over: start, time (s) and way (m or rad); taken: the way of those before
-    """
-
-    search: TurnSearch
-    waiting: tuple[Turn, ...] = ()
-    left: float | None = None
-    steps: tuple[tuple[float, float, float], ...] = ()
-    taken: float = 0.0
-
-    @classmethod
-    def begin(cls, axis: Axis, q: float) -> "Play":
-        """Before its first move, at q (m or rad from home)."""
-        return cls(TurnSearch(float(f"{axis.pushed}1"), q, 0.0, 0.0))
-
-    def shift(self, time: float) -> "Play":
-        """The same where the clock begins later by a time (s): steps that are over by then are only counted."""
-        over = [step for step in self.steps if step[0] + step[1] <= time]
-        return Play(
-            self.search.shift(time),
-            tuple((arrives - time, leaves - time, way) for arrives, leaves, way in self.waiting),
-            None if self.left is None else self.left - time,
-            tuple((start - time, span, way) for start, span, way in self.steps if start + span > time),
-            self.taken + sum(way for *_, way in over),
-        )
-
-    def list_steps(self) -> Array:
-        """(R, 3) the steps, with one before all others for the way of those that are over."""
-        steps = np.array(self.steps, float).reshape(-1, 3)
-        before = min(0.0, *steps[:, 0]) if len(steps) else 0.0
-        return steps if self.taken == 0 else np.concatenate(([[before - 2.0, 1.0, self.taken]], steps))
-
 
 # s that the play takes where the axis states no limits.
 DEFAULT_TAKE_UP_TIME = 0.01
@@ -174,7 +74,8 @@ def take_up(
         return play, max(0.0, until), none
     turning = np.array(turns)
     arrives, leaves, _ = turning.T
-    first = 0.0 if play.left is None else max(0.0, (arrives[0] + play.left) / 2)
+    first = max(0.0, *(start + span for start, span, _ in play.steps), 0.0)
+    first = first if play.left is None else max(first, (arrives[0] + play.left) / 2)
     before = np.append(first, (arrives[1:] + leaves[:-1]) / 2)
     after = np.append(before[1:], motion.duration if last else (motion.duration + leaves[-1]) / 2)
     steps, best = _fit_steps(motion, k, axis, turning, before, after)
@@ -194,6 +95,22 @@ def take_up(
     cost = Compensation(axis.name, axis.compensate, len(steps), *figures, windows)
     made = (*play.steps, *((start, span, way) for start, span, way in steps.tolist()))
     return replace(play, steps=made, left=float(turning[-1, 1])), max(0.0, until), cost
+
+
+def refuse_carried(motion: AxesMotion, k: int, axis: Axis, play: Play) -> None:
+    """Raise MotionError where a step that another motion began does not keep the limits of axis k in this one, or is
+    not over with it."""
+    if not play.steps:
+        return
+    over = max(start + span for start, span, _ in play.steps)
+    seen = _sample_steps(motion, k, axis, np.array(play.steps), np.zeros(len(play.steps)))
+    share = float(seen.share(axis, len(play.steps)).max())
+    if over > motion.duration or share > LIMIT_SLACK:
+        why = "would not keep its limits" if share > LIMIT_SLACK else "would not be over"
+        raise MotionError(
+            f"axis {axis.name}: its motor is in the midst of crossing the play, and {why} in the motion that goes on: "
+            f"choose an instant {over:.6f} s later"
+        )
 
 
 def _unturned(search: TurnSearch) -> float:

@@ -16,6 +16,7 @@ from planner.pulses.compensation.compensate import CompensatedMotion, counted_mo
 from planner.pulses.generation.dda import Dda
 from planner.pulses.generation.firing_rule import Floor, Nearest, Rule
 from planner.pulses.generation.sampled import Sampled
+from planner.pulses.generation.sent import SentPulses
 from planner.pulses.generation.stream import PulseStream
 from planner.pulses.generation.timer import Timer
 from planner.pulses.motion import AxesMotion
@@ -58,13 +59,15 @@ def generate(
     clock_hz: int = 10_000_000,
     rule: str | Rule = "nearest",
     progress: Progress = ignore_progress,
+    sent: Sequence[SentPulses] = (),
 ) -> PulseSchedule:
     """The pulses of a motion by a firing rule, on a clock of whole ticks, as far apart as the drives' timing asks.
 
     Axes that ask for compensation count what their motors have to do (`planner.pulses.compensation.compensate`): a
     motion of motors is taken as it is.
     home_q (n,) is the axis position from which pulses count; rule: one, or its name and options as
-    `planner.pulses.find_rule` reads them; progress is told how far it is. Raises Infeasible where the rule cannot keep
+    `planner.pulses.find_rule` reads them; progress is told how far it is; sent: what axes were sent before it begins,
+    which its pulses go on from. Raises Infeasible where the rule cannot keep
     what it states, as where an axis would need more than one pulse per tick, MotionError where axes do not match.
     """
     home = np.asarray(home_q, float)
@@ -74,7 +77,7 @@ def generate(
         raise MotionError(f"{given}: give one of each per axis")
     rule = find_rule(rule) if isinstance(rule, str) else rule
     motion = trajectory if isinstance(trajectory, CompensatedMotion) else counted_motion(trajectory, machine_axes, home)
-    schedule = PulseStream(_Counted(machine_axes, home), clock_hz, rule).add(motion, last=True, progress=progress)
+    schedule = PulseStream(_Counted(machine_axes, home), clock_hz, rule, sent).add(motion, last=True, progress=progress)
     return replace(schedule, compensations=motion.costs) if isinstance(motion, CompensatedMotion) else schedule
 
 

@@ -62,7 +62,8 @@ def find_crossings(part: MotionPart, levels: Levels) -> Fired:
     - A level counts as crossed once the motion is beyond it by more than rounding noise (some 1e-9 pulse); a motion
       that only touches a level, or rests or ends on it, does not fire. One that starts on a level has the lower count.
     - Two opposite pulses whose crossings round to the same tick cancel: both are left out.
-    - A part goes on with the count of the one before: what rounding makes of x where they meet fires nothing.
+    - A part goes on with the count of the one before: what rounding makes of x where they meet fires nothing. Where it
+      begins beyond a level, as behind pulses that were moved, its start is the count behind that.
     The part is told the pulses that are made of an axis, each a share of the whole.
     Raises Infeasible where an axis needs more than one pulse per tick, MotionError where rounding drowns one.
     """
@@ -87,6 +88,8 @@ def find_crossings(part: MotionPart, levels: Levels) -> Fired:
             _refuse_jump(part, k, float(counted[0, 0]) / axis.pulse, levels)
         stretches = cut_monotone(rest + pieces.start * clock_hz, pieces.length * clock_hz, counted / pulse[k], slack[k])
         count, way = (part.counts[k], part.ways[k]) if part.counts else (None, 0)
+        if count is not None:
+            count, way = _settle(float(stretches.ends[0]), slack[k], levels, count, way)
         counts = _follow_levels(stretches.ends, slack[k], levels, count, way)
         refuse = partial(_rate_error, motion, axis, stretches, clock_hz)
         exact = partial(_polish_crossings, part, k)
@@ -116,12 +119,18 @@ def _rate_error(trajectory: AxesMotion, axis: Axis, stretches: Stretches, clock_
 
 def _refuse_jump(part: MotionPart, k: int, x: float, levels: Levels) -> None:
     """Raise MotionError where an axis begins a part far from the count that the one before ended with."""
-    off, most = x - part.counts[k], levels.bound + REAL_JUMP
+    off, most = x - part.counts[k], levels.bound + part.slip + REAL_JUMP
     if not abs(off) <= most:
         raise MotionError(
             f"axis {part.axes[k].name}: the part begins {off:.6g} pulses from its count {part.counts[k]}, limit "
             f"{most:.6g}; give the part that goes on from the one before"
         )
+
+
+def _settle(x: float, slack: float, levels: Levels, count: int, way: int) -> tuple[int, int]:
+    """The count at x of an axis that comes with another, and which way it went last then."""
+    settled = int(_follow_levels(np.array([x, x]), slack, levels, count, way)[1])
+    return settled, way if settled == count else int(np.sign(settled - count))
 
 
 def _follow_levels(x: Array, slack: float, levels: Levels, count: int | None, way: int) -> Ticks:

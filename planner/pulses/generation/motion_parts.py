@@ -33,6 +33,7 @@ class MotionPart:
     tick      ticks since the start of the whole, exact: parts begin at no whole tick
     counts    of the axes; ways: of the last pulse of each, 0 for none. Empty for the first part
     noise     (n,) m or rad: the largest that rounding made of the motion before it
+    slip      pulses by which the counts may be farther from its start than the rule leaves them: some were moved
     last      the motion ends with the part
     tell      how far the pulses are
     """
@@ -45,6 +46,7 @@ class MotionPart:
     counts: tuple[int, ...] = ()
     ways: tuple[int, ...] = ()
     noise: tuple[float, ...] = ()
+    slip: float = 0.0
     last: bool = True
     tell: Progress = ignore_progress
 

@@ -37,12 +37,16 @@ Travel = Callable[[int, ArrayLike], tuple[Array, Array]]
 @dataclass(frozen=True, slots=True)
 class GivenPulse:
     """The last pulse of an axis that was given: when it was due, when it comes and would come at the earliest if none
-    were moved ahead (ticks), and its direction."""
+    were moved ahead (ticks), and its direction.
+
+    A negative tick is one before the start, of another motion; stands: DIR is as that pulse asked for it still.
+    """
 
     due: int
     tick: int
     earliest: int
     direction: int
+    stands: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +87,9 @@ class LeastGaps:
         needed = np.where(np.diff(held.direction, prepend=way) != 0, self.back, self.straight)
         if held.given is None:
             needed[:1] = self.setup
+        elif held.given.tick < 0 and (not held.given.stands or (held.direction[:1] != way).any()):
+            # DIR is turned at the start of this motion, at the earliest
+            needed[:1] = np.maximum(needed[:1], -(-(self.setup - held.given.tick) // self.grain) * self.grain)
         return np.asarray(needed, np.int64)
 
     def space(self, held: HeldPulses, since: int, end: int | None) -> tuple[Ticks, Ticks]:
@@ -95,7 +102,7 @@ class LeastGaps:
         start = 0 if given is None else given.earliest
         if due[0] >= max(since, start + gaps[0]) and (np.diff(due) >= gaps[1:]).all():
             return due, due
-        offset = int(due[0] if given is None else given.tick) % grain
+        offset = int(due[0]) % grain
         if given is None:
             gaps[0] = 0
         needed = np.cumsum(gaps) // grain
@@ -105,8 +112,8 @@ class LeastGaps:
             first = max(first, -(-(self.setup - offset) // grain))
             before = np.maximum.accumulate(free)
         else:
-            first = max(first, (given.tick - offset) // grain)
-            before = np.maximum.accumulate(np.maximum(free, (given.earliest - offset) // grain))
+            first = max(first, -(-(given.tick - offset) // grain))
+            before = np.maximum.accumulate(np.maximum(free, -(-(given.earliest - offset) // grain)))
         after = np.minimum.accumulate(free[::-1])[::-1]
         last = np.iinfo(np.int64).max if end is None else max((end - offset) // grain - needed[-1], first)
         spaced: Ticks = (np.clip((before + after) // 2, first, last) + needed) * grain + offset
@@ -163,7 +170,8 @@ def space_pulses(
             widened, t = (widened, t) if widened > moved.error else (moved.error, moved.t)
         many = len(late) + (0 if moved is None else moved.pulses)
         moved = MovedPulses(axis.name, many, farthest, widened, t, widened * axis.pulse)
-    given = GivenPulse(*(int(each[count - 1]) for each in (due, ticks, earliest, direction)))
+    due_at, tick, soonest, way = (int(each[count - 1]) for each in (due, ticks, earliest, direction))
+    given = GivenPulse(due_at, tick, soonest, way)
     rest = replace(held, ticks=held.ticks[count:], direction=held.direction[count:], given=given)
     return Spaced(ticks[:count], direction, rest, moved)
 
@@ -189,6 +197,12 @@ def _spacing_error(
         remedy = (
             f"its drive needs DIR {1e6 * least:.4g} us before STEP, and the first pulse is due after "
             f"{1e6 * time:.4g}: let the program begin with a dwell of {round_up_digits(least - time + 1 / clock_hz)} s"
+        )
+    elif first == 0 and held.given is not None and held.given.tick < 0:
+        what += " behind the pulses that were sent"
+        remedy = (
+            f"{who} takes the first pulse {1e6 * least:.4g} us after the last one sent, and it is due after "
+            f"{1e6 * time:.4g}: choose another instant"
         )
     elif turns[first]:
         what += " at a reversal"

@@ -32,10 +32,15 @@ from planner.pulses.generation.motion_parts import (
     refuse_long,
 )
 from planner.pulses.generation.pieces import FIT_TOLERANCE
+from planner.pulses.generation.sent import SentPulses, go_on
 from planner.pulses.generation.spacing import GivenPulse, HeldPulses, LeastGaps, Spaced, space_pulses
 from planner.pulses.motion import AxesMotion, MotorMotion
 from planner.pulses.schedule import AxisPulses, Compensation, MovedPulses, PulseSchedule, refuse_counter
 from planner.trajectory import Trajectory
+
+# Pulses by which counts may be off where a motion goes on behind another's: they were moved by half of one at most, and
+# the other half is left to how two motions differ.
+MAX_SLIP = 1.0
 
 
 class CountedMachine(Protocol):
@@ -132,19 +137,27 @@ class _Reached:
 class PulseStream:
     """The pulses of a motion that comes in parts, by a firing rule, on a clock of whole ticks.
 
-    A part goes on where the one before ended, with a time and, if it likes, a path length that begin at 0 again.
+    A part goes on where the one before ended, with a time and, if it likes, a path length that begin at 0 again. The
+    first goes on behind what another motion sent, if anything.
     """
 
     __slots__ = ("_clock_hz", "_gaps", "_machine", "_reached", "_rule")
 
-    def __init__(self, machine: CountedMachine, clock_hz: int, rule: Rule) -> None:
+    def __init__(self, machine: CountedMachine, clock_hz: int, rule: Rule, sent: Sequence[SentPulses] = ()) -> None:
         """Raises MotionError for a clock that the rule cannot run on."""
         self._machine, self._clock_hz, self._rule = machine, clock_hz, rule
         grain = rule.grain(clock_hz)
         self._gaps = tuple(LeastGaps.from_axis(axis, clock_hz, grain) for axis in machine.axes)
         none = HeldPulses(np.empty(0, np.int64), np.empty(0, np.int8))
         width = len(machine.axes)
-        self._reached = _Reached((none,) * width, (None,) * width, (0.0,) * width)
+        reached = _Reached((none,) * width, (None,) * width, (0.0,) * width)
+        if sent:
+            last, counts = [one.last for one in sent], tuple(one.count for one in sent)
+            reached = replace(reached, held=tuple(replace(none, given=one) for one in last), given=counts)
+            if not rule.whole_reason:  # else it begins anew: that asks for the count beside the one sent, at most
+                ways = tuple(0 if one is None else one.direction for one in last)
+                reached = replace(reached, counts=counts, ways=ways)
+        self._reached = reached
 
     @property
     def until(self) -> int:
@@ -194,8 +207,9 @@ class PulseStream:
             refuse_long(motion.duration, self._clock_hz)
         along = motion.at(np.array([0.0, motion.duration])).s
         offset, home = now.s - float(along[0]), np.asarray(machine.home_q, float)
+        slip = MAX_SLIP if now.given and not now.tick else 0.0
         part = MotionPart(
-            motion, machine.axes, home, self._clock_hz, now.tick, now.counts, now.ways, now.noise, last, progress
+            motion, machine.axes, home, self._clock_hz, now.tick, now.counts, now.ways, now.noise, slip, last, progress
         )
         reached = replace(now, tick=part.end_tick, s=offset + float(along[1]), ended=bool(last))
         if any(axis.compensate for axis in machine.axes) and not isinstance(motion, MotorMotion):
@@ -254,6 +268,10 @@ class PulseStream:
             fired = self._rule.fire(part)
         except Infeasible as no:
             raise _place_on_whole(no, part, offset, own=True) from None
+        if now.given and part.tick == 0:
+            travel = partial(_look, part, JoinedMotion.of(MotionSpan(part.motion, 0.0, part.motion.duration)))
+            each = zip(fired.axes, now.given, self._gaps, strict=True)
+            fired = replace(fired, axes=tuple(go_on(k, *one, travel) for k, one in enumerate(each)))
         known = self._join_tail(part, offset)
         end = round(float(part.end_tick)) if last else None
         until = None if last else max(now.until, floor(part.end_tick) - max(gaps.hold for gaps in self._gaps))

@@ -6,8 +6,6 @@ import pytest
 from kinematics import load_machine
 from kinematics.foundation.errors import MotionError
 from planner import Blend, Line, Program, plan
-from planner.interruption.section import go_on
-from planner.pulses import AxisPulses
 from planner.timing.problem import Continuation, Run
 from planner.timing.run import solve_run
 
@@ -102,17 +100,6 @@ def test_its_pulses_go_on_with_those_that_were_sent(circle, share):
         assert abs(own.final - (end[k] - home[k]) / own.pulse) <= 0.5 + 1e-6
         joined = np.concatenate([sent.ticks[sent.ticks < tick], own.ticks + tick])
         assert (np.diff(joined) > 0).all()
-
-
-def test_a_crossing_beside_the_first_tick_is_sent_once():
-    axis = AxisPulses("leg", np.array([0, 90]), np.array([1, 1]), 7, 1e-6, 0.0)
-    assert go_on(axis, 7) is axis
-    sent = go_on(axis, 8)
-    assert (sent.start, sent.ticks.tolist(), sent.final) == (8, [90], axis.final)
-    late = go_on(AxisPulses("leg", np.array([90]), np.array([1]), 8, 1e-6, 0.0), 7)
-    assert (late.start, late.ticks.tolist(), late.direction.tolist(), late.final) == (7, [0, 90], [1, 1], 9)
-    with pytest.raises(MotionError, match="another instant"):
-        go_on(axis, 9)
 
 
 def test_what_is_held_can_be_resumed_to_the_end(circle):

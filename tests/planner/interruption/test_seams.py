@@ -1,0 +1,105 @@
+"""Pulses of a stop behind those that were sent: joined, they are checked as those of one motion."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.evidence.trials.seams import PERIOD, find_faults, list_cases, try_seams
+from kinematics.foundation.errors import MotionError
+from kinematics.machine.axis import DRIVES
+from planner import plan
+from planner.pulses import AxisPulses, PulseSchedule, generate
+from planner.pulses.generation.sent import find_sent, go_on
+from planner.pulses.generation.spacing import GivenPulse, HeldPulses, LeastGaps
+
+GAPS = LeastGaps(straight=20, back=50, setup=500, grain=1)
+AXIS = AxisPulses("leg", np.array([0, 90]), np.array([1, 1]), 7, 1e-6, 0.0)
+
+
+@pytest.fixture(scope="module")
+def cases():
+    """Plans of the blended lines and of the worn machine, with drives that want DIR 50 µs ahead."""
+    made = []
+    for _, program, machine in list(list_cases())[1:]:
+        machine.axes = tuple(replace(axis, timing=DRIVES["Pacific-6410"]) for axis in machine.axes)
+        made.append(plan(program, machine, order=2))
+    return made
+
+
+@pytest.mark.parametrize("rule", ["nearest", "nearest:hysteresis=0.3", "floor", "timer", "sampled:period=10us"])
+def test_sections_go_on_with_what_was_sent(cases, rule):
+    """No instant is refused for the set-up of DIR, which stands right, nor for play that was taken up before."""
+    for number, made in enumerate(cases):
+        pulses = generate(made.counted, made.machine.axes, made.machine.home_q, made.pulses.clock_hz, rule)
+        tally = try_seams(replace(made, pulses=pulses), 3, np.random.default_rng(number))
+        assert tally.sections >= 4
+        assert (tally.refused, tally.faulty) == (0, 0)
+
+
+def test_the_check_of_joined_pulses_sees_what_is_wrong(cases):
+    """A pulse that is sent twice, left out, or too soon behind DIR."""
+    made = cases[0]
+    at = round(0.37 * made.duration / PERIOD) * PERIOD
+    held, before = made.hold(at), (made.counted, made.pulses, at)
+    assert not find_faults(made, held, before)
+    axis = next(axis for axis in held.pulses.axes if len(axis) > 2)
+
+    def change(**own):
+        axes = tuple(replace(each, **own) if each is axis else each for each in held.pulses.axes)
+        return replace(held, pulses=replace(held.pulses, axes=axes))
+
+    left_out = change(ticks=axis.ticks[1:], direction=axis.direction[1:])
+    twice = change(
+        ticks=np.insert(axis.ticks, 1, axis.ticks[0] + 1), direction=np.insert(axis.direction, 1, axis.direction[0])
+    )
+    other = change(start=axis.start + 1)
+    turned = change(direction=np.concatenate([-axis.direction[:1], axis.direction[1:]]))
+    for wrong in (left_out, twice, other, turned):
+        assert find_faults(made, wrong, before)
+
+
+def test_what_was_sent_is_the_count_and_the_last_pulse():
+    axis = AxisPulses("leg", np.array([10, 90, 170]), np.array([1, 1, -1]), 7, 1e-6, 0.0)
+    schedule = PulseSchedule(10_000_000, (axis,), 1e-3)
+    (none,), (one,), (two,), (all_,) = (find_sent(schedule, tick) for tick in (10, 90, 100, 171))
+    assert (none.count, none.last) == (7, None)
+    assert (one.count, one.last) == (8, GivenPulse(-80, -80, -80, 1))
+    # the next pulse goes the other way: DIR may have been turned for it
+    assert (two.count, two.last) == (9, GivenPulse(-10, -10, -10, 1, stands=False))
+    assert (all_.count, all_.last) == (8, GivenPulse(-1, -1, -1, -1))
+    # of a section without a pulse it is what came before it
+    (later,) = find_sent(schedule, 10, (two,))
+    assert later.last == GivenPulse(-20, -20, -20, 1, stands=False)
+
+
+@pytest.mark.parametrize(
+    ("given", "direction", "least"),
+    [
+        (None, 1, 500),
+        (GivenPulse(-5, -5, -5, 1), 1, 15),
+        (GivenPulse(-5, -5, -5, 1), -1, 500),  # DIR is turned at the start, not before
+        (GivenPulse(-5, -5, -5, 1, stands=False), 1, 500),
+        (GivenPulse(-900, -900, -900, -1), -1, 0),
+    ],
+)
+def test_the_first_pulse_waits_for_dir_only_where_it_does_not_stand(given, direction, least):
+    held = HeldPulses(np.array([0]), np.array([direction], np.int8), given)
+    assert GAPS.space(held, 0, None)[0].tolist() == [least]
+
+
+def still(_, ticks):
+    return np.full(len(ticks), 7.4), np.zeros(len(ticks))
+
+
+def test_a_pulse_moved_across_the_first_tick_is_sent_once():
+    assert go_on(0, AXIS, 7, GAPS, still) is AXIS
+    early = go_on(0, AXIS, 8, GAPS, still)  # one more was sent: it came before it was due
+    assert (early.start, early.ticks.tolist(), early.final) == (8, [90], AXIS.final)
+    assert early.bound == pytest.approx(0.6)
+    late = go_on(0, replace(AXIS, ticks=[90, 180], start=8), 7, GAPS, still)  # it is due at once
+    assert (late.ticks.tolist(), late.direction.tolist(), late.final) == ([0, 90, 180], [1, 1, 1], 10)
+    away = go_on(0, replace(AXIS, ticks=[90, 180]), 8, GAPS, still)  # it is not due soon: taken back
+    assert (away.ticks.tolist(), away.direction.tolist(), away.final) == ([0, 90, 180], [-1, 1, 1], 9)
+    with pytest.raises(MotionError, match="another instant"):
+        go_on(0, AXIS, 9, GAPS, still)
