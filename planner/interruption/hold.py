@@ -18,6 +18,7 @@ from planner.interruption.instant import (
     Instant,
     Running,
     cut_motion,
+    find_fastest,
     find_piece,
     find_rest,
     find_rest_left,
@@ -149,10 +150,11 @@ def _solve_stop(whole: Whole, running: Running, now: Instant) -> Proved:
 
 @dataclass(frozen=True, slots=True)
 class Stops(Result):
-    """The soonest stop along a plan's path from each of some instants, each proved.
+    """The soonest stop along a plan's path from the fastest instant of each of some stretches of time, each proved.
 
     t (N,) s; place (N,) m along the path, of the motion before any shapers; time (N,) s to rest and distance (N,) m to
     it, as those of a `Section`; 0 where nothing moves
+    refused: instants (s) from which no stop is proved, and why
     """
 
     name: str
@@ -160,16 +162,21 @@ class Stops(Result):
     place: Array
     time: Array
     distance: Array
+    refused: tuple[tuple[float, str], ...] = ()
 
     def tables(self) -> tuple[Table, ...]:
-        """The longest, and what holds of half of them."""
+        """The longest, and what holds of half of them; those that are refused."""
         columns = (
             Column("what", ["time to rest", "distance to rest"]),
             Column("median", [f"{np.median(self.time):.4f} s", f"{1e3 * np.median(self.distance):.3f} mm"]),
-            Column("largest", [f"{self.time.max():.4f} s", f"{1e3 * self.distance.max():.3f} mm"]),
+            Column("largest of them", [f"{self.time.max():.4f} s", f"{1e3 * self.distance.max():.3f} mm"]),
             Column("at", [f"{self.t[np.argmax(each)]:.4f} s" for each in (self.time, self.distance)]),
         )
-        return (Table(f"stops of {self.name}, from {count_noun(len(self.t), 'instant')}", columns),)
+        stretches = count_noun(len(self.t) + len(self.refused), "equal stretch")
+        title = f"stops of {self.name}, from the fastest instants of {stretches} of time"
+        at, why = zip(*self.refused, strict=True) if self.refused else ((), ())
+        refused = Table("instants from which no stop is proved", (Column("t", at, "s"), Column("reason", why)))
+        return (Table(title, columns), *((refused,) if self.refused else ()))
 
     def data(self) -> Table:
         """Each of them."""
@@ -183,16 +190,28 @@ class Stops(Result):
 
 
 def find_stops(whole: Whole, count: int, progress: Progress = ignore_progress) -> Stops:
-    """From `count` instants at even distances, the first at the start of the plan."""
+    """From the fastest instant of each of `count` equal stretches of time: a short rapid among them is not missed.
+
+    Raises the first refusal where there is no other row.
+    """
     if count < 1:
         raise MotionError(f"{count} stops: ask for 1 at least")
     running, found = find_running(whole, None), []
-    for n, t in enumerate((np.arange(count) * whole.duration / count).tolist()):
-        place, stop = look(whole.trajectory, t).s, _stop(whole, running, t)
-        if stop is None:
-            found.append((t, place, 0.0, 0.0))
+    refused: list[tuple[float, MotionError]] = []
+    fastest = find_fastest(whole.trajectory, np.linspace(0.0, whole.duration, count + 1))
+    for n, t in enumerate(fastest.tolist()):
+        place = look(whole.trajectory, t).s
+        try:
+            stop = _stop(whole, running, t)
+            if stop is not None:
+                refuse_unkept(stop.limits, stop.shaped)
+        except MotionError as no:
+            refused.append((t, no))
         else:
-            refuse_unkept(stop.limits, stop.shaped)
-            found.append((t, place, stop.duration, measure_way(stop.path, stop.shaped)))
+            rest = (0.0, 0.0) if stop is None else (stop.duration, measure_way(stop.path, stop.shaped))
+            found.append((t, place, *rest))
         progress(n + 1, count)
-    return Stops(whole.name, *(np.array(each) for each in zip(*found, strict=True)))
+    if not found:
+        raise refused[0][1]
+    t_s, places, times, distances = np.array(found).T
+    return Stops(whole.name, t_s, places, times, distances, tuple((t, str(no)) for t, no in refused))

@@ -101,6 +101,19 @@ def find_passage(motion: Trajectory, place: float) -> Instant:
     return replace(look(motion, low), s=place)
 
 
+def find_fastest(motion: Trajectory, edges: Array) -> Array:
+    """(N,) s: the instant of the largest ṡ between each two of the edges (N+1,) of time; of many alike the first."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turns = -motion.a / motion.j
+    inside = (turns > 0) & (turns < np.diff(motion.knots))
+    ends = edges[:-1], np.nextafter(edges[1:], 0.0)
+    times = np.unique(np.concatenate([*ends, motion.knots, (motion.knots[:-1] + turns)[inside]]))
+    speeds = np.where(times < motion.duration, motion.at(np.minimum(times, motion.duration)).sd, 0.0)
+    whose = np.clip(np.searchsorted(edges, times, side="right") - 1, 0, len(edges) - 2)
+    order = np.lexsort((times, -speeds, whose))
+    return np.asarray(times[order[np.searchsorted(whose[order], np.arange(len(edges) - 1))]])
+
+
 def find_rest(motion: Trajectory, now: Instant) -> Instant | None:
     """Where a rest begins that the motion is in, or within rounding of; None where it moves."""
     most = motion.v.max()

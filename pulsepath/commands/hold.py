@@ -1,19 +1,16 @@
 """`pulsepath hold`: the soonest stop along a plan's path, the way on from there, and how soon from anywhere."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from pulsepath.command_group import FormatCommand
 from pulsepath.format_options import STOPS
 from pulsepath.known_names import make_completer
-from pulsepath.options import json_option, read_quantity, unverified_option
+from pulsepath.options import json_option, read_percent, read_quantity, unverified_option
 from pulsepath.process.intent import writes
 from pulsepath.progress import say, step
-
-if TYPE_CHECKING:
-    pass
 
 
 class Hold(FormatCommand):
@@ -37,6 +34,7 @@ class Hold(FormatCommand):
 @click.option(
     "--resume", type=click.Path(path_type=Path), metavar="FILE", help="Also write the motion from the stop to the end."
 )
+@click.option("--speed", metavar="PERCENT", help='Of --resume: at this share of the plan\'s speed, as "50 %".')
 @unverified_option
 @click.option("--force", is_flag=True, help="Overwrite existing files.")
 @json_option
@@ -47,6 +45,7 @@ def hold(
     name: str | None,
     out: Path | None,
     resume: Path | None,
+    speed: str | None,
     unverified: bool,
     force: bool,
     as_json: bool,
@@ -75,6 +74,11 @@ def hold(
         raise BadValue(
             f"--out and --resume are the same file, {out}: give two, one for the stop and one for the way on"
         )
+    if speed is not None and resume is None:
+        raise BadValue("--speed is that of the way on: give --resume FILE too")
+    share = None if speed is None else read_percent("--speed", speed)
+    if share is not None and share > 1:
+        raise BadValue(f'option --speed: "{speed}": write up to "100 %", which is the plan\'s own speed')
     instant = None if at is None else read_quantity("--at", at, "s", least=0.0)
     targets = [target for target in (out, resume) if target is not None]
     writes(*targets)
@@ -97,6 +101,7 @@ def hold(
         if as_json:
             rows = {name: values.tolist() for name, values in (("t_s", found.t), ("s_m", found.place))}
             rests = {"time_to_rest_s": found.time.tolist(), "distance_to_rest_m": found.distance.tolist()}
+            rests["refused"] = [{"t_s": t, "reason": why} for t, why in found.refused]
             click.echo(record.as_json({**rows, **rests, **record.of_doubts(planned.doubts)}), nl=False)
         else:
             show(found.tables())
@@ -105,7 +110,7 @@ def hold(
     with step("computing the stop"):
         made = [stop_at(whole, instant)]
         if resume is not None:
-            made.append(go_on(whole, made[0]))
+            made.append(go_on(whole, made[0], share))
     options = {} if name is None else STOPS.options_of(name, given)
     files = [
         write_section(each, name, target, force, options) for each, target in zip(made, targets, strict=False) if name
@@ -124,6 +129,8 @@ def hold(
         return
     show(made[0].tables())
     if len(made) > 1:
-        pace = "the fastest motion" if whole.fastest else "at the plan's own speed"
+        pace = "the fastest motion" if share is None and whole.fastest else "at the plan's own speed"
+        if share is not None and share < 1:
+            pace = f"at {speed} of the plan's speed"
         say(f"from there to the end: {made[1].duration:.6f} s, certified, {pace}")
     say_errors(files)

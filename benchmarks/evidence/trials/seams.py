@@ -26,7 +26,14 @@ from planner.pulses.checking.verdict import PulseCheck
 from planner.pulses.generation.motion_parts import JoinedMotion, MotionSpan
 from planner.pulses.schedule import AxisPulses
 
-RULES = ("nearest", "nearest:hysteresis=0.3", "floor", "timer", "sampled:period=10us", "dda:pulses_per_count=1,spacing=1ms")
+RULES = (
+    "nearest",
+    "nearest:hysteresis=0.3",
+    "floor",
+    "timer",
+    "sampled:period=10us",
+    "dda:pulses_per_count=1,spacing=1ms",
+)
 WHOLE_RULES = ("sampled", "dda")
 TIMINGS = (None, "DRV8825", "Pacific-6410")
 PERIOD = 1e-6

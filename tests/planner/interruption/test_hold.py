@@ -129,13 +129,26 @@ def test_stops_over_the_motion(circle, tmp_path):
     found = circle.stops(3)
     held = circle.hold(found.t[1])
     assert (found.time[1], found.distance[1]) == pytest.approx((held.duration, held.distance), rel=0.05)
-    assert found.time[0] == 0
+    seen = circle.trajectory.at(np.linspace(0, circle.trajectory.duration, 9 * INSTANTS, endpoint=False)).sd
+    for at, speeds in zip(found.t, np.array_split(seen, 3), strict=True):
+        assert circle.trajectory.at(at).sd[0] >= speeds.max() * (1 - 1e-6)
     assert "distance to rest" in str(found)
     found.save(tmp_path / "stops.npz")
     with np.load(tmp_path / "stops.npz") as saved:
         assert {name: values.tolist() for name, values in saved.items()} == {
             name: getattr(found, name).tolist() for name in ("t", "place", "time", "distance")
         }
+
+
+def test_a_short_rapid_is_among_the_stops():
+    """Of 0.2 s in ten, between even instants: its own stop is the longest."""
+    crawl = Line(to=(0.01, 0.0, 0.0), speed=2e-3)
+    program = Program((crawl, Line(to=(0.045, 0.045, 0.0)), Line(to=(0.045, 0.035, 0.0), speed=2e-3)))
+    made = plan(program, load_machine("corexy"))
+    found, peak = made.stops(5), made.trajectory.v.max()
+    held = made.hold(float(made.trajectory.knots[np.argmax(made.trajectory.v)]))
+    assert peak > 20 * 2e-3
+    assert found.distance.max() == pytest.approx(held.distance, rel=0.02)
 
 
 def test_what_cannot_be_is_refused(circle):

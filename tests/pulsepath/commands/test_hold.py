@@ -42,6 +42,16 @@ def test_a_loaded_plan_is_held_and_exported_as_a_fresh_one(plan, job, tmp_path):
         taken.hold("0.6 s")
 
 
+def test_the_way_on_at_a_share_of_the_speed(call, plan, tmp_path):
+    made, rest = tmp_path / "stop.bin", tmp_path / "rest.bin"
+    given = ("hold", plan, "--at", "0.6 s", "--format", "steps", "--out", made, "--resume", rest, "--json")
+    fast = json.loads(call(*given).stdout)["resumed_s"]
+    slow = json.loads(call(*given, "--speed", "50 %", "--force").stdout)["resumed_s"]
+    assert slow == pytest.approx(2 * fast, rel=0.1)
+    assert 'up to "100 %"' in call(*given, "--speed", "120 %", "--force").stderr
+    assert "give --resume FILE" in call("hold", plan, "--at", "0.6 s", "--speed", "50 %").stderr
+
+
 def test_a_table_of_stops(call, plan):
     done = call("hold", plan, "--stops", "4", "--out", plan / "stops.csv")
     assert done.exit_code == 0, done.stderr
@@ -73,7 +83,7 @@ def test_a_plan_with_its_stops(call, tmp_path):
     out = tmp_path / "out"
     done = call("plan", "bare-circle", "--out", out, "--stops", "3", "--no-figures", "--order", "2")
     assert done.exit_code == 0, done.stderr
-    assert "3 instants" in done.stdout
+    assert "3 equal stretches" in done.stdout
     told = json.loads((out / "plan.json").read_text())["stops"]
     rows = [line.split(",") for line in (out / "stops.csv").read_text().splitlines()[1:]]
     assert told["instants"] == len(rows) == 3
