@@ -1,16 +1,13 @@
 /* Decode a queue of steps, as `pulsepath export DIR --format steps` writes it, the way a micro-controller runs it.
 
      cc -O2 -o steps_decoder steps_decoder.c && ./steps_decoder < steps.steps
-
    For each pulse a line "oid tick direction", in the order of the commands. Whole numbers only: 64 bits of clock, 32 of
    interval, as firmware has them. Pulse k of a command falls at last + (k+1) interval + add k(k+1)/2; last is the
    axis' last pulse, or the clock of its reset. Exit code 1, with the line, for what is no queue. */
 
 #include <inttypes.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
-
 #define AXES 32
 
 struct axis {
