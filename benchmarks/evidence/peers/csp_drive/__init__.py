@@ -1,0 +1,1 @@
+"""Rows of the export `csp` through emulated CiA 402 drives."""
