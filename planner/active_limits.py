@@ -1,13 +1,17 @@
 """What a plan does when: the limit that holds its motion back, and the segment of the program; and both together."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from kinematics.foundation.arrays import Array, largest_in_rows
 from kinematics.foundation.table import Column, Table
+from planner.limits.limit import Limit, order_of
 from planner.plan import Plan
 from planner.program.joins import is_marked_stop
 from planner.program.model import Dwell
 from planner.timing.profile import Profile, sample_limit_use
+from planner.trajectory import Trajectory
 
 ACTIVE_SHARE = 0.99
 """The share of a limit from which on it holds the motion back."""
@@ -22,10 +26,13 @@ def limit_shares(plan: Plan) -> dict[str, Array]:
     Of limits that do not depend on timing, the proven share. What is proved of the others is as close only where they
     are used most: elsewhere a bound need not be.
     """
-    motion = plan.trajectory
-    profile = Profile(motion.s, motion.v, motion.a, motion.j, np.diff(motion.knots), motion.piece)
     standing = {limit.name: plan.certificate.use[limit.name] for limit in plan.limits if limit.geometric}
-    return standing | sample_limit_use(motion.path, plan.limits, profile)
+    return standing | _sample(plan.trajectory, plan.limits)
+
+
+def _sample(motion: Trajectory, limits: Sequence[Limit]) -> dict[str, Array]:
+    profile = Profile(motion.s, motion.v, motion.a, motion.j, np.diff(motion.knots), motion.piece)
+    return sample_limit_use(motion.path, limits, profile)
 
 
 def active_limits(plan: Plan) -> np.ndarray:
@@ -34,16 +41,23 @@ def active_limits(plan: Plan) -> np.ndarray:
     Of those used by 99 % or more it is the one most used in the middle of the piece: a ramp at the largest acceleration
     ends at the largest speed. Geometric limits never do: they do not depend on timing.
     """
-    seen, motion = limit_shares(plan), plan.trajectory
-    use = np.stack([seen[limit.name] * (not limit.geometric) for limit in plan.limits])
-    state = motion.within(np.arange(len(motion.piece)), np.diff(motion.knots) / 2, jerk=plan.order == 3)
-    middle = np.zeros_like(use)
-    for n, limit in enumerate(plan.limits):
+    return find_active(plan.trajectory, plan.limits)[1]
+
+
+def find_active(motion: Trajectory, limits: Sequence[Limit]) -> tuple[Array, np.ndarray]:
+    """(limits, M) the largest share of each that is met in each time piece, 0 of geometric ones; which is active (M,).
+
+    That one is an index in `limits`, as `active_limits` tells it of a plan.
+    """
+    seen, middle = _sample(motion, limits), np.zeros((len(limits), len(motion.piece)))
+    use = np.stack([np.zeros(len(motion.piece)) if limit.geometric else seen[limit.name] for limit in limits])
+    state = motion.within(np.arange(len(motion.piece)), np.diff(motion.knots) / 2, jerk=order_of(limits) == 3)
+    for n, limit in enumerate(limits):
         if not limit.geometric:
             value = limit.value(state)
             middle[n] = largest_in_rows(limit.use(value, value, motion.piece))
     most = np.where(use >= ACTIVE_SHARE, middle, -1.0).argmax(0)
-    return np.where(use.max(0) >= ACTIVE_SHARE, most, -1)
+    return use, np.where(use.max(0) >= ACTIVE_SHARE, most, -1)
 
 
 def find_segments(plan: Plan) -> list[tuple[int, int]]:
