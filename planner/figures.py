@@ -6,7 +6,7 @@ from typing import Any, Literal
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import StepPatch
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import FixedLocator, MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
@@ -115,14 +115,16 @@ def draw_way(ax: Axes3D, position: Array, speed: Array, label: str = "speed alon
         strokes, cmap="viridis_r", linewidths=float(np.clip(60 / max(turns, 1.0), 0.3, 2.5)), clip_on=False
     )
     line.set_array((speed[:-1] + speed[1:]) / 2)
-    ax.add_collection3d(line)
+    if strokes:
+        ax.add_collection3d(line)
     rest = position[speed <= 1e-6 * speed.max(initial=0.0)]
     ax.scatter(*rest.T, color="black", s=14, depthshade=False, clip_on=False, label="at rest")
     ax.scatter(*position[0], s=80, facecolor="none", edgecolor="black", depthshade=False, clip_on=False, label="start")
     for name, low, size in zip("xyz", position.min(0), extent, strict=True):
         half = max(size, extent.max() / 10) / 2
         ax.set(**{f"{name}lim": (low + size / 2 - half, low + size / 2 + half), f"{name}label": f"{name} (mm)"})
-        getattr(ax, f"{name}axis").set_major_locator(MaxNLocator(2 if 4 * size < extent.max() else 6))
+        at = FixedLocator([low + size / 2]) if 20 * size < extent.max() else None  # no room for numbers side by side
+        getattr(ax, f"{name}axis").set_major_locator(at or MaxNLocator(2 if 4 * size < extent.max() else 5))
     ax.set_aspect("equal")
     ax.legend(loc="upper left", frameon=False)
     root = ax.get_figure(root=True)
@@ -265,7 +267,7 @@ def window_uses(standing: PlanStanding, ax: Axes | None = None) -> Axes:
     ax.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     ax.set_xlim(0.5, standing.windows + 0.5)
     ax.set(xlabel="window", ylabel="largest share of the limit, proved", ylim=(0, 1.1))
-    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, frameon=False)
+    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False)
     return ax
 
 

@@ -7,7 +7,9 @@ from planner.path.actuation import ActuatorPath
 from planner.trajectory import Trajectory, column_headings, rows
 
 ROW_PERIOD = 1e-2
-"""s between the instants that are looked at."""
+"""s between the instants that are looked at, at most unless a part is very long."""
+FINENESS = 64
+"""Times closer they are at first: as long as a motion is too short for windows of more."""
 MOST_ROWS = 50_000
 """Instants of a part that are looked at; of one that takes longer every so many."""
 MOST_WINDOWS = 2000
@@ -19,6 +21,7 @@ class Overview:
 
     names          of the columns, once a part is there; their units: units
     window         s of each window of time
+    period         s between the instants that are looked at, at most
     first, low, high  (windows, columns)
     segments       (windows,) the program's segment at the first instant of each; 0 without a program
     """
@@ -26,7 +29,7 @@ class Overview:
     def __init__(self) -> None:
         self.names: tuple[str, ...] = ()
         self.units: tuple[str, ...] = ()
-        self.window = 2 * ROW_PERIOD
+        self.window, self.period = 2 * ROW_PERIOD / FINENESS, ROW_PERIOD / FINENESS
         self._windows = self.segments = np.zeros(0, np.int64)
         self.first = self.low = self.high = np.zeros((0, 0))
 
@@ -34,10 +37,16 @@ class Overview:
         """A part of the motion that begins at a time (s) and a path length (m) of the whole."""
         if not self.names:
             self._name_columns(motion.path)
-        stride = max(1, int(motion.duration / ROW_PERIOD / MOST_ROWS))
-        step = stride * ROW_PERIOD
-        n = stride * np.arange(np.ceil(begin / step), np.floor((begin + motion.duration) / step) + 1)
-        t = np.clip(n * ROW_PERIOD - begin, 0.0, motion.duration)
+        end = begin + motion.duration
+        while end > MOST_WINDOWS * self.window:
+            self.window *= 2
+            self._windows //= 2
+            self._merge()
+        usual = min(ROW_PERIOD, self.window / 2)
+        period = max(1, int(motion.duration / usual / MOST_ROWS)) * usual
+        self.period = max(self.period, period)
+        n = np.arange(np.ceil(begin / period), np.floor(end / period) + 1)
+        t = np.clip(n * period - begin, 0.0, motion.duration)
         if not len(t):
             return
         found = rows(motion, t)
@@ -47,14 +56,10 @@ class Overview:
         known, place = np.unique(pieces, return_inverse=True)
         own = np.array([motion.path.segment(int(piece)) or 0 for piece in known])[place]
         self.segments = np.append(self.segments, own)
-        whose = (n * ROW_PERIOD / self.window + 1e-9).astype(np.int64)
+        whose = np.minimum(n * period / self.window + 1e-9, MOST_WINDOWS - 1).astype(np.int64)
         self._windows = np.append(self._windows, whose)
         self.first, self.low, self.high = (np.concatenate([held, found]) for held in (self.first, self.low, self.high))
         self._merge()
-        while len(self._windows) > MOST_WINDOWS:
-            self.window *= 2
-            self._windows //= 2
-            self._merge()
 
     def _name_columns(self, path: ActuatorPath) -> None:
         headings = column_headings(path)
@@ -63,6 +68,8 @@ class Overview:
 
     def _merge(self) -> None:
         """What is in the same window becomes one."""
+        if not len(self._windows):
+            return
         starts = np.flatnonzero(np.diff(self._windows, prepend=-1))
         self._windows, self.segments, self.first = self._windows[starts], self.segments[starts], self.first[starts]
         self.low, self.high = np.minimum.reduceat(self.low, starts), np.maximum.reduceat(self.high, starts)

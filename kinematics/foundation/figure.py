@@ -124,10 +124,13 @@ def draw_bars(
     names: Sequence[str], values: Sequence[float], label: str, ax: Axes | None = None, limit: float | None = None
 ) -> Axes:
     """Lying bars, the first on top; a dashed line at the limit."""
+    from matplotlib.ticker import MaxNLocator
+
     ax = new_axes(ax, (7, max(2.2, 0.3 * len(names) + 1)))
     ax.barh(unique_labels(names), list(values), color=PALETTE[0])
     invert_y_axis(ax)
     if limit is not None:
         ax.axvline(limit, color="black", linestyle=(0, (6, 3)), linewidth=1)
     ax.set(xlabel=label)
+    ax.xaxis.set_major_locator(MaxNLocator(6))  # small values have long numbers
     return ax

@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform
 
 from kinematics import MotionError, load_machine
 from planner import Arc, Dwell, Line, Program, plan
-from planner.overview import MOST_WINDOWS, ROW_PERIOD, Overview
+from planner.overview import FINENESS, MOST_WINDOWS, ROW_PERIOD, Overview
 from planner.path.chain import walk_path
 from planner.plan_parts import come_to_rest, find_whole_reason, plan_parts
 from planner.program.modifiers import Fit, Trigger
@@ -165,20 +165,39 @@ def test_steps_are_the_path(hexapod):
     assert [step.stop for step in steps] == whole.joins[1:].tolist()
 
 
-def test_an_overview_has_the_extremes_of_all_rows(walked):
-    _, parts = walked
-    seen, every = Overview(), []
+def sample_rows(parts, period):
+    """The rows of a motion in parts at even instants."""
+    found = []
     for part in parts:
         begin = part.start.begin
-        seen.add(part.motion, begin, part.start.length)
-        n = np.arange(np.ceil(begin / ROW_PERIOD), np.floor((begin + part.motion.duration) / ROW_PERIOD) + 1)
-        every.append(rows(part.motion, np.clip(n * ROW_PERIOD - begin, 0, part.motion.duration)))
-    every = np.concatenate(every)
+        n = np.arange(np.ceil(begin / period), np.floor((begin + part.motion.duration) / period) + 1)
+        found.append(rows(part.motion, np.clip(n * period - begin, 0, part.motion.duration)))
+    return np.concatenate(found)
+
+
+def test_an_overview_has_the_extremes_of_all_rows(walked):
+    """Of those that are a period apart, and of nothing but rows."""
+    _, parts = walked
+    seen = Overview()
+    for part in parts:
+        seen.add(part.motion, part.start.begin, part.start.length)
+    most, every = sample_rows(parts, ROW_PERIOD), sample_rows(parts, ROW_PERIOD / FINENESS)
+    assert seen.period <= ROW_PERIOD
     for k in range(2, every.shape[1]):
-        assert seen.high[:, k].max() == every[:, k].max()
-        assert seen.low[:, k].min() == every[:, k].min()
+        assert most[:, k].max() <= seen.high[:, k].max() <= every[:, k].max()
+        assert most[:, k].min() >= seen.low[:, k].min() >= every[:, k].min()
     assert (np.diff(seen.t) > 0).all()
     assert len(seen.t) <= MOST_WINDOWS
+
+
+def test_a_motion_of_a_millisecond_has_windows_of_its_own():
+    seen = Overview()
+    for part in plan_parts(program_of(line_to(2e-7, 0.0)), load_machine("hexapod"), order=2):
+        seen.add(part.motion, part.start.begin, part.start.length)
+    assert part.standing.duration < 3e-3
+    assert len(seen.t) == np.ceil(part.standing.duration / seen.window)
+    assert len(seen.t) >= 3
+    assert seen.column("s")[2].max() == pytest.approx(part.standing.start.length, rel=0.2)
 
 
 def test_a_rest_of_days_is_seen_at_a_glance():
