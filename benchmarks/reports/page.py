@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DPI, SMALL_DPI = 150, 115
-NARROW = 6.2
+NARROW = 5.4
 """Inches: width of a figure whose letters a telephone shows large enough when all of it is seen."""
 COLOURS, NEARLY_WHITE = 128, 248
 """Of the palette of a figure, enough for a colour map and for soft edges; from where on a channel counts as full."""
@@ -145,12 +145,19 @@ def round_up(value: float, digits: int) -> str:
     return f"{ceil(value * 10**digits) / 10**digits:.{digits}f}" if value < inf else "∞"
 
 
+def describe_span(seconds: float) -> str:
+    """A span of time, in ms below a second."""
+    return f"{1e3 * seconds:.3g} ms" if seconds < 1 else f"{seconds:.4g} s"
+
+
 FILTERS: dict[str, Callable[..., Any]] = {
     "counted": count_noun,
     "down": lambda value, digits: f"{floor(value * 10**digits) / 10**digits:.{digits}f}",
     "fixed": lambda value, digits: f"{value:.{digits}f}",
     "general": lambda value, digits: f"{value:.{digits}g}",
     "grouped": group_digits,
+    "sentence": lambda text: f"{text[:1].upper()}{text[1:]}.",
+    "span": describe_span,
     "up": round_up,
     "zip": zip,
 }

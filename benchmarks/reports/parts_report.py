@@ -11,10 +11,13 @@ import numpy as np
 from benchmarks.reports.page import NARROW, Drawing, draw_figure, group_digits, render, save_figures, style
 from benchmarks.reports.time_series import TIME, Panel, Series
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.figure import PALETTE, literal_label
-from kinematics.machine.axis import directional_bounds
+from kinematics.foundation.figure import DASHES, PALETTE, line_style, literal_label
+from kinematics.machine.axis import Axis, directional_bounds
+from planner.active_limits import ACTIVE_SHARE
+from planner.activity import MOST_SEGMENTS, Activity
 from planner.overview import Overview
 from planner.plan_parts import PlanStanding
+from planner.program.model import SegmentStream
 from planner.pulses import PulseCheck
 
 if TYPE_CHECKING:
@@ -24,13 +27,21 @@ SHARES = {"linear": ("mm", 1e3), "rotary": ("°", 180 / np.pi)}
 
 
 def write_report(
-    standing: PlanStanding, seen: Overview, verdict: PulseCheck | None, path: Path, *, figures: bool, note: str = ""
+    standing: PlanStanding,
+    seen: Overview,
+    held: Activity,
+    verdict: PulseCheck | None,
+    path: Path,
+    *,
+    figures: bool,
+    note: str = "",
 ) -> None:
     """Write the page and, with figures, `figures/*.png` beside it.
 
-    verdict: of the check of its pulses; None: they were not asked for. note: why it ends where it does
+    seen, held: what the motion does, and what holds it back. verdict: of the check of its pulses; None: they were not
+    asked for. note: why it ends where it does
     """
-    drawn = draw(standing, seen) if figures else {}
+    drawn = draw(standing, seen, held) if figures else {}
     path.write_text(
         render(
             "parts.html.j2",
@@ -40,9 +51,12 @@ def write_report(
             verdict=verdict,
             note=note,
             summary=summary(standing),
-            band=make_band(standing, seen),
+            held=held,
+            marked=isinstance(held.program.segments, SegmentStream) and held.program.segments.marked,
+            band=make_parts_band(held),
             segments=list_segments(seen),
-            used_share=USED_SHARE,
+            active_share=ACTIVE_SHARE,
+            most_segments=MOST_SEGMENTS,
             axes=list(zip(standing.pulses.axes, standing.counted, standing.machine.axes, strict=True)),
         ),
         encoding="utf-8",
@@ -68,17 +82,16 @@ def summary(standing: PlanStanding) -> dict[str, str]:
     return told
 
 
-def draw(standing: PlanStanding, seen: Overview) -> dict[str, Drawing]:
-    """Every figure of the page as a PNG, by name."""
+def draw(standing: PlanStanding, seen: Overview, held: Activity) -> dict[str, Drawing]:
+    """Every figure of the page as a PNG, by name; of one window alone the certificate says it all."""
     from kinematics.foundation.figure import new_axes
     from planner.figures import window_uses
 
     with style():
-        return {
-            "path": draw_figure(_draw_path(seen)),
-            "axes": _draw_axes(standing, seen),
-            "limits": draw_figure(window_uses(standing, new_axes(None, (NARROW, 3.6)))),
-        }
+        drawn = {"path": draw_figure(_draw_path(seen)), "axes": _draw_axes(standing, seen, held)}
+        if standing.windows == 1:
+            return drawn
+        return drawn | {"limits": draw_figure(window_uses(standing, new_axes(None, (NARROW, 3.6))))}
 
 
 def _draw_path(seen: Overview) -> "Axes":
@@ -92,17 +105,15 @@ def _draw_path(seen: Overview) -> "Axes":
     return drawn
 
 
-USED_SHARE = 0.95
-"""Of a limit of an axis at the instants looked at, from which a window has its colour: between them it may be more."""
 QUANTITIES = (("q", "position", ""), ("qd", "speed", "/s"), ("qdd", "acceleration", "/s²"), ("qddd", "jerk", "/s³"))
 """Of an axis: in the columns of an overview, in words, and by which time its unit is divided."""
 
 
-def _draw_axes(standing: PlanStanding, seen: Overview) -> Drawing:
-    """Each axis between its least and its largest in every window of time; path speed; the shares of axis limits."""
+def _draw_axes(standing: PlanStanding, seen: Overview, held: Activity) -> Drawing:
+    """Each axis between its least and its largest in every window of time; path speed; the shares of the limits."""
     from matplotlib.figure import Figure
 
-    panels = [*_axis_panels(standing, seen), _make_speed_panel(standing, seen), _make_use_panel(standing, seen)]
+    panels = [*_axis_panels(standing, seen), _make_speed_panel(standing, seen), _make_use_panel(held)]
     figure = Figure(figsize=(9, 2.3 * len(panels) + 0.4), layout="constrained")
     drawn = list(figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0])
     for ax, panel in zip(drawn, panels, strict=True):
@@ -128,15 +139,22 @@ def _axis_panels(standing: PlanStanding, seen: Overview) -> Iterator[Panel]:
             unit, scale = SHARES[kind]
             own = [(n, axis) for n, axis in enumerate(axes) if axis.kind == kind]
             series = []
-            for place, (n, axis) in enumerate(own):
+            for n, axis in own:
                 home = standing.machine.home_q[n] if short == "q" else 0.0
                 first, low, high = (scale * (each - home) for each in seen.column(f"{axis.name} {short}"))
                 t, values = _lay_extremes(seen.t, first, low, high, standing.duration)
-                series.append(Series(axis.name, t, values, PALETTE[place % len(PALETTE)], thinned=True))
-            both = [directional_bounds(getattr(axis, f"max_{name}", None)) for _, axis in own]
-            levels = {scale * sign * side for pair in both for sign, side in zip((-1, 1), pair, strict=True)}
+                dash = n // len(PALETTE) % len(DASHES)
+                series.append(Series(axis.name, t, values, PALETTE[n % len(PALETTE)], dash, thinned=True))
+            levels = {scale * level for _, axis in own for level in _find_levels(axis, name)}
             held = tuple((level, "#000000") for level in sorted(levels) if isfinite(level))
             yield Panel(f"{name} ({unit}{per})", tuple(series), held)
+
+
+def _find_levels(axis: Axis, name: str) -> tuple[float, float]:
+    if name == "position":
+        return axis.travel
+    below, above = directional_bounds(getattr(axis, f"max_{name}"))
+    return -below, above
 
 
 def _lay_extremes(t: Array, first: Array, low: Array, high: Array, end: float) -> tuple[Array, Array]:
@@ -158,28 +176,14 @@ def _make_speed_panel(standing: PlanStanding, seen: Overview) -> Panel:
     return Panel("path speed (mm/s)", (_hold("path speed", edges, speed, PALETTE[0]),), ())
 
 
-def _make_use_panel(standing: PlanStanding, seen: Overview) -> Panel:
-    edges = np.append(seen.t, standing.duration)
-    uses = measure_uses(standing, seen).items()
-    series = (_hold(name, edges, use, PALETTE[n % len(PALETTE)]) for n, (name, use) in enumerate(uses))
-    return Panel("largest share of an axis limit", tuple(series), ((1.0, "#000000"),))
+def _make_use_panel(held: Activity) -> Panel:
+    edges, uses = np.append(held.t, held.end), held.use.items()
+    series = (_hold(name, edges, use, str(line_style(n)["color"])) for n, (name, use) in enumerate(uses))
+    return Panel("largest share of the limit", tuple(series), ((1.0, "#000000"),))
 
 
 def _hold(name: str, edges: Array, values: Array, color: str) -> Series:
     return Series(name, edges, np.append(values, values[-1:]), color, step=True)
-
-
-def measure_uses(standing: PlanStanding, seen: Overview) -> dict[str, Array]:
-    """Of each limit of the axes: the largest share (windows,) that any axis uses at the instants looked at."""
-    found = {}
-    for short, name, _ in QUANTITIES[1 : standing.order + 1]:
-        shares = []
-        for axis in standing.machine.axes:
-            below, above = directional_bounds(getattr(axis, f"max_{name}"))
-            _, low, high = seen.column(f"{axis.name} {short}")
-            shares.append(np.maximum(-low / below, high / above))
-        found[name] = np.max(shares, axis=0)
-    return found
 
 
 def list_segments(seen: Overview) -> list[tuple[float, str]]:
@@ -188,14 +192,12 @@ def list_segments(seen: Overview) -> list[tuple[float, str]]:
     return [(float(seen.t[k]), f"segment {seen.segments[k]}") for k in begins]
 
 
-def make_band(standing: PlanStanding, seen: Overview) -> dict[str, Any]:
-    """Which limit of the axes is used most, as `timeline.make_band` tells which is active; and its words."""
-    uses = measure_uses(standing, seen)
-    share = np.array([*uses.values()])
-    most = np.where(share.max(0) >= USED_SHARE, share.argmax(0), -1)
-    begins = np.flatnonzero(np.diff(most, prepend=-2))
+def make_parts_band(held: Activity) -> dict[str, Any]:
+    """Which limit is active, as `timeline.make_band` tells it of a plan, in each of the windows of time."""
+    active, names = held.active, [*held.names]
+    owners = sorted({int(owner) for owner in active if owner >= 0})
+    begins = np.flatnonzero(np.diff(active, prepend=-2))
     return {
-        "limits": [{"name": name, "color": PALETTE[n % len(PALETTE)]} for n, name in enumerate(uses)],
-        "runs": [(float(seen.t[k]), int(most[k])) for k in begins],
-        "words": ["most used limit of the axes: ", f"no axis at {100 * USED_SHARE:.0f} %: another limit, or none"],
+        "limits": [{"name": names[n], "color": line_style(n)["color"]} for n in owners],
+        "runs": [(float(held.t[k]), owners.index(int(active[k])) if active[k] >= 0 else -1) for k in begins],
     }

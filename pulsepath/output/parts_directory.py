@@ -10,12 +10,14 @@ from typing import Any
 from benchmarks.reports.parts_report import write_report
 from kinematics import MotionError
 from kinematics.foundation.names import count_noun
+from planner.activity import Activity
 from planner.export.formats.binary import PulseWriter, find_end
 from planner.export.motion_file import MotionWriter, PartHead, follow_motion
+from planner.limits import limits_of
 from planner.overview import Overview
 from planner.path.chain import walk_path
 from planner.plan_parts import PlanMark, PlanPart, PlanStanding, come_to_rest
-from planner.pulses import open_pulses
+from planner.pulses import find_rule, open_pulses, pace_axes
 from planner.pulses.checking.edge_reader import check_file_parts
 from pulsepath.inputs import Inputs
 from pulsepath.job import Defect
@@ -120,26 +122,28 @@ def write(
     pulses: their file as well. keep: where a part cannot be planned, the folder becomes a plan that ends with the stop
     before it, if there is any. Else raises as the parts do.
     """
-    seen, part, no, mark, sizes, ending = Overview(), None, None, None, None, ""
+    seen, held = Overview(), Activity(inputs.program)
+    part, no, mark, sizes, ending = None, None, None, None, ""
     of = {**options, "inputs": inputs.digests, "fit": inputs.fit}
     of["reading"] = None if inputs.origin is None else {**inputs.origin.options, "format": inputs.origin.format}
     if holds_checkpoint(folder):
-        held = read_checkpoint(folder, of, inputs.machine)
-        mark, sizes = held.mark, held.sizes
-        if held.complete:
-            _look_again(seen, folder, inputs, mark)
-            _finish(folder, mark.standing, inputs, seen, pulses, figures, held.ending)
-            return mark.standing, MotionError(held.ending) if held.ending else None
+        known = read_checkpoint(folder, of, inputs.machine)
+        mark, sizes = known.mark, known.sizes
+        if known.complete:
+            _look_again(seen, held, folder, inputs, options, mark)
+            _finish(folder, mark.standing, inputs, seen, held, pulses, figures, known.ending)
+            return mark.standing, MotionError(known.ending) if known.ending else None
     else:
         _write_inputs(folder, inputs)
     with ExitStack() as files:
         writer = PartsWriter(folder, pulses, sizes, files)
         if mark is not None:
-            _look_again(seen, folder, inputs, mark)
+            _look_again(seen, held, folder, inputs, options, mark)
         try:
             for part in plan(mark):
                 writer.add(part)
                 seen.add(part.motion, part.start.begin, part.start.length)
+                held.add(part.motion, part.start.begin, part.limits)
                 write_checkpoint(folder, of, Checkpoint(part.mark, writer.secure(), part.rest_pulses is None))
                 tell(part.standing, part.motion.path.place(0.0, int(part.motion.piece[-1])).repetition or 1)
         except MotionError as error:
@@ -149,12 +153,13 @@ def write(
             writer.end(part)
             if part.rest is not None:
                 seen.add(part.rest, part.standing.start.begin, part.start.length)
+                held.add(part.rest, part.standing.start.begin, part.limits)
             ending = f"It ends before the program does, with a stop: {no}"
             ended = replace(part.mark, standing=come_to_rest(part))
             write_checkpoint(folder, of, Checkpoint(ended, writer.secure(), True, ending))
     assert part is not None  # a program has a segment that moves, or is refused
     standing = part.standing if no is None else come_to_rest(part)
-    _finish(folder, standing, inputs, seen, pulses, figures, ending)
+    _finish(folder, standing, inputs, seen, held, pulses, figures, ending)
     return standing, no
 
 
@@ -165,10 +170,13 @@ def _write_inputs(folder: Path, inputs: Inputs) -> None:
         (folder / name).write_bytes(content)
 
 
-def _look_again(seen: Overview, folder: Path, inputs: Inputs, mark: PlanMark) -> None:
+def _look_again(
+    seen: Overview, held: Activity, folder: Path, inputs: Inputs, options: Mapping[str, Any], mark: PlanMark
+) -> None:
     """At the parts that were planned before."""
     program, begin = inputs.program, 0.0
     steps = walk_path(program, inputs.machine)
+    axes = pace_axes(inputs.machine.axes, options["clock_hz"], find_rule(options["rule"]))
     for motion in follow_motion(folder / MOTION, steps, inputs.machine, program.tool, whole=False):
         if begin >= mark.standing.duration:
             return  # its stop
@@ -176,10 +184,18 @@ def _look_again(seen: Overview, folder: Path, inputs: Inputs, mark: PlanMark) ->
         assert at.t is not None
         begin = at.t + motion.duration
         seen.add(motion, at.t, at.s)
+        held.add(motion, at.t, limits_of(motion.path, axes, options["order"]))
 
 
 def _finish(
-    folder: Path, standing: PlanStanding, inputs: Inputs, seen: Overview, pulses: bool, figures: bool, ending: str
+    folder: Path,
+    standing: PlanStanding,
+    inputs: Inputs,
+    seen: Overview,
+    held: Activity,
+    pulses: bool,
+    figures: bool,
+    ending: str,
 ) -> None:
     """The check of the pulses that were written, the report, and the record."""
     program, machine = inputs.program, inputs.machine
@@ -196,6 +212,6 @@ def _finish(
         told = of_pulse_file(file, standing.pulses, standing.machine, verdict, standing.counted)
         (folder / CERTIFICATE).write_text(as_json(told), encoding="utf-8")
     with step("writing the report"):
-        write_report(standing, seen, verdict, folder / REPORT, figures=figures, note=ending)
+        write_report(standing, seen, held, verdict, folder / REPORT, figures=figures, note=ending)
     record = of_parts(standing, inputs, digest, verdict, ending)
     (folder / RECORD).write_text(as_json(seal_record(record, folder, (BEGUN, CHECKPOINT))), encoding="utf-8")

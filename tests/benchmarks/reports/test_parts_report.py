@@ -2,15 +2,18 @@
 
 import re
 from base64 import b64decode
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from benchmarks.reports.parts_report import USED_SHARE, draw, list_segments, make_band, write_report
+from benchmarks.reports.parts_report import draw, list_segments, make_parts_band, write_report
 from benchmarks.reports.time_series import pack_panels
 from kinematics import load_machine
-from planner import load_program
-from planner.overview import ROW_PERIOD, Overview
+from planner import load_program, plan
+from planner.active_limits import active_limits
+from planner.activity import Activity
+from planner.overview import Overview
 from planner.plan_parts import plan_parts
 from tests.browser import act_in, needs_browser
 
@@ -30,38 +33,46 @@ setTimeout(() => {
 """
 
 
+def capped():
+    """The circle, with a tool so slow that this limit is active too."""
+    program = load_program("bare-circle")
+    return replace(program, segments=[replace(segment, speed=0.08) for segment in program.segments])
+
+
 @pytest.fixture(scope="module")
 def made():
-    seen, motions = Overview(), []
-    for part in plan_parts(load_program("bare-circle"), load_machine("hexapod")):
+    seen, held, motions = Overview(), Activity(capped()), []
+    for part in plan_parts(capped(), load_machine("hexapod")):
         seen.add(part.motion, part.start.begin, part.start.length)
+        held.add(part.motion, part.start.begin, part.limits)
         motions.append((part.start.begin, part.motion))
-    return part.standing, seen, motions
+    return part.standing, seen, held, motions
 
 
 @pytest.fixture(scope="module")
 def page(made, tmp_path_factory):
-    standing, seen, _ = made
+    standing, seen, held, _ = made
     file = tmp_path_factory.mktemp("page") / "report.html"
-    write_report(standing, seen, None, file, figures=True)
+    write_report(standing, seen, held, None, file, figures=True)
     return file
 
 
-def sample(motions):
+def sample(motions, period):
     """q, qd of all parts at the instants that an overview looks at."""
     for begin, motion in motions:
-        n = np.arange(np.ceil(begin / ROW_PERIOD), np.floor((begin + motion.duration) / ROW_PERIOD) + 1)
-        t = np.clip(n * ROW_PERIOD - begin, 0, motion.duration)
+        n = np.arange(np.ceil(begin / period), np.floor((begin + motion.duration) / period) + 1)
+        t = np.clip(n * period - begin, 0, motion.duration)
         state = motion.at(t)
         yield from zip(t + begin, state.q, state.qd, state.qdd, state.qddd, strict=True)
 
 
 def test_the_page_holds_the_extremes_of_every_window(made):
-    standing, seen, motions = made
-    packed = pack_panels({"axes": draw(standing, seen)["axes"].panels})
+    standing, seen, held, motions = made  # one part, which is looked at as closely from end to end
+    assert seen.period == seen.window / 2
+    packed = pack_panels({"axes": draw(standing, seen, held)["axes"].panels})
     times = [np.frombuffer(b64decode(text), "<f4") for text in packed["times"]]
     machine = standing.machine
-    rows = [*sample(motions)]
+    rows = [np.array(each) for each in zip(*sample(motions, seen.period), strict=True)]
     for label, column, zero in (("position (mm)", 1, machine.home_q), ("jerk (mm/s³)", 4, np.zeros(6))):
         (panel,) = [one for one in packed["figures"]["axes"] if one["label"] == label]
         for k, series in enumerate(panel["series"]):
@@ -71,13 +82,13 @@ def test_the_page_holds_the_extremes_of_every_window(made):
             assert np.all(np.diff(t) >= 0)
             pairs = y[1:-1].reshape(-1, 2)
             for begin, both in zip(t[1:-1:2], pairs, strict=True):
-                inside = [row[column][k] for row in rows if begin - 1e-5 <= row[0] < begin + seen.window - 1e-5]
-                found = 1e3 * (np.array([min(inside), max(inside)]) - zero[k])
+                inside = rows[column][(begin - 1e-5 <= rows[0]) & (rows[0] < begin + seen.window - 1e-5), k]
+                found = 1e3 * (np.array([inside.min(), inside.max()]) - zero[k])
                 np.testing.assert_allclose(np.sort(both), found, rtol=1e-5, atol=1e-4)
 
 
 def test_segments_begin_where_the_motion_comes_to_them(made):
-    _, seen, motions = made
+    _, seen, _, motions = made
     begins = {}
     for begin, motion in motions:
         for knot, piece in zip(motion.knots[:-1], motion.piece, strict=True):
@@ -88,23 +99,46 @@ def test_segments_begin_where_the_motion_comes_to_them(made):
         assert 0 <= t - begins[name] <= seen.window + 1e-9
 
 
-def test_the_band_has_the_colour_of_the_axis_limit_that_is_used_most(made):
-    standing, seen, motions = made
-    band, axes = make_band(standing, seen), standing.machine.axes
-    begins = [begin for begin, _ in band["runs"]]
-    used = {owner for _, owner in band["runs"]}
-    assert {band["limits"][owner]["name"] for owner in used if owner >= 0} >= {"speed", "acceleration", "jerk"}
-    bounds = [[getattr(axis, f"max_{one['name']}") for axis in axes] for one in band["limits"]]
-    for t, _, *derivatives in sample(motions):
-        shares = [np.max(np.abs(value) / bound) for value, bound in zip(derivatives, bounds, strict=True)]
-        owner = band["runs"][np.searchsorted(begins, t + 1e-6, side="right") - 1][1]
-        if owner < 0:
-            assert max(shares) < USED_SHARE
+def test_the_band_has_the_colour_of_the_limit_that_is_active_as_in_a_plan_of_the_whole(made):
+    standing, _, held, _ = made
+    band, whole = make_parts_band(held), plan(capped(), load_machine("hexapod"))
+    names, begins = [one["name"] for one in band["limits"]], [begin for begin, _ in band["runs"]]
+    active, knots = active_limits(whole), whole.trajectory.knots
+    agree = total = 0.0
+    for t in np.linspace(0, standing.duration, 4001)[:-1]:
+        owner = band["runs"][np.searchsorted(begins, t + 1e-9, side="right") - 1][1]
+        n = active[np.searchsorted(knots, t, side="right") - 1]
+        agree += (names[owner] if owner >= 0 else None) == (whole.limits[n].name if n >= 0 else None)
+        total += 1
+    assert {"speed", "acceleration", "jerk", "tool speed"} >= set(names) >= {"jerk", "tool speed"}
+    assert agree / total > 0.97  # windows of some ms, of which the longest limit has the colour
+
+
+def test_a_limit_that_no_axis_has_is_in_the_figure(made):
+    standing, seen, held, _ = made
+    (panel,) = [one for one in draw(standing, seen, held)["axes"].panels if one.label == "largest share of the limit"]
+    (tool,) = [one for one in panel.series if one.name == "tool speed"]
+    assert tool.values.max() == pytest.approx(1.0, abs=1e-3)
+
+
+def test_one_window_alone_has_no_figure_of_windows(made):
+    standing, seen, held, _ = made
+    assert standing.windows == 1
+    assert "limits" not in draw(standing, seen, held)
+
+
+def test_the_page_lists_the_segments_with_what_limits_them(made, page):
+    _, _, held, _ = made
+    text = page.read_text(encoding="utf-8")
+    for table in (held.tabulate_longest(), held.tabulate_limits()):
+        for row in table.cells():
+            for cell in filter(None, row):
+                assert f">{cell}</t" in text
 
 
 @needs_browser
 def test_it_lives_in_a_browser_without_a_complaint(made, page, tmp_path):
-    standing, _, motions = made
+    standing, seen, _, motions = made
     open_page = tmp_path / "report.html"
     text = page.read_text(encoding="utf-8")
     open_page.write_text(text.replace("; script-src", "; connect-src data:; script-src"), encoding="utf-8")
@@ -114,10 +148,10 @@ def test_it_lives_in_a_browser_without_a_complaint(made, page, tmp_path):
     for share, (told, values) in zip((0.1, 0.5, 0.9), said, strict=True):
         t = float(told.split()[0])
         assert t == pytest.approx(share * standing.duration, abs=1e-3 * standing.duration)
-        assert re.search("most used limit of the axes: \\w|no limit of the axes", told)
+        assert re.search("held by \\w|no limit is active", told)
         q = 1e3 * (motion.at(t).q[0] - standing.machine.home_q)
         for axis, place in zip(standing.machine.axes, q, strict=True):
             ends = [float(end) for end in values[axis.name].split(" … ")]
-            # of the window of 20 ms, as seen every 10 ms
-            assert min(ends) - 20 * ROW_PERIOD <= place <= max(ends) + 20 * ROW_PERIOD
+            # of the window, at 20 mm/s, as seen every so often
+            assert min(ends) - 20 * seen.period <= place <= max(ends) + 20 * seen.period
     assert len(text.encode()) < 3e6
