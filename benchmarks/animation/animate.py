@@ -313,6 +313,7 @@ def _overlay(frames: Frames) -> str:
         tilted=bool(np.isfinite(frames.tilt).any()),
         planned=PLANNED_COLOUR,
         realised=REALISED_COLOUR,
+        shaped=frames.shaped,
         magnified=None if errors is None else frames.magnified,
         times=f"{frames.magnified:g}",
         largest="" if errors is None else f"{errors:.3g} µm",

@@ -135,6 +135,7 @@ class Frames:
     planned       (M, 3) the path of the tool, evenly in time
     errors        (M, 3) by how much the pulses' path is off there; None where counts stand for no pose
     magnified     how many times the errors are drawn
+    shaped        whether the pulses are behind input shapers, and all else is before them
     """
 
     program: str
@@ -149,6 +150,7 @@ class Frames:
     planned: Array
     errors: Array | None
     magnified: float
+    shaped: bool
     axes: tuple[str, ...]
     units: tuple[str, ...]
     q: Array
@@ -215,6 +217,7 @@ def compute_frames(plan: AnimatablePlan, t: Array, magnified: float | None = Non
         freeze_array(planned),
         None if errors is None else freeze_array(errors),
         magnification(planned, errors) if magnified is None else magnified,
+        copies is not None,
         tuple(axis.name for axis in machine.axes),
         tuple(axis.unit for axis in machine.axes),
         freeze_array(state.q),

@@ -179,7 +179,8 @@ def _plane(view: View) -> Array:
 
 
 def _path(frames: Frames) -> str:
-    return "path of the pulses" + ("" if frames.magnified == 1 else f", error × {frames.magnified:g}")
+    named = "path of the pulses, behind the input shapers" if frames.shaped else "path of the pulses"
+    return named + ("" if frames.magnified == 1 else f", error × {frames.magnified:g}")
 
 
 def _describe_limits(frames: Frames) -> str:

@@ -33,6 +33,7 @@ from benchmarks.animation.frames import (
 )
 from kinematics import Axis, Machine, MotionError, load_machine
 from kinematics.machine.pose import to_numbers
+from kinematics.machine.shaper import Shaper
 from planner import Line, Program, load_program, plan
 from tests.browser import browse, needs_browser
 
@@ -318,6 +319,24 @@ def test_the_page_says_what_it_draws(shown, page):
     near = np.array(data["near"])
     np.testing.assert_allclose(near[:, : len(frames.nearest.owners), 1], 1e3 * frames.nearest.use, atol=0.5 + 1e-6)
     assert data["first"] == ("top" if shown.machine.name == "linkage" else "3-D")
+
+
+def test_of_a_shaped_plan_it_says_which_path_is_behind_the_shapers(tmp_path):
+    machine = load_machine("cartesian")
+    machine = machine.driven_by([replace(axis, shaper=Shaper("zv", 25.0, 0.05)) for axis in machine.axes])
+    made = plan(Program([Line(np.array([0.02, 0.01, 0.0])), Line(np.zeros(3))], name="there and back"), machine)
+    frames = compute_frames(made, even_instants(made.trajectory, 2))
+    text = " ".join(document(made, 2).split())
+    assert frames.shaped
+    assert "planned path, before the input shapers" in text
+    told = (
+        f"path behind the input shapers, in whole pulses, distance from the planned path magnified {frames.magnified:g}"
+    )
+    assert told in text or "in whole pulses, at true scale" in text
+    assert "realised path (whole pulses)" not in text
+    assert np.linalg.norm(frames.errors, axis=1).max() <= made.shaped.deviation + 2e-5  # and half a pulse of each axis
+    file = save_four_views(made, tmp_path / "views.svg")
+    assert "path of the pulses, behind the input shapers" in unescape(file.read_text(encoding="utf-8"))
 
 
 def test_names_are_no_markup(circle):
