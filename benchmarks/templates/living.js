@@ -7,11 +7,18 @@
     return new Float32Array(bytes.buffer); // little-endian, as every machine with a browser is
   };
   const times = page.series.times.map(read), end = page.duration;
+  const group = (value, digits) => value.toLocaleString("en-US", { maximumFractionDigits: Math.min(digits, 12) });
+  const writeTicks = (u, ticks, axis, room, step) => { // as many decimals as their steps have
+    let digits = 0;
+    while (digits < 12 && Math.abs(step * 10 ** digits - Math.round(step * 10 ** digits)) > 1e-6) digits++;
+    return ticks.map(tick => tick == null ? "" : group(tick, digits));
+  };
+  const timeDigits = Math.min(Math.max(4, 4 - Math.floor(Math.log10(end))), 9), writeTime = t => t.toFixed(timeDigits) + " s";
   // The room for the numbers beside the figures: one for all, so that their times stand below each other.
   const widest = Object.values(page.series.figures).flat().flatMap(panel => [...panel.levels.map(([level]) => level), ...panel.series.flatMap(one => {
     const y = read(one.y);
     return [y.reduce((a, b) => Math.min(a, b), 0), y.reduce((a, b) => Math.max(a, b), 0)];
-  })]).reduce((most, value) => Math.max(most, Math.round(1.05 * value).toLocaleString("en-US").length), 0);
+  })]).reduce((most, value) => Math.max(most, group(1.05 * value, Math.abs(value) < 10 && value ? 1 - Math.floor(Math.log10(Math.abs(value))) : 0).length), 0);
   const gutter = Math.max(62, Math.ceil(7.5 * widest) + 18);
   root.style.setProperty("--gutter", gutter + "px");
   const plots = [], dashes = [[], [8, 4], [8, 3, 2, 3], [2, 3]], levelDash = [6, 4];
@@ -47,7 +54,7 @@
     for (const y of ys) for (const value of y) most = Math.max(most, Math.abs(value));
     const write = value => {
       const size = Math.abs(value);
-      if (size < 1e-7 * most) return (0).toFixed(4); // as fine as these numbers are
+      if (size <= 1e-7 * most) return (0).toFixed(4); // as fine as these numbers are
       return size >= 1e5 || size < 1e-3 ? value.toExponential(3) : value.toFixed(size < 10 ? 4 : size < 1000 ? 3 : 1);
     };
     return (k, at) => {
@@ -89,7 +96,7 @@
     ctx.restore();
   };
   const makePlot = (panel, box) => {
-    const axis = { stroke: () => style("--soft"), grid: { stroke: () => style("--line"), width: 1 }, ticks: { stroke: () => style("--line"), width: 1 } };
+    const axis = { values: writeTicks, stroke: () => style("--soft"), grid: { stroke: () => style("--line"), width: 1 }, ticks: { stroke: () => style("--line"), width: 1 } };
     const range = (u, low, high) => {
       const whole = shown[0] <= 0 && shown[1] >= end, held = whole ? panel.levels.map(([level]) => level) : [];
       const [from, to] = [Math.min(low ?? 0, ...held), Math.max(high ?? 1, ...held)], room = 0.04 * (to - from || Math.abs(to) || 1);
@@ -105,7 +112,7 @@
         points: { size: 6 }, focus: { prox: -1 },
         // what holds from an instant on holds until the next
         dataIdx: (me, _, near, at) => steps && near > 0 && me.data[0][near] > at ? near - 1 : near },
-      series: [{ label: "time", value: (_, t) => t == null ? "–" : t.toFixed(4) + " s" }, ...panel.series.map(one => ({
+      series: [{ label: "time", value: (_, t) => t == null ? "–" : writeTime(t) }, ...panel.series.map(one => ({
         label: one.name, stroke: () => pick(one.color), width: 1.3, dash: dashes[one.dash], spanGaps: true,
         points: { show: false }, value: (me, value, k, at) => write(k - 1, at == null ? null : me.data[0][at]), ...(one.step ? { paths: uPlot.paths.stepped({ align: 1 }) } : {}) }))],
       hooks: {
@@ -137,7 +144,7 @@
     mark.style.left = 100 * share + "%";
     const [by, none] = page.band.words ?? ["held by ", "no limit is active"];
     const limit = owner < 0 ? none : by + page.band.limits[owner].name;
-    said.textContent = [now.toFixed(4) + " s", segmentAt(now), limit].filter(Boolean).join(" · ");
+    said.textContent = [writeTime(now), segmentAt(now), limit].filter(Boolean).join(" · ");
     slider.value = Math.round(slider.max * (now - shown[0]) / (shown[1] - shown[0]));
     slider.setAttribute("aria-valuetext", said.textContent);
   };

@@ -8,7 +8,7 @@ import pytest
 from benchmarks.animation.animate import document
 from benchmarks.reports.plan_report import write_report
 from kinematics import load_machine
-from planner import classical, load_program, plan
+from planner import Line, Program, classical, load_program, plan
 from planner.pulses import check
 from tests.browser import act_in, browse, needs_browser
 
@@ -62,6 +62,32 @@ const at = (type, share, on = over) => on.dispatchEvent(new MouseEvent(type, {
   fetch("/said", { method: "POST", body: JSON.stringify(said) });
 })();
 """
+CARDS = """
+addEventListener("load", () => setTimeout(() => {
+  const tables = [...document.querySelectorAll("table.stack")];
+  const cells = tables.flatMap(one => [...one.querySelectorAll("tbody td")]);
+  const seen = cells.filter(one => one.offsetHeight).map(one => ({ said: getComputedStyle(one, "::before").content,
+    right: one.getBoundingClientRect().right, wide: one.scrollWidth - one.clientWidth }));
+  fetch("/said", { method: "POST", body: JSON.stringify({ seen, scrolls: tables.filter(one =>
+    one.parentNode.scrollWidth > one.parentNode.clientWidth).map(one => one.textContent.trim().slice(0, 40)) }) });
+}, 200));
+"""
+TICKS = """
+setTimeout(() => {
+  const said = [], fill = CanvasRenderingContext2D.prototype.fillText;
+  CanvasRenderingContext2D.prototype.fillText = function (text, ...at) {
+    said.push(text);
+    return fill.call(this, text, ...at);
+  };
+  dispatchEvent(new Event("resize"));
+  document.querySelectorAll(".living").forEach(one => one.style.width = "600px");
+  setTimeout(() => {
+    const values = [...document.querySelectorAll(".u-value")].map(one => one.textContent);
+    const now = document.querySelector("#strip output").textContent;
+    fetch("/said", { method: "POST", body: JSON.stringify([said, now, values]) });
+  }, 500);
+}, 500);
+"""
 MEASURE = """
 addEventListener("load", () => setTimeout(() => fetch("/said", {
   method: "POST", body: JSON.stringify(document.documentElement.scrollWidth) }), 200));
@@ -77,7 +103,16 @@ def planned():
 def page(planned, tmp_path_factory):
     file = tmp_path_factory.mktemp("page") / "report.html"
     verdict = check(planned.pulses, planned.trajectory)
-    write_report(planned, classical(planned), [], file, verdict=verdict, scene=document(planned, FRAMES))
+    write_report(
+        planned,
+        classical(planned),
+        [],
+        file,
+        verdict=verdict,
+        realised=planned.realised(stride=1000),
+        worth=planned.worth,
+        scene=document(planned, FRAMES),
+    )
     return file
 
 
@@ -116,6 +151,34 @@ def test_cursor_zoom_and_legend_hold_for_all_figures(planned, page, tmp_path):
 def test_nothing_is_wider_than_the_window(page, tmp_path, width):
     said, _ = act_in(tmp_path, page, MEASURE, f"{width},900", "--hide-scrollbars")
     assert said == width
+
+
+@needs_browser
+def test_on_a_phone_every_number_of_a_wide_table_is_seen_with_what_it_is(page, tmp_path):
+    """Rows are cards there: nothing is beyond the edge, and each cell has the title of its column."""
+    said, _ = act_in(tmp_path, page, CARDS, "500,900", "--hide-scrollbars")
+    assert said["scrolls"] == []
+    told = {cell["said"].strip('"') for cell in said["seen"]}
+    assert told >= {"saved (ms)", "largest at", "proven ≤", "at (mm)", "mean speed (mm/s)", "stated error (pulses)"}
+    assert all(cell["said"] not in ("none", '""') for cell in said["seen"])
+    assert max(cell["right"] for cell in said["seen"]) <= 500
+    assert max(cell["wide"] for cell in said["seen"]) <= 0
+
+
+@needs_browser
+def test_ticks_and_times_of_a_motion_of_a_millisecond_are_told_apart(tmp_path):
+    """Ticks have as many decimals as their steps, and what is 0 throughout is 0."""
+    brief = plan(Program([Line(np.array([1e-8, 0.0, 0.0]))], name="brief"), load_machine("traverser"))
+    assert brief.duration < 5e-3
+    file = tmp_path / "report.html"
+    verdict = check(brief.pulses, brief.trajectory)
+    write_report(brief, classical(brief), [], file, verdict=verdict, scene=document(brief, 2))
+    (drawn, now, values), log = act_in(tmp_path, file, TICKS)
+    assert "Uncaught" not in log
+    ticks = [text for text in drawn if re.fullmatch(r"0\.00\d+", text)]
+    assert len(set(ticks)) > 3
+    assert now.startswith("0.000000")
+    assert not [value for value in values if value.startswith("0.000e")]
 
 
 @needs_browser

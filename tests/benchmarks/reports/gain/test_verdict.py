@@ -123,7 +123,7 @@ def test_the_page_shows_what_is_weighed_and_every_axis(tmp_path):
     verdict, page = gain_report(found)
     table = page[page.index('id="weighed"') : page.index('id="provenance"')]
     assert all(f"{one.name}<br>({100 * one.weight:.0f} %)" in table for one in CRITERIA)
-    assert f'<td class="n">{verdict.score:.3g}</td>' in table
+    assert f'<td class="n" data-label="weighed">{verdict.score:.3g}</td>' in table
     assert page.count("Reference and feedback of every axis over time on ") == 2
     panels = axes_over_time(found, select_series(found, verdict), "there")
     assert len(panels) == 4
