@@ -174,6 +174,8 @@ def _compare(first: Listed, second: Listed) -> list[tuple[str, str, str, str]]:
 def _tell(value: float | None, scale: float, unit: str) -> str:
     if value is None:
         return "–"
+    if not unit and value == int(value):  # a count
+        return f"{int(value)}"
     return f"{value * scale:.{4 if unit == '%' else 7}g} {unit}".rstrip()
 
 
@@ -182,4 +184,5 @@ def _tell_change(before: float | None, after: float | None, scale: float, unit: 
         return "–"
     change = (after - before) * scale
     share = "" if unit == "%" or not before or not change else f" ({100 * (after - before) / before:+.3g} %)"
-    return f"{change:+.4g} {unit}".rstrip() + share if change else "0"
+    told = f"{int(change):+d}" if not unit and change == int(change) else f"{change:+.4g} {unit}".rstrip()
+    return told + share if change else "0"
