@@ -26,7 +26,8 @@ class Formats:
     """The formats of a command: what they are called together, the table of names, how each dataclass is found.
 
     fits    which of them the command offers
-    Their options and first lines are kept on disk (`known_names.recall`), so that --help does not load them all.
+    Their options, first lines and suffixes are kept on disk (`known_names.recall`), so that neither --help nor the
+    suffix of a file loads them all.
     """
 
     what: str
@@ -42,20 +43,26 @@ class Formats:
         """One option per field name; its help lists the formats that have the field and their descriptions."""
         return [_make_option(**told) for told in self._recall()["options"]]
 
+    def suffixes(self) -> dict[str, str]:
+        """The names of the formats by the suffixes of the files that they read."""
+        return dict(self._recall()["suffixes"])
+
     def _recall(self) -> dict[str, Any]:
         found: dict[str, Any] = known_names.recall(self.what, self._describe)
         return found
 
     def _describe(self) -> dict[str, Any]:
-        """The options of all formats and the first line of each format's docstring, as data for JSON."""
+        """The options of all formats, the first line of each format's docstring, and suffixes, as data for JSON."""
         known: dict[str, dict[str, list[str]]] = {}
         kinds: dict[str, list[Any]] = {}
         options: dict[str, dict[str, Any]] = {}
         first: dict[str, str] = {}
+        suffixes: dict[str, str] = {}
         for name in getattr(import_module(known_names.TABLES[self.what]), self.table):
             if not self.fits(self.find(name)):
                 continue
             first[name] = (self.find(name).__doc__ or "").splitlines()[0]
+            suffixes |= dict.fromkeys(getattr(self.find(name), "suffixes", ()), name)
             for field, kind in _fields(self.find(name)):
                 known.setdefault(field.name, {}).setdefault(field.metadata["help"], []).append(name)
                 kinds.setdefault(field.name, []).append(kind)
@@ -64,7 +71,7 @@ class Formats:
             option["told"] = " ".join(f"[{', '.join(formats)}] {told}." for told, formats in known[name].items())[:-1]
             if any(kind != kinds[name][0] for kind in kinds[name]):
                 option["choices"] = ()  # what each takes is looked at when it is made
-        return {"options": [*options.values()], "first": first}
+        return {"options": [*options.values()], "first": first, "suffixes": suffixes}
 
     def make(self, name: str, given: Mapping[str, Any]) -> Any:
         """The format of a name with the options that were given (None: not given).
@@ -130,11 +137,10 @@ def find_origin(program: str, given: Mapping[str, Any], fit: float | None) -> "O
     given: options of formats, as the command line has them; fit: m, likewise. Raises MotionError for those of another.
     """
     from kinematics.foundation.errors import MotionError
-    from planner.sources.source import suffix_formats
     from pulsepath.inputs import Origin
 
     suffix = Path(program).suffix.lower()
-    name = suffix_formats().get(suffix)
+    name = IMPORTS.suffixes().get(suffix)
     if name is not None:
         options = IMPORTS.options_of(name, given)
         return Origin(name, options if fit is None else {**options, "fit": fit}, suffix)

@@ -116,9 +116,10 @@ def read_inputs(
     if machine is None:
         raise MotionError(f"{file.name} names no machine: give --machine")
     load_machine = _find_machine(machine)
+    loaded = origin.read(file, machine)
     ready()
     driven, content, companions = load_machine()
-    return Inputs(origin.read(file, machine), driven, file.read_bytes(), content, companions, origin)
+    return Inputs(loaded, driven, file.read_bytes(), content, companions, origin)
 
 
 def _joint_machine(name: str, file: Path, machine: str) -> dict[str, str]:

@@ -46,19 +46,20 @@ from functools import partial
 from hashlib import sha256
 from itertools import islice
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import option
-from kinematics.machine.pose import Pose
 from planner.program.model import Program, Segment, SegmentStream
 from planner.program.modifiers import Join, choose_join
 from planner.program.validation import check_positive
-from planner.sources.positions import read_frame
 from planner.sources.rs274.joints import find_header, read_joints, refuse_options
 from planner.sources.rs274.run import GcodeRun
 from planner.sources.rs274.words import MACHINING_WORDS, is_ignorable, split_lines
 from planner.sources.source import Faults, Imported, decode_text, zero_segment
+
+if TYPE_CHECKING:
+    from kinematics.machine.pose import Pose
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,8 +148,12 @@ class Gcode:
         return GcodeRun(self, self._work, faults)
 
     @property
-    def _work(self) -> Pose | None:
-        return None if self.origin is None else read_frame(self.origin)
+    def _work(self) -> "Pose | None":
+        if self.origin is None:
+            return None
+        from planner.sources.positions import read_frame
+
+        return read_frame(self.origin)
 
     def _read_again(self, path: Path, digest: str) -> Iterator[Segment]:
         text = decode_text(path)

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -20,7 +20,9 @@ from kinematics.foundation.options import check_arguments, load_plugin, make_wit
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from planner.program.model import Arc, Line, Program, Segment, SegmentStream, Spline
-from planner.sources.outline import Outline, outline
+
+if TYPE_CHECKING:
+    from planner.sources.outline import Outline
 
 ZERO_ROUNDING = 1e-15
 """m, and share of a unit vector: no machine tells it from 0."""
@@ -80,8 +82,10 @@ class Imported(Result):
         object.__setattr__(self, "program", zero_small_numbers(self.program))
 
     @property
-    def outline(self) -> Outline:
+    def outline(self) -> "Outline":
         """Where the tool goes, in the program's frame: its extents and its length, and what there is to draw."""
+        from planner.sources.outline import outline
+
         return outline(self.program)
 
     def tables(self) -> tuple[Table, ...]:

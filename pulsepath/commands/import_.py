@@ -61,6 +61,8 @@ def import_(
     destinations = [Destination(target, force=force) for target in (out, image)]
     refuse_missing(file)
     if name is None:
+        name = IMPORTS.suffixes().get(file.suffix.lower())
+    if name is None:
         from planner.sources.source import source_name
 
         name = source_name(file)

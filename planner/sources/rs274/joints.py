@@ -16,7 +16,6 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.machine import Machine
-from planner.export.formats.g93 import header_name
 from planner.program.model import MIN_MOVE, Dwell, Line, Program, Segment, Turn
 from planner.program.modifiers import Join, Stop
 from planner.sources.rs274.words import WORD, Words, blocks
@@ -120,6 +119,8 @@ def read_joints(path: Path, text: str, header: Header, machine: str | None, join
 
 
 def _refuse_other(machine: Machine, header: Header, said: str, faults: Faults) -> None:
+    from planner.export.formats.g93 import header_name
+
     axes = machine.axes
     wanted = tuple("mm" if axis.kind == "linear" else "deg" for axis in axes)
     if header.names != tuple(header_name(axis.name) for axis in axes) or header.units != wanted:

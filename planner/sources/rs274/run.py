@@ -1,17 +1,17 @@
 """What a controller makes of G-code, block by block: its modes, its place, and the segments that it runs."""
 
+from __future__ import annotations
+
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from math import cos, degrees, dist, hypot, pi, radians, sin
-from typing import Literal, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import count_noun
-from kinematics.machine.pose import Pose
 from planner.program.model import MIN_MOVE, Arc, Dwell, Line, Segment, Turn
 from planner.program.modifiers import Blend, Fit, Join, Stop, Through
 from planner.sources.rs274.arcs import PLANES, read_arc
@@ -28,6 +28,11 @@ from planner.sources.rs274.words import (
     is_ignorable,
 )
 from planner.sources.source import Faults
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
+    from kinematics.machine.pose import Pose
 
 UNIT_METRES = {20.0: 0.0254, 21.0: 1e-3}
 AXES = "XYZABC"
@@ -76,8 +81,10 @@ class GcodeRun:
         self.left_out, self.events = WordLines(), Events(options.ignored_words, options.strict)
         self.nowhere, self.several, self.off, self.unstated = 0, 0, 0.0, True
         self.ended, self.offsets = False, ToolOffsets()
-        start = RigidTransform.identity() if work is None else work.inv()
-        self.place = [*start.translation.tolist(), *start.rotation.as_euler("XYZ").tolist()]
+        self.place = [0.0] * 6
+        if work is not None:
+            start = work.inv()
+            self.place = [*start.translation.tolist(), *start.rotation.as_euler("XYZ").tolist()]
         self.stands: list[float] = self.place[:3]
         zero = [0.0] * 3 if work is None else work.translation.tolist()
         self.tilted = work is not None and work.rotation.magnitude() > 0
@@ -337,10 +344,14 @@ class GcodeRun:
                     AXES[k], f"{AXES[k]} turns by {degrees(abs(end[k] - place[k])):.6g}° along a path; part it"
                 )
         self.several += len(changed) > 1
+        from scipy.spatial.transform import Rotation
+
         return Rotation.from_euler("XYZ", end[3:])
 
     def _turn(self, number: int, place: list[float], end: list[float], fed: bool) -> None:
         """On the spot: of one letter by any angle about the axis that it stands for, of several the shortest way."""
+        from scipy.spatial.transform import Rotation
+
         changed = [k for k in range(3, 6) if place[k] != end[k]]
         before, after = (Rotation.from_euler("XYZ", angles[3:]) for angles in (place, end))
         if len(changed) == 1:
