@@ -312,6 +312,10 @@ class ArmFile(LoadedFile):
     axes: RotaryAxis = AXES
     axis: tuple[ArmAxisTable, ...] = OWN_AXES
 
+    def list_axes(self) -> list[Axis]:
+        names = self.geometry.joints
+        return axes(names, dict.fromkeys(names, self.axes), self.axis, self)
+
 
 def find_stray_axis_tables(data: Mapping[str, Any]) -> Iterator[tuple[Key, MotionError]]:
     """Every [[axis]] table that is named after none of the joints, where a file states joints."""
@@ -339,11 +343,4 @@ def build_arm(file: ArmFile, name: str, folder: Path | Traversable) -> Arm:
         raise FileError(geometry.urdf, [Fault("urdf", "must be the name of a file beside the machine file")])
     with as_file(folder / geometry.urdf) as path:
         joints = read_urdf(path, geometry.joints, geometry.tool)
-    names = geometry.joints
-    return Arm(
-        joints,
-        axes=axes(names, dict.fromkeys(names, file.axes), file.axis, file),
-        home=geometry.home,
-        name=name,
-        load=file.load(),
-    )
+    return Arm(joints, axes=file.list_axes(), home=geometry.home, name=name, load=file.load())

@@ -310,6 +310,10 @@ class MachineFile(File):
         "along a direction: every axis that moves the platform along it has the shaper beside its own", default=()
     )
 
+    def list_axes(self) -> list[Axis] | None:
+        """The axes, as the file states them; None: only the machine that is made of it tells."""
+        return None
+
     @staticmethod
     def geometry_of(machine: Any, complete: bool) -> Mapping[str, Any] | None:
         """What [geometry] says of a machine of the kind, by key, SI; None: machines of the kind are not written.

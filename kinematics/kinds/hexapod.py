@@ -22,6 +22,7 @@ from kinematics.foundation.units import Length, Unit
 from kinematics.kinds.axis_keys import AXES, GEOMETRY, KIND, OWN_AXES, LinearAxis, LinearDefaults, axes
 from kinematics.kinds.legged import BASE_REST, PLATFORM_REST, Legged, Platforms, Radius, legged_geometry, rest_axes_type
 from kinematics.kinds.load_keys import LEG_MASSES, LegsTable, LoadedFile, Point
+from kinematics.machine.axis import Axis
 from kinematics.machine.load import Leg, cylinder
 
 if TYPE_CHECKING:
@@ -146,6 +147,9 @@ class HexapodFile(LoadedFile):
     axis: tuple[LegTable, ...] = OWN_AXES
     legs: LegsTable | None = LEG_MASSES
 
+    def list_axes(self) -> list[Axis]:
+        return axes(LEGS, dict.fromkeys(LEGS, self.axes), self.axis, self)
+
     @staticmethod
     def geometry_of(machine: Hexapod, complete: bool) -> dict[str, Any]:
         return legged_geometry(machine, np.zeros(3), complete)
@@ -153,5 +157,5 @@ class HexapodFile(LoadedFile):
 
 def build_hexapod(file: HexapodFile, name: str, folder: Path | Traversable) -> Hexapod:
     base, platform = file.geometry.joints()
-    own = axes(LEGS, dict.fromkeys(LEGS, file.axes), file.axis, file)
-    return Hexapod(base, platform, axes=own, name=name, load=file.load(file.legs), **file.geometry.options())
+    load = file.load(file.legs)
+    return Hexapod(base, platform, axes=file.list_axes(), name=name, load=load, **file.geometry.options())

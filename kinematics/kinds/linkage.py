@@ -172,6 +172,9 @@ class LinkageFile(LoadedFile):
     axes: LinearDefaults = AXES
     axis: tuple[LinkageAxisTable, ...] = OWN_AXES
 
+    def list_axes(self) -> list[Axis]:
+        return axes(NAMES, dict.fromkeys(NAMES, self.axes), self.axis, self)
+
     @staticmethod
     def geometry_of(machine: Linkage, complete: bool) -> dict[str, Any]:
         shorter = machine.home_q[0] < machine.offset * np.cos(machine.angle)  # else the longer one is meant
@@ -192,7 +195,7 @@ def build_linkage(file: LinkageFile, name: str, folder: Path | Traversable) -> L
         geometry.base_b,
         geometry.offset,
         geometry.angle,
-        axes=axes(NAMES, dict.fromkeys(NAMES, file.axes), file.axis, file),
+        axes=file.list_axes(),
         home=geometry.home.pose,
         near=geometry.near,
         name=name,

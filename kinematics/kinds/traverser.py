@@ -125,6 +125,9 @@ class TraverserFile(LoadedFile):
     rotary: RotaryAxis = key("the same of the turning axis, which needs no travel")
     axis: tuple[Annotated[Any, Chosen(_axis_table_type)], ...] = OWN_AXES
 
+    def list_axes(self) -> list[Axis]:
+        return axes((*SLIDES, ROTARY), dict.fromkeys(SLIDES, self.axes) | {ROTARY: self.rotary}, self.axis, self)
+
     @staticmethod
     def geometry_of(machine: Traverser, complete: bool) -> dict[str, Any]:
         straight = not complete and (machine.directions == np.eye(3)).all()
@@ -137,7 +140,7 @@ class TraverserFile(LoadedFile):
 
 def build_traverser(file: TraverserFile, name: str, folder: Path | Traversable) -> Traverser:
     return Traverser(
-        axes=axes((*SLIDES, ROTARY), dict.fromkeys(SLIDES, file.axes) | {ROTARY: file.rotary}, file.axis, file),
+        axes=file.list_axes(),
         home=file.geometry.home.pose,
         directions=file.geometry.directions,
         length=file.geometry.length,

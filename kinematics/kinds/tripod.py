@@ -41,6 +41,7 @@ from kinematics.foundation.units import describe_value
 from kinematics.kinds.axis_keys import AXES, GEOMETRY, KIND, OWN_AXES, LinearAxis, LinearDefaults, axes
 from kinematics.kinds.legged import BASE_REST, PLATFORM_REST, Legged, Platforms, joints, legged_geometry, rest_axes_type
 from kinematics.kinds.load_keys import LEG_MASSES, LegsTable, LoadedFile, Point
+from kinematics.machine.axis import Axis
 from kinematics.machine.machine import Machine
 
 if TYPE_CHECKING:
@@ -113,6 +114,9 @@ class TripodFile(LoadedFile):
     axis: tuple[TripodArmTable, ...] = OWN_AXES
     legs: LegsTable | None = LEG_MASSES
 
+    def list_axes(self) -> list[Axis]:
+        return axes(ARMS, dict.fromkeys(ARMS, self.axes), self.axis, self)
+
     @staticmethod
     def geometry_of(machine: Tripod, complete: bool) -> dict[str, Any]:
         tool = machine.tool if complete or machine.tool.any() else None
@@ -124,7 +128,7 @@ def build_tripod(file: TripodFile, name: str, folder: Path | Traversable) -> Tri
     return Tripod(
         geometry.base_joints,
         geometry.platform_joints,
-        axes=axes(ARMS, dict.fromkeys(ARMS, file.axes), file.axis, file),
+        axes=file.list_axes(),
         tool=geometry.tool,
         name=name,
         load=file.load(file.legs),

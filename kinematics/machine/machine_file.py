@@ -27,6 +27,7 @@ from kinematics.kinds.tripod import (
     is_basic_lengths,
     read_basic_lengths,
 )
+from kinematics.machine.axis import Axis
 from kinematics.machine.machine import Machine
 
 Construct = Callable[[Any, str, Path | Traversable], Machine]
@@ -49,6 +50,23 @@ def validate_machine_file(source: Path | Traversable) -> Callable[[], Machine]:
     """
     if is_basic_lengths(source):
         return lambda: read_basic_lengths(source, read_machine(find("kinematics", "machine", TEMPLATE_MACHINE)))
+    return partial(_make_machine, source, *_read_model(source))
+
+
+def read_axes(source: Path | Traversable) -> tuple[Axis, ...]:
+    """The axes that a file states, before any [[vibration]] shapes them.
+
+    Of most kinds without making the machine. Raises FileError as `validate_machine_file`.
+    """
+    if is_basic_lengths(source):
+        source = find("kinematics", "machine", TEMPLATE_MACHINE)
+    document, model, construct = _read_model(source)
+    axes = model.list_axes()
+    return _make_machine(source, document, model, construct).axes if axes is None else tuple(axes)
+
+
+def _read_model(source: Path | Traversable) -> tuple[Document, MachineFile, Construct]:
+    """What a file says, by the schema of its kind, and what makes the machine of that."""
     document = read(source)
     refuse_wrong_kind(document, MachineFile.what)
     kind = document.data.get("kind")
@@ -65,7 +83,7 @@ def validate_machine_file(source: Path | Traversable) -> Callable[[], Machine]:
             'where the frequency is uncertain, write kind = "zvd" or "ei" in the one that stays'
         )
         raise FileError(document.file, [document.fault(("vibration", again), told)])
-    return partial(_make_machine, source, document, model, construct)
+    return document, model, construct
 
 
 def _refuse_kind(kind: Any) -> BadValue:

@@ -108,6 +108,7 @@ def compare(
     writes(out / "compare.json", kept="" if saved else f"finished runs are kept in {out} and reused next time")
     refuse_unknown(rig=rig, laws=laws)
     from kinematics.foundation.errors import MotionError
+    from kinematics.foundation.names import find
     from pulsepath.output import compare_directory
 
     if saved and (rig or laws or tasks or address or seeds != 1):
@@ -119,7 +120,7 @@ def compare(
     if rig is not None:
         from controllers.rig_file import validate_rig_file
 
-        validate_rig_file(rig)
+        validate_rig_file(find("controllers", "rig", rig))
     from benchmarks.sweep import load_runs, read_setting
 
     for text in (*laws, *filter(None, [baseline])):

@@ -193,7 +193,7 @@ def plan(
     if out is None:
         raise click.UsageError("Missing option '--out'.", click.get_current_context())
     writes(out)
-    from planner.parallel import NO_PROCESS, side_process
+    from kinematics.foundation.names import find
     from pulsepath.output.directory import RECORD, REPORT, fill_directory, refuse_overwrite, replace_directory
 
     refuse_overwrite(out, force)
@@ -215,7 +215,9 @@ def plan(
     if rig is not None:
         from controllers.rig_file import validate_rig_file
 
-        validate_rig_file(rig)
+        validate_rig_file(find("controllers", "rig", rig))
+
+    from planner.parallel import NO_PROCESS, side_process
 
     other = NO_PROCESS
     with ExitStack() as stack:
