@@ -42,7 +42,8 @@ from planner.timing.duration_bound import DurationBound, bound_duration
 from planner.timing.problem import Solver
 from planner.timing.solvers.toppra_ import refuse_solver
 from planner.timing.stated_duration import solve_stated
-from planner.tradeoffs.objective import TIME, Objective, read_objective, solve_objective
+from planner.tradeoffs.heat import solve_objective
+from planner.tradeoffs.objective import TIME, Objective, read_objective
 from planner.tradeoffs.pareto import WEIGHTS, Tradeoff, trade
 from planner.trajectory import Trajectory
 
@@ -200,7 +201,7 @@ class Plan(Result, Interruptible):
     def trade(self, weights: Sequence[float] = WEIGHTS) -> Tradeoff:
         """Duration against heat along this path, from the fastest motion on: the least of each objective.
 
-        Raises MotionError as `planner.tradeoffs.objective.solve_objective`.
+        Raises MotionError as `planner.tradeoffs.heat.solve_objective`.
         """
         return trade(self.path, self.limits, self.machine.axes, self.order, weights)
 

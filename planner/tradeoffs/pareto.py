@@ -13,7 +13,8 @@ from kinematics.machine.axis import Axis
 from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath
 from planner.timing.certified_solve import Solution
-from planner.tradeoffs.objective import MOST_WEIGHT, TIME, Objective, measure_heat, solve_objective, weigh_axes
+from planner.tradeoffs.heat import measure_heat, solve_objective, weigh_axes
+from planner.tradeoffs.objective import MOST_WEIGHT, TIME, Objective
 
 WEIGHTS = (0.0, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 """Of heat, beside time."""
