@@ -15,11 +15,10 @@ from kinematics.files.keys import Chosen, key
 from kinematics.files.schema import File, TableSchema, one_of_tables
 from kinematics.foundation.arrays import freeze_array
 from kinematics.foundation.errors import BadValue, MotionError, validation_error
-from kinematics.foundation.names import closest, nearest
+from kinematics.foundation.names import closest, find, nearest, presets
 from kinematics.foundation.units import Unit, describe_value
 from kinematics.machine.axis import Axis
 from kinematics.machine.machine import Machine
-from planner.program.program_file import load_program, read_program_file
 
 
 def _require_name(name: str) -> str:
@@ -64,12 +63,18 @@ class PathTask(TaskTiming):
     ramp: Annotated[float, Unit("s", above=0, like="1 s")] = key("time of speeding up, and of slowing down")
 
     def refuse_unknown(self, axes: Sequence[Axis], folder: Path | None) -> None:
-        """Raise BadValue for a program that is not there, or whose file shows a fault."""
+        """Raise BadValue for a program that is not there, or whose file shows a fault; a bundled one's shows none."""
         with _locate_program():
-            read_program_file(resolve_path(folder, self.program))
+            program = resolve_path(folder, self.program)
+            find("planner", "program", program)
+            if program not in presets("planner"):
+                from planner.program.program_file import read_program_file
+
+                read_program_file(program)
 
     def make_task(self, machine: Machine, folder: Path | None) -> Task:
         from planner.path.actuation import actuate
+        from planner.program.program_file import load_program
 
         with _locate_program():
             path = actuate(load_program(resolve_path(folder, self.program)), machine)

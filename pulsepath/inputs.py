@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 from kinematics.files.toml_document import read
 from kinematics.foundation.errors import Fault, FileError, MotionError
-from kinematics.foundation.names import find, source_folder
+from kinematics.foundation.names import find, presets, source_folder
 from planner.program.joins import fit_joins
 from planner.program.model import Program
-from planner.program.program_file import make_program, read_program_file
 from pulsepath.progress import note
 
 if TYPE_CHECKING:
@@ -131,18 +130,24 @@ def _joint_machine(name: str, file: Path, machine: str) -> dict[str, str]:
 
 
 def _find_machine(machine: str) -> Callable[[], tuple["Machine", bytes, Mapping[str, bytes]]]:
-    """What loads a machine, its file's content, and what that names beside it; faults of the file are told at once."""
+    """What loads a machine, its file's content, and what that names beside it.
+
+    Faults of the file are told at once; a bundled one has none, and is not looked at before it is loaded.
+    """
     file = find("kinematics", "machine", machine)
     if isinstance(file, Path) and not file.exists():  # said before what is slow to load
         read(file)
-    from kinematics.machine.machine_file import validate_machine_file
+    make: Callable[[], Machine] | None = None
+    if machine not in presets("kinematics"):
+        from kinematics.machine.machine_file import validate_machine_file
 
-    make = validate_machine_file(file)
+        make = validate_machine_file(file)
 
     def load() -> tuple["Machine", bytes, Mapping[str, bytes]]:
+        from kinematics.machine.machine_file import read_machine
         from kinematics.machine.machine_writer import toml_of
 
-        driven, content = make(), toml_of(file)
+        driven, content = read_machine(file) if make is None else make(), toml_of(file)
         urdf = tomllib.loads(content.decode()).get("geometry", {}).get("urdf")
         companions = {} if urdf is None else {urdf: (source_folder("kinematics", file) / urdf).read_bytes()}
         return driven, content, companions
@@ -151,6 +156,8 @@ def _find_machine(machine: str) -> Callable[[], tuple["Machine", bytes, Mapping[
 
 
 def _read_native(program: str, machine: str | None, ready: Callable[[], object]) -> Inputs:
+    from planner.program.program_file import make_program, read_program_file
+
     try:
         document, model = read_program_file(program)
     except FileError as error:

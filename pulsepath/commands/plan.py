@@ -212,7 +212,7 @@ def plan(
         from planner.tradeoffs.objective import read_objective
 
         read_objective(objective)
-    if rig is not None:
+    if rig is not None and rig not in known_names.rigs():  # a bundled one has no faults
         from controllers.rig_file import validate_rig_file
 
         validate_rig_file(find("controllers", "rig", rig))

@@ -68,11 +68,12 @@ def pose(
     from kinematics import load_machine
 
     of = load_machine(machine)
+    coordinates = _read_coordinates(of, given[0], axes[given[0]] or "") if given else None
     from kinematics.analysis.posture import posture_of_axes, posture_of_pose
     from pulsepath.output import record, tables
 
-    if given:
-        found = posture_of_axes(of, _read_coordinates(of, given[0], axes[given[0]] or ""))
+    if coordinates is not None:
+        found = posture_of_axes(of, coordinates)
     else:
         found = posture_of_pose(of, _place(of, place, angles, frame))
     if as_json:

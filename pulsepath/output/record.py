@@ -1,25 +1,30 @@
 """Results of the commands as plain data: the content of plan.json, track.json and `--json`."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from math import isnan, pi
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from controllers import Metrics, Rig
-from kinematics import Axis, Machine, MotionError, Pose, Posture
 from kinematics.files.plain_text import finite_or_none
 from kinematics.foundation.options import options
-from planner import Infeasible, Place, Standing
-from planner.export.format import Exported
-from planner.path.outcome import Blended, FitSummary
-from planner.path.point_to_point import Departure
-from planner.pulses import RULES, RealisedPath
-from planner.sources.arm_simulation import ArmSimulation
-from planner.sources.outline import Outline
-from planner.sources.position_list import PositionList
-from planner.sources.source import Imported
+from planner.place import Infeasible, Place
 from pulsepath.process.exits import SCHEMA as SCHEMA
 from pulsepath.progress import as_json as as_json
+
+if TYPE_CHECKING:
+    from controllers import Metrics, Rig
+    from kinematics import Axis, Machine, MotionError, Pose, Posture
+    from planner import Standing
+    from planner.export.format import Exported
+    from planner.path.outcome import Blended, FitSummary
+    from planner.path.point_to_point import Departure
+    from planner.pulses import RealisedPath
+    from planner.sources.arm_simulation import ArmSimulation
+    from planner.sources.outline import Outline
+    from planner.sources.position_list import PositionList
+    from planner.sources.source import Imported
 
 Record = dict[str, Any]
 
@@ -156,6 +161,8 @@ def of_arms(found: ArmSimulation, file: str) -> Record:
 
 def of_rules() -> Record:
     """The firing rules by name: what each is, and its options; values in SI units."""
+    from planner.pulses import RULES
+
     return {
         name: {
             "about": (rule.__doc__ or "").splitlines()[0],

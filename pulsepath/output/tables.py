@@ -1,27 +1,28 @@
 """The tables that the commands print, of their results."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import inf
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from controllers import Metrics
-from kinematics import Axis, Machine
 from kinematics.foundation.names import count_noun
-from kinematics.foundation.result import Result
 from kinematics.foundation.table import SCALES, Column, Table
-from kinematics.machine.axis import Magnitude, directional_bounds
-from planner import Classical, Plan, Standing
-from planner.active_limits import describe_stops, tabulate_segments
-from planner.baselines import describe_differences, missing_limits
-from planner.limits.registry import geometric_limits
-from planner.path.outcome import Blended, FitSummary
-from planner.path.point_to_point import Departure
-from planner.plan_parts import PlanStanding
-from planner.sources.position_list import PositionList
-from planner.timing.certified_solve import BEFORE_SHAPERS
-from pulsepath.job import Job
+from kinematics.machine.axis import directional_bounds
 from pulsepath.progress import VERBOSE, Layout, draw, level
+
+if TYPE_CHECKING:
+    from controllers import Metrics
+    from kinematics import Axis, Machine
+    from kinematics.foundation.result import Result
+    from kinematics.machine.axis import Magnitude
+    from planner import Classical, Plan, Standing
+    from planner.path.outcome import Blended, FitSummary
+    from planner.path.point_to_point import Departure
+    from planner.plan_parts import PlanStanding
+    from planner.sources.position_list import PositionList
+    from pulsepath.job import Job
 
 
 def show(tables: Iterable[Table]) -> None:
@@ -42,6 +43,10 @@ def of_results(*results: Result) -> list[Table]:
 
 def of_plan(job: Job) -> list[Table]:
     """Duration and saving, and what the plan tells of itself."""
+    from planner.active_limits import tabulate_segments
+    from planner.baselines import missing_limits
+    from planner.timing.certified_solve import BEFORE_SHAPERS
+
     plan = job.plan
     percent = 100 * job.time_saved / job.classical.duration
     missing = missing_limits(plan, job.classical)
@@ -75,6 +80,11 @@ NEARLY = 0.999
 
 def sum_up(job: Job) -> list[Table]:
     """A plan on a screen: its duration, how good it is, what it is proved to keep, what holds it back, its pulses."""
+    from planner.active_limits import describe_stops
+    from planner.baselines import describe_differences, missing_limits
+    from planner.limits.registry import geometric_limits
+    from planner.timing.certified_solve import BEFORE_SHAPERS
+
     plan, proof = job.plan, job.plan.certificate
     told = plan.describe_objective()
     rows = [("duration", f"{plan.duration:.6f} s{f', {told}' if told else ''}")]
@@ -124,6 +134,8 @@ def sum_up(job: Job) -> list[Table]:
 
 def sum_up_parts(standing: PlanStanding) -> list[Table]:
     """A plan made in parts on a screen, as `sum_up` does."""
+    from planner.limits.registry import geometric_limits
+
     proof, still = standing.certificate, geometric_limits()
     used = [name for name, share in proof.worst.items() if share > NEARLY and name not in still]
     windows = count_noun(standing.windows, "window")
@@ -173,6 +185,8 @@ def _sum_up_departures(departures: Sequence[Departure]) -> str:
 
 def _describe_timing(plan: Plan, timing: Classical, *first: str) -> str:
     """What a baseline timing is, and does otherwise than the plan."""
+    from planner.baselines import describe_differences
+
     return "; ".join([*first, *describe_differences(plan, timing)])
 
 

@@ -10,16 +10,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import pi
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
-from kinematics.machine.machine import Machine
 from planner.program.model import MIN_MOVE, Dwell, Line, Program, Segment, Turn
 from planner.program.modifiers import Join, Stop
 from planner.sources.rs274.words import WORD, Words, blocks
 from planner.sources.source import Faults, Imported
+
+if TYPE_CHECKING:
+    from kinematics.machine.machine import Machine
 
 _AXIS = re.compile(r"\(([A-Z]) = (.+) in (mm|deg): a joint axis, not Cartesian\)")
 _ORIGIN = re.compile(r"\(positions from (home|natural), in the sense of the axes\)")
@@ -118,7 +121,7 @@ def read_joints(path: Path, text: str, header: Header, machine: str | None, join
     return Imported(program, {"G1": len(q) - 1 - rested, "G4": rested}, told)
 
 
-def _refuse_other(machine: Machine, header: Header, said: str, faults: Faults) -> None:
+def _refuse_other(machine: "Machine", header: Header, said: str, faults: Faults) -> None:
     from planner.export.formats.g93 import header_name
 
     axes = machine.axes
@@ -171,7 +174,7 @@ def _row(header: Header, said: Words, number: int, faults: Faults) -> list[float
     return [float(value) for _, value in said]
 
 
-def _bulge(machine: Machine, q: Array) -> float:
+def _bulge(machine: "Machine", q: Array) -> float:
     """m: how far the middles of the axes' straight lines between points (N, n) are from straight lines in space."""
     ends = machine.forward(q, certify=False).pose.translation
     middle = machine.forward((q[1:] + q[:-1]) / 2, certify=False).pose.translation
