@@ -168,12 +168,14 @@ def certified_solve(
     return Solution(trajectory, certificate, limits, order, rounds, methods, least, room)
 
 
-def refuse_gap(gap: float, effort: int, fastest: bool) -> None:
-    """Raise MotionError for a gap or an effort that is none, and for a motion that is not to be the fastest."""
-    if not 0 < gap < np.inf:
-        raise MotionError(f"gap {gap:g} must be a positive share, as 0.001 for 0.1 %")
+def refuse_gap(gap: float | None, effort: int, fastest: bool) -> None:
+    """Raise MotionError for a gap or an effort that is none, and for a gap of a motion that is not to be the fastest."""
     if effort < 0:
         raise MotionError(f"effort {effort} must be 0 rounds or more")
+    if gap is None:
+        return
+    if not 0 < gap < np.inf:
+        raise MotionError(f"gap {gap:g} must be a positive share, as 0.001 for 0.1 %")
     if not fastest:
         raise MotionError("a gap is one to the fastest motion: omit it, or the duration or objective that is stated")
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from math import cos, degrees, dist, hypot, pi, radians, sin
+from math import cos, degrees, dist, hypot, radians, sin
 from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
 
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import count_noun
-from planner.program.model import MIN_MOVE, Arc, Dwell, Line, Segment, Turn
+from planner.program.model import MIN_MOVE, Arc, Dwell, Line, Segment
 from planner.program.modifiers import Blend, Fit, Join, Stop, Through
 from planner.sources.rs274.arcs import PLANES, read_arc
 from planner.sources.rs274.coordinates import Coordinates, ToolOffsets
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 UNIT_METRES = {20.0: 0.0254, 21.0: 1e-3}
 AXES = "XYZABC"
 VALUE_LETTERS = frozenset("XYZABCIJKRFPNLQ")
-HALF_TURN = pi * (1 - 1e-12)
 
 
 class Options(Protocol):
@@ -335,33 +334,19 @@ class GcodeRun:
 
     def _find_orientation(self, place: list[float], end: list[float]) -> Rotation | None:
         """The orientation at a block's end; None where it stays."""
-        changed = [k for k in range(3, 6) if place[k] != end[k]]
-        if not changed:
+        if place[3:] == end[3:]:
             return None
-        for k in changed:
-            if abs(end[k] - place[k]) >= HALF_TURN:
-                raise WordFault(
-                    AXES[k], f"{AXES[k]} turns by {degrees(abs(end[k] - place[k])):.6g}° along a path; part it"
-                )
-        self.several += len(changed) > 1
-        from scipy.spatial.transform import Rotation
+        from planner.sources.rs274.turns import turn_along
 
-        return Rotation.from_euler("XYZ", end[3:])
+        orientation = turn_along(place[3:], end[3:])
+        self.several += sum(before != after for before, after in zip(place[3:], end[3:], strict=True)) > 1
+        return orientation
 
     def _turn(self, number: int, place: list[float], end: list[float], fed: bool) -> None:
-        """On the spot: of one letter by any angle about the axis that it stands for, of several the shortest way."""
-        from scipy.spatial.transform import Rotation
+        from planner.sources.rs274.turns import turn_on_spot
 
-        changed = [k for k in range(3, 6) if place[k] != end[k]]
-        before, after = (Rotation.from_euler("XYZ", angles[3:]) for angles in (place, end))
-        if len(changed) == 1:
-            angle, first = end[changed[0]] - place[changed[0]], changed[0] - 3
-            ahead = Rotation.from_euler("XYZ", [*place[3 : 3 + first], *[0.0] * (3 - first)])
-            turn = Turn(None, self.join, about=ahead.as_matrix()[:, first], angle=angle, line_number=number)
-        else:
-            angle = float((before.inv() * after).magnitude())
-            self.several += 1
-            turn = Turn(after, self.join, line_number=number)
+        turn, angle = turn_on_spot(place[3:], end[3:], self.join, number)
+        self.several += turn.about is None
         speed = None if self.motion == 0 else self._speed(abs(angle), radians(1), fed)
         self._add(replace(turn, angular_speed=speed))
         self.entities[f"G{self.motion:.0f}"] += 1
