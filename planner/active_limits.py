@@ -18,6 +18,7 @@ ACTIVE_SHARE = 0.99
 MANY_STOPS = 20
 """Stops at joins from which on they are worth a line."""
 PROPOSED_FIT = "0.02 mm"
+PROPOSED_WORD = "G64 P0.02 (mm)"
 
 
 def limit_shares(plan: Plan) -> dict[str, Array]:
@@ -120,4 +121,8 @@ def describe_stops(plan: Plan) -> str:
         before, after = segments[whose[k - 1][1] - 1], segments[whose[k - 1][1]]
         meant = isinstance(after, Dwell) or (before is not None and is_marked_stop(before, after))
         stops += bool(rests[k]) and not meant
-    return f'at {stops} of {len(joins)} joins; --fit "{PROPOSED_FIT}" can pass them' if stops >= MANY_STOPS else ""
+    if stops < MANY_STOPS:
+        return ""
+    if word := plan.program.join_word:
+        return f"at {stops} of {len(joins)} joins, as {word} asks; {PROPOSED_WORD} in its place can pass them"
+    return f'at {stops} of {len(joins)} joins; --fit "{PROPOSED_FIT}" can pass them'

@@ -19,7 +19,7 @@ from kinematics.foundation.result import Result
 from kinematics.foundation.table import Table
 from kinematics.machine.machine import Machine
 from kinematics.machine.machine_file import MachineSource, load_machine
-from planner.certificate.certify import Certificate
+from planner.certificate.certify import Certificate, find_place
 from planner.limits import Limit, OwnLimit, limits_of, usual_order
 from planner.limits.resonance import Resonance
 from planner.path.chain import walk_path
@@ -31,7 +31,7 @@ from planner.program.program_file import ProgramSource, load_program
 from planner.pulses import PulseSchedule, Rule, find_rule, pace_axes
 from planner.pulses.generation.stream import PulseStream
 from planner.pulses.schedule import schedule_tables
-from planner.timing.certified_solve import timing_table
+from planner.timing.certified_solve import Solution, timing_table
 from planner.trajectory import Trajectory
 from planner.windows import PIECES, Helpers, Start, Window, WindowPlanner
 
@@ -183,7 +183,7 @@ def plan_parts(
         if window.kept < len(motion.s):
             rest = motion.cut(window.kept, len(motion.s))
             rest_pulses = stream.copy().add(rest, last=True)
-            rest_proof = _summarise(window.solution.certificate, motion, slice(window.kept, len(motion.s)))
+            rest_proof = _summarise(window.solution, slice(window.kept, len(motion.s)))
         elif not last:
             rest_pulses = _end_pulses(before, kept, stream.until)
         standing = _add_window(standing, program, machine, order, window, kept, steps, pulses)
@@ -319,7 +319,7 @@ def _add_window(
     blends = [step.blend for step in became if step.blend is not None]
     fit = summarise_fits([step.fitted for step in became if step.fitted is not None], blends)
     segment = kept.path.place(0.0, int(kept.piece[-1])).segment or 0
-    proved = _summarise(solution.certificate, solution.trajectory, slice(0, window.kept))
+    proved = _summarise(solution, slice(0, window.kept))
     counted = [(len(axis), axis.final - axis.start) for axis in pulses.axes]
     stops = sum(bool(blend.stop) for blend in blends)
     found = PlanStanding(
@@ -353,15 +353,15 @@ def _add_window(
     )
 
 
-def _summarise(certificate: Certificate, motion: Trajectory, part: slice) -> Certificate:
+def _summarise(solution: Solution, part: slice) -> Certificate:
     """Of a window's certificate what concerns some of its time pieces, as one entry of each limit."""
+    certificate = solution.certificate
     worst, where, use, attained = dict[str, float](), dict[str, Place](), {}, {}
     for name, values in certificate.use.items():
-        worst[name] = float(values[part].max())
-        where[name] = certificate.where[name]
+        worst[name], where[name] = float(values[part].max()), certificate.where[name]
         if worst[name] < certificate.worst[name]:  # that place is in another part
             k = part.start + int(np.argmax(certificate.attained[name][part]))
-            where[name] = motion.path.place(float(motion.s[k]), int(motion.piece[k]), float(motion.knots[k]))
+            where[name] = find_place(solution.trajectory, solution.limits, name, k)
         use[name] = np.array([worst[name]])
         attained[name] = certificate.attained[name][part].max(keepdims=True)
     return Certificate(certificate.holds, worst, where, use, attained)

@@ -62,42 +62,41 @@ def write_report(
     stops: Stops | None = None,
     scene: str = "",
 ) -> None:
-    """Write the report page to `path` and its figures to `figures/*.png` next to it.
+    """Write the report of a plan: a page, and its figures as `figures/*.png` next to it.
 
-    classical  the baseline of the saving
-    metrics    the errors of each tracking law; none: the page says how to get them
-    verdict    of the independent check of the plan's pulses
-    others     further baseline timings, for the table
-    realised   the path that the pulses make; None: the page has no such part
-    figures    as `draw` gives them, any of them, or none; None: they are drawn here
-    rig        that the laws were run on, which the page names
-    untracked  why the page has no errors of laws, or what rig to take for them
-    crossed    toppra's motion beside the plan's, if there is to be such a part
-    worth      what the limits are worth, if there is to be such a part; change: a motion with more of one
-    tradeoff   duration against heat, if there is to be such a part
-    stops      how soon it can be stopped, if there is to be such a part
-    scene      the page of the machine in motion, as `benchmarks.animation` makes it, if the page is to hold it
+    Parameters
+    ----------
+    plan
+        What is reported.
+    classical
+        The baseline of the saving.
+    metrics
+        The errors of each tracking law. None of them: the page says how to get them.
+    path
+        Of the page.
+    verdict
+        Of the independent check of the plan's pulses.
+    others
+        Further baseline timings, for the table.
+    realised
+        The path that the pulses make. None: the page has no such part.
+    figures
+        As `draw` gives them, any of them, or none. None: they are drawn here.
+    rig
+        That the laws were run on, which the page names.
+    untracked
+        Why the page has no errors of laws, or what rig to take for them.
+    crossed, worth, change, tradeoff, stops
+        toppra's motion beside the plan's; what the limits are worth, and a motion with more of one; duration against
+        heat; how soon it can be stopped. None: the page has no such part.
+    scene
+        The page of the machine in motion, as `benchmarks.animation` makes it, if the page is to hold it.
     """
     figures = (
         draw(plan, classical, metrics, realised) | draw_worth(worth, tradeoff, stops) if figures is None else figures
     )
-    page = _page(
-        plan,
-        classical,
-        metrics,
-        verdict,
-        others,
-        realised,
-        figures,
-        rig,
-        untracked,
-        crossed,
-        worth,
-        change,
-        tradeoff,
-        stops,
-        scene,
-    )
+    asked = crossed, worth, change, tradeoff, stops
+    page = _page(plan, classical, metrics, verdict, others, realised, figures, rig, untracked, *asked, scene)
     path.write_text(page, encoding="utf-8")
     save_figures(figures, path)
 

@@ -72,7 +72,23 @@ def read_setting(text: str) -> Setting:
 
 @check_arguments()
 def settings_of(name: str) -> list[Setting]:
-    """All settings of a law over its gain grid for reports."""
+    """List all settings of a law over its gain grid for reports.
+
+    Parameters
+    ----------
+    name
+        Of the law, or its number.
+
+    Returns
+    -------
+    list
+        A Setting for each combination of the gains in the grid.
+
+    Raises
+    ------
+    MotionError
+        The name is unknown; the nearest is told.
+    """
     grid = find_law(name).grid
     return [Setting(_full_name(name), tuple(zip(grid, values, strict=True))) for values in product(*grid.values())]
 

@@ -85,7 +85,22 @@ def load_actuators(path: str | PathLike[str] | None = None) -> tuple[Actuator, .
 
     Columns: company, model, stroke, force, precision, speed, size, mass, type, cost, in any order; a unit follows the
     name (stroke_mm, speed_mm_s, stroke_in) or the number ("2 in"). An empty cell or "-" is not stated. Lines that begin
-    with # are comments. Raises FileError with every fault: line, column, value, unit.
+    with # are comments.
+
+    Parameters
+    ----------
+    path
+        Of the CSV file. None: the bundled catalogue.
+
+    Returns
+    -------
+    tuple
+        An Actuator for each row, SI.
+
+    Raises
+    ------
+    FileError
+        The file has faults; all of them are told, with line, column, value and unit.
     """
     return tuple(_rows(_source(path, "actuators.csv"), Actuator, {"stroke": "m", "speed": "m/s"}))
 
@@ -95,6 +110,21 @@ def load_joints(path: str | PathLike[str] | None = None) -> tuple[Joint, ...]:
     """Load joints from a CSV file, or the bundled catalogue [Sahbaz 2007, Tables 3.4 to 3.6].
 
     As `load_actuators`, with the columns company, model, tilt, force, precision, size, mass, type, cost.
+
+    Parameters
+    ----------
+    path
+        Of the CSV file. None: the bundled catalogue.
+
+    Returns
+    -------
+    tuple
+        A Joint for each row, SI.
+
+    Raises
+    ------
+    FileError
+        The file has faults; all of them are told, with line, column, value and unit.
     """
     return tuple(_rows(_source(path, "joints.csv"), Joint, {"tilt": "rad"}))
 

@@ -192,6 +192,17 @@ def _prove_crossing(trajectory: Trajectory, limit: Resonance) -> tuple[Array, Ar
     return use, attained, place
 
 
+def find_place(trajectory: Trajectory, limits: Sequence[Limit], name: str, k: int) -> Place:
+    """Where in time piece k what a certificate states by a name is used most, and by which axis.
+
+    What no instant tells, such as a stay in a band of speed, is placed where the piece begins.
+    """
+    limit = next((limit for limit in limits if limit.name == name), None)
+    if limit is not None:
+        return _find_worst_place(trajectory, limit, k)
+    return trajectory.path.place(float(trajectory.s[k]), int(trajectory.piece[k]), float(trajectory.knots[k]))
+
+
 def _find_worst_place(trajectory: Trajectory, limit: Limit, k: int) -> Place:
     """Where in time piece k, and in which channel, a limit is used most."""
     span = trajectory.knots[k + 1] - trajectory.knots[k]

@@ -292,6 +292,7 @@ class Program(Result):
     duration  s that the whole is to take, as smoothly as it can; None: as little as it can
     start_speed, end_speed  tool speed (m/s) with which the motion begins and ends; 0: at rest
     file     what it was read from, for messages; empty: it was not
+    join_word  what in a file asks for its path as it is, whatever options say, as G61; empty: nothing
     Raises MotionError for an empty program, an unknown frame, a machine by no name, a count or a speed that is none.
     """
 
@@ -310,6 +311,7 @@ class Program(Result):
     start_speed: Speed = field(default=0.0, kw_only=True)
     end_speed: Speed = field(default=0.0, kw_only=True)
     file: str = field(default="", kw_only=True)
+    join_word: str = field(default="", kw_only=True)
 
     def __post_init__(self) -> None:
         check_caps(self, f"program {self.name}", "segments", "repeat", "start", "tool", "work")

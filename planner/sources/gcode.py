@@ -141,7 +141,7 @@ class Gcode:
             faults.add("nothing moves: no G0, G1, G2 or G3 moves the tool")
         faults.refuse()
         after = sum(line.strip() not in ("", "%") for line in islice(split_lines(text), run.number, None))
-        program = Program(segments, "home", name=path.stem, work=self._work)
+        program = Program(segments, "home", name=path.stem, work=self._work, join_word=run.join_word)
         return Imported(program, dict(sorted(run.entities.items())), run.warnings(after))
 
     def _run(self, faults: Faults) -> GcodeRun:

@@ -270,6 +270,19 @@ def positions_csv(listed: PositionList) -> str:
 
 @check_arguments()
 def save_positions(listed: PositionList, path: str | PathLike[str]) -> None:
-    """Write a list as CSV atomically: complete, or the file is unchanged. Raises MotionError where no folder is."""
+    """Write a position list as CSV, atomically: complete, or the file is unchanged.
+
+    Parameters
+    ----------
+    listed
+        What is written, in mm and degrees, and s where it rests anywhere.
+    path
+        Of the CSV file, in a folder that exists.
+
+    Raises
+    ------
+    MotionError
+        There is no such folder, or it cannot be written to.
+    """
     require_folder(f"save {path}", Path(path))
     write_whole(Path(path), positions_csv(listed))

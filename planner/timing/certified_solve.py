@@ -169,7 +169,7 @@ def certified_solve(
 
 
 def refuse_gap(gap: float | None, effort: int, fastest: bool) -> None:
-    """Raise MotionError for a gap or an effort that is none, and for a gap of a motion that is not to be the fastest."""
+    """Raise MotionError for a gap or an effort that is none, and for a gap where the motion is not the fastest."""
     if effort < 0:
         raise MotionError(f"effort {effort} must be 0 rounds or more")
     if gap is None:

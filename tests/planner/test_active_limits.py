@@ -42,6 +42,8 @@ def zigzag(join, count=30, **said):
 def test_many_stops_at_joins_are_told_but_not_those_that_are_meant():
     said = describe_stops(plan(Program(tuple(zigzag(Stop()))), "traverser", order=2))
     assert said == 'at 29 of 29 joins; --fit "0.02 mm" can pass them'
+    exact = plan(Program(tuple(zigzag(Stop())), join_word="G61.1"), "traverser", order=2)
+    assert describe_stops(exact) == "at 29 of 29 joins, as G61.1 asks; G64 P0.02 (mm) in its place can pass them"
     assert describe_stops(plan(Program(tuple(zigzag(Stop(), 10))), "traverser", order=2)) == ""
     assert describe_stops(plan(Program(tuple(zigzag(Blend(1e-5)))), "traverser", order=2)) == ""
     rests = [part for line in zigzag(Stop()) for part in (line, Dwell(0.01))]

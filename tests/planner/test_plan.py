@@ -306,6 +306,9 @@ def test_a_gap_that_is_asked_for_is_proved_by_finer_bounds_and_grids(hexapod):
     [
         ({"gap": 0.0}, "positive share"),
         ({"gap": 0.1, "effort": -1}, "0 rounds or more"),
+        ({"effort": -1}, "0 rounds or more"),
+        ({"effort": float("nan")}, "whole number"),
+        ({"effort": True}, "whole number"),
         ({"gap": 0.1, "duration": 9.0}, "omit it"),
         ({"gap": 0.1, "objective": "time + heat"}, "omit it"),
     ],

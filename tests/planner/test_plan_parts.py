@@ -65,7 +65,9 @@ def test_the_standing_is_that_of_all_parts(walked):
     for name, use in standing.certificate.use.items():
         assert len(use) == len(parts)
         assert use.max() == standing.certificate.worst[name]
-    for place in standing.certificate.where.values():
+    axes, other_channels = {f"leg{n}" for n in range(1, 7)}, {"tool", "platform"}
+    for name, place in standing.certificate.where.items():
+        assert place.axis in axes | other_channels or name in ("tilt", "clearance"), name
         assert 0 <= place.t <= standing.duration * (1 + 1e-12)  # a sum is rounded, the duration is not
         assert 0 <= place.s <= standing.start.length
 

@@ -106,9 +106,19 @@ def gain_block(setting: Setting) -> str:
 
 @check_arguments()
 def verdict_of(comparison: Comparison) -> Verdict:
-    """The best setting that holds (`Comparison.fault`), weighed by `criteria`, with its gains and costs.
+    """Find the best setting that holds (`Comparison.fault`), weighed by `criteria`, with its gains and costs.
 
     Where another setting has the least contour error it is named, with what it pays for that.
+
+    Parameters
+    ----------
+    comparison
+        Of settings on every path against a baseline.
+
+    Returns
+    -------
+    Verdict
+        The best setting, if any but the baseline holds, its margins, and why.
     """
     others = [entry for entry in comparison.entries if entry != comparison.baseline]
     ranked = comparison.rank()
@@ -334,7 +344,7 @@ def _describe_laws(comparison: Comparison) -> list[str]:
         return []
     options = " ".join(f"--law {each}" for each in (comparison.baseline.setting.text, *left))
     rig = comparison.sources[comparison.baseline.source].record["rig"]
-    rig = rig if rig in presets("controllers") else "RIG"
+    rig = rig if rig in presets("controllers") else f"{rig}.toml"  # a rig is called as its file is
     return [
         f"Not run: {', '.join(left.values())}. Laws that know a model of the drives often err far less: "
         f'"pulsepath compare {rig} {options} --out DIR" runs them.'

@@ -69,6 +69,7 @@ class GcodeRun:
     stands  (3,) where the segments lead to, likewise: an arc may end a rounding beside its place
     held    the last segment, whose join a rest may change; ready: those before it that have not been taken
     number  of the line that was read last
+    join_word  the last that asks for the path as it is
     """
 
     def __init__(self, options: Options, work: Pose | None, faults: Faults) -> None:
@@ -93,6 +94,7 @@ class GcodeRun:
         self.absolute, self.from_start, self.timed = True, True, False
         self.feed: float | None = None
         self.join: Join = options.first_join
+        self.join_word = ""
 
     def follow(self, text: str) -> Iterator[Segment]:
         """The segments of a file, one after the other, up to its end."""
@@ -200,6 +202,7 @@ class GcodeRun:
 
     def _read_join(self, code: float, values: dict[str, float]) -> Join:
         if code != 64:
+            self.join_word = f"G{code:g}"
             return Through() if code == 61 else Stop()
         if values.get("P", 0.0) < 0 or values.get("Q", 0.0) < 0:
             raise WordFault("G64", "G64 takes P and Q that are not negative")

@@ -198,6 +198,8 @@ def test_joins_are_what_the_modes_say(read):
     text = "G0 X1\nG61.1 X2\nG61 X3\nG64 P0.02 X4\nG20 G64 P0.001 X5"
     joins = [part.join for part in read(text).program.segments]
     assert joins == [Through(), Stop(), Through(), Fit(0.02 * 1e-3), Fit(0.001 * 0.0254)]
+    words = [read(f"G0 {word}X1").program.join_word for word in ("", "G61 ", "G61.1 ", "G64 P0.02 ")]
+    assert words == ["", "G61", "G61.1", ""]
     assert read(text, join="stop").program.segments[0].join == Stop()
     assert read(text, blend=3e-4).program.segments[0].join == Blend(3e-4)
     assert read(text, fit=2e-5).program.segments[0].join == Fit(2e-5)
