@@ -12,7 +12,7 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError, attempt
 from kinematics.machine.axis import Axis, Magnitude
 from planner.limits import limits_of
-from planner.path.polynomial import VALUE_ROUNDING, PolynomialPath, Section, cut_sections, join_sections
+from planner.path.polynomial import VALUE_ROUNDING, PathSection, PolynomialPath, cut_sections, join_sections
 from planner.timing.certified_solve import Solution, certified_solve
 
 # A jump of an axis' values at a break, as a share of their range, up to which it is rounding.
@@ -78,7 +78,7 @@ def time_optimal(
     return certified_solve(whole, limits_of(whole, axes, order), order)
 
 
-def _choose_faster(part: Section, axes: Sequence[Axis], order: int) -> PolynomialPath:
+def _choose_faster(part: PathSection, axes: Sequence[Axis], order: int) -> PolynomialPath:
     """A section of the path with rests where it stands, or without, whichever leads to the faster motion."""
     if part.passing is None:
         return part.resting

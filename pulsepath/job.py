@@ -31,7 +31,7 @@ from pulsepath.options import LAWS
 from pulsepath.progress import detail, note, step
 
 if TYPE_CHECKING:
-    from benchmarks.reports.page import Drawing
+    from benchmarks.reports.page import Picture
 
 REALISED_SAMPLES = 25_000
 """Intervals between pulses at which the realised path is looked at: well below a second, and within 2 % in its RMS."""
@@ -88,7 +88,7 @@ class PlanReview:
     """
 
     metrics: tuple[Metrics, ...]
-    figures: "Mapping[str, Drawing]"
+    figures: "Mapping[str, Picture]"
     note: str = ""
     scene: str = ""
 

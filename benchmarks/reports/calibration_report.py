@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.reports.page import Drawing, draw_figure, render, save_figures, style
+from benchmarks.reports.page import Picture, draw_figure, render, save_figures, style
 from kinematics.calibration import Calibration
 from kinematics.calibration.checks import axis_checks
 from kinematics.calibration.measurements import COMPONENTS
@@ -35,7 +35,7 @@ def write_calibration_report(calibration: Calibration, path: Path) -> None:
     save_figures(figures, path)
 
 
-def draw(calibration: Calibration) -> dict[str, Drawing]:
+def draw(calibration: Calibration) -> dict[str, Picture]:
     """Every figure of the page as a PNG, by name."""
     from kinematics.figures import singular_values
 
@@ -85,7 +85,7 @@ def _row(estimate: Estimate) -> tuple[str, str, str, str, str, str]:
     return estimate.name, nominal, value, f"{change:+.2f} {small}" if unit else f"{change:+.6f}", error, unit
 
 
-def _page(calibration: Calibration, figures: dict[str, Drawing]) -> str:
+def _page(calibration: Calibration, figures: dict[str, Picture]) -> str:
     observed, data = calibration.observability, calibration.measurements
     names = calibration.names
     return render(

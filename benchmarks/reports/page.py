@@ -41,14 +41,14 @@ def style() -> AbstractContextManager[None]:
 
 
 @dataclass(frozen=True, slots=True)
-class Drawing:
+class Picture:
     """A figure as a PNG image, and what of it is over time, which a page draws anew where it can."""
 
     png: bytes
     panels: tuple[Panel, ...] = ()
 
 
-def draw_figure(*axes: "Axes", small: bool = False) -> Drawing:
+def draw_figure(*axes: "Axes", small: bool = False) -> Picture:
     """The figure that the axes belong to; of those that share their time axis only the last is labelled.
 
     small: with fewer dots, where many figures must make a small page.
@@ -59,12 +59,12 @@ def draw_figure(*axes: "Axes", small: bool = False) -> Drawing:
             ax.set_xlabel("")
     figure: Figure | None = axes[0].get_figure(root=True)
     if figure is None:
-        return Drawing(b"", panels)
+        return Picture(b"", panels)
     figure.set_dpi(SMALL_DPI if small else DPI)
     if (engine := figure.get_layout_engine()) is not None:
         engine.execute(figure)  # drawing would draw all of it once for that
         figure.set_layout_engine("none")
-    return Drawing(_render_png(figure), panels)
+    return Picture(_render_png(figure), panels)
 
 
 def _render_png(figure: "Figure") -> bytes:
@@ -87,7 +87,7 @@ def _render_png(figure: "Figure") -> bytes:
     return out.getvalue()
 
 
-def render(template: str, figures: Mapping[str, Drawing], **values: object) -> str:
+def render(template: str, figures: Mapping[str, Picture], **values: object) -> str:
     """The page of a template; its figures are part of it, and names in it are no markup, and nothing that is obeyed."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
@@ -112,7 +112,7 @@ def _read_template_file(name: str) -> str:
     return files("benchmarks").joinpath("templates", *name.split("/")).read_text(encoding="utf-8")
 
 
-def save_figures(figures: Mapping[str, Drawing], page: Path) -> None:
+def save_figures(figures: Mapping[str, Picture], page: Path) -> None:
     """Every figure of a page as `figures/*.png` beside it."""
     folder = page.parent / "figures"
     for name, drawing in figures.items():

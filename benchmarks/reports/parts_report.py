@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.reports.page import NARROW, Drawing, draw_figure, group_digits, render, save_figures, style
-from benchmarks.reports.time_series import TIME, Panel, Series
+from benchmarks.reports.page import NARROW, Picture, draw_figure, group_digits, render, save_figures, style
+from benchmarks.reports.time_series import TIME, Panel, TimeSeries
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.figure import DASHES, PALETTE, line_style, literal_label
 from kinematics.machine.axis import Axis, directional_bounds
@@ -82,7 +82,7 @@ def summary(standing: PlanStanding) -> dict[str, str]:
     return told
 
 
-def draw(standing: PlanStanding, seen: Overview, held: Activity) -> dict[str, Drawing]:
+def draw(standing: PlanStanding, seen: Overview, held: Activity) -> dict[str, Picture]:
     """Every figure of the page as a PNG, by name; of one window alone the certificate says it all."""
     from kinematics.foundation.figure import new_axes
     from planner.figures import window_uses
@@ -109,7 +109,7 @@ QUANTITIES = (("q", "position", ""), ("qd", "speed", "/s"), ("qdd", "acceleratio
 """Of an axis: in the columns of an overview, in words, and by which time its unit is divided."""
 
 
-def _draw_axes(standing: PlanStanding, seen: Overview, held: Activity) -> Drawing:
+def _draw_axes(standing: PlanStanding, seen: Overview, held: Activity) -> Picture:
     """Each axis between its least and its largest in every window of time; path speed; the shares of the limits."""
     from matplotlib.figure import Figure
 
@@ -144,7 +144,7 @@ def _axis_panels(standing: PlanStanding, seen: Overview) -> Iterator[Panel]:
                 first, low, high = (scale * (each - home) for each in seen.column(f"{axis.name} {short}"))
                 t, values = _lay_extremes(seen.t, first, low, high, standing.duration)
                 dash = n // len(PALETTE) % len(DASHES)
-                series.append(Series(axis.name, t, values, PALETTE[n % len(PALETTE)], dash, thinned=True))
+                series.append(TimeSeries(axis.name, t, values, PALETTE[n % len(PALETTE)], dash, thinned=True))
             levels = {scale * level for _, axis in own for level in _find_levels(axis, name)}
             held = tuple((level, "#000000") for level in sorted(levels) if isfinite(level))
             yield Panel(f"{name} ({unit}{per})", tuple(series), held)
@@ -182,8 +182,8 @@ def _make_use_panel(held: Activity) -> Panel:
     return Panel("largest share of the limit", tuple(series), ((1.0, "#000000"),))
 
 
-def _hold(name: str, edges: Array, values: Array, color: str) -> Series:
-    return Series(name, edges, np.append(values, values[-1:]), color, step=True)
+def _hold(name: str, edges: Array, values: Array, color: str) -> TimeSeries:
+    return TimeSeries(name, edges, np.append(values, values[-1:]), color, step=True)
 
 
 def list_segments(seen: Overview) -> list[tuple[float, str]]:

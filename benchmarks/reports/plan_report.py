@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmarks.animation.animate import POLICY as PLAYER_POLICY
-from benchmarks.reports.page import NARROW, Drawing, draw_figure, group_digits, render, save_figures, style
+from benchmarks.reports.page import NARROW, Picture, draw_figure, group_digits, render, save_figures, style
 from benchmarks.reports.timeline import list_segments, make_band
 from controllers.metrics import Metrics
 from controllers.rig import Rig
@@ -52,7 +52,7 @@ def write_report(
     verdict: PulseCheck,
     others: Sequence[Classical] = (),
     realised: RealisedPath | None = None,
-    figures: Mapping[str, Drawing] | None = None,
+    figures: Mapping[str, Picture] | None = None,
     rig: Rig | None = None,
     untracked: str = "",
     crossed: CrossCheck | None = None,
@@ -169,12 +169,12 @@ def _exactness(plan: Plan, verdict: PulseCheck) -> str:
 
 def draw(
     plan: Plan, classical: Classical, metrics: Sequence[Metrics], realised: RealisedPath | None = None
-) -> dict[str, Drawing]:
+) -> dict[str, Picture]:
     """Every figure of the page as a PNG, by name."""
     return draw_axes(plan) | draw_path(plan) | draw_comparisons(plan, classical, realised) | draw_tracking(metrics)
 
 
-def draw_axes(plan: Plan) -> dict[str, Drawing]:
+def draw_axes(plan: Plan) -> dict[str, Picture]:
     """The figures of what the axes do."""
     from planner.figures import pulse_rate
 
@@ -182,7 +182,7 @@ def draw_axes(plan: Plan) -> dict[str, Drawing]:
         return {"axes": draw_figure(*_draw_axis_motion(plan)), "pulses": draw_figure(_add_legend(pulse_rate(plan)))}
 
 
-def draw_path(plan: Plan) -> dict[str, Drawing]:
+def draw_path(plan: Plan) -> dict[str, Picture]:
     """The figures of the path, and of the limits along it."""
     from kinematics.foundation.figure import new_axes_3d
     from planner.figures import path_in_space
@@ -192,14 +192,14 @@ def draw_path(plan: Plan) -> dict[str, Drawing]:
         return {"path": draw_figure(space), "limits": draw_figure(*_draw_limit_use(plan))}
 
 
-def draw_comparisons(plan: Plan, classical: Classical, realised: RealisedPath | None) -> dict[str, Drawing]:
+def draw_comparisons(plan: Plan, classical: Classical, realised: RealisedPath | None) -> dict[str, Picture]:
     """The figures of the baseline timing, and of the path of the pulses."""
     with style():
         figures = {"classical": draw_figure(_draw_classical(plan, classical))}
         return figures | ({"realised": draw_figure(*_draw_realised(realised))} if realised else {})
 
 
-def draw_worth(worth: Worth | None, tradeoff: Tradeoff | None = None, stops: Stops | None = None) -> dict[str, Drawing]:
+def draw_worth(worth: Worth | None, tradeoff: Tradeoff | None = None, stops: Stops | None = None) -> dict[str, Picture]:
     """The figures of what limits are worth, if any is worth anything, of duration against heat, and of stops."""
     with style():
         found = {"worth": draw_figure(*_draw_worth(worth))} if worth is not None and worth.rank() else {}
@@ -207,7 +207,7 @@ def draw_worth(worth: Worth | None, tradeoff: Tradeoff | None = None, stops: Sto
         return found | ({"stops": draw_figure(stops.plot())} if stops is not None else {})
 
 
-def draw_tracking(metrics: Sequence[Metrics]) -> dict[str, Drawing]:
+def draw_tracking(metrics: Sequence[Metrics]) -> dict[str, Picture]:
     """The figure of the laws' errors, if there are any."""
     with style():
         return {"tracking": draw_figure(*_draw_law_errors(metrics))} if metrics else {}
@@ -301,7 +301,7 @@ def _page(
     verdict: PulseCheck,
     others: Sequence[Classical],
     realised: RealisedPath | None,
-    figures: Mapping[str, Drawing],
+    figures: Mapping[str, Picture],
     rig: Rig | None,
     untracked: str,
     crossed: CrossCheck | None,

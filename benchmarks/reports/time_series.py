@@ -20,7 +20,7 @@ MOST_STRETCHES = 2000
 
 
 @dataclass(frozen=True, slots=True)
-class Series:
+class TimeSeries:
     """One line: t (N,) s, values (N,) in the unit of its panel.
 
     step     each value holds up to the next instant
@@ -41,7 +41,7 @@ class Panel:
     """What one pair of axes shows over time; levels: horizontal lines, most of them limits, and their colours."""
 
     label: str
-    series: tuple[Series, ...]
+    series: tuple[TimeSeries, ...]
     levels: tuple[tuple[float, str], ...]
 
 
@@ -59,7 +59,7 @@ def _share_x(ax: "Axes", other: "Axes") -> bool:
     return bool(ax.get_shared_x_axes().joined(ax, other))
 
 
-def _read_series(ax: "Axes") -> Iterator[Series]:
+def _read_series(ax: "Axes") -> Iterator[TimeSeries]:
     from matplotlib.colors import to_hex
     from matplotlib.patches import StepPatch
 
@@ -67,14 +67,14 @@ def _read_series(ax: "Axes") -> Iterator[Series]:
         if line.get_transform() == ax.transData and not str(line.get_label()).startswith("_"):
             t, values = (np.asarray(each, float) for each in line.get_data())
             dash = DASHES.index(str(line.get_linestyle())) if line.get_linestyle() in DASHES else 1
-            yield Series(read_label(line.get_label()), t, values, to_hex(line.get_color()), dash)
+            yield TimeSeries(read_label(line.get_label()), t, values, to_hex(line.get_color()), dash)
     for patch in ax.patches:
         if isinstance(patch, StepPatch):
             values, edges, _ = patch.get_data()
             dash = 0 if patch.get_linestyle() in ("-", "solid") else 1
             held = np.append(values, values[-1:])
             color = to_hex(patch.get_edgecolor())
-            yield Series(read_label(patch.get_label()), np.asarray(edges), held, color, dash, True)
+            yield TimeSeries(read_label(patch.get_label()), np.asarray(edges), held, color, dash, True)
 
 
 def _read_levels(ax: "Axes") -> Iterator[tuple[float, str]]:
@@ -121,7 +121,7 @@ def _pack_panel(panel: Panel, times: dict[str, int]) -> dict[str, Any]:
     return {"label": panel.label, "levels": list(panel.levels), "series": series}
 
 
-def _pack_series(series: Series, times: dict[str, int]) -> dict[str, Any]:
+def _pack_series(series: TimeSeries, times: dict[str, int]) -> dict[str, Any]:
     t, values = keep_extremes(series.t, series.values)
     style = {"name": series.name, "color": series.color, "dash": series.dash, "step": series.step}
     at = times.setdefault(_pack(t), len(times))

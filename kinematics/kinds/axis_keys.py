@@ -58,7 +58,7 @@ MAX_RATIO = 1e6
 Teeth = Annotated[int, Field(ge=1, le=10**9)]
 
 
-class PulseRate(float):
+class PulseRateEdge(float):
     """An edge of a resonance band in 1/s of the axis' pulses, until its pulse is known."""
 
 
@@ -66,7 +66,7 @@ def _edge(unit: str) -> Chosen:
     """Annotation of an edge of a resonance band: a speed, or the pulse rate at which the axis has it."""
     speed, rate = (
         Annotated[float, Unit(unit, above=0)],
-        Annotated[float, Unit("1/s", above=0), AfterValidator(PulseRate)],
+        Annotated[float, Unit("1/s", above=0), AfterValidator(PulseRateEdge)],
     )
     pulses = Unit("1/s")
 
@@ -82,7 +82,7 @@ def _edge(unit: str) -> Chosen:
 
 def _check_bands(bands: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
     edges = [edge for band in bands for edge in band]
-    if len({isinstance(edge, PulseRate) for edge in edges}) > 1:
+    if len({isinstance(edge, PulseRateEdge) for edge in edges}) > 1:
         raise validation_error("mixes speeds and pulse rates: state all edges as the one or the other")
     if not edges or any(after <= before for before, after in pairwise(edges)):
         raise validation_error("needs one or more bands, each from its lower to its upper speed, rising and apart")
@@ -351,7 +351,7 @@ def _resolve_pulse(values: dict[str, Any]) -> dict[str, Any]:
     factor = values.pop("pulse_factor", 1.0)
     pulse = values["pulse"] * factor * steps / pulses
     if bands := values.get("resonance"):
-        speeds = (tuple(edge * pulse if isinstance(edge, PulseRate) else edge for edge in band) for band in bands)
+        speeds = (tuple(edge * pulse if isinstance(edge, PulseRateEdge) else edge for edge in band) for band in bands)
         values = values | {"resonance": tuple(speeds)}
     return values | {"pulse": pulse}
 

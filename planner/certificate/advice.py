@@ -147,7 +147,7 @@ def find_remedy(program: Program, machine: Machine, order: int) -> Refit:
     A scale of the way keeps orientations, and one of the angles the way; a move takes the start with it only where the
     program states one and does not lead away from it by a line or a spline. Equations are moved where no scale helps.
     """
-    search = _Search(machine, order, perf_counter() + MAX_SEARCH_TIME)
+    search = _ChangeSearch(machine, order, perf_counter() + MAX_SEARCH_TIME)
     begin = default_start(program, machine) if program.start is None else program.start
     start = begin.translation
     scale = search.share(lambda share: scale_program(program, start, share))
@@ -169,7 +169,7 @@ def _shift_along(program: Program, way: Array, size: float) -> Program:
 
 
 @dataclass(frozen=True, slots=True)
-class _Search:
+class _ChangeSearch:
     """Sizes of changes with which a program's path fits a machine; after `until` (of perf_counter) none is found."""
 
     machine: Machine

@@ -133,7 +133,7 @@ def _add_speed(limit: Limit, along: Enclosure, within: tuple[Array, Array], spee
     speed_off[more] = error[more, best[more]]
 
 
-class Departure(NamedTuple):
+class RestDeparture(NamedTuple):
     """How n axes may leave rest in a run's first cell, or come to it in the last, looked at back in time.
 
     An axis that does not turn in the cell goes by X there, with ẍ ≤ A and x⃛ ≤ J. So it surely takes T, and leaves the
@@ -154,7 +154,7 @@ class Departure(NamedTuple):
     bend: Array
 
 
-def leave_rest(rows: RowCells, side: int, still: int) -> Departure:
+def leave_rest(rows: RowCells, side: int, still: int) -> RestDeparture:
     """In the first cell (side 0) or the last; `still` of the path's first derivatives are 0 at its outer end."""
     k, out, sign = (0, 1, 1.0) if side == 0 else (-1, 0, -1.0)
     h, q, off = rows.width[k], rows.ends[k], rows.off[k]
@@ -179,7 +179,7 @@ def leave_rest(rows: RowCells, side: int, still: int) -> Departure:
     jerk = np.where(sign * away > 0, rows.jerk[0], rows.jerk[1])  # back in time it has the other sign
     moves = (np.minimum(first, last) > error) & (way[0] > 0) & (slope[0] > 0)
     with np.errstate(invalid="ignore", over="ignore"):
-        return Departure(
+        return RestDeparture(
             moves,
             np.maximum(np.sqrt(2 * way[0] / onward), np.cbrt(6 * way[0] / jerk)),
             np.minimum(2 * onward * way[1], 1.5 * np.cbrt(6 * jerk**2 * way[1] ** 4)),
@@ -190,7 +190,7 @@ def leave_rest(rows: RowCells, side: int, still: int) -> Departure:
         )
 
 
-def bound_rest(leaving: Departure, side: int, inner: Array) -> float:
+def bound_rest(leaving: RestDeparture, side: int, inner: Array) -> float:
     """What the cell surely takes, s, with what λ (2,) of its inner node adds to it; −∞ where nothing is proved."""
     by_a, by_b = (1 - 2 * side) * inner[0], inner[1]
     low = leaving.slope[0]

@@ -64,7 +64,7 @@ class PartHead:
 
 
 @dataclass(frozen=True, slots=True)
-class MotionPart:
+class PieceBatch:
     """Some pieces of a motion: knots (n + 1,), and s, v, a, j and path piece (n,); of which part, if of any."""
 
     head: PartHead | None
@@ -73,7 +73,7 @@ class MotionPart:
 
 
 @dataclass(frozen=True, slots=True)
-class _Reached:
+class _FileEnd:
     """Up to where a file goes: how many pieces, the head of their part, the knot at their end within it.
 
     before  s, of the parts before it, exactly
@@ -88,7 +88,7 @@ class _Reached:
     def duration(self) -> float:
         return float(self.before + Fraction(self.knot or 0.0))
 
-    def begin(self, head: PartHead) -> "_Reached":
+    def begin(self, head: PartHead) -> "_FileEnd":
         """The same with another part begun. Raises MotionError where it does not begin when those before end."""
         if head.begin != self.duration:
             told = f"the part begins at {head.begin:.17g} s, and those before end at {self.duration:.17g} s"
@@ -101,14 +101,14 @@ class MotionWriter:
 
     __slots__ = ("_chunks", "_kept", "_stop")
 
-    def __init__(self, chunks: ChunkWriter, kept: _Reached) -> None:
+    def __init__(self, chunks: ChunkWriter, kept: _FileEnd) -> None:
         self._chunks, self._kept = chunks, kept
-        self._stop: _Reached | None = None
+        self._stop: _FileEnd | None = None
 
     @classmethod
     def begin(cls, file: BinaryIO) -> "MotionWriter":
         """A new file."""
-        return cls(ChunkWriter(file, {"kind": KIND, "schema": SCHEMA, "units": UNITS}), _Reached())
+        return cls(ChunkWriter(file, {"kind": KIND, "schema": SCHEMA, "units": UNITS}), _FileEnd())
 
     @classmethod
     def resume(cls, path: Path, file: BinaryIO) -> "MotionWriter":
@@ -119,7 +119,7 @@ class MotionWriter:
         held = open_chunks(path, KIND, SCHEMA, partial=True)
         if held.complete:
             raise MotionError(f"{path} is finished: no motion can be added to it")
-        kept = _Reached()
+        kept = _FileEnd()
         for chunk, contents in held.contents():
             if chunk.kind == "PART":
                 kept = kept.begin(_decode_head(contents, chunk, path))
@@ -172,14 +172,14 @@ def write_motion_json(trajectory: Trajectory, path: Path) -> None:
     path.write_text(json.dumps({name: getattr(trajectory, name).tolist() for name in ("knots", *PIECES)}) + "\n")
 
 
-def motion_parts(path: Path, partial: bool = False) -> Iterator[MotionPart]:
+def motion_parts(path: Path, partial: bool = False) -> Iterator[PieceBatch]:
     """The pieces in a file, chunk by chunk.
 
     partial: also of one that is not finished, up to the stop that it holds. Raises FileError for a file that is none,
     of another version, cut or damaged.
     """
     held = open_chunks(path, KIND, SCHEMA, partial)
-    reached = _Reached()
+    reached = _FileEnd()
     for chunk, contents in held.contents():
         if chunk.kind.upper() == "PART":
             try:
@@ -192,7 +192,7 @@ def motion_parts(path: Path, partial: bool = False) -> Iterator[MotionPart]:
             told = f"begins at {knots[0]} s, where the one before ends at {reached.knot} s"
             raise _refusal(path, f"chunk {chunk.number} {told}")
         reached = replace(reached, pieces=reached.pieces + len(columns[0]), knot=float(knots[-1]))
-        yield MotionPart(reached.head, knots, columns)
+        yield PieceBatch(reached.head, knots, columns)
     if (reached.pieces, reached.duration) != (held.mark.get("pieces"), held.mark.get("duration")):
         raise _refusal(path, f"holds {reached.pieces} pieces up to {reached.duration} s, and says otherwise")
 
@@ -202,9 +202,9 @@ def read_duration(path: Path) -> float:
     return float(open_chunks(path, KIND, SCHEMA).mark.get("duration", 0.0))
 
 
-def join_parts(parts: Iterable[MotionPart]) -> Iterator[MotionPart]:
+def join_parts(parts: Iterable[PieceBatch]) -> Iterator[PieceBatch]:
     """Each part whole, of however many chunks it is."""
-    held: list[MotionPart] = []
+    held: list[PieceBatch] = []
     for part in parts:
         if held and part.head != held[0].head:
             yield _join_chunks(held)
@@ -214,9 +214,9 @@ def join_parts(parts: Iterable[MotionPart]) -> Iterator[MotionPart]:
         yield _join_chunks(held)
 
 
-def _join_chunks(held: list[MotionPart]) -> MotionPart:
+def _join_chunks(held: list[PieceBatch]) -> PieceBatch:
     knots = np.concatenate([held[0].knots, *(part.knots[1:] for part in held[1:])])
-    return MotionPart(
+    return PieceBatch(
         held[0].head, knots, [np.concatenate(each) for each in zip(*(p.columns for p in held), strict=True)]
     )
 
@@ -341,7 +341,7 @@ def _check_seam(one: Trajectory, other: Trajectory, path: Path) -> None:
             raise _refusal(path, f"jumps in {one.path.names[int(np.argmax(jump))]} at {place}")
 
 
-def _check_numbers(part: MotionPart, path: Path) -> None:
+def _check_numbers(part: PieceBatch, path: Path) -> None:
     if not np.isfinite(np.concatenate([part.knots, *part.columns[:4]])).all() or (np.diff(part.knots) < 0).any():
         raise FileError(str(path), [Fault("", "its pieces do not make a motion: plan it again")])
 

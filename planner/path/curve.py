@@ -29,7 +29,7 @@ STANDSTILL_SHARE, SEARCH_POINTS, ZOOMS = 1e-4, 4097, 3
 
 
 @dataclass(frozen=True, slots=True)
-class Equations:
+class CurveEquations:
     """What the formulas of some segments have in common: the shape that they draw, and the pose by t for its proof.
 
     shape   parameters: t at the start, dt/ds, and the frames before and after the formulas' own pose (12 + 9)
@@ -40,7 +40,7 @@ class Equations:
     pose: Expression
 
 
-def curve_equations(curve: Curve) -> Equations:
+def curve_equations(curve: Curve) -> CurveEquations:
     """Those of a segment; of the same formulas always the same, so that what is built on them is built once."""
     return _equations(curve.position, curve.rotate, curve.constants, curve.length, curve.angle)
 
@@ -52,7 +52,7 @@ def _equations(
     constants: tuple[tuple[str, float], ...],
     length: float,
     angle: float,
-) -> Equations:
+) -> CurveEquations:
     known = dict(constants)
 
     def pose(t: ca.SX) -> tuple[ca.SX, ca.SX]:
@@ -69,7 +69,7 @@ def _equations(
         return offset + frame @ place, frame @ turned @ ca.reshape(after, 3, 3).T
 
     t = ca.SX.sym("t")
-    return Equations(Shape("curve", 23, motion), Expression("curve_pose", t, column(*pose(t))))
+    return CurveEquations(Shape("curve", 23, motion), Expression("curve_pose", t, column(*pose(t))))
 
 
 def ends(curve: Curve) -> tuple[Pose, Pose]:

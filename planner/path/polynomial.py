@@ -170,7 +170,7 @@ STRAIGHTNESS_SHARE, COEFFICIENT_ROUNDING = 1e-12, 4e-16
 
 
 @dataclass(frozen=True, slots=True)
-class Section:
+class PathSection:
     """Pieces between two places at which every motion rests: resting inside where the path stands, or passing that.
 
     passing: None where nothing is to be passed
@@ -180,7 +180,7 @@ class Section:
     passing: PolynomialPath | None
 
 
-def cut_sections(path: PolynomialPath, order: int) -> list[Section]:
+def cut_sections(path: PolynomialPath, order: int) -> list[PathSection]:
     """The path in sections, one after the other, drawn for a motion of an order."""
     drawn = PolynomialPath(*cut_at_stands(path.breaks, path.coefficients), path.names, path.end_speeds, origin=path)
     still = count_zero_derivatives(drawn)
@@ -200,7 +200,7 @@ def cut_sections(path: PolynomialPath, order: int) -> list[Section]:
         turns = any(both[k] == 1 for k in range(first + 1, last) if k not in inner)
         alike = [(k, k + 1) for k in range(first, last)]
         passing = _draw_path(drawn, alike, set(), both > 1) if turns and order == 3 else None
-        found.append(Section(resting, passing))
+        found.append(PathSection(resting, passing))
     return found
 
 

@@ -49,9 +49,9 @@ class ShapedEnclosure(Enclosure):
         return self.axes
 
     @cached_property
-    def reached(self) -> "_Reached":
+    def reached(self) -> "_ReachedPoses":
         """The pose: its twist from x_c, and the Jacobian's inverse about it."""
-        return _Reached.of(self)
+        return _ReachedPoses.of(self)
 
     @cached_property
     def pose(self) -> Series:
@@ -165,7 +165,7 @@ def _find_nearest(
 
 
 @dataclass(frozen=True, slots=True)
-class _Reached:
+class _ReachedPoses:
     """inputs  what the machine's maps take at the poses reached (2N rows)
     inverse  C (N, n, n);  error: E (2N, n, n) there;  most: |E| (N, n, n);  box: |ξ| (N, n) m, ∞ where none is proved
 
@@ -180,7 +180,7 @@ class _Reached:
     box: Array
 
     @staticmethod
-    def of(motion: ShapedEnclosure) -> "_Reached":
+    def of(motion: ShapedEnclosure) -> "_ReachedPoses":
         path, cells = motion.path, len(motion.piece)
         assert isinstance(path, MachinePath)
         n = motion.axes.mid.shape[2]
@@ -202,7 +202,7 @@ class _Reached:
         inputs = _move(at, _apply(np.tile(inverse, (2, 1, 1)), motion.apart.cut(JACOBIAN_ORDER)), near, box, path)
         error, most = _inverse_error(inverse, inputs, path)
         most = np.where(proved[:, None, None], most, np.inf)
-        return _Reached(inputs, inverse, error, most, np.where(proved[:, None], box, np.inf))
+        return _ReachedPoses(inputs, inverse, error, most, np.where(proved[:, None], box, np.inf))
 
     def solve(self, right: Series) -> Series:
         """The scaled twists y (2N, n) with J y = right."""

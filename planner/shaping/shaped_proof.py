@@ -153,7 +153,7 @@ def prove_shaped(
     others = [limit for limit in limits if not limit.convex]
     worst = {limit.name: certificate.worst[limit.name] for limit in convex}
     where = {limit.name: certificate.where[limit.name] for limit in convex}
-    search = _Search(motion, trajectory, others, since)
+    search = _CellSearch(motion, trajectory, others, since)
     search.run()
     for n, limit in enumerate(others):
         worst[limit.name] = float(search.bound[n])
@@ -190,7 +190,7 @@ def describe_exceeded(path: MachinePath, proof: ShapedProof) -> str:
     )
 
 
-class _Search:
+class _CellSearch:
     """Cells of time, cut where a limit may be broken: the largest bound of each limit, and of the deviations."""
 
     def __init__(self, motion: ShapedMotion, trajectory: Trajectory, limits: Sequence[Limit], since: float) -> None:

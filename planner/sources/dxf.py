@@ -70,7 +70,7 @@ MAX_HANDLES = 1000
 
 
 @dataclass(frozen=True, slots=True)
-class Drawing:
+class DxfDrawing:
     """Its entities, in their order; m of its unit; and what its user has to know."""
 
     entities: list[Any]
@@ -78,7 +78,7 @@ class Drawing:
     warnings: list[str]
 
 
-def read_drawing(path: Path, options: "Dxf") -> Drawing:
+def read_drawing(path: Path, options: "Dxf") -> DxfDrawing:
     """Raises FileError for what is no DXF file, is broken or has no unit; NotInstalled where ezdxf is not there."""
     try:
         from ezdxf.filemanagement import readfile
@@ -105,7 +105,7 @@ def read_drawing(path: Path, options: "Dxf") -> Drawing:
     ]
     metres = _read_unit(path, document.units if b"$INSUNITS" in raw else 0, options.length, warnings)
     taken = _select_entities(path, entities, layers, options, warnings)
-    return Drawing(taken, metres, warnings)
+    return DxfDrawing(taken, metres, warnings)
 
 
 def _read_unit(path: Path, code: int, length: str | None, warnings: list[str]) -> float:

@@ -132,7 +132,7 @@ def brief_problem(
     path: ActuatorPath, limits: Sequence[Limit], run: Run, coarse: Problem
 ) -> tuple[Problem, float] | None:
     """The order-2 problem of a run from rest to rest, and the window of its average; None where that is not brief."""
-    if max(run.speeds) > 0 or not coarse.settled:
+    if max(run.speeds) > 0 or not coarse.is_unconditional:
         return None
     gentle, window = _second_order_start(replace(coarse, free=(False, False)))
     sharp = second_order(gentle)

@@ -189,7 +189,7 @@ class Problem:
         return self.free[0] or self.passed[0] > 0, self.free[1] or self.passed[1] > 0
 
     @property
-    def settled(self) -> bool:
+    def is_unconditional(self) -> bool:
         """Whether every row speaks near every motion."""
         return all(block.about is None for block in self.blocks)
 

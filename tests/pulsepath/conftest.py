@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from click.testing import CliRunner
 
-from benchmarks.reports.page import Drawing, draw_figure
+from benchmarks.reports.page import Picture, draw_figure
 from benchmarks.reports.time_series import read_panels
 from kinematics import NotInstalled
 from pulsepath.cli import main
@@ -39,7 +39,7 @@ def undrawn():
 
     Drawing them takes nine tenths of writing a plan. Who compares or looks at figures asks for `drawn`.
     """
-    with drawing(lambda *axes, small=False: Drawing(DOT, read_panels(axes))):
+    with drawing(lambda *axes, small=False: Picture(DOT, read_panels(axes))):
         yield
 
 

@@ -30,7 +30,7 @@ STARTED = 2.0
 
 
 @dataclass(frozen=True, slots=True)
-class Sampled:
+class HalSamples:
     """What came out of HAL: rows, the largest difference from the file's, how many rows differ, and lost samples."""
 
     rows: int
@@ -74,7 +74,7 @@ def run_script(script: Path, taken: int) -> str:
     return done.stdout
 
 
-def stream(file: Path, kind: str, axes: int, folder: Path) -> Sampled:
+def stream(file: Path, kind: str, axes: int, folder: Path) -> HalSamples:
     """A file's rows through streamer and sampler, kind "s" for whole numbers and "f" for others."""
     given = np.loadtxt(file, ndmin=2)
     taken = len(given) + MORE
@@ -85,7 +85,7 @@ def stream(file: Path, kind: str, axes: int, folder: Path) -> Sampled:
     difference = np.abs(there - given[: len(there)])
     limit = 0.0 if kind == "s" else 0.6e-6  # halsampler prints six decimals
     lost = int(printed[-1]) if printed else -1
-    return Sampled(len(there), float(difference.max()), int((difference > limit).any(1).sum()), lost)
+    return HalSamples(len(there), float(difference.max()), int((difference > limit).any(1).sum()), lost)
 
 
 def main() -> None:

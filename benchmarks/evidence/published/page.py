@@ -35,7 +35,7 @@ has [commands of its own](evidence/index.md).
 
 
 @dataclass(frozen=True, slots=True)
-class Section:
+class PageSection:
     """A heading, the command that shows more, what there is to say, and the tables."""
 
     title: str
@@ -80,25 +80,25 @@ def compare_calibration() -> list[str]:
 
 
 SECTIONS = (
-    Section(
+    PageSection(
         "Leg directions [Sahbaz 2007, Table 4.3]",
         COMMAND,
         "The printed formula in any precision differs from print by up to 1.02e-7°: rounded on the way there.",
         lambda: [comparison(conformance.leg_angles())],
     ),
-    Section(
+    PageSection(
         "Direction angles of the platform's axis [Sahbaz 2007, Table 6.4]",
         COMMAND,
         "For θ = (6, −7, 0)° about the moving axes in turn. cos γ = cos 6° cos 7° is 9.2098°, not 9.20972°.",
         lambda: [comparison(conformance.axis_angles())],
     ),
-    Section(
+    PageSection(
         "Retracted legs [Sahbaz 2007, chapter 5]",
         COMMAND,
         "Between joint centres; the number follows from the printed circles and the program's height of 233.6362 mm.",
         lambda: [comparison(conformance.compare_retracted_lengths())],
     ),
-    Section(
+    PageSection(
         "Initial design [Sahbaz 2007, chapter 2]",
         "python -m benchmarks.evidence.published.sizing",
         "The two printed numbers **do not follow from the printed geometry**: with both orders of the platforms,\n"
@@ -106,7 +106,7 @@ SECTIONS = (
         "mass is not printed. Ours are those of the geometry as printed, with massless legs, not tuned to theirs.",
         lambda: [comparison(conformance.initial_design())],
     ),
-    Section(
+    PageSection(
         "Calibration [Sahbaz 2007, Tables 6.2 to 6.4]",
         "python -m benchmarks.evidence.published.calibration",
         "The thesis leaves errors of up to 460 µm unexplained. One common pulse length and the measuring frame (x, y,\n"
@@ -114,37 +114,37 @@ SECTIONS = (
         "rotation was not fitted to: what remains of it is held against its own repetition.",
         compare_calibration,
     ),
-    Section(
+    PageSection(
         "Stepper sizing [Sasidhar 1981, Appendix B]",
         "python -m benchmarks.evidence.published.sizing",
         "*redone* is the printed formula with its printed inputs; ours differs where handbook factors are rounded.",
         lambda: [markdown(LINE_HEADER, map(cells, appendix_b())), markdown(sizing.AXES_HEADER, sizing.axes_rows())],
     ),
-    Section(
+    PageSection(
         "Deflections [Sasidhar 1981, Appendix D]",
         "python -m benchmarks.evidence.published.sizing",
         "As above. How they enter an accuracy budget: `python -m benchmarks.evidence.published.accuracy`.",
         lambda: [markdown(LINE_HEADER, map(cells, appendix_d()))],
     ),
-    Section(
+    PageSection(
         "Leg length changes of the Vera Rubin Observatory's hexapod",
         COMMAND,
         "From `benchmarks/evidence/published/conformance.toml`, as the sections that follow.",
         lambda: [comparison(conformance.length_changes())],
     ),
-    Section(
+    PageSection(
         "Home lengths of a well-known kinematics module's hexapod",
         COMMAND,
         "Its pairs of base joints coincide.",
         lambda: [comparison(conformance.home_lengths())],
     ),
-    Section(
+    PageSection(
         "Forty assembly modes [Dietmaier 1998]",
         "python -m benchmarks.evidence.published.conformance",
         "How often all are found from other seeds, and in which time: the command above.",
         lambda: [comparison(conformance.modes())],
     ),
-    Section(
+    PageSection(
         "A step generator's published test",
         COMMAND,
         "Position 0.04 at 32000 steps per unit, from rest to rest.",

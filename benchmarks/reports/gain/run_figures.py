@@ -24,7 +24,7 @@ from benchmarks.reports.gain.setting_figures import (
     make_panels,
     pareto,
 )
-from benchmarks.reports.page import Drawing, draw_figure, style
+from benchmarks.reports.page import Picture, draw_figure, style
 from benchmarks.sweep import RunSeries
 from kinematics.foundation.arrays import Array
 
@@ -78,7 +78,7 @@ MAX_POINTS = 1500
 """Instants that a line is drawn with: more than a page's pixels show nothing more."""
 
 
-def draw(comparison: Comparison, shown: SettingSeries, iso: IsoBlock) -> dict[str, Drawing]:
+def draw(comparison: Comparison, shown: SettingSeries, iso: IsoBlock) -> dict[str, Picture]:
     """Every figure of the page as a PNG, by name; those that have nothing to show are missing."""
     with style():
         made: dict[str, list[Axes]] = {

@@ -78,7 +78,7 @@ def add_shared_legend(axes: Sequence[Axes], columns: int = 3) -> list[Axes]:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class SettingPlace:
     """Where a setting stands: its effort and its error over the baseline's.
 
     number  among the best, from 1; 0 of others
@@ -92,17 +92,17 @@ class Place:
     fault: str
 
 
-def find_places(comparison: Comparison, best: Sequence[SettingEntry]) -> list[Place]:
+def find_places(comparison: Comparison, best: Sequence[SettingEntry]) -> list[SettingPlace]:
     """Of every setting but the baseline; what failed on every path has none. best: those numbered, the first first."""
     return [
-        Place(entry, *pair, best.index(entry) + 1 if entry in best else 0, comparison.fault(entry))
+        SettingPlace(entry, *pair, best.index(entry) + 1 if entry in best else 0, comparison.fault(entry))
         for entry in comparison.entries
         if entry != comparison.baseline and (pair := _effort_and_error(comparison, entry)) is not None
     ]
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class PlacesView:
     """What a figure of places shows: the ends of both axes and their ticks; beyond: how many places lie outside."""
 
     efforts: tuple[float, float]
@@ -112,14 +112,14 @@ class View:
     beyond: int
 
 
-def choose_view(places: Sequence[Place], whole: bool = False) -> View:
+def choose_view(places: Sequence[SettingPlace], whole: bool = False) -> PlacesView:
     """About the baseline and the settings that hold; whole: about those struck out too."""
     held = [place for place in places if whole or not place.fault] or list(places)
     efforts, errors = (_choose_ends([1.0, *(getattr(place, name) for place in held)]) for name in ("effort", "error"))
     beyond = sum(
         not (efforts[0] <= place.effort <= efforts[1] and errors[0] <= place.error <= errors[1]) for place in places
     )
-    return View(efforts, errors, choose_ticks(*efforts), choose_ticks(*errors), beyond)
+    return PlacesView(efforts, errors, choose_ticks(*efforts), choose_ticks(*errors), beyond)
 
 
 def _choose_ends(values: Sequence[float]) -> tuple[float, float]:
@@ -191,12 +191,12 @@ def laws_of(comparison: Comparison) -> list[str]:
     return list(dict.fromkeys(entry.setting.law for entry in comparison.entries))
 
 
-def _clip(place: Place, view: View) -> tuple[float, float]:
+def _clip(place: SettingPlace, view: PlacesView) -> tuple[float, float]:
     (left, right), (low, high) = view.efforts, view.errors
     return min(max(place.effort, left), right), min(max(place.error, low), high)
 
 
-def _number_places(ax: Axes, places: Sequence[Place], view: View) -> None:
+def _number_places(ax: Axes, places: Sequence[SettingPlace], view: PlacesView) -> None:
     """Numbers right of the places, from the lowest up, each clear of the one before, with a line to its place."""
     low, high = np.log(view.errors)
     free = -1.0

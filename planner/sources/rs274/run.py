@@ -20,7 +20,7 @@ from planner.sources.rs274.events import Events, WordLines
 from planner.sources.rs274.words import (
     GROUPS,
     MAX_NUMBER,
-    Block,
+    WordBlock,
     WordFault,
     Words,
     blocks,
@@ -113,7 +113,7 @@ class GcodeRun:
             self.ready.append(self.held)
         self.held = self.events.begin(segment)
 
-    def block(self, block: Block) -> None:
+    def block(self, block: WordBlock) -> None:
         """One line's words; what is wrong with them becomes a fault."""
         number, found = block.number, block.words
         try:

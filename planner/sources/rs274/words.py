@@ -31,7 +31,7 @@ Words = list[tuple[str, str]]
 """Letters and the texts of their numbers."""
 
 
-class Block(NamedTuple):
+class WordBlock(NamedTuple):
     """A line that has words: its number, its text with blanks for comments, its words.
 
     columns  of the words, from 1, where some were computed; none: where the text says
@@ -84,7 +84,7 @@ def split_lines(text: str) -> Iterator[str]:
         begin = end
 
 
-def blocks(text: str, faults: Faults, deleted: Literal["skip", "run"] | None = None) -> Iterator[Block]:
+def blocks(text: str, faults: Faults, deleted: Literal["skip", "run"] | None = None) -> Iterator[WordBlock]:
     """Every line that has words, in the order in which lines run, up to the % that ends the program.
 
     deleted: what becomes of lines that begin with /; None: they are faults. A faulty line is told of, and left out.
@@ -125,7 +125,7 @@ def blocks(text: str, faults: Faults, deleted: Literal["skip", "run"] | None = N
             found = WORD.findall(line)
         if found:
             begun = True
-            yield Block(number, line, found, columns)
+            yield WordBlock(number, line, found, columns)
 
 
 def _compute_words(

@@ -93,7 +93,7 @@ def straight(problem: Problem) -> RunSolution | None:
 
 def _aimed_limits(problem: Problem) -> _Limits | None:
     """What is aimed at of the limits, where every row is constant and holds ṡ, s̈ or s⃛ alone; None elsewhere."""
-    if not problem.settled:
+    if not problem.is_unconditional:
         return None
     forwards, backwards = (dict.fromkeys((Term.SD, Term.SDD, Term.SDDD), 0.0) for _ in range(2))
     others: list[tuple[Term, float]] = []

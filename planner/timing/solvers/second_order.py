@@ -29,7 +29,7 @@ MIN_ROOM = 1e-3
 
 def has_linear_rows(problem: Problem) -> bool:
     """Whether the rows are linear in s̈ and ṡ² already, or say how large ṡ may be by itself."""
-    return problem.settled and not any(_has_mixed_terms(block) for block in problem.blocks)
+    return problem.is_unconditional and not any(_has_mixed_terms(block) for block in problem.blocks)
 
 
 def inner_approximation(problem: Problem, speed: Array | None = None, highest: Array | None = None) -> Problem:
@@ -203,7 +203,7 @@ def estimate_lower_bound(problem: Problem, fastest: Profile | None = None) -> fl
     """
     blocks = [block if block.hull is None else block.hull for block in problem.blocks if set(block.start) <= TERMS]
     relaxed = replace(problem, blocks=tuple(block for block in blocks if block.about is None))
-    if fastest is None or not problem.settled:
+    if fastest is None or not problem.is_unconditional:
         found = second_order(relaxed)
         if found.refusal is not None:
             return found.refusal

@@ -51,7 +51,7 @@ def solve_jerk_limited(problem: Problem, guess: Array, start: Start = "far", loo
     Rows that speak only near some motions are taken near the guess, and then near each answer in turn.
     look: what is seen of a motion between grid points too; the answer is given the room to keep the limits there.
     """
-    for _ in range(1 if problem.settled else MAX_ROW_ROUNDS):
+    for _ in range(1 if problem.is_unconditional else MAX_ROW_ROUNDS):
         posed = settle_rows(problem, guess)
         found = third_order(posed, guess, start=start, look=look)
         if not found.solved:
@@ -67,7 +67,7 @@ def solve_jerk_limited(problem: Problem, guess: Array, start: Start = "far", loo
 
 def settle_rows(problem: Problem, columns: Array) -> Problem:
     """With the rows that speak near a motion (4, N), where not all speak near every one."""
-    if problem.settled:
+    if problem.is_unconditional:
         return problem
     v, a, j, h = columns
     speed = v + h / 2 * (a + h * j / 4)  # in the middle, for both sides
@@ -234,12 +234,12 @@ def estimate_motion(problem: Problem, guess: Array) -> tuple[Profile, Array] | M
     s⃛ is constant over an interval, so that of a row with s⃛ what changes from one end to the other is left unused at
     one of them: by the row's multiplier, that is worth so much time. It falls with the square of the interval.
     """
-    settled = settle_rows(problem, guess)
-    posed = pose_stages(settled, guess)
+    fixed = settle_rows(problem, guess)
+    posed = pose_stages(fixed, guess)
     answer = _try_starts(posed, ("rough",), ROUGH)
     if isinstance(answer, MotionError):
         return answer
-    profile = close_profile(settled, _columns(posed, answer))
+    profile = close_profile(fixed, _columns(posed, answer))
     if isinstance(profile, MotionError):
         return profile
     stages, rows, *_, unit = posed

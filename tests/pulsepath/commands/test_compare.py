@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.reports.page import Drawing
+from benchmarks.reports.page import Picture
 from benchmarks.sweep import VARIATIONS, Grid, load_runs, read_setting, sweep
 from benchmarks.sweep.result import DIGESTS, SEAL, Store
 from controllers import load_rig
@@ -26,7 +26,7 @@ def runs(tmp_path_factory):
 @pytest.fixture(autouse=True)
 def undrawn(monkeypatch):
     """Figures have tests of their own."""
-    monkeypatch.setattr("benchmarks.reports.gain.gain_report.draw", lambda *_: {"time": Drawing(b"none")})
+    monkeypatch.setattr("benchmarks.reports.gain.gain_report.draw", lambda *_: {"time": Picture(b"none")})
 
 
 def test_saved_runs_are_compared_and_the_condition_decides_the_exit(tmp_path, runs, call):

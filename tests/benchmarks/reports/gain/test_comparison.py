@@ -16,7 +16,7 @@ from benchmarks.reports.gain.criteria import format_unit, number
 from benchmarks.reports.gain.gain_report import comparison_record, gain_report, runs_csv
 from benchmarks.reports.gain.run_figures import magnification, spectrum
 from benchmarks.reports.gain.setting_figures import line_colour, marker_style, pareto_front
-from benchmarks.reports.page import Drawing
+from benchmarks.reports.page import Picture
 from benchmarks.sweep import VARIATIONS, Cell, RunResult, RunSeries, Setting
 from benchmarks.sweep.result import Store, load_runs
 from kinematics import MotionError
@@ -369,7 +369,7 @@ def test_no_two_laws_look_alike():
 
 
 def test_names_are_no_markup(tmp_path, monkeypatch):
-    monkeypatch.setattr("benchmarks.reports.gain.gain_report.draw", lambda *_: {"time": Drawing(b"")})
+    monkeypatch.setattr("benchmarks.reports.gain.gain_report.draw", lambda *_: {"time": Picture(b"")})
     hostile = saved(tmp_path / "runs", tasks=(HOSTILE,), rig=HOSTILE, errors={BASE: 1e-4, DEAD: 1e-4})
     _, page = gain_report(compare([hostile]))
     assert "<script>alert" not in page
