@@ -124,17 +124,10 @@ COMPUTING = {
     "pose hexapod 500,5,35",
     "pose hexapod --counts 1,2",
     "check circle --machine hexapod",
-    "plan circle --rig rig.toml --out out",
-    "compare rig.toml --out out",
     "plan circle --rule sampled:period=50 --out out",
-    "plan circle --objective tim --out out",
-    "compare servo-rig --law 3:gian=1 --out out",
-    "plan bad.nc --machine hexapod --out out",
-    "check bad.nc --machine hexapod",
-    "import bad.nc --out part.toml",
 }
-"""What computes something, makes a machine (a rig's file is told with the faults that its machine shows), or is refused
-by what computes: the reader of G-code, a firing rule, an objective, a law. It is told, and held against nothing."""
+"""What computes something, makes a machine, or is refused by what computes: a firing rule. It is told, and held against
+nothing."""
 
 
 def measure(command: str, said: str) -> float:

@@ -1,5 +1,6 @@
 """Machine files: the preset's figures, the two ways to give a geometry, overrides per axis, and faults."""
 
+from dataclasses import replace
 from importlib.resources import files
 
 import numpy as np
@@ -7,6 +8,8 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import FileError, MotionError, load_machine, machine_names
+from kinematics.foundation.names import find
+from kinematics.machine.machine_file import read_axes
 
 WHOLE = (files("kinematics") / "presets" / "hexapod.toml").read_text(encoding="utf-8")
 PRESET = WHOLE.partition("[platform]")[0]
@@ -212,6 +215,15 @@ def test_names_are_the_bundled_files():
     assert "hexapod" in machine_names()
     for name in machine_names():
         assert load_machine(name).name == name
+
+
+@pytest.mark.parametrize("name", machine_names())
+def test_the_axes_of_a_file_are_those_of_its_machine(name):
+    """Read without the machine, but for the shapers that a [[vibration]] gives them."""
+    stated = read_axes(find("kinematics", "machine", name))
+    assert [replace(axis, shaper=None) for axis in stated] == [
+        replace(axis, shaper=None) for axis in load_machine(name).axes
+    ]
 
 
 def test_an_unknown_name_brings_the_nearest_and_all_others():

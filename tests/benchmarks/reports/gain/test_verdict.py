@@ -91,6 +91,11 @@ def test_a_best_that_never_comes_to_its_goal_says_so(tmp_path):
     assert "off its goal" not in verdict_of(arrived).text
 
 
+@pytest.mark.parametrize(("rig", "given"), [("servo-rig", "servo-rig"), ("mine", "mine.toml")])
+def test_what_runs_more_laws_names_the_rig_or_its_file(tmp_path, rig, given):
+    assert f'"pulsepath compare {given} --law closed-position' in verdict_of(compare([saved(tmp_path, rig=rig)])).text
+
+
 def test_ratios_are_of_what_makes_a_difference():
     about = {"floor": 1e-8, "pulses": {"a": PULSE, "b": 2 * PULSE}}
 
