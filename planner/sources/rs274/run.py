@@ -342,7 +342,7 @@ class GcodeRun:
         from planner.sources.rs274.turns import turn_along
 
         orientation = turn_along(place[3:], end[3:])
-        self.several += sum(before != after for before, after in zip(place[3:], end[3:], strict=True)) > 1
+        self.several += len([k for k in range(3, 6) if place[k] != end[k]]) > 1
         return orientation
 
     def _turn(self, number: int, place: list[float], end: list[float], fed: bool) -> None:

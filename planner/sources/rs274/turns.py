@@ -15,9 +15,10 @@ HALF_TURN = pi * (1 - 1e-12)
 
 def turn_along(begin: Sequence[float], end: Sequence[float]) -> Rotation:
     """The orientation at the end (3,) rad of a path. Raises WordFault for half a turn or more, whose way is open."""
-    for letter, before, after in zip(LETTERS, begin, end, strict=True):
-        if abs(after - before) >= HALF_TURN:
-            raise WordFault(letter, f"{letter} turns by {degrees(abs(after - before)):.6g}° along a path; part it")
+    for k in range(3):
+        if abs(end[k] - begin[k]) >= HALF_TURN:
+            turned = degrees(abs(end[k] - begin[k]))
+            raise WordFault(LETTERS[k], f"{LETTERS[k]} turns by {turned:.6g}° along a path; part it")
     return Rotation.from_euler("XYZ", end)
 
 
