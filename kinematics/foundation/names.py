@@ -62,12 +62,14 @@ def add_article(noun: str) -> str:
 
 
 def count_noun(count: float, noun: str, form: str = "") -> str:
-    """A number, in a form, and its noun: "1 pulse", "0 pulses", "2 axes", "3 entries", "0.5 pulses"."""
+    """A number, in a form, and its noun: "1 pulse", "0 pulses", "2 axes", "3 entries", "4 stretches", "0.5 pulses"."""
     shown = f"{count:{form}}"
     if shown == "1":
         return f"1 {noun}"
     if noun.endswith("axis"):
         return f"{shown} {noun[:-2]}es"
+    if noun.endswith(("ch", "sh", "x")):
+        return f"{shown} {noun}es"
     return f"{shown} {noun[:-1]}ies" if noun.endswith(("ry", "ty")) else f"{shown} {noun}s"
 
 

@@ -83,7 +83,7 @@ def test_a_plan_with_its_stops(call, tmp_path):
     out = tmp_path / "out"
     done = call("plan", "bare-circle", "--out", out, "--stops", "3", "--no-figures", "--order", "2")
     assert done.exit_code == 0, done.stderr
-    assert "3 equal stretches" in done.stdout
+    assert "of 3 equal stretches" in done.stdout
     told = json.loads((out / "plan.json").read_text())["stops"]
     rows = [line.split(",") for line in (out / "stops.csv").read_text().splitlines()[1:]]
     assert told["instants"] == len(rows) == 3
