@@ -9,36 +9,36 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
+from itertools import takewhile
 
 import numpy as np
 
-from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import count_noun
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Table
 from kinematics.machine.machine import Machine
 from kinematics.machine.machine_file import MachineSource, load_machine
-from planner.certificate.certify import Certificate, find_place
+from planner.certificate.certify import Certificate
+from planner.certificate.summary import join_certificates, summarise_part
 from planner.limits import Limit, OwnLimit, limits_of, usual_order
 from planner.limits.resonance import Resonance
 from planner.path.chain import walk_path
 from planner.path.join_and_blend import PathStep
 from planner.path.outcome import FitSummary, fit_tables, merge_fits, summarise_fits
-from planner.place import Place
 from planner.program.model import Dwell, Program, SegmentStream, Synchronised
 from planner.program.program_file import ProgramSource, load_program
 from planner.pulses import PulseSchedule, Rule, find_rule, pace_axes
 from planner.pulses.generation.stream import PulseStream
 from planner.pulses.schedule import schedule_tables
-from planner.timing.certified_solve import Solution, timing_table
+from planner.pulses.trigger_stream import Crossing, Mark, MarkedStep, count_crossings, find_crossings, mark_steps
+from planner.pulses.triggers import Triggered
+from planner.timing.certified_solve import timing_table
 from planner.trajectory import Trajectory
 from planner.windows import PIECES, Helpers, Start, Window, WindowPlanner
 
 MOST_WHOLE = 1000
 """Segments up to which a program is planned as a whole, unless something else is asked for."""
-MOST_ENTRIES = 512
-"""Of each limit in the certificate of a plan that was made in parts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +53,7 @@ class PlanStanding(Result):
     pulses       what is stated of the axes' pulses, without these
     counted      of each axis how many pulses it has, and where they lead: its count behind the last less that at first
     methods      solvers of the runs, with how many each
+    triggers     how many of the program's triggers its pulses have come by
     """
 
     program: str
@@ -69,6 +70,7 @@ class PlanStanding(Result):
     counted: tuple[tuple[int, int], ...]
     rounds: int
     methods: Mapping[str, int]
+    triggers: int = 0
 
     @property
     def duration(self) -> float:
@@ -89,10 +91,14 @@ class PlanStanding(Result):
 
 @dataclass(frozen=True, slots=True)
 class PlanMark:
-    """From where planning goes on: what is known by then, and the stream of pulses as it stands there."""
+    """From where planning goes on: what is known by then, and the stream of pulses as it stands there.
+
+    waiting  triggers that the motion has come by, and the pulses given so far have not
+    """
 
     standing: PlanStanding
     stream: PulseStream
+    waiting: tuple[Crossing, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +111,7 @@ class PlanPart:
     until         tick before which all pulses are given
     limits        of the window
     rest_proof    of the way to rest
+    triggers      those that the pulses of the part come by; rest_triggers: likewise
     mark          where planning goes on behind it
     """
 
@@ -117,6 +124,8 @@ class PlanPart:
     until: int
     limits: tuple[Limit, ...]
     rest_proof: Certificate | None
+    triggers: tuple[Triggered, ...]
+    rest_triggers: tuple[Triggered, ...]
     mark: PlanMark
 
     @property
@@ -167,11 +176,11 @@ def plan_parts(
     paced = pace_axes(machine.axes, clock_hz, rule)
     find_limits = partial(limits_of, axes=paced, order=order, own=limits)
     planner = WindowPlanner(machine, find_limits, order, program.tool, pieces)
-    steps = _Steps(walk_path(program, machine))
-    start, standing = Start(), None
+    steps = _Steps(mark_steps(walk_path(program, machine), program, machine))
+    start, standing, waiting = Start(), None, tuple[Crossing, ...]()
     stream = PulseStream(machine, clock_hz, rule)
     if after is not None:
-        start, standing, stream = after.standing.start, after.standing, after.stream
+        start, standing, stream, waiting = after.standing.start, after.standing, after.stream, after.waiting
         steps.skip(start.steps)
     for window in planner(steps, start, helpers):
         before, stream = stream, stream.copy()
@@ -183,10 +192,16 @@ def plan_parts(
         if window.kept < len(motion.s):
             rest = motion.cut(window.kept, len(motion.s))
             rest_pulses = stream.copy().add(rest, last=True)
-            rest_proof = _summarise(window.solution, slice(window.kept, len(motion.s)))
+            rest_proof = summarise_part(
+                window.solution.certificate, motion, window.solution.limits, slice(window.kept, len(motion.s))
+            )
         elif not last:
             rest_pulses = _end_pulses(before, kept, stream.until)
-        standing = _add_window(standing, program, machine, order, window, kept, steps, pulses)
+        ahead = find_crossings(motion, window.start.steps, steps.find_marks(window.start.steps + window.steps))
+        passed = len(steps.pop_marks(window.next.steps))
+        triggers, waiting = count_crossings((*waiting, *ahead[:passed]), pulses, None if last else stream.until)
+        rest_triggers = count_crossings((*waiting, *ahead[passed:]), rest_pulses or pulses, None)[0]
+        standing = _add_window(standing, program, machine, order, window, kept, steps, pulses, len(triggers))
         yield PlanPart(
             window.start,
             window.steps,
@@ -197,7 +212,9 @@ def plan_parts(
             stream.until,
             window.solution.limits,
             rest_proof,
-            PlanMark(standing, stream),
+            triggers,
+            rest_triggers,
+            PlanMark(standing, stream, waiting),
         )
 
 
@@ -213,11 +230,14 @@ def come_to_rest(part: PlanPart) -> PlanStanding:
     start, segment, proof = standing.start, standing.segment, standing.certificate
     if part.rest is not None and part.rest_proof is not None:
         segment = part.rest.path.place(0.0, int(part.rest.piece[-1])).segment or segment
-        proof = _join_certificates(proof, part.rest_proof)
+        proof = join_certificates(proof, part.rest_proof)
         length = part.start.length + float(part.rest.path.breaks[-1])
         start = Start(start.elapsed + Fraction(part.rest.duration), length, part.start.steps + part.steps)
     stated = _without_pulses(pulses, standing.pulses)
-    return replace(standing, start=start, segment=segment, certificate=proof, pulses=stated, counted=counted)
+    triggers = standing.triggers + len(part.rest_triggers)
+    return replace(
+        standing, start=start, segment=segment, certificate=proof, pulses=stated, counted=counted, triggers=triggers
+    )
 
 
 def _without_pulses(pulses: PulseSchedule, first: PulseSchedule) -> PulseSchedule:
@@ -251,7 +271,6 @@ def find_whole_reason(program: Program, machine: Machine, rule: Rule) -> str | N
             (isinstance(segment, Synchronised), "is a synchronised move"),
             (getattr(segment, "speed_constant", False), "asks for a constant speed"),
             (getattr(segment, "free", None) is not None, "leaves orientation free"),
-            (segment.trigger is not None, "has a trigger"),
         ):
             if held:
                 return f"segment {number} {what}: plan that segment by itself"
@@ -259,10 +278,10 @@ def find_whole_reason(program: Program, machine: Machine, rule: Rule) -> str | N
 
 
 class _Steps:
-    """The steps of a path as they are taken, with what became of joins and chains, held until it is planned."""
+    """The steps of a path as they are taken, with what became of joins and chains, and triggers, held until planned."""
 
-    def __init__(self, steps: Iterator[PathStep]) -> None:
-        self._steps, self._held = steps, deque[tuple[int, PathStep]]()
+    def __init__(self, steps: Iterator[MarkedStep]) -> None:
+        self._steps, self._held, self._marks = steps, deque[tuple[int, PathStep]](), deque[Mark]()
         self._next = next(steps, None)
         self.taken = 0
 
@@ -272,9 +291,11 @@ class _Steps:
         return self._next is None
 
     def __iter__(self) -> Iterator[PathStep]:
-        while (step := self._next) is not None:
+        while self._next is not None:
+            step, marks = self._next
             self._next = next(self._steps, None)
             self.taken += 1
+            self._marks.extend(marks)
             if step.blend is not None or step.fitted is not None:
                 self._held.append((self.taken, step))
             yield step
@@ -284,12 +305,24 @@ class _Steps:
         for _ in zip(range(count), self, strict=False):
             pass
         self._held.clear()
+        self._marks.clear()
 
     def pop(self, until: int) -> list[PathStep]:
         """Those that became something, up to a number of steps from the first."""
         found: list[PathStep] = []
         while self._held and self._held[0][0] <= until:
             found.append(self._held.popleft()[1])
+        return found
+
+    def find_marks(self, until: int) -> list[Mark]:
+        """The triggers up to a number of steps from the first."""
+        return [*takewhile(lambda mark: mark.step <= until, self._marks)]
+
+    def pop_marks(self, until: int) -> list[Mark]:
+        """The same, which are planned then."""
+        found = self.find_marks(until)
+        for _ in found:
+            self._marks.popleft()
         return found
 
 
@@ -313,13 +346,14 @@ def _add_window(
     kept: Trajectory,
     steps: _Steps,
     pulses: PulseSchedule,
+    triggers: int,
 ) -> PlanStanding:
     """What is known behind a window."""
     solution, became = window.solution, steps.pop(window.next.steps)
     blends = [step.blend for step in became if step.blend is not None]
     fit = summarise_fits([step.fitted for step in became if step.fitted is not None], blends)
     segment = kept.path.place(0.0, int(kept.piece[-1])).segment or 0
-    proved = _summarise(solution, slice(0, window.kept))
+    proved = summarise_part(solution.certificate, solution.trajectory, solution.limits, slice(0, window.kept))
     counted = [(len(axis), axis.final - axis.start) for axis in pulses.axes]
     stops = sum(bool(blend.stop) for blend in blends)
     found = PlanStanding(
@@ -337,64 +371,19 @@ def _add_window(
         tuple(counted),
         solution.rounds,
         Counter(solution.methods),
+        triggers,
     )
     if before is None:
         return found
     return replace(
         found,
         windows=before.windows + 1,
-        certificate=_join_certificates(before.certificate, proved),
+        certificate=join_certificates(before.certificate, proved),
         fit=merge_fits(before.fit, fit),
         blends=before.blends + found.blends,
         stops=before.stops + stops,
         counted=tuple((n + m, a + b) for (n, a), (m, b) in zip(before.counted, counted, strict=True)),
         rounds=max(before.rounds, found.rounds),
         methods=Counter(before.methods) + Counter(found.methods),
+        triggers=before.triggers + triggers,
     )
-
-
-def _summarise(solution: Solution, part: slice) -> Certificate:
-    """Of a window's certificate what concerns some of its time pieces, as one entry of each limit."""
-    certificate = solution.certificate
-    worst, where, use, attained = dict[str, float](), dict[str, Place](), {}, {}
-    for name, values in certificate.use.items():
-        worst[name], where[name] = float(values[part].max()), certificate.where[name]
-        if worst[name] < certificate.worst[name]:  # that place is in another part
-            k = part.start + int(np.argmax(certificate.attained[name][part]))
-            where[name] = find_place(solution.trajectory, solution.limits, name, k)
-        use[name] = np.array([worst[name]])
-        attained[name] = certificate.attained[name][part].max(keepdims=True)
-    return Certificate(certificate.holds, worst, where, use, attained)
-
-
-def _join_certificates(one: Certificate, other: Certificate) -> Certificate:
-    """One over the parts of both. A limit that has nothing to bind in one of them is used by nothing there.
-
-    Where there are many entries, two become one: what is kept does not grow with the program.
-    """
-    names = dict.fromkeys((*one.use, *other.use))
-    sizes = [len(next(iter(each.use.values()))) for each in (one, other)]
-    use, attained = (
-        {
-            name: np.concatenate(
-                [getattr(each, what).get(name, np.zeros(size)) for each, size in zip((one, other), sizes, strict=True)]
-            )
-            for name in names
-        }
-        for what in ("use", "attained")
-    )
-    if sum(sizes) > MOST_ENTRIES:
-        use, attained = ({name: _merge_pairs(values) for name, values in each.items()} for each in (use, attained))
-    higher = {name: one if one.worst.get(name, -1.0) >= other.worst.get(name, -1.0) else other for name in names}
-    return Certificate(
-        one.holds and other.holds,
-        {name: each.worst[name] for name, each in higher.items()},
-        {name: each.where[name] for name, each in higher.items()},
-        use,
-        attained,
-    )
-
-
-def _merge_pairs(values: Array) -> Array:
-    """The larger of each two, and the last by itself where it has no other."""
-    return np.maximum.reduceat(values, np.arange(0, len(values), 2))

@@ -12,7 +12,6 @@ from kinematics import MotionError
 from planner.limits import find_unkept_limits, usual_order
 from planner.parallel import LocalHelpers
 from planner.plan_parts import MOST_WHOLE, PlanStanding, find_whole_reason, plan_parts
-from planner.program.model import SegmentStream
 from planner.pulses import find_rule
 from planner.windows import Helpers
 from pulsepath.inputs import Inputs
@@ -54,8 +53,6 @@ def choose_parts(stream: bool | None, inputs: Inputs, rule: str, whole: Sequence
         raise MotionError(f"--stream: {of} cannot be planned in parts{why}, or give --whole")
     if why is not None:
         note(f"note: planned as a whole, which takes long and much memory; it cannot be planned in parts{why}")
-    if why is None and isinstance(program.segments, SegmentStream) and program.segments.marked:
-        note("note: planned part by part: the program's stops stay, its triggers are not written; --whole writes them")
     return why is None
 
 

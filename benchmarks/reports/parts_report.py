@@ -17,7 +17,6 @@ from planner.active_limits import ACTIVE_SHARE
 from planner.activity import MOST_SEGMENTS, Activity
 from planner.overview import Overview
 from planner.plan_parts import PlanStanding
-from planner.program.model import SegmentStream
 from planner.pulses import PulseCheck
 
 if TYPE_CHECKING:
@@ -52,7 +51,6 @@ def write_report(
             note=note,
             summary=summary(standing),
             held=held,
-            marked=isinstance(held.program.segments, SegmentStream) and held.program.segments.marked,
             band=make_parts_band(held),
             segments=list_segments(seen),
             active_share=ACTIVE_SHARE,

@@ -10,8 +10,10 @@ units.
 """
 
 import csv
+import io
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -42,12 +44,46 @@ def write_trajectory_csv(trajectory: Trajectory, path: Path, shaped: ShapedMotio
 
 def write_trigger_csv(triggers: Sequence[Triggered], axes: Sequence[Axis], path: Path) -> None:
     """Write the table: numbers as Python's shortest decimals, which read back as the same floats; line ends \\n."""
-    place = [*(f"{name} [m]" for name in "xyz"), *(f"r{name} [rad]" for name in "xyz")]
-    counts = [f"{axis.name} [counts]" for axis in axes]
-    with path.open("w", encoding="utf-8", newline="") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow(["name", "segment", "repetition", "t [s]", "s [m]", *place, *counts])
-        for event in sorted(triggers, key=lambda event: event.time):
-            at, angles = event.where, event.pose.rotation.as_euler("XYZ", suppress_warnings=True)
-            pose = [value + 0.0 for value in (*event.pose.translation.tolist(), *angles.tolist())]  # no −0
-            table.writerow([event.name, at.segment, at.repetition or 1, event.time, at.s, *pose, *event.counts])
+    with path.open("wb") as file:
+        TriggerWriter.begin(file, axes).add(triggers)
+
+
+class TriggerWriter:
+    """The same table as it grows: its file ends with what the motion comes by in its stop, until more is known."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        """Go on where a file stands that is open to be written; what is behind that is no more."""
+        self._file = file
+        file.truncate()
+
+    @classmethod
+    def begin(cls, file: BinaryIO, axes: Sequence[Axis]) -> "TriggerWriter":
+        """A new file."""
+        place = [*(f"{name} [m]" for name in "xyz"), *(f"r{name} [rad]" for name in "xyz")]
+        counts = [f"{axis.name} [counts]" for axis in axes]
+        made = cls(file)
+        file.write(_as_lines([["name", "segment", "repetition", "t [s]", "s [m]", *place, *counts]]))
+        return made
+
+    def add(self, triggers: Sequence[Triggered], stop: Sequence[Triggered] = ()) -> None:
+        """Those of another part, for the last stop's; and those of its stop, before which the file then stands."""
+        self._file.write(_trigger_lines(triggers))
+        reached = self._file.tell()
+        self._file.write(_trigger_lines(stop))
+        self._file.truncate()
+        self._file.seek(reached)
+
+
+def _trigger_lines(triggers: Sequence[Triggered]) -> bytes:
+    rows: list[list[Any]] = []
+    for event in sorted(triggers, key=lambda event: event.time):
+        at, angles = event.where, event.pose.rotation.as_euler("XYZ", suppress_warnings=True)
+        pose = [value + 0.0 for value in (*event.pose.translation.tolist(), *angles.tolist())]  # no −0
+        rows.append([event.name, at.segment, at.repetition or 1, event.time, at.s, *pose, *event.counts])
+    return _as_lines(rows)
+
+
+def _as_lines(rows: Sequence[Sequence[Any]]) -> bytes:
+    text = io.StringIO(newline="")
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue().encode()

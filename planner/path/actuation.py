@@ -238,7 +238,7 @@ class MachinePath:
         near: Array | None = None,
         origin: tuple[float, float] = (0.0, 0.0),
     ) -> None:
-        """At the pieces' ends, dwells (P+1,) s, and stops (P+1,): the order of motion from which it rests there.
+        """At the pieces' ends, breaks[ends]: dwells (P+1,) s, and stops (P+1,), the order of motion that rests there.
 
         0: it never needs to, 1: it always does; the first and the last end are stops.
         blends, fits  what became of the joins that ask for one, and of chains whose joins ask for curves
@@ -254,7 +254,7 @@ class MachinePath:
         self.machine, self.pieces = machine, tuple(part for each in parts for part in each)
         self.blends, self.fit = tuple(blends), summarise_fits(fits, blends)
         self.breaks: Array = freeze_array(np.concatenate([[0.0], np.cumsum([piece.length for piece in self.pieces])]))
-        ends = np.concatenate([[0], np.cumsum([len(each) for each in parts])])
+        self.ends = ends = np.concatenate([[0], np.cumsum([len(each) for each in parts])])
         self._stops, self.dwells = freeze_array(_pad_part_ends(ends, stops)), freeze_array(_pad_part_ends(ends, dwells))
         self.names = tuple(axis.name for axis in machine.axes)
         self.turns: Array = freeze_array([piece.turn for piece in self.pieces])

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinematics.foundation.arrays import finite_array, freeze_array
+from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import count_noun
 from kinematics.foundation.result import Result
@@ -173,10 +173,13 @@ class PulseSchedule(Result):
 
         Raises MotionError for what is no instant.
         """
-        instants = np.atleast_1d(finite_array(t, "counts: t", (), (None,), unit="s"))
-        # One rounding step up: (T / clock)·clock may fall just short of the tick T it stands for.
-        ticks = np.floor(np.nextafter(instants * self.clock_hz, np.inf))
+        ticks = self.find_ticks(np.atleast_1d(finite_array(t, "counts: t", (), (None,), unit="s")))
         return np.column_stack([axis.counts(ticks) for axis in self.axes])
+
+    def find_ticks(self, t: Array) -> Array:
+        """(N,) the last tick at or before each instant t (N,) s."""
+        # One rounding step up: (T / clock)·clock may fall just short of the tick T it stands for.
+        return np.floor(np.nextafter(t * self.clock_hz, np.inf))
 
     @property
     def total(self) -> int:

@@ -1,6 +1,6 @@
 """Triggers: when a motion comes by the positions that its program marks, and what every axis has counted by then."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -13,6 +13,7 @@ from planner.path.actuation import MachinePath, make_points
 from planner.path.arc_length import measure_length
 from planner.place import Place, where_columns
 from planner.program.model import MIN_MOVE, Dwell, Program, SegmentStream
+from planner.program.modifiers import Trigger
 from planner.pulses import PulseSchedule
 from planner.trajectory import Trajectory
 
@@ -39,6 +40,20 @@ class Triggered:
         return self.where.t
 
 
+def list_triggers(program: Program) -> Iterator[tuple[int, Trigger]]:
+    """The segments of a program that have a trigger, by their numbers from 1, and what each has."""
+    if isinstance(program.segments, SegmentStream) and not program.segments.marked:
+        return
+    for number, segment in enumerate(program.segments, 1):
+        if not isinstance(segment, Dwell) and segment.trigger is not None:
+            yield number, segment.trigger
+
+
+def holds_triggers(program: Program) -> bool:
+    """Whether any segment of a program has one."""
+    return next(list_triggers(program), None) is not None
+
+
 def trigger_tables(events: "Sequence[Triggered]", axes: Sequence[str]) -> tuple[Table, ...]:
     """When and where each event is, and the counts of the axes by then; no table where there is none."""
     if not events:
@@ -62,19 +77,12 @@ def find_triggers(
     delay, length: s, by which the pulses are behind the trajectory in motion, and before they rest where it does, as
     input shapers put them
     """
-    if isinstance(program.segments, SegmentStream) and not program.segments.marked:
-        return ()
-    events = {
-        number: segment.trigger
-        for number, segment in enumerate(program.segments, 1)
-        if not isinstance(segment, Dwell) and segment.trigger is not None
-    }
-    found = []
+    events, found = dict(list_triggers(program)), []
     for first, last in _segments(path):
         event = events.get(path.segment(first))
         if event is None:
             continue
-        s = _place(path, first, last, event.at)
+        s = place_share(path, first, last, event.at)
         t = arrival_time(trajectory, s)
         late = length if length and _find_rest(trajectory, t) >= length else delay
         state, counts = trajectory.at(t), pulses.counts(np.array([t + late]))[0]
@@ -94,7 +102,7 @@ def _find_rest(trajectory: Trajectory, t: float) -> float:
     return float(trajectory.knots[k + moving[0]]) - t if len(moving) else np.inf
 
 
-def _place(path: MachinePath, first: int, last: int, share: float) -> float:
+def place_share(path: MachinePath, first: int, last: int, share: float) -> float:
     """s at which a share of the tool's way on pieces first … last is made; of the angle, where they only turn it."""
     low, high = float(path.breaks[first]), float(path.breaks[last + 1])
     ways = [

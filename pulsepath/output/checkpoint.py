@@ -21,11 +21,12 @@ from planner.plan_parts import PlanMark, PlanStanding
 from planner.pulses import PulseSchedule, find_rule
 from planner.pulses.generation.stream import PulseStream
 from planner.pulses.schedule import AxisPulses, MovedPulses
+from planner.pulses.trigger_stream import Crossing
 from planner.timing.problem import Continuation
 from planner.windows import Start
 from pulsepath import __version__
 
-CHECKPOINT, KIND, SCHEMA = "checkpoint.json", "pulsepath unfinished plan", 1
+CHECKPOINT, KIND, SCHEMA = "checkpoint.json", "pulsepath unfinished plan", 2
 Record = dict[str, Any]
 
 
@@ -54,6 +55,7 @@ def write_checkpoint(folder: Path, of: Mapping[str, Any], reached: Checkpoint) -
         "ending": reached.ending,
         "standing": _standing_record(reached.mark.standing),
         "stream": reached.mark.stream.mark(),
+        "waiting": [asdict(crossing) for crossing in reached.mark.waiting],
     }
     new = folder / f"{CHECKPOINT}.new"
     with new.open("w", encoding="utf-8") as file:
@@ -86,9 +88,12 @@ def read_checkpoint(folder: Path, of: Mapping[str, Any], machine: Machine) -> Ch
         standing = _read_standing(record["standing"], machine)
         rule = find_rule(standing.pulses.rule)
         stream = PulseStream.resume(machine, standing.pulses.clock_hz, rule, record["stream"])
+        waiting = tuple(
+            Crossing(one["name"], Place(**one["where"]), tuple(map(float, one["numbers"]))) for one in record["waiting"]
+        )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise MotionError(f"{file}: no checkpoint can be read from it ({error!r}): omit --resume") from None
-    return Checkpoint(PlanMark(standing, stream), sizes, bool(record["complete"]), str(record["ending"]))
+    return Checkpoint(PlanMark(standing, stream, waiting), sizes, bool(record["complete"]), str(record["ending"]))
 
 
 def _standing_record(standing: PlanStanding) -> Record:
@@ -119,6 +124,7 @@ def _standing_record(standing: PlanStanding) -> Record:
         "counted": standing.counted,
         "rounds": standing.rounds,
         "methods": dict(standing.methods),
+        "triggers": standing.triggers,
     }
 
 
@@ -168,6 +174,7 @@ def _read_standing(record: Record, machine: Machine) -> PlanStanding:
         tuple((number, net) for number, net in record["counted"]),
         record["rounds"],
         record["methods"],
+        record["triggers"],
     )
 
 

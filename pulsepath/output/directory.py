@@ -33,6 +33,8 @@ CELLS = "cells"
 """As in benchmarks.sweep.result, which takes long to load."""
 REPORT = "report.html"
 """Of each of them the page for its reader."""
+TRIGGERS = "triggers.csv"
+"""Only where the program of a plan has triggers."""
 
 
 def refuse_overwrite(target: Path, force: bool, kind: str = KIND) -> None:

@@ -13,16 +13,18 @@ from kinematics.foundation.names import count_noun
 from planner.activity import Activity
 from planner.export.formats.binary import PulseWriter, find_end
 from planner.export.motion_file import MotionWriter, PartHead, follow_motion
+from planner.export.plan_files import TriggerWriter
 from planner.limits import limits_of
 from planner.overview import Overview
 from planner.path.chain import walk_path
 from planner.plan_parts import PlanMark, PlanPart, PlanStanding, come_to_rest
 from planner.pulses import find_rule, open_pulses, pace_axes
 from planner.pulses.checking.edge_reader import check_file_parts
+from planner.pulses.triggers import holds_triggers
 from pulsepath.inputs import Inputs
 from pulsepath.job import Defect
 from pulsepath.output.checkpoint import CHECKPOINT, Checkpoint, holds_checkpoint, read_checkpoint, write_checkpoint
-from pulsepath.output.directory import BEGUN, RECORD, REPORT
+from pulsepath.output.directory import BEGUN, RECORD, REPORT, TRIGGERS
 from pulsepath.output.plan_directory import BINARY, CERTIFICATE, MOTION, SOURCES
 from pulsepath.output.plan_record import of_parts, of_pulse_file
 from pulsepath.output.record import as_json
@@ -33,13 +35,16 @@ from pulsepath.progress import step
 class PartsWriter:
     """The files of a plan in a folder, which grow part by part: at any instant a whole motion, that ends at rest."""
 
-    def __init__(self, folder: Path, pulses: bool, sizes: Mapping[str, int] | None, files: ExitStack) -> None:
-        """pulses: whether they are written. sizes: bytes of files to be gone on with. files: closes what is opened."""
-        names = (MOTION, BINARY) if pulses else (MOTION,)
+    def __init__(
+        self, folder: Path, pulses: bool, triggers: bool, sizes: Mapping[str, int] | None, files: ExitStack
+    ) -> None:
+        """pulses, triggers: whether they are written. sizes: bytes of files to be gone on with. files: closes them."""
+        names = [MOTION, *([BINARY] if pulses else []), *([TRIGGERS] if triggers else [])]
         self._files = {
             name: files.enter_context((folder / name).open("wb" if sizes is None else "r+b")) for name in names
         }
         self._pulses: PulseWriter | None = None
+        self._triggers: TriggerWriter | None = None
         if sizes is None:
             self._motion = MotionWriter.begin(self._files[MOTION])
             return
@@ -55,6 +60,9 @@ class PartsWriter:
         if pulses:
             held = open_pulses(folder / BINARY, partial=True)
             self._pulses = PulseWriter.resume(self._files[BINARY], held)
+        if triggers:
+            self._files[TRIGGERS].seek(sizes[TRIGGERS])
+            self._triggers = TriggerWriter(self._files[TRIGGERS])
         if self.sizes != {name: sizes[name] for name in self._files}:
             raise MotionError(f"{folder}: its files are damaged: omit --resume, and give --force to begin anew")
 
@@ -80,6 +88,10 @@ class PartsWriter:
             self._pulses = PulseWriter.begin(self._files[BINARY], part.pulses, units)
         if self._pulses is not None:
             self._pulses.add(part.pulses, part.until)
+        if TRIGGERS in self._files and self._triggers is None:
+            self._triggers = TriggerWriter.begin(self._files[TRIGGERS], part.standing.machine.axes)
+        if self._triggers is not None:
+            self._triggers.add(part.triggers, part.rest_triggers)
         self._stop(part, stop=True)
 
     def end(self, part: PlanPart) -> None:
@@ -136,7 +148,7 @@ def write(
     else:
         _write_inputs(folder, inputs)
     with ExitStack() as files:
-        writer = PartsWriter(folder, pulses, sizes, files)
+        writer = PartsWriter(folder, pulses, holds_triggers(inputs.program), sizes, files)
         if mark is not None:
             _look_again(seen, held, folder, inputs, options, mark)
         try:

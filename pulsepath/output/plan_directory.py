@@ -39,7 +39,7 @@ from planner.shaping.shaped_motion import shaper_length
 from pulsepath.inputs import Inputs, Origin
 from pulsepath.job import Defect, Job
 from pulsepath.options import LAWS
-from pulsepath.output.directory import RECORD, REPORT, refuse_no_plan
+from pulsepath.output.directory import RECORD, REPORT, TRIGGERS, refuse_no_plan
 from pulsepath.output.plan_record import of_plan, of_pulse_file
 from pulsepath.output.record import Record, as_json
 from pulsepath.output.verification import (
@@ -59,8 +59,8 @@ BINARY = "pulses.bin"
 PULSES = {"csv": "pulses.csv", "binary": BINARY, "none": None}
 """The file of pulses by the form that is asked for."""
 DEFAULT_PULSES = "binary"
-TRIGGERS, STOPS = "triggers.csv", "stops.csv"
-"""Only where the program has triggers, and where stops were asked for."""
+STOPS = "stops.csv"
+"""Only where stops were asked for."""
 ORIENTATION = "orientation.json"
 """Only where the program leaves orientation free: what was chosen, by the index of the segment, from 0."""
 DERIVED = (TRAJECTORY, *filter(None, PULSES.values()), CERTIFICATE, TRIGGERS, STOPS, REPORT, "figures")

@@ -134,6 +134,7 @@ def of_parts(
         "joins": {"blends": standing.blends, "stops_instead": standing.stops},
         "stated_but_not_kept": list(find_unkept_limits(standing.machine)),
         "solver": {"rounds": standing.rounds, "methods": dict(standing.methods)},
+        "trigger_count": standing.triggers,
         "pulses": _pulses(standing.pulses, standing.machine, standing.counted, digest, verdict),
         **_origin(inputs, ()),
     }

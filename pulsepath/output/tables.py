@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from kinematics.foundation.names import count_noun
 from kinematics.foundation.table import SCALES, Column, Table
 from kinematics.machine.axis import directional_bounds
+from pulsepath.output.directory import TRIGGERS
 from pulsepath.progress import VERBOSE, Layout, draw, level
 
 if TYPE_CHECKING:
@@ -150,6 +151,8 @@ def sum_up_parts(standing: PlanStanding) -> list[Table]:
     total = sum(number for number, _ in standing.counted)
     bound = max(axis.bound for axis in standing.pulses.axes)
     rows.append(("pulses", f"{total} by the rule {standing.pulses.rule}, within {bound:.3f} of the motion"))
+    if standing.triggers:
+        rows.append(("triggers", f"{standing.triggers} in {TRIGGERS}"))
     what, values = zip(*rows, strict=True)
     title = f"{standing.program} on {standing.machine.name}, order {standing.order}, in {windows}"
     return [Table(title, (Column("what", what), Column("", values)))]

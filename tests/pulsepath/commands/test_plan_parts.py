@@ -1,5 +1,6 @@
 """`plan --stream`: a program planned part by part, its folder taken up by the other commands, ended or whole."""
 
+import csv
 import json
 import re
 from dataclasses import replace
@@ -117,6 +118,57 @@ def stopping(call, folder):
     assert json.loads(done.stdout)["windows"] > 3
     assert call("check", folder / "stops").exit_code == 0
     return folder / "stops"
+
+
+def read_triggers(directory):
+    with (directory / "triggers.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.fixture(scope="module")
+def events(call, folder):
+    """A spiral with an event after every seventh line, planned in parts and as a whole."""
+    lines = [*spiral(LINES)]
+    for k in range(len(lines) - 1, 6, -7):
+        lines.insert(k, f"M{3 + 2 * (k % 2)} S{k}")
+    file = folder / "events.nc"
+    file.write_text("\n".join([*lines, ""]))
+    more = ("--machine", "hexapod", "--order", "2", "--no-figures", "--json")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(parts_job, "plan_parts", partial(plan_parts, pieces=PIECES))
+        streamed = call("plan", file, *more, "--stream", "--out", folder / "streamed")
+    assert streamed.exit_code == 0, streamed.stderr
+    assert "trigger" not in streamed.stderr.replace("marked by a trigger", "")
+    whole = call("plan", file, *more, "--whole", "--out", folder / "whole")
+    assert whole.exit_code == 0, whole.stderr
+    return json.loads(streamed.stdout), json.loads(whole.stdout)
+
+
+def test_triggers_are_written_where_the_whole_has_them(call, folder, events):
+    streamed, whole = events
+    own, others = read_triggers(folder / "streamed"), read_triggers(folder / "whole")
+    assert streamed["windows"] > 4
+    assert streamed["trigger_count"] == len(own) == len(others) == len(whole["triggers"]) > LINES // 8
+    taken = load_plan(folder / "streamed")
+    motion, pulses = taken.trajectory, taken.pulses()
+    for row, other in zip(own, others, strict=True):
+        for name in ("name", "segment", "repetition"):
+            assert row[name] == other[name]
+        for name in ("s [m]", "x [m]", "y [m]", "z [m]"):
+            assert float(row[name]) == pytest.approx(float(other[name]), abs=1e-12)
+        t = float(row["t [s]"])
+        assert motion.at(t).s[0] == pytest.approx(float(row["s [m]"]), abs=1e-12)  # by the motion as it was written
+        assert t == pytest.approx(float(other["t [s]"]), rel=2e-2)  # windows of six pieces look ahead a little
+        assert [int(value) for name, value in row.items() if "[counts]" in name] == pulses.counts(t)[0].tolist()
+
+
+def test_triggers_that_were_changed_are_found(call, folder, events):
+    changed = folder / "changed"
+    copytree(folder / "streamed", changed)
+    assert call("check", changed).exit_code == 0
+    file = changed / "triggers.csv"
+    file.write_text(file.read_text().replace("M3", "M4", 1))
+    assert "triggers.csv was changed after it was written" in call("check", changed).stderr
 
 
 def rewrite(path, parts):

@@ -21,7 +21,7 @@ LINES = 120
 """Which are six windows of so few pieces."""
 PIECES = 6
 ASKED = ("--machine", "hexapod", "--stream", "--order", "2", "--no-figures")
-SAME = ("motion.bin", "pulses.bin", "report.html", "certificate.json", "program.nc")
+SAME = ("motion.bin", "pulses.bin", "report.html", "triggers.csv", "certificate.json", "program.nc")
 
 
 SMALL_WINDOWS = f"""
@@ -42,7 +42,10 @@ def small_windows(monkeypatch):
 @pytest.fixture
 def file(tmp_path):
     made = tmp_path / "spiral.nc"
-    made.write_text("\n".join([*spiral(LINES), ""]))
+    lines = [*spiral(LINES)]
+    for k in range(len(lines) - 1, 4, -15):
+        lines.insert(k, f"M3 S{k}")
+    made.write_text("\n".join([*lines, ""]))
     return made
 
 
@@ -129,7 +132,7 @@ def test_what_was_planned_to_its_end_is_only_finished(call, file, tmp_path, monk
     assert not {"begun", "checkpoint.json"} & {path.name for path in (tmp_path / "out").iterdir()}
 
 
-@pytest.mark.parametrize("name", ["motion.bin", "pulses.bin"])
+@pytest.mark.parametrize("name", ["motion.bin", "pulses.bin", "triggers.csv"])
 def test_files_shorter_than_the_checkpoint_says_are_refused(call, file, tmp_path, monkeypatch, small_windows, name):
     break_off(monkeypatch, call, 3, "plan", file, *ASKED, "--out", tmp_path / "out")
     damaged = tmp_path / "out.unfinished" / name

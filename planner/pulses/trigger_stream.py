@@ -1,0 +1,171 @@
+"""Triggers of a motion that comes in parts: each is given with the part whose pulses settle its counts.
+
+Where they are on the path is known from its steps alone, before any of it is timed: a segment that ends in one part
+may have its trigger in the part before.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from kinematics.foundation.arrays import freeze_array
+from kinematics.foundation.errors import MotionError, attempt, take_items
+from kinematics.machine.machine import Machine
+from kinematics.machine.pose import from_numbers
+from planner.path.actuation import MachinePath
+from planner.path.join_and_blend import ALWAYS_REST, PathStep
+from planner.place import Place
+from planner.program.model import Program
+from planner.program.modifiers import Trigger
+from planner.pulses.schedule import PulseSchedule
+from planner.pulses.triggers import Triggered, arrival_time, holds_triggers, list_triggers, place_share
+from planner.trajectory import Trajectory
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A trigger on the steps of a path: so many m along one of them, from 1; None: at its end, for 0 where all begins.
+
+    segment, repetition  whose it is; repetition None: the program runs once
+    """
+
+    name: str
+    step: int
+    along: float | None
+    segment: int
+    repetition: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Crossing:
+    """A trigger that the motion comes by, as long as its counts are not known.
+
+    numbers: the twelve of the platform's pose there
+    """
+
+    name: str
+    where: Place
+    numbers: tuple[float, ...]
+
+
+MarkedStep = tuple[PathStep, tuple[Mark, ...]]
+
+
+def mark_steps(steps: Iterator[PathStep], program: Program, machine: Machine) -> Iterator[MarkedStep]:
+    """The steps of a program's path, each with the triggers on it; those at the start of a step are on the one before.
+
+    They are read a segment ahead, in programs with triggers. Raises as the steps do, behind the same ones.
+    """
+    if not holds_triggers(program):
+        yield from ((step, ()) for step in steps)
+        return
+    events, done, own = _Events(program), 0, list[PathStep]()
+    event: Trigger | None = None
+    while True:
+        more, steps = take_items(steps, 1)
+        if own and not (more and _whose(more[0]) == _whose(own[0])):
+            marks = [] if event is None else _place_marks(own, done, event, program, machine)
+            event = events.find(more[0]) if more else None
+            if event is not None and event.at == 0:
+                marks.append(_mark(event, more[0], done + len(own), None))
+            yield from _distribute(own, done, marks)
+            done += len(own)
+            own = []
+        elif not own and more:
+            event = events.find(more[0])
+        if not more:
+            yield from ((step, ()) for step in steps)  # none, or a refusal
+            return
+        own += more
+
+
+class _Events:
+    """The triggers of a program, asked for in the order of its path."""
+
+    def __init__(self, program: Program) -> None:
+        repetitions = range(1, program.repeat + 1)
+        self._coming = ((again, number, event) for again in repetitions for number, event in list_triggers(program))
+        self._next = next(self._coming, None)
+
+    def find(self, step: PathStep) -> Trigger | None:
+        """That of the segment to which a step belongs."""
+        here = _whose(step)
+        while self._next is not None and self._next[:2] < here:
+            self._next = next(self._coming, None)
+        return self._next[2] if self._next is not None and self._next[:2] == here else None
+
+
+def _whose(step: PathStep) -> tuple[int, int]:
+    return step.piece.repetition or 1, step.piece.segment
+
+
+def _mark(event: Trigger, step: PathStep, number: int, along: float | None) -> Mark:
+    return Mark(event.name, number, along, step.piece.segment, step.piece.repetition)
+
+
+def _place_marks(own: Sequence[PathStep], done: int, event: Trigger, program: Program, machine: Machine) -> list[Mark]:
+    """The trigger of a segment whose steps these are, behind others: none that is at its start, but of the first."""
+    if event.at == 0:
+        return [] if done else [_mark(event, own[0], 0, None)]
+    if event.at == 1:
+        return [_mark(event, own[-1], done + len(own), None)]
+    rests = np.array([ALWAYS_REST, *(0 for _ in own[:-1]), ALWAYS_REST])
+    path = attempt(
+        lambda: MachinePath(machine, [step.piece for step in own], rests, np.zeros(len(rests)), tool=program.tool)
+    )
+    if isinstance(path, MotionError):
+        return []  # as will planning of these steps
+    s = place_share(path, 0, len(path.pieces) - 1, event.at)
+    ends = path.breaks[path.ends]
+    k = max(1, int(np.searchsorted(ends, s, side="left")))
+    along = None if s == ends[k] else s - float(ends[k - 1])
+    return [_mark(event, own[0], done + k, along)]
+
+
+def _distribute(own: Sequence[PathStep], done: int, marks: Sequence[Mark]) -> Iterator[MarkedStep]:
+    for number, step in enumerate(own, done + 1):
+        yield step, tuple(mark for mark in marks if max(1, mark.step) == number)
+
+
+def find_crossings(motion: Trajectory, begun: int, marks: Sequence[Mark]) -> tuple[Crossing, ...]:
+    """When a motion comes by marks on its own steps, which follow so many others, and where it is then."""
+    path = motion.path
+    if not marks:
+        return ()
+    assert isinstance(path, MachinePath)  # as every plan's
+    ends = path.breaks[path.ends]
+    along = [float(ends[mark.step - begun]) for mark in marks]
+    for n, mark in enumerate(marks):
+        if mark.along is not None:
+            along[n] = min(float(ends[mark.step - begun - 1]) + mark.along, along[n])
+    t = [arrival_time(motion, s) for s in along]
+    state = motion.at(np.array(t))
+    numbers = path.pose_numbers(state.along, state.piece)
+    return tuple(
+        Crossing(
+            mark.name,
+            replace(path.place(s, 0, own), segment=mark.segment, repetition=mark.repetition),
+            tuple(pose.tolist()),
+        )
+        for mark, s, own, pose in zip(marks, along, t, numbers, strict=True)
+    )
+
+
+def count_crossings(
+    crossings: Sequence[Crossing], pulses: PulseSchedule, until: int | None
+) -> tuple[tuple[Triggered, ...], tuple[Crossing, ...]]:
+    """Those before a tick with their counts, and those that wait for the pulses behind it; None: all have counts."""
+    if not crossings:
+        return (), ()
+    t = np.array([crossing.where.t for crossing in crossings], float)
+    known = np.full(len(t), True) if until is None else pulses.find_ticks(t) < until
+    counts = pulses.counts(t)
+    given = tuple(
+        Triggered(
+            crossing.name, crossing.where, from_numbers(np.array(crossing.numbers)), freeze_array(counts[n], np.int64)
+        )
+        for n, crossing in enumerate(crossings)
+        if known[n]
+    )
+    return given, tuple(crossing for n, crossing in enumerate(crossings) if not known[n])
