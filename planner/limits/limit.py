@@ -14,6 +14,7 @@ from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import Axis, Magnitude, directional_bounds
+from planner.limits.lowered import ALL, Shares
 from planner.path.actuation import Points
 
 MAX_OVERESTIMATE = 5e-7
@@ -54,6 +55,13 @@ class Rows:
     below: Array | None = None
     about: tuple[Array, Array] | None = None
     hull: "Rows | None" = None
+
+    def scale(self, factor: Array) -> "Rows":
+        """As if all bounds were so many times as large, factor (N, 1)."""
+        coefficients = {term: values / factor for term, values in self.coefficients.items()}
+        about = None if self.about is None else (self.about[0] * factor, self.about[1] * factor)
+        hull = None if self.hull is None else self.hull.scale(factor)
+        return Rows(coefficients, self.bound, self.below, about, hull)
 
 
 class LimitState(Protocol):
@@ -103,6 +111,8 @@ class Limit(ABC):
     """(m,) SI; ∞ where a channel is free."""
     units: tuple[tuple[str, float], ...]
     """Per channel, the unit that people read and how many of it are one SI unit."""
+    shares: Shares = ALL
+    """How much of it is planned with along the path: what the solvers keep. The certificate judges by all of it."""
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} of {len(self.channels)}>"
@@ -165,6 +175,17 @@ class Limit(ABC):
     def rows(self, points: Points) -> Rows:
         """What the solvers must keep at N grid points."""
         raise MotionError(f"{self.name} is geometric: it puts no row into a timing problem")
+
+    def lower(self, shares: Shares) -> Self:
+        """The same limit, of which solvers use such shares along the path; `value` and `use` stay as they are."""
+        changed = copy(self)
+        changed.shares = shares
+        return changed
+
+    def lowered_rows(self, points: Points) -> Rows:
+        """The rows at N grid points by which what they hold back, over the limit's share there, keeps the limit."""
+        rows = self.rows(points)
+        return rows.scale(self.shares.on_grid(points.s)[:, None]) if len(self.shares.values) else rows
 
 
 def order_of(limits: Iterable[Limit]) -> int:

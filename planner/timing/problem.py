@@ -266,11 +266,11 @@ def pose_problem(
     places, pieces = np.concatenate([s[:-1], s[1:][alone]]), np.concatenate([piece, piece[alone]])
     points = make_points(path, places, pieces, order_of(limits))
     timed = [limit for limit in limits if not limit.geometric]
-    posed = {limit.name: _block(limit.name, limit.rows(points), end) for limit in timed if Term.ONE not in limit.terms}
+    posed = {one.name: _block(one.name, one.lowered_rows(points), end) for one in timed if Term.ONE not in one.terms}
     others = [block for block in posed.values() if block is not None]
     for limit in timed:
         if limit.name not in posed and not _is_surely_idle(limit, points, others):
-            posed[limit.name] = _block(limit.name, limit.rows(points), end)
+            posed[limit.name] = _block(limit.name, limit.lowered_rows(points), end)
     blocks = [block for limit in timed if (block := posed.get(limit.name)) is not None]
     start, last = (still if speed == 0 else 0 for still, speed in zip(stands, speeds, strict=True))
     passed = _passed_speed(blocks, 0) if start == 2 else 0.0, _passed_speed(blocks, -1) if last == 2 else 0.0
@@ -351,7 +351,7 @@ def _is_surely_idle(limit: Limit, points: Points, others: Sequence[Block]) -> bo
     if 2 * len(some) > count:
         return False
     few = Points(points.path, points.s[some], piece[some], tuple(values[some] for values in points.derivatives))
-    block = _block(limit.name, limit.rows(few), np.arange(len(some)))
+    block = _block(limit.name, limit.lowered_rows(few), np.arange(len(some)))
     if block is None:
         return True
     sides = [({term: each[some] for term, each in one.start.items()}, one) for one in _select_bounding(others)]
