@@ -1,12 +1,14 @@
 """What a plan does when: the limit that holds its motion back, and the segment of the program; and both together."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 
 from kinematics.foundation.arrays import Array, largest_in_rows
 from kinematics.foundation.table import Column, Table
 from planner.limits.limit import Limit, order_of
+from planner.limits.lowered import Shares
 from planner.plan import Plan
 from planner.program.joins import is_marked_stop
 from planner.program.model import Dwell
@@ -17,6 +19,8 @@ ACTIVE_SHARE = 0.99
 """The share of a limit from which on it holds the motion back."""
 MANY_STOPS = 20
 """Stops at joins from which on they are worth a line."""
+NOT_LOWERED: Mapping[str, Shares] = MappingProxyType({})
+"""Where all of each limit was planned with."""
 PROPOSED_FIT = "0.02 mm"
 PROPOSED_WORD = "G64 P0.02 (mm)"
 
@@ -40,19 +44,27 @@ def active_limits(plan: Plan) -> np.ndarray:
     """(M,) for each time piece the index in `plan.limits` of the limit that holds the motion back; −1 where none does.
 
     Of those used by 99 % or more it is the one most used in the middle of the piece: a ramp at the largest acceleration
-    ends at the largest speed. Geometric limits never do: they do not depend on timing.
+    ends at the largest speed. Geometric limits never do: they do not depend on timing. Of a limit that was lowered so
+    that it holds behind input shapers, the share is that of what was planned with.
     """
-    return find_active(plan.trajectory, plan.limits)[1]
+    cost = None if plan.shaped is None else plan.shaped.cost
+    return find_active(plan.trajectory, plan.limits, {} if cost is None else cost.lowered)[1]
 
 
-def find_active(motion: Trajectory, limits: Sequence[Limit]) -> tuple[Array, np.ndarray]:
+def find_active(
+    motion: Trajectory, limits: Sequence[Limit], lowered: Mapping[str, Shares] = NOT_LOWERED
+) -> tuple[Array, np.ndarray]:
     """(limits, M) the largest share of each that is met in each time piece, 0 of geometric ones; which is active (M,).
 
-    That one is an index in `limits`, as `active_limits` tells it of a plan.
+    That one is an index in `limits`, as `active_limits` tells it of a plan. lowered: the shares of limits by name that
+    were planned with, where these were less than all.
     """
     seen, middle = _sample(motion, limits), np.zeros((len(limits), len(motion.piece)))
     use = np.stack([np.zeros(len(motion.piece)) if limit.geometric else seen[limit.name] for limit in limits])
     state = motion.within(np.arange(len(motion.piece)), np.diff(motion.knots) / 2, jerk=order_of(limits) == 3)
+    for n, limit in enumerate(limits):
+        if limit.name in lowered:
+            use[n] /= lowered[limit.name].at(state.along)
     for n, limit in enumerate(limits):
         if not limit.geometric:
             value = limit.value(state)

@@ -143,8 +143,11 @@ class Machine(MachineModel, Result):
         return measure(self, self.read_pose(pose), near)
 
     def tables(self) -> tuple[Table, ...]:
-        """Its axes and their limits."""
-        return (axes_table(self),)
+        """Its axes and their limits; what its input shapers leave of vibrations, if it has any."""
+        from kinematics.analysis.residual_vibration import find_residuals, tabulate_residuals
+
+        left = find_residuals(self.axes)
+        return (axes_table(self), *([tabulate_residuals(left)] if left else []))
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.name}: {count_noun(len(self.axes), 'axis')}>"

@@ -1,28 +1,37 @@
 """Planning under input shapers: what is solved is shaped and proved, and solved anew under less of what it breaks.
 
 Limits of axes are kept by shaping itself. Those of the tool and of forces are kept nearly: their shaped values lie
-about a mean of the ones before, at a pose a few micrometres away.
+about a mean of the ones before, at a pose a few micrometres away. Where one is exceeded, less of it is planned with on
+the stretch of the path that the copies are on meanwhile; all along the path where that is not enough.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from typing import Protocol, TypeVar
+
+import numpy as np
 
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import Axis
 from planner.certificate.certify import Certificate, certify
 from planner.limits.limit import Limit
+from planner.limits.lowered import ALL, Shares
 from planner.path.actuation import ActuatorPath
 from planner.place import Infeasible
 from planner.shaping.shaped_motion import shape_motion
-from planner.shaping.shaped_proof import ShapedProof, prove_shaped, refuse_unshaped
+from planner.shaping.shaped_proof import ShapedProof, advise_shapers, prove_shaped, refuse_unshaped
+from planner.shaping.shaping_cost import ShapingCost, find_stretches
 from planner.trajectory import Trajectory
 
-ROUNDS = 6
-"""Of solving, at most."""
+LOCAL_ROUNDS, ROUNDS = 4, 5
+"""Of solving anew, at most: with less of a limit in places, and all along the path."""
 ROOM = 1e-4
-"""Share of a limit by which more is left than was missing."""
+"""Share of a limit by which more is left than was missing, all along the path."""
+LOCAL_ROOM, ROOM_GROWTH = 1e-3, 3.0
+"""The same in places, at first, where it costs next to nothing; and times as much with every round."""
 LEAST_SHARE = 0.5
-"""Of a limit, below which nothing is solved anew: a shorter shaper is asked for then."""
+"""Of a limit, below which nothing is solved anew."""
 
 
 class Solved(Protocol):
@@ -35,10 +44,11 @@ class Solved(Protocol):
 
 
 S = TypeVar("S", bound=Solved)
+Solve = Callable[[tuple[Limit, ...]], S]
 
 
 def solve_shaped(
-    solve: Callable[[tuple[Limit, ...]], S], path: ActuatorPath, limits: tuple[Limit, ...], axes: Sequence[Axis]
+    solve: Solve[S], path: ActuatorPath, limits: tuple[Limit, ...], axes: Sequence[Axis]
 ) -> tuple[S, Certificate, ShapedProof | None, S]:
     """What is solved so that it keeps the limits behind the axes' shapers too, its proof before them and behind them.
 
@@ -47,20 +57,68 @@ def solve_shaped(
     for what cannot be proved there.
     """
     if not any(axis.shaper for axis in axes):
-        found = solve(limits)
-        return found, found.certificate, None, found
+        first = solve(limits)
+        return first, first.certificate, None, first
     refuse_unshaped(limits, path)
-    kept, shares = limits, dict.fromkeys((limit.name for limit in limits), 1.0)
-    first: S | None = None
-    for _ in range(ROUNDS):
-        found = solve(kept)
-        first = first or found
-        certificate = found.certificate if kept is limits else certify(found.trajectory, limits)
-        motion = shape_motion(found.trajectory, axes)
-        assert motion is not None  # some axis has a shaper
-        proof = prove_shaped(motion, found.trajectory, axes, limits, certificate)
+    first = solve(limits)
+    prove = partial(_prove, axes=axes, limits=limits)
+    proof = prove(first, first.certificate)
+    lowered: Mapping[str, Shares] = {}
+    found, certificate, everywhere = first, first.certificate, False
+    if not proof.holds:
+        local = _lower_in_places(solve, limits, prove, proof)
+        everywhere = local is None
+        found, certificate, proof, lowered = local or _lower_everywhere(solve, path, limits, prove, proof)
+    cost = ShapingCost(
+        proof.motion.copies.length,
+        first.trajectory.duration,
+        found.trajectory.duration - first.trajectory.duration,
+        float(path.breaks[-1]),
+        lowered,
+        everywhere,
+        find_stretches(path, lowered),
+    )
+    return found, certificate, replace(proof, cost=cost), first
+
+
+Prove = Callable[[Solved, Certificate], ShapedProof]
+Lowered = tuple[S, Certificate, ShapedProof, Mapping[str, Shares]]
+
+
+def _prove(found: Solved, certificate: Certificate, *, axes: Sequence[Axis], limits: Sequence[Limit]) -> ShapedProof:
+    motion = shape_motion(found.trajectory, axes)
+    assert motion is not None  # some axis has a shaper
+    return prove_shaped(motion, found.trajectory, axes, limits, certificate)
+
+
+def _lower_in_places(solve: Solve[S], limits: Sequence[Limit], prove: Prove, proof: ShapedProof) -> Lowered[S] | None:
+    """Solved anew with less of the limits where they are exceeded, until none is; None where that is not enough."""
+    shares: dict[str, Shares] = {}
+    standing = [limit.name for limit in limits if limit.geometric]
+    for n in range(LOCAL_ROUNDS):
+        room = 1 + LOCAL_ROOM * ROOM_GROWTH**n
+        if any(proof.worst[name] > 1 for name in standing):
+            return None
+        for name, (first, last, use) in proof.excess.items():
+            shares[name] = shares.get(name, ALL).lower(first, last, 1 / (use * room))
+        if min(each.least for each in shares.values()) < LEAST_SHARE:
+            return None
+        try:
+            found = solve(tuple(limit.lower(shares.get(limit.name, ALL)) for limit in limits))
+            proof = prove(found, found.certificate)
+        except MotionError:
+            return None
         if proof.holds:
-            return found, certificate, proof, first
+            return found, found.certificate, proof, shares
+    return None
+
+
+def _lower_everywhere(
+    solve: Solve[S], path: ActuatorPath, limits: tuple[Limit, ...], prove: Prove, proof: ShapedProof
+) -> Lowered[S]:
+    """Solved anew with less of the limits all along the path, until none is exceeded. Raises as `solve_shaped`."""
+    shares = dict.fromkeys((limit.name for limit in limits), 1.0)
+    for _ in range(ROUNDS):
         for name, use in proof.worst.items():
             if use > 1:
                 shares[name] /= use * (1 + ROOM)
@@ -72,6 +130,14 @@ def solve_shaped(
             kept = tuple(limit if shares[limit.name] == 1 else limit.scale(shares[limit.name]) for limit in limits)
         except MotionError:  # a band, which no one number scales
             raise unkept_error(broken[0], proof) from None
+        found = solve(kept)
+        certificate = certify(found.trajectory, limits)
+        proof = prove(found, certificate)
+        if proof.holds:
+            ends = path.breaks[[0, -1]]
+            lowered = {name: Shares(ends, np.array([share])) for name, share in shares.items() if share < 1}
+            return found, certificate, proof, lowered
+    broken = [limit for limit in limits if proof.worst[limit.name] > 1]
     raise unkept_error(broken[0], proof)
 
 
@@ -87,10 +153,8 @@ def unkept_error(limit: Limit, proof: ShapedProof) -> Infeasible:
     """Of a limit that is not proved behind shapers."""
     place, use = proof.where[limit.name], proof.worst[limit.name]
     remedy = (
-        "use a shorter shaper (zv, or a higher frequency), "
-        + ("move the path away from the limit" if limit.geometric else "lower max_acceleration or the speed there")
-        + ", or remove the shapers"
-    )
+        "move the path away from the limit" if limit.geometric else "lower max_acceleration or the speed there"
+    ) + f", {advise_shapers(proof.axes)}, or remove the shapers"
     return Infeasible(
         f"proven bound of the use of {limit.name} behind the input shapers", "", place, 100 * use, 100.0, "%", remedy
     )

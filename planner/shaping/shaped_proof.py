@@ -13,6 +13,7 @@ from math import ceil
 
 import numpy as np
 
+from kinematics.analysis.residual_vibration import find_residuals, tabulate_residuals
 from kinematics.foundation.arrays import Array, freeze_fields, largest_in_rows
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import count_noun
@@ -28,6 +29,7 @@ from planner.path.actuation import ActuatorPath, MachinePath
 from planner.place import Place, where_columns
 from planner.shaping.shaped_enclosure import ShapedEnclosure, enclose_shaped
 from planner.shaping.shaped_motion import ShapedMotion
+from planner.shaping.shaping_cost import ShapingCost
 from planner.trajectory import Trajectory
 
 OVER = 1e-3
@@ -52,6 +54,9 @@ class ShapedProof(Result):
     turn           rad: of the platform likewise
     axis_deviation (n,) m or rad: of each axis likewise: ½ Σ Aᵢ (tᵢ − t̄)² · sup |q̈|, or tighter
     since          s of the motion, from which on all this is proved
+    excess         per limit that is exceeded, and that timing changes: of N cells of time, from where to where on the
+                   path (m) the copies are, and the bound of value/limit there (3, N)
+    cost           of the shapers, where the motion was planned behind them
     """
 
     motion: ShapedMotion = field(repr=False)
@@ -66,6 +71,8 @@ class ShapedProof(Result):
     contour_at: Place
     axis_deviation: Array
     since: float = 0.0
+    excess: Mapping[str, Array] = field(default_factory=dict, repr=False)
+    cost: ShapingCost | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         freeze_fields(self, "axis_deviation")
@@ -114,7 +121,12 @@ class ShapedProof(Result):
             *where_columns([self.where[name] for name in self.worst]),
         )
         head = "the certificate holds" if self.holds else "THE CERTIFICATE DOES NOT HOLD"
-        return (Table(title, columns), Table(f"{head} behind the shapers: value/limit", limits))
+        return (
+            Table(title, columns),
+            tabulate_residuals(find_residuals(self.axes)),
+            *(() if self.cost is None else self.cost.tables()),
+            Table(f"{head} behind the shapers: value/limit", limits),
+        )
 
 
 def refuse_unshaped(limits: Sequence[Limit], path: ActuatorPath) -> None:
@@ -153,7 +165,7 @@ def prove_shaped(
     others = [limit for limit in limits if not limit.convex]
     worst = {limit.name: certificate.worst[limit.name] for limit in convex}
     where = {limit.name: certificate.where[limit.name] for limit in convex}
-    search = _CellSearch(motion, trajectory, others, since)
+    search = _CellSearch(motion, trajectory, others, since, advise_shapers(axes))
     search.run()
     for n, limit in enumerate(others):
         worst[limit.name] = float(search.bound[n])
@@ -171,6 +183,7 @@ def prove_shaped(
         search.place(search.off_at),
         search.axes,
         since,
+        search.find_excess(),
     )
 
 
@@ -185,20 +198,32 @@ def describe_exceeded(path: MachinePath, proof: ShapedProof) -> str:
     return (
         f"the blend or fit tolerance of {1e6 * tolerance:g} µm is not proved behind the input shapers: they take "
         f"the tool up to {1e6 * proof.contour:.3f} µm off the path (at {proof.contour_at}), which "
-        f"itself uses {1e6 * deviation:.3f} µm; ask for a smaller tolerance, lower max_acceleration or the speed "
-        "there, or use a shorter shaper (zv, or a higher frequency)"
+        f"itself uses {1e6 * deviation:.3f} µm; ask for a smaller tolerance than you need, "
+        f"lower max_acceleration or the speed there, or {advise_shapers(proof.axes)}"
     )
+
+
+def advise_shapers(axes: Sequence[Axis]) -> str:
+    """What to do about shapers that take the tool too far: shorter ones are of less effect."""
+    parts = [part for axis in axes if axis.shaper is not None for part in axis.shaper.parts]
+    longer = sorted({part.kind for part in parts if part.kind != "zv"})
+    if longer:
+        return f"use the shorter shaper zv instead of {', '.join(longer)}"
+    return "stiffen the machine: the shaper of a higher frequency is shorter, and zv is the shortest kind already"
 
 
 class _CellSearch:
     """Cells of time, cut where a limit may be broken: the largest bound of each limit, and of the deviations."""
 
-    def __init__(self, motion: ShapedMotion, trajectory: Trajectory, limits: Sequence[Limit], since: float) -> None:
-        self.motion, self.trajectory, self.limits, self.since = motion, trajectory, limits, since
+    def __init__(
+        self, motion: ShapedMotion, trajectory: Trajectory, limits: Sequence[Limit], since: float, advice: str
+    ) -> None:
+        self.motion, self.trajectory, self.limits, self.since, self.advice = motion, trajectory, limits, since, advice
         self.bound, self.at = np.zeros((2, len(limits)))
         self.channel = np.zeros(len(limits), int)
         self.away = self.away_at = self.off = self.off_at = self.met = self.turned = 0.0
         self.axes = np.zeros(motion.copies.weights.shape[1])
+        self.over: list[list[Array]] = [[] for _ in limits]
 
     def run(self) -> None:
         """Look at all cells, and at parts of those whose bounds are loose."""
@@ -245,15 +270,19 @@ class _CellSearch:
     ) -> None:
         if not len(cells.k):
             return
-        middle = self.motion.knots[cells.k] + (cells.lo + cells.hi) / 2
+        begin, end = (self.motion.knots[cells.k] + each for each in (cells.lo, cells.hi))
+        middle = (begin + end) / 2
         if not np.isfinite(away).all():
             lost = self.place(float(middle[int(np.argmin(np.isfinite(away)))]))
             raise MotionError(
                 f"behind its input shapers the machine is not proved to stay near the path at {lost}: it is "
-                "too near to a singularity there, or the shapers are too long; keep away from it, or use a shorter "
-                "shaper (zv, or a higher frequency)"
+                "too near to a singularity there, or the shapers are too long; keep away from it, or "
+                f"{self.advice}"
             )
-        for n in range(len(self.limits)):
+        for n, limit in enumerate(self.limits):
+            above = round_reached_use(uses[n]) > 1
+            if above.any() and not limit.geometric:
+                self.over[n].append(np.stack([begin[above], end[above], uses[n, above]]))
             first = int(uses[n].argmax())
             if uses[n, first] > self.bound[n]:
                 self.bound[n], self.at[n] = float(round_reached_use(uses[n, first : first + 1])[0]), middle[first]
@@ -266,6 +295,20 @@ class _CellSearch:
             self.off, self.off_at = float(off[first]), float(middle[first])
         self.turned = max(self.turned, float(turned.max()))
         self.axes = np.maximum(self.axes, axes.max(1))
+
+    def find_excess(self) -> dict[str, Array]:
+        """Of limits that are exceeded, where on the path the copies are meanwhile and the use (3, N)."""
+        found, copies = {}, self.motion.copies
+        for limit, cells in zip(self.limits, self.over, strict=True):
+            if cells:
+                begin, end, use = np.concatenate(cells, axis=1)
+                own = (begin - copies.delays[-1], end - copies.delays[0])
+                found[limit.name] = np.stack([*(self._passed(t) for t in own), use])
+        return found
+
+    def _passed(self, t: Array) -> Array:
+        """(N,) m along the path at instants (N,) of the motion that is shaped."""
+        return np.asarray(self.trajectory.at(np.clip(t, 0.0, self.trajectory.duration)).s)
 
     def place(self, t: float, axis: str = "") -> Place:
         """Where the path is `centre` before t; its time is that of the shaped motion."""

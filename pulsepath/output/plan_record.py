@@ -7,6 +7,7 @@ from pathlib import Path
 from platform import python_version
 
 from kinematics import Axis, Machine
+from kinematics.analysis.residual_vibration import find_residuals
 from kinematics.files.plain_text import finite_or_none
 from planner import LimitChange, Plan, Triggered, Worth
 from planner.active_limits import tabulate_segments
@@ -16,6 +17,7 @@ from planner.limits import find_unkept_limits
 from planner.plan_parts import PlanStanding
 from planner.pulses import PulseCheck, PulseSchedule
 from planner.shaping.shaped_proof import ShapedProof
+from planner.shaping.shaping_cost import ShapingCost
 from pulsepath import __version__
 from pulsepath.inputs import Inputs
 from pulsepath.job import Job
@@ -158,6 +160,7 @@ def _shaping(shaped: ShapedProof) -> Record:
     """The motion behind input shapers: what is proved of it, and how far it is from the path (upper bounds)."""
     return {
         "duration_before_s": shaped.motion.base.duration,
+        "cost": None if shaped.cost is None else _shaping_cost(shaped.cost),
         "delay_s": shaped.delay,
         "axes": {
             axis.name: {
@@ -167,6 +170,11 @@ def _shaping(shaped: ShapedProof) -> Record:
             }
             for axis, off in zip(shaped.axes, shaped.axis_deviation, strict=True)
         },
+        "residual_vibration": [
+            {"shaper": asdict(each.mode), "axes": list(each.axes)}
+            | {"at_90_percent": each.below, "at_frequency": each.stated, "at_110_percent": each.above}
+            for each in find_residuals(shaped.axes)
+        ],
         "tool_contour_um": 1e6 * shaped.contour,
         "tool_deviation_um": 1e6 * shaped.deviation,
         "turn_deviation_rad": shaped.turn,
@@ -181,6 +189,26 @@ def _shaping(shaped: ShapedProof) -> Record:
             }
             for name, worst in shaped.worst.items()
         },
+    }
+
+
+def _shaping_cost(cost: ShapingCost) -> Record:
+    """How much longer the machine takes than without its shapers, and of which limits less was planned with, where."""
+    return {
+        "total_s": cost.total,
+        "length_s": cost.length,
+        "lowering_s": cost.lowering,
+        "unshaped_duration_s": cost.unlowered,
+        "everywhere": cost.everywhere,
+        "lowered": [
+            {
+                "limit": each.limit,
+                "share": each.share,
+                "from": place_record(each.since),
+                "to": place_record(each.until),
+            }
+            for each in cost.stretches
+        ],
     }
 
 

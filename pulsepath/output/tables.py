@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from planner.path.outcome import Blended, FitSummary
     from planner.path.point_to_point import Departure
     from planner.plan_parts import PlanStanding
+    from planner.shaping.shaped_proof import ShapedProof
     from planner.sources.position_list import PositionList
     from pulsepath.job import Job
 
@@ -57,6 +58,7 @@ def of_plan(job: Job) -> list[Table]:
     rows: list[tuple[str, float | None, str]] = [
         ("duration", plan.duration, "" if plan.fastest else told),
         *(() if plan.shaped is None else [(BEFORE_SHAPERS, plan.trajectory.duration, "the rows below refer to this")]),
+        *(() if plan.shaped is None else _cost_rows(plan, plan.shaped)),
         ("baseline timing", job.classical.duration, _describe_timing(plan, job.classical, job.classical.kind)),
         ("time saved", job.time_saved, f"{percent:.2f} %{unlike}"),
     ]
@@ -73,6 +75,30 @@ def of_plan(job: Job) -> list[Table]:
     tradeoff = () if job.tradeoff is None else job.tradeoff.tables()
     stops = () if job.stops is None else job.stops.tables()
     return [replace(first, columns=timed), tabulate_segments(plan), *rest, *tradeoff, *worth, *stops, *crossed]
+
+
+def _cost_rows(plan: Plan, shaped: ShapedProof) -> list[tuple[str, float | None, str]]:
+    """What the shapers cost the fastest motion, and what was lowered for them: rows of the table of times."""
+    cost = shaped.cost
+    if cost is None or not plan.fastest:
+        return []
+    rows: list[tuple[str, float | None, str]] = [(COST, cost.total, cost.describe())]
+    return rows + ([(LOWERED, cost.lowering, cost.describe_lowered())] if cost.lowered else [])
+
+
+COST, LOWERED = "cost of the shapers", "lowered for them"
+"""What is said of the shapers' cost."""
+
+
+def _describe_cost(plan: Plan, shaped: ShapedProof) -> list[tuple[str, str]]:
+    """The same on the first screen, and what is left of the vibrations."""
+    from kinematics.analysis.residual_vibration import find_residuals
+
+    told = [(what, note) for what, _, note in _cost_rows(plan, shaped)]
+    if shaped.cost is not None and shaped.cost.lowered and not plan.fastest:
+        told.append((LOWERED, shaped.cost.describe_lowered()))
+    left = "; ".join(each.describe() for each in find_residuals(shaped.axes))
+    return [*told, ("vibration left", left)]
 
 
 NEARLY = 0.999
@@ -92,6 +118,7 @@ def sum_up(job: Job) -> list[Table]:
     if plan.shaped is not None:
         rows.append((BEFORE_SHAPERS, f"{plan.trajectory.duration:.6f} s; saving and gap refer to this"))
         rows.append(("input shapers", plan.shaped.describe()))
+        rows += _describe_cost(plan, plan.shaped)
     if plan.fastest and not missing_limits(plan, job.classical):  # else they are unlike
         percent = 100 * job.time_saved / job.classical.duration
         unlike = "".join(f", but it {each}" for each in describe_differences(plan, job.classical))
@@ -100,10 +127,11 @@ def sum_up(job: Job) -> list[Table]:
     if plan.fastest and plan.known:
         rows.append(("gap", plan.bound.describe().removeprefix("the duration is ")))
     still = geometric_limits()  # of which a motion may reach the end, as home may be one
+    lowered = {} if plan.shaped is None or plan.shaped.cost is None else plan.shaped.cost.lowered
     used = [
         f"{name} ({proof.where[name].axis})"
         for name, share in proof.worst.items()
-        if share > NEARLY and name not in still
+        if (share > NEARLY or name in lowered) and name not in still
     ]
     rows.append(("limits", f"{len(proof.worst)} proved at every instant; used up: {', '.join(used) or 'none'}"))
     if job.worth is not None and job.worth.best is not None:
