@@ -63,8 +63,8 @@ def solve_shaped(
     first = solve(limits)
     prove = partial(_prove, axes=axes, limits=limits)
     proof = prove(first, first.certificate)
-    lowered: Mapping[str, Shares] = {}
     found, certificate, everywhere = first, first.certificate, False
+    lowered: Mapping[str, Shares] = {}
     if not proof.holds:
         local = _lower_in_places(solve, limits, prove, proof)
         everywhere = local is None
@@ -94,11 +94,10 @@ def _prove(found: Solved, certificate: Certificate, *, axes: Sequence[Axis], lim
 def _lower_in_places(solve: Solve[S], limits: Sequence[Limit], prove: Prove, proof: ShapedProof) -> Lowered[S] | None:
     """Solved anew with less of the limits where they are exceeded, until none is; None where that is not enough."""
     shares: dict[str, Shares] = {}
-    standing = [limit.name for limit in limits if limit.geometric]
     for n in range(LOCAL_ROUNDS):
         room = 1 + LOCAL_ROOM * ROOM_GROWTH**n
-        if any(proof.worst[name] > 1 for name in standing):
-            return None
+        if any(use > 1 and name not in proof.excess for name, use in proof.worst.items()):
+            return None  # geometry, which slowing down does not mend
         for name, (first, last, use) in proof.excess.items():
             shares[name] = shares.get(name, ALL).lower(first, last, 1 / (use * room))
         if min(each.least for each in shares.values()) < LEAST_SHARE:

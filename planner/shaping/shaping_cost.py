@@ -6,6 +6,7 @@ from math import floor
 
 import numpy as np
 
+from kinematics.foundation.names import count_noun
 from kinematics.foundation.table import Column, Table
 from planner.limits.lowered import Shares
 from planner.path.actuation import ActuatorPath
@@ -58,10 +59,9 @@ class ShapingCost:
 
     def describe(self) -> str:
         """The time in a line, and of what it is."""
-        if not self.lowered:
-            return f"{self.total:.3f} s more than without them: their length; no limit had to be lowered"
-        parts = f"{self.length:.3f} s their length, {self.lowering:.3f} s lowered limits"
-        return f"{self.total:.3f} s more than without them: {parts}"
+        total, length, lowering = (f"{1e3 * each:.1f} ms" for each in (self.total, self.length, self.lowering))
+        parts = f"{length} their length, {lowering} lowered limits" if self.lowered else "their length"
+        return f"{total} more than without them: {parts}{'' if self.lowered else '; no limit had to be lowered'}"
 
     def describe_lowered(self) -> str:
         """Each limit that was lowered: to what share, and where."""
@@ -74,9 +74,9 @@ class ShapingCost:
             own = [each for each in self.stretches if each.limit == name]
             worst = min(own, key=lambda each: each.share)
             at = f"segment {worst.lowest.segment}" if worst.lowest.segment is not None else f"{worst.lowest.s:.6g} m"
-            covered = 100 * shares.lowered_length / self.path_length
-            where = "there alone" if len(own) == 1 else f"less in {len(own) - 1} other places"
-            told.append(f"{least} near {at}, {where}: {covered:.2g} % of the path")
+            covered = f"{100 * shares.lowered_length / self.path_length:.2g} % of the path"
+            more = "" if len(own) == 1 else f", by less in {count_noun(len(own) - 1, 'other place')}"
+            told.append(f"{least} near {at}{more} ({covered} in all)" if more else f"{least} near {at} ({covered})")
         return "; ".join(told)
 
     def tables(self) -> tuple[Table, ...]:

@@ -85,7 +85,7 @@ def test_the_cost_is_what_the_machine_takes_longer_than_without_shapers(name, re
     assert min(each.share for each in stretches) == cost.lowered["tool speed"].least
     assert all(each.since.s < each.lowest.s < each.until.s for each in stretches)
     assert stretches[0].lowest.segment == (2 if name == "local" else stretches[0].lowest.segment)
-    assert f"{cost.total:.3f} s more" in cost.describe()
+    assert f"{1e3 * cost.total:.1f} ms more" in cost.describe()
     assert ("whole path" in cost.describe_lowered()) == (name == "everywhere")
 
 

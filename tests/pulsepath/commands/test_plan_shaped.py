@@ -59,6 +59,51 @@ def test_record_motion_and_pulses_are_of_the_shaped_motion(call, machine_file, t
     assert "has an input shaper" in no.stderr
 
 
+ROUND = """
+schema = 1
+length = "mm"
+speed = "8 mm/s"
+[[segment]]
+line = { to = [6, 0, 0] }
+join = { blend = 0.5 }
+[[segment]]
+line = { to = [6, 6, 0] }
+"""
+
+
+def test_the_cost_of_the_shapers_is_told(call, tmp_path):
+    """Against a plan of the same machine without them; the limit that was lowered, its share and its place."""
+    program, took = tmp_path / "round.toml", []
+    program.write_text(ROUND, encoding="utf-8")
+    bare = pp.load_machine("traverser").driven_by(
+        [replace(axis, max_acceleration=1.0) for axis in pp.load_machine("traverser").axes]
+    )
+    shaped = bare.driven_by([replace(bare.axes[0], shaper=Shaper("zv", 5.0)), *bare.axes[1:]])
+    for name, machine in (("bare", bare), ("shaped", shaped)):
+        file, out = tmp_path / f"{name}.toml", tmp_path / f"{name}-out"
+        file.write_text(machine_toml(machine), encoding="utf-8")
+        done = call("plan", program, "--machine", file, "--out", out, "--no-figures")
+        assert done.exit_code == 0, done.stderr
+        record = json.loads((out / "plan.json").read_text())
+        took.append(record["duration_s"])
+    shaping, text = record["shaping"], " ".join(done.stdout.split())
+    cost = shaping["cost"]
+    assert cost["total_s"] == pytest.approx(took[1] - took[0], abs=1e-6)
+    assert cost["total_s"] == cost["length_s"] + cost["lowering_s"]
+    assert cost["length_s"] == pytest.approx(0.1)
+    assert f"cost of the shapers {1e3 * cost['total_s']:.1f} ms more than without them" in text
+    (lowered,) = cost["lowered"]
+    assert lowered["limit"] == "tool speed"
+    assert 0.9 < lowered["share"] < 1
+    assert lowered["from"]["distance_m"] < 0.006 < lowered["to"]["distance_m"]
+    assert "lowered for them tool speed to 9" in text
+    assert record["certificate"]["limits"]["tool speed"]["worst_ratio"] > 0.999  # elsewhere all of it is used
+    (left,) = shaping["residual_vibration"]
+    assert left["axes"] == ["X"]
+    assert left["at_110_percent"] == pytest.approx(np.sin(0.1 * np.pi / 2))
+    assert "vibration left zv 5 Hz: 0.0 % at 5 Hz, 15.6 % at ±10 %" in text
+
+
 CORNER = """
 schema = 1
 length = "mm"
@@ -90,6 +135,7 @@ def test_a_tolerance_that_is_not_proved_behind_the_shapers_is_warned_of(call, tm
     warned = used > blend
     assert (told["shaping"]["warning"] is not None) == warned
     assert ("not proved behind the input shapers" in done.stderr) == warned
+    assert "a shorter shaper" not in done.stderr  # zv is the shortest
     assert ("not proved behind the input shapers" in (out / "report.html").read_text()) == warned
 
 
