@@ -204,12 +204,12 @@ def describe_exceeded(path: MachinePath, proof: ShapedProof) -> str:
 
 
 def advise_shapers(axes: Sequence[Axis]) -> str:
-    """What to do about shapers that take the tool too far: shorter ones are of less effect."""
+    """What to do about shapers that take the tool too far: shorter ones do so less."""
     parts = [part for axis in axes if axis.shaper is not None for part in axis.shaper.parts]
     longer = sorted({part.kind for part in parts if part.kind != "zv"})
     if longer:
         return f"use the shorter shaper zv instead of {', '.join(longer)}"
-    return "stiffen the machine: the shaper of a higher frequency is shorter, and zv is the shortest kind already"
+    return "stiffen the machine (zv is the shortest kind of shaper already; a higher frequency shortens it)"
 
 
 class _CellSearch:
