@@ -195,10 +195,12 @@ def describe_exceeded(path: MachinePath, proof: ShapedProof) -> str:
     if not over:
         return ""
     tolerance, deviation = max(over, key=lambda both: both[1] - both[0])
+    # it is of no use where the shapers alone take the tool farther than the tolerance
+    smaller = "ask for a smaller tolerance than you need, " if proof.contour < tolerance else ""
     return (
         f"the blend or fit tolerance of {1e6 * tolerance:g} µm is not proved behind the input shapers: they take "
         f"the tool up to {1e6 * proof.contour:.3f} µm off the path (at {proof.contour_at}), which "
-        f"itself uses {1e6 * deviation:.3f} µm; ask for a smaller tolerance than you need, "
+        f"itself uses {1e6 * deviation:.3f} µm; {smaller}"
         f"lower max_acceleration or the speed there, or {advise_shapers(proof.axes)}"
     )
 

@@ -135,6 +135,8 @@ def test_a_tolerance_that_is_not_proved_behind_the_shapers_is_warned_of(call, tm
     warned = used > blend
     assert (told["shaping"]["warning"] is not None) == warned
     assert ("not proved behind the input shapers" in done.stderr) == warned
+    helps = warned and 1e-3 * told["shaping"]["tool_contour_um"] < blend
+    assert ("a smaller tolerance" in " ".join(done.stderr.split())) == helps
     assert ("zv is the shortest kind" in " ".join(done.stderr.split())) == warned
     assert ("not proved behind the input shapers" in (out / "report.html").read_text()) == warned
 
