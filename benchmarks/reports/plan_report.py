@@ -13,6 +13,7 @@ from benchmarks.reports.page import NARROW, Picture, draw_figure, group_digits, 
 from benchmarks.reports.timeline import list_segments, make_band
 from controllers.metrics import Metrics
 from controllers.rig import Rig
+from kinematics.analysis.residual_vibration import find_residuals
 from kinematics.foundation.names import count_noun
 from kinematics.foundation.options import check_arguments
 from kinematics.foundation.table import MAX_SHOWN_ROWS
@@ -137,7 +138,11 @@ def _shaping(plan: Plan) -> dict[str, str]:
     if plan.shaped is None:
         return {}
     before = f"{plan.trajectory.duration:.6f} s; all that is not said to be behind them is of this motion"
-    return {BEFORE_SHAPERS.capitalize(): before, "Behind them": plan.shaped.describe()}
+    told = {BEFORE_SHAPERS.capitalize(): before, "Behind them": plan.shaped.describe()}
+    if (cost := plan.shaped.cost) is not None:
+        told |= {"Cost of the shapers": cost.describe()} if plan.fastest else {}
+        told |= {"Lowered for them": cost.describe_lowered()} if cost.lowered else {}
+    return told | {"Vibration left": "; ".join(each.describe() for each in find_residuals(plan.shaped.axes))}
 
 
 def _bound(plan: Plan) -> dict[str, str]:
