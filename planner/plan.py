@@ -35,7 +35,7 @@ from planner.pulses.generation.motion_parts import refuse_long
 from planner.pulses.schedule import schedule_tables
 from planner.pulses.triggers import Triggered, find_triggers, trigger_tables
 from planner.shaping.keep_limits import solve_shaped
-from planner.shaping.shaped_motion import shorten_duration
+from planner.shaping.shaped_motion import find_delays, shorten_duration
 from planner.shaping.shaped_proof import ShapedProof, describe_exceeded
 from planner.timing.certified_solve import EFFORT, certified_solve, refuse_gap, solve_within, timing_table
 from planner.timing.duration_bound import DurationBound, bound_duration
@@ -142,8 +142,8 @@ class Plan(Result, Interruptible):
     @property
     def triggers(self) -> tuple[Triggered, ...]:
         """What the program marks by `trigger`: when, where, and the counts by then."""
-        late = (0.0, 0.0) if self.shaped is None else (self.shaped.delay, self.shaped.motion.copies.length)
-        return find_triggers(self.program, self.path, self.trajectory, self.pulses, *late)
+        delays = find_delays(self.machine.axes)
+        return find_triggers(self.program, self.path, self.trajectory, self.pulses, *delays)
 
     @property
     def departures(self) -> tuple[Departure, ...]:
@@ -207,8 +207,9 @@ class Plan(Result, Interruptible):
 
     def whole(self) -> Whole:
         """What sections of it are made of (`planner.interruption`)."""
-        program, motion = self.program, (self.path, self.trajectory, self.certificate, self.pulses)
-        return Whole(program.name, self.machine, *motion, self.order, program.tool, self.own_limits, self.fastest)
+        motion = self.path, self.trajectory, self.certificate, self.pulses
+        own = self.program.tool, self.own_limits, self.fastest, self.triggers
+        return Whole(self.program.name, self.machine, *motion, self.order, *own)
 
     def data(self) -> Table:
         """The motion over time; `certificate` and `pulses` have data of their own."""

@@ -10,11 +10,16 @@ from planner.certificate.certify import Certificate
 from planner.interruption.section import NONE_SENT, SAME_PLACE, Section, Sent, Whole, refuse_other
 from planner.path.actuation import MachinePath
 from planner.pulses import AxesMotion, PulseSchedule
-from planner.pulses.compensation.compensate import counted_motion
+from planner.pulses.compensation.compensate import CompensatedMotion, counted_motion, find_plays
+from planner.pulses.compensation.play import Play
+from planner.pulses.generation.sent import find_sent
+from planner.pulses.triggers import Triggered
 from planner.trajectory import Trajectory
 
 # Share of the largest ṡ up to which a motion rests at a knot, and up to which nothing moves.
 REST_SHARE, RESTING_SHARE = 1e-12, 1e-6
+# Ticks by which an instant may be off.
+TICK_ROUNDING = 1e-3
 # Halvings that find the instant of a place inside a time piece: to rounding.
 HALVINGS = 60
 
@@ -26,6 +31,7 @@ class Running:
     since     s of the trajectory at which time begins: behind input shapers it holds what came before
     duration  s from there on, behind any shapers
     counted   what its pulses count; sent: before them
+    fires     the triggers of the plan that were left before it, and when (s) it comes by each; None: not at all
     """
 
     trajectory: Trajectory
@@ -35,6 +41,7 @@ class Running:
     since: float
     duration: float
     counted: AxesMotion
+    fires: tuple[tuple[Triggered, float | None], ...]
     sent: Sent = NONE_SENT
 
     def round_to_tick(self, at: float) -> tuple[float, Sent]:
@@ -43,9 +50,14 @@ class Running:
         return tick / self.pulses.clock_hz, self.find_sent(tick)
 
     def find_sent(self, tick: int | None = None) -> Sent:
-        """What was sent before a tick; None: all."""
-        tick = int(self.duration * self.pulses.clock_hz) + 1 if tick is None else tick
-        return Sent.before(tick, self.pulses, self.counted, self.machine, self.sent)
+        """What was sent before a tick; None: all. Raises as `find_plays`."""
+        clock = self.pulses.clock_hz
+        plays: tuple[Play, ...] = ()
+        tick = int(self.duration * clock) + 1 if tick is None else tick
+        if isinstance(self.counted, CompensatedMotion):
+            plays = find_plays(self.counted, self.machine.axes, min(tick / clock, self.counted.duration))
+        left = tuple(event for event, t in self.fires if t is None or t * clock >= tick - TICK_ROUNDING)
+        return Sent(find_sent(self.pulses, tick, self.sent.pulses), plays, left)
 
 
 def find_running(whole: Whole, during: Section | None) -> Running:
@@ -55,7 +67,8 @@ def find_running(whole: Whole, during: Section | None) -> Running:
     if during is None:
         motion, machine = whole.trajectory, whole.machine
         counted = counted_motion(motion, machine.axes, machine.home_q)
-        return Running(motion, whole.certificate, whole.pulses, machine, 0.0, whole.duration, counted)
+        fires = tuple((event, _time(event)) for event in whole.triggers)
+        return Running(motion, whole.certificate, whole.pulses, machine, 0.0, whole.duration, counted, fires)
     shaped = during.shaped
     base = during.trajectory if shaped is None else shaped.motion.base
     assert isinstance(base, Trajectory)  # motions of machines are
@@ -64,8 +77,13 @@ def find_running(whole: Whole, during: Section | None) -> Running:
     begin = path.origin[0]
     motion = replace(shift_motion(base, begin, find_piece(whole.path, begin)), path=whole.path)
     since = 0.0 if shaped is None else shaped.since
-    own = during.certificate, during.pulses, during.machine, since, during.duration, during.counted, during.sent
-    return Running(motion, *own)
+    fires = tuple((event, _time(during.fire(event))) for event in during.sent.left)
+    own = during.certificate, during.pulses, during.machine, since, during.duration, during.counted
+    return Running(motion, *own, fires, during.sent)
+
+
+def _time(event: Triggered | None) -> float | None:
+    return None if event is None else event.time
 
 
 @dataclass(frozen=True, slots=True)

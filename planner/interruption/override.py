@@ -25,7 +25,7 @@ from planner.interruption.instant import (
     slow_motion,
 )
 from planner.interruption.ramp import Proved, find_ramps
-from planner.interruption.section import NONE_SENT, SAME_PLACE, Section, Sent, Whole, make_section, refuse_other
+from planner.interruption.section import SAME_PLACE, Section, Sent, Whole, make_section, refuse_other
 from planner.limits import Limit
 from planner.path.actuation import MachinePath
 from planner.shaping.keep_limits import solve_shaped
@@ -75,10 +75,10 @@ def _slow_whole(whole: Whole, share: float) -> Section:
     certificate = certify(slower, limits)
     if not certificate.holds:
         raise MotionError(f"override {share:g}: the slower motion does not keep every limit:\n{certificate}")
-    return _make_from_rest(whole, "override", Proved(path, limits, slower, certificate, 0.0))
+    return _make_from_rest(whole, "override", Proved(path, limits, slower, certificate, 0.0), Sent.before(whole, 0.0))
 
 
-def _make_from_rest(whole: Whole, what: str, made: Proved, sent: Sent = NONE_SENT) -> Section:
+def _make_from_rest(whole: Whole, what: str, made: Proved, sent: Sent) -> Section:
     """A section that begins at rest: behind shapers no copies of what was before it are under way."""
     moves, axes = shape_motion(made.trajectory, whole.machine.axes), whole.machine.axes
     shaped = None if moves is None else prove_shaped(moves, made.trajectory, axes, made.limits, made.certificate)
@@ -197,7 +197,7 @@ def resume(whole: Whole, stop: Section | float, share: float | None = None) -> S
         refuse_other(whole, stop)
         since, sent = stop.until, find_running(whole, stop).find_sent()
     else:
-        since, sent = stop, NONE_SENT
+        since, sent = stop, Sent.before(whole, stop)
     if since == length:
         raise MotionError(f"resume from {since:g} m: the path ends there, so there is nothing to resume")
     if not 0 <= since < length:

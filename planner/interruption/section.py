@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
@@ -17,12 +18,13 @@ from planner.export.format import Exported, ExportSource, write_export
 from planner.limits import Limit, OwnLimit, limits_of
 from planner.path.actuation import MachinePath
 from planner.pulses import AxesMotion, PulseSchedule, find_rule, generate, pace_axes
-from planner.pulses.compensation.compensate import CompensatedMotion, counted_motion, find_plays
+from planner.pulses.compensation.compensate import counted_motion
 from planner.pulses.compensation.play import Play
 from planner.pulses.generation.motion_parts import JoinedMotion, MotionSpan
-from planner.pulses.generation.sent import SentPulses, find_sent
+from planner.pulses.generation.sent import SentPulses
+from planner.pulses.triggers import Triggered, find_passing, trigger_tables
 from planner.shaping.keep_limits import refuse_unkept
-from planner.shaping.shaped_motion import shaper_length
+from planner.shaping.shaped_motion import find_delays, shaper_length
 from planner.shaping.shaped_proof import ShapedProof
 from planner.trajectory import Trajectory
 
@@ -30,9 +32,15 @@ from planner.trajectory import Trajectory
 SAME_PLACE = 1e-12
 
 
+def snap(breaks: Array, place: float) -> float:
+    """A place (m) of a path; the end of a piece of it where that is nearer than rounding."""
+    near = float(breaks[np.argmin(np.abs(breaks - place))])
+    return near if abs(near - place) <= SAME_PLACE * float(breaks[-1]) else place
+
+
 @dataclass(frozen=True, slots=True)
 class Whole:
-    """What a section is one of: a plan's name, machine, path, motion, proof, pulses, order, tool and own limits.
+    """What a section is one of: a plan's name, machine, path, motion, proof, pulses, order, tool, own limits, triggers.
 
     fastest: whether its motion is, and not one of a stated duration or with the least of another objective
     """
@@ -47,6 +55,7 @@ class Whole:
     tool: Pose | None
     own_limits: tuple[OwnLimit, ...] = ()
     fastest: bool = True
+    triggers: tuple[Triggered, ...] = ()
 
     @property
     def duration(self) -> float:
@@ -58,12 +67,6 @@ class Whole:
         rule = find_rule(self.pulses.rule)
         paced = pace_axes(self.machine.axes, self.pulses.clock_hz, rule)
         return limits_of(path, paced, self.order, self.own_limits)
-
-    def snap(self, place: float) -> float:
-        """A place (m) of the path; the end of a piece of it where that is nearer than rounding."""
-        breaks = self.path.breaks
-        near = float(breaks[np.argmin(np.abs(breaks - place))])
-        return near if abs(near - place) <= SAME_PLACE * float(breaks[-1]) else place
 
     def draw(
         self,
@@ -83,8 +86,8 @@ class Whole:
         One that begins in motion is left at once where it ends; else it has the dwells that the program states there.
         rests: s of the first that are left; last_dwell: whether the last is one of it.
         """
-        path, until = self.path, self.snap(until)
-        since = self.snap(since) if speed == 0 else since  # in motion it may be so near to a rest
+        path, until = self.path, snap(self.path.breaks, until)
+        since = snap(self.path.breaks, since) if speed == 0 else since  # in motion it may be so near to a rest
         first = int(np.clip(np.searchsorted(path.breaks, since, "right") - 1, 0, len(path.pieces) - 1))
         last = int(np.clip(np.searchsorted(path.breaks, until, "left") - 1, first, len(path.pieces) - 1))
         pieces = [replace(piece, constant=False) for piece in path.pieces[first : last + 1]]
@@ -114,18 +117,19 @@ class Whole:
 
 @dataclass(frozen=True, slots=True)
 class Sent:
-    """Pulses (n,) that were sent before a section, and where its axes (n,) stand in their plays; empty: none."""
+    """Pulses (n,) that were sent before a section, and where its axes (n,) stand in their plays; empty: none.
+
+    left: the triggers of the plan that were not fired
+    """
 
     pulses: tuple[SentPulses, ...] = ()
     plays: tuple[Play, ...] = ()
+    left: tuple[Triggered, ...] = ()
 
     @classmethod
-    def before(cls, tick: int, pulses: PulseSchedule, counted: AxesMotion, machine: Machine, earlier: "Sent") -> "Sent":
-        """Before a tick of the pulses that count a motion, and before all of these. Raises as `find_plays`."""
-        plays: tuple[Play, ...] = ()
-        if isinstance(counted, CompensatedMotion):
-            plays = find_plays(counted, machine.axes, min(tick / pulses.clock_hz, counted.duration))
-        return cls(find_sent(pulses, tick, earlier.pulses), plays)
+    def before(cls, whole: Whole, since: float) -> "Sent":
+        """Before a motion that begins at rest, at a place (m)."""
+        return cls(left=tuple(event for event in whole.triggers if event.where.s > since or since == 0))
 
 
 NONE_SENT = Sent()
@@ -170,6 +174,23 @@ class Section(Result):
         return measure_way(self.path, self.shaped)
 
     @property
+    def triggers(self) -> tuple[Triggered, ...]:
+        """Of the plan's triggers those that it comes by, with times and counts of its own."""
+        return tuple(found for found in map(self.fire, self.sent.left) if found is not None)
+
+    def fire(self, event: Triggered) -> Triggered | None:
+        """A trigger of the plan, as it comes by it; None where it ends before."""
+        motion = self.trajectory if self.shaped is None else self.shaped.motion.base
+        assert isinstance(motion, Trajectory)  # motions of machines are
+        assert isinstance(motion.path, MachinePath)
+        s = snap(motion.path.breaks, max(event.where.s - motion.path.origin[0], 0.0))
+        if s > motion.path.breaks[-1]:
+            return None
+        t, late = find_passing(motion, s, *find_delays(self.machine.axes))
+        passed = max(t + late - (0.0 if self.shaped is None else self.shaped.since), 0.0)
+        return replace(event, where=replace(event.where, t=passed), counts=self.pulses.counts(passed)[0])
+
+    @property
     def until(self) -> float:
         """m of the plan's path, where it ends, at rest."""
         return self.since + float(self.path.breaks[-1])
@@ -187,7 +208,9 @@ class Section(Result):
         values = Column("value", [f"{self.duration:.6f} s", f"{1e3 * self.distance:.3f} mm"])
         begin = "" if self.at is None else f" from {self.at:.6f} s on"
         behind = () if self.shaped is None else self.shaped.tables()
-        return (Table(f"{self.what} of {self.name}{begin}", (what, values)), *self.certificate.tables(), *behind)
+        fired = trigger_tables(self.triggers, self.path.names)
+        own = Table(f"{self.what} of {self.name}{begin}", (what, values))
+        return (own, *self.certificate.tables(), *behind, *fired)
 
 
 def measure_way(path: MachinePath, shaped: ShapedProof | None) -> float:

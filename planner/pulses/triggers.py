@@ -83,14 +83,19 @@ def find_triggers(
         if event is None:
             continue
         s = place_share(path, first, last, event.at)
-        t = arrival_time(trajectory, s)
-        late = length if length and _find_rest(trajectory, t) >= length else delay
+        t, late = find_passing(trajectory, s, delay, length)
         state, counts = trajectory.at(t), pulses.counts(np.array([t + late]))[0]
         assert state.pose is not None  # a machine's path has one
         found.append(
             Triggered(event.name, path.place(s, first, t + late), state.pose[0], freeze_array(counts, np.int64))
         )
     return tuple(found)
+
+
+def find_passing(trajectory: Trajectory, s: float, delay: float, length: float) -> tuple[float, float]:
+    """When a motion comes by path length s, and by how much later its pulses do (s); as `find_triggers` has it."""
+    t = arrival_time(trajectory, s)
+    return t, length if length and _find_rest(trajectory, t) >= length else delay
 
 
 def _find_rest(trajectory: Trajectory, t: float) -> float:

@@ -59,6 +59,12 @@ class Copies:
         return np.asarray(((self.delays - self.centre) ** 2) @ self.weights)
 
 
+def find_delays(axes: Sequence[Axis]) -> tuple[float, float]:
+    """s, by which pulses are behind the motion before shapers: while it moves, and when it has come to rest."""
+    copies = find_copies(axes)
+    return (0.0, 0.0) if copies is None else (copies.centre, copies.length)
+
+
 def find_copies(axes: Sequence[Axis]) -> Copies | None:
     """Those of the axes' shapers; None where no axis has one."""
     if not any(axis.shaper for axis in axes):

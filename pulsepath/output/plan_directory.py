@@ -35,7 +35,8 @@ from planner.pulses.checking.pulse_reader import list_statements, read_compensat
 from planner.pulses.compensation.compensate import counted_motion
 from planner.pulses.motion import AxesMotion
 from planner.pulses.schedule import AxisPulses, MovedPulses
-from planner.shaping.shaped_motion import shaper_length
+from planner.pulses.triggers import find_triggers
+from planner.shaping.shaped_motion import find_delays, shaper_length
 from pulsepath.inputs import Inputs, Origin
 from pulsepath.job import Defect, Job
 from pulsepath.options import LAWS
@@ -120,7 +121,9 @@ class StoredPlan(Interruptible):
         motion, pulses = self.trajectory, self.pulses(progress)
         proof, path, tool = certify(motion, self.limits), motion.path, self.program.tool
         assert isinstance(path, MachinePath)  # as every plan's
-        return Whole(self.program.name, self.machine, path, motion, proof, pulses, self.order, tool, (), self.fastest)
+        fired = find_triggers(self.program, path, motion, pulses, *find_delays(self.machine.axes))
+        own = path, motion, proof, pulses, self.order, tool, (), self.fastest, fired
+        return Whole(self.program.name, self.machine, *own)
 
     def open_pulses(self) -> PulseFile | None:
         """Their binary file, to be read part by part; None where there is none that has and states what was proved."""
