@@ -23,6 +23,7 @@ from planner.certificate.certify import Certificate
 from planner.certificate.summary import join_certificates, summarise_part
 from planner.limits import Limit, OwnLimit, limits_of, usual_order
 from planner.limits.resonance import Resonance
+from planner.parallel import Progress, ignore_progress
 from planner.path.chain import walk_path
 from planner.path.join_and_blend import PathStep
 from planner.path.outcome import FitSummary, fit_tables, merge_fits, summarise_fits
@@ -145,6 +146,7 @@ def plan_parts(
     pieces: int = PIECES,
     after: PlanMark | None = None,
     helpers: Helpers | None = None,
+    progress: Progress = ignore_progress,
 ) -> Iterator[PlanPart]:
     """Plan a program as it is read: the fastest motion, proved, and its pulses, in memory that does not grow with it.
 
@@ -161,6 +163,8 @@ def plan_parts(
         Go on from there.
     helpers
         Processes that solve windows beside this one; None: none.
+    progress
+        Is told how many segments have been read ahead for the next window, of how many in all repetitions.
 
     Raises
     ------
@@ -176,7 +180,9 @@ def plan_parts(
     paced = pace_axes(machine.axes, clock_hz, rule)
     find_limits = partial(limits_of, axes=paced, order=order, own=limits)
     planner = WindowPlanner(machine, find_limits, order, program.tool, pieces)
-    steps = _Steps(mark_steps(walk_path(program, machine), program, machine))
+    steps = _Steps(
+        mark_steps(walk_path(program, machine), program, machine), len(program.segments), program.repeat, progress
+    )
     start, standing, waiting = Start(), None, tuple[Crossing, ...]()
     stream = PulseStream(machine, clock_hz, rule)
     if after is not None:
@@ -280,7 +286,9 @@ def find_whole_reason(program: Program, machine: Machine, rule: Rule) -> str | N
 class _Steps:
     """The steps of a path as they are taken, with what became of joins and chains, and triggers, held until planned."""
 
-    def __init__(self, steps: Iterator[MarkedStep]) -> None:
+    def __init__(self, steps: Iterator[MarkedStep], segments: int, repeat: int, progress: Progress) -> None:
+        """segments: of the program, which is run so often; progress: is told how many are read, and of how many."""
+        self._segments, self._total, self._tell = segments, repeat * segments, progress
         self._steps, self._held, self._marks = steps, deque[tuple[int, PathStep]](), deque[Mark]()
         self._next = next(steps, None)
         self.taken = 0
@@ -296,6 +304,7 @@ class _Steps:
             self._next = next(self._steps, None)
             self.taken += 1
             self._marks.extend(marks)
+            self._tell(((step.piece.repetition or 1) - 1) * self._segments + step.piece.segment, self._total)
             if step.blend is not None or step.fitted is not None:
                 self._held.append((self.taken, step))
             yield step

@@ -16,7 +16,6 @@ from planner.pulses import find_rule
 from planner.windows import Helpers
 from pulsepath.inputs import Inputs
 from pulsepath.output import parts_directory
-from pulsepath.process.intent import keeps
 from pulsepath.progress import note, step
 
 INSTEAD = {
@@ -87,32 +86,45 @@ def run_parts(
     program, machine = inputs.program, inputs.machine
     for field in find_unkept_limits(machine):
         note(f"note: {machine.name} states {field} but no masses, so no plan can respect it")
-    begin, reached, place = perf_counter(), 0.0, _Place(inputs)
+    begin, reached = perf_counter(), 0.0
+    planned, ahead, read = _Place(inputs), _Place(inputs), 0
     first: tuple[int, float] | None = None  # segments and s of motion by the first part of this run
 
     def describe(done: int, of: int) -> str:
-        spent, before = perf_counter() - begin, first or (0, 0.0)
-        left = spent * (of - done) / max(done - before[0], 1)
-        speed = (reached - before[1]) / max(spent, 1e-9)
-        where = f"segment {done} of {of}, all repetitions" if program.repeat > 1 else place.find(done, of)
+        if first is None:
+            return f"{ahead.find(read, of)} read, the first part not planned yet"
+        spent = perf_counter() - begin
+        left = spent * (of - done) / max(done - first[0], 1)
+        speed = (reached - first[1]) / max(spent, 1e-9)
+        where = planned.find(done, of)
         return f"{where}, {reached:.1f} s of motion, {speed:.1f} times real time, about {left:.0f} s left"
 
     with step(f"planning {program.name} on {machine.name} part by part", describe) as tell:
 
-        def tell_standing(standing: PlanStanding, repetition: int) -> None:
+        def tell_standing(standing: PlanStanding, done: int) -> None:
             nonlocal reached, first
-            done = (repetition - 1) * len(program.segments) + standing.segment
             if first is None:
                 begun = standing.windows == 1
                 first = (0, 0.0) if begun else (done, standing.duration)
             reached = standing.duration
-            total = program.repeat * len(program.segments)
-            keeps(f"segments 1 to {done} of {total}, {reached:.1f} s of motion, are kept in {folder.name}")
-            tell(done, total)
+            tell(done, program.repeat * len(program.segments))
+
+        def tell_read(done: int, of: int) -> None:
+            nonlocal read
+            read = done
+            if first is None:
+                tell(0, of)
 
         kind = usual_order(machine.axes) if order is None else order
         plan = partial(
-            plan_parts, program, machine, order=kind, clock_hz=firing.clock_hz, rule=firing.rule, helpers=helpers
+            plan_parts,
+            program,
+            machine,
+            order=kind,
+            clock_hz=firing.clock_hz,
+            rule=firing.rule,
+            helpers=helpers,
+            progress=tell_read,
         )
         options = {"order": kind, **asdict(firing)}
         with inputs.tell_lines():
@@ -135,6 +147,7 @@ class _Place:
     """Where in a program's file planning is: its lines are read once more, as far as that has come."""
 
     def __init__(self, inputs: Inputs) -> None:
+        self._repeats = inputs.program.repeat > 1
         self._lines = (segment.line_number for segment in inputs.program.segments)
         self._total = inputs.program_toml.rstrip().count(b"\n") + 1
         self._segment = 0
@@ -142,6 +155,8 @@ class _Place:
 
     def find(self, segment: int, of: int) -> str:
         """The line of a segment, or where it has none its number; none before those asked for already."""
+        if self._repeats:
+            return f"segment {segment} of {of}, all repetitions"
         for line in islice(self._lines, max(0, segment - self._segment)):
             self._segment, self._line = self._segment + 1, line
         return f"segment {segment} of {of}" if self._line is None else f"line {self._line} of {self._total}"

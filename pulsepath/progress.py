@@ -1,7 +1,7 @@
 """What a command says beside its result: the progress of long work on stderr, as much as -q and -v ask for.
 
-On a terminal a spinner, elsewhere a line per step, and every ten seconds how far it is; plain where NO_COLOR or a dumb
-terminal asks for it.
+On a terminal a bar, elsewhere a line per step, and after two, six, fourteen seconds and then every ten how far it is;
+plain where NO_COLOR or a dumb terminal asks for it.
 """
 
 import os
@@ -15,8 +15,10 @@ import click
 
 from pulsepath.process.load_alone import load_alone
 
-REPORT_PERIOD = 10.0
-"""s between two lines of a long step, where they are not drawn over each other."""
+FIRST_PERIOD, REPORT_PERIOD = 2.0, 10.0
+"""s between two lines of a long step, where they are not drawn over each other: at first, and at most."""
+REDRAW_PERIOD, BAR_WIDTH = 0.1, 20
+"""s between two that are; and columns of the bar before them."""
 MAX_COUNTED = 1000
 """Up to so many, things are told by number; of more, as of ticks or bytes, their share says enough."""
 
@@ -33,24 +35,48 @@ def step(what: str, describe: Callable[[int, int], str] | None = None) -> Iterat
         yield _report_nothing
         return
     if is_styled(sys.stderr):
-        from rich.console import Console
-
-        with Console(stderr=True, markup=False).status(what) as status:
-            yield lambda done, of: status.update(f"{what}: {describe(done, of)}")
+        with _draw_bar(what, describe) as draw_progress:
+            yield draw_progress
     else:
         print(f"{what} …", file=sys.stderr, flush=True)
-        told = begin
+        told, period = begin, FIRST_PERIOD
 
         def tell(done: int, of: int) -> None:
-            nonlocal told
-            if perf_counter() - told > REPORT_PERIOD:
-                told = perf_counter()
+            nonlocal told, period
+            if perf_counter() - told > min(period, REPORT_PERIOD):
+                told, period = perf_counter(), 2 * period
                 print(f"{what}: {describe(done, of)}", file=sys.stderr, flush=True)
 
         yield tell
         if level() < VERBOSE:
             return
     print(f"{what}: {perf_counter() - begin:.1f} s", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def _draw_bar(what: str, describe: Callable[[int, int], str]) -> Iterator[Callable[[int, int], None]]:
+    """A bar on a terminal, which moves to and fro until something is told; behind it what is said of that."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
+    from rich.table import Column
+
+    folded = Column(overflow="fold")
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description}", markup=False),
+        BarColumn(bar_width=BAR_WIDTH),
+        TextColumn("{task.fields[told]}", markup=False, table_column=folded),
+    )
+    with Progress(*columns, console=Console(stderr=True, markup=False), transient=True) as progress:
+        task, told = progress.add_task(what, total=None, told=""), 0.0
+
+        def tell(done: int, of: int) -> None:
+            nonlocal told
+            if perf_counter() - told > REDRAW_PERIOD or done == of:
+                told = perf_counter()
+                progress.update(task, completed=done, total=of, told=describe(done, of))
+
+        yield tell
 
 
 def _report_nothing(done: int, of: int) -> None:

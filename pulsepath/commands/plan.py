@@ -136,7 +136,8 @@ LONG_FILE = 1 << 16
 @click.option(
     "--resume",
     is_flag=True,
-    help="With --stream: continue a run that was interrupted or killed; the result is identical, byte for byte.",
+    help="With --stream: continue a run that was interrupted or killed, if it kept anything; the result is identical, "
+    "byte for byte.",
 )
 @click.option(
     "--cluster",
@@ -194,7 +195,15 @@ def plan(
         raise click.UsageError("Missing option '--out'.", click.get_current_context())
     writes(out)
     from kinematics.foundation.names import find
-    from pulsepath.output.directory import RECORD, REPORT, fill_directory, refuse_overwrite, replace_directory
+    from pulsepath.output.directory import (
+        CHECKPOINT,
+        RECORD,
+        REPORT,
+        fill_directory,
+        find_unfinished,
+        refuse_overwrite,
+        replace_directory,
+    )
 
     refuse_overwrite(out, force)
     seconds = None if duration is None else read_quantity("--duration", duration, "s", above=0.0)
@@ -236,7 +245,6 @@ def plan(
         from pulsepath.inputs import read_rig
         from pulsepath.job import run
         from pulsepath.output import plan_directory, record, tables
-        from pulsepath.output.checkpoint import CHECKPOINT
         from pulsepath.parts_job import Firing, choose_parts, open_helpers, run_parts
 
         heated = objective is not None and read_objective(objective).heat > 0
@@ -254,7 +262,7 @@ def plan(
         }
         whole["--pulses csv"] = pulses == "csv"
         if choose_parts(stream, inputs, rule, [option for option, asked in whole.items() if asked]):
-            writes(out, kept="what was planned, if anything, is kept for --resume")
+            writes(out, checkpoint=find_unfinished(out) / CHECKPOINT)
             with open_helpers(cluster) as helpers, fill_directory(out, force, resume, CHECKPOINT) as folder:
                 firing = Firing(clock_hz, rule, pulses != "none")
                 standing, no = run_parts(inputs, kind, firing, folder, figures, keep, helpers)

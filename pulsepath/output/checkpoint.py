@@ -25,8 +25,9 @@ from planner.pulses.trigger_stream import Crossing
 from planner.timing.problem import Continuation
 from planner.windows import Start
 from pulsepath import __version__
+from pulsepath.output.directory import CHECKPOINT
 
-CHECKPOINT, KIND, SCHEMA = "checkpoint.json", "pulsepath unfinished plan", 2
+KIND, SCHEMA = "pulsepath unfinished plan", 2
 Record = dict[str, Any]
 
 
@@ -34,12 +35,15 @@ Record = dict[str, Any]
 class Checkpoint:
     """Where a plan stands: sizes: bytes of the files that grow; complete: all is planned, to be checked and reported.
 
+    reached: the same in words; command: that goes on from there
     ending: why it ends before its program does
     """
 
     mark: PlanMark
     sizes: Mapping[str, int]
     complete: bool
+    reached: str
+    command: str
     ending: str = ""
 
 
@@ -52,6 +56,8 @@ def write_checkpoint(folder: Path, of: Mapping[str, Any], reached: Checkpoint) -
         "of": of,
         "sizes": reached.sizes,
         "complete": reached.complete,
+        "reached": reached.reached,
+        "command": reached.command,
         "ending": reached.ending,
         "standing": _standing_record(reached.mark.standing),
         "stream": reached.mark.stream.mark(),
@@ -93,7 +99,8 @@ def read_checkpoint(folder: Path, of: Mapping[str, Any], machine: Machine) -> Ch
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise MotionError(f"{file}: no checkpoint can be read from it ({error!r}): omit --resume") from None
-    return Checkpoint(PlanMark(standing, stream, waiting), sizes, bool(record["complete"]), str(record["ending"]))
+    words = (str(record.get(name, "")) for name in ("reached", "command", "ending"))
+    return Checkpoint(PlanMark(standing, stream, waiting), sizes, bool(record["complete"]), *words)
 
 
 def _standing_record(standing: PlanStanding) -> Record:

@@ -21,6 +21,8 @@ from kinematics.files.atomic_files import (
 )
 from kinematics.files.leftovers import NEW, OLD, clear, lock
 from kinematics.foundation.errors import MotionError
+from pulsepath.process.exits import read_reached
+from pulsepath.progress import note
 
 RECORD, KIND = "plan.json", "pulsepath plan"
 """The file by which a directory that `plan` wrote is known, and what it says it is."""
@@ -33,6 +35,8 @@ CELLS = "cells"
 """As in benchmarks.sweep.result, which takes long to load."""
 REPORT = "report.html"
 """Of each of them the page for its reader."""
+CHECKPOINT = "checkpoint.json"
+"""In a directory that is not complete: where the plan stands."""
 TRIGGERS = "triggers.csv"
 """Only where the program of a plan has triggers."""
 
@@ -70,8 +74,22 @@ def is_ours(directory: Path, kind: str = KIND) -> bool:
 
 def refuse_no_plan(folder: Path) -> None:
     """Raise MotionError for a directory that `plan` did not write."""
-    if not is_ours(folder):
-        raise MotionError(f"{folder} holds no plan: make one with pulsepath plan PROGRAM --out {folder}")
+    if is_ours(folder):
+        return
+    for place in (folder, find_unfinished(folder)):
+        if (place / BEGUN).is_file():
+            raise MotionError(_describe_unfinished(place))
+    raise MotionError(f"{folder} holds no plan: make one with pulsepath plan PROGRAM --out {folder}")
+
+
+def _describe_unfinished(folder: Path) -> str:
+    """How far the plan is that grows in a directory, or did, and how to go on."""
+    reached = read_reached(folder / CHECKPOINT)
+    held = "no part of it is planned yet" if reached is None else f"{reached[0]}, are planned"
+    if _is_locked(folder):
+        return f"{folder} holds a plan that is being made: {held}; wait for its end"
+    onward = "give its pulsepath plan command again" if reached is None else f'"{reached[1]}" goes on from there'
+    return f"{folder} holds an interrupted run of pulsepath plan, no finished plan: {held}; {onward}"
 
 
 def refuse_late(folder: Path, t: float) -> None:
@@ -141,21 +159,27 @@ UNFINISHED, BEGUN = ".unfinished", "begun"
 """Behind the name of a directory that is not complete yet, and the file that says so in it."""
 
 
+def find_unfinished(target: Path) -> Path:
+    """The directory beside a target in which that grows."""
+    place = target.resolve()
+    return place.with_name(place.name + UNFINISHED)
+
+
 @contextmanager
 def fill_directory(target: Path, force: bool, resume: bool, checkpoint: str) -> Iterator[Path]:
     """A directory beside the target to fill over a long time, which becomes the target when the block ends well.
 
     Where the block is interrupted or killed it stays, if there is a checkpoint in it, a file of that name: `resume`
-    gives it again. A MotionError leaves nothing that was not there before. Raises MotionError as
-    `replace_directory`, for nothing to resume, for what is there to be resumed and not asked for, unless `force`
+    gives it again, or, where there is none, says that all begins anew. A MotionError leaves nothing that was not there
+    before. Raises MotionError as `replace_directory`, for what is there to be resumed and not asked for, unless `force`
     begins anew, and while another process fills it.
     """
     refuse_overwrite(target, force)
-    place = target.resolve()
-    folder = place.with_name(place.name + UNFINISHED)
+    place, folder = target.resolve(), find_unfinished(target)
     held = (folder / checkpoint).is_file()
     if resume and not held:
-        raise MotionError(f"{folder} holds nothing that can be resumed: omit --resume")
+        note(f"note: there is nothing to resume in {folder.name}: planning begins at the first segment")
+        resume = False
     if held and not (resume or force):
         raise MotionError(f"{folder} holds a plan that was not finished: give --resume, or --force to begin anew")
     if folder.exists() and any(folder.iterdir()) and not (folder / BEGUN).is_file():
@@ -179,6 +203,17 @@ def fill_directory(target: Path, force: bool, resume: bool, checkpoint: str) -> 
             folder.rename(place)
         for name in (checkpoint, BEGUN):
             (place / name).unlink(missing_ok=True)
+
+
+def _is_locked(folder: Path) -> bool:
+    """Whether another process fills a directory now."""
+    try:
+        os.close(lock(folder))
+    except BlockingIOError:
+        return True
+    except OSError:  # there are no locks, or no such directory
+        pass
+    return False
 
 
 @contextmanager

@@ -18,18 +18,20 @@ from planner.limits import limits_of
 from planner.overview import Overview
 from planner.path.chain import walk_path
 from planner.plan_parts import PlanMark, PlanPart, PlanStanding, come_to_rest
+from planner.program.model import Program
 from planner.pulses import find_rule, open_pulses, pace_axes
 from planner.pulses.checking.edge_reader import check_file_parts
 from planner.pulses.triggers import holds_triggers
 from pulsepath.inputs import Inputs
 from pulsepath.job import Defect
-from pulsepath.output.checkpoint import CHECKPOINT, Checkpoint, holds_checkpoint, read_checkpoint, write_checkpoint
-from pulsepath.output.directory import BEGUN, RECORD, REPORT, TRIGGERS
+from pulsepath.output.checkpoint import Checkpoint, holds_checkpoint, read_checkpoint, write_checkpoint
+from pulsepath.output.directory import BEGUN, CHECKPOINT, RECORD, REPORT, TRIGGERS
 from pulsepath.output.plan_directory import BINARY, CERTIFICATE, MOTION, SOURCES
 from pulsepath.output.plan_record import of_parts, of_pulse_file
 from pulsepath.output.record import as_json
 from pulsepath.output.verification import digest_pulses, seal_record
-from pulsepath.progress import step
+from pulsepath.process.intent import make_resume_command
+from pulsepath.progress import note, step
 
 
 class PartsWriter:
@@ -130,17 +132,18 @@ def write(
     """Write everything into a folder as the parts come, the record last: what it holds, and why it is no more.
 
     A folder with a checkpoint is gone on with. plan: from a mark on; options: what makes it another plan.
-    tell: is told what is known behind each part, and in which repetition of the program that is.
+    tell: is told what is known behind each part, and how many segments that are, of all repetitions.
     pulses: their file as well. keep: where a part cannot be planned, the folder becomes a plan that ends with the stop
     before it, if there is any. Else raises as the parts do.
     """
-    seen, held = Overview(), Activity(inputs.program)
+    seen, held, command = Overview(), Activity(inputs.program), make_resume_command()
     part, no, mark, sizes, ending = None, None, None, None, ""
     of = {**options, "inputs": inputs.digests, "fit": inputs.fit}
     of["reading"] = None if inputs.origin is None else {**inputs.origin.options, "format": inputs.origin.format}
     if holds_checkpoint(folder):
         known = read_checkpoint(folder, of, inputs.machine)
         mark, sizes = known.mark, known.sizes
+        note(f"resuming {folder.name}: {known.reached}, are planned already")
         if known.complete:
             _look_again(seen, held, folder, inputs, options, mark)
             _finish(folder, mark.standing, inputs, seen, held, pulses, figures, known.ending)
@@ -156,8 +159,11 @@ def write(
                 writer.add(part)
                 seen.add(part.motion, part.start.begin, part.start.length)
                 held.add(part.motion, part.start.begin, part.limits)
-                write_checkpoint(folder, of, Checkpoint(part.mark, writer.secure(), part.rest_pulses is None))
-                tell(part.standing, part.motion.path.place(0.0, int(part.motion.piece[-1])).repetition or 1)
+                done = _count_segments(part, inputs.program)
+                reached = _describe_reached(part.standing, done, inputs.program)
+                whole = part.rest_pulses is None
+                write_checkpoint(folder, of, Checkpoint(part.mark, writer.secure(), whole, reached, command))
+                tell(part.standing, done)
         except MotionError as error:
             if not keep or part is None:
                 raise
@@ -168,11 +174,24 @@ def write(
                 held.add(part.rest, part.standing.start.begin, part.limits)
             ending = f"It ends before the program does, with a stop: {no}"
             ended = replace(part.mark, standing=come_to_rest(part))
-            write_checkpoint(folder, of, Checkpoint(ended, writer.secure(), True, ending))
+            reached = _describe_reached(ended.standing, _count_segments(part, inputs.program), inputs.program)
+            write_checkpoint(folder, of, Checkpoint(ended, writer.secure(), True, reached, command, ending))
     assert part is not None  # a program has a segment that moves, or is refused
     standing = part.standing if no is None else come_to_rest(part)
     _finish(folder, standing, inputs, seen, held, pulses, figures, ending)
     return standing, no
+
+
+def _count_segments(part: PlanPart, program: Program) -> int:
+    """Up to the end of a part, of all repetitions."""
+    repetition = part.motion.path.place(0.0, int(part.motion.piece[-1])).repetition or 1
+    return (repetition - 1) * len(program.segments) + part.standing.segment
+
+
+def _describe_reached(standing: PlanStanding, segments: int, program: Program) -> str:
+    """How far a plan is."""
+    total = program.repeat * len(program.segments)
+    return f"segments 1 to {segments} of {total}, {standing.duration:.1f} s of motion"
 
 
 def _write_inputs(folder: Path, inputs: Inputs) -> None:

@@ -12,13 +12,18 @@ _INTENT, ARGUMENTS = "pulsepath.process.intent", "pulsepath.arguments"
 """Where a context keeps what is about to be written, and the words of the command line."""
 
 
-def writes(*targets: Path, kept: str = "") -> None:
-    """From here on an interruption is told as whether these changed; kept: what stays of unfinished work."""
+def writes(*targets: Path, kept: str = "", checkpoint: Path | None = None) -> None:
+    """From here on an interruption is told as whether these changed.
+
+    kept: what stays of unfinished work; checkpoint: or the file that says so then, if it is there
+    """
     import click
 
     intent = {
         "writes": [[str(target), os.path.realpath(target), read_stamp(target)] for target in targets],
         "kept": kept,
+        "checkpoint": None if checkpoint is None else os.path.realpath(checkpoint),
+        "resume": make_resume_command(),
         "folders": list(dict.fromkeys(str(Path(os.path.realpath(target)).parent) for target in targets)),
         "made": [str(above) for target in targets for above in _missing_folders(Path(os.path.realpath(target)))],
     }
@@ -28,16 +33,14 @@ def writes(*targets: Path, kept: str = "") -> None:
         supervisor.tell(**intent)
 
 
-def keeps(what: str) -> None:
-    """From here on an interruption is told with what stays of unfinished work, as it has grown, and what goes on."""
+def make_resume_command() -> str:
+    """The command line that goes on with what this one began."""
     import click
 
     context = click.get_current_context(silent=True)
-    if context is not None and _INTENT in context.meta:
-        words = [word for word in context.meta.get(ARGUMENTS, ()) if word not in ("--resume", "--force")]
-        command = shlex.join(["pulsepath", *words, "--resume"])
-        context.meta[_INTENT]["kept"] = f'{what}: "{command}" goes on from there'
-        supervisor.tell(kept=context.meta[_INTENT]["kept"])
+    given = () if context is None else context.meta.get(ARGUMENTS, ())
+    words = [word for word in given if word not in ("--resume", "--force")]
+    return shlex.join(["pulsepath", *words, "--resume"])
 
 
 def describe_interruption(context: Any) -> str:

@@ -56,6 +56,15 @@ def test_parts_are_the_whole_but_for_what_they_look_ahead(walked, hexapod):
     assert parts[-1].standing.certificate.holds
 
 
+def test_what_is_read_ahead_is_told_before_the_first_part(walked, hexapod):
+    told = []
+    next(plan_parts(walked[0], hexapod, pieces=24, progress=lambda *given: told.append(given)))
+    done = [done for done, _ in told]
+    assert done == sorted(done)
+    assert 0 < done[0] < done[-1] <= 120
+    assert {of for _, of in told} == {120}
+
+
 def test_the_standing_is_that_of_all_parts(walked):
     _, parts = walked
     standing, schedule = parts[-1].standing, join_schedules([part.pulses for part in parts])

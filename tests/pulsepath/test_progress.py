@@ -1,6 +1,7 @@
 """Progress goes to stderr."""
 
 import click
+import numpy as np
 
 from pulsepath import progress
 from pulsepath.progress import step
@@ -26,6 +27,18 @@ def test_a_long_step_tells_how_far_it_is(capsys, monkeypatch):
         monkeypatch.setattr(progress, "REPORT_PERIOD", 0.0)
         tell(2, 3)
     assert capsys.readouterr().err.splitlines()[:2] == ["counting …", "counting: 2 of 3"]
+
+
+def test_lines_come_soon_and_then_more_rarely(capsys, monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(progress, "perf_counter", lambda: now[0])
+    with step("counting") as tell:
+        for second in range(60):
+            now[0] = second + 0.5
+            tell(second, 60)
+    told = [int(line.split()[1]) for line in capsys.readouterr().err.splitlines()[1:]]
+    assert told[:4] == [2, 7, 16, 27]  # after 2, 4, 8 and then every 10 s, to the second after
+    assert set(np.diff(told[3:])) == {11}
 
 
 def test_of_many_the_share_is_told(capsys, monkeypatch):

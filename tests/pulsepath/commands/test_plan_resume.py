@@ -24,6 +24,9 @@ ASKED = ("--machine", "hexapod", "--stream", "--order", "2", "--no-figures")
 SAME = ("motion.bin", "pulses.bin", "report.html", "triggers.csv", "certificate.json", "program.nc")
 
 
+REACHED = r"segments 1 to (\d+) of \d+, ([\d.]+) s of motion, are "
+
+
 SMALL_WINDOWS = f"""
 from functools import partial
 from planner.plan_parts import plan_parts
@@ -73,20 +76,21 @@ def test_the_same_bytes_come_of_it(drawn, call, file, tmp_path, monkeypatch, sma
     assert json.loads(whole.stdout)["windows"] > 4
     done = break_off(monkeypatch, call, after, "plan", file, *ASKED, "--out", tmp_path / "out")
     assert done.exit_code == 130
-    if after == 1:
-        assert "kept for --resume" in done.stderr
-    else:
-        kept = re.search(
-            r"segments 1 to (\d+) of \d+, ([\d.]+) s of motion, are kept in out.unfinished: "
-            r'"pulsepath (plan .*) --resume" goes on from there',
-            done.stderr,
-        )
-        assert 0 < int(kept[1]) < LINES
-        assert float(kept[2]) > 0
-        assert kept[3].split() == ["plan", str(file), *ASKED, "--out", str(tmp_path / "out")]
+    kept = re.search(
+        REACHED + r'kept in out.unfinished: "pulsepath (plan .*) --resume" goes on from there', done.stderr
+    )
+    assert 0 < int(kept[1]) < LINES
+    assert float(kept[2]) > 0
+    assert kept[3].split() == ["plan", str(file), *ASKED, "--out", str(tmp_path / "out")]
     assert not (tmp_path / "out").exists()
+    checked = call("check", tmp_path / "out.unfinished")
+    assert checked.exit_code == 2
+    held = re.search(REACHED + r'planned; "pulsepath (plan .*) --resume" goes on from there', checked.stderr)
+    assert held.groups() == kept.groups()
+    assert "holds an interrupted run of pulsepath plan" in call("export", tmp_path / "out", "--format", "npz").stderr
     again = call("plan", file, *ASKED, "--out", tmp_path / "out", "--resume", "--json")
     assert again.exit_code == 0, again.stderr
+    assert f"segments 1 to {kept[1]} of {LINES + 1}, {kept[2]} s of motion, are planned already" in again.stderr
     assert not (tmp_path / "out.unfinished").exists()
     for name in SAME:
         assert (tmp_path / "out" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes(), name
@@ -95,9 +99,26 @@ def test_the_same_bytes_come_of_it(drawn, call, file, tmp_path, monkeypatch, sma
     assert one == other
 
 
+def test_before_the_first_part_nothing_is_kept_and_resume_begins_anew(call, file, tmp_path, monkeypatch, small_windows):
+    def break_here(*_: object) -> None:
+        unfinished.append(call("check", tmp_path / "out.unfinished").stderr)
+        raise KeyboardInterrupt
+
+    unfinished = []
+    with monkeypatch.context() as patch:
+        patch.setattr(parts_directory.PartsWriter, "add", break_here)
+        done = call("plan", file, *ASKED, "--out", tmp_path / "out")
+    assert done.exit_code == 130
+    assert "the first part of the plan was not finished, so nothing is kept for --resume" in done.stderr
+    assert "is being made: no part of it is planned yet; wait for its end" in unfinished[0]
+    assert [path.name for path in tmp_path.iterdir()] == [file.name]
+    again = call("plan", file, *ASKED, "--out", tmp_path / "out", "--resume")
+    assert again.exit_code == 0, again.stderr
+    assert "there is nothing to resume in out.unfinished: planning begins at the first segment" in again.stderr
+
+
 def test_it_goes_on_with_nothing_else(call, file, tmp_path, monkeypatch, small_windows):
     out = tmp_path / "out"
-    assert "holds nothing that can be resumed" in call("plan", file, *ASKED, "--out", out, "--resume").stderr
     break_off(monkeypatch, call, 2, "plan", file, *ASKED, "--out", out)
     done = call("plan", file, *ASKED, "--out", out)
     assert done.exit_code == 2
