@@ -3,6 +3,7 @@
 What a key takes comes from its annotation, what it means from its declaration (`kinematics.files.keys`); or, of a table
 that sets the fields of another class, from the docstring of that class, in which a line reads `key  meaning`. A key
 that nothing explains ends the build. {kind-keys}: the tables of every kind of machine, so that a new one needs no line.
+{drive-times}: the known drives.
 """
 
 import re
@@ -21,6 +22,7 @@ from sphinx.util.docutils import SphinxDirective
 from kinematics.files.keys import Chosen
 from kinematics.files.schema import TableSchema
 from kinematics.foundation.units import Unit, describe, everyday_unit
+from kinematics.machine.axis import DRIVES
 from kinematics.machine.machine_file import KINDS
 
 LINE = re.compile(r"^((?:\w+, )*\w+) {2,}(\S.*(?:\n {3,}\S.*)*)", re.MULTILINE)
@@ -155,7 +157,20 @@ class KindKeys(SphinxDirective):
         return self.parse_text_to_nodes("\n".join(lines), allow_section_headings=True)
 
 
+class DriveTimes(SphinxDirective):
+    """The drives that machine files may name, and what each needs of its pulses."""
+
+    def run(self) -> list[nodes.Node]:
+        lines = ["| drive | STEP high, at least | STEP low | DIR set-up | DIR hold | pulse rate, at most |"]
+        lines.append("|" + " --- |" * 6)
+        for name, drive in DRIVES.items():
+            times = [f"{1e6 * time:g} us" for time in (drive.high, drive.low, drive.setup, drive.hold)]
+            lines.append(f"| {' | '.join([f'`{name}`', *times, f'{drive.rate / 1e3:.4g} kHz'])} |")
+        return self.parse_text_to_nodes("\n".join(lines))
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
+    app.add_directive("drive-times", DriveTimes)
     app.add_directive("kind-keys", KindKeys)
     app.add_directive("file-keys", FileKeys)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

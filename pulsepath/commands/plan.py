@@ -1,7 +1,7 @@
 """`pulsepath plan`: write the time-optimal motion, its certificate, its pulses and a report to a directory."""
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,8 +28,10 @@ from pulsepath.process.intent import writes
 from pulsepath.progress import QUIET, VERBOSE, level, say
 
 if TYPE_CHECKING:
-    from planner.plan_parts import PlanStanding
+    from kinematics.foundation.table import Table
     from pulsepath.inputs import Inputs
+
+    Tables = Callable[[], Sequence[Table]]
 
 WORK_MODULES = ("pulsepath.job",)
 FIGURE_MODULES = ("benchmarks.reports.plan_report", "controllers.figures", "planner.figures")
@@ -197,8 +199,6 @@ def plan(
     from kinematics.foundation.names import find
     from pulsepath.output.directory import (
         CHECKPOINT,
-        RECORD,
-        REPORT,
         fill_directory,
         find_unfinished,
         refuse_overwrite,
@@ -244,7 +244,7 @@ def plan(
         from planner.tradeoffs.objective import read_objective
         from pulsepath.inputs import read_rig
         from pulsepath.job import run
-        from pulsepath.output import plan_directory, record, tables
+        from pulsepath.output import plan_directory, tables
         from pulsepath.parts_job import Firing, choose_parts, open_helpers, run_parts
 
         heated = objective is not None and read_objective(objective).heat > 0
@@ -266,7 +266,7 @@ def plan(
             with open_helpers(cluster) as helpers, fill_directory(out, force, resume, CHECKPOINT) as folder:
                 firing = Firing(clock_hz, rule, pulses != "none")
                 standing, no = run_parts(inputs, kind, firing, folder, figures, keep, helpers)
-            _tell_parts(standing, out, as_json)
+            _tell(out, as_json, standing.tables, lambda: tables.sum_up_parts(standing))
             if no is not None:
                 raise no
             return
@@ -290,15 +290,7 @@ def plan(
                     stops,
                 )
             plan_directory.write(folder, job, inputs, pulses)
-    report = str(out / REPORT)
-    if as_json:
-        written = json.loads((out / RECORD).read_bytes())
-        click.echo(record.as_json({**written, "report": report}), nl=False)
-    elif level() == QUIET:
-        say(report)
-    else:
-        tables.show(tables.of_plan(job) if level() == VERBOSE else tables.sum_up(job))
-        say(f"report: {report}")
+    _tell(out, as_json, lambda: tables.of_plan(job), lambda: tables.sum_up(job))
 
 
 def _refuse_without_parts(asked: Mapping[str, bool]) -> None:
@@ -312,19 +304,25 @@ def _is_long(program: str, stream: bool | None) -> bool:
     return stream is True or (stream is None and file.is_file() and file.stat().st_size > LONG_FILE)
 
 
-def _tell_parts(standing: "PlanStanding", out: Path, as_json: bool) -> None:
+def _tell(out: Path, as_json: bool, all_tables: "Tables", first_screen: "Tables") -> None:
     from pulsepath.output import record, tables
     from pulsepath.output.directory import RECORD, REPORT
+    from pulsepath.output.drive_tables import add_close_drives, tabulate_drives
 
     report = str(out / REPORT)
-    if as_json:
-        written = json.loads((out / RECORD).read_bytes())
-        click.echo(record.as_json({**written, "report": report}), nl=False)
-    elif level() == QUIET:
+    if level() == QUIET and not as_json:
         say(report)
+        return
+    written = json.loads((out / RECORD).read_bytes())
+    if as_json:
+        click.echo(record.as_json({**written, "report": report}), nl=False)
+        return
+    pulses = written["pulses"]
+    if level() == VERBOSE:
+        tables.show([*all_tables(), *tabulate_drives(pulses)])
     else:
-        tables.show(standing.tables() if level() == VERBOSE else tables.sum_up_parts(standing))
-        say(f"report: {report}")
+        tables.show(add_close_drives(first_screen(), pulses))
+    say(f"report: {report}")
 
 
 def _read(

@@ -13,6 +13,7 @@ from planner import LimitChange, Plan, Triggered, Worth
 from planner.active_limits import tabulate_segments
 from planner.baselines import describe_differences, missing_limits
 from planner.certificate.certify import Certificate
+from planner.export.line_times import time_lines
 from planner.limits import find_unkept_limits
 from planner.plan_parts import PlanStanding
 from planner.pulses import PulseCheck, PulseSchedule
@@ -236,8 +237,11 @@ def _pulses(
                 "pulse": axis.pulse,
                 "unit": driven.unit,
                 "bound_pulses": axis.bound,
+                **drive,
             }
-            for axis, driven, (number, net) in zip(pulses.axes, machine.axes, counted, strict=True)
+            for axis, driven, (number, net), drive in zip(
+                pulses.axes, machine.axes, counted, _drive_times(verdict, pulses.clock_hz, machine), strict=True
+            )
         },
         "check": None
         if verdict is None
@@ -337,13 +341,30 @@ def of_pulse_file(
                 "position_error_beyond_bound_pulses": finite_or_none(one.position_error),
                 "error_behind_play_and_screw_pulses": None if one.behind is None else finite_or_none(one.behind),
                 "smallest_interval_s": finite_or_none(one.smallest_interval),
-                "highest_rate_hz": 1 / one.smallest_interval if one.smallest_interval > 0 else None,
-                "lines_s": _time_record(one.lines, ("high", "low", "setup", "hold")),
-                "drive_needs_s": _time_record(driven.timing, ("high", "low", "setup", "hold", "max_rate")),
+                **drive,
             }
-            for one, held, driven, (_, net) in zip(verdict.axes, pulses.axes, machine.axes, counted, strict=True)
+            for one, held, drive, (_, net) in zip(
+                verdict.axes, pulses.axes, _drive_times(verdict, pulses.clock_hz, machine), counted, strict=True
+            )
         },
     }
+
+
+def _drive_times(verdict: PulseCheck | None, clock_hz: int, machine: Machine) -> list[Record]:
+    """Of each axis the highest rate, the least times on its lines, and what its drive needs of them."""
+    if verdict is None:
+        return [{}] * len(machine.axes)
+    return [
+        {
+            "highest_rate_hz": 1 / one.smallest_interval if one.smallest_interval > 0 else None,
+            "max_pulse_rate_hz": axis.max_pulse_rate,
+            "lines_s": _time_record(lines, ("high", "low", "setup", "hold")),
+            "drive_needs_s": _time_record(axis.timing, ("high", "low", "setup", "hold", "max_rate")),
+        }
+        for one, axis, lines in zip(
+            verdict.axes, machine.axes, time_lines(verdict, clock_hz, machine.axes), strict=True
+        )
+    ]
 
 
 def _worth(worth: Worth, change: LimitChange | None) -> Record:

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from kinematics.machine.axis import DRIVES
 from planner.pulses import RULES, find_rule
 from pulsepath.job import Defect
 
@@ -455,6 +456,11 @@ def test_pulses_that_fail_their_check_are_not_written(call, tmp_path, monkeypatc
     assert done.exit_code == 3
     assert "leg1" in done.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_known_drives_are_in_the_help_of_machines(call):
+    told = "".join(call("machines", "--help").stdout.split())  # wherever lines are broken
+    assert f"Knowndrives:{','.join(DRIVES)}." in told
 
 
 def test_machines(call):

@@ -243,6 +243,7 @@ def _conclude(search: Search, carried: Search | None) -> AxisCheck:
     final_error = _check_end(search, "final count", search.motion.duration, search.count)
     figures = time_error, search.position_error, search.closest * search.tick, final_error
     found = AxisCheck(search.axis.name, search.pulses, *figures, tuple(search.faults), search.kinds.total())
+    found = replace(found, smallest_reversal=search.back * search.tick, first=search.begun * search.tick)
     if carried is None or not isinstance(carried.standard, MechanicsStandard):
         return found
     faults = tuple(replace(fault, what=f"behind play and screw, {fault.what}") for fault in carried.faults)
@@ -291,6 +292,10 @@ def _check_order(search: Search, part: AxisPulses, gaps: Gaps | None) -> None:
         search.report("direction", ticks[neither], "{} is neither +1 nor -1", direction[neither])
         if gaps is not None:
             gaps.check(search, ticks, direction, way)
+        turned = np.diff(direction) if search.latest is None else np.diff(direction, prepend=way)
+        back_steps = steps[turned != 0]
+        search.back = min(search.back, float(back_steps.min()) if len(back_steps) else np.inf)
+        search.begun = min(search.begun, float(ticks[0]))
         way = int(direction[-1])
         search.closest = min(search.closest, float(steps.min()) if len(steps) else np.inf)
         search.latest, search.pulses = int(ticks[-1]), search.pulses + len(ticks)

@@ -92,6 +92,8 @@ class Standard(ABC):
 class Search:
     """One axis of a schedule, its motion, and what has been found so far: pulses, the latest, the closest two (ticks).
 
+    back, begun (ticks): the closest two of which the second goes back; the first pulse.
+
     grid (s): what is still to be looked at; count, way: after the pulses so far; last: the last sample (1,).
     drift: pulses, the largest s·dx/ds, as which rounding of s shows in x; found once.
     moved: pulses found where their drive's timing moved them to, at least and at most.
@@ -108,6 +110,8 @@ class Search:
     seen: int = 0
     latest: int | None = None
     closest: float = np.inf
+    back: float = np.inf
+    begun: float = np.inf
     last: Samples | None = None
     time_error: float = 0.0
     position_error: float = 0.0

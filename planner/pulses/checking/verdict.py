@@ -44,6 +44,8 @@ class AxisCheck:
     final_error        pulses, the last count - where the motion ends; 0 within the bound
     faults             the first few of each kind; fault_count counts all
     lines              the least times on its lines, where a file was checked
+    smallest_reversal  s between two pulses of which the second goes back; inf where none does
+    first              s from the beginning to the first pulse; inf where there is none
     behind             pulses, largest |axis - planned| behind the play and the screw that its pulses make up for; None
                        where they make up for none
     """
@@ -58,6 +60,8 @@ class AxisCheck:
     fault_count: int
     lines: LineTimes | None = None
     behind: float | None = None
+    smallest_reversal: float = np.inf
+    first: float = np.inf
 
 
 @dataclass(frozen=True, slots=True)

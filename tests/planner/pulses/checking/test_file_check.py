@@ -1,6 +1,7 @@
 """The check of a written file: honest ones hold with true figures, and each of 250 corrupted ones is caught."""
 
 from dataclasses import replace
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,7 +10,9 @@ import pytest
 from kinematics import Axis, FileError
 from kinematics.machine.axis import StepTiming, find_drive
 from planner.export.formats import pulse_csv
-from planner.pulses import check_file, generate
+from planner.export.line_times import time_lines
+from planner.pulses import check, check_file, generate
+from planner.pulses.checking import check_parts
 from tests.planner.motions import PULSE, example
 
 CORRUPTED = 250
@@ -42,6 +45,36 @@ def test_an_honest_file_holds(plan, text, tmp_path):
         assert axis.lines.low >= 1.9e-6
         assert axis.lines.setup >= 0.65e-6
         assert axis.lines.interval == pytest.approx(axis.smallest_interval)
+
+
+@pytest.mark.parametrize(
+    "timing", [None, find_drive("DRV8825"), find_drive("TMC2209"), StepTiming(5e-6, 1e-6, 1e-6, 8e-6)]
+)
+def test_times_worked_out_from_pulses_are_those_on_the_lines(plan, tmp_path, timing):
+    """The figures of the check of pulses alone, against the edges of the file that were timed one by one."""
+    axes = [replace(axis, timing=timing) for axis in plan.machine.axes]
+    pulse_csv.write(plan.pulses, tmp_path / "p.csv", [1, 1, 1], timing=[timing] * 3)
+    other = SimpleNamespace(**{**vars(plan), "machine": SimpleNamespace(axes=axes, home_q=plan.machine.home_q)})
+    on_lines = [axis.lines for axis in check_file(tmp_path / "p.csv", other).axes]
+    alone = check(plan.pulses, plan.counted, axes, plan.machine.home_q)
+    assert time_lines(alone, plan.pulses.clock_hz, axes) == tuple(on_lines)
+    # in parts they are the same, wherever they are cut
+    cuts = [0, 7, 40, 41, 10**9]
+    pieces = [
+        replace(
+            plan.pulses,
+            axes=tuple(replace(a, ticks=a.ticks[b:e], direction=a.direction[b:e]) for a in plan.pulses.axes),
+        )
+        for b, e in pairwise(cuts)
+    ]
+    parted = check_parts(plan.pulses, pieces, plan.counted, axes, plan.machine.home_q)
+    assert time_lines(parted, plan.pulses.clock_hz, axes) == tuple(on_lines)
+
+
+def test_where_no_width_fits_nothing_is_said_of_lines(plan):
+    axes = [replace(axis, timing=StepTiming(1e-2, 1e-2, 0, 0)) for axis in plan.machine.axes]
+    found = check(plan.pulses, plan.counted, plan.machine.axes, plan.machine.home_q)
+    assert time_lines(found, plan.pulses.clock_hz, axes) == (None,) * 3
 
 
 @pytest.mark.parametrize(
