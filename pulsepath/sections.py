@@ -1,8 +1,11 @@
-"""Sections of a plan on disk, for the commands that make and write them: its whole, and their files."""
+"""Plans on disk and their sections, for the commands that write them to files: what is read, and what is said."""
 
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
+from kinematics.files.chunk_file import holds_chunks
 from planner.interruption.section import Section, Whole
 from pulsepath.output import plan_directory, record
 from pulsepath.output.plan_directory import StoredPlan
@@ -12,8 +15,14 @@ from pulsepath.progress import say, step
 def read_whole(directory: Path, unverified: bool) -> tuple[StoredPlan, Whole]:
     """A plan that is proved again, and what its sections are made of, with its pulses."""
     planned = plan_directory.read(directory, unverified)
-    with step("generating pulses") as tell:
+    with read_pulses(planned) as tell:
         return planned, planned.whole(tell)
+
+
+def read_pulses(planned: StoredPlan) -> AbstractContextManager[Callable[[int, int], None]]:
+    """The step in which a plan's pulses are read, or made again where there is no file of them."""
+    file = planned.pulse_file
+    return step("generating pulses" if file is None or not holds_chunks(file) else f"reading {file.name}")
 
 
 def write_section(made: Section, name: str, target: Path, force: bool, options: dict[str, Any]) -> dict[str, Any]:
@@ -21,7 +30,12 @@ def write_section(made: Section, name: str, target: Path, force: bool, options: 
     return record.of_export(name, str(target), made.export(name, target, force=force, **options))
 
 
-def say_errors(files: list[dict[str, Any]]) -> None:
-    """How far what each file holds is from its motion."""
+def say_errors(files: Sequence[Mapping[str, Any]], planned: StoredPlan) -> None:
+    """How far what each file holds is from its motion, and what its user has to know, of files by their records."""
+    made_up = sorted({kind for axis in planned.machine.axes for kind in axis.compensate})
     for file in files:
         say(f"{file['file']}: error {file['error_pulses']:.3g} pulses against {file['against']}")
+        if made_up:
+            say(f"  positions are the motors': {' and '.join(made_up)} made up for")
+        for note in (*file["notes"], *(f"NOT VERIFIED: {doubt}" for doubt in planned.doubts)):
+            say(f"  {note}")

@@ -1,5 +1,7 @@
 """`pulsepath export`: write a plan in the format of another program or controller."""
 
+import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +12,6 @@ from pulsepath.command_group import FormatCommand
 from pulsepath.known_names import make_completer
 from pulsepath.options import refuse_unknown, unverified_option
 from pulsepath.process.intent import writes
-from pulsepath.progress import say
 
 
 class Export(FormatCommand):
@@ -30,7 +31,10 @@ class Export(FormatCommand):
     shell_complete=make_completer(known_names.exports),
 )
 @click.option(
-    "--out", type=click.Path(path_type=Path), metavar="FILE", help="Output file. Default: DIR/FORMAT with its suffix."
+    "--out",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Output file. Default: named after program and format, in DIR, as DIR/circle.steps or DIR/circle.zaber.csv.",
 )
 @unverified_option
 @click.option("--force", is_flag=True, help="Overwrite FILE.")
@@ -54,23 +58,30 @@ def export(
     from pulsepath.format_options import EXPORTS
     from pulsepath.output import plan_directory, record
     from pulsepath.progress import step
+    from pulsepath.sections import read_pulses, say_errors
 
-    target = out or directory / f"{name}{find_format(name).suffix}"
+    target = out or directory / _name_file(directory, name, find_format(name).suffix)
     destination = Destination(target, force=force)
     writes(target)
     format_ = EXPORTS.make(name, given)
     planned = plan_directory.read(directory, unverified)
-    with step("generating pulses") as tell:
+    with read_pulses(planned) as tell:
         pulses = planned.pulses(tell)
     with step(f"writing {target}") as tell, destination.stage() as file:
         source = ExportSource(planned.program.name, planned.machine, planned.trajectory, pulses, tell)
         done = export(format_, name, source, file)
         plan_directory.refuse_own(directory, target, file)
+    written = record.of_export(name, str(target), done, planned.doubts)
     if as_json:
-        click.echo(record.as_json(record.of_export(name, str(target), done, planned.doubts)), nl=False)
+        click.echo(record.as_json(written), nl=False)
     else:
-        say(f"{target}: error {done.error:.3g} pulses against {done.against}")
-        if made_up := sorted({kind for axis in planned.machine.axes for kind in axis.compensate}):
-            say(f"  positions are the motors': {' and '.join(made_up)} made up for")
-        for note in (*done.notes, *(f"NOT VERIFIED: {doubt}" for doubt in planned.doubts)):
-            say(f"  {note}")
+        say_errors([written], planned)
+
+
+def _name_file(directory: Path, name: str, suffix: str) -> str:
+    """The program, the format unless the suffix says it, and the suffix: "circle.steps", "circle.zaber.csv"."""
+    from pulsepath.output.directory import RECORD
+
+    program = str(json.loads((directory / RECORD).read_bytes()).get("program") or directory.resolve().name)
+    stem = re.sub(r"[^\w.-]+", "_", program).strip("._") or "plan"
+    return f"{stem}{suffix}" if suffix == f".{name}" else f"{stem}.{name}{suffix}"

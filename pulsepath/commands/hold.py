@@ -133,4 +133,4 @@ def hold(
         if share is not None and share < 1:
             pace = f"at {speed} of the plan's speed"
         say(f"from there to the end: {made[1].duration:.6f} s, certified, {pace}")
-    say_errors(files)
+    say_errors(files, planned)

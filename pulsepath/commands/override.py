@@ -86,4 +86,4 @@ def override(
         click.echo(record.as_json(told), nl=False)
         return
     show(made.tables())
-    say_errors(files)
+    say_errors(files, planned)

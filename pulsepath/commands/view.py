@@ -113,10 +113,10 @@ def view(
 def _load_drawn_plan(directory: Path, unverified: bool) -> "tuple[DrawnPlan, tuple[str, ...]]":
     from benchmarks.animation.frames import DrawnPlan
     from pulsepath.output import plan_directory
-    from pulsepath.progress import step
+    from pulsepath.sections import read_pulses
 
     planned = plan_directory.read(directory, unverified)
-    with step("generating pulses") as tell:
+    with read_pulses(planned) as tell:
         pulses = planned.pulses(tell)
     drawn = DrawnPlan(planned.program, planned.machine, planned.trajectory, planned.limits, pulses)
     return drawn, planned.doubts

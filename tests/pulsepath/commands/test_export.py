@@ -11,6 +11,7 @@ import pytest
 
 from kinematics.foundation.options import options
 from planner.export.format import FORMATS, find_format
+from pulsepath.commands.export import _name_file
 from pulsepath.output import plan_directory
 from tests import read_lines
 
@@ -84,6 +85,31 @@ def test_streams_say_how_far_they_are_off(call, plan, name, options, most, note)
     assert Path(record["file"]).stat().st_size > 1000
 
 
+@pytest.mark.parametrize(
+    ("program", "name", "file"),
+    [
+        ("circle", "steps", "circle.steps"),
+        ("circle", "npz", "circle.npz"),
+        ("a/b: 50 %", "zaber", "a_b_50.zaber.csv"),
+        ("...", "vcd", "plan.vcd"),
+        ("", "binary", "folder.binary.bin"),
+    ],
+)
+def test_a_file_is_named_after_program_and_format(tmp_path, program, name, file):
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder" / "plan.json").write_text(json.dumps({"program": program}))
+    assert _name_file(tmp_path / "folder", name, find_format(name).suffix) == file
+
+
+def test_pulses_that_are_there_are_read(call, plan, directory):
+    """plan: without a file of pulses; directory: with it."""
+    for folder, told in ((plan, "generating pulses"), (directory, "reading pulses.bin")):
+        done = call("export", folder, "--format", "npz", "--out", plan / f"{folder.name}.npz", "--force")
+        assert done.exit_code == 0, done.stderr
+        assert told in done.stderr
+        assert ("generating" in done.stderr) == (folder == plan)
+
+
 def test_every_format_says_what_it_is_and_its_options_what_they_are_about(call):
     told = call("export", "--help").stdout
     for name in FORMATS:
@@ -96,7 +122,7 @@ def test_the_calls_of_the_motion_cards_leave_the_plans_directory(call, plan, job
     assert done.exit_code == 0, done.stderr
     record = json.loads(done.stdout)
     assert 0.4 < record["error_pulses"] <= 0.51
-    *_, last = (plan / "adlink-csv.csv").read_text().splitlines()
+    *_, last = Path(record["file"]).read_text().splitlines()
     assert float(last.split(",")[0]) < job.plan.trajectory.duration
 
 
@@ -126,16 +152,16 @@ def test_a_file_of_the_plan_itself_is_written_again_but_not_changed(call, plan, 
         (plan / name).write_bytes((edges / name).read_bytes())
     directory = edges
     made = plan / "pulses.csv"
-    assert call("export", plan, "--format", "pulses").exit_code == 0
+    assert call("export", plan, "--format", "pulses", "--out", made).exit_code == 0
     assert made.read_bytes() == (directory / "pulses.csv").read_bytes()
-    for given in (["--width", "1 us"], ["--out", plan / "plan.json"], ["--out", plan / "." / "motion.bin"]):
-        done = call("export", plan, "--format", "pulses", *given, "--force")
+    for name, given in (("pulses.csv", ["--width", "1 us"]), ("plan.json", []), ("./motion.bin", [])):
+        done = call("export", plan, "--format", "pulses", "--out", plan / name, *given, "--force")
         assert done.exit_code == 2
         assert "is one of the plan's own files" in done.stderr
     for name in ("pulses.csv", "plan.json", "motion.bin"):
         assert (plan / name).read_bytes() == (directory / name).read_bytes()
     made.write_text("mine")
-    done = call("export", plan, "--format", "pulses", "--force")
+    done = call("export", plan, "--format", "pulses", "--out", made, "--force")
     assert done.exit_code == 2
     assert f"{made} was changed after it was written" in done.stderr
     assert made.read_text() == "mine"
@@ -178,7 +204,7 @@ def test_files_name_the_machine_as_it_was_planned(call, plan):
     assert plan_directory.read(plan).machine.name == "hexapod"
     done = call("export", plan, "--format", "adlink")
     assert done.exit_code == 0, done.stderr
-    assert (plan / "adlink.c").read_text().startswith('/* "bare-circle" on "hexapod"\n')
+    assert (plan / "bare-circle.adlink.c").read_text().startswith('/* "bare-circle" on "hexapod"\n')
 
 
 def test_what_compensates_is_exported_as_its_motors_run(call, tmp_path):
@@ -203,7 +229,7 @@ def test_what_compensates_is_exported_as_its_motors_run(call, tmp_path):
     done = call("export", out, "--format", "galil")
     assert done.exit_code == 0, done.stderr
     assert "made up for" in done.stdout
-    rows = [line[3:].split(",") for line in (out / "galil.dmc").read_text().splitlines() if line.startswith("CD ")]
+    rows = [line[3:].split(",") for line in (out / "p.galil.dmc").read_text().splitlines() if line.startswith("CD ")]
     total = np.array([[int(n.partition("=")[0]) for n in row] for row in rows if "=" not in row[-1]]).sum(axis=0)
     axes = json.loads((out / "plan.json").read_text())["pulses"]["axes"].values()
     assert total.tolist() == [axis["net_count"] for axis in axes]

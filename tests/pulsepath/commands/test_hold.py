@@ -1,6 +1,7 @@
 """The command `hold`: a stop, the way on, a table of stops; whole files or none."""
 
 import json
+import re
 
 import pytest
 
@@ -24,6 +25,24 @@ def test_a_stop_and_the_way_on_in_files(call, plan, job):
     )
     for before, own, after in zip(pulses.axes, stop.axes, onward.axes, strict=True):
         assert before.counts([6_000_000 - 1])[0] + own.direction.sum() + after.direction.sum() == before.final
+
+
+def test_files_of_a_stop_say_what_exports_say(call, plan, job):
+    """For a board: how many commands each axis has, and how far a pulse may be off."""
+    done = call("hold", plan, "--at", "0.6 s", "--format", "steps", "--out", plan / "stop.bin", "--within", "1 us")
+    assert done.exit_code == 0, done.stderr
+    said = done.stdout.splitlines()
+    exported = call("export", plan, "--format", "steps", "--within", "1 us", "--out", plan / "all.bin")
+    whole = exported.stdout.splitlines()
+    own = said[next(n for n, line in enumerate(said) if "stop.bin: error" in line) + 1 :]
+    assert len(own) == len(whole) - 1 >= 2
+    for mine, theirs in zip(own, whole[1:], strict=True):
+        assert mine.startswith("  ")
+        assert re.sub(r"[\d.]+", "#", mine) == re.sub(r"[\d.]+", "#", theirs)
+    slow = call(
+        "override", plan, "--speed", "50 %", "--format", "steps", "--within", "1 us", "--out", plan / "slow.bin"
+    )
+    assert "a pulse is off by up to 1 us" in slow.stdout
 
 
 def test_a_loaded_plan_is_held_and_exported_as_a_fresh_one(plan, job, tmp_path):
