@@ -13,7 +13,7 @@ from pulsepath.commands.export import export
 from pulsepath.commands.hold import hold
 from pulsepath.commands.import_ import import_
 from pulsepath.commands.init import init
-from pulsepath.commands.lists import laws, machines, programs, rigs, rules
+from pulsepath.commands.lists import figures, laws, machines, programs, rigs, rules
 from pulsepath.commands.override import override
 from pulsepath.commands.plan import plan
 from pulsepath.commands.pose import pose
@@ -28,7 +28,7 @@ SECTIONS = {
     "Plan": ("init", "pose", "check", "plan", "view", "studio", "export", "hold", "override"),
     "Import programs": ("import", "positions"),
     "Run and measure": ("track", "compare", "calibrate", "console", "send"),
-    "List bundled data": ("machines", "programs", "rigs", "laws", "rules"),
+    "List bundled data": ("machines", "programs", "rigs", "laws", "rules", "figures"),
 }
 
 
@@ -70,4 +70,5 @@ main.add_command(programs)
 main.add_command(rigs)
 main.add_command(laws)
 main.add_command(rules)
+main.add_command(figures)
 main.add_command(completion)

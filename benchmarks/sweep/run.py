@@ -32,6 +32,8 @@ from benchmarks.sweep.result import (
     batch_law,
     load_runs,
 )
+from controllers.drives.servo import Servo
+from controllers.drives.stepper import Stepper
 from controllers.metrics import BATCH_PERIOD, Metrics, evaluate_runs
 from controllers.metrics.contour import PlannedStates, sample_plan
 from controllers.metrics.metrics import torque_limits
@@ -359,7 +361,16 @@ def described(grid: Grid, rig: Rig) -> dict[str, Any]:
         },
         "axes": {axis.name: axis.unit for axis in rig.machine.axes},
         "pulses": {axis.name: axis.pulse for axis in rig.machine.axes},
+        "drives": {
+            axis.name: {"kind": type(drive).__name__.lower(), "encoder": reads_encoder(drive)}
+            for axis, drive in zip(rig.machine.axes, rig.drives, strict=True)
+        },
     }
+
+
+def reads_encoder(drive: Servo | Stepper) -> bool:
+    """Whether the host reads of a drive more than the pulses that it sent."""
+    return not isinstance(drive, Stepper) or drive.encoder > 0
 
 
 def resolution(machine: Machine, unit: str) -> float:

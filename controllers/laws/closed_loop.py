@@ -37,6 +37,7 @@ class ClosedPosition:
     gain: Gain = 0.7
     relative: bool = False
     repaired: bool = False
+    reads_encoder: ClassVar[bool] = True
     host: ClassVar[Timer] = "counter"
     grid: ClassVar[Grid] = {"gain": (0.1, 0.3, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)}
 
@@ -69,6 +70,7 @@ class ClosedError:
     """
 
     gain: Gain = 0.7
+    reads_encoder: ClassVar[bool] = True
     host: ClassVar[Timer] = "counter"
     grid: ClassVar[Grid] = {"gain": (0.1, 0.3, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)}
 
@@ -100,6 +102,7 @@ class ClosedErrorSpeed:
 
     gain: Gain = 0.7
     speed_gain: Gain = 1.0
+    reads_encoder: ClassVar[bool] = True
     host: ClassVar[Timer] = "counter"
     grid: ClassVar[Grid] = {"gain": (0.1, 0.3, 0.5, 0.7, 0.9), "speed_gain": (0.5, 1.0)}
 

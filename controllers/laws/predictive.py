@@ -196,6 +196,7 @@ class Predictive:
     friction: Gain = 1.0
     horizon: int = 4
     axes: NominalAxes = field(default_factory=usual_axes)
+    reads_encoder: ClassVar[bool] = True
     host: ClassVar[Timer] = "counter"
     grid: ClassVar[Grid] = {"weight": (1e-3, 1e-2, 1e-1, 1.0), "play": (0.0, 1.0), "friction": (0.0, 1.0)}
 

@@ -15,7 +15,7 @@ from pulsepath.known_names import make_completer
 from pulsepath.options import refuse_unknown
 from pulsepath.process.exits import INFEASIBLE
 from pulsepath.process.intent import writes
-from pulsepath.progress import say
+from pulsepath.progress import QUIET, level, say
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -116,6 +116,11 @@ def compare(
             "compare: with --from nothing is run, so give no RIG, --law, --task, --seeds or --address; "
             "to run RIG and compare it with saved runs, give --against DIR"
         )
+    asked: Sequence[Condition] = []
+    if conditions:  # what is mistaken in them is told before anything that --force would get over
+        from benchmarks.reports.gain import read_condition
+
+        asked = [read_condition(text) for text in conditions]
     to = compare_directory.destinations(out, force)
     if rig is not None and rig not in known_names.rigs():  # a bundled one has no faults
         from controllers.rig_file import validate_rig_file
@@ -132,7 +137,6 @@ def compare(
     from pulsepath.output.directory import REPORT
     from pulsepath.progress import note, step
 
-    asked = [gain.read_condition(text) for text in conditions]
     for condition, one in product(asked, [*runs, *filter(None, [old])]):
         condition.check(one.record)
     if not saved:
@@ -164,11 +168,14 @@ def compare(
         if old is not None:
             told["against_saved"] = [one.as_record() for one in every]
         click.echo(record.as_json(told), nl=False)
+    elif level() == QUIET:
+        say(report)
     else:
         say("\n  ".join(verdict.told))
         for each in changes.values():
             say(f"against {against}, the worst of {len(each)}: {each[0]}")
         say(f"{verdict.gains}\nreport: {report}" if verdict.gains else f"report: {report}")
+    if not as_json:
         for reason in met:
             say(f"failed: {reason}", err=True)
     if met:

@@ -1,4 +1,4 @@
-"""`pulsepath machines`, `programs`, `rigs`, `laws`, `rules`: list the bundled data; what each is, its own file says.
+"""`pulsepath machines`, `programs`, `rigs`, `laws`, `rules`, `figures`: list what is there.
 
 What is listed is kept on disk (`known_names.recall`), since the modules that tell it take seconds to load.
 """
@@ -83,6 +83,18 @@ def rules(as_json: bool) -> None:
     _show("rules", _list_rules, as_json)
 
 
+@click.command()
+@json_option
+def figures(as_json: bool) -> None:
+    """List the figures of tracked runs, for "pulsepath compare --fail-if".
+
+    A figure of axes is the worst axis', and with an axis' name behind a dot that axis' own: following_max.leg1.
+
+    Example: pulsepath figures
+    """
+    _show("figures", _list_figures, as_json)
+
+
 def _show(what: str, make: Callable[[], Record], as_json: bool) -> None:
     listed = recall(what, make)
     for note in listed.get("notes", ()):
@@ -155,6 +167,24 @@ def _list_laws() -> Record:
         gains = {gain: [float(value) for value in values] for gain, values in make().grid.items()}
         found.append({"number": number, "name": name, "gains": gains, "about": about})
     return _lay_out_list("tracking laws", found)
+
+
+def _list_figures() -> Record:
+    from controllers.metrics import FIGURES
+
+    units = {"path": "m or rad", "axis": "m or rad", "axis²": "m² or rad²", "axis/s³": "m/s³ or rad/s³", "1": "share"}
+    return _lay_out_list(
+        "figures of a run",
+        [
+            {
+                "name": one.name,
+                "unit": units.get(one.unit, one.unit),
+                "each axis": one.per_axis,
+                "about": one.meaning,
+            }
+            for one in FIGURES
+        ],
+    )
 
 
 def _list_rules() -> Record:

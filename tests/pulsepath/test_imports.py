@@ -59,7 +59,7 @@ def test_help_loads_nothing_slow(arguments):
     assert loaded_after(call(arguments))[0] == []
 
 
-LISTS = [[name] for name in ("machines", "programs", "rigs", "laws", "rules")]
+LISTS = [[name] for name in ("machines", "programs", "rigs", "laws", "rules", "figures")]
 FORMATS = [[name, "--help"] for name in ("export", "import", "hold")]
 UNKNOWN = [
     ["check", "circel"],

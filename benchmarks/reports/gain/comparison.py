@@ -34,6 +34,8 @@ ERROR_FLOOR_PULSES = 0.01
 """Of the rig's smallest pulse, as a distance on the path: an error of less is rounding, which no rig could show."""
 DEFAULT_RESOLUTION = 1e-7
 """m or rad: the pulse of runs that were saved without one; coarse for a drive, and far above rounding."""
+SAME_RATIO = 1e-9
+"""Relative difference of errors below which a gain changed nothing."""
 Pairing = tuple[str, int]
 
 
@@ -204,8 +206,27 @@ class Comparison(Result):
 
     def rank(self) -> list[SettingEntry]:
         """The settings other than the baseline that hold, the best by all criteria weighed first."""
+        return [entry for alike in self.rank_alike() for entry in alike]
+
+    def rank_alike(self) -> list[tuple[SettingEntry, ...]]:
+        """The same in groups: settings of one law that come out alike by all criteria, the nearest to its usual gains
+        first."""
+        groups: list[list[SettingEntry]] = []
         scores = {entry: self.score(entry) for entry in self.entries}
-        return sorted((entry for entry in scores if isfinite(scores[entry])), key=scores.__getitem__)
+        ratios = {entry: [one, self.mean_ratio(entry), *self.ratios(entry).values()] for entry, one in scores.items()}
+        for entry in sorted((one for one in scores if isfinite(scores[one])), key=scores.__getitem__):
+            same = (
+                group
+                for group in groups
+                if (group[0].source, group[0].setting.law) == (entry.source, entry.setting.law)
+                and np.allclose(ratios[group[0]], ratios[entry], rtol=SAME_RATIO, atol=0.0)
+            )
+            alike = next(same, None)
+            if alike is None:
+                groups.append([entry])
+            else:
+                alike.append(entry)
+        return [tuple(sorted(group, key=lambda one: _find_distance(one.setting))) for group in groups]
 
     def about(self, task: str) -> Mapping[str, Any]:
         """What the record of the runs says of a task."""
@@ -279,6 +300,13 @@ def compare(sources: Sequence[SavedRuns], baseline: str | None = None) -> Compar
         for entry, task in groups
     )
     return Comparison(tuple(sources), against, rows, tasks, ranked)
+
+
+def _find_distance(setting: Setting) -> tuple[int, float]:
+    """How far a setting is from the law's usual gains: how many differ, and by how much."""
+    usual = dict(read_setting(setting.law).gains)
+    off = [abs(value - usual[gain]) for gain, value in setting.gains]
+    return sum(each > 0 for each in off), sum(off)
 
 
 def _task_record(sources: Sequence[SavedRuns], task: str) -> Mapping[str, Any]:

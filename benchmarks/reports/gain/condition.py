@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import operator
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from math import inf, isfinite
 from statistics import fmean, geometric_mean
 from typing import Any
@@ -17,7 +18,6 @@ from benchmarks.sweep.result import figure_unit
 from controllers.metrics import FIGURES
 from kinematics.files.plain_text import finite_or_none
 from kinematics.foundation.errors import MotionError
-from kinematics.foundation.names import nearest
 from kinematics.foundation.units import quantity
 
 COMPARISONS: dict[str, Callable[[float, float], bool]] = {
@@ -30,6 +30,8 @@ GRAMMAR = re.compile(r"\s*([a-z_]+(?:\.[\w-]+)?)\s*(>=|<=|>|<)\s*(\d+(?:\.\d*)?(
 HELP = 'write FIGURE > VALUE, as "contour_rms > 1.1x" (times the baseline), "contour_max > 250 um", "torque_peak > 0.9"'
 
 
+MOST_NAMED, MIN_LIKENESS = 4, 0.5
+"""Names of figures that an unknown one is answered with, and how like it they are at least."""
 COUNTS = ("", "full steps")
 """Units of figures that a plain number is compared with."""
 EXAMPLES = {"m": "um", "rad": "mrad", "s": "ms", "m²": "um^2", "rad²": "mrad^2", "m/s³": "m/s^3", "rad/s³": "rad/s^3"}
@@ -93,18 +95,40 @@ class Condition:
     value: float
     unit: str
 
+    def check_alone(self) -> None:
+        """Raise MotionError where no runs at all have such a figure, or one of such a unit."""
+        stem = self.figure.partition(".")[0]
+        of = next((figure for figure in FIGURES if figure.name == stem), None)
+        if of is None:
+            self._refuse_figure(figure.name for figure in FIGURES)
+            return
+        no: MotionError | None = None
+        for own in ("m", "rad", "") if of.unit == "axis" else ("m", "rad"):  # "": of axes of both kinds
+            try:
+                self._limit(of.unit.replace("path", own).replace("axis", own).replace("1", ""))
+            except MotionError as error:
+                no = no or error
+            else:
+                return
+        if no is not None:
+            raise no
+
     def check(self, record: Mapping[str, Any]) -> None:
         """Raise MotionError where runs with this record will have no such figure, or none of such a unit."""
         known = {figure.name for figure in FIGURES} | {
             f"{figure.name}.{axis}" for figure in FIGURES if figure.per_axis for axis in record["axes"]
         }
         if self.figure not in known:
-            raise MotionError(
-                f'condition "{self.text}": there is no figure {self.figure}{nearest(self.figure, known)}; '
-                f"figures: {', '.join(sorted(known))}"
-            )
+            self._refuse_figure(known)
         for task in record["tasks"]:
             self._limit(figure_unit(self.figure, task, record))
+
+    def _refuse_figure(self, known: Iterable[str]) -> None:
+        """Raise MotionError with the names that are nearest: there are too many to list all."""
+        near = get_close_matches(self.figure, list(known), MOST_NAMED, MIN_LIKENESS)
+        nearest = f"; the nearest are {', '.join(near)}" if near else ""
+        told = f'condition "{self.text}": there is no figure {self.figure}'
+        raise MotionError(f'{told}{nearest}; "pulsepath figures" lists all')
 
     def list_reasons(self, comparison: Comparison, entry: SettingEntry | None) -> list[str]:
         """Why it holds of a setting, path by path; empty where it does not.
@@ -204,20 +228,19 @@ class Condition:
         if not figures:
             return inf
         if self.figure not in figures:
-            raise MotionError(
-                f'condition "{self.text}": the runs have no figure {self.figure}{nearest(self.figure, figures)}; '
-                f"figures: {', '.join(sorted(figures))}"
-            )
+            self._refuse_figure(figures)
         return figures[self.figure]
 
 
 def read_condition(text: str) -> Condition:
-    """The condition of "contour_rms > 1.1x" or "contour_max > 250 um". Raises MotionError for what is no condition."""
+    """The condition of "contour_rms > 1.1x" or "contour_max > 250 um". Raises MotionError for what no runs can meet."""
     match = GRAMMAR.fullmatch(text)
     if match is None:
         raise MotionError(f'condition "{text}" is not understood: {HELP}')
     figure, compared, value, unit = match.groups()
-    return Condition(text.strip(), figure, compared, float(value), unit or "")
+    condition = Condition(text.strip(), figure, compared, float(value), unit or "")
+    condition.check_alone()
+    return condition
 
 
 def guard(comparison: Comparison, saved: Comparison, conditions: Sequence[Condition]) -> dict[Condition, list[Change]]:

@@ -20,7 +20,8 @@ from benchmarks.reports.gain.comparison import (
 from benchmarks.reports.gain.condition import Change
 from benchmarks.reports.gain.courses import ISO, IsoBlock, iso_block, select_series
 from benchmarks.reports.gain.criteria import CRITERIA, HUMAN, format_unit, number, weigh
-from benchmarks.reports.gain.run_figures import MOST_BEST, draw
+from benchmarks.reports.gain.laws_outcome import LawOutcome, find_outcomes, outcome_record
+from benchmarks.reports.gain.run_figures import MOST_BEST, draw, list_best
 from benchmarks.reports.gain.setting_figures import pack_places
 from benchmarks.reports.gain.verdict import Verdict, describe_unranked, verdict_of
 from benchmarks.reports.page import render
@@ -80,7 +81,9 @@ def gain_report(comparison: Comparison, changes: Sequence[Change] = ()) -> tuple
         not_ranked=describe_unranked(comparison),
         criteria=CRITERIA,
         weighed=list(_weigh_entries(comparison)),
-        places=pack_places(comparison, comparison.rank()[:MOST_BEST]) if "tradeoff" in figures else None,
+        held=sum(not comparison.fault(entry) for entry in comparison.entries),
+        laws=[_outcome_row(comparison, one) for one in find_outcomes(comparison)],
+        places=pack_places(comparison, list_best(comparison)) if "tradeoff" in figures else None,
         most_best=MOST_BEST,
         changes=[_change_row(one) for one in changes],
         worst_change=str(changes[0]) if changes else "",
@@ -137,22 +140,37 @@ def _cells(comparison: Comparison, task: str) -> Iterator[Mapping[str, Any]]:
 def _weigh_entries(comparison: Comparison) -> Iterator[tuple[int, str, str, list[str]]]:
     """Rank, setting, its weighed ratio to the baseline and that by each criterion, of those that hold, the best first.
 
-    The baseline stands where its ratio of 1 puts it, with rank 0.
+    Settings of a law that come out alike share a row. The baseline stands where its ratio of 1 puts it, with rank 0.
     """
-    ranked = comparison.rank()
-    better = sum(comparison.score(entry) < 1 for entry in ranked)
-    for n, entry in enumerate(ranked, 1):
+    ranked = comparison.rank_alike()
+    better = sum(comparison.score(entry) < 1 for entry, *_ in ranked)
+    for n, (entry, *others) in enumerate(ranked, 1):
         if n == better + 1:
             yield _weigh_baseline(comparison)
+        alike = f", {len(others) + 1} settings alike" if others else ""
         ratios = comparison.ratios(entry)
         each = [_ratio(ratios[one.name]) if one.name in ratios else "–" for one in CRITERIA]
-        yield n, comparison.label(entry), _ratio(comparison.score(entry)), each
+        yield n, f"{comparison.label(entry)}{alike}", _ratio(comparison.score(entry)), each
     if better == len(ranked) > 0:
         yield _weigh_baseline(comparison)
 
 
 def _weigh_baseline(comparison: Comparison) -> tuple[int, str, str, list[str]]:
     return 0, comparison.label(comparison.baseline), _ratio(1.0), [_ratio(1.0)] * len(CRITERIA)
+
+
+def _outcome_row(comparison: Comparison, one: LawOutcome) -> tuple[str, ...]:
+    """Law, how many of its settings hold, the best of them, its weighed ratio, and why the others are left out."""
+    best = "none" if one.best is None else comparison.label(one.best)
+    baseline = " (baseline)" if one.best == comparison.baseline else ""
+    left = ", ".join(f"{count} {why}" for why, count in one.faults.items())
+    return (
+        one.law,
+        f"{one.held} of {one.settings}",
+        f"{best}{baseline}",
+        "–" if one.best is None else _ratio(one.score),
+        left,
+    )
 
 
 def _format_above_floor(value: float, floor: float, unit: str) -> str:
@@ -242,6 +260,7 @@ def comparison_record(comparison: Comparison, verdict: Verdict, changes: Sequenc
                 {"gain": one.gain, "value": one.value, "unstable_from": one.edge, "tried_up_to": one.up_to}
                 for one in verdict.margins
             ],
+            "laws": [outcome_record(one) for one in find_outcomes(comparison)],
             "ranked_paths": list(comparison.ranked),
             "text": verdict.text,
             "gains": verdict.gains,

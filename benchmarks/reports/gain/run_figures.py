@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from benchmarks.reports.gain.comparison import RANK, Comparison
+from benchmarks.reports.gain.comparison import RANK, Comparison, SettingEntry
 from benchmarks.reports.gain.courses import IsoBlock, SettingSeries, path_offsets
 from benchmarks.reports.gain.criteria import HUMAN
 from benchmarks.reports.gain.setting_figures import (
@@ -78,11 +78,16 @@ MAX_POINTS = 1500
 """Instants that a line is drawn with: more than a page's pixels show nothing more."""
 
 
+def list_best(comparison: Comparison) -> list[SettingEntry]:
+    """The settings that the page begins with, of those that come out alike one."""
+    return [alike[0] for alike in comparison.rank_alike()[:MOST_BEST]]
+
+
 def draw(comparison: Comparison, shown: SettingSeries, iso: IsoBlock) -> dict[str, Picture]:
     """Every figure of the page as a PNG, by name; those that have nothing to show are missing."""
     with style():
         made: dict[str, list[Axes]] = {
-            "tradeoff": error_over_effort(comparison, comparison.rank()[:MOST_BEST]),
+            "tradeoff": error_over_effort(comparison, list_best(comparison)),
             "time": _draw_panels(comparison, shown, 2.1, _draw_over_time),
             "along": _draw_panels(comparison, shown, 2.1, _draw_along_path),
             "path": _draw_magnified(comparison, shown),

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 from math import inf, isfinite
 from typing import TYPE_CHECKING
 
-from benchmarks.reports.gain.comparison import RANK, Comparison, SettingEntry, is_away
+from benchmarks.reports.gain.comparison import RANK, SAME_RATIO, Comparison, SettingEntry, is_away
 from benchmarks.reports.gain.criteria import CRITERIA, TRADE_RATIO, format_unit, weights_text
+from benchmarks.reports.gain.laws_outcome import describe_feedback, describe_outcomes, describe_overload
 from benchmarks.sweep import Setting
 from controllers.metrics.metrics import END_BAND
 from kinematics.foundation.names import count_noun, presets
@@ -127,9 +128,12 @@ def verdict_of(comparison: Comparison) -> Verdict:
         why = "no other setting was run" if not others else "no other setting holds on every path and rig"
         why = why if comparison.ranked else "no path ranks settings"
         pieces = [f"The baseline {name} is not compared: {why}.", *_describe_faults(comparison, others)]
+        pieces += [*describe_feedback(comparison), *describe_outcomes(comparison)]
         pieces += [_describe_setting(comparison, entry) for entry in comparison.entries[:MAX_DESCRIBED]]
         return Verdict(None, inf, (), (*pieces, *describe_unranked(comparison), *_describe_laws(comparison)))
     best, least = ranked[0], min(ranked, key=comparison.mean_ratio)
+    if least in comparison.rank_alike()[0]:
+        least = best
     margins = _margins(comparison, best)
     told = _describe_verdict(comparison, best, least, margins, others)
     ratio, score = comparison.mean_ratio(best), comparison.score(best)
@@ -140,7 +144,10 @@ def _describe_faults(comparison: Comparison, others: Sequence[SettingEntry]) -> 
     """How many settings do not hold, in a sentence by what is wrong with them."""
     faults = Counter(comparison.fault(entry).partition(" on ")[0] for entry in others)
     told = ", ".join(f"{count} {why} on some path" for why, count in faults.items() if why)
-    return [f"Left out: {told}."] if told else []
+    many = len(comparison.entries)
+    held = sum(not comparison.fault(entry) for entry in comparison.entries)
+    base = "" if comparison.fault(comparison.baseline) else ", the baseline among them"
+    return [f"Of the {many} settings {held} hold{base}; left out: {told}."] if told else []
 
 
 def _costs(comparison: Comparison, entry: SettingEntry) -> str:
@@ -195,8 +202,6 @@ MODEL_LAWS = {"ff": "feedforward", "mpc": "predictive"}
 OFF_GOAL = f"more than {END_BAND:g} pulses of an axis away"
 MAX_DESCRIBED = 5
 """Settings whose figures are told where none is best."""
-SAME_RATIO = 1e-9
-"""Relative difference of errors below which a gain changed nothing."""
 
 
 def _describe_edges(comparison: Comparison, best: SettingEntry) -> list[str]:
@@ -213,7 +218,7 @@ def _describe_edges(comparison: Comparison, best: SettingEntry) -> list[str]:
         if len(alike) < 2:
             continue
         if max(alike.values()) - min(alike.values()) <= SAME_RATIO * max(alike.values()):
-            told.append(f"Changing {gain} changes nothing on this rig, as where no encoder is read.")
+            told.append(f"Changing {gain} changes nothing on this rig.")
         elif value == min(alike) and value > 0:
             told.append(f"{gain} {value:g} is the smallest tried: a smaller one may be better.")
     return told
@@ -239,7 +244,7 @@ def _describe_verdict(
     if len(others) == 1:
         verb = "is better than the baseline" if score < 1 else "is no better than the baseline"
     else:
-        of = f"of {len(others)} settings"
+        of = f"of {len(comparison.entries)} settings"
         verb = f"is the best {of}" if score < 1 else f"comes closest {of} to the baseline, which remains the best"
     counts = ", ".join(f"{mark} on {marks.count(mark)}" for mark in ("better", "neither", "worse") if mark in marks)
     many = count_noun(len(comparison.ranked), "path")
@@ -264,6 +269,11 @@ def _describe_verdict(
         pieces.append(
             f"It ends off its goal, more than {END_BAND:g} pulses of an axis away, {away} (baseline {theirs})."
         )
+    alike = comparison.rank_alike()[0]
+    if len(alike) > 1:
+        pieces.append(f"{len(alike)} settings of it come out alike; this is the nearest to the law's usual gains.")
+    pieces += describe_feedback(comparison)
+    pieces += describe_outcomes(comparison)
     pieces += _describe_faults(comparison, others)
     if least != best:
         dearer = _costs(comparison, least)
@@ -283,6 +293,7 @@ def _describe_verdict(
             pieces.append(
                 f"Its {what} is at most {format_unit(own, '')} of the limit (baseline {format_unit(base, '')})."
             )
+    pieces += describe_overload(comparison, best)
     pieces += _describe_edges(comparison, best)
     pieces.append(_describe_margins(best, margins))
     return (*pieces, *describe_unranked(comparison), *_describe_laws(comparison))

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from benchmarks.reports.page import Picture
-from benchmarks.sweep import VARIATIONS, Grid, load_runs, read_setting, sweep
+from benchmarks.sweep import VARIATIONS, Grid, described, load_runs, read_setting, sweep
 from benchmarks.sweep.result import DIGESTS, SEAL, Store
 from controllers import load_rig
+from controllers.metrics import FIGURES
 from pulsepath.commands.compare import _make_pace
 
 
@@ -44,6 +45,38 @@ def test_saved_runs_are_compared_and_the_condition_decides_the_exit(tmp_path, ru
         again = call("compare", "--from", runs, "--out", out, "--force", "--fail-if", f"contour_rms > {factor:.4f}x")
         assert again.exit_code == code
         assert ("failed: contour_rms" in again.stderr) == bool(code)
+
+
+def test_quiet_prints_the_path_alone_and_failures(tmp_path, runs, call):
+    out = tmp_path / "out"
+    done = call("compare", "-q", "--from", runs, "--out", out)
+    assert (done.exit_code, done.stdout, done.stderr) == (0, f"{out / 'report.html'}\n", "")
+    failed = call("compare", "-q", "--from", runs, "--out", out, "--force", "--fail-if", "contour_rms < 1x")
+    assert (failed.exit_code, failed.stdout) == (1, f"{out / 'report.html'}\n")
+    assert failed.stderr.startswith("failed: contour_rms < 1x")
+
+
+def test_a_mistaken_condition_is_told_before_the_folder(tmp_path, runs, call):
+    out = tmp_path / "out"
+    assert call("compare", "--from", runs, "--out", out).exit_code == 0
+    done = call("compare", "--from", runs, "--out", out, "--fail-if", "contour_rms > 10")
+    assert done.exit_code == 2
+    assert "needs a unit" in done.stderr
+    assert "--force" not in done.stderr
+    assert len(done.stderr) < 300
+    assert "holds a comparison" in call("compare", "--from", runs, "--out", out).stderr
+
+
+def test_figures_that_a_condition_may_name_are_listed(call):
+    told = json.loads(call("figures", "--json").stdout)
+    assert [one["name"] for one in told] == [figure.name for figure in FIGURES]
+
+
+def test_runs_say_what_drives_they_are_of():
+    for name, kind, encoder in (("hexapod-steppers", "stepper", False), ("servo-rig", "servo", True)):
+        rig = load_rig(name)
+        grid = Grid((read_setting("3"),), ())
+        assert set(map(str, described(grid, rig)["drives"].values())) == {str({"kind": kind, "encoder": encoder})}
 
 
 def test_the_rig_is_run_once_and_its_runs_stay(tmp_path, runs, call, monkeypatch):
@@ -169,7 +202,8 @@ def test_what_is_no_comparison_is_not_touched(tmp_path, runs, call):
         (["--against", "nowhere"], "holds no saved runs"),
         (["--task", "lines"], 'no task "lines"'),
         (["--fail-if", "contour_rms"], "is not understood"),
-        (["--fail-if", "contur_rms > 1x"], "no figure contur_rms"),
+        (["--fail-if", "contur_rms > 1x"], "no figure contur_rms; the nearest are contour_rms, "),
+        (["--fail-if", "contour_rms > 10"], 'contour_rms needs a unit, as "10 um"'),
         (["--fail-if", "contour_rms > 1 s"], "contour_rms > 1 s"),
         (["--baseline", "3t"], "baseline 3t is not among"),
     ],

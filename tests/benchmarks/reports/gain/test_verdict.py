@@ -13,6 +13,7 @@ from benchmarks.reports.gain.criteria import CRITERIA, QUANTIZED, compare_figure
 from benchmarks.reports.gain.gain_report import comparison_record, gain_report
 from benchmarks.reports.gain.run_figures import axes_over_time
 from benchmarks.reports.gain.setting_figures import error_over_effort, find_places
+from benchmarks.sweep import Setting
 from kinematics.foundation.figure import choose_ticks
 from tests.benchmarks.reports.gain.test_comparison import (
     BASE,
@@ -234,3 +235,74 @@ def test_a_setting_pointed_at_tells_its_law_gain_and_figures(tmp_path):
         assert f"contour error {float(f'{place.error:.3g}'):g} ×" in told
         assert f"torque {float(f'{place.effort:.3g}'):g} ×" in told
         assert told.endswith(f"left out: {place.fault}") if place.fault else "left out" not in told
+
+
+def forward(speed, acceleration=0.0):
+    return Setting("feedforward", (("speed", speed), ("acceleration", acceleration), ("play", 1.0)))
+
+
+CLOSED = Setting("closed-error", (("gain", 0.1),))
+
+
+def test_of_settings_that_come_out_alike_the_usual_is_named_and_they_share_a_row(tmp_path):
+    """Eight equal ones and a worse one; `feedforward` alone has speed 1 and acceleration 0."""
+    errors = {BASE: 100e-6, **{forward(v, a): 70e-6 for v in (0.9, 0.95, 1.0, 1.05) for a in (1.0, 0.0)}}
+    errors[Setting("feedforward", (("speed", 1.0), ("acceleration", 0.0), ("play", 0.0)))] = 90e-6
+    found = compare([saved(tmp_path / "runs", errors=errors)])
+    assert [len(group) for group in found.rank_alike()] == [8, 1]
+    verdict, page = gain_report(found)
+    assert verdict.best == verdict.least == SettingEntry(0, forward(1.0))
+    assert "8 settings of it come out alike" in verdict.text
+    assert "is the best of 10 settings" in verdict.text
+    assert page.count("8 settings alike") == 2  # among the best, and in the whole ranking
+    assert "and the ranking: 10 of 10 settings hold" in page
+
+
+def test_settings_of_two_laws_are_never_alike(tmp_path):
+    errors = {BASE: 100e-6, forward(1.0): 70e-6, GOOD: 70e-6 / 1.05**2}
+    groups = compare([saved(tmp_path / "runs", errors=errors)]).rank_alike()
+    assert [len(group) for group in groups] == [1, 1]
+
+
+def test_every_law_is_accounted_for(tmp_path):
+    errors = {BASE: 100e-6, SAME: 120e-6, forward(1.0): 40e-6, WILD: 9000e-6}
+    runs = saved(tmp_path / "runs", errors=errors)
+    # the same runs under the name of another law, none of which comes to its goal
+    failing = {
+        f"x{key}": replace(one, cell=replace(one.cell, setting=CLOSED))
+        for key, one in runs.results.items()
+        if one.cell.setting == WILD
+    }
+    found = compare([replace(runs, results={**runs.results, **failing})])
+    verdict = verdict_of(found)
+    score = found.score(SettingEntry(0, forward(1.0)))
+    assert (
+        f"Law by law, weighed: {forward(1.0).label}: {score:.3g}; closed-position gain 0.7 (baseline): 1, best of 3 "
+        "(1 failed or unstable on there, back); closed-error: its setting does not hold "
+        "(1 failed or unstable on there, back)."
+    ) in verdict.text
+    assert "Of the 5 settings 3 hold, the baseline among them; left out: 2 failed or unstable" in verdict.text
+    laws = {one["law"]: one for one in comparison_record(found, verdict)["verdict"]["laws"]}
+    assert [laws[name]["hold"] for name in ("feedforward", "closed-position", "closed-error")] == [1, 2, 0]
+    assert laws["closed-error"]["best"] is None
+    assert sum(one["settings"] for one in laws.values()) == len(found.entries)
+
+
+@pytest.mark.parametrize(
+    ("kind", "encoder", "peak", "blind", "warned"),
+    [
+        ("stepper", False, 1.21, True, True),
+        ("stepper", True, 1.21, False, True),
+        ("stepper", False, 0.99, True, False),
+        ("servo", True, 1.0, False, False),
+    ],
+)
+def test_what_a_rig_cannot_do_is_said(tmp_path, kind, encoder, peak, blind, warned):
+    """Loops that are closed over no encoder, and torque that a stepper does not have."""
+    costs = {BASE: (QUIET, {}), GOOD: (QUIET, {"torque_peak": peak, "lost_steps": 0.0})}
+    runs = with_costs(tmp_path / "runs", costs, {BASE: 100e-6, GOOD: 40e-6})
+    drives = {axis: {"kind": kind, "encoder": encoder} for axis in ("a", "b")}
+    text = verdict_of(compare([replace(runs, record={**runs.record, "drives": drives})])).text
+    assert ("No encoder is read on rig: closed-position closes its loop over the pulses" in text) == blind
+    assert ("WARNING: it takes up to 121 % of the torque of its steppers" in text) == warned
+    assert "WARNING" not in verdict_of(compare([runs])).text  # saved before drives were recorded
