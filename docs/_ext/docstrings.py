@@ -27,16 +27,26 @@ _ALIASES = (
     (r"~?numpy\._typing\._array_like\._Buffer \| .*?_NestedSequence\[complex \| bytes \| str\]", "ArrayLike"),
     (r"~?scipy\.spatial\.transform\._rigid_transform\.RigidTransform", "~pulsepath.Pose"),
 )
+_ANNOTATED = re.compile(r"~?(?:typing\.)?Annotated\[")
+_DEFAULT = re.compile(r"= <[^<>]*(?:<[^<>]*>[^<>]*)*>")
 OPTIONS = {"members": True, "member-order": "bysource"}
 
 
 def as_rest(text: str) -> str:
     """The reST that shows a docstring as it was written, its numpydoc sections as tables."""
-    before, *sections = _SECTION.split(dedent(text).strip("\n"))
+    before, *sections = _SECTION.split(_join_code(dedent(text).strip("\n")))
     shown = [_prose(before)] if before.strip() else []
     for title, body in zip(sections[::2], sections[1::2], strict=True):
         shown.append(f".. rubric:: {title}\n\n{_table(dedent(body)) if title in TABLES else _prose(dedent(body))}")
     return "\n\n".join(shown)
+
+
+def _join_code(text: str) -> str:
+    """With names in quotes that a line end divides on one line."""
+    return "\n\n".join(
+        part if part.count("`") % 2 else _CODE.sub(lambda found: f"`{' '.join(found[1].split())}`", part)
+        for part in re.split(r"\n[ ]*\n", text)
+    )
 
 
 def _prose(text: str) -> str:
@@ -81,10 +91,15 @@ def _block(part: str) -> Iterator[str]:
 
 
 def _escaped(line: str) -> str:
-    parts = _CODE.split(line)
-    return "".join(
-        f"``{part}``" if n % 2 else _MARKUP.sub(r"\\\1", part).replace("`", r"\`") for n, part in enumerate(parts)
-    )
+    """As markup; code needs an end of a word on either side, which an escaped space is and does not show."""
+    shown = ""
+    for n, part in enumerate(_CODE.split(line)):
+        if n % 2:
+            shown += ("\\ " if shown[-1:].isalnum() else "") + f"``{part}``"
+        else:
+            text = _MARKUP.sub(r"\\\1", part).replace("`", r"\`")
+            shown += ("\\ " if n and part[:1].isalnum() else "") + text
+    return shown
 
 
 def _docstring(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
@@ -98,8 +113,29 @@ def _signature(
 
 
 def _plain(signature: str | None) -> str | None:
+    """As the code calls things, without units that are checked, and with ... for defaults that are no literals.
+
+    What is no Python would be shown as it is spelled, with every module's name.
+    """
+    if signature is None:
+        return None
     for spelled, name in _ALIASES:
-        signature = signature and re.sub(spelled, name, signature)
+        signature = re.sub(spelled, name, signature)
+    return _DEFAULT.sub("= ...", _strip_units(signature))
+
+
+def _strip_units(signature: str) -> str:
+    """The types in Annotated[type, Unit(…)], wherever they stand."""
+    while found := _ANNOTATED.search(signature):
+        depth, comma, end = 1, None, found.end()
+        while depth:
+            sign = signature[end]
+            depth += (sign in "[(") - (sign in ")]")
+            if sign == "," and depth == 1 and comma is None:
+                comma = end
+            end += 1
+        kind = signature[found.end() : comma if comma is not None else end - 1]
+        signature = signature[: found.start()] + kind + signature[end:]
     return signature
 
 

@@ -68,17 +68,30 @@ class LimitState(Protocol):
     """What a limit may look at: a `State`, or its enclosure over cells of time."""
 
     @property
-    def q(self) -> Quantity: ...
+    def q(self) -> Quantity:
+        """(N, n) axis positions, m or rad; of legs their length."""
+
     @property
-    def qd(self) -> Quantity: ...
+    def qd(self) -> Quantity:
+        """(N, n) q̇, m/s or rad/s."""
+
     @property
-    def qdd(self) -> Quantity: ...
+    def qdd(self) -> Quantity:
+        """(N, n) q̈, m/s² or rad/s²."""
+
     @property
-    def qddd(self) -> Quantity: ...
+    def qddd(self) -> Quantity:
+        """(N, n) q⃛, m/s³ or rad/s³."""
+
     @property
-    def piece(self) -> np.ndarray: ...
+    def piece(self) -> np.ndarray:
+        """(N,) which piece of the path it is on, from 0."""
+
     def pose_rate(self, times: int) -> Quantity:
-        """The pose's twelve numbers (N, 12), differentiated so many times by time: 0, 1 or 2."""
+        """The pose's twelve numbers (N, 12), differentiated so many times by time: 0, 1 or 2.
+
+        x, y, z in the base frame, m, and the rotation matrix row by row.
+        """
 
     def distances(self, bodies: Bodies) -> Quantity:
         """Between the axes of a machine's bodies (N, k), m."""

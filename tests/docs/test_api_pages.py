@@ -14,7 +14,7 @@ DOCS = Path(__file__).parents[2] / "docs"
 DOCUMENTED = re.compile(r"^\.\. auto\w+:: pulsepath\.(\w+)$", re.MULTILINE)
 sys.path.append(str(DOCS / "_ext"))
 
-from docstrings import as_rest  # noqa: E402
+from docstrings import _plain, as_rest  # noqa: E402
 
 
 def test_every_public_name_is_on_exactly_one_page():
@@ -34,10 +34,29 @@ def test_every_public_name_is_on_exactly_one_page():
         ("a = b;  c = d", "a = b;  c = d"),
         ("- one\n  more\n- two", "- one\n  more\n- two"),
         ("odd\n  shape", "::\n\n   odd\n     shape"),
+        ("`Section`s and pre`fix`.", r"``Section``\ s and pre\ ``fix``."),
+        ('With `Card.x =\n"keep"` so.', 'With ``Card.x = "keep"`` so.'),
     ],
 )
 def test_docstrings_become_what_rest_shows_as_they_stand(text, rest):
     assert as_rest(text) == rest
+
+
+UNIT = "~kinematics.foundation.units.Unit(unit=s, above=-inf, like=None, file_unit=)"
+
+
+@pytest.mark.parametrize(
+    ("spelled", "shown"),
+    [
+        (f"(at: ~typing.Annotated[float, {UNIT}] | None = None)", "(at: float | None = None)"),
+        (f"(a: tuple[~typing.Annotated[float, {UNIT}], ...] = ())", "(a: tuple[float, ...] = ())"),
+        (f"(a: Annotated[tuple[float, float], {UNIT}])", "(a: tuple[float, float])"),
+        ("(f: Callable = <function told at 0x7f>, g: ~a.Host = <factory>)", "(f: Callable = ..., g: ~a.Host = ...)"),
+        (None, None),
+    ],
+)
+def test_signatures_are_python_and_leave_out_how_units_are_checked(spelled, shown):
+    assert _plain(spelled) == shown
 
 
 TABLE = """One line.

@@ -3,9 +3,12 @@
 import re
 import subprocess
 import sys
+from html import unescape
 from pathlib import Path
 
 import pytest
+
+from kinematics.machine.axis import DRIVES
 
 ROOT = Path(__file__).parents[2]
 
@@ -39,6 +42,35 @@ def test_what_docstrings_set_in_columns_is_set_as_such(site):
         for paragraph in re.findall(r"<p>(.*?)</p>", article, re.DOTALL):
             text = re.sub(r"<[^>]+>", "", paragraph)
             assert not re.search(r"^\w[\w, ]* {2,}\w", text, re.MULTILINE), (page.name, text)
+
+
+def test_signatures_and_names_are_set_as_python_and_code(site):
+    """What is no Python is shown as it is spelled: with ~, every module's name, and what units are checked by."""
+    for page in (site / "api").glob("*.html"):
+        article = page.read_text(encoding="utf-8").partition("<article")[2].partition("</article>")[0]
+        for shown in re.findall(r"<dt [^>]*>(.*?)</dt>", article, re.DOTALL):
+            text = unescape(re.sub(r"<[^>]+>", "", shown))
+            assert not re.search(r"~\w|Annotated|Unit\(|object at|<factory>", text), (page.name, text)
+        prose = unescape(re.sub(r"<pre.*?</pre>|<[^>]+>", "", article, flags=re.DOTALL))
+        assert "`" not in prose, (page.name, prose[max(0, prose.find("`") - 60) :][:120])
+
+
+def test_a_stored_plan_is_shown_with_all_that_it_can_be_asked_for(site):
+    page = (site / "api" / "planning.html").read_text(encoding="utf-8")
+    for name in ("pulses", "hold", "resume", "override", "stops", "export"):
+        assert f'id="pulsepath.output.plan_directory.StoredPlan.{name}"' in page
+    for name in ("q", "qd", "pose_rate", "tool_rate", "evaluate"):
+        assert f'id="planner.limits.limit.LimitState.{name}"' in page
+
+
+def test_the_known_drives_are_listed_with_their_times(site):
+    page = (site / "reference" / "files.html").read_text(encoding="utf-8")
+    for name, drive in DRIVES.items():
+        row = next(row for row in page.split("<tr") if f'<span class="pre">{name}</span>' in row)
+        cells = [re.sub(r"<[^>]+>", "", cell) for cell in re.findall(r"<td.*?</td>", row, re.DOTALL)]
+        assert [float(cell.split()[0]) * 1e-6 for cell in cells[1:5]] == pytest.approx(
+            [drive.high, drive.low, drive.setup, drive.hold]
+        )
 
 
 def test_every_command_and_every_key_is_there(site):
