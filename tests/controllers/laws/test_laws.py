@@ -1,5 +1,7 @@
 """The tracking laws: what they send, and what comes of it on the card and the servo."""
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 
@@ -47,6 +49,15 @@ def test_closed_position_adds_the_error_to_the_target_alone(reference):
 def test_after_the_end_the_last_place_is_held(reference, k):
     move = OpenPosition().command(k, reference, read(0.0, 0.0))
     np.testing.assert_array_equal([move.position, move.start_speed, move.max_speed], [[40, -30], [0, 0], [0, 0]])
+
+
+@pytest.mark.parametrize("name", law_names())
+def test_a_law_says_whether_it_goes_by_the_encoders(reference, name):
+    """Its command is another where they read something else, or it is the same."""
+    law, zero = find_law(name), np.zeros((1, 2))
+    sent = [law.command(1, reference, Feedback(zero + place, zero, zero)) for place in (0.0, 3.0)]
+    same = all(np.array_equal(getattr(sent[0], part.name), getattr(sent[1], part.name)) for part in fields(sent[0]))
+    assert getattr(law, "reads_encoder", False) is not same
 
 
 def test_every_law_is_found_by_number_and_by_name():

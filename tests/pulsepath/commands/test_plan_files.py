@@ -1,6 +1,7 @@
 """`pulsepath plan FILE` of a file of another format: planned as it is, taken up again, refused with its line."""
 
 import json
+from importlib.resources import files
 
 import numpy as np
 import pytest
@@ -26,6 +27,26 @@ def part(tmp_path_factory):
     file = tmp_path_factory.mktemp("files") / "part.nc"
     file.write_text(PART)
     return file
+
+
+@pytest.mark.parametrize("how", ["--whole", "--stream"])
+def test_what_drives_need_and_get_is_shown(call, tmp_path, how):
+    """At 20 mm/s and 0.75 µm a pulse comes every 37.5 µs: with 15 µs of STEP high, 22.5 µs of it low are left."""
+    machine = (files("kinematics") / "presets" / "hexapod.toml").read_text(encoding="utf-8")
+    needs = '{ high = "15 us", low = "20 us", setup = "50 us", hold = "1 us" }'
+    (tmp_path / "m.toml").write_text(machine.replace("[axes]", f"[axes]\ntiming = {needs}"), encoding="utf-8")
+    asked = ("plan", "bare-circle", "--machine", tmp_path / "m.toml", "--order", "2", "--no-figures", how)
+    first = call(*asked, "--out", tmp_path / "one")
+    assert first.exit_code == 0, first.stderr
+    assert "STEP low of leg1 22.5 us, its drive needs 20; all with -v" in first.stdout
+    full = call(*asked, "--out", tmp_path / "two", "-v")
+    assert "lines of STEP and DIR" in full.stdout
+    assert "22.5 / 20" in full.stdout
+    assert "26.6667 / 28.5714" in full.stdout  # 1/37.5 µs, and 1/(15 µs + 20 µs)
+    for record in (json.loads((tmp_path / "two" / name).read_text()) for name in ("plan.json", "certificate.json")):
+        leg = record.get("pulses", record)["axes"]["leg1"]
+        assert leg["lines_s"]["low"] == pytest.approx(22.5e-6)
+        assert leg["drive_needs_s"]["setup"] == pytest.approx(50e-6)
 
 
 def test_a_file_is_planned_and_taken_up_again(call, part):
