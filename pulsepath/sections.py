@@ -30,6 +30,19 @@ def write_section(made: Section, name: str, target: Path, force: bool, options: 
     return record.of_export(name, str(target), made.export(name, target, force=force, **options))
 
 
+def list_triggers(made: Section) -> list[dict[str, Any]]:
+    """The triggers that a section fires, at its own times (s), with the counts of its axes."""
+    axes = made.machine.axes
+    return [
+        {
+            "name": event.name,
+            "where": record.place_record(event.where),
+            "counts": {axis.name: int(count) for axis, count in zip(axes, event.counts, strict=True)},
+        }
+        for event in made.triggers
+    ]
+
+
 def say_errors(files: Sequence[Mapping[str, Any]], planned: StoredPlan) -> None:
     """How far what each file holds is from its motion, and what its user has to know, of files by their records."""
     made_up = sorted({kind for axis in planned.machine.axes for kind in axis.compensate})

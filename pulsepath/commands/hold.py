@@ -59,6 +59,7 @@ def hold(
 
     Example: pulsepath hold out/circle --at "1.2 s" --format steps --out stop.bin
     """
+    from kinematics.files.atomic_files import Destination
     from kinematics.foundation.errors import BadValue
     from pulsepath.output.directory import refuse_late, refuse_no_plan
 
@@ -81,16 +82,19 @@ def hold(
         raise BadValue(f'option --speed: "{speed}": write up to "100 %", which is the plan\'s own speed')
     instant = None if at is None else read_quantity("--at", at, "s", least=0.0)
     targets = [target for target in (out, resume) if target is not None]
-    writes(*targets)
     refuse_no_plan(directory)
+    for target in targets:
+        Destination(target, force=force)  # refuses a file that is there
+    writes(*targets)
     if instant is not None:
         refuse_late(directory, instant)
     from planner.interruption.hold import find_stops
     from planner.interruption.hold import hold as stop_at
     from planner.interruption.override import resume as go_on
+    from planner.pulses.triggers import trigger_tables
     from pulsepath.output import record
     from pulsepath.output.tables import show
-    from pulsepath.sections import read_whole, say_errors, write_section
+    from pulsepath.sections import list_triggers, read_whole, say_errors, write_section
 
     planned, whole = read_whole(directory, unverified)
     if stops is not None:
@@ -121,7 +125,9 @@ def hold(
             "duration_s": made[0].duration,
             "distance_m": made[0].distance,
             "certified": made[0].certificate.holds,
+            "triggers": list_triggers(made[0]),
             "resumed_s": made[1].duration if len(made) > 1 else None,
+            "resumed_triggers": list_triggers(made[1]) if len(made) > 1 else None,
             "files": files,
             **record.of_doubts(planned.doubts),
         }
@@ -133,4 +139,5 @@ def hold(
         if share is not None and share < 1:
             pace = f"at {speed} of the plan's speed"
         say(f"from there to the end: {made[1].duration:.6f} s, certified, {pace}")
+        show(trigger_tables(made[1].triggers, made[1].path.names))
     say_errors(files, planned)

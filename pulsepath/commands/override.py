@@ -10,7 +10,7 @@ from pulsepath.command_group import FormatCommand
 from pulsepath.known_names import make_completer
 from pulsepath.options import json_option, read_percent, read_quantity, unverified_option
 from pulsepath.process.intent import writes
-from pulsepath.progress import step
+from pulsepath.progress import say, step
 
 
 class Override(FormatCommand):
@@ -48,6 +48,7 @@ def override(
 
     Example: pulsepath override out/circle --speed "50 %" --at "1.2 s" --format steps --out slow.bin
     """
+    from kinematics.files.atomic_files import Destination
     from kinematics.foundation.errors import BadValue
     from pulsepath.output.directory import refuse_late, refuse_no_plan
 
@@ -57,16 +58,17 @@ def override(
     if share > 1:
         raise BadValue(f'option --speed: "{speed}": write up to "100 %", which is the plan\'s own speed')
     instant = None if at is None else read_quantity("--at", at, "s", least=0.0)
-    if out is not None:
-        writes(out)
     refuse_no_plan(directory)
+    if out is not None:
+        Destination(out, force=force)  # refuses a file that is there
+        writes(out)
     if instant is not None:
         refuse_late(directory, instant)
     from planner.interruption.override import override as change_speed
     from pulsepath.format_options import EXPORTS
     from pulsepath.output import record
     from pulsepath.output.tables import show
-    from pulsepath.sections import read_whole, say_errors, write_section
+    from pulsepath.sections import list_triggers, read_whole, say_errors, write_section
 
     planned, whole = read_whole(directory, unverified)
     with step("computing the motion"):
@@ -80,10 +82,12 @@ def override(
             "at_s": made.at,
             "duration_s": made.duration,
             "certified": made.certificate.holds,
+            "triggers": list_triggers(made),
             "files": files,
             **record.of_doubts(planned.doubts),
         }
         click.echo(record.as_json(told), nl=False)
         return
     show(made.tables())
+    say(f"at {speed} of the plan's speed" + ("" if instant is None else ", as soon as the limits allow"))
     say_errors(files, planned)

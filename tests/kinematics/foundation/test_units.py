@@ -266,6 +266,7 @@ def test_the_usual_units_are_read_without_pint():
         (2, "axis", "", "2 axes"),
         (3, "entry", "", "3 entries"),
         (2, "entity", "", "2 entities"),
+        (3, "equal stretch", "", "3 equal stretches"),
         (1.0, "pulse", ".3g", "1 pulse"),
         (0.5, "pulse", ".3g", "0.5 pulses"),
         (1.0004, "pulse", ".3g", "1 pulse"),

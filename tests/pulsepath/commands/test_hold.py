@@ -71,6 +71,21 @@ def test_the_way_on_at_a_share_of_the_speed(call, plan, tmp_path):
     assert "give --resume FILE" in call("hold", plan, "--at", "0.6 s", "--speed", "50 %").stderr
 
 
+def test_triggers_fire_in_the_stop_or_behind_it(call, tmp_path):
+    program, out = tmp_path / "marked.nc", tmp_path / "out"
+    program.write_text("G21 G90\nG1 X10 Y5 F1200\nM5\nG1 X20 Y20\nM30\n")
+    assert call("plan", program, "--machine", "corexy", "--out", out, "--no-figures", "--order", "2").exit_code == 0
+    given = ("hold", out, "--at", "0.2 s", "--format", "steps", "--out", out / "stop.bin", "--resume", out / "rest.bin")
+    told = json.loads(call(*given, "--json").stdout)
+    assert [event["name"] for event in told["resumed_triggers"]] == ["M5"]
+    assert told["triggers"] == []
+    planned = json.loads((out / "plan.json").read_text())["triggers"][0]
+    assert told["resumed_triggers"][0]["where"]["distance_m"] == planned["where"]["distance_m"]
+    again = call(*given)
+    assert "stop.bin exists; give --force to replace it" in again.stderr
+    assert "certifying" not in again.stderr
+
+
 def test_a_table_of_stops(call, plan):
     done = call("hold", plan, "--stops", "4", "--out", plan / "stops.csv")
     assert done.exit_code == 0, done.stderr
