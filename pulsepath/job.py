@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache, partial
+from math import ceil, nan
 from typing import TYPE_CHECKING
 
 from controllers import Metrics, find_law
@@ -36,9 +37,8 @@ if TYPE_CHECKING:
 REALISED_SAMPLES = 25_000
 """Intervals between pulses at which the realised path is looked at: well below a second, and within 2 % in its RMS."""
 
-MOST_BOUNDED = 5_000
-"""Time pieces up to which a lower bound of the duration is proved: some ten times the time of planning."""
-
+MOST_BOUNDED, BOUNDED_EACH_SECOND = 20_000, 1_000
+"""Time pieces up to which a lower bound of the duration is proved unasked; of how many it takes a second, about."""
 
 FRAME_RATE, LEAST_FRAMES, MOST_FRAMES = 25, 120, 1000
 """Frames of the machine in a report: 1/s, and how many."""
@@ -57,6 +57,9 @@ class BaselineTimings:
 
     timings: tuple[Classical, ...]
     notes: tuple[str, ...]
+
+
+NO_BASELINES = BaselineTimings((), ())
 
 
 def time_baselines(course: Course | Plan) -> BaselineTimings:
@@ -130,7 +133,7 @@ def _track_laws(plan: Plan, rig: Rig) -> tuple[Metrics, ...]:
 class Job:
     """A plan, the baseline timing of its path, the path of its pulses, and the errors of the laws on a rig.
 
-    classical: what the saving is told against, as `planner.baselines.pick_baseline` picks it
+    classical: what the saving is told against, as `planner.baselines.pick_baseline` picks it; None: not asked for
     others: the other baseline timings, as far as the program and the machine allow them
     seen: waits for the errors of the laws, and for some figures if the report is to have any
     rig: None: the plan is not tracked
@@ -138,10 +141,11 @@ class Job:
     worth: what each limit is worth, where the bound is proved; change: the plan with the best of them RAISED
     tradeoff: duration against heat, where heat is part of the objective
     stops: how soon it can be stopped, where that was asked for
+    unbounded: why there is neither a proved bound nor worth, and how to get them; "": there are, or nobody wants them
     """
 
     plan: Plan
-    classical: Classical
+    classical: Classical | None
     others: tuple[Classical, ...]
     realised: RealisedPath | None
     seen: Callable[[], PlanReview]
@@ -152,10 +156,16 @@ class Job:
     change: LimitChange | None = None
     tradeoff: Tradeoff | None = None
     stops: Stops | None = None
+    unbounded: str = ""
 
     @property
     def time_saved(self) -> float:
-        """s that the plan is shorter than the baseline timing; negative where that keeps fewer limits and is."""
+        """s that the plan is shorter than the baseline timing; negative where that keeps fewer limits and is.
+
+        NaN without a baseline timing.
+        """
+        if self.classical is None:
+            return nan
         return self.classical.duration - self.plan.trajectory.duration
 
 
@@ -174,14 +184,19 @@ def run(
     gap: float | None = None,
     effort: int = EFFORT,
     stops: int | None = None,
+    baselines: bool = True,
+    worth: bool | None = None,
 ) -> Job:
-    """Plan, prove and compare, in the other process as well. Raises as `planner.plan`."""
+    """Plan, prove and compare, in the other process as well. Raises as `planner.plan`.
+
+    worth: whether to work out what limits are worth; None: where it takes up to MOST_BOUNDED time pieces
+    """
     for field in find_unkept_limits(machine):
         note(f"note: {machine.name} states {field} but no masses, so no plan can respect it")
     aim = read_objective(objective)  # refused before the work
     with step(f"planning {program.name} on {machine.name}") as tell:
         program = orient_open(program, machine, usual_order(machine.axes) if order is None else order)
-        timing = other.start(partial(time_baselines_ahead, program, machine))
+        timing = other.start(partial(time_baselines_ahead, program, machine)) if baselines else None
         planned = plan(
             program,
             machine,
@@ -203,18 +218,23 @@ def run(
         )
     look = partial(review_plan, planned, figures, rig)
     looking = other.start(look)
-    worth, change = None, None
-    if planned.known or len(planned.trajectory.s) <= MOST_BOUNDED:
+    found, change, unbounded = None, None, ""
+    pieces = len(planned.trajectory.s)
+    if worth is not False and (worth or planned.known or pieces <= MOST_BOUNDED):
         with step("proving a lower bound"):
-            worth, change = _find_worth(planned)
+            found, change = _find_worth(planned)
+    elif worth is None and planned.fastest:
+        unbounded = describe_unbounded(pieces)
     detail(_describe_solution(planned))
     realised = _compute_realised_path(planned)
-    with step("computing baseline timings"):
-        found = timing.result(partial(time_baselines, planned))
-    for line in found.notes:
+    timed = NO_BASELINES
+    if timing is not None:
+        with step("computing baseline timings"):
+            timed = timing.result(partial(time_baselines, planned))
+    for line in timed.notes:
         detail(line)
-    baseline = pick_baseline(planned, found.timings)
-    others = tuple(timing for timing in found.timings if timing is not baseline)
+    baseline = pick_baseline(planned, timed.timings) if timed.timings else None
+    others = tuple(timing for timing in timed.timings if timing is not baseline)
     beside = _run_cross_check(planned) if crossed else None
     tradeoff = None
     if aim.heat > 0:
@@ -225,7 +245,14 @@ def run(
         with step(f"stopping from {count_noun(stops, 'instant')}"):
             held = planned.stops(stops)
     seen = cache(partial(looking.result, look))
-    return Job(planned, baseline, others, realised, seen, figures, rig, beside, worth, change, tradeoff, held)
+    outcomes = (beside, found, change, tradeoff, held, unbounded)
+    return Job(planned, baseline, others, realised, seen, figures, rig, *outcomes)
+
+
+def describe_unbounded(pieces: int) -> str:
+    """Why no bound was proved of a motion of so many time pieces, and how to get it."""
+    takes = f"{pieces} time pieces would take some {ceil(pieces / BOUNDED_EACH_SECOND)} s"
+    return f"not worked out, as {takes} (more than {MOST_BOUNDED} are left out): give --worth to have it all the same"
 
 
 def _find_worth(planned: Plan) -> tuple[Worth | None, LimitChange | None]:

@@ -8,7 +8,7 @@ from typing import Any
 from kinematics.files.chunk_file import holds_chunks
 from planner.interruption.section import Section, Whole
 from pulsepath.output import plan_directory, record
-from pulsepath.output.plan_directory import StoredPlan
+from pulsepath.output.stored_plan import StoredPlan
 from pulsepath.progress import say, step
 
 

@@ -9,15 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmarks.animation.animate import POLICY as PLAYER_POLICY
-from benchmarks.reports.page import NARROW, Picture, draw_figure, group_digits, render, save_figures, style
+from benchmarks.reports.page import NARROW, Picture, draw_figure, render, save_figures, style
+from benchmarks.reports.plan_summary import summary
 from benchmarks.reports.timeline import list_segments, make_band
 from controllers.metrics import Metrics
 from controllers.rig import Rig
-from kinematics.analysis.residual_vibration import find_residuals
-from kinematics.foundation.names import count_noun
 from kinematics.foundation.options import check_arguments
 from kinematics.foundation.table import MAX_SHOWN_ROWS
-from planner.active_limits import ACTIVE_SHARE, active_limits, describe_stops, tabulate_segments
+from planner.active_limits import ACTIVE_SHARE, active_limits, tabulate_segments
 from planner.baselines import Classical, describe_differences, missing_limits
 from planner.certificate.certify import CROSSING
 from planner.certificate.constant_speed import CONSTANT_SPEED, SPEED_TOLERANCE
@@ -28,7 +27,6 @@ from planner.limits.limit import AxisLimit
 from planner.plan import Plan
 from planner.pulses import PulseCheck, RealisedPath
 from planner.pulses.schedule import RATE_WINDOWS
-from planner.timing.certified_solve import BEFORE_SHAPERS
 from planner.tradeoffs.limit_worth import LimitChange, Worth
 from planner.tradeoffs.pareto import Tradeoff
 
@@ -46,7 +44,7 @@ if TYPE_CHECKING:
 @check_arguments()
 def write_report(
     plan: Plan,
-    classical: Classical,
+    classical: Classical | None,
     metrics: Sequence[Metrics],
     path: Path,
     *,
@@ -62,6 +60,7 @@ def write_report(
     tradeoff: Tradeoff | None = None,
     stops: Stops | None = None,
     scene: str = "",
+    unbounded: str = "",
 ) -> None:
     """Write the report of a plan: a page, and its figures as `figures/*.png` next to it.
 
@@ -70,7 +69,7 @@ def write_report(
     plan
         What is reported.
     classical
-        The baseline of the saving.
+        The baseline of the saving. None: the page has no such part.
     metrics
         The errors of each tracking law. None of them: the page says how to get them.
     path
@@ -90,6 +89,8 @@ def write_report(
     crossed, worth, change, tradeoff, stops
         toppra's motion beside the plan's; what the limits are worth, and a motion with more of one; duration against
         heat; how soon it can be stopped. None: the page has no such part.
+    unbounded
+        Why there is no worth, if the page is to say so.
     scene
         The page of the machine in motion, as `benchmarks.animation` makes it, if the page is to hold it.
     """
@@ -97,83 +98,13 @@ def write_report(
         draw(plan, classical, metrics, realised) | draw_worth(worth, tradeoff, stops) if figures is None else figures
     )
     asked = crossed, worth, change, tradeoff, stops
-    page = _page(plan, classical, metrics, verdict, others, realised, figures, rig, untracked, *asked, scene)
+    page = _page(plan, classical, metrics, verdict, others, realised, figures, rig, untracked, *asked, scene, unbounded)
     path.write_text(page, encoding="utf-8")
     save_figures(figures, path)
 
 
-def summary(plan: Plan, classical: Classical, verdict: PulseCheck) -> dict[str, str]:
-    """The table that the page begins with, as it stands there."""
-    saved = classical.duration - plan.trajectory.duration
-    kept = "speed and acceleration" if plan.order == 2 else "speed, acceleration and jerk"
-    missing = missing_limits(plan, classical)
-    unlike = f"; the baseline timing is without {', '.join(missing)}" if missing else ""
-    what = "; ".join([classical.kind, *describe_differences(plan, classical)])
-    again = f", run {plan.program.repeat} times" if plan.program.repeat > 1 else ""
-    radian = f"a pure turn counts its angle times {1e3 * plan.machine.characteristic_length:.3f} mm"
-    baseline = {
-        "Baseline timing": f"{classical.duration:.6f} s ({what})",
-        "Time saved": f"{saved:.6f} s ({100 * saved / classical.duration:.2f} %{unlike})",
-    }
-    return {
-        "Duration": f"{plan.duration:.6f} s{'' if plan.fastest else f', {plan.describe_objective()}'}",
-        **_shaping(plan),
-        **(baseline if plan.fastest else {}),  # else they are unlike
-        **_bound(plan),
-        "Segments": f"{len(plan.program.segments)}{again}",
-        "Length of the path": f"{1e3 * float(plan.path.breaks[-1]):.3f} mm ({radian})",
-        **({"Stops": stops} if (stops := describe_stops(plan)) else {}),
-        **({} if plan.path.fit is None else {"Fit": plan.path.fit.describe()}),
-        **_departures(plan),
-        "Order": f"{plan.order} ({kept})",
-        "Solved by": f"{', '.join(sorted(set(plan.methods)))}; certified in round {plan.rounds}",
-        "Pulses": f"{group_digits(plan.pulses.total)} on a clock of {group_digits(plan.pulses.clock_hz)} Hz",
-        "Highest pulse rate": f"{verdict.highest_rate:.1f} 1/s",
-        "Pulse check": f"{count_noun(verdict.fault_count, 'error')}; {_exactness(plan, verdict)}",
-    }
-
-
-def _shaping(plan: Plan) -> dict[str, str]:
-    """What input shapers make of it, where there are any."""
-    if plan.shaped is None:
-        return {}
-    before = f"{plan.trajectory.duration:.6f} s; all that is not said to be behind them is of this motion"
-    told = {BEFORE_SHAPERS.capitalize(): before, "Behind them": plan.shaped.describe()}
-    if (cost := plan.shaped.cost) is not None:
-        told |= {"Cost of the shapers": cost.describe()} if plan.fastest else {}
-        told |= {"Lowered for them": cost.describe_lowered()} if cost.lowered else {}
-    return told | {"Vibration left": "; ".join(each.describe() for each in find_residuals(plan.shaped.axes))}
-
-
-def _bound(plan: Plan) -> dict[str, str]:
-    """How near to the fastest it is, where that was proved: reading it proves it, which may take long."""
-    if not plan.known:
-        return {}
-    near = f" ({plan.bound.describe()})" if plan.fastest else ""
-    return {"Lower bound, proved": f"{plan.lower_bound:.6f} s{near}"}
-
-
-def _departures(plan: Plan) -> dict[str, str]:
-    """How far synchronised moves leave the straight line at most, where there are any."""
-    found = plan.departures
-    if not found:
-        return {}
-    worst = max(found, key=lambda one: one.distance)
-    turned = np.rad2deg(max(one.turned for one in found))
-    told = f"up to {1e3 * worst.distance:.4g} mm off the straight line, at {worst.where}; up to {turned:.4g}° in angle"
-    return {"Synchronised moves": f"{len(found)}, straight in the axes: {told}"}
-
-
-def _exactness(plan: Plan, verdict: PulseCheck) -> str:
-    """What the check proved of the pulses: exact times where they stand for crossings, else the bounds they state."""
-    if verdict.time_error is not None:
-        return f"largest time error {verdict.time_error:.4f} ticks"
-    widest = max(axis.bound for axis in plan.pulses.axes)
-    return f"within {widest:.3g} pulses, as the rule {plan.pulses.rule} states"
-
-
 def draw(
-    plan: Plan, classical: Classical, metrics: Sequence[Metrics], realised: RealisedPath | None = None
+    plan: Plan, classical: Classical | None, metrics: Sequence[Metrics], realised: RealisedPath | None = None
 ) -> dict[str, Picture]:
     """Every figure of the page as a PNG, by name."""
     return draw_axes(plan) | draw_path(plan) | draw_comparisons(plan, classical, realised) | draw_tracking(metrics)
@@ -197,10 +128,10 @@ def draw_path(plan: Plan) -> dict[str, Picture]:
         return {"path": draw_figure(space), "limits": draw_figure(*_draw_limit_use(plan))}
 
 
-def draw_comparisons(plan: Plan, classical: Classical, realised: RealisedPath | None) -> dict[str, Picture]:
+def draw_comparisons(plan: Plan, classical: Classical | None, realised: RealisedPath | None) -> dict[str, Picture]:
     """The figures of the baseline timing, and of the path of the pulses."""
     with style():
-        figures = {"classical": draw_figure(_draw_classical(plan, classical))}
+        figures = {"classical": draw_figure(_draw_classical(plan, classical))} if classical else {}
         return figures | ({"realised": draw_figure(*_draw_realised(realised))} if realised else {})
 
 
@@ -301,7 +232,7 @@ def _add_legend(ax: "Axes", columns: int = 6) -> "Axes":
 
 def _page(
     plan: Plan,
-    classical: Classical,
+    classical: Classical | None,
     metrics: Sequence[Metrics],
     verdict: PulseCheck,
     others: Sequence[Classical],
@@ -315,6 +246,7 @@ def _page(
     tradeoff: Tradeoff | None,
     stops: Stops | None,
     scene: str,
+    unbounded: str,
 ) -> str:
     return render(
         "report.html.j2",
@@ -334,8 +266,9 @@ def _page(
         realised=realised,
         triggers=plan.triggers,
         summary=summary(plan, classical, verdict),
-        saved=classical.duration - plan.trajectory.duration,
-        missing=missing_limits(plan, classical),
+        saved=classical.duration - plan.trajectory.duration if classical else 0.0,
+        missing=missing_limits(plan, classical) if classical else (),
+        unbounded=unbounded,
         differences={one.kind: describe_differences(plan, one) for one in others},
         allowed={limit.name: _format_bounds(limit, plan) for limit in plan.limits} | CLAIMS,
         active=dict(_active_time(plan)),

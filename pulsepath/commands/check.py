@@ -90,13 +90,14 @@ def _check_plan(folder: Path, as_json: bool) -> None:
 
     refuse_no_plan(folder)
     from pulsepath.output import plan_directory, record
+    from pulsepath.output.stored_plan import check_pulses
     from pulsepath.progress import step
 
     taken = plan_directory.read(folder)
     duration, file, pulses = taken.duration, None, None
     if taken.pulse_file is not None:
         with step("checking the pulses") as tell:
-            found = plan_directory.check_pulses(taken.pulse_file, taken, tell)
+            found = check_pulses(taken.pulse_file, taken, tell)
         file, pulses = taken.pulse_file.name, sum(axis.pulses for axis in found.axes)
     if as_json:
         told = {"holds": True, "duration_s": duration, "pulse_file": file, "pulses": pulses}

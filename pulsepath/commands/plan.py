@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 WORK_MODULES = ("pulsepath.job",)
 FIGURE_MODULES = ("benchmarks.reports.plan_report", "controllers.figures", "planner.figures")
 """What the second process loads."""
+MOST_BOUNDED = 20_000
+"""As in pulsepath.job, which would load all of planner here."""
 MOST_EFFORT = 6
 """Rounds of --gap: each has twice as many intervals as the one before."""
 MOST_WHOLE = 1000
@@ -95,6 +97,18 @@ LONG_FILE = 1 << 16
     default=True,
     show_default=True,
     help="Draw figures in the report. Without them it keeps all text and tables and is faster.",
+)
+@click.option(
+    "--baselines/--no-baselines",
+    default=True,
+    show_default=True,
+    help="Compare with baseline timings, as a trapezoid from stop to stop. Without them no time saved is printed.",
+)
+@click.option(
+    "--worth/--no-worth",
+    default=None,
+    help="Prove how near the motion is to the fastest, and what each limit is worth. Default: --worth up to "
+    f"{MOST_BOUNDED} time pieces, where it takes some {MOST_BOUNDED // 1000} s at most.",
 )
 @click.option(
     "--pulses",
@@ -163,6 +177,8 @@ def plan(
     effort: int | None,
     rule: str,
     figures: bool,
+    baselines: bool,
+    worth: bool | None,
     pulses: str,
     stops: int | None,
     motion: str,
@@ -188,6 +204,7 @@ def plan(
     if dumped is not None:
         inputs = _read(program, machine, fit, given, motion)
         flags = {"cross-check": crossed, "stream": stream is True, "whole": stream is False, "keep-certified": keep}
+        flags |= {"no-baselines": not baselines, "worth": worth is True, "no-worth": worth is False}
         chosen = {"rig": rig, "cluster": cluster}
         chosen |= {"gap": gap, "effort": None if effort is None else str(effort)}
         chosen |= {"stops": None if stops is None else str(stops)}
@@ -259,6 +276,7 @@ def plan(
             "--rig": rig is not None,
             "--stops": stops is not None,
             "--cross-check": crossed,
+            "--worth": worth is True,
         }
         whole["--pulses csv"] = pulses == "csv"
         if choose_parts(stream, inputs, rule, [option for option, asked in whole.items() if asked]):
@@ -288,6 +306,8 @@ def plan(
                     within,
                     EFFORT if effort is None else effort,
                     stops,
+                    baselines,
+                    worth,
                 )
             plan_directory.write(folder, job, inputs, pulses)
     _tell(out, as_json, lambda: tables.of_plan(job), lambda: tables.sum_up(job))

@@ -33,6 +33,8 @@ COMPARISON, COMPARISON_KIND = "compare.json", "pulsepath compare"
 RECORDS = {KIND: RECORD, CALIBRATION_KIND: CALIBRATION, COMPARISON_KIND: COMPARISON}
 CELLS = "cells"
 """As in benchmarks.sweep.result, which takes long to load."""
+MOTION = "motion.bin"
+"""The motion of a plan."""
 REPORT = "report.html"
 """Of each of them the page for its reader."""
 CHECKPOINT = "checkpoint.json"

@@ -25,8 +25,8 @@ from planner.pulses.triggers import holds_triggers
 from pulsepath.inputs import Inputs
 from pulsepath.job import Defect
 from pulsepath.output.checkpoint import Checkpoint, holds_checkpoint, read_checkpoint, write_checkpoint
-from pulsepath.output.directory import BEGUN, CHECKPOINT, RECORD, REPORT, TRIGGERS
-from pulsepath.output.plan_directory import BINARY, CERTIFICATE, MOTION, SOURCES
+from pulsepath.output.directory import BEGUN, CHECKPOINT, MOTION, RECORD, REPORT, TRIGGERS
+from pulsepath.output.plan_directory import BINARY, CERTIFICATE, SOURCES
 from pulsepath.output.plan_record import of_parts, of_pulse_file
 from pulsepath.output.record import as_json
 from pulsepath.output.verification import digest_pulses, seal_record

@@ -9,7 +9,7 @@ from platform import python_version
 from kinematics import Axis, Machine
 from kinematics.analysis.residual_vibration import find_residuals
 from kinematics.files.plain_text import finite_or_none
-from planner import LimitChange, Plan, Triggered, Worth
+from planner import Classical, LimitChange, Plan, Triggered, Worth
 from planner.active_limits import tabulate_segments
 from planner.baselines import describe_differences, missing_limits
 from planner.certificate.certify import Certificate
@@ -51,23 +51,7 @@ def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
         "stated_duration_s": plan.stated_duration,
         "objective": str(plan.objective),
         "path_length_m": float(plan.path.breaks[-1]),
-        "classical": {
-            "kind": job.classical.kind,
-            "duration_s": job.classical.duration,
-            "saved_s": job.time_saved if plan.fastest else None,
-            "leaves_out": list(missing_limits(plan, job.classical)),
-            "kinds": {
-                one.kind: {
-                    "duration_s": one.duration,
-                    "order": one.order,
-                    "certified": one.certificate.holds,
-                    "deviation_m": None if one.deviation is None else one.deviation.distance,
-                    "leaves_out": list(missing_limits(plan, one)),
-                    "differences": list(describe_differences(plan, one)),
-                }
-                for one in (job.classical, *job.others)
-            },
-        },
+        "classical": None if job.classical is None else _baselines(job, job.classical),
         "certificate": _certificate(plan.certificate),
         "shaping": None if plan.shaped is None else _shaping(plan.shaped) | {"warning": plan.exceeded or None},
         "fit": fit_record(plan.path.fit),
@@ -81,6 +65,7 @@ def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
             "leaves_out": [*plan.left_out, *([] if plan.known or plan.order == 2 else ["jerk"])],
         },
         "worth": None if job.worth is None else _worth(job.worth, job.change),
+        "worth_left_out": job.unbounded or None,
         "tradeoff": None
         if job.tradeoff is None
         else {
@@ -112,6 +97,27 @@ def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
         "segments": _segments(plan),
         "triggers": [_trigger(event, plan.machine.axes) for event in plan.triggers],
         **_origin(inputs, () if job.crossed is None else ("toppra",)),
+    }
+
+
+def _baselines(job: Job, baseline: Classical) -> Record:
+    plan = job.plan
+    return {
+        "kind": baseline.kind,
+        "duration_s": baseline.duration,
+        "saved_s": job.time_saved if plan.fastest else None,
+        "leaves_out": list(missing_limits(plan, baseline)),
+        "kinds": {
+            one.kind: {
+                "duration_s": one.duration,
+                "order": one.order,
+                "certified": one.certificate.holds,
+                "deviation_m": None if one.deviation is None else one.deviation.distance,
+                "leaves_out": list(missing_limits(plan, one)),
+                "differences": list(describe_differences(plan, one)),
+            }
+            for one in (baseline, *job.others)
+        },
     }
 
 

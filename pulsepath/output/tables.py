@@ -50,22 +50,26 @@ def of_plan(job: Job) -> list[Table]:
     from planner.timing.certified_solve import BEFORE_SHAPERS
 
     plan = job.plan
-    percent = 100 * job.time_saved / job.classical.duration
-    missing = missing_limits(plan, job.classical)
-    unlike = f"; the baseline timing is without {', '.join(missing)}" if missing else ""
     told = plan.describe_objective()
     told += f"; the fastest motion takes {plan.lower_bound:.6f} s or more" if plan.known else ""
     rows: list[tuple[str, float | None, str]] = [
         ("duration", plan.duration, "" if plan.fastest else told),
         *(() if plan.shaped is None else [(BEFORE_SHAPERS, plan.trajectory.duration, "the rows below refer to this")]),
         *(() if plan.shaped is None else _cost_rows(plan, plan.shaped)),
-        ("baseline timing", job.classical.duration, _describe_timing(plan, job.classical, job.classical.kind)),
-        ("time saved", job.time_saved, f"{percent:.2f} %{unlike}"),
     ]
+    if job.classical is not None:
+        percent = 100 * job.time_saved / job.classical.duration
+        missing = missing_limits(plan, job.classical)
+        unlike = f"; the baseline timing is without {', '.join(missing)}" if missing else ""
+        timing = _describe_timing(plan, job.classical, job.classical.kind)
+        rows.append(("baseline timing", job.classical.duration, timing))
+        rows.append(("time saved", job.time_saved, f"{percent:.2f} %{unlike}"))
     if plan.known:
         rows.append(("lower bound, proved", plan.lower_bound, plan.bound.describe() if plan.fastest else ""))
     if job.worth is not None:
         rows.append(("saved by 1 % more of", None, job.worth.describe()))
+    if job.unbounded:
+        rows.append((UNBOUNDED, None, job.unbounded))
     rows += [(other.kind, other.duration, _describe_timing(plan, other)) for other in job.others]
     what, times, notes = zip(*rows, strict=True)
     first, *rest = plan.tables()
@@ -101,6 +105,7 @@ def _describe_cost(plan: Plan, shaped: ShapedProof) -> list[tuple[str, str]]:
     return [*told, ("vibration left", left)]
 
 
+UNBOUNDED = "gap, worth of limits"
 NEARLY = 0.999
 """Proven share of a limit from which a motion is said to use it up."""
 
@@ -119,7 +124,7 @@ def sum_up(job: Job) -> list[Table]:
         rows.append((BEFORE_SHAPERS, f"{plan.trajectory.duration:.6f} s; saving and gap refer to this"))
         rows.append(("input shapers", plan.shaped.describe()))
         rows += _describe_cost(plan, plan.shaped)
-    if plan.fastest and not missing_limits(plan, job.classical):  # else they are unlike
+    if plan.fastest and job.classical is not None and not missing_limits(plan, job.classical):  # else they are unlike
         percent = 100 * job.time_saved / job.classical.duration
         unlike = "".join(f", but it {each}" for each in describe_differences(plan, job.classical))
         told = f"{percent:.2f} %: {job.time_saved:.3f} s less than {job.classical.kind}, the same limits{unlike}"
@@ -136,6 +141,8 @@ def sum_up(job: Job) -> list[Table]:
     rows.append(("limits", f"{len(proof.worst)} proved at every instant; used up: {', '.join(used) or 'none'}"))
     if job.worth is not None and job.worth.best is not None:
         rows.append(("saved by 1 % more of", job.worth.describe()))
+    if job.unbounded:
+        rows.append((UNBOUNDED, job.unbounded))
     if stops := describe_stops(plan):
         rows.append(("stops", stops))
     if plan.path.fit is not None and plan.path.fit.before:

@@ -14,7 +14,8 @@ from matplotlib.figure import Figure
 
 from benchmarks.animation.animate import POLICY as PLAYER_POLICY
 from benchmarks.reports.page import round_up
-from benchmarks.reports.plan_report import POLICY, draw_axes, summary, write_report
+from benchmarks.reports.plan_report import POLICY, draw_axes, write_report
+from benchmarks.reports.plan_summary import summary
 from benchmarks.reports.timeline import list_segments, make_band
 from controllers import evaluate, find_law, track
 from controllers.figures import contour_error, following_error

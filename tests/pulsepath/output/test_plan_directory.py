@@ -14,7 +14,7 @@ from planner import read_pulses
 from planner.export.formats import binary
 from planner.pulses import check, generate
 from planner.pulses.schedule import holds_same_pulses
-from pulsepath.output import plan_directory
+from pulsepath.output import plan_directory, stored_plan
 from tests import read_lines
 
 
@@ -151,7 +151,7 @@ def test_a_plan_without_a_file_of_pulses_is_proved_and_makes_them_again(inputs, 
 def test_pulses_are_taken_from_their_file_and_where_it_is_gone_made_again(directory, job, tmp_path, monkeypatch):
     for path in directory.glob("*.*"):
         (tmp_path / path.name).write_bytes(path.read_bytes())
-    monkeypatch.setattr(plan_directory, "generate", lambda *_: pytest.fail("they are in the file"))
+    monkeypatch.setattr(stored_plan, "generate", lambda *_: pytest.fail("they are in the file"))
     again = plan_directory.read(tmp_path)
     assert holds_same_pulses(job.plan.pulses, [again.pulses()])
     assert holds_same_pulses(job.plan.pulses, again.open_pulses().parts())

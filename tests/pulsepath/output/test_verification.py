@@ -17,7 +17,7 @@ from planner.orientation.orient import apply_choice, find_choice
 from planner.path.shape import DEGREE
 from pulsepath.inputs import Inputs, read_inputs
 from pulsepath.job import run
-from pulsepath.output import plan_directory, verification
+from pulsepath.output import plan_directory, stored_plan, verification
 from tests import motion_pieces
 
 
@@ -162,14 +162,14 @@ def test_pulses_that_differ_are_checked_again(plan, monkeypatch):
     forge(plan, pulses=record["pulses"])
     taken = plan_directory.read(plan)
     assert taken.pulses().total == record["pulses"]["total"]
-    generate = plan_directory.generate
+    generate = stored_plan.generate
 
     def shifted(*args, **kwargs):
         made = generate(*args, **kwargs)
         axes = (replace(made.axes[0], ticks=made.axes[0].ticks + 5), *made.axes[1:])
         return replace(made, axes=axes)
 
-    monkeypatch.setattr(plan_directory, "generate", shifted)
+    monkeypatch.setattr(stored_plan, "generate", shifted)
     with pytest.raises(MotionError, match="pulses made again"):
         taken.pulses()
 

@@ -14,7 +14,7 @@ from planner import Infeasible, Line, Program, PulseSchedule
 from planner import plan as planned
 from planner.export.formats import pulse_csv
 from planner.pulses import AxisPulses, check, generate, pace_axes
-from pulsepath.output.plan_directory import StoredPlan
+from pulsepath.output.stored_plan import StoredPlan
 from tests.planner.motions import PULSE, in_pulses, one_axis
 
 CLOCK = 10_000_000

@@ -1,0 +1,66 @@
+"""`plan --worth` and `--no-baselines`: what is left out is said, with how to get it, and the rest is as it was."""
+
+import json
+
+import numpy as np
+import pytest
+
+import pulsepath.commands.plan
+import pulsepath.job
+from pulsepath import load_plan
+from pulsepath.output import tables
+
+ASKED = ("plan", "bare-circle", "--order", "2", "--no-figures", "--no-baselines", "--pulses", "none")
+
+
+@pytest.fixture
+def few(monkeypatch):
+    """Nearly every motion has too many time pieces."""
+    monkeypatch.setattr(pulsepath.job, "MOST_BOUNDED", 10)
+
+
+def test_a_long_motion_says_that_worth_is_left_out_and_how_to_get_it(few, call, tmp_path):
+    done = call(*ASKED, "--out", tmp_path / "plan")
+    (line,) = (line for line in done.stdout.splitlines() if tables.UNBOUNDED in line)
+    assert "not worked out" in line
+    assert "--worth" in done.stdout
+    record = json.loads((tmp_path / "plan/plan.json").read_text())
+    assert record["worth"] is None
+    assert "(more than 10 are left out)" in record["worth_left_out"]
+    assert record["worth_left_out"] in (tmp_path / "plan/report.html").read_text()
+    forced = call(*ASKED, "--worth", "--out", tmp_path / "forced")
+    assert "gap " in forced.stdout
+    assert "saved by 1 % more of" in forced.stdout
+    record = json.loads((tmp_path / "forced/plan.json").read_text())
+    assert record["worth_left_out"] is None
+    # proved: the bound lies below the motion, and near it
+    assert 0 <= record["lower_bound"]["gap"] < 0.01
+    assert record["lower_bound"]["duration_s"] <= record["duration_s"]
+
+
+def test_what_nobody_wants_is_not_missed(few, call, tmp_path):
+    done = call(*ASKED, "--no-worth", "--out", tmp_path / "plan", "-v")
+    assert tables.UNBOUNDED not in done.stdout
+    record = json.loads((tmp_path / "plan/plan.json").read_text())
+    assert record["worth"] is record["worth_left_out"] is None
+
+
+def test_without_baselines_nothing_is_compared(call, tmp_path):
+    done = call(*ASKED, "--no-worth", "--out", tmp_path / "plan", "-v")
+    assert "baseline timing" not in done.stdout + done.stderr
+    assert "time saved" not in done.stdout
+    assert json.loads((tmp_path / "plan/plan.json").read_text())["classical"] is None
+    page = (tmp_path / "plan/report.html").read_text()
+    assert "aseline timing" not in page
+    assert "nan" not in page.split("</style>")[-1]
+
+
+def test_help_tells_the_threshold_that_is_kept():
+    assert pulsepath.commands.plan.MOST_BOUNDED == pulsepath.job.MOST_BOUNDED
+
+
+def test_a_loaded_plan_knows_what_limits_are_worth(directory, job):
+    loaded = load_plan(directory)
+    assert loaded.worth.best == job.worth.best
+    np.testing.assert_allclose(loaded.worth.saved, job.worth.saved, rtol=1e-9, atol=1e-12)
+    assert loaded.bound.value == job.plan.bound.value
