@@ -14,6 +14,7 @@ from kinematics.foundation.table import Table
 from kinematics.machine.machine import Machine
 from kinematics.machine.machine_file import MachineSource, load_machine
 from planner.certificate.certify import Certificate
+from planner.certificate.conditioning import Conditioning, find_poorest
 from planner.certificate.constant_speed import CONSTANT_SPEED, Stretch, find_stretches
 from planner.certificate.feasibility import Standing, prove_feasibility
 from planner.certificate.lower_bound import find_left_out
@@ -138,6 +139,11 @@ class Plan(Result, Interruptible):
     def exceeded(self) -> str:
         """What is said where a blend or fit tolerance is not proved behind the input shapers; else ""."""
         return "" if self.shaped is None else describe_exceeded(self.path, self.shaped)
+
+    @property
+    def conditioning(self) -> Conditioning:
+        """The poorest of the Jacobian along the path: near 0 it comes near a singular pose."""
+        return find_poorest(self.path)
 
     @property
     def triggers(self) -> tuple[Triggered, ...]:
@@ -378,7 +384,8 @@ def check(program: ProgramSource, machine: MachineSource, *, limits: Sequence[Ow
     found = prove_feasibility(path, (*limits_of(path, machine.axes, 2), *own))
     worst = tuple(_add_advice(no, program, machine, 2) for no in found.violations[:1])
     violations = (*worst, *found.violations[1:])
-    return replace(found, violations=violations, blends=path.blends, fit=path.fit, departures=departures(path))
+    found = replace(found, violations=violations, blends=path.blends, fit=path.fit, departures=departures(path))
+    return found if violations else replace(found, conditioning=find_poorest(path))
 
 
 def _add_advice(no: MotionError, program: Program, machine: Machine, order: int) -> MotionError:

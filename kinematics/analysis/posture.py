@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,6 +26,8 @@ SAME_POSE_TOLERANCE = 1e-6
 """m, or of a rotation's entries, by which two poses differ at most that are one."""
 MAX_PULSES = 2.0**53
 """Pulses from home that are told apart."""
+NOT_CERTIFIED = "the straight motion from home is not proved to be free of singularities"
+LIMITS_KEPT = "limits kept"
 UNLIMITED = {"inf": "unlimited", "-inf": "unlimited"}
 
 
@@ -133,7 +135,7 @@ class Posture(Result):
         proof = (
             "certified: the straight motion from home arrives in this pose and no other"
             if self.certified
-            else "NOT CERTIFIED: the straight motion from home is not proved to be free of singularities"
+            else f"NOT CERTIFIED: {NOT_CERTIFIED}"
         )
         return Table(f"{self.machine.name}: {type(self.machine).__name__.lower()}", columns, (proof,))
 
@@ -173,7 +175,8 @@ class Posture(Result):
 
     def _margins(self) -> Table:
         (table,) = self.margins.tables()
-        return Table(table.title, table.columns[1:], table.notes)
+        *uses, kept = table.columns[1:]
+        return Table(table.title, (*uses, replace(kept, name=LIMITS_KEPT)), table.notes)
 
 
 @check_arguments("machine", "pose")

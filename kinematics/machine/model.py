@@ -308,12 +308,18 @@ class MachineModel(Kind):
             q[lost] = self.inverse_map(self.inputs(x[lost], other))
             lost = self._find_unreachable(q)
         if lost.any():
-            where = describe_pose(x, int(np.argmax(lost)))
-            raise OutOfReach(f"machine {self.name}: no actuator coordinates reach {where}; bring it nearer")
+            first = int(np.argmax(lost))
+            axes = ", ".join(axis.name for axis, out in zip(self.axes, self._is_lost(q[first]), strict=True) if out)
+            home = describe_pose(to_numbers(self.home), 0).removeprefix("the pose, ")
+            told = f"no actuator coordinates reach {describe_pose(x, first)}: there is no position of {axes}"
+            raise OutOfReach(f"machine {self.name}: {told}; bring it nearer to home, {home}")
         return x, q
 
     def _find_unreachable(self, q: Array) -> np.ndarray:
-        return np.asarray(~(np.isfinite(q) & (q >= (0.0 if self.lengths else -np.inf))).all(1))
+        return np.asarray(self._is_lost(q).any(1))
+
+    def _is_lost(self, q: Array) -> np.ndarray:
+        return np.asarray(~(np.isfinite(q) & (q >= (0.0 if self.lengths else -np.inf))))
 
     def jacobian(self, pose: PoseLike, near: ArrayLike | None = None) -> Array:
         """Find the Jacobian at poses: dq = J [dx, dy, dz, wx, wy, wz] in the base frame.

@@ -19,6 +19,7 @@ from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.units import round_up_digits
 from kinematics.machine.machine import Machine
+from planner.certificate.conditioning import PART_SHARES, stays_on_one_side
 from planner.certificate.feasibility import prove_feasibility
 from planner.certificate.limit_use import LIMIT_ROUNDING
 from planner.limits import Limit, limits_of
@@ -106,8 +107,6 @@ TRIAL_MOVES = (0.0, *(4e-4 * 2.0 ** np.arange(9)).tolist())
 BISECTIONS_OF_REMEDY = 10
 # What does not prove as it is told is taken so much further, so often.
 EXTRA_SHARE, MAX_EXTRA_STEPS = 1e-3, 4
-# Places of a part of a path that are looked at.
-PART_SHARES = np.linspace(0.0, 1.0, 9)
 MOVE_DIRECTIONS = tuple(
     (sign + name, float(f"{sign}1") * np.eye(3)[k]) for k, name in enumerate("xyz") for sign in "+-"
 )
@@ -122,12 +121,15 @@ class Refit:
 
     turn: the largest scale of its angles, from the start's orientation. None: none was found.
     home: what the machine breaks at home, as `Margins.worst` tells it, if it does: then its file is at fault
+    movable: whether moves were tried; late: whether the search ended for want of time
     """
 
     scale: float | None = None
     turn: float | None = None
     move: tuple[float, str] | None = None
     home: str = ""
+    movable: bool = True
+    late: bool = False
 
     def __str__(self) -> str:
         told = [] if self.scale is None else [f"scaled to <= {self.scale * 100:.1f} % about its start"]
@@ -137,8 +139,13 @@ class Refit:
             return f"the path fits the machine {', or '.join(told)}"
         if self.home:
             return f"the machine already exceeds a limit at home ({self.home}): correct its geometry, home or limits"
-        most = f"{TRIAL_SHARES[-1] * 100:g} % and no move of up to {TRIAL_MOVES[-1] * 1e3:g} mm along an axis"
-        return f"no scale down to {most} was found to fit the path to the machine"
+        if self.late:
+            return f"what scale or move would fit the path to the machine was not found in {MAX_SEARCH_TIME:g} s"
+        moves = f" and no move of up to {TRIAL_MOVES[-1] * 1e3:g} mm along an axis" if self.movable else ""
+        return (
+            f"no scale about its start down to {TRIAL_SHARES[-1] * 100:g} %{moves} was found to fit the path to the "
+            "machine"
+        )
 
 
 def find_remedy(program: Program, machine: Machine, order: int) -> Refit:
@@ -161,7 +168,8 @@ def find_remedy(program: Program, machine: Machine, order: int) -> Refit:
         if found is not None:
             best = found, name
     at_home = machine.check(machine.home)
-    return Refit(scale, turn, best, "" if at_home.ok.all() else at_home.worst())
+    late = perf_counter() > search.until
+    return Refit(scale, turn, best, "" if at_home.ok.all() else at_home.worst(), movable, late)
 
 
 def _shift_along(program: Program, way: Array, size: float) -> Program:
@@ -177,14 +185,13 @@ class _ChangeSearch:
     until: float
 
     def share(self, made: ProgramChange) -> float | None:
-        """The largest share, in tenths of a per cent."""
+        """The largest share, in tenths of a per cent; in twentieths where only the proof finds what is wrong."""
         found = self._first(TRIAL_SHARES, made)
-        told = (
-            []
-            if found is None
-            else [round(floor(found * 1e3) / 1e3 - n * EXTRA_SHARE, 3) for n in range(MAX_EXTRA_STEPS)]
-        )
-        return next((share for share in told if share > 0 and self._holds(made, share, _is_proved_kept)), None)
+        if found is None:
+            return None
+        told = [round(floor(found * 1e3) / 1e3 - n * EXTRA_SHARE, 3) for n in range(MAX_EXTRA_STEPS)]
+        told += [share for share in TRIAL_SHARES if share < told[-1]]
+        return next((share for share in told if share > 0 and self._proves(made, share)), None)
 
     def move(self, made: ProgramChange, below: float) -> float | None:
         """The least move (m) below another, in three digits of mm."""
@@ -194,8 +201,9 @@ class _ChangeSearch:
             if found is None
             else [round_up_digits(found * (1 + n * EXTRA_SHARE) * 1e3, 3) for n in range(MAX_EXTRA_STEPS)]
         )
-        sizes = (float(size) / 1e3 for size in told)
-        return next((size for size in sizes if size < below and self._holds(made, size, _is_proved_kept)), None)
+        sizes = [float(size) / 1e3 for size in told]
+        sizes += [] if found is None else [size for size in TRIAL_MOVES if size > sizes[-1]]
+        return next((size for size in sizes if size < below and self._proves(made, size)), None)
 
     def _first(self, sizes: Sequence[float], made: ProgramChange) -> float | None:
         """The first size that holds, bisected towards the one before it; the first of all is known not to."""
@@ -214,6 +222,10 @@ class _ChangeSearch:
             return False
         return self._holds(made, size, _seems_kept)
 
+    def _proves(self, made: ProgramChange, size: float) -> bool:
+        """Whether that is proved, in time."""
+        return perf_counter() <= self.until and self._holds(made, size, _is_proved_kept)
+
     def _holds(self, made: ProgramChange, size: float, kept: Callable[[MachinePath, Sequence[Limit]], bool]) -> bool:
         """Whether the path of the changed program can be drawn, and keeps its limits."""
         try:
@@ -224,7 +236,9 @@ class _ChangeSearch:
 
 
 def _seems_kept(path: MachinePath, limits: Sequence[Limit]) -> bool:
-    """Whether no geometric limit is broken at the places that are looked at."""
+    """Whether no geometric limit is broken, and no singular pose passed, at the places that are looked at."""
+    if not stays_on_one_side(path):
+        return False
     along = unit_speed_trajectory(path)
     part = np.repeat(np.arange(len(along.s)), len(PART_SHARES))
     state = along.within(part, np.tile(PART_SHARES, len(along.s)) * np.diff(along.knots)[part])

@@ -15,6 +15,7 @@ from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.foundation.taylor_model import Series
 from planner.certificate.certify import prove_path_use
+from planner.certificate.conditioning import Conditioning
 from planner.certificate.limit_use import round_reached_use
 from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath, MachinePath
@@ -85,6 +86,7 @@ class Standing(Result):
 
     blends: what became of the program's joins that ask for one; fit: of its chains that became curves
     departures: how far its synchronised moves leave the straight line
+    conditioning: the poorest that was found along the path; None where it breaks a limit
     """
 
     violations: tuple[MotionError, ...]
@@ -92,6 +94,7 @@ class Standing(Result):
     blends: tuple[Blended, ...] = ()
     fit: FitSummary | None = None
     departures: tuple[Departure, ...] = ()
+    conditioning: Conditioning | None = None
 
     def tables(self) -> tuple[Table, ...]:
         """The largest use of each limit and where, the violations below; the blends."""
@@ -102,9 +105,15 @@ class Standing(Result):
                 Column("bound", [use for use, _ in self.largest.values()], form=".7f", up=True),
                 *where_columns([place for _, place in self.largest.values()]),
             ),
-            tuple(map(str, self.violations)),
+            (*map(str, self.violations), *self.warnings),
         )
         return uses, *fit_tables(self.fit), *blend_tables(self.blends), *departure_tables(self.departures)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What breaks no limit and is to be known all the same: a pose near a singular one."""
+        told = "" if self.conditioning is None else self.conditioning.warning
+        return (told,) if told else ()
 
 
 TIE_DIGITS = 9
@@ -121,7 +130,9 @@ def prove_feasibility(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:
     if lost.any():
         first = int(np.argmax(lost))
         place = path.place(float(state.along[first]), int(state.piece[first]))
-        return Standing((OutOfReach(f"no actuator coordinates reach the path at {place}; bring it nearer"),), {})
+        axes = ", ".join(name for name, q in zip(path.names, state.q[first], strict=True) if not np.isfinite(q))
+        reach = f"no actuator coordinates reach the path at {place}: there is no position of {axes}"
+        return Standing((OutOfReach(f"{reach}; bring it nearer to home"),), {})
     if isinstance(path, MachinePath):
         met = find_singularity(path, np.append(along.s, path.breaks[-1]), along.piece)
         if met is not None:

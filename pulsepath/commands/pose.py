@@ -51,7 +51,7 @@ def pose(
     pulses, tilts, the platform's direction angles α β γ, margins, and whether the pose is proved reachable from home.
     With --lengths, --travel or --counts, computes the pose from the axes instead.
 
-    Exit code 1 if the pose is out of reach or violates a limit, or if the axes give a pose that is not certified.
+    Exit code 1 if the pose is out of reach, violates a limit or is not certified: "limits kept" is of the limits alone.
 
     Example: pulsepath pose hexapod 5,5,35 --turn 3,-4,2
     """
@@ -69,7 +69,7 @@ def pose(
 
     of = load_machine(machine)
     coordinates = _read_coordinates(of, given[0], axes[given[0]] or "") if given else None
-    from kinematics.analysis.posture import posture_of_axes, posture_of_pose
+    from kinematics.analysis.posture import NOT_CERTIFIED, posture_of_axes, posture_of_pose
     from pulsepath.output import record, tables
 
     if coordinates is not None:
@@ -83,7 +83,9 @@ def pose(
     if broken := found.violations:
         many = f"{len(broken)} limits are violated, the worst is " if len(broken) > 1 else ""
         say(f"infeasible: {many}{broken[0]}", err=True)
-    if not found.margins.ok.all() or (given and not found.certified):
+    elif not found.certified:
+        say(f"infeasible: not certified: {NOT_CERTIFIED}; check proves another way there, as a program", err=True)
+    if not found.margins.ok.all() or not found.certified:
         click.get_current_context().exit(INFEASIBLE)
 
 

@@ -59,6 +59,9 @@ def of_check(found: Standing) -> Record:
         "blends": blend_records(found.blends),
         "synchronised_moves": departure_records(found.departures),
         "violations": [violation_record(violation) for violation in found.violations],
+        "conditioning": None
+        if found.conditioning is None
+        else {"value": found.conditioning.value, "where": place_record(found.conditioning.place)},
         "largest_use": {name: {"ratio": use, "where": place_record(place)} for name, (use, place) in largest},
     }
 

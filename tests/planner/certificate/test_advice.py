@@ -153,7 +153,9 @@ def test_the_scale_of_a_path_out_of_reach_or_through_a_singular_pose(name, to, w
 
 def test_where_nothing_helps_that_is_said(hexapod):
     no = refused(Program([Line([0, 0, 0.02]), Line([0.9, 0, 0.02]), Line([-0.9, 0, 0.02])]), hexapod)
-    assert re.search(r"no scale down to 5 % and no move of up to 102\.4 mm along an axis was found", str(no))
+    assert re.search(
+        r"no scale about its start down to 5 % and no move of up to 102\.4 mm along an axis was found", str(no)
+    )
 
 
 def test_the_force_that_holds_it(hexapod):
@@ -250,3 +252,57 @@ def test_a_machine_beyond_a_limit_at_home_is_told_so(hexapod):
 def test_a_component_that_the_machine_does_not_move_is_to_be_left_as_it_is(machine, segment, name):
     told = str(refused(Program([segment]), load_machine(machine)))
     assert told.endswith(f"only; leave {name} as it is at home")
+
+
+FIVE_BAR = """
+schema = 1
+kind = "equations"
+[geometry]
+moves = ["x", "y"]
+joints = ["left", "right"]
+rotary = ["left", "right"]
+coordinates = "atan2(-y, x - foot) + sign*acos((r2 + crank**2 - rod**2)/(2*crank*sqrt(r2)))"
+constants = { foot = ["-30 mm", "30 mm"], sign = [1, -1], crank = "60 mm", rod = "80 mm" }
+home = { to = ["0 mm", "-90 mm", "0 mm"] }
+[geometry.definitions]
+r2 = "(x - foot)**2 + y**2"
+[rotary]
+travel = ["-170 deg", "170 deg"]
+pulse = "0.01 deg"
+max_speed = "200 deg/s"
+max_acceleration = "2000 deg/s^2"
+"""
+# m above home where both rods are in one line: the elbows are 80 mm off the middle, so 50 mm outside their feet
+SINGULAR = 0.09 - np.sqrt(0.06**2 - 0.05**2)
+
+
+@pytest.fixture
+def five_bar(tmp_path):
+    (tmp_path / "fivebar.toml").write_text(FIVE_BAR)
+    return load_machine(tmp_path / "fivebar.toml")
+
+
+def test_the_scale_of_a_path_that_ends_beyond_a_singular_pose(five_bar):
+    no = refused(Program([Line([0, 0.06, 0])]), five_bar)
+    assert "singular" in str(no)
+    share = float(number(r"scaled to <= (\S+) %", no)) / 100
+    assert share == pytest.approx(SINGULAR / 0.06, abs=3e-3)
+    assert share < SINGULAR / 0.06
+    assert fits(Program([Line([0, share * 0.06, 0])]), five_bar)
+
+
+def test_a_path_that_ends_just_before_a_singular_pose_is_warned_of(five_bar):
+    near = check(Program([Line([0, SINGULAR - 1e-4, 0])]), five_bar)
+    assert not near.violations
+    assert near.conditioning.place.s == pytest.approx(SINGULAR - 1e-4)
+    (warning,) = near.warnings
+    assert "near a singular pose at s = 56.73 mm, segment 1" in warning
+    pose = five_bar.home * RigidTransform.from_translation([0, SINGULAR - 1e-4, 0])
+    assert near.conditioning.value == pytest.approx(five_bar.check(pose).conditioning[0], rel=1e-6)
+    assert not check(Program([Line([0, 0.03, 0])]), five_bar).warnings
+    assert plan(Program([Line([0, SINGULAR - 1e-4, 0])]), five_bar).conditioning == near.conditioning
+
+
+def test_a_path_out_of_reach_names_the_axes(five_bar):
+    program = Program([Line([0, -0.15, 0])])
+    assert "there is no position of left, right; bring it nearer to home" in str(refused(program, five_bar))

@@ -92,3 +92,21 @@ def test_what_follows_cannot_be_asked_for(call):
     done = call("pose", "arm", "--turn", "1,0,0")
     assert done.exit_code == 2
     assert "rx follow from the rest of the pose" in done.stderr
+
+
+def test_a_pose_beyond_a_singular_one_keeps_its_limits_and_is_refused(call, tmp_path):
+    """However it is asked for: beyond the line of both rods, the same axes hold the platform another way."""
+    from tests.planner.certificate.test_advice import FIVE_BAR
+
+    file = tmp_path / "fivebar.toml"
+    file.write_text(FIVE_BAR)
+    done = call("pose", file, "0,60,0")
+    assert "NOT CERTIFIED" in done.stdout
+    assert "limits kept" in done.stdout
+    assert "infeasible: not certified: the straight motion from home" in done.stderr
+    assert done.exit_code == 1
+    assert call("pose", file, "0,50,0").exit_code == 0
+    assert (
+        "there is no position of left, right; bring it nearer to home, position 0, -90, 0 mm"
+        in call("pose", file, "0,-150,0").stderr
+    )

@@ -1,0 +1,68 @@
+"""How near a path comes to singular poses, at many places along it: for warnings and for the search of a remedy.
+
+That none is met is proved by `planner.certificate.feasibility.find_singularity`.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.taylor_model import Series
+from planner.path.actuation import MachinePath
+from planner.place import Place
+from planner.trajectory import unit_speed_trajectory
+
+POOR_CONDITIONING = 0.01
+"""Conditioning below which a motion is warned of: one direction moves the axes a hundredth of what another does."""
+# Places of a part of a path that are looked at, its ends among them.
+PART_SHARES = np.linspace(0.0, 1.0, 9)
+
+
+@dataclass(frozen=True, slots=True)
+class Conditioning:
+    """The poorest conditioning σ_min/σ_max of the Jacobian that was found along a path, and where.
+
+    The columns of rotations are divided by the machine's characteristic length: 1 at best, 0 in a singular pose.
+    """
+
+    value: float
+    place: Place
+
+    @property
+    def warning(self) -> str:
+        """What to say of a poor one, else ""."""
+        if self.value >= POOR_CONDITIONING:
+            return ""
+        return (
+            f"near a singular pose at {self.place}: conditioning {self.value:.2g}, below {POOR_CONDITIONING:g}; small "
+            "errors of the axes are large errors of the tool there, or small motions of the tool large ones of the axes"
+        )
+
+
+def find_poorest(path: MachinePath) -> Conditioning:
+    """The poorest conditioning of a path that has no singular pose."""
+    s, piece, jacobian = look_along(path)
+    stretch = np.linalg.svd(np.nan_to_num(jacobian, nan=0.0, posinf=0.0, neginf=0.0), compute_uv=False)
+    ratio = stretch[:, -1] / np.where(stretch[:, 0] > 0, stretch[:, 0], 1.0)
+    worst = int(ratio.argmin())
+    return Conditioning(float(ratio[worst]), path.place(float(s[worst]), int(piece[worst])))
+
+
+def stays_on_one_side(path: MachinePath) -> bool:
+    """Whether the Jacobian's determinant has one sign at all places that are looked at: else a pose is singular."""
+    sign = np.linalg.slogdet(look_along(path)[2])[0]
+    return bool((sign == sign[0]).all() and sign[0] != 0 and np.isfinite(sign[0]))
+
+
+def look_along(path: MachinePath) -> tuple[Array, np.ndarray, Array]:
+    """s (N,), piece (N,) and Jacobian (N, n, n) at many places of a path."""
+    along = unit_speed_trajectory(path)
+    part = np.repeat(np.arange(len(along.s)), len(PART_SHARES))
+    width = np.diff(np.append(along.s, path.breaks[-1]))
+    s = along.s[part] + np.tile(PART_SHARES, len(along.s)) * width[part]
+    piece = along.piece[part]
+    none = np.zeros((2, len(s)))
+    with np.errstate(all="ignore"):  # beyond reach there are no numbers
+        found = path.jacobian(Series(np.stack([s, none[0]]), none, 2), piece)
+    return s, piece, np.asarray(found.mid[0]).reshape(len(s), len(path.names), -1)
