@@ -403,3 +403,13 @@ def test_a_limit_is_shown_as_it_is_where_it_is_used_most(tmp_path):
     assert (shown["room"]["worst at"], shown["room"]["allowed"]) == ("z", "-10 … 12 mm")
     speeds = {"1": "2 mm/s", "2": "20 mm/s"}
     assert shown["tool speed"]["allowed"] == speeds[shown["tool speed"]["segment"]]
+
+
+def test_without_figures_no_heading_is_empty_and_no_figure_is_told_of(tmp_path, planned, baseline, verdict):
+    write_report(planned, baseline, [], tmp_path / "report.html", verdict=verdict, figures={})
+    text = (tmp_path / "report.html").read_text()
+    assert "The figure" not in text
+    # between two headings, or a heading and the end of its section, something is said
+    assert not re.search(r"</h[23]>\s*(?:</?section[^>]*>\s*)*<h[23]", text)
+    for heading in ("The path", "The motion of the axes"):
+        assert f">{heading}<" not in text

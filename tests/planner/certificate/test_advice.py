@@ -153,9 +153,8 @@ def test_the_scale_of_a_path_out_of_reach_or_through_a_singular_pose(name, to, w
 
 def test_where_nothing_helps_that_is_said(hexapod):
     no = refused(Program([Line([0, 0, 0.02]), Line([0.9, 0, 0.02]), Line([-0.9, 0, 0.02])]), hexapod)
-    assert re.search(
-        r"no scale about its start down to 5 % and no move of up to 102\.4 mm along an axis was found", str(no)
-    )
+    told = "no scale about its start down to 5 % and no move of up to 102.4 mm along an axis was found"
+    assert told in str(no)
 
 
 def test_the_force_that_holds_it(hexapod):
