@@ -209,8 +209,8 @@ def run(
             rule=rule,
             progress=tell,
         )
-    if planned.conditioning.warning:
-        note(f"warning: {planned.conditioning.warning}")
+    if near := planned.conditioning.warning:
+        note(f"warning: {near}")
     if planned.exceeded:
         note(f"warning: {planned.exceeded}")
     if gap is not None and planned.bound.gap > gap:

@@ -279,7 +279,7 @@ def _page(
         scene=scene,
         policy=PLAYER_POLICY if scene else POLICY,
         top_worth=_list_top_worth(worth),
-        band=make_band(plan),
+        band=make_band(plan) if figures else {},  # which takes matplotlib along
         segments=list_segments(plan),
         axes=list(zip(plan.pulses.axes, verdict.axes, plan.machine.axes, strict=True)),
     )

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.figure import DASHES, read_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -62,6 +61,8 @@ def _share_x(ax: "Axes", other: "Axes") -> bool:
 def _read_series(ax: "Axes") -> Iterator[TimeSeries]:
     from matplotlib.colors import to_hex
     from matplotlib.patches import StepPatch
+
+    from kinematics.foundation.figure import DASHES, read_label
 
     for line in ax.lines:
         if line.get_transform() == ax.transData and not str(line.get_label()).startswith("_"):

@@ -24,7 +24,7 @@ from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
 from typing import Any
 
 PATIENCE = 1.0
-"""s after which the first call of a kernel is said to be compiling: what is on disk takes less."""
+"""s after which the first call of a kernel that is not on disk is said to be compiling."""
 COMPILATION = "compilation of kernels"
 """Name of threads in which kernels are called for the first time."""
 KEPT = 24
@@ -61,8 +61,11 @@ def _run_in_thread(work: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
     """What work returns or raises. The compiler cannot bear what a signal raises: here it is raised beside it."""
     outcome: list[Any] = []
     failure: list[BaseException] = []
+    # kernels that are not on disk
+    missed = [work] if hasattr(work, "py_func") and not isinstance(getattr(work, "_cache", None), _Store) else []
 
     def run() -> None:
+        _HERE.missed = missed
         try:
             outcome.append(work(*arguments))
         except BaseException as error:
@@ -71,9 +74,11 @@ def _run_in_thread(work: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
     thread = Thread(target=run, name=COMPILATION, daemon=True)
     thread.start()
     thread.join(PATIENCE)
-    if thread.is_alive():
-        _announce()
-        thread.join()
+    while thread.is_alive():  # on a busy computer, what is on disk may take longer too
+        if missed or _LOST:
+            _announce()
+            thread.join()
+        thread.join(PATIENCE)
     if failure:
         raise failure[0]
     return outcome[0]
@@ -170,6 +175,12 @@ class _Store:
 
     def load_overload(self, signature: Any, context: Any) -> Any:
         """What was compiled for a signature, or None."""
+        found = self._read(signature, context)
+        if found is None:
+            getattr(_HERE, "missed", []).append(self._function)
+        return found
+
+    def _read(self, signature: Any, context: Any) -> Any:
         context.refresh()
         with suppress(Exception):  # whatever is wrong with a file, it is compiled anew, and replaced
             path = self._path(signature, context.codegen())

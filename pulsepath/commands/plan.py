@@ -44,6 +44,8 @@ MOST_WHOLE = 1000
 """As in planner.plan_parts, which would load all of planner here."""
 LONG_FILE = 1 << 16
 """Bytes of a program that has more segments than that."""
+SHORT_FILE = 1 << 12
+"""Bytes of a program up to which it is short."""
 
 
 @click.command(cls=ProgramCommand)
@@ -250,7 +252,8 @@ def plan(
 
         def start_other() -> None:
             nonlocal other
-            if not _is_long(program, stream):
+            helps = figures or rig is not None or (baselines and not _is_short(program))
+            if helps and not _is_long(program, stream):
                 modules = [*WORK_MODULES, *(FIGURE_MODULES if figures else ())]
                 other = stack.enter_context(side_process(modules))
 
@@ -322,6 +325,12 @@ def _is_long(program: str, stream: bool | None) -> bool:
     """Whether it is all but certain that it is planned in parts: then no other process helps."""
     file = Path(program)
     return stream is True or (stream is None and file.is_file() and file.stat().st_size > LONG_FILE)
+
+
+def _is_short(program: str) -> bool:
+    """Whether its baseline timings take less than another process does to start: some 1.7 s of processor time."""
+    file = Path(program)
+    return not file.is_file() or file.stat().st_size <= SHORT_FILE
 
 
 def _tell(out: Path, as_json: bool, all_tables: "Tables", first_screen: "Tables") -> None:

@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from benchmarks.reports.parts_report import write_report
 from kinematics import MotionError
 from kinematics.foundation.names import count_noun
 from planner.activity import Activity
@@ -242,6 +241,8 @@ def _finish(
         digest = digest_pulses(open_pulses(file).parts())
         told = of_pulse_file(file, standing.pulses, standing.machine, verdict, standing.counted)
         (folder / CERTIFICATE).write_text(as_json(told), encoding="utf-8")
+    from benchmarks.reports.parts_report import write_report  # which takes matplotlib along
+
     with step("writing the report"):
         write_report(standing, seen, held, verdict, folder / REPORT, figures=figures, note=ending)
     record = of_parts(standing, inputs, digest, verdict, ending)

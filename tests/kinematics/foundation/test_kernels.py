@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from time import sleep
 
 import casadi as ca
 import numpy as np
@@ -161,6 +162,36 @@ def test_a_first_call_that_takes_long_is_announced_once(monkeypatch, caplog):
     with caplog.at_level("WARNING", "pulsepath"):
         assert double(3) == 6
         assert double(4) == 8
+    assert [record.message.split(":")[0] for record in caplog.records] == ["compiling numerical kernels"]
+
+
+def test_a_kernel_that_is_on_disk_is_not_said_to_be_compiling(monkeypatch, caplog):
+    """However long a busy computer takes to load it."""
+    monkeypatch.setattr(kernels, "PATIENCE", 0.01)
+    kernels._announce.cache_clear()
+    store = kernels._Store.__new__(kernels._Store)
+
+    def load(signature, context):
+        sleep(0.1)
+        return "found"
+
+    monkeypatch.setattr(store, "_read", load, raising=False)
+    monkeypatch.setattr(store, "_function", load, raising=False)
+
+    def work():
+        return store.load_overload(None, None)
+
+    with caplog.at_level("WARNING", "pulsepath"):
+        assert kernels._run_in_thread(work, ()) == "found"
+    assert caplog.records == []
+    monkeypatch.setattr(store, "_read", lambda *_: None)
+
+    def compile_slowly():
+        store.load_overload(None, None)
+        sleep(0.1)
+
+    with caplog.at_level("WARNING", "pulsepath"):
+        kernels._run_in_thread(compile_slowly, ())
     assert [record.message.split(":")[0] for record in caplog.records] == ["compiling numerical kernels"]
 
 
