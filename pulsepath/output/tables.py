@@ -106,6 +106,8 @@ def _describe_cost(plan: Plan, shaped: ShapedProof) -> list[tuple[str, str]]:
 
 
 UNBOUNDED = "gap, worth of limits"
+MOST_TOLD = 3
+"""Stops instead of blends up to which each is told with its reason on a line."""
 NEARLY = 0.999
 """Proven share of a limit from which a motion is said to use it up."""
 
@@ -208,7 +210,9 @@ def sum_up_check(found: Standing) -> list[Table]:
 def _sum_up_blends(blends: Sequence[Blended]) -> str:
     stops = sum(bool(blend.stop) for blend in blends)
     told = f"{stops} of them replaced by stops" if stops else "all passed without a stop"
-    return f"{len(blends)}, {told}"
+    where = [f"after segment {blend.segment}: {blend.stop}" for blend in blends if blend.stop]
+    places = f" ({'; '.join(where)})" if 0 < stops <= MOST_TOLD else ""
+    return f"{len(blends)}, {told}{places}"
 
 
 def _sum_up_fit(fit: FitSummary) -> str:

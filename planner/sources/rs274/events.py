@@ -41,6 +41,12 @@ class WordLines:
         return told
 
 
+LONG_DWELL = 100.0
+"""s above which a dwell is warned of: controllers differ in whether P counts seconds or milliseconds."""
+LONG_TOLD = f"dwells above {LONG_DWELL:g} s, of which P may be meant in ms (option dwell)"
+NOWHERE_TOLD = "blocks that end where they start were skipped"
+
+
 class Events:
     """The events of a file: those that wait for the next segment, and the lines of all.
 

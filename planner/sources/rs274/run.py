@@ -16,7 +16,7 @@ from planner.program.model import MIN_MOVE, Arc, Dwell, Line, Segment
 from planner.program.modifiers import Blend, Fit, Join, Stop, Through
 from planner.sources.rs274.arcs import PLANES, read_arc
 from planner.sources.rs274.coordinates import Coordinates, ToolOffsets
-from planner.sources.rs274.events import Events, WordLines
+from planner.sources.rs274.events import LONG_DWELL, LONG_TOLD, NOWHERE_TOLD, Events, WordLines
 from planner.sources.rs274.words import (
     GROUPS,
     MAX_NUMBER,
@@ -79,7 +79,7 @@ class GcodeRun:
         self.number = 0
         self.entities: Counter[str] = Counter()
         self.left_out, self.events = WordLines(), Events(options.ignored_words, options.strict)
-        self.nowhere, self.several, self.off, self.unstated = 0, 0, 0.0, True
+        self.remarks, self.several, self.off, self.unstated = WordLines(), 0, 0.0, True
         self.ended, self.offsets = False, ToolOffsets()
         self.place = [0.0] * 6
         if work is not None:
@@ -163,7 +163,7 @@ class GcodeRun:
             else:
                 word = f"{letter}{value:g}"
                 every = letter if is_ignorable(letter) and letter != "M" else word
-                remedy = f', or skip it by the option ignore="{every}"' if is_ignorable(word) else ""
+                remedy = f', or skip it by the option ignore="{every}" (--ignore {every})' if is_ignorable(word) else ""
                 raise WordFault(given + text, f"{given}{text[:20]} is not supported; take it out{remedy}")
         for letter, owner in (("L", codes.get("once") == 10), ("Q", codes.get("join") == 64)):
             if letter in values and not owner:
@@ -261,8 +261,10 @@ class GcodeRun:
         self.entities["G4"] += 1
         if self.held is not None and not isinstance(self.held, Dwell):
             self.held = replace(self.held, join=Stop())
-        if values["P"] > 0:
-            self._add(Dwell(values["P"] * (1e-3 if self.options.dwell == "ms" else 1), line_number=number))
+        if (seconds := values["P"] * (1e-3 if self.options.dwell == "ms" else 1)) > 0:
+            if seconds > LONG_DWELL:
+                self.remarks.add(LONG_TOLD, number)
+            self._add(Dwell(seconds, line_number=number))
 
     def _move(
         self, number: int, values: dict[str, float], fed: bool, from_home: dict[str, float] | None = None
@@ -301,10 +303,8 @@ class GcodeRun:
         elif dist(stands, end[:3]) > MIN_MOVE and end[:3] != place[:3]:
             self._line(number, dist(stands, end[:3]), place, end, fed)
         else:
-            if dist(place[3:], end[3:]) > MIN_MOVE:
-                self._turn(number, place, end, fed)
-            else:
-                self.nowhere += 1
+            turned = dist(place[3:], end[3:]) > MIN_MOVE
+            self._turn(number, place, end, fed) if turned else self.remarks.add(NOWHERE_TOLD, number)
             self.stands = stands
 
     def _line(self, number: int, length: float, place: list[float], end: list[float], fed: bool) -> None:
@@ -387,8 +387,7 @@ class GcodeRun:
         """What was taken to mean something, and what was left out; after: lines that stand after the end."""
         told = [f"no G20 or G21: unit {self.options.length} was assumed"] if self.unstated else []
         told += [*self.events.describe(), *self.left_out.describe("skipped ")]
-        if self.nowhere:
-            told.append(f"blocks that end where they start were skipped: {self.nowhere}")
+        told += self.remarks.describe()
         if self.several:
             way = "by the shortest rotation, while controllers interpolate each letter"
             told.append(f"{self.several} blocks rotate about several axes at once: {way}")

@@ -560,3 +560,10 @@ def test_a_file_is_read_as_a_stream(tmp_path):
     file.write_text(text)
     with pytest.raises(MotionError, match="was changed while it was read"):
         list(stream.program.segments)
+
+
+def test_what_is_skipped_and_what_is_long_names_its_line(read):
+    done = read("G21 G90\nG1 X1 F600\nG1 X1\nG4 P1500\nG1 X2\nG4 P99\n")
+    assert "blocks that end where they start were skipped (1x: line 3)" in done.warnings
+    assert "dwells above 100 s, of which P may be meant in ms (option dwell) (1x: line 4)" in done.warnings
+    assert not any("dwells" in told for told in read("G21 G90\nG1 X1 F600\nG4 P1500\nG1 X2\n", dwell="ms").warnings)

@@ -1,6 +1,8 @@
 """`plan --worth` and `--no-baselines`: what is left out is said, with how to get it, and the rest is as it was."""
 
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -64,3 +66,26 @@ def test_a_loaded_plan_knows_what_limits_are_worth(directory, job):
     assert loaded.worth.best == job.worth.best
     np.testing.assert_allclose(loaded.worth.saved, job.worth.saved, rtol=1e-9, atol=1e-12)
     assert loaded.bound.value == job.plan.bound.value
+
+
+def test_a_report_without_figures_does_not_load_what_draws(tmp_path):
+    code = (
+        "import sys\nfrom click.testing import CliRunner\nfrom pulsepath.cli import main\n"
+        f"done = CliRunner().invoke(main, [*{ASKED!r}, '--no-worth', '--out', {str(tmp_path / 'plan')!r}])\n"
+        "print(done.exit_code, 'matplotlib' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["0", "False"]
+
+
+def test_few_stops_instead_of_blends_are_told_with_place_and_reason(call, tmp_path):
+    (tmp_path / "p.toml").write_text(
+        'schema = 1\nlength = "mm"\n'
+        "[[segment]]\nline = { to = [5, 0, 20] }\njoin = { blend = 0.1 }\n"
+        "[[segment]]\nline = { to = [5, 5, 20] }\njoin = { blend = 0.1 }\n"
+        "[[segment]]\nline = { to = [5, 0, 20] }\n"
+    )
+    done = call("check", tmp_path / "p.toml", "--machine", "hexapod")
+    told = " ".join(done.stdout.split())
+    assert "blends: 2, 1 of them replaced by stops (after segment 2: " in told
+    assert "turns back" in told
