@@ -303,20 +303,17 @@ class MachineModel(Kind):
         refuse_uncontrolled(self, x)
         chosen = self._check_near(near)
         q = self.inverse_map(self.inputs(x, chosen))
-        lost = self._find_unreachable(q)
+        lost = self._is_lost(q).any(1)
         for other in self.alternatives(chosen) if lost.any() else ():
             q[lost] = self.inverse_map(self.inputs(x[lost], other))
-            lost = self._find_unreachable(q)
+            lost = self._is_lost(q).any(1)
         if lost.any():
             first = int(np.argmax(lost))
-            axes = ", ".join(axis.name for axis, out in zip(self.axes, self._is_lost(q[first]), strict=True) if out)
+            axes = ", ".join(axis.name for axis, out in zip(self.axes, self._is_lost(q)[first], strict=True) if out)
             home = describe_pose(to_numbers(self.home), 0).removeprefix("the pose, ")
             told = f"no actuator coordinates reach {describe_pose(x, first)}: there is no position of {axes}"
             raise OutOfReach(f"machine {self.name}: {told}; bring it nearer to home, {home}")
         return x, q
-
-    def _find_unreachable(self, q: Array) -> np.ndarray:
-        return np.asarray(self._is_lost(q).any(1))
 
     def _is_lost(self, q: Array) -> np.ndarray:
         return np.asarray(~(np.isfinite(q) & (q >= (0.0 if self.lengths else -np.inf))))
