@@ -1,7 +1,6 @@
 """`pulsepath plan`: write the time-optimal motion, its certificate, its pulses and a report to a directory."""
 
-import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,13 +24,10 @@ from pulsepath.options import (
     refuse_unknown,
 )
 from pulsepath.process.intent import writes
-from pulsepath.progress import QUIET, VERBOSE, level, say
 
 if TYPE_CHECKING:
-    from kinematics.foundation.table import Table
     from pulsepath.inputs import Inputs
 
-    Tables = Callable[[], Sequence[Table]]
 
 WORK_MODULES = ("pulsepath.job",)
 FIGURE_MODULES = ("benchmarks.reports.plan_report", "controllers.figures", "planner.figures")
@@ -287,7 +283,7 @@ def plan(
             with open_helpers(cluster) as helpers, fill_directory(out, force, resume, CHECKPOINT) as folder:
                 firing = Firing(clock_hz, rule, pulses != "none")
                 standing, no = run_parts(inputs, kind, firing, folder, figures, keep, helpers)
-            _tell(out, as_json, standing.tables, lambda: tables.sum_up_parts(standing))
+            tables.show_plan(out, as_json, standing.tables, lambda: tables.sum_up_parts(standing))
             if no is not None:
                 raise no
             return
@@ -313,7 +309,7 @@ def plan(
                     worth,
                 )
             plan_directory.write(folder, job, inputs, pulses)
-    _tell(out, as_json, lambda: tables.of_plan(job), lambda: tables.sum_up(job))
+    tables.show_plan(out, as_json, lambda: tables.of_plan(job), lambda: tables.sum_up(job))
 
 
 def _refuse_without_parts(asked: Mapping[str, bool]) -> None:
@@ -331,27 +327,6 @@ def _is_short(program: str) -> bool:
     """Whether its baseline timings take less than another process does to start: some 1.7 s of processor time."""
     file = Path(program)
     return not file.is_file() or file.stat().st_size <= SHORT_FILE
-
-
-def _tell(out: Path, as_json: bool, all_tables: "Tables", first_screen: "Tables") -> None:
-    from pulsepath.output import record, tables
-    from pulsepath.output.directory import RECORD, REPORT
-    from pulsepath.output.drive_tables import add_close_drives, tabulate_drives
-
-    report = str(out / REPORT)
-    if level() == QUIET and not as_json:
-        say(report)
-        return
-    written = json.loads((out / RECORD).read_bytes())
-    if as_json:
-        click.echo(record.as_json({**written, "report": report}), nl=False)
-        return
-    pulses = written["pulses"]
-    if level() == VERBOSE:
-        tables.show([*all_tables(), *tabulate_drives(pulses)])
-    else:
-        tables.show(add_close_drives(first_screen(), pulses))
-    say(f"report: {report}")
 
 
 def _read(

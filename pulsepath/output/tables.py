@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import inf
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from kinematics.foundation.names import count_noun
 from kinematics.foundation.table import SCALES, Column, Table
 from kinematics.machine.axis import directional_bounds
-from pulsepath.output.directory import TRIGGERS
-from pulsepath.progress import VERBOSE, Layout, draw, level
+from pulsepath.output.directory import RECORD, REPORT, TRIGGERS
+from pulsepath.progress import QUIET, VERBOSE, Layout, draw, level, say
 
 if TYPE_CHECKING:
     from controllers import Metrics
@@ -297,3 +299,28 @@ def _bound(bound: Magnitude | None, scale: float, unit: str) -> str:
     if bound is None:
         return "unlimited"
     return f"{' / '.join(f'{scale * side:g}' for side in dict.fromkeys(directional_bounds(bound)))} {unit}"
+
+
+def show_plan(
+    out: Path, as_json: bool, all_tables: Callable[[], Sequence[Table]], first_screen: Callable[[], Sequence[Table]]
+) -> None:
+    """Print a plan that was written to a directory, as much of it as was asked for."""
+    import click
+
+    from pulsepath.output import record
+    from pulsepath.output.drive_tables import add_close_drives, tabulate_drives
+
+    report = str(out / REPORT)
+    if level() == QUIET and not as_json:
+        say(report)
+        return
+    written = json.loads((out / RECORD).read_bytes())
+    if as_json:
+        click.echo(record.as_json({**written, "report": report}), nl=False)
+        return
+    pulses = written["pulses"]
+    if level() == VERBOSE:
+        show([*all_tables(), *tabulate_drives(pulses)])
+    else:
+        show(add_close_drives(first_screen(), pulses))
+    say(f"report: {report}")

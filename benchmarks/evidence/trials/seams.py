@@ -94,7 +94,7 @@ def join(*runs: Run) -> tuple[PulseSchedule, AxesMotion]:
 
 
 @dataclass
-class Tally:
+class SeamTally:
     """What became of the sections of a case: how many there are, were refused, and are at fault."""
 
     sections: int = 0
@@ -129,9 +129,9 @@ def find_faults(made: Plan, section: Section, *before: Run) -> list[str]:
     return [f"{fault.axis} at tick {fault.tick}: {fault.what}" for fault in faults]
 
 
-def try_seams(made: Plan, instants: int, rng: np.random.Generator) -> Tally:
+def try_seams(made: Plan, instants: int, rng: np.random.Generator) -> SeamTally:
     """Stops at random instants; on the way into each a change of speed; the way on behind each."""
-    tally = Tally()
+    tally = SeamTally()
     for t in np.round(rng.uniform(0, made.duration, instants) / PERIOD) * PERIOD:
         before = (made.counted, made.pulses, float(t))
         held = tally.add(made, attempt(partial(made.hold, float(t))), before)
@@ -153,7 +153,7 @@ def try_seams(made: Plan, instants: int, rng: np.random.Generator) -> Tally:
 def main() -> None:
     parser = ArgumentParser(description=__doc__)
     parser.add_argument("--instants", type=int, default=20)
-    asked, whole = parser.parse_args(), Tally()
+    asked, whole = parser.parse_args(), SeamTally()
     for name, program, machine in list_cases():
         for timing in TIMINGS:
             drive = None if timing is None else DRIVES[timing]

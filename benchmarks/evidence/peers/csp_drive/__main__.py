@@ -18,7 +18,7 @@ import numpy as np
 
 from benchmarks.evidence.peers.csp_drive.canopen_ import enable_by_canopen
 from benchmarks.evidence.peers.csp_drive.drive import TICK
-from benchmarks.evidence.peers.csp_drive.master import HELD, Played, Setting, Sheet, Whole, play, read_sheet
+from benchmarks.evidence.peers.csp_drive.master import HELD, MasterSetting, Played, Sheet, Whole, play, read_sheet
 from benchmarks.evidence.published.compared import markdown
 from kinematics import load_machine
 from kinematics.analysis.dynamics import forces
@@ -37,19 +37,19 @@ ROOM = 2.0
 
 
 @dataclass(frozen=True, slots=True)
-class Case:
+class DriveCase:
     """A plan's file at a cycle, how it is played, and what the export states, in increments."""
 
     name: str
     made: Plan
     sheet: Sheet
-    setting: Setting
+    setting: MasterSetting
     straight: float
     parabola: float
     difference: int
 
 
-def make_case(name: str, made: Plan, cycle: float) -> Case:
+def make_case(name: str, made: Plan, cycle: float) -> DriveCase:
     """Export and read a plan, and set the drives as its header and the machine's limits say."""
     axes, trajectory = made.machine.axes, made.trajectory
     pulse, sign = (np.array([getattr(axis, of) for axis in axes]) for of in ("pulse", "direction"))
@@ -69,14 +69,14 @@ def make_case(name: str, made: Plan, cycle: float) -> Case:
     notes = " ".join(told.notes)
     limits = np.sort(np.array([axis.travel for axis in axes]) * scale[:, None])
     speed = np.array([max(directional_bounds(axis.max_speed)) for axis in axes]) * abs(scale)
-    setting = Setting(
+    setting = MasterSetting(
         np.arange(len(sheet.rows)),
         np.clip(limits, -(2.0**31), 2.0**31 - 1).astype(np.int64),
         speed,
         fastest * abs(scale) * ROTOR,
         loads,
     )
-    return Case(
+    return DriveCase(
         name,
         made,
         sheet,
@@ -87,7 +87,7 @@ def make_case(name: str, made: Plan, cycle: float) -> Case:
     )
 
 
-def measure_way(case: Case, played: Played) -> float:
+def measure_way(case: DriveCase, played: Played) -> float:
     """Increments between the demands at every cycle of the drives and the plan's motion, at most."""
     axes, trajectory = case.made.machine.axes, case.made.trajectory
     pulse, sign = (np.array([getattr(axis, of) for axis in axes]) for of in ("pulse", "direction"))
@@ -115,7 +115,7 @@ def halve_way(sheet: Sheet, limits: Whole) -> Whole:
     return changed
 
 
-Change = Callable[[Sheet, Setting], Setting]
+Change = Callable[[Sheet, MasterSetting], MasterSetting]
 FAULTS: dict[str, Change] = {
     "nothing": lambda sheet, setting: setting,
     "a row is lost, where it is fastest": lambda sheet, setting: replace(
@@ -135,7 +135,7 @@ FAULTS: dict[str, Change] = {
 SEEN = ("bit 11", "fault 0x8611", "not enabled at the end", "0x6062 unlike the file")
 
 
-def find_signs(case: Case, change: Change, window: int) -> Counter[str]:
+def find_signs(case: DriveCase, change: Change, window: int) -> Counter[str]:
     """What a master sees of a fault; its following error window is that of the motion without it."""
     setting = change(case.sheet, replace(case.setting, window=window))
     played = play(case.sheet, setting)
@@ -145,7 +145,7 @@ def find_signs(case: Case, change: Change, window: int) -> Counter[str]:
     )
 
 
-def describe_case(case: Case) -> tuple[list[str], int]:
+def describe_case(case: DriveCase) -> tuple[list[str], int]:
     """A row of the table of motions, and the following error window (increments)."""
     setting, rows = case.setting, case.sheet.rows
     straight = play(case.sheet, setting)

@@ -51,18 +51,30 @@ NO_OBJECT, NO_SUBINDEX, READ_ONLY, OUT_OF_RANGE = 0x06020000, 0x06090011, 0x0601
 """Abort codes of an access."""
 
 
-class State(IntEnum):
+class DriveState(IntEnum):
     """A state, as the bits 0 to 3, 5 and 6 of the statusword state it."""
 
     DISABLED, READY, ON, ENABLED, STOPPING, REACTING, FAULT = 0x40, 0x21, 0x23, 0x27, 0x07, 0x0F, 0x08
 
 
 COMMANDS = (
-    (0x82, 0x00, dict.fromkeys((State.READY, State.ON, State.ENABLED, State.STOPPING), State.DISABLED)),
-    (0x86, 0x02, {State.READY: State.DISABLED, State.ON: State.DISABLED, State.ENABLED: State.STOPPING}),
-    (0x87, 0x06, dict.fromkeys((State.DISABLED, State.ON, State.ENABLED), State.READY)),
-    (0x8F, 0x07, dict.fromkeys((State.READY, State.ENABLED), State.ON)),
-    (0x8F, 0x0F, dict.fromkeys((State.READY, State.ON, State.STOPPING), State.ENABLED)),
+    (
+        0x82,
+        0x00,
+        dict.fromkeys((DriveState.READY, DriveState.ON, DriveState.ENABLED, DriveState.STOPPING), DriveState.DISABLED),
+    ),
+    (
+        0x86,
+        0x02,
+        {
+            DriveState.READY: DriveState.DISABLED,
+            DriveState.ON: DriveState.DISABLED,
+            DriveState.ENABLED: DriveState.STOPPING,
+        },
+    ),
+    (0x87, 0x06, dict.fromkeys((DriveState.DISABLED, DriveState.ON, DriveState.ENABLED), DriveState.READY)),
+    (0x8F, 0x07, dict.fromkeys((DriveState.READY, DriveState.ENABLED), DriveState.ON)),
+    (0x8F, 0x0F, dict.fromkeys((DriveState.READY, DriveState.ON, DriveState.STOPPING), DriveState.ENABLED)),
 )
 """Mask and bits of a controlword, and where it leads: disable voltage, quick stop, shutdown, switch on, enable."""
 RESET = 0x80
@@ -118,7 +130,7 @@ class Drive:
     """
 
     def __init__(self, at: float = 0.0, *, rated: float = 0.0, parabola: bool = False) -> None:
-        self.state = State.DISABLED
+        self.state = DriveState.DISABLED
         self.rated, self.parabola = rated, parabola
         self.bits, self.error, self.demand = 0, 0, at
         self.rows = (at, at)  # the last two that were demanded
@@ -155,12 +167,12 @@ class Drive:
         return OBJECTS[index, subindex]
 
     def _command(self, word: int, before: int) -> None:
-        if self.state == State.FAULT and word & RESET and not before & RESET:
-            self.state, self.error, self.bits = State.DISABLED, 0, 0
+        if self.state == DriveState.FAULT and word & RESET and not before & RESET:
+            self.state, self.error, self.bits = DriveState.DISABLED, 0, 0
             return
         for mask, bits, leads in COMMANDS:
             if word & mask == bits and self.state in leads:
-                if self.state < State.ENABLED and leads[self.state] == State.ENABLED:
+                if self.state < DriveState.ENABLED and leads[self.state] == DriveState.ENABLED:
                     self.demand = round(float(self.motion[0]))  # it begins where the motor stands
                     self.rows = (self.demand, self.demand)
                 self.state = leads[self.state]
@@ -171,20 +183,20 @@ class Drive:
         demand = np.empty(ticks)
         period = self.values[0x60C2, 1] * 10.0 ** self.values[0x60C2, 2]
         way, offset = np.array([self.demand, 0.0, 0.0]), np.array([self.offset[1], 0.0, self.offset[3], 0.0])
-        if self.state == State.ENABLED:
+        if self.state == DriveState.ENABLED:
             row = self._take_row(period)
             twice = row - 2 * self.rows[1] + self.rows[0]
             way[1:] = row - self.demand, twice if self.parabola else 0.0
             offset[1] = self.values[0x60B1, 0] if self.bits & FOLLOWS else 0
             offset[3] = self.values[0x60B2, 0] / 1000 * self.rated
             self.rows = (self.rows[1], row)
-        elif self.state not in (State.STOPPING, State.REACTING):
+        elif self.state not in (DriveState.STOPPING, DriveState.REACTING):
             self.motion[1:5] = 0.0
             self.offset[:] = 0.0
             self.demand = float(self.motion[0])
             demand[:] = self.demand
             return demand
-        brakes = self.state != State.ENABLED
+        brakes = self.state != DriveState.ENABLED
         window = np.inf if self.values[0x6065, 0] == NO_WINDOW or brakes else float(self.values[0x6065, 0])
         arguments = way, offset, np.array(load), period / TICK, window, brakes
         beyond = run_loops(self.motion, demand, *arguments)
@@ -192,9 +204,9 @@ class Drive:
         u = min(ticks * TICK / period, 1.0)
         self.demand = float(way[0] + u * way[1] - u * (1 - u) / 2 * way[2])
         if beyond > 1e-3 * self.values[0x6066, 0]:
-            self.state, self.error, self.bits = State.REACTING, FOLLOWING_ERROR, self.bits & LIMITED | BEYOND
+            self.state, self.error, self.bits = DriveState.REACTING, FOLLOWING_ERROR, self.bits & LIMITED | BEYOND
         elif brakes and abs(self.motion[1]) < STANDING:
-            self.state = State.FAULT if self.state == State.REACTING else State.DISABLED
+            self.state = DriveState.FAULT if self.state == DriveState.REACTING else DriveState.DISABLED
         return demand
 
     def _take_row(self, period: float) -> int:

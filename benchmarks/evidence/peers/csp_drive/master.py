@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.evidence.peers.csp_drive.drive import LIMITED, MODE, NO_WINDOW, TICK, Drive, State
+from benchmarks.evidence.peers.csp_drive.drive import LIMITED, MODE, NO_WINDOW, TICK, Drive, DriveState
 from kinematics.foundation.arrays import Array
 
 HELD = 0.2
@@ -46,7 +46,7 @@ def read_sheet(path: Path) -> Sheet:
 
 
 @dataclass(frozen=True, slots=True)
-class Setting:
+class MasterSetting:
     """What the master sends, and how the drives are set.
 
     order    (K,) which row of the file is sent in each cycle
@@ -90,7 +90,7 @@ class Played:
     enabled: bool
 
 
-def make_drive(sheet: Sheet, setting: Setting, k: int) -> Drive:
+def make_drive(sheet: Sheet, setting: MasterSetting, k: int) -> Drive:
     """The drive of an axis, with its objects set."""
     drive = Drive(float(sheet.starts[k] + setting.away), rated=float(setting.rated[k]), parabola=setting.parabola)
     value, power = f"{setting.slower * sheet.cycle:e}".split("e")
@@ -106,7 +106,7 @@ def make_drive(sheet: Sheet, setting: Setting, k: int) -> Drive:
     return drive
 
 
-def play(sheet: Sheet, setting: Setting) -> Played:
+def play(sheet: Sheet, setting: MasterSetting) -> Played:
     """It enables, holds the first row, sends a row a cycle, and stops all axes where one leaves operation."""
     count, ticks = len(sheet.starts), round(sheet.cycle / TICK)
     drives = [make_drive(sheet, setting, k) for k in range(count)]
@@ -119,8 +119,8 @@ def play(sheet: Sheet, setting: Setting) -> Played:
     columns = {int(code, 16): sheet.columns[code].tolist() for code in mapped}
     loads, limited, ran = setting.loads.tolist(), False, False
     for n, row in enumerate(order.tolist()):
-        ran = ran or all(drive.state == State.ENABLED for drive in drives)
-        stops = ran and any(drive.state != State.ENABLED for drive in drives)
+        ran = ran or all(drive.state == DriveState.ENABLED for drive in drives)
+        stops = ran and any(drive.state != DriveState.ENABLED for drive in drives)
         before, now = max(n - held - 1, 0), max(n - held, 0)
         for k, drive in enumerate(drives):
             if n == held:
@@ -139,5 +139,5 @@ def play(sheet: Sheet, setting: Setting) -> Played:
         np.array([drive.motion[5] for drive in drives]),
         limited,
         frozenset(drive.read(0x603F) for drive in drives) - {0},
-        all(drive.state == State.ENABLED for drive in drives),
+        all(drive.state == DriveState.ENABLED for drive in drives),
     )
