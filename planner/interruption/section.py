@@ -186,7 +186,9 @@ class Section(Result):
         s = snap(motion.path.breaks, max(event.where.s - motion.path.origin[0], 0.0))
         if s > motion.path.breaks[-1]:
             return None
-        t, late = find_passing(motion, s, *find_delays(self.machine.axes))
+        t, late = find_passing(motion, s, *find_delays(self.machine.axes), event.after_rest)
+        if t == np.inf:  # it rests there to its end
+            return None
         passed = max(t + late - (0.0 if self.shaped is None else self.shaped.since), 0.0)
         return replace(event, where=replace(event.where, t=passed), counts=self.pulses.counts(passed)[0])
 

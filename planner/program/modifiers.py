@@ -95,10 +95,13 @@ class Trigger:
     """A named event at a position: a share of the tool path of its segment (1: its end).
 
     Where the segment only turns the tool, at a share of the angle.
+
+    after_rest  at the start of the segment, when the motion goes on from a rest there, not when it comes to it
     """
 
     name: str
     at: float = 1.0
+    after_rest: bool = False
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -107,6 +110,8 @@ class Trigger:
         legible("trigger", "its name", self.name)
         if not 0 <= self.at <= 1:
             raise MotionError(f"trigger {self.name}: at {self.at} must be a share of its segment, from 0 to 1")
+        if self.after_rest and self.at != 0:
+            raise MotionError(f"trigger {self.name}: after_rest is of the start of its segment: give at = 0 with it")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

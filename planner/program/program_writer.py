@@ -75,9 +75,13 @@ def _modifiers(segment: Segment, complete: bool) -> dict[str, Any]:
         **_caps(segment),
         "speed_constant": constant if complete or constant else None,
         "join": _join(segment.join) if complete or not isinstance(segment.join, Stop) else None,
-        "trigger": trigger and {"name": trigger.name, "at": trigger.at},
+        "trigger": trigger and _trigger(trigger),
         "free": free and {"yaw": free.yaw, "tilt": free.tilt},
     }
+
+
+def _trigger(trigger: Trigger) -> dict[str, object]:
+    return {"name": trigger.name, "at": trigger.at} | ({"after_rest": True} if trigger.after_rest else {})
 
 
 def _caps(of: Program | Segment) -> dict[str, float | None]:

@@ -90,6 +90,7 @@ class TriggerTable(TableSchema):
 
     name: Name = key("of the output line or event")
     at: Annotated[float, Field(ge=0, le=1)] = key("share of the segment, from 0 to 1", default=1.0)
+    after_rest: bool = key("with at = 0: when the motion goes on from a rest there, not on arrival", default=False)
 
 
 class FreeTable(TableSchema):
@@ -139,7 +140,7 @@ class MovingEntry(TableSchema):
         entry = self.trigger
         if entry is None:
             return None
-        return Trigger(entry.name, entry.at) if isinstance(entry, TriggerTable) else Trigger(entry)
+        return Trigger(entry.name, entry.at, entry.after_rest) if isinstance(entry, TriggerTable) else Trigger(entry)
 
 
 class PathEntry(MovingEntry):

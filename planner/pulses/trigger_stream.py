@@ -19,7 +19,7 @@ from planner.place import Place
 from planner.program.model import Program
 from planner.program.modifiers import Trigger
 from planner.pulses.schedule import PulseSchedule
-from planner.pulses.triggers import Triggered, arrival_time, holds_triggers, list_triggers, place_share
+from planner.pulses.triggers import Triggered, arrival_time, departure_time, holds_triggers, list_triggers, place_share
 from planner.trajectory import Trajectory
 
 
@@ -28,6 +28,7 @@ class Mark:
     """A trigger on the steps of a path: so many m along one of them, from 1; None: at its end, for 0 where all begins.
 
     segment, repetition  whose it is; repetition None: the program runs once
+    after_rest           it is where the motion goes on along that step
     """
 
     name: str
@@ -35,6 +36,7 @@ class Mark:
     along: float | None
     segment: int
     repetition: int | None
+    after_rest: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +69,7 @@ def mark_steps(steps: Iterator[PathStep], program: Program, machine: Machine) ->
         if own and not (more and _whose(more[0]) == _whose(own[0])):
             marks = [] if event is None else _place_marks(own, done, event, program, machine)
             event = events.find(more[0]) if more else None
-            if event is not None and event.at == 0:
+            if event is not None and event.at == 0 and not event.after_rest:
                 marks.append(_mark(event, more[0], done + len(own), None))
             yield from _distribute(own, done, marks)
             done += len(own)
@@ -106,6 +108,8 @@ def _mark(event: Trigger, step: PathStep, number: int, along: float | None) -> M
 
 def _place_marks(own: Sequence[PathStep], done: int, event: Trigger, program: Program, machine: Machine) -> list[Mark]:
     """The trigger of a segment whose steps these are, behind others: none that is at its start, but of the first."""
+    if event.after_rest:
+        return [replace(_mark(event, own[0], done + 1, 0.0), after_rest=True)]
     if event.at == 0:
         return [] if done else [_mark(event, own[0], 0, None)]
     if event.at == 1:
@@ -139,7 +143,10 @@ def find_crossings(motion: Trajectory, begun: int, marks: Sequence[Mark]) -> tup
     for n, mark in enumerate(marks):
         if mark.along is not None:
             along[n] = min(float(ends[mark.step - begun - 1]) + mark.along, along[n])
-    t = [arrival_time(motion, s) for s in along]
+    t = [
+        departure_time(motion, s) if mark.after_rest else arrival_time(motion, s)
+        for mark, s in zip(marks, along, strict=True)
+    ]
     state = motion.at(np.array(t))
     numbers = path.pose_numbers(state.along, state.piece)
     return tuple(

@@ -25,13 +25,14 @@ BISECTIONS_OF_TIME = 64
 class Triggered:
     """A trigger's name, place (segment, repetition, s and t), platform pose and axis counts (n,).
 
-    At a rest the time is that of the arrival.
+    At a rest the time is that of the arrival, or, after_rest, that at which the motion goes on.
     """
 
     name: str
     where: Place
     pose: Pose
     counts: np.ndarray
+    after_rest: bool = False
 
     @property
     def time(self) -> float:
@@ -83,18 +84,32 @@ def find_triggers(
         if event is None:
             continue
         s = place_share(path, first, last, event.at)
-        t, late = find_passing(trajectory, s, delay, length)
+        t, late = find_passing(trajectory, s, delay, length, event.after_rest)
         state, counts = trajectory.at(t), pulses.counts(np.array([t + late]))[0]
         assert state.pose is not None  # a machine's path has one
         found.append(
-            Triggered(event.name, path.place(s, first, t + late), state.pose[0], freeze_array(counts, np.int64))
+            Triggered(
+                event.name,
+                path.place(s, first, t + late),
+                state.pose[0],
+                freeze_array(counts, np.int64),
+                event.after_rest,
+            )
         )
     return tuple(found)
 
 
-def find_passing(trajectory: Trajectory, s: float, delay: float, length: float) -> tuple[float, float]:
-    """When a motion comes by path length s, and by how much later its pulses do (s); as `find_triggers` has it."""
+def find_passing(
+    trajectory: Trajectory, s: float, delay: float, length: float, after_rest: bool
+) -> tuple[float, float]:
+    """When a motion comes by path length s, and by how much later its pulses do (s); as `find_triggers` has it.
+
+    after_rest: when it goes on from there; behind shapers, once all has come to rest, as it begins to.
+    """
     t = arrival_time(trajectory, s)
+    if after_rest:
+        left = departure_time(trajectory, s)
+        return left, 0.0 if length and (left == 0 or left - t >= length) else delay
     return t, length if length and _find_rest(trajectory, t) >= length else delay
 
 
@@ -143,6 +158,14 @@ def arrival_time(trajectory: Trajectory, s: float) -> float:
         middle = (low + high) / 2
         low, high = (middle, high) if _path_length_at(trajectory, k, middle) < s else (low, middle)
     return float(trajectory.knots[k]) + high
+
+
+def departure_time(trajectory: Trajectory, s: float) -> float:
+    """The last time (s) at which the motion is at the start s of a piece of path; ∞ where it ends there."""
+    moving = (trajectory.v != 0) | (trajectory.a != 0) | (trajectory.j != 0)
+    piece = int(np.searchsorted(trajectory.path.breaks, s, side="right")) - 1
+    after = np.flatnonzero(moving & (trajectory.piece >= piece))
+    return float(trajectory.knots[after[0]]) if len(after) else np.inf
 
 
 def _path_length_at(trajectory: Trajectory, k: int, tau: float) -> float:

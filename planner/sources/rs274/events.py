@@ -1,8 +1,9 @@
 """Events of G-code: a change of the tool, spindle and coolant, as stops and triggers where the path has come to.
 
 As in LinuxCNC, the events of a block come before its motion. An event is a trigger at the end of the segment before
-it; before the first segment, or where that one marks its start, it is one at the start of the segment behind it. The
-motion stops at a change of the tool.
+it; before the first segment, or where that one marks its start, it is one at the start of the segment behind it.
+Behind a dwell it is one at the start of the next segment, when the motion goes on. The motion stops at a change of the
+tool.
 """
 
 from dataclasses import dataclass, field, replace
@@ -56,6 +57,7 @@ class Events:
     def __init__(self, ignored: frozenset[str], strict: bool) -> None:
         self.codes = [] if strict else [code for code in EVENTS if not find_ignored_word("M", code, ignored)]
         self.waiting: list[tuple[str, str, int]] = []  # what it is called, its word and line
+        self.rested = False  # those that wait came behind a dwell
         self.tool, self.spindle = "", ""
         self.marked, self.lost = WordLines(), WordLines()
 
@@ -73,8 +75,12 @@ class Events:
         return held
 
     def _mark(self, line: int, word: str, setting: str, held: Segment | None) -> Segment | None:
-        if isinstance(held, Dwell):  # its end is no place of the path that a trigger could mark
-            self.lost.add(word, line)
+        if isinstance(held, Dwell):
+            if self.waiting and not self.rested:  # those before the dwell mark the start of the next segment already
+                self.lost.add(word, line)
+            else:
+                self.rested = True
+                self.waiting.append((word + setting, word, line))
             return held
         if held is not None and word == f"M{TOOL_CHANGE:g}":
             held = replace(held, join=Stop())
@@ -94,7 +100,8 @@ class Events:
         for _, word, line in self.waiting:
             self.marked.add(word, line)
         self.waiting.clear()
-        return replace(segment, trigger=Trigger(name, 0.0))
+        after, self.rested = self.rested, False
+        return replace(segment, trigger=Trigger(name, 0.0, after))
 
     def describe(self) -> list[str]:
         """What became of them, for warnings."""
@@ -103,5 +110,7 @@ class Events:
             stop = "the motion stops there, at" if text.startswith(f"M{TOOL_CHANGE:g} ") else "marked by"
             told.append(f"{text}: {stop} a trigger")
         for called, _, line in self.waiting:
-            told.append(f"{called} (line {line}): no trigger, as the last segment has one at its start already")
-        return told + [f"{text}: after a rest, where no trigger can be" for text in self.lost.describe()]
+            why = "nothing moves behind it" if self.rested else "the last segment has one at its start already"
+            told.append(f"{called} (line {line}): no trigger, as {why}")
+        why = "no trigger, as what comes before the dwell marks the start of the next segment already"
+        return told + [f"{text}: {why}" for text in self.lost.describe()]

@@ -15,7 +15,7 @@ PROGRAM = Program(
         Line(to=(0.02, 0.0, 0.0), trigger=Trigger("a", 0.0)),
         Line(to=(0.04, 0.01, 0.0), trigger=Trigger("b", 0.5)),
         Dwell(0.1),
-        Line(to=(0.04, 0.04, 0.0), trigger=Trigger("c", 0.25)),
+        Line(to=(0.04, 0.04, 0.0), trigger=Trigger("c", 0.0, after_rest=True)),
         Line(to=(0.0, 0.0, 0.0), trigger=Trigger("d", 1.0)),
     )
 )

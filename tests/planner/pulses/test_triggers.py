@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import MotionError
-from planner import Arc, Dwell, Line, Program, Spline, Trigger, Turn, plan
+from planner import Arc, Dwell, Line, Program, Spline, Trigger, Turn, plan, plan_parts
 from planner.export import plan_files
 from planner.path.actuation import actuate, make_points
 
@@ -47,6 +47,33 @@ def test_positions_are_those_of_the_program(marked, hexapod):
         found = hexapod.home.inv() * event.pose
         assert found.translation == pytest.approx(position, abs=1e-9)
         assert (found.rotation.inv() * rotation).magnitude() < 1e-8
+
+
+@pytest.mark.parametrize("parts", [False, True])
+def test_after_a_rest_it_is_when_the_motion_goes_on(hexapod, parts):
+    """A lamp before a rest and one behind it: the length of the rest apart, at the same place; at no rest at once."""
+    segments = (
+        Line([0.01, 0, 0.03], trigger=Trigger("before")),
+        Dwell(0.1),
+        Dwell(0.05),
+        Line([0.01, 0.01, 0.03], trigger=Trigger("behind", 0.0, after_rest=True)),
+        Line([0, 0, 0.03], trigger=Trigger("corner", 0.0, after_rest=True)),
+    )
+    program = Program(segments, start=RigidTransform.from_translation([0, 0, 0.03]), repeat=2)
+    if parts:
+        made = [*plan_parts(program, hexapod, order=2, pieces=2)]
+        found = [event for part in made for event in part.triggers]
+    else:
+        found = plan(program, hexapod, order=2).triggers
+    assert [event.name for event in found] == 2 * ["before", "behind", "corner"]
+    for before, behind in (found[0:2], found[3:5]):
+        assert behind.time - before.time == pytest.approx(0.15, abs=1e-12)
+        assert behind.counts.tolist() == before.counts.tolist()
+        assert behind.where.s == before.where.s
+    whole = plan(program, hexapod, order=2).trajectory
+    assert whole.at(found[2].time).along[0] == pytest.approx(found[2].where.s, abs=1e-9)
+    with pytest.raises(MotionError, match="at = 0"):
+        Trigger("wrong", 0.5, after_rest=True)
 
 
 @pytest.mark.parametrize("tool", [None, RigidTransform.from_translation([0.01, 0.005, 0.04])])

@@ -403,8 +403,14 @@ def test_events_mark_the_place_where_the_path_has_come_to(read):
         "M5 (line 3): no trigger, as the last segment has one at its start already",
     )
     done = read("G21 G1 X1 F600\nM8\nG4 P1\nM9\nX2")
-    assert [getattr(segment, "trigger", None) for segment in done.program.segments] == [Trigger("M8"), None, None]
-    assert "M9 (1x: line 4): after a rest, where no trigger can be" in done.warnings
+    triggers = [getattr(segment, "trigger", None) for segment in done.program.segments]
+    assert triggers == [Trigger("M8"), None, Trigger("M9", 0.0, after_rest=True)]
+    assert "M9 (1x: line 4): marked by a trigger" in done.warnings
+    done = read("G21 M3\nG4 P1\nM8\nG1 X1 F600\nG4 P1\nM5")
+    triggers = [getattr(segment, "trigger", None) for segment in done.program.segments]
+    assert triggers == [None, Trigger("M3", 0.0), None]
+    assert "M8 (1x: line 3): no trigger, as what comes before the dwell marks" in "\n".join(done.warnings)
+    assert "M5 (line 6): no trigger, as nothing moves behind it" in done.warnings
 
 
 def test_events_of_a_file_that_is_not_held_are_found(read, tmp_path):
