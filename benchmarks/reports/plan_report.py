@@ -89,10 +89,10 @@ def write_report(
     crossed, worth, change, tradeoff, stops
         toppra's motion beside the plan's; what the limits are worth, and a motion with more of one; duration against
         heat; how soon it can be stopped. None: the page has no such part.
-    unbounded
-        Why there is no worth, if the page is to say so.
     scene
         The page of the machine in motion, as `benchmarks.animation` makes it, if the page is to hold it.
+    unbounded
+        Why there is no worth, if the page is to say so.
     """
     figures = (
         draw(plan, classical, metrics, realised) | draw_worth(worth, tradeoff, stops) if figures is None else figures

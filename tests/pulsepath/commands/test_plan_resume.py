@@ -12,6 +12,7 @@ from functools import partial
 import pytest
 
 from benchmarks.evidence.speed.workpieces import spiral
+from benchmarks.reports import parts_report
 from planner.plan_parts import plan_parts
 from pulsepath import parts_job
 from pulsepath.output import parts_directory
@@ -144,7 +145,7 @@ def test_what_was_planned_to_its_end_is_only_finished(call, file, tmp_path, monk
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(parts_directory, "write_report", break_here)
+        patch.setattr(parts_report, "write_report", break_here)
         assert call("plan", file, *ASKED, "--out", tmp_path / "out").exit_code == 130
     done = call("plan", file, *ASKED, "--out", tmp_path / "out", "--resume")
     assert done.exit_code == 0, done.stderr
