@@ -124,8 +124,8 @@ class MovingEntry(TableSchema):
     )
     angular_speed: AngularSpeed | None = key("likewise, of its turning", '"30 deg/s"', None)
     trigger: TriggerEntry | None = key(
-        "an event; at: its share of the way, 1 (the end) if not stated; at = 0, after_rest = true: when the motion goes "
-        "on from a rest there",
+        "an event; at: its share of the way, 1 (the end) if not stated; at = 0, after_rest = true: when the motion "
+        "goes on from a rest there",
         '{ name = "camera", at = 0.5 }',
         None,
     )
