@@ -17,6 +17,7 @@ from kinematics.foundation.options import load_plugin, make_with
 from kinematics.machine.machine import Machine
 from planner.parallel import Progress, ignore_progress
 from planner.pulses.compensation.compensate import counted_motion
+from planner.pulses.generation.sent import SentPulses
 from planner.pulses.motion import AxesMotion
 from planner.pulses.schedule import PulseSchedule
 from planner.trajectory import Trajectory
@@ -29,7 +30,7 @@ class ExportSource:
     name  of the program, for formats that hold one
     tell  told how much is written, of how much, by formats that write in parts
     made     the motion behind shapers and compensation, where it is known; None: it is made here
-    goes_on  whether it goes on with a motion that was sent before
+    goes_on  whether it goes on with a motion that was sent before; sent: that motion's last pulses
     counted  what a controller of the axes has to be told: the motion, or of axes that compensate what their motors do
     """
 
@@ -40,6 +41,7 @@ class ExportSource:
     tell: Progress = ignore_progress
     made: AxesMotion | None = field(default=None, repr=False)
     goes_on: bool = False
+    sent: tuple[SentPulses, ...] = ()
     counted: AxesMotion = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

@@ -18,7 +18,8 @@ from planner.interruption.instant import (
     Instant,
     Running,
     cut_motion,
-    find_fastest,
+    find_longest,
+    find_near_rest,
     find_piece,
     find_rest,
     find_rest_left,
@@ -76,7 +77,7 @@ def _stop(whole: Whole, running: Running, t: float) -> Proved | None:
     """The soonest from an instant on; None where nothing moves."""
     motion, copies = running.trajectory, find_copies(whole.machine.axes)
     now = look(motion, running.since + t)
-    rest = find_rest(motion, now)
+    rest = find_rest(motion, now) or find_near_rest(motion, now)
     if rest is None:
         stop = _solve_stop(whole, running, now)
         return stop if copies is None else shape_section(whole, running, now, stop, copies)
@@ -145,12 +146,14 @@ def _solve_stop(whole: Whole, running: Running, now: Instant) -> Proved:
     ahead = _draw_from(whole, motion, now, end)
     own = cut_motion(motion, now, None, last)
     own = replace(own, path=ahead, piece=own.piece - own.piece[0])
-    return Proved(ahead, whole.limits(ahead), own, running.certificate, now.s)
+    limits = whole.limits(ahead)
+    proof = certify(own, limits)  # which names places of its own; what runs is proved with it anyhow
+    return Proved(ahead, limits, own, proof if proof.holds else running.certificate, now.s)
 
 
 @dataclass(frozen=True, slots=True)
 class Stops(Result):
-    """The soonest stop along a plan's path from the fastest instant of each of some stretches of time, each proved.
+    """The soonest stop along a plan's path from one or two instants of each of some stretches of time, each proved.
 
     t (N,) s; place (N,) m along the path, of the motion before any shapers; time (N,) s to rest and distance (N,) m to
     it, as those of a `Section`; 0 where nothing moves
@@ -172,8 +175,8 @@ class Stops(Result):
             Column("largest of them", [f"{self.time.max():.4f} s", f"{1e3 * self.distance.max():.3f} mm"]),
             Column("at", [f"{self.t[np.argmax(each)]:.4f} s" for each in (self.time, self.distance)]),
         )
-        stretches = count_noun(len(self.t) + len(self.refused), "equal stretch")
-        title = f"stops of {self.name}, from the fastest instants of {stretches} of time"
+        instants = count_noun(len(self.t) + len(self.refused), "instant")
+        title = f"stops of {self.name}, from {instants} where they are likely to be longest"
         at, why = zip(*self.refused, strict=True) if self.refused else ((), ())
         refused = Table("instants from which no stop is proved", (Column("t", at, "s"), Column("reason", why)))
         return (Table(title, columns), *((refused,) if self.refused else ()))
@@ -190,7 +193,7 @@ class Stops(Result):
 
 
 def find_stops(whole: Whole, count: int, progress: Progress = ignore_progress) -> Stops:
-    """From the fastest instant of each of `count` equal stretches of time: a short rapid among them is not missed.
+    """From one or two instants of each of `count` equal stretches of time, where stops are likely to be longest.
 
     Raises the first refusal where there is no other row.
     """
@@ -198,8 +201,8 @@ def find_stops(whole: Whole, count: int, progress: Progress = ignore_progress) -
         raise MotionError(f"{count} stops: ask for 1 at least")
     running, found = find_running(whole, None), []
     refused: list[tuple[float, MotionError]] = []
-    fastest = find_fastest(whole.trajectory, np.linspace(0.0, whole.duration, count + 1))
-    for n, t in enumerate(fastest.tolist()):
+    instants = find_longest(whole.trajectory, whole.machine.axes, np.linspace(0.0, whole.duration, count + 1)).tolist()
+    for n, t in enumerate(instants):
         place = look(whole.trajectory, t).s
         try:
             stop = _stop(whole, running, t)
@@ -210,7 +213,7 @@ def find_stops(whole: Whole, count: int, progress: Progress = ignore_progress) -
         else:
             rest = (0.0, 0.0) if stop is None else (stop.duration, measure_way(stop.path, stop.shaped))
             found.append((t, place, *rest))
-        progress(n + 1, count)
+        progress(n + 1, len(instants))
     if not found:
         raise refused[0][1]
     t_s, places, times, distances = np.array(found).T

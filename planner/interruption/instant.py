@@ -1,15 +1,17 @@
 """A motion along a plan's path and its state at an instant: where it rests, where it is by a place, parts of it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from kinematics.foundation.arrays import Array
+from kinematics.machine.axis import Axis, directional_bounds
 from kinematics.machine.machine import Machine
 from planner.certificate.certify import Certificate
 from planner.interruption.section import NONE_SENT, SAME_PLACE, Section, Sent, Whole, refuse_other
 from planner.path.actuation import MachinePath
-from planner.pulses import AxesMotion, PulseSchedule
+from planner.pulses import AxesMotion, PulseSchedule, find_rule
 from planner.pulses.compensation.compensate import CompensatedMotion, counted_motion, find_plays
 from planner.pulses.compensation.play import Play
 from planner.pulses.generation.sent import find_sent
@@ -18,6 +20,10 @@ from planner.trajectory import Trajectory
 
 # Share of the largest ṡ up to which a motion rests at a knot, and up to which nothing moves.
 REST_SHARE, RESTING_SHARE = 1e-12, 1e-6
+# Share of a path's length that is too short a way to be a motion of its own.
+RESTING_WAY = 1e-9
+# m/s² or rad/s², against divisions by 0.
+TINY = 1e-300
 # Ticks by which an instant may be off.
 TICK_ROUNDING = 1e-3
 # Halvings that find the instant of a place inside a time piece: to rounding.
@@ -45,8 +51,10 @@ class Running:
     sent: Sent = NONE_SENT
 
     def round_to_tick(self, at: float) -> tuple[float, Sent]:
-        """The instant (s) of the whole tick next to one, and what was sent before that tick."""
-        tick = min(round(at * self.pulses.clock_hz), int(self.duration * self.pulses.clock_hz))
+        """The instant (s) of the whole tick, by the grain of the rule, next to one, and what was sent before it."""
+        clock, rule = self.pulses.clock_hz, find_rule(self.pulses.rule)
+        grain = 1 if rule.whole_reason else rule.grain(clock)  # rules of parts go on by their own clock
+        tick = grain * min(round(at * clock / grain), int(self.duration * clock / grain))
         return tick / self.pulses.clock_hz, self.find_sent(tick)
 
     def find_sent(self, tick: int | None = None) -> Sent:
@@ -119,17 +127,27 @@ def find_passage(motion: Trajectory, place: float) -> Instant:
     return replace(look(motion, low), s=place)
 
 
-def find_fastest(motion: Trajectory, edges: Array) -> Array:
-    """(N,) s: the instant of the largest ṡ between each two of the edges (N+1,) of time; of many alike the first."""
+def find_longest(motion: Trajectory, axes: Sequence[Axis], edges: Array) -> Array:
+    """Instants (s) between each two of the edges (N+1,) of time from which stops are likely to be longest, one or two.
+
+    By what the axes need at least, T = max |q̇|/a, a the acceleration that an axis states, or the largest seen of it:
+    those of the largest T and ṡ T; of many alike the first.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         turns = -motion.a / motion.j
     inside = (turns > 0) & (turns < np.diff(motion.knots))
     ends = edges[:-1], np.nextafter(edges[1:], 0.0)
     times = np.unique(np.concatenate([*ends, motion.knots, (motion.knots[:-1] + turns)[inside]]))
-    speeds = np.where(times < motion.duration, motion.at(np.minimum(times, motion.duration)).sd, 0.0)
+    state = motion.at(np.minimum(times, motion.duration))
+    stated = np.array([min(directional_bounds(axis.max_acceleration)) for axis in axes])
+    hardest = np.where(np.isinf(stated), np.abs(state.qdd).max(axis=0), stated)
+    need = np.where(times < motion.duration, (np.abs(state.qd) / np.maximum(hardest, TINY)).max(axis=1), 0.0)
     whose = np.clip(np.searchsorted(edges, times, side="right") - 1, 0, len(edges) - 2)
-    order = np.lexsort((times, -speeds, whose))
-    return np.asarray(times[order[np.searchsorted(whose[order], np.arange(len(edges) - 1))]])
+    chosen = []
+    for measure in (need, need * state.sd):
+        order = np.lexsort((times, -measure, whose))
+        chosen.append(times[order[np.searchsorted(whose[order], np.arange(len(edges) - 1))]])
+    return np.unique(chosen)
 
 
 def find_rest(motion: Trajectory, now: Instant) -> Instant | None:
@@ -143,6 +161,13 @@ def find_rest(motion: Trajectory, now: Instant) -> Instant | None:
     while k > 0 and still[k - 1]:
         k -= 1
     return look(motion, float(motion.knots[k]))
+
+
+def find_near_rest(motion: Trajectory, now: Instant) -> Instant | None:
+    """The next rest, if the way there is too short to be a motion of its own."""
+    last = next_rest(motion, now)
+    short = find_rest_place(motion, last) - now.s <= RESTING_WAY * float(motion.path.breaks[-1])
+    return look(motion, float(motion.knots[last])) if short else None
 
 
 def find_rest_left(motion: Trajectory, now: Instant) -> float:

@@ -150,7 +150,7 @@ def _change_speed(whole: Whole, running: Running, now: Instant, share: float) ->
         rests_at = find_rest_place(motion, stop)
         if made is None and abs(rests_at - end) <= SAME_PLACE * float(whole.path.breaks[-1]):  # where the plan does
             before = shift_motion(cut_motion(motion, now, None, stop), 0.0, -first)
-            if stop == len(motion.s):  # there is no more of either: this was proved with all of it
+            if last == len(plan.s):  # there is no more of either: this was proved with all of it
                 own = replace(before, path=change.path)
                 return Proved(change.path, change.limits, own, running.certificate, now.s)
             made = change.follow(before, look(plan, float(plan.knots[last])))

@@ -32,10 +32,10 @@ from planner.trajectory import Trajectory
 SAME_PLACE = 1e-12
 
 
-def snap(breaks: Array, place: float) -> float:
-    """A place (m) of a path; the end of a piece of it where that is nearer than rounding."""
+def snap(breaks: Array, place: float, length: float) -> float:
+    """A place (m) of a part of a path of that length; the end of a piece where that is nearer than rounding."""
     near = float(breaks[np.argmin(np.abs(breaks - place))])
-    return near if abs(near - place) <= SAME_PLACE * float(breaks[-1]) else place
+    return near if abs(near - place) <= SAME_PLACE * length else place
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,8 +86,9 @@ class Whole:
         One that begins in motion is left at once where it ends; else it has the dwells that the program states there.
         rests: s of the first that are left; last_dwell: whether the last is one of it.
         """
-        path, until = self.path, snap(self.path.breaks, until)
-        since = snap(self.path.breaks, since) if speed == 0 else since  # in motion it may be so near to a rest
+        path, length = self.path, float(self.path.breaks[-1])
+        until = snap(path.breaks, until, length)
+        since = snap(path.breaks, since, length) if speed == 0 else since  # in motion it may be so near to a rest
         first = int(np.clip(np.searchsorted(path.breaks, since, "right") - 1, 0, len(path.pieces) - 1))
         last = int(np.clip(np.searchsorted(path.breaks, until, "left") - 1, first, len(path.pieces) - 1))
         pieces = [replace(piece, constant=False) for piece in path.pieces[first : last + 1]]
@@ -183,7 +184,9 @@ class Section(Result):
         motion = self.trajectory if self.shaped is None else self.shaped.motion.base
         assert isinstance(motion, Trajectory)  # motions of machines are
         assert isinstance(motion.path, MachinePath)
-        s = snap(motion.path.breaks, max(event.where.s - motion.path.origin[0], 0.0))
+        whole = motion.path if self.plan is None else self.plan.path  # whose places these are, to its rounding
+        along = max(event.where.s - motion.path.origin[0], 0.0)
+        s = snap(motion.path.breaks, along, float(whole.breaks[-1]))
         if s > motion.path.breaks[-1]:
             return None
         t, late = find_passing(motion, s, *find_delays(self.machine.axes), event.after_rest)
@@ -200,8 +203,10 @@ class Section(Result):
     @check_arguments()
     def export(self, format: str, path: str | PathLike[str], *, force: bool = False, **options: Any) -> Exported:
         """As `planner.Plan.export` writes a plan."""
-        name, goes_on = f"{self.name}-{self.what}", self.at is not None
-        source = ExportSource(name, self.machine, self.trajectory, self.pulses, made=self.counted, goes_on=goes_on)
+        name, motion, goes_on = f"{self.name}-{self.what}", self.trajectory, self.at is not None
+        source = ExportSource(
+            name, self.machine, motion, self.pulses, made=self.counted, goes_on=goes_on, sent=self.sent.pulses
+        )
         return write_export(source, format, path, force, options)
 
     def tables(self) -> tuple[Table, ...]:

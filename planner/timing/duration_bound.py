@@ -70,6 +70,8 @@ class DurationBound(Result):
     def describe(self) -> str:
         """How near the duration is to it, and what it knows nothing of."""
         left_out = f"; without {', '.join(self.left_out)}" if self.left_out else ""
+        if self.gap == np.inf:
+            return f"nothing is proved of how near the duration is to the least{left_out}"
         return f"the duration is at most {ceil(1e5 * self.gap) / 1e3:.3f} % above the least{left_out}"
 
     def tables(self) -> tuple[Table, ...]:

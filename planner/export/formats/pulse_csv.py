@@ -48,6 +48,7 @@ class PulseCsv:
     def write(self, source: ExportSource, path: Path) -> Exported:
         axes, pulses = source.machine.axes, source.pulses
         wiring, timing = [axis.direction for axis in axes], [axis.timing for axis in axes]
+        refuse_high(source, high_ticks(measure_spacing([pulses]), self.width, timing))
         write(pulses, path, wiring, width=self.width, timing=timing, tell=share_progress(source.tell, 0, 2))
         tell = share_progress(source.tell, 1, 2)
         held = edge_reader.parts(path, pulses.clock_hz, axes, source.machine.home_q, tell=tell)
@@ -163,6 +164,23 @@ def high_ticks(spacing: Spacing, width: float | None, timing: Sequence[StepTimin
             "to leave the closest pulses and reversals apart; choose another width, a faster clock, or a slower motion"
         )
     return high
+
+
+def refuse_high(source: ExportSource, high: int) -> None:
+    """Raise MotionError where a section begins while STEP is still high of a pulse before it: a file begins low.
+
+    high: ticks that STEP is high.
+    """
+    since = [
+        (sent.last.tick, axis.name) for sent, axis in zip(source.sent, source.pulses.axes, strict=False) if sent.last
+    ]
+    tick, name = max(since, default=(-high, ""))
+    if source.goes_on and tick + high > 0:
+        clock = source.pulses.clock_hz
+        raise MotionError(
+            f"STEP of {name} is high where this begins, from a pulse {-1e6 * tick / clock:.4g} us before: choose an "
+            f"instant {1e6 * (tick + high) / clock:.4g} us later, or a format of pulses (steps, binary, npz)"
+        )
 
 
 def describe_high(spacing: Spacing, width: float | None, timing: Sequence[StepTiming | None]) -> str:

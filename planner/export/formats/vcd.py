@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import option
 from planner.export.format import Exported, ExportSource
-from planner.export.formats.pulse_csv import describe_high, edge_rows, high_ticks, measure_spacing
+from planner.export.formats.pulse_csv import describe_high, edge_rows, high_ticks, measure_spacing, refuse_high
 from planner.pulses.schedule import PulseSchedule, Ticks
 
 SUFFIXES = {9: "1 ns", 10: "100 ps", 11: "10 ps", 12: "1 ps", 13: "100 fs", 14: "10 fs", 15: "1 fs"}
@@ -56,6 +56,7 @@ class Vcd:
             raise MotionError(f"{len(axes)} axes, but a dump has at most {len(IDS) // 2}; choose another format")
         spacing = measure_spacing([pulses])
         high = high_ticks(spacing, self.width, [axis.timing for axis in axes])
+        refuse_high(source, high)
         wiring, digits = [axis.direction for axis in axes], _digits(pulses)
         with path.open("wb") as file:
             file.write(_head(source, digits))

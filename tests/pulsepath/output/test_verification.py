@@ -138,7 +138,7 @@ def test_on_request_it_goes_on_and_says_so(call, plan, tmp_path):
     assert done.exit_code == 0, done.stderr
     assert "NOT VERIFIED: " in done.stdout
     assert "motion.bin was changed" in done.stdout
-    assert "NOT VERIFIED" in next(plan.glob("g93.*")).read_text()
+    assert "NOT VERIFIED" in next(plan.glob("*.g93.*")).read_text()
     done = call("export", plan, "--format", "vcd", "--unverified", "--json")
     said = json.loads(done.stdout)
     assert said["verified"] is False

@@ -23,7 +23,7 @@ MOMENTS = {
     "plan, the report": (PLAN, "writing the report", "out"),
     "import": (("import", "part.nc", "--out", "there/out.toml"), "reading", "out.toml"),
     "calibrate": (("calibrate", "hexapod", "cmm", "--out", "there/out"), "identifying", "out"),
-    "export": (("export", "plan", "--format", "vcd", "--out", "there/out.vcd"), "generating", "out.vcd"),
+    "export": (("export", "plan", "--format", "vcd", "--out", "there/out.vcd"), "reading pulses", "out.vcd"),
     "track": (("track", "there", "--law", "3"), "tracking", "track.json"),
     "compare": (("compare", "--law", "6", "--task", "line", "--out", "there"), "running", "compare.json"),
 }
