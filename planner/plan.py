@@ -297,7 +297,8 @@ def plan(
     objective = read_objective(objective) if isinstance(objective, str) else objective
     if duration is not None and objective.heat > 0:
         raise MotionError(f'objective "{objective}" finds a duration of its own: omit it, or the one of {duration:g} s')
-    refuse_gap(gap, effort, duration is None and objective.heat == 0)
+    if gap is not None or effort != EFFORT:
+        refuse_gap(gap, effort, duration is None and objective.heat == 0)
     rule = find_rule(rule) if isinstance(rule, str) else rule
     if solver != "passes":
         refuse_solver(solver, order, duration)

@@ -216,7 +216,10 @@ class Section(Result):
         begin = "" if self.at is None else f" from {self.at:.6f} s on"
         behind = () if self.shaped is None else self.shaped.tables()
         fired = trigger_tables(self.triggers, self.path.names)
-        own = Table(f"{self.what} of {self.name}{begin}", (what, values))
+        times = (
+            () if self.at is None else ("below, certificates count t from the start of the plan; triggers from here",)
+        )
+        own = Table(f"{self.what} of {self.name}{begin}", (what, values), times)
         return (own, *self.certificate.tables(), *behind, *fired)
 
 

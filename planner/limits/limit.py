@@ -195,11 +195,6 @@ class Limit(ABC):
         changed.shares = shares
         return changed
 
-    def lowered_rows(self, points: Points) -> Rows:
-        """The rows at N grid points by which what they hold back, over the limit's share there, keeps the limit."""
-        rows = self.rows(points)
-        return rows.scale(self.shares.on_grid(points.s)[:, None]) if len(self.shares.values) else rows
-
 
 def order_of(limits: Iterable[Limit]) -> int:
     """3 where any of them holds jerk, else 2: the derivatives of q that they look at."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from planner.limits.limit import Limit, Rows, Term, order_of
+from planner.limits.lowered import ALL, Shares
 from planner.path.actuation import ActuatorPath, Points, make_points
 
 SIDES = ("start", "end")
@@ -266,11 +267,15 @@ def pose_problem(
     places, pieces = np.concatenate([s[:-1], s[1:][alone]]), np.concatenate([piece, piece[alone]])
     points = make_points(path, places, pieces, order_of(limits))
     timed = [limit for limit in limits if not limit.geometric]
-    posed = {one.name: _block(one.name, one.lowered_rows(points), end) for one in timed if Term.ONE not in one.terms}
+    posed = {
+        one.name: _block(one.name, one.rows(points), end, one.shares, points.s)
+        for one in timed
+        if Term.ONE not in one.terms
+    }
     others = [block for block in posed.values() if block is not None]
     for limit in timed:
         if limit.name not in posed and not _is_surely_idle(limit, points, others):
-            posed[limit.name] = _block(limit.name, limit.lowered_rows(points), end)
+            posed[limit.name] = _block(limit.name, limit.rows(points), end, limit.shares, points.s)
     blocks = [block for limit in timed if (block := posed.get(limit.name)) is not None]
     start, last = (still if speed == 0 else 0 for still, speed in zip(stands, speeds, strict=True))
     passed = _passed_speed(blocks, 0) if start == 2 else 0.0, _passed_speed(blocks, -1) if last == 2 else 0.0
@@ -306,19 +311,20 @@ def _open_room(block: Block, speeds: tuple[float, float]) -> Block:
     return block
 
 
-def _block(name: str, rows: Rows, end: np.ndarray) -> Block | None:
+def _block(name: str, rows: Rows, end: np.ndarray, shares: Shares, s: Array) -> Block | None:
     """Rows at points of which the first (N,) are the intervals' starts and those of index `end` (N,) their ends.
 
-    None where nothing is bound.
+    shares: of the limit, by which it was lowered at the points' s. None where nothing is bound.
     """
     count = len(end)
+    rows = rows.scale(shares.on_grid(s)[:, None]) if len(shares.values) else rows
     scaled, middle, about = _normalise_rows(rows, max(count, int(end.max()) + 1))
     if not scaled:
         return None
     starts = {term: values[:count] for term, values in scaled.items()}
     ends = {term: values[end] for term, values in scaled.items()}
     speaks = None if about is None else (about[0][:count], about[1][:count], about[0][end], about[1][end])
-    hull = None if rows.hull is None else _block(name, rows.hull, end)
+    hull = None if rows.hull is None else _block(name, rows.hull, end, ALL, s)
     return Block(name, starts, ends, np.ones(count), middle, speaks, hull).aimed(SOLVER_AIM)
 
 
@@ -351,7 +357,7 @@ def _is_surely_idle(limit: Limit, points: Points, others: Sequence[Block]) -> bo
     if 2 * len(some) > count:
         return False
     few = Points(points.path, points.s[some], piece[some], tuple(values[some] for values in points.derivatives))
-    block = _block(limit.name, limit.lowered_rows(few), np.arange(len(some)))
+    block = _block(limit.name, limit.rows(few), np.arange(len(some)), limit.shares, few.s)
     if block is None:
         return True
     sides = [({term: each[some] for term, each in one.start.items()}, one) for one in _select_bounding(others)]

@@ -18,7 +18,7 @@ from benchmarks.sweep.result import figure_unit
 from controllers.metrics import FIGURES
 from kinematics.files.plain_text import finite_or_none
 from kinematics.foundation.errors import MotionError
-from kinematics.foundation.units import quantity
+from kinematics.foundation.units import everyday_unit, quantity
 
 COMPARISONS: dict[str, Callable[[float, float], bool]] = {
     ">": operator.gt,
@@ -121,7 +121,7 @@ class Condition:
         if self.figure not in known:
             self._refuse_figure(known)
         for task in record["tasks"]:
-            self._limit(figure_unit(self.figure, task, record))
+            self._limit(figure_unit(self.figure, task, record), task)
 
     def _refuse_figure(self, known: Iterable[str]) -> None:
         """Raise MotionError with the names that are nearest: there are too many to list all."""
@@ -200,7 +200,7 @@ class Condition:
 
     def _check_runs(self, comparison: Comparison, entry: SettingEntry, row: ComparisonRow) -> str:
         unit = comparison.unit(self.figure, row.task)
-        limit = self._limit(unit)
+        limit = self._limit(unit, row.task)
         runs = [(self._value(run.figures), run.cell) for run in comparison.runs(entry, row.task)]
         worst = max if self.compared.startswith(">") else min
         value, cell = worst(runs, key=lambda run: run[0])
@@ -208,8 +208,8 @@ class Condition:
         about = f"rig {cell.variation.name}, seed {cell.seed}"
         return f"on {row.task}: {told} ({about})" if COMPARISONS[self.compared](value, limit) else ""
 
-    def _limit(self, unit: str) -> float:
-        """The value in SI. Raises MotionError unless it has a unit where the figure has one."""
+    def _limit(self, unit: str, task: str = "") -> float:
+        """The value in SI. Raises MotionError unless it has a unit where the figure, of a task, has one."""
         if self.unit == "x" or (self.unit == "" and unit in COUNTS):
             return self.value
         try:
@@ -219,7 +219,8 @@ class Condition:
                 )
             return quantity(f"{self.value!r} {self.unit}", unit or "1")
         except MotionError as error:
-            raise MotionError(f'condition "{self.text}": {error}') from None
+            told = f"; {self.figure} of task {task} is in {everyday_unit(unit)}: run the others alone (--task)"
+            raise MotionError(f'condition "{self.text}": {error}{told if task else ""}') from None
 
     def _unit_example(self, unit: str) -> str:
         return f'"{self.value:g} {EXAMPLES.get(unit, unit)}"'

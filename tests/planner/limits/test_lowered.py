@@ -61,7 +61,7 @@ def test_rows_allow_the_share_of_the_limit_and_its_use_stays_that_of_the_limit()
     with np.errstate(divide="ignore"):
         fastest = [
             (np.broadcast_to(rows.bound, (400, 1)) / rows.coefficients[Term.SD])[:, 0]
-            for rows in (cap.lowered_rows(points), lowered.lowered_rows(points))
+            for rows in (cap.rows(points), lowered.rows(points).scale(lowered.shares.on_grid(points.s)[:, None]))
         ]
     inside = (s >= middle) & (s <= middle + 0.01)
     assert inside.sum() > 5
