@@ -148,8 +148,7 @@ class Plan(Result, Interruptible):
     @property
     def triggers(self) -> tuple[Triggered, ...]:
         """What the program marks by `trigger`: when, where, and the counts by then."""
-        delays = find_delays(self.machine.axes)
-        return find_triggers(self.program, self.path, self.trajectory, self.pulses, *delays)
+        return find_triggers(self.program, self.path, self.trajectory, self.pulses, *find_delays(self.machine.axes))
 
     @property
     def departures(self) -> tuple[Departure, ...]:

@@ -257,21 +257,16 @@ def pose_problem(
 ) -> Problem:
     """Evaluate the rows of every timing limit on both sides of every grid point, in one batch.
 
-    Rows of loads that no motion within the others can use more than IDLE_SHARE of are left out: they cost time and
-    change nothing. The certificate judges the motion by every limit all the same.
+    Rows of loads that no motion within the others can use more than IDLE_SHARE of are left out, but not of proofs.
     """
-    count = len(piece)
     # an interval ends where the next one starts, unless that is on another piece
     alone = np.append(np.diff(piece) != 0, True)
-    end = np.where(alone, count - 1 + np.cumsum(alone), np.arange(1, count + 1))
+    end = np.where(alone, len(piece) - 1 + np.cumsum(alone), np.arange(1, len(piece) + 1))
     places, pieces = np.concatenate([s[:-1], s[1:][alone]]), np.concatenate([piece, piece[alone]])
     points = make_points(path, places, pieces, order_of(limits))
     timed = [limit for limit in limits if not limit.geometric]
-    posed = {
-        one.name: _block(one.name, one.rows(points), end, one.shares, points.s)
-        for one in timed
-        if Term.ONE not in one.terms
-    }
+    pure = [limit for limit in timed if Term.ONE not in limit.terms]
+    posed = {limit.name: _block(limit.name, limit.rows(points), end, limit.shares, points.s) for limit in pure}
     others = [block for block in posed.values() if block is not None]
     for limit in timed:
         if limit.name not in posed and not _is_surely_idle(limit, points, others):
@@ -291,10 +286,9 @@ def _passed_speed(blocks: Sequence[Block], end: int) -> float:
     used = dict.fromkeys(POWERS, 0.0)
     for block in blocks:
         here, beside = (block.end, block.start) if end else (block.start, block.end)
-        for term in POWERS:
-            if term in here:
-                side = here if term is Term.SD3 else beside
-                used[term] = max(used[term], float(block.share(side[term][end]).max()))
+        for term in (each for each in POWERS if each in here):
+            size = (here if term is Term.SD3 else beside)[term][end]
+            used[term] = max(used[term], float(block.share(size).max()))
     speed = float(np.cbrt(PASSED_SHARE / used[Term.SD3])) if used[Term.SD3] > 0 else 0.0
     return speed if max(used[Term.SD] * speed, used[Term.SD2] * speed**2) < MOST_PASSED_USE else 0.0
 
