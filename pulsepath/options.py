@@ -151,6 +151,16 @@ def read_percent(flag: str, text: str) -> float:
     return share
 
 
+def read_speed_share(text: str) -> float:
+    """That of --speed, at most all of the plan's own. Raises BadValue."""
+    from kinematics.foundation.errors import BadValue
+
+    share = read_percent("--speed", text)
+    if share > 1:
+        raise BadValue(f'option --speed: "{text}": write up to "100 %", which is the plan\'s own speed')
+    return share
+
+
 PROGRAMMED, SYNCHRONISED = "programmed", "synchronised"
 
 motion_option = click.option(

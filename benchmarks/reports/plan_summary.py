@@ -7,7 +7,7 @@ from kinematics.analysis.residual_vibration import find_residuals
 from kinematics.foundation.names import count_noun
 from planner.active_limits import describe_stops
 from planner.baselines import Classical, describe_differences, missing_limits
-from planner.path.travelled import measure_way
+from planner.path.arc_length import measure_travel
 from planner.plan import Plan
 from planner.pulses import PulseCheck
 from planner.timing.certified_solve import BEFORE_SHAPERS
@@ -21,7 +21,7 @@ def summary(plan: Plan, classical: Classical | None, verdict: PulseCheck) -> dic
     kept = "speed and acceleration" if plan.order == 2 else "speed, acceleration and jerk"
     again = f", run {plan.program.repeat} times" if plan.program.repeat > 1 else ""
     radian = f"a pure turn counts its angle times {1e3 * plan.machine.characteristic_length:.3f} mm"
-    way, length = measure_way(plan.path.pieces), float(plan.path.breaks[-1])
+    way, length = measure_travel(plan.path.pieces), float(plan.path.breaks[-1])
     unlike = "" if abs(way - length) < SAME_LENGTH else f"places in tables count to {1e3 * length:.3f} mm; "
     return {
         "Duration": f"{plan.duration:.6f} s{'' if plan.fastest else f', {plan.describe_objective()}'}",

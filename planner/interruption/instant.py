@@ -61,7 +61,7 @@ class Running:
         """What was sent before a tick; None: all. Raises as `find_plays`."""
         clock = self.pulses.clock_hz
         plays: tuple[Play, ...] = ()
-        tick = int(self.duration * clock) + 1 if tick is None else tick
+        tick = round(self.duration * clock) + 1 if tick is None else tick  # behind the last that there may be
         if isinstance(self.counted, CompensatedMotion):
             plays = find_plays(self.counted, self.machine.axes, min(tick / clock, self.counted.duration))
         left = tuple(event for event, t in self.fires if t is None or t * clock >= tick - TICK_ROUNDING)

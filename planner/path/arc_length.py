@@ -63,6 +63,23 @@ def measure_length(speed: Callable[[Array], Array], low: float, high: float) -> 
         panels, before = 2 * panels, lengths[-1]
 
 
+# |dp/ds| at an end of a piece below which a turn in place is part of it, whose angle counts as the parameter has it.
+MIN_WAY = 0.5
+
+
+def measure_travel(pieces: Sequence[Piece]) -> float:
+    """m, ∫ |dp/ds| ds of the tool's tip, or the platform's origin; turns in place count as their parameter does."""
+    return sum(_measure_piece(piece) for piece in pieces)
+
+
+def _measure_piece(piece: Piece) -> float:
+    def speed(s: Array) -> Array:
+        return np.asarray(np.linalg.norm(piece.derivatives(s)[1][:, :3], axis=1))
+
+    ends = piece.start + np.array([0.0, piece.length])
+    return piece.length if speed(ends).min() < MIN_WAY else measure_length(speed, *ends.tolist()).length
+
+
 def _integrals(speed: Callable[[Array], Array], low: Array, high: Array) -> Array:
     """∫ speed from low (N,) to high (N,)."""
     x, weight = np.polynomial.legendre.leggauss(PANEL_POINTS)

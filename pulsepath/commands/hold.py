@@ -8,7 +8,7 @@ import click
 from pulsepath.command_group import FormatCommand
 from pulsepath.format_options import STOPS
 from pulsepath.known_names import make_completer
-from pulsepath.options import json_option, read_percent, read_quantity, unverified_option
+from pulsepath.options import json_option, read_quantity, read_speed_share, unverified_option
 from pulsepath.process.intent import writes
 from pulsepath.progress import say, step
 
@@ -77,9 +77,7 @@ def hold(
         )
     if speed is not None and resume is None:
         raise BadValue("--speed is that of the way on: give --resume FILE too")
-    share = None if speed is None else read_percent("--speed", speed)
-    if share is not None and share > 1:
-        raise BadValue(f'option --speed: "{speed}": write up to "100 %", which is the plan\'s own speed')
+    share = None if speed is None else read_speed_share(speed)
     instant = None if at is None else read_quantity("--at", at, "s", least=0.0)
     targets = [target for target in (out, resume) if target is not None]
     refuse_no_plan(directory)

@@ -8,7 +8,7 @@ import click
 from pulsepath import known_names
 from pulsepath.command_group import FormatCommand
 from pulsepath.known_names import make_completer
-from pulsepath.options import json_option, read_percent, read_quantity, unverified_option
+from pulsepath.options import json_option, read_quantity, read_speed_share, unverified_option
 from pulsepath.process.intent import writes
 from pulsepath.progress import say, step
 
@@ -54,9 +54,7 @@ def override(
 
     if (name is None) != (out is None):
         raise BadValue("--format and --out go together: give both to write the motion, or none to see what it takes")
-    share = read_percent("--speed", speed)
-    if share > 1:
-        raise BadValue(f'option --speed: "{speed}": write up to "100 %", which is the plan\'s own speed')
+    share = read_speed_share(speed)
     instant = None if at is None else read_quantity("--at", at, "s", least=0.0)
     refuse_no_plan(directory)
     if out is not None:

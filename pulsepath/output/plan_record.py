@@ -15,7 +15,7 @@ from planner.baselines import describe_differences, missing_limits
 from planner.certificate.certify import Certificate
 from planner.export.line_times import time_lines
 from planner.limits import find_unkept_limits
-from planner.path.travelled import measure_way
+from planner.path.arc_length import measure_travel
 from planner.plan_parts import PlanStanding
 from planner.pulses import PulseCheck, PulseSchedule
 from planner.shaping.shaped_proof import ShapedProof
@@ -51,7 +51,7 @@ def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
         "duration_s": plan.pulses.duration,
         "stated_duration_s": plan.stated_duration,
         "objective": str(plan.objective),
-        "path_length_m": measure_way(plan.path.pieces),
+        "path_length_m": measure_travel(plan.path.pieces),
         "classical": None if job.classical is None else _baselines(job, job.classical),
         "certificate": _certificate(plan.certificate),
         "shaping": None if plan.shaped is None else _shaping(plan.shaped) | {"warning": plan.exceeded or None},

@@ -11,6 +11,7 @@ from argparse import ArgumentParser
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from math import ceil
 
 import numpy as np
 
@@ -38,6 +39,10 @@ WHOLE_RULES = ("sampled", "dda")
 TIMINGS = (None, "DRV8825", "Pacific-6410")
 PERIOD = 1e-6
 """s, of which instants are whole multiples: so that the timer's own clock goes on."""
+SHARES = (0.4, 1.0)
+"""Of the plan's speed, that stops are left with."""
+SAME_PLACE = 1e-12
+"""m by which a section may end beside where it says."""
 PLAY, SCREW = 2e-5, ((0.0, 0.0), (0.02, 1e-5), (0.04, -1e-5), (0.09, 2e-5))
 """m of the worn machine's axes."""
 CORNERS = ((0.045, 0.03), (0.02, 0.045), (0.01, 0.01), (0.03, 0.0), (0.0, 0.0))
@@ -121,6 +126,9 @@ def find_faults(made: Plan, section: Section, *before: Run) -> list[str]:
     sent = [int(axis.counts([round(before[-1][2] * pulses.clock_hz) - 1])[0]) for axis in before[-1][1].axes]
     if [axis.start for axis in pulses.axes] != sent:
         return [f"starts at {[axis.start for axis in pulses.axes]}, sent were {sent}"]
+    end = section.since + float(section.trajectory.at(section.trajectory.duration).along[0])
+    if abs(end - section.until) > SAME_PLACE:
+        return [f"ends at {end} m, not at {section.until}"]
     own = (section.counted, pulses, section.duration)
     found: PulseCheck = check(*join(*before, own), machine.axes, machine.home_q)
     faults = [fault for axis in found.axes for fault in axis.faults]
@@ -139,14 +147,10 @@ def try_seams(made: Plan, instants: int, rng: np.random.Generator) -> SeamTally:
             continue
         later = round(float(rng.uniform(0, held.duration)) / PERIOD) * PERIOD
         if 0 < later < held.duration:
-            changed = attempt(partial(made.override, 1.0, later, held))
+            changed = attempt(partial(made.override, float(rng.choice(SHARES)), later, held))
             tally.add(made, changed, before, (held.counted, held.pulses, later))
-        rest = attempt(partial(made.resume, held))
-        if isinstance(rest, MotionError):
-            tally.refused += "path ends there" not in str(rest)
-        else:
-            tally.sections += 1
-            tally.faulty += [axis.start for axis in rest.pulses.axes] != [axis.final for axis in held.pulses.axes]
+        end = ceil(held.duration / PERIOD + 1) * PERIOD  # it rests until then
+        tally.add(made, attempt(partial(made.resume, held)), before, (held.counted, held.pulses, end))
     return tally
 
 

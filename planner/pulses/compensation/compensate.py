@@ -13,7 +13,7 @@ from kinematics.machine.axis import Axis
 from planner.pulses.compensation.play import Play, Turn, TurnSearch
 from planner.pulses.compensation.take_up import refuse_carried, take_up, taken_up
 from planner.pulses.generation.motion_parts import JoinedMotion, MotionSpan, PieceMotion
-from planner.pulses.generation.pieces import FIT_TOLERANCE, Stretches, cut_monotone, fit
+from planner.pulses.generation.pieces import FIT_TOLERANCE, Pieces, Stretches, cut_monotone, fit
 from planner.pulses.motion import AxesMotion, MotionState
 from planner.pulses.schedule import Compensation
 from planner.shaping.shaped_motion import ShapedMotion, shape_motion
@@ -98,15 +98,12 @@ def compensate_part(
     plays: at its start, which have been looked at up to a time since (s); last: the motion ends with it. Raises as
     `compensate_motion` does.
     """
-    pieces = fit(motion, FIT_TOLERANCE * np.array([axis.pulse for axis in axes]))
+    pieces = _fit(motion, axes)
     tables, costs, knots, reached, until = [], [], [np.asarray(motion.knots)], [], motion.duration
     for k, (axis, play) in enumerate(zip(axes, plays, strict=True)):
-        counted = pieces.coefficients[k].copy()
-        counted[0] -= home[k]
-        noise = float(pieces.noise[k])
-        stretches = cut_monotone(pieces.start, pieces.length, counted, noise)
+        noise, stretches = float(pieces.noise[k]), _cut(pieces, k, home)
         table, cost = _table(axis) if "lead" in axis.compensate else None, Compensation(axis.name, axis.compensate)
-        if "backlash" in axis.compensate and axis.backlash > 0:
+        if _takes_up(axis):
             play, final, cost = take_up(motion, k, axis, stretches, noise, play, since, last)
             until = min(until, final)
         if table is not None:
@@ -134,27 +131,42 @@ def find_plays(made: CompensatedMotion, axes: Sequence[Axis], t: float) -> tuple
 
     Raises MotionError where a motor has begun to cross the play before the axis comes to its turn.
     """
-    found = []
     x = made.planned.at(np.array([t])).q[0] - made.home
+    every, known = (_find_turns(made, axes, until) for until in (made.duration, t))
+    found = []
     for k, (axis, begun) in enumerate(zip(axes, made.begun, strict=True)):
-        turns, _ = _find_turns(made, k, axis, made.duration)
-        known, search = _find_turns(made, k, axis, t)
         steps = [(start, span, way) for start, span, way in made.steps[k][int(begun.taken != 0) :].tolist()]
-        found.append(begun.leave(t, axis.name, steps, turns, len(known), search, float(x[k])))
+        (turns, _), (before, search) = every[k], known[k]
+        found.append(begun.leave(t, axis.name, steps, turns, len(before), search, float(x[k])))
     return tuple(found)
 
 
-def _find_turns(made: CompensatedMotion, k: int, axis: Axis, until: float) -> tuple[list[Turn], TurnSearch]:
-    """The turns of axis k that are known at a time (s), and how far those behind them are."""
-    begun = made.begun[k]
-    if until == 0 or "backlash" not in axis.compensate or axis.backlash == 0:
-        return [], begun.search
-    motion = JoinedMotion.of(MotionSpan(made.planned, 0.0, until))
-    pieces = fit(motion, np.full(len(made.home), FIT_TOLERANCE * axis.pulse))
+def _find_turns(made: CompensatedMotion, axes: Sequence[Axis], until: float) -> list[tuple[Sequence[Turn], TurnSearch]]:
+    """The turns of each axis that are known at a time (s), and how far those behind them are."""
+    found: list[tuple[Sequence[Turn], TurnSearch]] = [((), begun.search) for begun in made.begun]
+    if until == 0:
+        return found
+    pieces = _fit(JoinedMotion.of(MotionSpan(made.planned, 0.0, until)), axes)
+    for k, (axis, begun) in enumerate(zip(axes, made.begun, strict=True)):
+        if _takes_up(axis):
+            noise = float(pieces.noise[k])
+            found[k] = begun.search.find(_cut(pieces, k, made.home), axis, noise, 0.0)
+    return found
+
+
+def _takes_up(axis: Axis) -> bool:
+    return "backlash" in axis.compensate and axis.backlash > 0
+
+
+def _fit(motion: AxesMotion, axes: Sequence[Axis]) -> Pieces:
+    return fit(motion, FIT_TOLERANCE * np.array([axis.pulse for axis in axes]))
+
+
+def _cut(pieces: Pieces, k: int, home: Array) -> Stretches:
+    """Axis k from home, on stretches on which it goes one way."""
     counted = pieces.coefficients[k].copy()
-    counted[0] -= made.home[k]
-    noise = float(pieces.noise[k])
-    return begun.search.find(cut_monotone(pieces.start, pieces.length, counted, noise), axis, noise, 0.0)
+    counted[0] -= home[k]
+    return cut_monotone(pieces.start, pieces.length, counted, float(pieces.noise[k]))
 
 
 @dataclass(frozen=True, slots=True)

@@ -74,7 +74,7 @@ def take_up(
         return play, max(0.0, until), none
     turning = np.array(turns)
     arrives, leaves, _ = turning.T
-    first = max(0.0, *(start + span for start, span, _ in play.steps), 0.0)
+    first = max((start + span for start, span, _ in play.steps), default=0.0)
     first = first if play.left is None else max(first, (arrives[0] + play.left) / 2)
     before = np.append(first, (arrives[1:] + leaves[:-1]) / 2)
     after = np.append(before[1:], motion.duration if last else (motion.duration + leaves[-1]) / 2)

@@ -9,6 +9,7 @@ from benchmarks.evidence.trials.seams import PERIOD, find_faults, list_cases, tr
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import DRIVES
 from planner import plan
+from planner.interruption.instant import find_running
 from planner.pulses import AxisPulses, PulseSchedule, generate
 from planner.pulses.generation.sent import find_sent, go_on
 from planner.pulses.generation.spacing import GivenPulse, HeldPulses, LeastGaps
@@ -71,6 +72,16 @@ def test_what_was_sent_is_the_count_and_the_last_pulse():
     # of a section without a pulse it is what came before it
     (later,) = find_sent(schedule, 10, (two,))
     assert later.last == GivenPulse(-20, -20, -20, 1, stands=False)
+
+
+def test_a_pulse_on_the_last_tick_of_a_stop_was_sent(cases):
+    """A stop ends within a tick, on either side of which its last pulse may be rounded."""
+    made = cases[0]
+    running = find_running(made.whole(), made.hold(round(0.37 * made.duration / PERIOD) * PERIOD))
+    running = replace(running, duration=1000.7 / running.pulses.clock_hz)
+    axes = [replace(axis, ticks=[1001], direction=[1], start=7) for axis in running.pulses.axes]
+    sent = replace(running, pulses=replace(running.pulses, axes=axes)).find_sent().pulses
+    assert [(one.count, one.last.tick) for one in sent] == 3 * [(8, -1)]
 
 
 @pytest.mark.parametrize(

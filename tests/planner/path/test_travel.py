@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from kinematics import load_machine
 from planner import Arc, Blend, Line, Program, Spline, Turn
 from planner.path.actuation import actuate
-from planner.path.travelled import measure_way
+from planner.path.arc_length import measure_travel
 
 SQUARE = [Line([0.02, 0, 0.02]), Line([0.02, 0.02, 0.02]), Line([0, 0.02, 0.02])]
 
@@ -30,13 +30,13 @@ def sum_chords(path):
 
 def test_lines_and_arcs_count_their_own_length():
     path = path_of([Line([0.01, 0, 0.02]), Arc([0, 0, 0.02], [0, 0, 1], np.pi)])
-    assert measure_way(path.pieces) == pytest.approx(0.02 + 0.01 + np.pi * 0.01, rel=1e-12)
+    assert measure_travel(path.pieces) == pytest.approx(0.02 + 0.01 + np.pi * 0.01, rel=1e-12)
 
 
 @pytest.mark.parametrize("tolerance", [0.05e-3, 1e-3])
 def test_a_blend_shortens_the_way(tolerance):
     path = path_of(SQUARE, Blend(tolerance))
-    way = measure_way(path.pieces)
+    way = measure_travel(path.pieces)
     assert path.breaks[-1] == pytest.approx(0.08, rel=1e-12)
     assert way == pytest.approx(sum_chords(path), rel=1e-6)
     # of each of two right angles at least as much as a straight cut as far from the corner leaves: 2 (√2 − 1) τ
@@ -45,10 +45,10 @@ def test_a_blend_shortens_the_way(tolerance):
 
 def test_a_spline_is_longer_than_its_chords():
     path = path_of([Spline([[0.01, 0.005, 0.02], [0.02, 0, 0.02]])])
-    assert measure_way(path.pieces) == pytest.approx(sum_chords(path), rel=1e-6)
-    assert measure_way(path.pieces) > path.breaks[-1]
+    assert measure_travel(path.pieces) == pytest.approx(sum_chords(path), rel=1e-6)
+    assert measure_travel(path.pieces) > path.breaks[-1]
 
 
 def test_a_turn_in_place_counts_as_its_parameter_does():
     path = path_of([Turn(Rotation.from_euler("z", 5, degrees=True))])
-    assert measure_way(path.pieces) == pytest.approx(path.breaks[-1], rel=1e-12)
+    assert measure_travel(path.pieces) == pytest.approx(path.breaks[-1], rel=1e-12)
