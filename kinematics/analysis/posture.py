@@ -17,6 +17,8 @@ from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import SCALES, Column, Table
 from kinematics.machine.machine_file import MachineSource, load_machine
+from kinematics.machine.model import scaled_jacobian, square_jacobian
+from kinematics.machine.motion import describe_singularity, is_singular
 from kinematics.machine.pose import COMPONENTS, Pose, PoseLike, from_numbers, to_numbers
 
 if TYPE_CHECKING:
@@ -27,6 +29,7 @@ SAME_POSE_TOLERANCE = 1e-6
 MAX_PULSES = 2.0**53
 """Pulses from home that are told apart."""
 NOT_CERTIFIED = "the straight motion from home is not proved to be free of singularities"
+ELSEWHERE = "check may prove another way there, as a program"
 LIMITS_KEPT = "limits kept"
 UNLIMITED = {"inf": "unlimited", "-inf": "unlimited"}
 
@@ -83,6 +86,17 @@ class Posture(Result):
         return np.asarray(self.margins.tilt[0] * self.margins.max_tilt)
 
     @property
+    def doubt(self) -> str:
+        """Why the pose is not certified, and what to do; "" where it is."""
+        if self.certified:
+            return ""
+        x = to_numbers(self.pose)
+        jacobian = scaled_jacobian(self.machine, x, self.q[None])[0]
+        if is_singular(self.machine, square_jacobian(self.machine, x, self.q[None]))[0]:
+            return f"the pose is singular: {describe_singularity(self.machine, jacobian)}; choose a pose away from it"
+        return f"{NOT_CERTIFIED}; {ELSEWHERE}"
+
+    @property
     def violations(self) -> tuple[str, ...]:
         """Every limit that the pose breaks, the worst first: which, by how much, and what to do."""
         margins, told = self.margins, list[tuple[float, str]]()
@@ -135,7 +149,7 @@ class Posture(Result):
         proof = (
             "certified: the straight motion from home arrives in this pose and no other"
             if self.certified
-            else f"NOT CERTIFIED: {NOT_CERTIFIED}"
+            else f"NOT CERTIFIED: {self.doubt}"
         )
         return Table(f"{self.machine.name}: {type(self.machine).__name__.lower()}", columns, (proof,))
 

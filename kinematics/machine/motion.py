@@ -11,7 +11,8 @@ from kinematics.foundation.arrays import Array, freeze_fields
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.short_repr import short_repr
 from kinematics.machine.kind import columns, describe_pose
-from kinematics.machine.model import MachineModel, square_jacobian
+from kinematics.machine.model import MachineModel, scaled_jacobian, square_jacobian
+from kinematics.machine.pose import to_numbers
 
 if TYPE_CHECKING:
     from kinematics.machine.pose import Pose
@@ -67,15 +68,32 @@ def controlled_jacobian(machine: MachineModel, x: Array, q: Array) -> Array:
     broken = is_singular(machine, jacobian)
     if broken.any():
         first = int(np.argmax(broken))
-        raise MotionError(
-            f"machine {machine.name} is singular at {describe_pose(x, first)}: its axes do not "
-            "hold the platform there, so that forces and errors have no bound; keep away from it"
-        )
+        lost = describe_singularity(machine, scaled_jacobian(machine, x[[first]], q[[first]])[0])
+        raise MotionError(f"machine {machine.name} is singular at {describe_pose(x, first)}: {lost}; keep away from it")
     return jacobian
 
 
 def is_singular(machine: MachineModel, jacobian: Array) -> np.ndarray:
     """(N,) whether square Jacobians (N, n, n) tell nothing of some motion."""
     scale = np.where(columns(machine) < 3, 1.0, 1.0 / machine.characteristic_length)
+    finite = np.asarray(np.isfinite(jacobian).all((1, 2)))  # of others there is no condition
     with np.errstate(all="ignore"):
-        return np.asarray(~(np.linalg.cond(jacobian * scale) < MAX_CONDITION))
+        condition = np.linalg.cond(np.where(finite[:, None, None], jacobian * scale, 0.0))
+    return np.asarray(~(finite & (condition < MAX_CONDITION)))
+
+
+def describe_singularity(machine: MachineModel, jacobian: Array) -> str:
+    """What is lost in a pose of scaled Jacobian (n, n) that is singular, or nearly.
+
+    J = ∂q/∂x. Where σ_min → 0, a motion of the platform moves no axis; where σ_max → ∞, some motion of the tool is
+    beyond the axes. Both are measured against home. Source: Gosselin, Angeles, IEEE Trans. Robotics 6 (1990) 281-290.
+    """
+    home, here = (
+        np.linalg.svd(each, compute_uv=False) if np.isfinite(each).all() else np.array([np.inf, 0.0])
+        for each in (scaled_jacobian(machine, to_numbers(machine.home), machine.home_q[None])[0], jacobian)
+    )
+    with np.errstate(divide="ignore"):
+        cannot_move = here[0] / home[0] > home[-1] / here[-1] or not np.isfinite(here[0])
+    if cannot_move:
+        return "an arm is stretched or folded, so that no motion of the axes moves the tool in some direction"
+    return "the actuators do not constrain the platform, so that forces and errors have no bound"

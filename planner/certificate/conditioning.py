@@ -62,7 +62,12 @@ def look_along(path: MachinePath) -> tuple[Array, np.ndarray, Array]:
     width = np.diff(np.append(along.s, path.breaks[-1]))
     s = along.s[part] + np.tile(PART_SHARES, len(along.s)) * width[part]
     piece = along.piece[part]
+    return s, piece, evaluate_jacobian(path, s, piece)
+
+
+def evaluate_jacobian(path: MachinePath, s: Array, piece: np.ndarray) -> Array:
+    """(N, n, n) at s (N,) in pieces (N,), columns of rotation by the characteristic length."""
     none = np.zeros((2, len(s)))
     with np.errstate(all="ignore"):  # beyond reach there are no numbers
         found = path.jacobian(Series(np.stack([s, none[0]]), none, 2), piece)
-    return s, piece, np.asarray(found.mid[0]).reshape(len(s), len(path.names), -1)
+    return np.asarray(found.mid[0]).reshape(len(s), len(path.names), -1)

@@ -14,8 +14,9 @@ from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.foundation.taylor_model import Series
+from kinematics.machine.motion import describe_singularity
 from planner.certificate.certify import prove_path_use
-from planner.certificate.conditioning import Conditioning
+from planner.certificate.conditioning import Conditioning, evaluate_jacobian
 from planner.certificate.limit_use import round_reached_use
 from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath, MachinePath
@@ -137,10 +138,9 @@ def prove_feasibility(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:
         met = find_singularity(path, np.append(along.s, path.breaks[-1]), along.piece)
         if met is not None:
             where = f"the pose at {path.place(*met)} is singular, or too close to a singularity"
-            lost_there = OutOfReach(
-                f"{where}: the actuators do not constrain the platform there; route the path around it"
-            )
-            return Standing((lost_there,), {})
+            jacobian = evaluate_jacobian(path, np.array(met[:1]), np.array(met[1:]))[0]
+            loss = describe_singularity(path.machine, jacobian)
+            return Standing((OutOfReach(f"{where}: {loss}; route the path around it"),), {})
     use = prove_path_use(path, geometric)
     largest: dict[str, tuple[float, Place]] = {}
     found: dict[tuple[str, int, int], tuple[float, Infeasible]] = {}

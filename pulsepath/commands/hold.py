@@ -8,7 +8,7 @@ import click
 from pulsepath.command_group import FormatCommand
 from pulsepath.format_options import STOPS
 from pulsepath.known_names import make_completer
-from pulsepath.options import json_option, read_quantity, read_speed_share, unverified_option
+from pulsepath.options import json_option, read_speed_share, unverified_option
 from pulsepath.process.intent import writes
 from pulsepath.progress import say, step
 
@@ -21,7 +21,7 @@ class Hold(FormatCommand):
 
 @click.command(cls=Hold)
 @click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
-@click.option("--at", metavar="TIME", help='Instant from which to stop, as "1.2 s".')
+@click.option("--at", metavar="TIME", help='Instant from which to stop, as "1.2 s" or "40 %".')
 @click.option(
     "--stops",
     type=click.IntRange(min=1),
@@ -61,7 +61,7 @@ def hold(
     """
     from kinematics.files.atomic_files import Destination
     from kinematics.foundation.errors import BadValue
-    from pulsepath.output.directory import refuse_late, refuse_no_plan
+    from pulsepath.output.directory import read_instant, refuse_no_plan
 
     if (at is None) == (stops is None):
         raise BadValue("give --at TIME, or --stops COUNT")
@@ -78,14 +78,12 @@ def hold(
     if speed is not None and resume is None:
         raise BadValue("--speed is that of the way on: give --resume FILE too")
     share = None if speed is None else read_speed_share(speed)
-    instant = None if at is None else read_quantity("--at", at, "s", least=0.0)
     targets = [target for target in (out, resume) if target is not None]
     refuse_no_plan(directory)
     for target in targets:
         Destination(target, force=force)  # refuses a file that is there
     writes(*targets)
-    if instant is not None:
-        refuse_late(directory, instant)
+    instant = None if at is None else read_instant(directory, at)
     from planner.interruption.hold import find_stops
     from planner.interruption.hold import hold as stop_at
     from planner.interruption.override import resume as go_on

@@ -8,7 +8,7 @@ import click
 from pulsepath import known_names
 from pulsepath.command_group import FormatCommand
 from pulsepath.known_names import make_completer
-from pulsepath.options import json_option, read_quantity, read_speed_share, unverified_option
+from pulsepath.options import json_option, read_speed_share, unverified_option
 from pulsepath.process.intent import writes
 from pulsepath.progress import say, step
 
@@ -22,7 +22,9 @@ class Override(FormatCommand):
 @click.command(cls=Override)
 @click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
 @click.option("--speed", metavar="PERCENT", required=True, help='Share of the plan\'s speed, as "50 %", up to 100 %.')
-@click.option("--at", metavar="TIME", help='Instant from which to change the speed, as "1.2 s". Default: all of it.')
+@click.option(
+    "--at", metavar="TIME", help='Instant to change the speed from, as "1.2 s" or "40 %". Default: all of it.'
+)
 @click.option("--format", "name", metavar="FORMAT", shell_complete=make_completer(known_names.exports),
               help="Write the motion in this export format, listed below, to --out.")  # fmt: skip
 @click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Output file.")
@@ -50,18 +52,16 @@ def override(
     """
     from kinematics.files.atomic_files import Destination
     from kinematics.foundation.errors import BadValue
-    from pulsepath.output.directory import refuse_late, refuse_no_plan
+    from pulsepath.output.directory import read_instant, refuse_no_plan
 
     if (name is None) != (out is None):
         raise BadValue("--format and --out go together: give both to write the motion, or none to see what it takes")
     share = read_speed_share(speed)
-    instant = None if at is None else read_quantity("--at", at, "s", least=0.0)
     refuse_no_plan(directory)
     if out is not None:
         Destination(out, force=force)  # refuses a file that is there
         writes(out)
-    if instant is not None:
-        refuse_late(directory, instant)
+    instant = None if at is None else read_instant(directory, at)
     from planner.interruption.override import override as change_speed
     from pulsepath.format_options import EXPORTS
     from pulsepath.output import record

@@ -69,7 +69,7 @@ def pose(
 
     of = load_machine(machine)
     coordinates = _read_coordinates(of, given[0], axes[given[0]] or "") if given else None
-    from kinematics.analysis.posture import NOT_CERTIFIED, posture_of_axes, posture_of_pose
+    from kinematics.analysis.posture import posture_of_axes, posture_of_pose
     from pulsepath.output import record, tables
 
     if coordinates is not None:
@@ -84,7 +84,7 @@ def pose(
         many = f"{len(broken)} limits are violated, the worst is " if len(broken) > 1 else ""
         say(f"infeasible: {many}{broken[0]}", err=True)
     elif not found.certified:
-        say(f"infeasible: not certified: {NOT_CERTIFIED}; check proves another way there, as a program", err=True)
+        say(f"infeasible: not certified: {found.doubt}", err=True)
     if not found.margins.ok.all() or not found.certified:
         click.get_current_context().exit(INFEASIBLE)
 

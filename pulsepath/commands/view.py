@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     metavar="FILE",
     help="Write the four views at one instant: .pdf, .png or .svg.",
 )
-@click.option("--at", metavar="TIME", help='Time of the still images, as "1.2 s". Default: mid-motion.')
+@click.option("--at", metavar="TIME", help='Time of the still images, as "1.2 s" or "40 %". Default: mid-motion.')
 @click.option("--frames", type=click.IntRange(min=2), default=240, show_default=True, help="Frames of the animation.")
 @click.option(
     "--magnify",
@@ -64,23 +64,20 @@ def view(
     """
     targets = [target for target in (stills, html) if target is not None]
     writes(*targets)
-    from pulsepath.output.directory import refuse_late, refuse_no_plan
+    from pulsepath.output.directory import read_instant, refuse_no_plan
 
     refuse_no_plan(directory)
     from kinematics import MotionError
     from kinematics.files.atomic_files import Destination
-    from kinematics.foundation.units import quantity
     from pulsepath.output import record
     from pulsepath.progress import step
 
     if at is not None and stills is None:
         raise MotionError("--at is the time of the still images: give --stills FILE too")
     destinations = {target: Destination(target, force=force) for target in targets}
-    when = None if at is None else quantity(at, "s")
     if stills is not None and stills.suffix.lower() not in FIGURE_SUFFIXES:
         raise MotionError(f"{stills}: still images are {', '.join(sorted(FIGURE_SUFFIXES))}; give a name that ends so")
-    if when is not None:
-        refuse_late(directory, when)
+    when = None if at is None else read_instant(directory, at)
     plan, doubts = _load_drawn_plan(directory, unverified)
     told: dict[str, Any] = {"program": plan.program.name, "machine": plan.machine.name, **record.of_doubts(doubts)}
     if stills is not None:

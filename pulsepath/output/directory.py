@@ -21,6 +21,7 @@ from kinematics.files.atomic_files import (
 )
 from kinematics.files.leftovers import NEW, OLD, clear, lock
 from kinematics.foundation.errors import MotionError
+from pulsepath.options import read_percent, read_quantity
 from pulsepath.process.exits import read_reached
 from pulsepath.progress import note
 
@@ -94,17 +95,27 @@ def _describe_unfinished(folder: Path) -> str:
     return f"{folder} holds an interrupted run of pulsepath plan, no finished plan: {held}; {onward}"
 
 
-def refuse_late(folder: Path, t: float) -> None:
-    """Raise MotionError for a time (s) at which the motion of a plan in a folder has ended, by what its record states.
+def read_instant(folder: Path, text: str) -> float:
+    """t (s) of --at: a time within the motion of the plan in a folder, or a share of its duration, as "40 %".
 
-    What the record does not state is told when the plan is read.
+    Raises BadValue, and MotionError for a time at which the motion has ended, by what the plan's record states. What
+    the record does not state is told when the plan is read.
     """
+    duration = None
     with suppress(OSError, ValueError, AttributeError):
         duration = json.loads((folder / RECORD).read_bytes()).get("duration_s")
-        if isinstance(duration, float) and t > duration:
-            raise MotionError(
-                f"t = {t:.6g} s is not within the motion, which lasts from 0 to {duration:.6g} s; give an instant of it"
-            )
+    if text.rstrip().endswith("%"):
+        share = read_percent("--at", text)
+        if not isinstance(duration, float):
+            raise MotionError(f'{folder / RECORD} states no duration: give --at as a time, as "1.2 s"')
+        t = share * duration
+    else:
+        t = read_quantity("--at", text, "s", least=0.0)
+    if isinstance(duration, float) and t > duration:
+        raise MotionError(
+            f"t = {t:.6g} s is not within the motion, which lasts from 0 to {duration:.6g} s; give an instant of it"
+        )
+    return t
 
 
 def write_files(folder: Path, files: Mapping[str, bytes], force: bool) -> None:

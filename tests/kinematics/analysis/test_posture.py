@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import MotionError, OutOfReach, load_machine, posture_of_axes, posture_of_pose
+from kinematics.machine.motion import describe_singularity
 
 
 def at(machine, position, angles=(0.0, 0.0, 0.0)):
@@ -85,3 +86,27 @@ def test_what_is_no_posture_is_refused(preset):
         posture_of_axes(preset, np.zeros((2, 6)))
     with pytest.raises(OutOfReach, match="no pose was found that has the lengths"):
         posture_of_axes(load_machine("tripod"), [0.1, 0.1, 0.1])
+
+
+@pytest.mark.parametrize("elbow", [0.0, 1e-9])
+def test_a_stretched_arm_is_said_to_be_one(elbow):
+    """Its tool cannot move outward, whatever the axes do; nothing is free that they do not hold."""
+    found = posture_of_axes(load_machine("arm"), [0.0, np.radians(30), np.radians(elbow)])
+    assert not found.certified
+    assert "an arm is stretched or folded" in found.doubt
+    assert "check" not in found.doubt  # which refuses it as well
+
+
+def test_legs_that_all_meet_one_line_do_not_hold_the_turn_about_it(preset):
+    """Legs whose lines all meet the z axis do not hold the turn about it [Fichter 1986]."""
+    angles = np.radians([0, 120, 240])
+    circle = np.stack([np.cos(angles), np.sin(angles), 0 * angles], 1)
+    j = np.stack([scaled_row(0.2 * a, 0.1 * a + [0, 0, 0.3]) for a in circle])  # lines that all meet the z axis
+    jacobian = np.concatenate([j, j + 0.0])
+    assert "do not constrain the platform" in describe_singularity(preset, jacobian)
+
+
+def scaled_row(base, joint):
+    """Of ∂length/∂(v, ω), turns at 0.1 m."""
+    along = (joint - base) / np.linalg.norm(joint - base)
+    return np.concatenate([along, np.cross(joint, along) / 0.1])

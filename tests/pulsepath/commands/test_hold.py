@@ -143,3 +143,16 @@ def test_what_cannot_be_is_refused_in_a_line(call, plan, monkeypatch, given, wor
     assert done.exit_code == 2
     assert words in done.stderr
     assert not list(plan.glob("[xy]*"))
+
+
+@pytest.mark.parametrize("command", [("hold",), ("override", "--speed", "50 %")])
+def test_an_instant_is_a_share_of_the_motion_too(call, plan, job, command):
+    done = call(*command, plan, "--at", "40 %", "--json")
+    assert done.exit_code == 0, done.stderr
+    told = json.loads(done.stdout)
+    at = told.get("held_at_s", told.get("at_s"))
+    assert at == pytest.approx(0.4 * job.plan.trajectory.duration, abs=1 / job.plan.pulses.clock_hz)
+    late = call(*command, plan, "--at", "101 %")
+    assert late.exit_code == 2
+    assert "is not within the motion" in late.stderr
+    assert "option --at" in call(*command, plan, "--at", "-3 %").stderr
