@@ -86,26 +86,28 @@ def run_parts(
     program, machine = inputs.program, inputs.machine
     for field in find_unkept_limits(machine):
         note(f"note: {machine.name} states {field} but no masses, so no plan can respect it")
-    begin, reached = perf_counter(), 0.0
+    reached = 0.0
     planned, ahead, read = _Place(inputs), _Place(inputs), 0
-    first: tuple[int, float] | None = None  # segments and s of motion by the first part of this run
+    # when the first part of this run was done, its segments and s of motion: before, what it needs is loaded and built
+    first: tuple[float, int, float] | None = None
 
     def describe(done: int, of: int) -> str:
         if first is None:
             return f"{ahead.find(read, of)} read, the first part not planned yet"
-        spent = perf_counter() - begin
-        left = spent * (of - done) / max(done - first[0], 1)
-        speed = (reached - first[1]) / max(spent, 1e-9)
-        where = planned.find(done, of)
-        return f"{where}, {reached:.1f} s of motion, {speed:.1f} times real time, about {left:.0f} s left"
+        where = f"{planned.find(done, of)}, {reached:.1f} s of motion"
+        if done == first[1]:
+            return where
+        spent = perf_counter() - first[0]
+        left = spent * (of - done) / (done - first[1])
+        speed = (reached - first[2]) / max(spent, 1e-9)
+        return f"{where}, {speed:.1f} times real time, about {left:.0f} s left"
 
     with step(f"planning {program.name} on {machine.name} part by part", describe) as tell:
 
         def tell_standing(standing: PlanStanding, done: int) -> None:
             nonlocal reached, first
             if first is None:
-                begun = standing.windows == 1
-                first = (0, 0.0) if begun else (done, standing.duration)
+                first = perf_counter(), done, standing.duration
             reached = standing.duration
             tell(done, program.repeat * len(program.segments))
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.kernels import kernel
 from kinematics.foundation.names import count_noun
 from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
@@ -82,13 +83,12 @@ class FamilyTiming:
     def solve(self, path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolution:
         intervals = max(MIN_INTERVALS, int(PER_RADIAN * path.turns[run.first : run.last + 1].sum()))
         problem = pose_problem(path, limits, *make_grid(path, run, intervals))
-        mixed = any(len({term.per_time for term in block.start}) > 1 for block in problem.blocks)
-        if mixed:
-            problem = pose_problem(path, limits, *make_grid(path, run, GRID_REFINEMENT * intervals))
-        best = _find_quickest(self.shapes, problem)
-        unit = self.shapes.draw(*best)
+        rows = _Rows(problem)
+        if rows.mixed:
+            rows = _Rows(pose_problem(path, limits, *make_grid(path, run, GRID_REFINEMENT * intervals)))
+        unit = self.shapes.draw(*_find_quickest(self.shapes, rows))
         breaks = path.breaks[run.first : run.last + 2]
-        duration = (1 - (FINE_SPEED_EXCESS if mixed else SPEED_EXCESS)) * _required_duration(problem, unit)
+        duration = (1 - (FINE_SPEED_EXCESS if rows.mixed else SPEED_EXCESS)) * rows.required_duration(unit)
         return RunSolution("solved", unit.stretch(breaks, run.first, duration), maker=self.shapes.name)
 
     def tighten(
@@ -99,7 +99,7 @@ class FamilyTiming:
         return replace(solution, profile=solution.profile.slowed(slowness))
 
 
-def _find_quickest(shapes: Shapes, problem: Problem) -> tuple[float, ...]:
+def _find_quickest(shapes: Shapes, rows: "_Rows") -> tuple[float, ...]:
     """The parameters of the profile that takes the least time: the best of a grid, then whatever is better around it.
 
     On logarithmic scales. The time is the largest of several, so it has kinks, and no slope is relied on.
@@ -107,7 +107,7 @@ def _find_quickest(shapes: Shapes, problem: Problem) -> tuple[float, ...]:
     low, high = np.log(shapes.spans).T
 
     def time(point: Array) -> float:
-        return _required_duration(problem, shapes.draw(*np.exp(point)))
+        return rows.required_duration(shapes.draw(*np.exp(point)))
 
     axes = [np.linspace(*ends, GRID_VALUES[len(low)]) for ends in zip(low, high, strict=True)]
     best = min((np.array(point) for point in product(*axes)), key=time)
@@ -125,37 +125,85 @@ def _find_quickest(shapes: Shapes, problem: Problem) -> tuple[float, ...]:
     return tuple(np.exp(best))
 
 
-def _required_duration(problem: Problem, unit: Profile) -> float:
-    """s that a unit profile must take over a run so that every row is kept, as nearly as the grid shows it."""
-    length = problem.s[-1] - problem.s[0]
-    ends = np.append(unit.s[1:], 1.0)
-    counts = PIECE_INSTANTS + np.ceil(INSTANTS_PER_SHARE * (ends - unit.s)).astype(int)
-    k = np.repeat(np.arange(len(counts)), counts)
-    share = np.concatenate([np.linspace(0.0, 1.0, count) for count in counts])
-    s, v, a, j = unit.at(k, share * unit.h[k])
-    interval = np.searchsorted(problem.s, problem.s[0] + length * s, side="right").clip(1, problem.intervals) - 1
-    v, a, j = length * v, length * a, length * j
-    values = {
-        Term.ONE: np.ones(len(s)),
-        Term.SD: v,
-        Term.SD2: v**2,
-        Term.SD3: v**3,
-        Term.SDD: a,
-        Term.SDSDD: v * a,
-        Term.SDDD: j,
-    }
-    return max(_block_time(block, interval, values, v) for block in problem.blocks)
+class _Rows:
+    """A problem's rows, as they ask for time: each of one power of it, and the blocks whose terms have several."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.s = problem.s
+        powers = [{term.per_time for term in block.start} for block in problem.blocks]
+        self.mixed = [block for block, own in zip(problem.blocks, powers, strict=True) if len(own) > 1]
+        single = [(block, own.pop()) for block, own in zip(problem.blocks, powers, strict=True) if len(own) == 1]
+        # what acts at rest asks for no time
+        timed = [(block, power) for block, power in single if power]
+        rows = [len(block.middle) for block, _ in timed]
+        self._coefficients = np.zeros((problem.intervals, len(TERMS), sum(rows)))
+        first = 0
+        for (block, _), count in zip(timed, rows, strict=True):
+            for term, values in block.start.items():
+                self._coefficients[:, TERMS.index(term), first : first + count] = values
+            first += count
+        self._middle = np.concatenate([np.zeros(0), *(block.middle for block, _ in timed)])
+        self._power = np.repeat([power for _, power in timed], rows).astype(np.int64)
+
+    def required_duration(self, unit: Profile) -> float:
+        """s that a unit profile must take over a run so that every row is kept, as nearly as the grid shows it."""
+        ends = np.append(unit.s[1:], 1.0)
+        counts = PIECE_INSTANTS + np.ceil(INSTANTS_PER_SHARE * (ends - unit.s)).astype(np.int64)
+        motion = np.stack([unit.s, unit.v, unit.a, unit.j, unit.h])
+        uses = _find_largest_uses(self.s, motion, counts, self._coefficients, self._middle, self._power)
+        least: float = max(use ** (1 / power) for power, use in enumerate(uses.tolist(), 1))
+        if not self.mixed:
+            return least
+        share = np.concatenate([np.linspace(0.0, 1.0, count) for count in counts])
+        k = np.repeat(np.arange(len(counts)), counts)
+        s, v, a, j = unit.at(k, share * unit.h[k])
+        length = self.s[-1] - self.s[0]
+        interval = np.searchsorted(self.s, self.s[0] + length * s, side="right").clip(1, len(self.s) - 1) - 1
+        v, a, j = length * v, length * a, length * j
+        values = dict(zip(TERMS, (v, v**2, v**3, a, v * a, j), strict=True)) | {Term.ONE: np.ones(len(s))}
+        return max(least, *(_block_time(block, interval, values, v) for block in self.mixed))
+
+
+TERMS = (Term.SD, Term.SD2, Term.SD3, Term.SDD, Term.SDSDD, Term.SDDD)
+
+
+@kernel
+def _find_largest_uses(
+    s: Array, motion: Array, counts: np.ndarray, coefficients: Array, middle: Array, power: np.ndarray
+) -> Array:
+    """(3,) of rows of each power of time, the largest share of their bounds that a unit profile has over a run.
+
+    s (N+1,) grid; motion (5, K) s, ṡ, s̈, s⃛ and duration of the profile's pieces, with counts (K,) of instants each;
+    coefficients (N, 6, R) of TERMS, middle (R,) and power (R,) of the rows
+    """
+    largest = np.zeros(3)
+    length, terms, k = s[-1] - s[0], np.zeros(coefficients.shape[1]), 0
+    for piece in range(len(counts)):
+        s0, v0, a0, j, h = motion[:, piece]
+        for n in range(counts[piece]):
+            t = h * n / (counts[piece] - 1)
+            at = s[0] + length * (s0 + t * (v0 + t * (a0 / 2 + t * j / 6)))
+            v, a = length * (v0 + t * (a0 + t * j / 2)), length * (a0 + t * j)
+            while k < len(s) - 2 and s[k + 1] <= at:
+                k += 1
+            terms[0], terms[1], terms[2], terms[3], terms[4], terms[5] = v, v * v, v * v * v, a, v * a, length * j
+            for row in range(len(middle)):
+                value = 0.0
+                for term in range(len(terms)):
+                    value += coefficients[k, term, row] * terms[term]
+                use = value / (1 + middle[row]) if value > 0 else -value / (1 - middle[row])
+                if use > largest[power[row] - 1]:
+                    largest[power[row] - 1] = use
+    return largest
 
 
 def _block_time(block: Block, interval: np.ndarray, values: Mapping[Term, Array], v: Array) -> float:
+    """s of a block whose terms have several powers of time."""
     parts: dict[int, Array] = {}
     for term, coefficients in block.start.items():
         part = coefficients[interval] * values[term][:, None]
         parts[term.per_time] = parts[term.per_time] + part if term.per_time in parts else part
-    if len(parts) == 1:
-        ((power, part),) = parts.items()
-        return float(block.share(part).max()) ** (1 / power) if power else 0.0
-    # terms of several powers of time: the use falls with time until only what acts at rest remains
+    # the use falls with time until only what acts at rest remains
     low, high = 1e-9, 1e9
     for _ in range(BISECTIONS_OF_SPEED):
         time = float(np.sqrt(low * high))

@@ -35,6 +35,8 @@ MOST_PARTS, ROUNDS, MOST_GROWTH = 8, 2, {2: 1.0, 3: 3.0}
 SHRINKAGE, SHRINKAGES = 0.7, 40
 # Where a bound is no nearer than so, one round more is tried, and order 2.
 POOR_GAP = 0.01
+# Of programs of many runs each is bounded well enough so near: finer cells take most of the time.
+MANY_RUNS, FAIR_GAP = 32, 0.001
 # Where a cell loses more than it takes by such a share of the run's time, λ beside it is 0, and sought again; so often.
 PARTING_LOSS, MOST_PARTINGS = 0.005, 3
 
@@ -99,13 +101,15 @@ def bound_duration(
 ) -> DurationBound:
     """A lower bound for a motion: of its runs between stops, one by one, and its dwells.
 
-    gap: how near it shall come, as a share, if so many rounds of finer cells (effort) allow; None: one round of them
+    gap: how near it shall come, as a share, if so many rounds of finer cells (effort) allow; None: one round of them,
+    and of many runs a round where it is needed
     """
     path = trajectory.path
-    runs = [
-        _bound_run(trajectory, limits, order, ends, gap, effort if gap is not None else ROUNDS)
-        for ends in pairwise(np.flatnonzero(path.stops(order)).tolist())
-    ]
+    every = list(pairwise(np.flatnonzero(path.stops(order)).tolist()))
+    if gap is None and len(every) > MANY_RUNS:
+        gap = FAIR_GAP
+    rounds = ROUNDS if gap is None else effort
+    runs = [_bound_run(trajectory, limits, order, ends, gap, rounds) for ends in every]
     value = float(path.dwells.sum()) + sum(max(run.value, 0.0) for run in runs)
     value -= 1e-15 * (len(runs) + 8) * abs(value)
     parts = (np.concatenate([getattr(run, name) for run in runs]) for name in ("s", "piece", "loss", "worth", "alone"))

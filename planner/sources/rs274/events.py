@@ -32,13 +32,13 @@ class WordLines:
         if len(first) < MOST_LINES and line not in first:  # a line may run again
             first.append(line)
 
-    def describe(self, before: str = "") -> list[str]:
-        """Each word behind what became of it, as M5 (7x: lines 3, 8, 12, 20, 31 and 2 more)."""
+    def describe(self) -> list[str]:
+        """Each word, as M5 (7x: lines 3, 8, 12, 20, 31 and 2 more)."""
         told = []
         for word, count in sorted(self.counts.items()):
             first = self.lines[word]
             more = f" and {count - len(first)} more" if count > len(first) else ""
-            told.append(f"{before}{word} ({count}x: line{'s' * (len(first) > 1)} {', '.join(map(str, first))}{more})")
+            told.append(f"{word} ({count}x: line{'s' * (len(first) > 1)} {', '.join(map(str, first))}{more})")
         return told
 
 
@@ -105,10 +105,11 @@ class Events:
 
     def describe(self) -> list[str]:
         """What became of them, for warnings."""
-        told = []
-        for text in self.marked.describe():
-            stop = "the motion stops there, at" if text.startswith(f"M{TOOL_CHANGE:g} ") else "marked by"
-            told.append(f"{text}: {stop} a trigger")
+        marked = self.marked.describe()
+        stops = [text for text in marked if text.startswith(f"M{TOOL_CHANGE:g} ")]
+        others = [text for text in marked if text not in stops]
+        told = [f"the motion stops, and a trigger marks it: {', '.join(stops)}"] if stops else []
+        told += [f"marked by triggers: {', '.join(others)}"] if others else []
         for called, _, line in self.waiting:
             why = "nothing moves behind it" if self.rested else "the last segment has one at its start already"
             told.append(f"{called} (line {line}): no trigger, as {why}")

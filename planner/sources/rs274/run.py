@@ -386,7 +386,8 @@ class GcodeRun:
     def warnings(self, after: int) -> tuple[str, ...]:
         """What was taken to mean something, and what was left out; after: lines that stand after the end."""
         told = [f"no G20 or G21: unit {self.options.length} was assumed"] if self.unstated else []
-        told += [*self.events.describe(), *self.left_out.describe("skipped ")]
+        told += self.events.describe()
+        told += [f"skipped: {', '.join(self.left_out.describe())}"] if self.left_out.counts else []
         told += self.remarks.describe()
         if self.several:
             way = "by the shortest rotation, while controllers interpolate each letter"

@@ -334,7 +334,7 @@ def test_what_a_printer_extrudes_is_left_out_when_asked(read):
         read(text)
     done = read(text, ignore="E M104")
     assert [line.to[0] for line in done.program.segments] == [0.01, 0.02]
-    assert "skipped E (4x: lines 3, 4, 5, 6)" in done.warnings
+    assert "skipped: E (4x: lines 3, 4, 5, 6), M104 (1x: line 2), S (1x: line 2)" in done.warnings
 
 
 def test_words_are_left_out_on_demand_and_counted(read):
@@ -342,7 +342,8 @@ def test_words_are_left_out_on_demand_and_counted(read):
     done = read(text, ignore="S T M3 M6, H g43 M5 M09 G54")
     assert done.program.segments[0].to == pytest.approx([0.001, 0, 0])
     assert done.program.segments[1].to == pytest.approx([0.001, 0, 0.005])
-    assert "skipped M3 (1x: line 1)" in done.warnings
+    (skipped,) = [warning for warning in done.warnings if "skipped: " in warning]
+    assert "M3 (1x: line 1)" in skipped
     assert not any(segment.trigger for segment in done.program.segments)
     with pytest.raises(FileError, match="G43 is not supported"):
         read(text, ignore="S T M H")
@@ -356,8 +357,7 @@ def test_spindle_coolant_and_tool_words_are_skipped_with_their_lines_or_refused(
     text = "G21 G0 X1 S100 M03\nT1 M6 M8\nG97 S200 M4\nG1 X2 F600 M9\nM5 M7 M19"
     done = read(text)
     assert [line.to[0] for line in done.program.segments] == [1e-3, 2e-3]
-    skipped = ["G97 (1x: line 3)", "M19 (1x: line 5)", "S (2x: lines 1, 3)", "T (1x: line 2)"]
-    assert [warning for warning in done.warnings if "skipped" in warning] == [f"skipped {word}" for word in skipped]
+    assert "skipped: G97 (1x: line 3), M19 (1x: line 5), S (2x: lines 1, 3), T (1x: line 2)" in done.warnings
     with pytest.raises(FileError) as refused:
         read(text, strict=True)
     assert [fault.line for fault in refused.value.faults] == [1, 2, 3, 4, 5]
@@ -368,7 +368,7 @@ def test_spindle_coolant_and_tool_words_are_skipped_with_their_lines_or_refused(
 
 def test_warnings_name_the_first_lines_and_count_the_rest(read):
     done = read("G21 G0 X1\n" + "S1 G0 X2\nS2 G0 X1\n" * 5)
-    assert done.warnings == ("skipped S (10x: lines 2, 3, 4, 5, 6 and 5 more)",)
+    assert done.warnings == ("skipped: S (10x: lines 2, 3, 4, 5, 6 and 5 more)",)
 
 
 def test_the_motion_stops_at_a_change_of_the_tool_whatever_joins_say(read):
@@ -391,7 +391,7 @@ def test_events_mark_the_place_where_the_path_has_come_to(read):
     assert [segment.trigger for segment in done.program.segments] == [
         Trigger("M3 S5 M8", 0.0), Trigger("M9"), Trigger("M5"),
     ]  # fmt: skip
-    assert done.warnings[:2] == ("M3 (1x: line 1): marked by a trigger", "M5 (1x: line 5): marked by a trigger")
+    assert done.warnings[0] == "marked by triggers: M3 (1x: line 1), M5 (1x: line 5), M8 (1x: line 2), M9 (1x: line 4)"
     # a segment has one trigger, so that what comes at the end of the first marks the start of the second
     done = read("G21 M3\nG1 X1 F600\nM6\nX2")
     assert [segment.trigger for segment in done.program.segments] == [Trigger("M3", 0.0), Trigger("M6", 0.0)]
@@ -399,13 +399,13 @@ def test_events_mark_the_place_where_the_path_has_come_to(read):
     assert isinstance(fit_joins(done.program, 1e-5).segments[0].join, Stop)
     done = read("G21 M3\nG1 X1 F600\nM5")
     assert done.warnings == (
-        "M3 (1x: line 1): marked by a trigger",
+        "marked by triggers: M3 (1x: line 1)",
         "M5 (line 3): no trigger, as the last segment has one at its start already",
     )
     done = read("G21 G1 X1 F600\nM8\nG4 P1\nM9\nX2")
     triggers = [getattr(segment, "trigger", None) for segment in done.program.segments]
     assert triggers == [Trigger("M8"), None, Trigger("M9", 0.0, after_rest=True)]
-    assert "M9 (1x: line 4): marked by a trigger" in done.warnings
+    assert "marked by triggers: M8 (1x: line 2), M9 (1x: line 4)" in done.warnings
     done = read("G21 M3\nG4 P1\nM8\nG1 X1 F600\nG4 P1\nM5")
     triggers = [getattr(segment, "trigger", None) for segment in done.program.segments]
     assert triggers == [None, Trigger("M3", 0.0), None]

@@ -79,7 +79,7 @@ def test_spindle_words_are_warned_of_and_with_strict_refused(call, part, tmp_pat
     part.write_text("G21 M3 S900\nG1 Z3 F600\nM5\n")
     done = call("import", part, "--out", tmp_path / "p.toml")
     assert done.exit_code == 0, done.stderr
-    assert "warning: M3 (1x: line 1): marked by a trigger" in done.stdout
+    assert "warning: marked by triggers: M3 (1x: line 1)" in done.stdout
     assert "# line 2 of part.nc" in (tmp_path / "p.toml").read_text()
     checked = call("check", part, "--machine", "hexapod")
     assert checked.exit_code == 0, checked.stderr
