@@ -89,7 +89,11 @@ def _announce() -> None:
     """Said once: of several processes that compile the same, by the first."""
     if parent_process() is not None:
         return
-    told = f"every run, some 30 s, {_advise()}" if _LOST else "once for each kind of work, up to 30 s; later runs find them on disk"
+    told = (
+        f"every run, some 30 s, {_advise()}"
+        if _LOST
+        else "once for each kind of work, up to 30 s; later runs find them on disk"
+    )
     logging.getLogger("pulsepath").warning("compiling numerical kernels: %s", told)
 
 
