@@ -151,8 +151,10 @@ def detail(text: str) -> None:
 
 Layout = dict[str, Any]
 """A table as text: its title, columns (title, numeric, whole: never broken over lines), rows of cells, and notes."""
-WIDTH = 110
+WIDTH = 112
 """Columns where the output is no terminal, which would say."""
+LONG_WORD, COLUMN_GAP = 14, 3
+"""Characters up to which a word is not broken; those between two columns."""
 
 
 def draw(layouts: Iterable[Layout]) -> None:
@@ -171,8 +173,16 @@ def draw(layouts: Iterable[Layout]) -> None:
     with console.capture() as printed:
         for layout in layouts:
             drawn = Table(box=SIMPLE_HEAD, pad_edge=False)
-            for title, numeric, whole in layout["columns"]:
-                drawn.add_column(title, justify="right" if numeric else "left", no_wrap=whole, overflow="fold")
+            widths = _find_least_widths(layout)
+            fits = sum(widths) + COLUMN_GAP * (len(widths) - 1) <= console.width  # else words are broken, not cells cut
+            for (title, numeric, whole), width in zip(layout["columns"], widths, strict=True):
+                drawn.add_column(
+                    title,
+                    justify="right" if numeric else "left",
+                    no_wrap=whole,
+                    overflow="fold",
+                    min_width=width if fits else None,
+                )
             for row in layout["rows"]:
                 drawn.add_row(*row)
             console.print(layout["title"], style="table.title")  # rich's own title would be as narrow as the table
@@ -180,6 +190,19 @@ def draw(layouts: Iterable[Layout]) -> None:
             if layout["notes"]:
                 console.print("\n".join(layout["notes"]), style="table.caption")
     click.echo("\n".join(line.rstrip() for line in printed.get().splitlines()))
+
+
+def _find_least_widths(layout: Layout) -> list[int]:
+    """Of each column, characters that break no word."""
+    rows = [[title for title, _, _ in layout["columns"]], *layout["rows"]]
+    return [
+        max(len(part) if whole else min(len(part), LONG_WORD) for row in rows for part in _split(row[k], whole))
+        for k, (_, _, whole) in enumerate(layout["columns"])
+    ]
+
+
+def _split(text: str, whole: bool) -> list[str]:
+    return [text] if whole else text.split() or [""]
 
 
 def is_styled(stream: IO[str]) -> bool:

@@ -320,7 +320,23 @@ def show_plan(
         return
     pulses = written["pulses"]
     if level() == VERBOSE:
-        show([*all_tables(), *tabulate_drives(pulses)])
+        show(_shorten(table, out / RECORD) for table in (*all_tables(), *tabulate_drives(pulses)))
     else:
         show(add_close_drives(first_screen(), pulses))
     say(f"report: {report}")
+
+
+MOST_ROWS, FIRST_ROWS = 60, 40
+"""Rows of a table up to which all are printed; those of a longer one that are."""
+
+
+def _shorten(table: Table, record: Path) -> Table:
+    """The beginning of a long table of a plan's parts, with a word of where the rest is."""
+    if len(table) <= MOST_ROWS:
+        return table
+    columns = []
+    for column in table.columns:
+        unit = column.unit[:FIRST_ROWS] if column.has_row_units else column.unit
+        columns.append(replace(column, values=column.values[:FIRST_ROWS], unit=unit))
+    more = f"and {len(table) - FIRST_ROWS} more, of {len(table)}: all are in {record}"
+    return replace(table, columns=tuple(columns), notes=(more, *table.notes))
