@@ -22,6 +22,9 @@ from planner.pulses.motion import AxesMotion
 from planner.pulses.schedule import PulseSchedule
 from planner.trajectory import Trajectory
 
+PHASE_ROUNDING = 1e-9
+"""s that count as none between the rows of two files."""
+
 
 @dataclass(frozen=True, slots=True)
 class ExportSource:
@@ -30,7 +33,8 @@ class ExportSource:
     name  of the program, for formats that hold one
     tell  told how much is written, of how much, by formats that write in parts
     made     the motion behind shapers and compensation, where it is known; None: it is made here
-    goes_on  whether it goes on with a motion that was sent before; sent: that motion's last pulses
+    since    s of the motion that was sent before at which it goes on with that; None: it begins at rest
+    sent     the last pulses of what was sent before
     counted  what a controller of the axes has to be told: the motion, or of axes that compensate what their motors do
     """
 
@@ -40,13 +44,26 @@ class ExportSource:
     pulses: PulseSchedule
     tell: Progress = ignore_progress
     made: AxesMotion | None = field(default=None, repr=False)
-    goes_on: bool = False
+    since: float | None = None
     sent: tuple[SentPulses, ...] = ()
     counted: AxesMotion = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         counted = self.made or counted_motion(self.trajectory, self.machine.axes, self.machine.home_q)
         object.__setattr__(self, "counted", counted)
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether it begins in the midst of a motion that was sent before."""
+        return self.since is not None
+
+    def describe_phase(self, period: float) -> tuple[str, ...]:
+        """What is to be known of rows at a period (s) that go on with others, which began with that motion."""
+        late = 0.0 if self.since is None else self.since - period * round(self.since / period)
+        if abs(late) <= PHASE_ROUNDING:
+            return ()
+        rows = f"{1e3 * abs(late):.6g} ms {'behind' if late > 0 else 'ahead of'} those of the motion before it"
+        return (f"its rows are {rows}: make the instant a multiple of {1e3 * period:.6g} ms to go on in step with it",)
 
 
 @dataclass(frozen=True, slots=True)

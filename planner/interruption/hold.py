@@ -60,7 +60,10 @@ def hold(whole: Whole, at: float, during: Section | None = None) -> Section:
     stop = _stop(whole, running, t)
     if stop is None:
         of = "plan" if during is None else during.what
-        raise MotionError(f"hold at {t:.6f} s: the {of} rests there, and nothing is to stop; resume from there")
+        raise MotionError(
+            f"hold at {t:.6f} s: the {of} rests there, or nearly, so that nothing is to stop; to go on from there, "
+            'override at a share of 1 (pulsepath override --speed "100 %" --at …)'
+        )
     return make_section(whole, "hold", *stop[:5], sent, t, stop.shaped)
 
 
@@ -88,6 +91,8 @@ def shape_section(whole: Whole, running: Running, now: Instant, made: Proved, co
     """A motion and what is proved of it behind shapers, of which copies are still on the one that runs."""
     motion = running.trajectory
     behind = look(motion, max(now.t - copies.length, 0.0))
+    if behind.t == now.t:  # nothing came before it: no copies are under way
+        return made._replace(shaped=_prove_section(made.trajectory, copies, whole, made.limits, 0.0))
     until, last = now.s + float(made.path.breaks[-1]), bool(made.path.dwells[-1] > 0)
     path = _draw_from(whole, motion, behind, until, last)
     first, here = find_piece(whole.path, behind.s), find_piece(whole.path, now.s)

@@ -22,6 +22,8 @@ from planner.trajectory import Trajectory
 REST_SHARE, RESTING_SHARE = 1e-12, 1e-6
 # Share of a path's length that is too short a way to be a motion of its own.
 RESTING_WAY = 1e-9
+# Share of it that a motion goes on for behind a rest before another can be told from it: a millisecond or so.
+BEGUN_WAY = 1e-8
 # m/s² or rad/s², against divisions by 0.
 TINY = 1e-300
 # Ticks by which an instant may be off.
@@ -168,6 +170,17 @@ def find_near_rest(motion: Trajectory, now: Instant) -> Instant | None:
     last = next_rest(motion, now)
     short = find_rest_place(motion, last) - now.s <= RESTING_WAY * float(motion.path.breaks[-1])
     return look(motion, float(motion.knots[last])) if short else None
+
+
+def find_begun(motion: Trajectory, now: Instant) -> Instant | None:
+    """Where a motion that has just left a rest can be told from others; None where it can already, or never."""
+    rests = np.flatnonzero(motion.v[: now.knot + 1] <= REST_SHARE * motion.v.max())
+    if now.v == 0 or len(rests) == 0:
+        return None
+    place = float(motion.s[rests[-1]]) + BEGUN_WAY * float(motion.path.breaks[-1])
+    if now.s >= place or place >= find_rest_place(motion, next_rest(motion, now)):
+        return None
+    return find_passage(motion, place)
 
 
 def find_rest_left(motion: Trajectory, now: Instant) -> float:

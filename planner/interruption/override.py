@@ -6,12 +6,13 @@ from functools import partial
 import numpy as np
 
 from kinematics.foundation.errors import MotionError
-from planner.certificate.certify import certify
+from planner.certificate.certify import Certificate, certify
 from planner.interruption.hold import refuse_instant, shape_section
 from planner.interruption.instant import (
     Instant,
     Running,
     cut_motion,
+    find_begun,
     find_passage,
     find_piece,
     find_rest,
@@ -56,7 +57,8 @@ def override(whole: Whole, share: float, at: float | None = None, during: Sectio
     refuse_instant(f"override {share:g}", at, running, during)
     t, sent = running.round_to_tick(at)
     now = look(running.trajectory, running.since + t)
-    made, copies = _change_speed(whole, running, now, share), find_copies(whole.machine.axes)
+    made = _change_speed(whole, running, now, share, f"override {share:g} at {t:.6f} s")
+    copies = find_copies(whole.machine.axes)
     if copies is not None:
         made = shape_section(whole, running, now, made, copies)
     return make_section(whole, "override", *made[:5], sent, t, made.shaped)
@@ -65,7 +67,7 @@ def override(whole: Whole, share: float, at: float | None = None, during: Sectio
 def _check_share(what: str, share: float) -> float:
     """The share of the plan's speed; MotionError for one that is not above 0 and up to 1."""
     if not 0 < share <= 1:
-        raise MotionError(f"{what} {share:g}: must be above 0 and at most 1, which is the plan's own speed")
+        raise MotionError(f"{what} {share}: must be above 0 and at most 1, which is the plan's own speed")
     return share
 
 
@@ -116,6 +118,19 @@ class _Change:
         certificate = certify(joined, self.limits)
         return Proved(self.path, self.limits, joined, certificate, self.now.s) if certificate.holds else None
 
+    def go_on(self, motion: Trajectory, last: int, certificate: Certificate) -> Proved:
+        """What is run, to before its time piece `last`: proved with all of it already."""
+        own = shift_motion(cut_motion(motion, self.now, None, last), 0.0, -find_piece(self.whole.path, self.now.s))
+        return Proved(self.path, self.limits, replace(own, path=self.path), certificate, self.now.s)
+
+    def join(self, before: Trajectory, after: Trajectory, at: float) -> Proved | None:
+        """What is run until a place (m), and a motion along the path from there; None: not proved."""
+        first, there = find_piece(self.whole.path, self.now.s), find_piece(self.whole.path, at)
+        before = shift_motion(before, 0.0, -first)
+        joined = join_motions(self.path, before, shift_motion(after, at - self.now.s, there - first))
+        certificate = certify(joined, self.limits)
+        return Proved(self.path, self.limits, joined, certificate, self.now.s) if certificate.holds else None
+
     def ramp(self, motion: Trajectory | None, end: float) -> Proved | None:
         """The soonest way from the motion, or from rest, to the plan at its share, before a place (m)."""
         for ramp in find_ramps(self.whole, motion, self.now, end, self.reach, self.whole.trajectory.s):
@@ -126,33 +141,44 @@ class _Change:
         return None
 
 
-def _change_speed(whole: Whole, running: Running, now: Instant, share: float) -> Proved:
-    """From an instant on, before any shapers: by the soonest ramp, or behind the next rest where there is none."""
+def _change_speed(whole: Whole, running: Running, now: Instant, share: float, what: str) -> Proved:
+    """From an instant on, before any shapers: by the soonest ramp, or behind the next rest where there is none.
+
+    what: it is, in refusals
+    """
     motion, plan = running.trajectory, whole.trajectory
     rest, push = find_rest(motion, now), float(np.abs(plan.a).max())
     still = (motion.v == 0) & (motion.a == 0) & (motion.j == 0)
     if rest is not None and rest.t <= now.t and rest.t < motion.duration and not still[now.knot]:
         rest = None  # it has begun to move
-    change, what = _Change.begin(whole, now, share, find_rest_left(motion, now)), f"override {share:g}"
-    what += f" at {now.t - running.since:.6f} s"
+    change = _Change.begin(whole, now, share, find_rest_left(motion, now))
     here, first = find_passage(plan, now.s), find_piece(whole.path, now.s)
     if rest is not None:
         later = np.flatnonzero(~still & (np.arange(len(still)) >= max(now.knot, rest.knot)))
         if len(later) == 0 or rest.t >= motion.duration:
-            raise MotionError(f"{what}: the motion rests there to its end; resume from there")
-        made = change.follow(shift_motion(cut_motion(motion, now, None, int(later[0])), 0.0, -first), here)
+            raise _refuse_end(whole, what, motion)
+        before = shift_motion(cut_motion(motion, now, None, int(later[0])), 0.0, -first)
+        made = change.follow(before, find_passage(plan, max(now.s, rest.s)))
+    elif find_rest_place(motion, len(motion.s)) - now.s <= SAME_PLACE * float(whole.path.breaks[-1]):
+        raise _refuse_end(whole, what, motion)
+    elif now.v == 0 and here.v == 0:  # it begins to move, as the plan does there
+        made = change.follow(None, here)
+    elif motion is plan and share == 1:
+        made = change.follow(None, now) or change.go_on(motion, len(motion.s), running.certificate)
+    elif (begun := find_begun(motion, now)) is not None:
+        onward = _change_speed(whole, running, begun, share, what)
+        made = change.join(cut_motion(motion, now, begun), onward.trajectory, begun.s)
     elif abs(now.v - share * here.v) <= SAME_SHARE * now.v and abs(now.a - share**2 * here.a) <= SAME_SHARE * push:
         made = change.follow(None, here)
     else:
         last, end = _find_next_rest(whole, here)
-        made = change.ramp(motion, end)
+        made = change.ramp(motion if now.v > 0 else None, end)
         stop = next_rest(motion, now)
         rests_at = find_rest_place(motion, stop)
         if made is None and abs(rests_at - end) <= SAME_PLACE * float(whole.path.breaks[-1]):  # where the plan does
+            if last == len(plan.s):  # there is no more of either
+                return change.go_on(motion, stop, running.certificate)
             before = shift_motion(cut_motion(motion, now, None, stop), 0.0, -first)
-            if last == len(plan.s):  # there is no more of either: this was proved with all of it
-                own = replace(before, path=change.path)
-                return Proved(change.path, change.limits, own, running.certificate, now.s)
             made = change.follow(before, look(plan, float(plan.knots[last])))
         elif made is None and rests_at < end:  # a stop: it comes to its rest, from where the plan is taken up
             made = _rest_first(change, motion, now, stop, rests_at, end)
@@ -162,6 +188,14 @@ def _change_speed(whole: Whole, running: Running, now: Instant, share: float) ->
             "choose another instant or share, or hold and resume"
         )
     return made
+
+
+def _refuse_end(whole: Whole, what: str, motion: Trajectory) -> MotionError:
+    """Of a change of speed where a motion has come to its end, or as good as that."""
+    left = float(whole.path.breaks[-1]) - find_rest_place(motion, len(motion.s))
+    ended = left <= SAME_PLACE * float(whole.path.breaks[-1])
+    remedy = "the program ends there, and nothing is left to slow" if ended else "resume from there"
+    return MotionError(f"{what}: the motion rests there to its end; {remedy}")
 
 
 def _find_next_rest(whole: Whole, now: Instant) -> tuple[int, float]:
@@ -179,11 +213,7 @@ def _rest_first(
     onward = _Change.begin(whole, replace(here, v=0.0, a=0.0), change.share).ramp(None, end)
     if onward is None:
         return None
-    first, there = find_piece(whole.path, now.s), find_piece(whole.path, rests_at)
-    before = shift_motion(cut_motion(motion, now, None, stop), 0.0, -first)
-    joined = join_motions(change.path, before, shift_motion(onward.trajectory, rests_at - now.s, there - first))
-    certificate = certify(joined, change.limits)
-    return Proved(change.path, change.limits, joined, certificate, now.s) if certificate.holds else None
+    return change.join(cut_motion(motion, now, None, stop), onward.trajectory, rests_at)
 
 
 def resume(whole: Whole, stop: Section | float, share: float | None = None) -> Section:

@@ -47,6 +47,8 @@ NO_KNOTS = np.empty(0)
 # One with jerk limits is sought from so many times the way of the nearest without them on, which begins with this share
 # of the speed, as that may be the largest; and so many times farther in turn.
 TRIED_FROM, TRIED_SPEED, GROWTH = 1.05, 0.99, 1.3
+# Share of a path's length: a way that is shorter is no ramp, as rounding of places is too much of it.
+LEAST_WAY = 1e-10
 # Of the way that is found, nearer ends that are tried once more.
 NEARER = (0.8, 0.9, 0.96)
 
@@ -85,9 +87,12 @@ def find_ramps(
     """
     if motion is not None:
         knots = np.union1d(motion.s, knots)
+    least = LEAST_WAY * float(whole.path.breaks[-1])
     for leave in _find_leaves(whole, motion, now):
+        if end - leave.s <= least:
+            continue
         left = Continuation(np.zeros(1), np.zeros((4, 0)), {}, leave.a, knots[knots > leave.s] - leave.s)
-        way = _find_way(whole, leave, end, target, left)
+        way = _find_way(whole, leave, end, target, left, least)
         for farther in FARTHER:
             until = leave.s + farther * way
             if until >= end:
@@ -132,8 +137,9 @@ def _follow_first(
     return Proved(path, limits, joined, certify(joined, limits), now.s)
 
 
-def _find_way(whole: Whole, now: Instant, end: float, target: Target, left: Continuation) -> float:
-    """m to the nearest place at which the target can be reached; all there is ahead where none is nearer."""
+def _find_way(whole: Whole, now: Instant, end: float, target: Target, left: Continuation, least: float) -> float:
+    """m to the nearest place at which the target can be reached, no nearer than `least`; all there is ahead where none
+    is nearer."""
     ahead = whole.draw(now.s, end, now.v, now.a, now.t, now.q)
     limits, whole_way = whole.limits(ahead), float(ahead.breaks[-1])
 
@@ -150,9 +156,9 @@ def _find_way(whole: Whole, now: Instant, end: float, target: Target, left: Cont
 
     def narrow(order: int, low: float, high: float) -> float:
         for _ in range(HALVINGS):
-            if high - low <= NEAR_SHARE * high:
+            if high - low <= NEAR_SHARE * high or high <= least:
                 break
-            middle = float(np.sqrt(low * high)) if low > 0.1 * high else (low + high) / 2
+            middle = max(float(np.sqrt(low * high)) if low > 0.1 * high else (low + high) / 2, least)
             low, high = (low, middle) if reaches(order, middle) else (middle, high)
         return high
 
@@ -162,7 +168,7 @@ def _find_way(whole: Whole, now: Instant, end: float, target: Target, left: Cont
             low, high = high, growth * high
         return narrow(order, low, min(high, whole_way))
 
-    sharp = seek(2, TRIED_SHARE * whole_way, DOUBLING)
+    sharp = seek(2, max(TRIED_SHARE * whole_way, least), DOUBLING)
     if whole.order == 2:
         return sharp
     way = seek(3, TRIED_FROM * sharp, GROWTH)

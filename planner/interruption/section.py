@@ -129,8 +129,14 @@ class Sent:
 
     @classmethod
     def before(cls, whole: Whole, since: float) -> "Sent":
-        """Before a motion that begins at rest, at a place (m)."""
-        return cls(left=tuple(event for event in whole.triggers if event.where.s > since or since == 0))
+        """Before a motion that begins at rest, at a place (m), with the whole of a dwell there."""
+        rounding = SAME_PLACE * float(whole.path.breaks[-1])
+
+        def is_left(event: Triggered) -> bool:
+            way = event.where.s - since
+            return since == 0 or way > rounding or (event.after_rest and way >= -rounding)
+
+        return cls(left=tuple(filter(is_left, whole.triggers)))
 
 
 NONE_SENT = Sent()
@@ -203,9 +209,9 @@ class Section(Result):
     @check_arguments()
     def export(self, format: str, path: str | PathLike[str], *, force: bool = False, **options: Any) -> Exported:
         """As `planner.Plan.export` writes a plan."""
-        name, motion, goes_on = f"{self.name}-{self.what}", self.trajectory, self.at is not None
+        name, sent = f"{self.name}-{self.what}", self.sent.pulses
         source = ExportSource(
-            name, self.machine, motion, self.pulses, made=self.counted, goes_on=goes_on, sent=self.sent.pulses
+            name, self.machine, self.trajectory, self.pulses, made=self.counted, since=self.at, sent=sent
         )
         return write_export(source, format, path, force, options)
 

@@ -12,6 +12,8 @@ from pulsepath.options import json_option, read_speed_share, unverified_option
 from pulsepath.process.intent import writes
 from pulsepath.progress import say, step
 
+TABLE_SUFFIXES = (".csv", ".json", ".npz")
+
 
 class Hold(FormatCommand):
     """Options of the export formats that can hold a stop."""
@@ -78,6 +80,8 @@ def hold(
     if speed is not None and resume is None:
         raise BadValue("--speed is that of the way on: give --resume FILE too")
     share = None if speed is None else read_speed_share(speed)
+    if stops is not None and out is not None and out.suffix not in TABLE_SUFFIXES:
+        raise BadValue(f"{out}: a table of stops is written as {', '.join(TABLE_SUFFIXES)}; give a name that ends so")
     targets = [target for target in (out, resume) if target is not None]
     refuse_no_plan(directory)
     for target in targets:

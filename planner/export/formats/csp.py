@@ -154,6 +154,7 @@ class CyclicPosition:
                 f"along parabolas within {room / 4 + ROUNDED_PARABOLA:.3g}"
             )
         notes.append(f"between rows, measured along parabolas: within {parabola.max():.3g} increments")
+        notes += source.describe_phase(knots.step)
         points = (
             (steps_to_seconds(first + np.arange(len(rows)), knots.step), form.natural(rows[None].astype(float)))
             for first, rows in _read(path, skip, width)

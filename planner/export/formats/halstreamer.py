@@ -51,8 +51,9 @@ class Halstreamer:
             for _, units in form.blocks(source, knots, 1):
                 file.writelines(" ".join(row) + "\n" for row in form.text_rows(units))
         names = ", ".join(axis.name for axis in axes)
-        notes = (f"fields in the order {names}; in {form.unit} from {self.origin}", f"a sample lasts {self.period:g} s")
-        return compare(source.counted, axes, knots, _points(form, knots, path), notes)
+        notes = f"fields in the order {names}; in {form.unit} from {self.origin}", f"a sample lasts {self.period:g} s"
+        late = source.describe_phase(self.period)
+        return compare(source.counted, axes, knots, _points(form, knots, path), (*notes, *late))
 
 
 def _points(form: Columns, knots: Knots, path: Path) -> Iterator[tuple[Array, Array]]:

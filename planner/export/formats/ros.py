@@ -52,13 +52,13 @@ class JointTrajectory(KnotFormat):
         knots = self.knots(source, rows, 1 / PER_SECOND)
         form = make_columns(source, knots.tolerance, origin=self.origin, unit="SI")
         speeds = motion.at(np.array([0.0, motion.duration])).qd
-        at_rest = bool((abs(speeds) <= REST_SPEED * np.array([axis.pulse for axis in axes])).all())
+        begins, ends = ((abs(row) <= REST_SPEED * np.array([axis.pulse for axis in axes])).all() for row in speeds)
         whole, rest = TIMES[self.ros]
         with path.open("w", encoding="ascii", newline="") as file:
             names = ", ".join(quote(axis.name) for axis in axes)
             file.write(f"joint_names: [{names}]\npoints:\n")
             at = 0
-            for steps, units in form.blocks(source, knots, rows, rest=at_rest):
+            for steps, units in form.blocks(source, knots, rows, rest=bool(begins and ends)):
                 for lasting, row in zip(steps.tolist(), form.text_rows(units), strict=True):
                     at += lasting
                     given = [row[k::rows] for k in range(rows)] + [[]] * (len(ROWS) - rows)
@@ -67,9 +67,9 @@ class JointTrajectory(KnotFormat):
                     file.write("  - " + "\n    ".join(told) + "\n    effort: []\n")
                     file.write(f"    time_from_start: {{{whole}: {second}, {rest}: {nanosecond}}}\n")
         origin = "of" if self.origin == "natural" else "from home,"
-        moving = (
-            "" if at_rest else "; it begins or ends at a speed: allow_nonzero_velocity_at_trajectory_end has to be true"
-        )
+        moving = "" if begins else "; it begins at a speed: send it while the motion before it runs"
+        if not ends:
+            moving += "; it ends at a speed: allow_nonzero_velocity_at_trajectory_end has to be true"
         notes: tuple[str, ...] = (f"positions {origin} the axes, in their sense; in {form.unit}{moving}",)
         if rows < len(ROWS):
             notes += ("the accelerations jump, so none are given: a quintic would exceed them beside each jump",)

@@ -71,8 +71,8 @@ def read_joints(path: Path, text: str, header: Header, machine: str | None, join
     said = ", ".join(f"{letter} = {name}" for letter, name in zip(header.letters, header.names, strict=True))
     if machine is None:
         faults.add(
-            f"its words are joint axes ({said}), not tool positions: give its machine with the option machine, "
-            "or plan the program that it was exported from",
+            f"its words are joint axes ({said}), not tool positions: give its machine with the option machine "
+            "(--machine), or plan the program that it was exported from",
             header.line,
         )
         faults.refuse()

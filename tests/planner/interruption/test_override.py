@@ -178,3 +178,37 @@ def test_a_section_of_another_plan_is_refused(straight, circle):
     ):
         with pytest.raises(MotionError, match="is not of this plan"):
             wrong()
+
+
+@pytest.mark.parametrize("order", [2, 3])
+@pytest.mark.parametrize("away", [1e-7, 1e-6, 5e-6, 2e-5, 3e-4])
+def test_beside_a_rest_speeds_change_as_elsewhere(order, away):
+    """Behind the start, a corner and a dwell, and before them: ways of less than an atom are no ramps."""
+    program = Program((Line((0.01, 0.005, 0.002)), Line((0.012, 0, 0)), Dwell(0.1), Line((0, 0, 0))))
+    made = plan(program, load_machine("corexy"), order=order)
+    motion = made.trajectory
+    rests = motion.knots[:-1][motion.v == 0]
+    lasting, still = np.diff(motion.knots), (motion.v == 0) & (motion.a == 0) & (motion.j == 0)
+    for at in np.unique(np.concatenate([[0.0], rests + away, rests[rests > 0] - away])):
+        for share in (1.0, 0.5, 0.1):
+            with np.errstate(all="raise"):
+                slower = made.override(share, float(at))
+            assert slower.certificate.holds
+            now, own = motion.at(slower.at), slower.trajectory.at(0.0)
+            assert own.q == pytest.approx(now.q, abs=1e-13)
+            assert own.qd == pytest.approx(now.qd, abs=1e-9)
+            assert slower.until == pytest.approx(float(made.path.breaks[-1]), abs=1e-15)
+            # dwells stay; what is begun, or about to rest, goes on as it is for some milliseconds
+            left = np.minimum(lasting, np.maximum(motion.knots[1:] - slower.at, 0.0))
+            slowed = left[still].sum() + left[~still].sum() / share
+            assert slowed - (0.02 / share if share < 1 else 1e-9) <= slower.duration <= slowed + 1e-9
+
+
+def test_at_the_very_end_nothing_is_left_to_slow(straight):
+    """The motion's own end, and as good as that, is named as what it is; of a stop the way on is."""
+    for at in (straight.duration, straight.duration - 1e-7):
+        with pytest.raises(MotionError, match=f"at {at:.6f} s: .* the program ends there, and nothing is left to slow"):
+            straight.override(0.5, at)
+    stop = straight.hold(0.2)
+    with pytest.raises(MotionError, match="resume from there"):
+        straight.override(0.5, stop.duration, stop)

@@ -66,7 +66,8 @@ def test_all_of_a_slowed_plan_and_those_behind_a_place(marked):
     assert [event.name for event in slower.triggers] == ["a", "b", "c", "d"]
     check_section(marked, slower)
     third = next(event for event in marked.triggers if event.name == "c")
-    assert [event.name for event in marked.resume(third.where.s).triggers] == ["d"]
+    assert [event.name for event in marked.resume(third.where.s).triggers] == ["c", "d"]  # behind its dwell
+    assert [event.name for event in marked.resume(third.where.s + 1e-3).triggers] == ["d"]
     assert [event.name for event in marked.resume(third.where.s - 1e-3).triggers] == ["c", "d"]
 
 

@@ -17,7 +17,9 @@ def test_words_are_not_broken_and_no_cell_is_cut(capsys):
     assert max(map(len, printed.splitlines())) <= WIDTH
     assert "shoulder," in printed
     assert "y" * 22 in printed
-    show([Table("t", (Column("axes", names), *(Column(f"c{k}", filler, whole=True) for k in range(6))))])  # too wide for all of it
+    show(
+        [Table("t", (Column("axes", names), *(Column(f"c{k}", filler, whole=True) for k in range(6))))]
+    )  # too wide for all of it
     assert max(map(len, capsys.readouterr().out.splitlines())) <= WIDTH
 
 

@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import tracemalloc
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from types import SimpleNamespace
@@ -20,6 +21,8 @@ from planner import PulseSchedule
 from planner.export.format import ExportSource, find_format
 from planner.export.formats import pulse_csv, vcd
 from planner.pulses import AxisPulses
+from planner.pulses.generation.sent import SentPulses
+from planner.pulses.generation.spacing import GivenPulse
 
 NAMES = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=12)
 
@@ -218,6 +221,32 @@ def test_whole_number_firmware_steps_as_the_queue_says(tmp_path, steps_decoder):
         mine = found[found[:, 0] == k]
         assert np.array_equal(mine[:, 1], own.ticks)
         assert np.array_equal(mine[:, 2], own.direction * axis.direction)
+
+
+def test_a_motion_that_goes_on_resets_no_clock_of_a_stepper_that_moves(tmp_path, steps_decoder):
+    """Klipper's firmware refuses that. Its first command counts from the pulse before, at a tick below 0."""
+    source = pulsed(clock=12_000_000, pulses=2000)
+    last = GivenPulse(-5, -5, -5, 1)
+    far = replace(last, tick=-(1 << 30))
+    sent = [
+        SentPulses(0, last),
+        SentPulses(0, far),
+        SentPulses(0),
+        *[SentPulses(0, last)] * (len(source.pulses.axes) - 3),
+    ]
+    source = replace(source, since=0.5, sent=tuple(sent))
+    written = find_format("steps")(within=0.0).write(source, tmp_path / "a.steps")
+    assert written.error == 0
+    text = (tmp_path / "a.steps").read_text()
+    assert re.findall(r"reset_step_clock (\d)", text) == ["1", "2"]  # no pulse was sent there, or long ago
+    assert "# oid 0 goes on, its last pulse at -5\n" in text
+    first = int(re.search(r"queue_step 0 (\d+) 1 0", text)[1])
+    assert first == source.pulses.axes[0].ticks[0] + 5
+    done = steps_decoder(tmp_path / "a.steps")
+    assert (done.returncode, done.stderr) == (0, "")
+    found = np.array([line.split() for line in done.stdout.splitlines()], np.int64)
+    for k, own in enumerate(source.pulses.axes):
+        assert np.array_equal(found[found[:, 0] == k][:, 1], own.ticks)
 
 
 @pytest.mark.parametrize(
