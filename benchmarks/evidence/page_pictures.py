@@ -33,7 +33,7 @@ COMMANDS = {
     "calibration": "calibrate hexapod cmm",
     "calm": "plan circle --machine hexapod --duration 20s",
 }
-SHOWN = "?show=report&show=calm"
+SHOWN = "compare?left=report&right=calm"
 """What the studio shows side by side."""
 FRAME = (
     '<!DOCTYPE html><meta name="color-scheme" content="{scheme}"><body style="margin: 0; background: {paper}">'

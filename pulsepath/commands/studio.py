@@ -29,7 +29,7 @@ from pulsepath.options import json_option, machine_option
     type=click.IntRange(0, 65535),
     default=0,
     metavar="PORT",
-    help="Local port to serve on. Default: a free one.",
+    help="Local port to serve on; give one to bookmark comparisons. Default: a free one.",
 )
 @click.option("--no-browser", is_flag=True, help="Print the address only.")
 @json_option
@@ -44,9 +44,10 @@ def studio(
 ) -> None:
     """Show the reports below DIR side by side.
 
-    DIR defaults to out. Opens a browser with the list of plans, comparisons and calibrations. A report reloads when it
-    is rewritten. With --program, the program is planned again whenever you save it. The pages are served on loopback
-    (127.0.0.1) only, until Ctrl-C.
+    DIR defaults to out. Opens a browser with the list of plans, comparisons and calibrations. Two beside each other,
+    with the differences between plans, have an address of their own: /compare?left=NAME&right=NAME. A report reloads
+    when it is rewritten. With --program, the program is planned again whenever you save it. The pages are served on
+    loopback (127.0.0.1) only, until Ctrl-C.
 
     Example: pulsepath studio out --program program.toml
     """

@@ -58,6 +58,20 @@ def add_close_drives(tables: Sequence[Table], pulses: Mapping[str, Any]) -> list
     ]
 
 
+def find_drive_margin(pulses: Mapping[str, Any]) -> float | None:
+    """How many times what the drives need the least of their line times is; None where nothing states what they need.
+
+    Rates count too: the most that an axis takes over the highest that it has.
+    """
+    shares = []
+    for axis in pulses["axes"].values():
+        lines, needs = axis.get("lines_s") or {}, axis.get("drive_needs_s") or {}
+        shares += [lines[key] / needs[key] for key in TIMES if lines.get(key) is not None and needs.get(key)]
+        if needs and axis["highest_rate_hz"] and needs.get("max_rate"):
+            shares.append(needs["max_rate"] / axis["highest_rate_hz"])
+    return min(shares, default=None)
+
+
 def _find_close(pulses: Mapping[str, Any]) -> Iterator[tuple[float, str]]:
     """How many times what it needs each close one has, and in words."""
     for name, axis in pulses["axes"].items():

@@ -2,12 +2,13 @@
 
 import json
 import os
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from pulsepath.output.directory import KIND, RECORDS, REPORT
+from pulsepath.output.drive_tables import find_drive_margin
 
 MAX_DEPTH = 4
 """Folders between the one that is looked through and one with a plan, at most."""
@@ -20,7 +21,9 @@ MAX_RECORD_SIZE = 1 << 26
 class Listed:
     """A folder with a report: its name below the folder that was looked through, and what its record says.
 
-    stamp  when its record was written (ns) and its size: another one where it is written again
+    stamp    when its record was written (ns) and its size: another one where it is written again
+    figures  of a plan, in SI units; None where it has no such figure
+    facts    of a plan, in words: what it was made of, and how
     """
 
     name: str
@@ -28,7 +31,13 @@ class Listed:
     kind: str
     stamp: str
     title: str
-    figures: Mapping[str, float | None]
+    figures: Mapping[str, float | None] = field(default_factory=dict)
+    facts: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def label(self) -> str:
+        """What people call it: its name, or that of the folder itself where it is what was looked through."""
+        return self.name if self.name != "." else find_folder_name(self.folder)
 
     @property
     def report(self) -> Path:
@@ -54,6 +63,12 @@ class PlanList:
                 break
         self._known = known
         return sorted(known.values(), key=lambda one: one.name)
+
+
+def find_folder_name(folder: Path) -> str:
+    """The name of a folder, that of the current one too."""
+    whole = folder.resolve()
+    return whole.name or str(whole)
 
 
 def _look(root: Path) -> Iterator[tuple[Path, str, str]]:
@@ -83,7 +98,9 @@ def _read(name: str, folder: Path, kind: str, stamp: str) -> Listed | None:
         record = json.loads((folder / RECORDS[kind]).read_bytes())
         if record["kind"] != kind:
             return None
-        return Listed(name, folder, kind, stamp, _title(record), _figures(record) if kind == KIND else {})
+        plan = kind == KIND
+        figures, facts = (_figures(record), _facts(record)) if plan else ({}, {})
+        return Listed(name, folder, kind, stamp, _title(record), figures, facts)
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return None
 
@@ -95,18 +112,67 @@ def _title(record: Mapping[str, Any]) -> str:
     return f"{program} on {machine}"
 
 
+def _facts(record: Mapping[str, Any]) -> dict[str, str]:
+    """What two plans are compared by in words."""
+    pulses, shaping = record["pulses"], record.get("shaping") or {}
+    digests = record["provenance"]["sha256"]
+    stated = record.get("stated_duration_s")
+    fit = record["inputs"]["fit_m"]
+    cost = shaping.get("cost") or {}
+    return {
+        **{of: f"{record[of]} (file {str(digests[of])[:8]})" for of in ("program", "machine")},
+        "objective": str(record.get("objective") or "time") if stated is None else f"a duration of {stated:g} s",
+        "order": str(record["order"]),
+        "input shapers": _describe_shapers(shaping.get("axes") or {}),
+        "limits lowered for them": _describe_lowered(cost.get("lowered") or []),
+        "limits not kept": ", ".join(map(str, record["stated_but_not_kept"])) or "none",
+        "fit": "none" if fit is None else f"{1e3 * fit:g} mm",
+        "firing rule": f"{pulses['rule']}, clock {pulses['clock_hz'] / 1e6:g} MHz",
+        "ends": "with its program" if not record.get("ends_before") else "before its program",
+    }
+
+
+def _describe_shapers(axes: Mapping[str, Mapping[str, Any]]) -> str:
+    """Each shaper, and the axes that have it: "zv 25 Hz, damping 0.05 (x, y)"."""
+    whose: dict[str, list[str]] = {}
+    for name, axis in axes.items():
+        for part in axis["shapers"]:
+            whose.setdefault(f"{part['kind']} {part['frequency']:g} Hz, damping {part['damping']:g}", []).append(name)
+    return "; ".join(f"{shaper} ({', '.join(names)})" for shaper, names in whose.items()) or "none"
+
+
+def _describe_lowered(stretches: Sequence[Mapping[str, Any]]) -> str:
+    """Each limit, and the least share of it that was planned with."""
+    least: dict[str, float] = {}
+    for each in stretches:
+        least[each["limit"]] = min(each["share"], least.get(each["limit"], 1.0))
+    return ", ".join(f"{name} to {100 * share:.4g} %" for name, share in least.items()) or "none"
+
+
 def _figures(record: Mapping[str, Any]) -> dict[str, float | None]:
-    """What two plans are compared by, in SI units; None where a plan does not have it."""
-    limits = record["certificate"]["limits"]
+    """What two plans are compared by in numbers, in SI units; None where a plan does not have it."""
+    limits, shaping, pulses = record["certificate"]["limits"], record.get("shaping") or {}, record["pulses"]
+    errors = (record.get("realised") or {}).get("errors") or {}
+    laws = (record.get("tracking") or {}).get("laws") or {}
     figures: dict[str, float | None] = {
-        "order": record["order"],
         "duration_s": record["duration_s"],
-        "path_length_m": record["path_length_m"],
+        "before_shapers_s": shaping.get("duration_before_s"),
+        "cost_of_shapers_s": (shaping.get("cost") or {}).get("total_s"),
+        "lower_bound_s": (record.get("lower_bound") or {}).get("duration_s"),
         "gap": (record.get("lower_bound") or {}).get("gap"),
         "baseline_s": (record.get("classical") or {}).get("duration_s"),
-        "pulses": record["pulses"]["total"],
+        "path_length_m": record["path_length_m"],
+        "blends": len(record["blends"]) if "blends" in record else (record.get("joins") or {}).get("blends"),
+        "pulses": pulses["total"],
+        "highest_rate_hz": (pulses["check"] or {}).get("highest_rate_hz"),
+        "drive_margin": find_drive_margin(pulses),
+        "quantization_m": (errors.get("position") or {}).get("max"),
     }
     figures |= {f"use of {name}": entry["attained_ratio"] for name, entry in limits.items()}
+    behind = shaping.get("limits") or {}
+    figures |= {f"use of {name}, behind the shapers": entry["worst_ratio"] for name, entry in behind.items()}
+    contours = {law: of.get("contour") or {} for law, of in laws.items()}
+    figures |= {f"contour error RMS, {law}": one["rms"] for law, one in contours.items() if one.get("unit") == "m"}
     if not all(isinstance(value, int | float | None) for value in figures.values()):
         raise TypeError("a figure that is no number")
     return figures

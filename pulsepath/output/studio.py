@@ -11,7 +11,7 @@ from types import TracebackType
 from typing import Self
 
 from benchmarks.reports.page import render
-from pulsepath.output.plan_list import Listed, PlanList
+from pulsepath.output.plan_list import Listed, PlanList, find_folder_name
 from pulsepath.page_server import DATA, PAGE, Query
 
 SAVED_PERIOD = 0.3
@@ -98,7 +98,8 @@ def _stamp(file: Path) -> tuple[int, int] | None:
 
 
 class Studio:
-    """Answers what a browser asks for: / with ?show=NAME of one plan or two, /report?of=NAME, /stamp."""
+    """Answers what a browser asks for: / with ?show=NAME of a plan, /compare?left=NAME&right=NAME of two,
+    /report?of=NAME, /stamp."""
 
     def __init__(self, folder: Path, replanner: Replanner | None = None) -> None:
         self._folder, self._plans, self._replanner = folder, PlanList(folder), replanner
@@ -107,7 +108,9 @@ class Studio:
         """What is asked for, and its type; None: there is no such thing."""
         listed = self._plans.find()
         if path == "/":
-            return PAGE, self._draw(listed, query.get("show", ())[:2]).encode()
+            return PAGE, self._draw(listed, query.get("show", ())[:1]).encode()
+        if path == "/compare":
+            return PAGE, self._draw(listed, [*query.get("left", ())[:1], *query.get("right", ())[:1]]).encode()
         if path == "/stamp":
             return DATA, f'"{self._digest(listed)}"'.encode()
         if path == "/report":
@@ -130,17 +133,22 @@ class Studio:
 
     def _draw(self, listed: Sequence[Listed], names: Sequence[str]) -> str:
         known = {one.name: one for one in listed}
-        shown = [known[name] for name in dict.fromkeys(names) if name in known]
+        wanted = list(dict.fromkeys(names))
+        shown = [known[name] for name in wanted if name in known]
         if not names and len(listed) == 1:
             shown = list(listed)
         state, refused = self._state
+        both = len(shown) == 2 and all(one.figures for one in shown)
         return render(
             "studio.html.j2",
             {},
-            folder=str(self._folder),
+            folder=find_folder_name(self._folder),
+            place=str(self._folder.resolve()),
+            proposed=str(self._folder / "circle"),
             listed=listed,
             shown=shown,
-            differences=_compare(*shown) if len(shown) == 2 and all(one.figures for one in shown) else [],
+            missing=[name for name in wanted if name not in known],
+            differences=list_differences(*shown) if both else [],
             state=state,
             refused=refused,
             stamp=self._digest(listed),
@@ -149,26 +157,43 @@ class Studio:
 
 UNITS = {
     "duration_s": ("duration", 1.0, "s"),
+    "before_shapers_s": ("duration before the shapers", 1.0, "s"),
+    "cost_of_shapers_s": ("cost of the shapers", 1e3, "ms"),
+    "lower_bound_s": ("lower bound", 1.0, "s"),
     "baseline_s": ("baseline", 1.0, "s"),
     "path_length_m": ("path length", 1e3, "mm"),
+    "highest_rate_hz": ("highest pulse rate", 1e-3, "kHz"),
+    "drive_margin": ("drive timing, least of kept / needed", 1.0, "×"),
+    "quantization_m": ("largest quantization error", 1e6, "µm"),
 }
 SHARES = ("gap", "use of ")
+ERRORS = "contour error"
 SAME_SHARE = 1e-5
 """Uses of a limit that differ by less are alike: the rest is how a solver ends."""
 
 
-def _compare(first: Listed, second: Listed) -> list[tuple[str, str, str, str]]:
+def list_differences(first: Listed, second: Listed) -> list[tuple[str, str, str, str]]:
     """Rows: label, both values, and by how much the second is more; of what either of two plans states."""
     rows: list[tuple[str, str, str, str]] = []
+    for label in dict.fromkeys((*first.facts, *second.facts)):
+        one, other = (each.facts.get(label, "–") for each in (first, second))
+        rows.append((label, one, other, "" if one == other else "differs"))
     for key in dict.fromkeys((*first.figures, *second.figures)):
         before, after = first.figures.get(key), second.figures.get(key)
         if before is None and after is None:
             continue
-        label, scale, unit = (key, 100.0, "%") if key.startswith(SHARES) else UNITS.get(key, (key, 1.0, ""))
-        alike = key == "order" or (unit == "%" and abs((after or 0.0) - (before or 0.0)) < SAME_SHARE)
+        label, scale, unit = _name_figure(key)
+        alike = unit == "%" and abs((after or 0.0) - (before or 0.0)) < SAME_SHARE
         changed = "" if alike else _tell_change(before, after, scale, unit)
         rows.append((label, _tell(before, scale, unit), _tell(after, scale, unit), changed))
     return rows
+
+
+def _name_figure(key: str) -> tuple[str, float, str]:
+    """What a figure is called, and its unit for people with the factor to it."""
+    if key.startswith(SHARES):
+        return key, 100.0, "%"
+    return (key, 1e6, "µm") if key.startswith(ERRORS) else UNITS.get(key, (key, 1.0, ""))
 
 
 def _tell(value: float | None, scale: float, unit: str) -> str:
@@ -181,8 +206,8 @@ def _tell(value: float | None, scale: float, unit: str) -> str:
 
 def _tell_change(before: float | None, after: float | None, scale: float, unit: str) -> str:
     if before is None or after is None:
-        return "–"
+        return "in one of them only"
     change = (after - before) * scale
     share = "" if unit == "%" or not before or not change else f" ({100 * (after - before) / before:+.3g} %)"
     told = f"{int(change):+d}" if not unit and change == int(change) else f"{change:+.4g} {unit}".rstrip()
-    return told + share if change else "0"
+    return told + share if change else ""

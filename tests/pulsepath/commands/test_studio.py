@@ -6,15 +6,19 @@ import signal
 import subprocess
 import sys
 import time
+from html import unescape
+from pathlib import Path
+from re import findall, search
 from shutil import copytree
 from urllib.error import HTTPError
-from urllib.parse import quote
+from urllib.parse import parse_qs, quote, urlsplit
 from urllib.request import Request, urlopen
 
 import pytest
 
 from pulsepath.output.plan_list import PlanList
 from pulsepath.output.studio import Replanner, Studio
+from tests.browser import act_in, needs_browser
 
 
 @pytest.fixture
@@ -35,7 +39,9 @@ def two(directory, tmp_path):
 
 
 def page_of(studio, *names):
-    kind, content = studio.answer("/", {"show": list(names)})
+    left, right = {"left": list(names[:1])}, {"right": list(names[1:])}
+    found = studio.answer("/compare", left | right) if names[1:] else studio.answer("/", {"show": list(names)})
+    kind, content = found
     assert kind.startswith("text/html")
     return content.decode()
 
@@ -60,6 +66,88 @@ def test_two_are_held_against_each_other(two):
     assert "(+10 %)" in row
     assert page_of(Studio(two), "first").count("<iframe") == 1
     assert page_of(Studio(two), "none").count("<iframe") == 0
+
+
+def test_a_comparison_has_an_address_and_each_frame_the_name_of_its_plan(two):
+    page = page_of(Studio(two), "first")
+    url = urlsplit(unescape(search(r'class="beside" href="([^"]*)"', page)[1]))
+    assert url.path == "/compare"
+    assert parse_qs(url.query) == {"left": ["first"], "right": ["deep/er/second <b>"]}
+    page = Studio(two).answer(url.path, parse_qs(url.query))[1].decode()  # of another studio: nothing is remembered
+    titles = findall(r'<iframe title="([^"]*)"', page)
+    assert titles == ["first: report", "deep/er/second &lt;b&gt;: report"]
+    headings = findall(r"<h2><span>([^<]*)</span>", page)
+    assert headings == ["first", "deep/er/second &lt;b&gt;"]
+    assert "Not here: gone." in page_of(Studio(two), "first", "gone")
+
+
+def test_the_current_folder_is_named(two, monkeypatch):
+    monkeypatch.chdir(two)
+    page = page_of(Studio(Path()))
+    assert search(r"<h1[^>]*>([^<]*)</h1>", page)[1] == "plans"
+    monkeypatch.chdir(two / "first")
+    page = page_of(Studio(Path()), ".")
+    assert "<title>first – pulsepath studio</title>" in page
+    assert '<iframe title="first: report"' in page
+
+
+def find_row(page, label):
+    """The cells of a row of differences."""
+    row = page.split(f'<th scope="row">{label}</th>')[1].split("</tr>")[0]
+    return findall(r"<td[^>]*>([^<]*)</td>", row)
+
+
+def test_differences_tell_what_two_plans_were_made_of(two):
+    """Shapers, what was lowered for them, order, objective, files and drive timing are rows of their own."""
+    path = two / "deep/er/second <b>/plan.json"
+    record = json.loads(path.read_text(encoding="utf-8"))
+    leg = {"shapers": [{"kind": "zv", "frequency": 25.0, "damping": 0.05, "tolerance": 0.05}]}
+    record["shaping"] = {
+        "duration_before_s": 5.0,
+        "cost": {"total_s": 0.02, "lowered": [{"limit": "jerk", "share": 0.9}, {"limit": "jerk", "share": 0.8}]},
+        "axes": {"leg1": leg, "leg2": leg, "leg3": {"shapers": []}},
+        "limits": {"jerk": {"worst_ratio": 1.0}},
+    }
+    record |= {"order": 2, "stated_duration_s": 20.0}
+    record["provenance"]["sha256"]["machine"] = "0123456789abcdef"
+    for axis in record["pulses"]["axes"].values():
+        axis["drive_needs_s"] = {"high": 1e-6, "low": 1e-6, "setup": 1e-6, "hold": 1e-6, "max_rate": None}
+        axis["lines_s"] = {"high": 2e-6, "low": 3e-6, "setup": 1.5e-6, "hold": 2e-6}
+    path.write_text(json.dumps(record), encoding="utf-8")
+    page = page_of(Studio(two), "first", "deep/er/second <b>")
+    assert find_row(page, "input shapers") == ["none", "zv 25 Hz, damping 0.05 (leg1, leg2)", "differs"]
+    assert find_row(page, "limits lowered for them") == ["none", "jerk to 80 %", "differs"]
+    assert find_row(page, "order") == ["3", "2", "differs"]
+    assert find_row(page, "objective") == ["time", "a duration of 20 s", "differs"]
+    assert find_row(page, "machine")[1:] == ["hexapod (file 01234567)", "differs"]
+    assert find_row(page, "program")[2] == ""
+    assert find_row(page, "cost of the shapers")[1] == "20 ms"
+    assert find_row(page, "drive timing, least of kept / needed")[1] == "1.5 ×"
+    assert find_row(page, "use of jerk, behind the shapers")[1] == "100 %"
+
+
+@needs_browser
+def test_on_a_phone_the_comparison_is_one_thing_at_a_time(two, tmp_path):
+    """No page is wider than the window, and the tab in the address decides which report or the differences fill it."""
+    script = """onload = async () => {
+      const seen = [], ids = ["left", "right", "differences"], place = id => document.getElementById(id);
+      for (const tab of ids) {
+        location.hash = tab;
+        await new Promise(done => setTimeout(done, 200));
+        const shown = ids.filter(id => place(id).checkVisibility({ visibilityProperty: true }));
+        const height = 100 * place(tab).getBoundingClientRect().height / innerHeight;
+        seen.push([tab, shown, height, document.documentElement.scrollWidth - innerWidth]);
+      }
+      fetch("/said", { method: "POST", body: JSON.stringify(seen) });
+    }"""
+    page = tmp_path / "narrow.html"
+    text = page_of(Studio(two), "first", "deep/er/second <b>").replace("src=", "data-src=")  # reports are not looked at
+    page.write_text(text, encoding="utf-8")
+    seen, _ = act_in(tmp_path, page, script, "500,844")  # no window of Chromium is narrower
+    for tab, shown, height, beyond in seen:
+        assert shown == [tab]
+        assert height > 75  # % of the window
+        assert beyond <= 0
 
 
 def test_a_report_is_given_and_no_other_file(two):
