@@ -72,9 +72,10 @@ MODEL_LAWS = ("ff", "mpc")
     "conditions",
     multiple=True,
     metavar="CONDITION",
-    help='Exit with code 1 if CONDITION holds for the best setting on any path: "contour_rms > 1.1x" (the mean over '
-    "rigs and seeds, times the baseline's; with --against, of any setting, times its saved runs'), or "
-    '"contour_max > 250 um" (any run).',
+    help="Exit with code 1 if CONDITION holds on any path for the setting that the verdict calls the best, or the "
+    'closest to the baseline, by all criteria weighed. "contour_rms > 1.1x" judges its mean over rigs and seeds, times '
+    'the baseline\'s, on each ranked path; "contour_max > 250 um" each of its runs on every path. With --against, a '
+    "ratio judges every setting, times its own saved runs. Repeatable; the report has a table of them.",
 )
 @click.option("--address", metavar="ADDRESS", help="Dask scheduler to use. Default: the cores of this computer.")
 @click.option("--force", is_flag=True, help="Replace an earlier comparison in DIR; saved runs are kept.")
@@ -149,13 +150,17 @@ def compare(
         found = gain.compare(runs, baseline)
         changes = {} if old is None else gain.guard(found, gain.compare([old]), asked)
         every = [one for each in changes.values() for one in each]
-        verdict = compare_directory.write(to, found, every)
+        verdict = gain.verdict_of(found)
+        judged = gain.judge(asked, found, verdict.best, changes)
+        compare_directory.write(to, found, every, judged)
     met = [
         reason
         for condition in asked
         if condition not in changes
         for reason in condition.list_reasons(found, verdict.best)
     ]
+    for told in gain.describe_unjudged(judged, found):
+        note(told)
     if asked and len(saved) > 1 and old is None and verdict.best is not None:
         note(
             f"--fail-if judges the best setting of all, which is of {runs[verdict.best.source].name}; to guard every "
@@ -164,10 +169,10 @@ def compare(
     met += [reason for condition, each in changes.items() for reason in gain.list_regressions(condition, each)]
     report = str(out / REPORT)
     if as_json:
-        told: dict[str, Any] = {"verdict": verdict.text, "gains": verdict.gains, "report": report, "failed": met}
+        data: dict[str, Any] = {"verdict": verdict.text, "gains": verdict.gains, "report": report, "failed": met}
         if old is not None:
-            told["against_saved"] = [one.as_record() for one in every]
-        click.echo(record.as_json(told), nl=False)
+            data["against_saved"] = [one.as_record() for one in every]
+        click.echo(record.as_json(data), nl=False)
     elif level() == QUIET:
         say(report)
     else:

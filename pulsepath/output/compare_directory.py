@@ -10,7 +10,7 @@ from pulsepath.output.directory import CELLS, COMPARISON, COMPARISON_KIND, REPOR
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from benchmarks.reports.gain import Change, Comparison, Verdict
+    from benchmarks.reports.gain import Change, Comparison, Judgement
 
 TABLE = "runs.csv"
 
@@ -36,17 +36,19 @@ def write(
     to: list[Destination],
     comparison: "Comparison",
     changes: "Sequence[Change]" = (),
-) -> "Verdict":
-    """Write everything: all files or none, each whole, the record last. changes: against saved runs."""
+    judged: "Sequence[Judgement]" = (),
+) -> None:
+    """Write everything: all files or none, each whole, the record last.
+
+    changes: against saved runs; judged: by conditions
+    """
     from benchmarks.reports.gain.gain_report import comparison_record, gain_report, runs_csv
     from pulsepath.output import record
 
-    verdict, page = gain_report(comparison, changes)
-    text = record.as_json(
-        {"schema": record.SCHEMA, "kind": COMPARISON_KIND, **comparison_record(comparison, verdict, changes)}
-    )
+    verdict, page = gain_report(comparison, changes, judged)
+    told = comparison_record(comparison, verdict, changes, judged)
+    text = record.as_json({"schema": record.SCHEMA, "kind": COMPARISON_KIND, **told})
     to[0].place.parent.mkdir(parents=True, exist_ok=True)
     with stage_files(to) as files:
         for file, content in zip(files, (page, runs_csv(comparison), text), strict=True):
             file.write_bytes(content.encode())
-    return verdict

@@ -7,7 +7,10 @@ from .comparison import (
 from .condition import (
     Change as Change,
     Condition as Condition,
+    Judgement as Judgement,
+    describe_unjudged as describe_unjudged,
     guard as guard,
+    judge as judge,
     list_regressions as list_regressions,
     read_condition as read_condition,
 )

@@ -12,7 +12,7 @@ from statistics import fmean, geometric_mean
 from typing import Any
 
 from benchmarks.reports.gain.comparison import RANK, Comparison, ComparisonRow, SettingEntry
-from benchmarks.reports.gain.criteria import format_unit
+from benchmarks.reports.gain.criteria import CRITERIA, HUMAN, About, format_unit
 from benchmarks.sweep import RunResult, Setting
 from benchmarks.sweep.result import figure_unit
 from controllers.metrics import FIGURES
@@ -32,6 +32,8 @@ HELP = 'write FIGURE > VALUE, as "contour_rms > 1.1x" (times the baseline), "con
 
 MOST_NAMED, MIN_LIKENESS = 4, 0.5
 """Names of figures that an unknown one is answered with, and how like it they are at least."""
+NONE_JUDGED = "no setting holds on every path and rig"
+"""Said where there is nothing to judge."""
 COUNTS = ("", "full steps")
 """Units of figures that a plain number is compared with."""
 EXAMPLES = {"m": "um", "rad": "mrad", "s": "ms", "m²": "um^2", "rad²": "mrad^2", "m/s³": "m/s^3", "rad/s³": "rad/s^3"}
@@ -86,6 +88,39 @@ class Change:
 
 
 @dataclass(frozen=True, slots=True)
+class Judgement:
+    """A setting on a path by a condition: its value and what that is compared with, SI; `about` says of which runs.
+
+    met  whether the condition holds of it
+    """
+
+    condition: Condition
+    setting: str
+    task: str
+    value: float
+    limit: float
+    unit: str
+    about: str
+    met: bool
+
+    def __str__(self) -> str:
+        value, limit = (format_unit(each, self.unit) for each in (self.value, self.limit))
+        return f"on {self.task}: {value} {self.condition.compared} {limit} ({self.about})"
+
+    def as_record(self) -> dict[str, Any]:
+        """As plain data, SI; null for what is infinite."""
+        return {
+            "condition": self.condition.text,
+            "setting": self.setting,
+            "path": self.task,
+            "value": finite_or_none(self.value),
+            "limit": finite_or_none(self.limit),
+            "of": self.about,
+            "failed": self.met,
+        }
+
+
+@dataclass(frozen=True, slots=True)
 class Condition:
     """unit: "x" for times the baseline, else the unit of a quantity, "" of a plain number."""
 
@@ -114,14 +149,15 @@ class Condition:
             raise no
 
     def check(self, record: Mapping[str, Any]) -> None:
-        """Raise MotionError where runs with this record will have no such figure, or none of such a unit."""
+        """Raise MotionError where runs with this record will have no such figure, or on no task one of such a unit."""
         known = {figure.name for figure in FIGURES} | {
             f"{figure.name}.{axis}" for figure in FIGURES if figure.per_axis for axis in record["axes"]
         }
         if self.figure not in known:
             self._refuse_figure(known)
-        for task in record["tasks"]:
-            self._limit(figure_unit(self.figure, task, record), task)
+        refusals = [self._refuse_unit(figure_unit(self.figure, task, record), task) for task in record["tasks"]]
+        if refusals and all(refusals):
+            raise next(filter(None, refusals))
 
     def _refuse_figure(self, known: Iterable[str]) -> None:
         """Raise MotionError with the names that are nearest: there are too many to list all."""
@@ -131,35 +167,48 @@ class Condition:
         raise MotionError(f'{told}{nearest}; "pulsepath figures" lists all')
 
     def list_reasons(self, comparison: Comparison, entry: SettingEntry | None) -> list[str]:
-        """Why it holds of a setting, path by path; empty where it does not.
+        """Why it holds of a setting, path by path (`judge`); empty where it does not.
 
-        A ratio is what the verdict is made of: the mean over all rigs and seeds, over the baseline's, on paths that
-        are ranked. A quantity is compared with every run. Where the baseline alone was run it is the best there is.
         Without a setting that holds everywhere the condition holds, since what is checked is not there.
         """
-        if entry is None and comparison.entries == (comparison.baseline,) and not comparison.fault(comparison.baseline):
-            entry = comparison.baseline
-        if entry is None:
-            return [f"{self.text}: no setting holds on every path and rig"]
-        told = (
-            self._check_ratio(comparison, entry, row) if self.unit == "x" else self._check_runs(comparison, entry, row)
-            for row in comparison.of(entry)
-            if self.unit != "x" or row.task in comparison.ranked
-        )
-        return [f"{self.text}: {comparison.label(entry)} {reason}" for reason in told if reason]
+        judged = find_judged(comparison, entry)
+        if judged is None:
+            return [f"{self.text}: {NONE_JUDGED}"]
+        return [f"{self.text}: {one.setting} {one}" for one in self.judge(comparison, judged) if one.met]
 
-    def _check_ratio(self, comparison: Comparison, entry: SettingEntry, row: ComparisonRow) -> str:
+    def judge(self, comparison: Comparison, entry: SettingEntry) -> list[Judgement]:
+        """A setting by this condition, path by path.
+
+        A ratio is what the verdict is made of: the mean over all rigs and seeds, over the baseline's, on paths that
+        are ranked. A quantity is compared with every run, on every path on which the figure is one of its kind.
+        """
+        rows = comparison.of(entry)
+        if self.unit == "x":
+            return [self._judge_ratio(comparison, entry, row) for row in rows if row.task in comparison.ranked]
+        fitting = [row for row in rows if not self._refuse_unit(comparison.unit(self.figure, row.task), row.task)]
+        return [self._judge_runs(comparison, entry, row) for row in fitting]
+
+    def _judge_ratio(self, comparison: Comparison, entry: SettingEntry, row: ComparisonRow) -> Judgement:
         own, base = (comparison.runs(of, row.task) for of in (entry, comparison.baseline))
-        value, mean = self._means(own, base, comparison.floor(row.task))
-        limit = self.value * mean
+        value, mean = self._means(own, base, comparison.criteria_of(row.task))
+        times = f"{self.value:g} × the baseline"
+        about = f"{times}; mean of {row.runs} runs" if row.runs > 1 else times
+        return self._judgement(comparison, entry, row, (value, self.value * mean), about)
+
+    def _judge_runs(self, comparison: Comparison, entry: SettingEntry, row: ComparisonRow) -> Judgement:
+        limit = self._limit(comparison.unit(self.figure, row.task), row.task)
+        runs = [(self._value(run.figures), run.cell) for run in comparison.runs(entry, row.task)]
+        worst = max if self.compared.startswith(">") else min
+        value, cell = worst(runs, key=lambda run: run[0])
+        about = f"rig {cell.variation.name}, seed {cell.seed}"
+        return self._judgement(comparison, entry, row, (value, limit), about)
+
+    def _judgement(
+        self, comparison: Comparison, entry: SettingEntry, row: ComparisonRow, both: tuple[float, float], about: str
+    ) -> Judgement:
         unit = comparison.unit(self.figure, row.task)
-        told = f"{format_unit(value, unit)} {self.compared} {format_unit(limit, unit)}"
-        about = (
-            f"{self.value:g} × the baseline; mean of {row.runs} runs"
-            if row.runs > 1
-            else f"{self.value:g} × the baseline"
-        )
-        return f"on {row.task}: {told} ({about})" if COMPARISONS[self.compared](value, limit) else ""
+        met = COMPARISONS[self.compared](*both)
+        return Judgement(self, comparison.label(entry), row.task, *both, unit, about, met)
 
     def list_changes(self, comparison: Comparison, saved: Comparison) -> list[Change]:
         """The figure of every setting over that of its saved runs, the worst first; saved runs are compared alone.
@@ -185,28 +234,38 @@ class Condition:
         ]
         if pairs:
             own, base = zip(*pairs, strict=True)
-            value, mean = self._means(own, base, comparison.floor(row.task))
+            value, mean = self._means(own, base, comparison.criteria_of(row.task))
             met = not row.stable or COMPARISONS[self.compared](value, self.value * mean)
             unit = comparison.unit(self.figure, row.task)
             yield Change(row.entry.setting, row.task, self.figure, unit, mean, value, len(pairs), row.stable, met)
 
-    def _means(self, own: Sequence[RunResult], base: Sequence[RunResult], floor: float) -> tuple[float, float]:
-        """Of runs and of those they are compared with; geometric where all are above 0."""
+    def _means(self, own: Sequence[RunResult], base: Sequence[RunResult], about: About) -> tuple[float, float]:
+        """Of runs and of those they are compared with; geometric where all are above 0.
+
+        What makes no difference to the verdict makes none here: a criterion's figure counts as the verdict counts it,
+        another error in space is not told apart below the floor.
+        """
+        weighed = next((one.value for one in CRITERIA if one.figure == self.figure), None)
         in_space = any(figure.unit == "path" for figure in FIGURES if figure.name == self.figure)
-        least = floor if in_space else -inf  # what no rig could show is no difference
-        values = [[max(self._value(run.figures), least) for run in runs] for runs in (own, base)]
+
+        def read(run: RunResult) -> float:
+            value = self._value(run.figures)
+            if weighed is not None and run.figures:
+                counted = weighed(run.figures, about)
+                return value if counted is None else counted
+            return max(value, about["floor"]) if in_space else value
+
+        values = [[*map(read, runs)] for runs in (own, base)]
         mean = geometric_mean if min(values[0] + values[1]) > 0 else fmean
         return mean(values[0]), mean(values[1])
 
-    def _check_runs(self, comparison: Comparison, entry: SettingEntry, row: ComparisonRow) -> str:
-        unit = comparison.unit(self.figure, row.task)
-        limit = self._limit(unit, row.task)
-        runs = [(self._value(run.figures), run.cell) for run in comparison.runs(entry, row.task)]
-        worst = max if self.compared.startswith(">") else min
-        value, cell = worst(runs, key=lambda run: run[0])
-        told = f"{format_unit(value, unit)} {self.compared} {format_unit(limit, unit)}"
-        about = f"rig {cell.variation.name}, seed {cell.seed}"
-        return f"on {row.task}: {told} ({about})" if COMPARISONS[self.compared](value, limit) else ""
+    def _refuse_unit(self, unit: str, task: str) -> MotionError | None:
+        """What is wrong with the condition's unit for a figure of this one; None: nothing."""
+        try:
+            self._limit(unit, task)
+        except MotionError as error:
+            return error
+        return None
 
     def _limit(self, unit: str, task: str = "") -> float:
         """The value in SI. Raises MotionError unless it has a unit where the figure, of a task, has one."""
@@ -219,7 +278,7 @@ class Condition:
                 )
             return quantity(f"{self.value!r} {self.unit}", unit or "1")
         except MotionError as error:
-            told = f"; {self.figure} of task {task} is in {everyday_unit(unit)}: run the others alone (--task)"
+            told = f"; {self.figure} of task {task} is in {everyday_unit(unit)}"
             raise MotionError(f'condition "{self.text}": {error}{told if task else ""}') from None
 
     def _unit_example(self, unit: str) -> str:
@@ -242,6 +301,53 @@ def read_condition(text: str) -> Condition:
     condition = Condition(text.strip(), figure, compared, float(value), unit or "")
     condition.check_alone()
     return condition
+
+
+def find_judged(comparison: Comparison, best: SettingEntry | None) -> SettingEntry | None:
+    """The setting that conditions judge: the verdict's best; where the baseline alone was run it is the best there is.
+
+    None where no setting holds on every path and rig.
+    """
+    if best is None and comparison.entries == (comparison.baseline,) and not comparison.fault(comparison.baseline):
+        return comparison.baseline
+    return best
+
+
+def judge(
+    conditions: Sequence[Condition],
+    comparison: Comparison,
+    best: SettingEntry | None,
+    changes: Mapping[Condition, Sequence[Change]],
+) -> list[Judgement]:
+    """What a page tells of conditions: the verdict's best setting path by path, and the worst change of saved runs."""
+    entry, found = find_judged(comparison, best), []
+    for one in conditions:
+        if one in changes:
+            found += [_judge_change(one, changes[one])]
+        elif entry is not None:
+            found += one.judge(comparison, entry)
+    return found
+
+
+def describe_unjudged(judged: Sequence[Judgement], comparison: Comparison) -> list[str]:
+    """A sentence for each quantity on the paths where its figure is of another kind, as an angle."""
+    told = []
+    for condition in dict.fromkeys(one.condition for one in judged if one.condition.unit != "x"):
+        seen = {one.task for one in judged if one.condition == condition}
+        if left := [task for task in comparison.tasks if task not in seen]:
+            units = {HUMAN.get(unit := comparison.unit(condition.figure, task), (unit,))[0] for task in left}
+            kind = f"where {condition.figure} is in {', '.join(sorted(units))}"
+            told.append(f"not judged on {', '.join(left)}, {kind}: {condition.text}")
+    return told
+
+
+def _judge_change(condition: Condition, changes: Sequence[Change]) -> Judgement:
+    """The worst of all settings against their saved runs, the first that the condition holds of before others."""
+    worst = next((each for each in changes if each.met), changes[0])
+    met = sum(each.met for each in changes)
+    about = f"{condition.value:g} × its saved runs; the worst of {len(changes)}, of which {met} fail"
+    limit = condition.value * worst.saved
+    return Judgement(condition, worst.setting.label, worst.task, worst.value, limit, worst.unit, about, met=worst.met)
 
 
 def guard(comparison: Comparison, saved: Comparison, conditions: Sequence[Condition]) -> dict[Condition, list[Change]]:

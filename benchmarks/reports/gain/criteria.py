@@ -59,12 +59,14 @@ class Criterion:
     """One thing that is weighed.
 
     weight  of its logarithm: the weights of all sum to 1. A choice of this project, no measurement
+    figure  of a run that it is; "" where it is made of several
     value   of a run's figures, never below what makes a difference; None where the run has no such figure
     shown   a value in words; of the unit of the path's errors, where it is one
     """
 
     name: str
     weight: float
+    figure: str
     value: Callable[[Figures, About], float | None]
     shown: Callable[[float, str], str]
 
@@ -90,13 +92,14 @@ def _end(figures: Figures, about: About) -> float | None:
 
 
 CRITERIA = (
-    Criterion("contour error", 0.4, _error("contour_rms"), format_unit),
-    Criterion("tracking error", 0.2, _error("tracking_rms"), format_unit),
-    Criterion("vibration", 0.2, _vibration, lambda value, _: f"{count_noun(value, 'pulse', '.3g')} RMS"),
-    Criterion("effort", 0.1, _effort, lambda value, _: f"{100 * value:.3g} % of the torque limit RMS"),
+    Criterion("contour error", 0.4, "contour_rms", _error("contour_rms"), format_unit),
+    Criterion("tracking error", 0.2, "tracking_rms", _error("tracking_rms"), format_unit),
+    Criterion("vibration", 0.2, "", _vibration, lambda value, _: f"{count_noun(value, 'pulse', '.3g')} RMS"),
+    Criterion("effort", 0.1, "torque_rms", _effort, lambda value, _: f"{100 * value:.3g} % of the torque limit RMS"),
     Criterion(
         "end",
         0.1,
+        "late",
         _end,
         lambda value, _: f"{1e3 * value:.3g} ms late" if value < MAX_LATE else "off its goal to the end",
     ),

@@ -17,7 +17,7 @@ from benchmarks.reports.gain.comparison import (
     ComparisonRow,
     SettingEntry,
 )
-from benchmarks.reports.gain.condition import Change
+from benchmarks.reports.gain.condition import Change, Judgement, describe_unjudged
 from benchmarks.reports.gain.courses import ISO, IsoBlock, iso_block, select_series
 from benchmarks.reports.gain.criteria import CRITERIA, HUMAN, format_unit, number, weigh
 from benchmarks.reports.gain.laws_outcome import LawOutcome, find_outcomes, outcome_record
@@ -41,6 +41,8 @@ MARKS = {
     "not ranked": ("– not ranked", ""),
 }
 """Sign and word, so that neither colour nor either alone has to tell; class of the style sheet."""
+LARGEST = "contour_max"
+"""The figure that users hold against what a part may be off by."""
 COLUMNS = (
     ("contour_rms", "contour RMS"),
     ("contour_max", "contour max"),
@@ -52,9 +54,13 @@ COLUMNS = (
 )
 
 
-def gain_report(comparison: Comparison, changes: Sequence[Change] = ()) -> tuple[Verdict, str]:
-    """The verdict, and the page that begins with it. changes: of its settings against their saved runs, the worst
-    first."""
+def gain_report(
+    comparison: Comparison, changes: Sequence[Change] = (), judged: Sequence[Judgement] = ()
+) -> tuple[Verdict, str]:
+    """The verdict, and the page that begins with it.
+
+    changes: of its settings against their saved runs, the worst first; judged: by conditions
+    """
     verdict = verdict_of(comparison)
     shown_ones = select_series(comparison, verdict)
     iso = iso_block(comparison, shown_ones.entries[:2])
@@ -86,9 +92,19 @@ def gain_report(comparison: Comparison, changes: Sequence[Change] = ()) -> tuple
         places=pack_places(comparison, list_best(comparison)) if "tradeoff" in figures else None,
         most_best=MOST_BEST,
         changes=[_change_row(one) for one in changes],
+        human={unit: name for unit, (name, _) in HUMAN.items()},
+        error_units=_error_units(comparison),
+        unjudged=describe_unjudged(judged, comparison),
+        judged=[_judged_row(one) for one in judged],
         worst_change=str(changes[0]) if changes else "",
     )
     return verdict, page
+
+
+def _judged_row(one: Judgement) -> tuple[str, ...]:
+    """Condition, setting, path, its value, what that is compared with, of which runs, and what comes out."""
+    value, limit = (format_unit(each, one.unit) for each in (one.value, one.limit))
+    return (one.condition.text, one.setting, one.task, value, limit, one.about, "FAILS" if one.met else "passes")
 
 
 def _change_row(change: Change) -> tuple[str, ...]:
@@ -137,8 +153,33 @@ def _cells(comparison: Comparison, task: str) -> Iterator[Mapping[str, Any]]:
         }
 
 
-def _weigh_entries(comparison: Comparison) -> Iterator[tuple[int, str, str, list[str]]]:
-    """Rank, setting, its weighed ratio to the baseline and that by each criterion, of those that hold, the best first.
+def _error_units(comparison: Comparison) -> list[str]:
+    """SI units of the errors on ranked paths, each once."""
+    return list(dict.fromkeys(comparison.unit(RANK, task) for task in comparison.ranked))
+
+
+def _list_errors(comparison: Comparison, entry: SettingEntry) -> list[str]:
+    """For each unit of `_error_units` the RMS contour errors from the least path to the largest, and the largest error.
+
+    The RMS is that on the rig as stated, the largest that of all runs on ranked paths.
+    """
+    cells = []
+    for unit in _error_units(comparison):
+        rows = [row for row in comparison.of(entry) if row.task in comparison.ranked]
+        rows = [row for row in rows if comparison.unit(RANK, row.task) == unit]
+        floor = max((comparison.floor(row.task) for row in rows), default=0.0)
+        errors = [row.figures[RANK] for row in rows if RANK in row.figures]
+        runs = [run.figures for row in rows for run in comparison.runs(entry, row.task)]
+        largest = max((figures.get(LARGEST, inf) for figures in runs), default=nan)
+        ends = [_format_above_floor(each, floor, unit) for each in sorted({min(errors), max(errors)})] if errors else []
+        cells += ["…".join(dict.fromkeys(ends)) or "–", _format_above_floor(largest, floor, unit)]
+    return cells
+
+
+def _weigh_entries(comparison: Comparison) -> Iterator[tuple[int, str, str, list[str], list[str]]]:
+    """Rank, setting, its weighed ratio to the baseline, its errors (`_list_errors`) and its ratio by each criterion.
+
+    Of those that hold, the best first.
 
     Settings of a law that come out alike share a row. The baseline stands where its ratio of 1 puts it, with rank 0.
     """
@@ -150,17 +191,19 @@ def _weigh_entries(comparison: Comparison) -> Iterator[tuple[int, str, str, list
         alike = f", {len(others) + 1} settings alike" if others else ""
         ratios = comparison.ratios(entry)
         each = [_ratio(ratios[one.name]) if one.name in ratios else "–" for one in CRITERIA]
-        yield n, f"{comparison.label(entry)}{alike}", _ratio(comparison.score(entry)), each
+        errors = _list_errors(comparison, entry)
+        yield n, f"{comparison.label(entry)}{alike}", _ratio(comparison.score(entry)), errors, each
     if better == len(ranked) > 0:
         yield _weigh_baseline(comparison)
 
 
-def _weigh_baseline(comparison: Comparison) -> tuple[int, str, str, list[str]]:
-    return 0, comparison.label(comparison.baseline), _ratio(1.0), [_ratio(1.0)] * len(CRITERIA)
+def _weigh_baseline(comparison: Comparison) -> tuple[int, str, str, list[str], list[str]]:
+    base = comparison.baseline
+    return 0, comparison.label(base), _ratio(1.0), _list_errors(comparison, base), [_ratio(1.0)] * len(CRITERIA)
 
 
-def _outcome_row(comparison: Comparison, one: LawOutcome) -> tuple[str, ...]:
-    """Law, how many of its settings hold, the best of them, its weighed ratio, and why the others are left out."""
+def _outcome_row(comparison: Comparison, one: LawOutcome) -> tuple[str, str, str, str, list[str], str]:
+    """Law, how many of its settings hold, the best of them, its weighed ratio and its errors, why others are out."""
     best = "none" if one.best is None else comparison.label(one.best)
     baseline = " (baseline)" if one.best == comparison.baseline else ""
     left = ", ".join(f"{count} {why}" for why, count in one.faults.items())
@@ -169,6 +212,7 @@ def _outcome_row(comparison: Comparison, one: LawOutcome) -> tuple[str, ...]:
         f"{one.held} of {one.settings}",
         f"{best}{baseline}",
         "–" if one.best is None else _ratio(one.score),
+        [] if one.best is None else _list_errors(comparison, one.best),
         left,
     )
 
@@ -245,7 +289,9 @@ def _circle_rows(comparison: Comparison, iso: IsoBlock) -> Iterator[list[str]]:
         yield [about, comparison.label(turns.entry), *(number(value, "m") for value in named), turns.note]
 
 
-def comparison_record(comparison: Comparison, verdict: Verdict, changes: Sequence[Change] = ()) -> dict[str, Any]:
+def comparison_record(
+    comparison: Comparison, verdict: Verdict, changes: Sequence[Change] = (), judged: Sequence[Judgement] = ()
+) -> dict[str, Any]:
     """The verdict, every row of the table, and how the runs were made; null for what is infinite or not known."""
     return {
         "baseline": _entry(comparison, comparison.baseline),
@@ -281,6 +327,7 @@ def comparison_record(comparison: Comparison, verdict: Verdict, changes: Sequenc
             for row in comparison.rows
         ],
         **({"against_saved": [one.as_record() for one in changes]} if changes else {}),
+        **({"conditions": [one.as_record() for one in judged]} if judged else {}),
         "sources": [{"name": source.name, **source.record} for source in comparison.sources],
     }
 

@@ -6,11 +6,12 @@ import re
 from dataclasses import replace
 from io import StringIO
 from math import inf
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from benchmarks.reports.gain import SettingEntry, compare, read_condition, verdict_of
+from benchmarks.reports.gain import SettingEntry, compare, describe_unjudged, judge, read_condition, verdict_of
 from benchmarks.reports.gain.courses import fit_circle, iso_block, path_offsets
 from benchmarks.reports.gain.criteria import format_unit, number
 from benchmarks.reports.gain.gain_report import comparison_record, gain_report, runs_csv
@@ -270,6 +271,69 @@ def test_names_and_units_are_known_before_any_run(runs, text):
         read_condition(text).check(runs.record)
     for right in ("contour_rms > 1x", "contour_rms > 1 mm", "torque_peak.a > 0.5", "following_max.b > 1 deg"):
         read_condition(right).check(runs.record)
+
+
+def test_what_is_no_difference_to_the_verdict_fails_no_condition(comparison):
+    """Being late by less than 10 ms counts as 10 ms, and torque below 1 % as 1 %, as in the criteria."""
+    about = comparison.criteria_of("there")
+    late, effort, shaken = (read_condition(f"{name} > 1.1x") for name in ("late", "torque_rms", "torque_peak"))
+    own = [SimpleNamespace(figures={"late": 9e-3, "torque_rms": 9e-3, "torque_peak": 9e-3})]
+    base = [SimpleNamespace(figures={"late": 1e-3, "torque_rms": 1e-3, "torque_peak": 1e-3})]
+    assert late._means(own, base, about) == pytest.approx((0.01, 0.01))
+    assert effort._means(own, base, about) == pytest.approx((0.01, 0.01))
+    assert shaken._means(own, base, about) == pytest.approx((9e-3, 1e-3))
+
+
+def test_the_page_says_what_conditions_judged(comparison):
+    """The setting that the verdict names, path by path, and what came out."""
+    verdict = verdict_of(comparison)
+    conditions = [read_condition(text) for text in ("contour_rms > 0.44x", "contour_max > 1 mm")]
+    judged = judge(conditions, comparison, verdict.best, {})
+    assert {one.setting for one in judged} == {comparison.label(verdict.best)}
+    assert [(one.task, one.met) for one in judged] == [
+        ("there", True),
+        ("back", True),
+        ("there", False),
+        ("back", False),
+    ]
+    _, page = gain_report(comparison, judged=judged)
+    table = page.split('<h2 id="conditions">')[1].split("</table>")[0]
+    assert table.count(">FAILS<") == 2
+    assert table.count(">passes<") == 2
+    record = comparison_record(comparison, verdict, judged=judged)
+    assert [one["failed"] for one in record["conditions"]] == [True, True, False, False]
+
+
+def test_the_best_settings_and_laws_have_their_errors_in_micrometres(tmp_path):
+    """RMS on the rig as stated and the largest of any run, as the rows behind them have it."""
+    comparison = compare(
+        [saved(tmp_path / "runs", errors={BASE: 1e-4, GOOD: 4e-5, Setting("open-velocity", ()): 8e-5})]
+    )
+    _, page = gain_report(comparison)
+    best = verdict_of(comparison).best
+    rms = sorted(comparison.row(best, task).figures["contour_rms"] for task in comparison.ranked)
+    most = max(run.figures["contour_max"] for task in comparison.ranked for run in comparison.runs(best, task))
+    for title in ("best", "laws"):
+        table = page.split(f'<h2 id="{title}">')[1].split("</table>")[0]
+        row = next(row for row in table.split("<tr") if comparison.label(best) in row)
+        cells = re.findall(r'data-label="contour (?:RMS|max) \(µm\)">([^<]*)<', row)
+        ends = cells[0].split("…")
+        assert [float(ends[0]), float(ends[-1])] == pytest.approx([1e6 * rms[0], 1e6 * rms[-1]], rel=5e-3)
+        assert float(cells[1]) == pytest.approx(1e6 * most, rel=5e-3)
+
+
+def test_a_quantity_is_judged_where_the_error_is_of_its_kind(runs):
+    """A path in angles does not keep a length from being judged on the others, and is named."""
+    record = {**runs.record, "tasks": {name: dict(task) for name, task in runs.record["tasks"].items()}}
+    record["tasks"]["back"]["unit"] = "rad"
+    mixed = replace(runs, record=record)
+    condition = read_condition("contour_max > 1 um")
+    condition.check(mixed.record)
+    comparison = compare([mixed])
+    judged = condition.judge(comparison, SettingEntry(0, GOOD))
+    assert [one.task for one in judged] == ["there"]
+    told = "not judged on back, where contour_max is in mrad: contour_max > 1 um"
+    assert describe_unjudged(judged, comparison) == [told]
 
 
 def test_conditions_that_are_none_are_refused(comparison):
