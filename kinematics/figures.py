@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import ceil
 from typing import cast
 
@@ -290,15 +291,32 @@ def errors_by_pose(calibration: Calibration, ax: Axes | None = None, group: str 
         ax.set_xticks(numbered, [str(k + 1) for k in numbered])
         ax.set_xlabel("pose")
     else:
-        ax.set_xticks(at, [literal_label(label).replace(" (", "\n(") for label in labels])
+        _name_poses(ax, labels)
     ax.set(ylabel=f"RMS per component ({_ERROR_UNIT[group]})")
     scale_error_axis(ax)
-    ax.set_title(f"Errors of the {_NAME[group]}", loc="left")
+    ax.set_title(f"Errors of the {_NAME[group]}", loc="left", pad=22)
     ax.tick_params(axis="x", labelsize=9)
     ax.set_axisbelow(True)
     # above the axes: among the dots there may be no room
-    ax.legend(frameon=False, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
+    ax.legend(frameon=False, ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
     return ax
+
+
+LETTER = 0.085
+"""Inches: the width of a letter of a pose's name, about."""
+
+
+def _name_poses(ax: Axes, labels: Sequence[str]) -> None:
+    """Names below the axis: on two lines where there is room for them, else leaning."""
+    figure = ax.get_figure(root=True)
+    room = (9.0 if figure is None else figure.get_figwidth()) / (len(labels) + 1)
+    split = [literal_label(label).replace(" (", "\n(") for label in labels]
+    if max(len(part) for label in split for part in label.split("\n")) * LETTER < room:
+        ax.set_xticks(range(len(labels)), split)
+    else:
+        ax.set_xticks(
+            range(len(labels)), [*map(literal_label, labels)], rotation=40, ha="right", rotation_mode="anchor"
+        )
 
 
 @draws(Observability)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.reports.page import Picture, draw_figure, render, save_figures, style
+from benchmarks.reports.page import NARROW, Picture, draw_figure, render, save_figures, style
 from kinematics.calibration import Calibration
 from kinematics.calibration.checks import axis_checks
 from kinematics.calibration.measurements import COMPONENTS
@@ -36,13 +36,15 @@ def write_calibration_report(calibration: Calibration, path: Path) -> None:
 
 
 def draw(calibration: Calibration) -> dict[str, Picture]:
-    """Every figure of the page as a PNG, by name."""
+    """Every figure of the page as a PNG, by name, each as narrow as a phone shows it whole."""
     from kinematics.figures import singular_values
+    from kinematics.foundation.figure import new_axes
 
     with style():
         groups = [group for group in GROUPS if np.isfinite(calibration.rms(calibration.before, group))]
-        figures = {group: draw_figure(calibration.plot(group=group)) for group in groups}
-        return figures | {"singular": draw_figure(singular_values(calibration.observability))}
+        figures = {group: draw_figure(calibration.plot(new_axes(None, (NARROW, 3.6)), group=group)) for group in groups}
+        singular = singular_values(calibration.observability, new_axes(None, (NARROW, 2.8)))
+        return figures | {"singular": draw_figure(singular)}
 
 
 def rms_by_stage(calibration: Calibration) -> dict[str, tuple[float, float, float]]:

@@ -9,6 +9,7 @@ import pytest
 from benchmarks.evidence.published.calibration import NOISE, add_noise, draw, draw_commands
 from kinematics import calibrate, load_machine, whole_poses
 from pulsepath.output.calibration_directory import write
+from tests.browser import act_in, needs_browser
 
 FILES = {"calibration.json", "figures", "machine.toml", "measurements.toml", "nominal.toml", "report.html"}
 
@@ -61,6 +62,27 @@ def test_the_published_case_from_end_to_end(folder):
     machine, nominal = load_machine(folder / "machine.toml"), load_machine("hexapod")
     assert {axis.pulse for axis in machine.axes} == {pulse["value"]}
     np.testing.assert_array_equal(machine.base, nominal.base)
+
+
+@needs_browser
+def test_on_a_phone_nothing_is_cut_off(folder, tmp_path):
+    """No figure and no table is wider than its box, so that nothing has to be scrolled sideways."""
+    script = """onload = () => {
+      const cut = [...document.querySelectorAll(".scroll")].filter(box => box.scrollWidth > box.clientWidth + 1);
+      const seen = [matchMedia("(max-width: 34rem)").matches, document.querySelectorAll(".scroll").length,
+        ...cut.map(box => box.textContent.trim().slice(0, 40) || box.querySelector("img").alt)];
+      fetch("/said", { method: "POST", body: JSON.stringify(seen) });
+    }"""
+    page = tmp_path / "report.html"
+    text = (folder / "report.html").read_text(encoding="utf-8")
+    page.write_text(
+        text.replace("default-src 'none'", "default-src 'none'; script-src 'unsafe-inline'"), encoding="utf-8"
+    )
+    seen, _ = act_in(tmp_path, page, script, "500,844")
+    narrow, boxes, *cut = seen
+    assert narrow
+    assert boxes >= 8
+    assert not cut
 
 
 def test_the_report_says_what_was_found_and_loads_nothing(folder):
