@@ -1,5 +1,6 @@
 """Figures of this package's results: each draws on `ax`, or on a figure of its own, and returns the axes."""
 
+from collections.abc import Iterable, Sequence
 from itertools import groupby
 from typing import Any, Literal
 
@@ -13,7 +14,7 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.figure import PALETTE, draw_bars, line_style, literal_label, new_axes, new_axes_3d
 from kinematics.foundation.result import draws
-from kinematics.machine.axis import Axis
+from kinematics.machine.axis import Axis, directional_bounds
 from kinematics.machine.pose import from_numbers, to_numbers
 from planner.active_limits import active_limits, find_segments, limit_shares
 from planner.baselines.classical import Classical
@@ -22,6 +23,9 @@ from planner.certificate.feasibility import Standing
 from planner.cross_check import CrossCheck
 from planner.interruption.hold import Stops
 from planner.interruption.section import Section
+from planner.limits.axis import Acceleration, Jerk, Speed
+from planner.limits.registry import AXIS_LIMITS, MACHINE_LIMITS, geometric_limits
+from planner.limits.tool import ToolSpeed
 from planner.path.actuation import MachinePath
 from planner.plan import Plan
 from planner.plan_parts import PlanStanding
@@ -150,15 +154,48 @@ def axis_motion(
     chosen = [n for n, axis in enumerate(axes) if axis.kind == kind]
     for n in chosen:
         ax.plot(t, scale * values[:, n], label=literal_label(axes[n].name), **line_style(n))
-    bounds = [_quantity_range(axes[n], quantity) for n in chosen]
-    for level in sorted({bound for pair in bounds for bound in pair if np.isfinite(bound)}):
-        owners = [n for n, pair in zip(chosen, bounds, strict=True) if level in pair]
-        color = "black" if len(owners) == len(chosen) else PALETTE[owners[0] % len(PALETTE)]
+    for level, color in list_levels(axes, quantity, kind):
         ax.axhline(scale * level, color=color, linestyle=(0, (6, 3)), linewidth=1)
     ax.set(xlabel="time (s)", ylabel=f"{quantity} ({unit}{per})", xlim=(0, plan.trajectory.duration))
     if alone:
         ax.legend(ncols=2, fontsize="small")
     return ax
+
+
+def list_levels(axes: Sequence[Axis], quantity: Quantity, kind: str) -> list[tuple[float, str]]:
+    """The limits of the axes of a kind, in SI units, each once: in the colour of its axis, black where all share it."""
+    chosen = [n for n, axis in enumerate(axes) if axis.kind == kind]
+    bounds = [_quantity_range(axes[n], quantity) for n in chosen]
+    levels = []
+    for level in sorted({bound for pair in bounds for bound in pair if np.isfinite(bound)}):
+        owners = [n for n, pair in zip(chosen, bounds, strict=True) if level in pair]
+        levels.append((level, "#000000" if len(owners) == len(chosen) else line_style(owners[0])["color"]))
+    return levels
+
+
+TIMED_COLOURS = (*PALETTE[:4], "#CC79A7", "#56B4E9", "#5D3A9B", "#8A5A00", "#882255", "#004D40")
+"""One for each limit that depends on timing, of which the band of active limits shows the colour alone."""
+
+
+def style_limits(names: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """How every figure and page draws each limit: alike for one of a name, whatever else a plan is limited by.
+
+    Limits that depend on timing have a colour each, geometric ones are dashed, and those of a caller are dotted.
+    """
+    still = geometric_limits()
+    usual = (Speed.name, Acceleration.name, Jerk.name, ToolSpeed.name)
+    every = dict.fromkeys((*usual, *(limit.name for limit in (*AXIS_LIMITS, *MACHINE_LIMITS))))
+    timed = [name for name in every if name not in still]
+    styles: dict[str, dict[str, Any]] = {}
+    for n, name in enumerate(names):
+        if name in timed:
+            color, line = TIMED_COLOURS[timed.index(name) % len(TIMED_COLOURS)], "-"
+        elif name in still:
+            color, line = PALETTE[still.index(name) % len(PALETTE)], "--"
+        else:
+            color, line = PALETTE[n % len(PALETTE)], ":"
+        styles[name] = {**line_style(0), "color": color, "linestyle": line}
+    return styles
 
 
 def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] = "path") -> Axes:
@@ -170,9 +207,9 @@ def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] 
     trajectory = plan.trajectory
     s = np.append(trajectory.s, trajectory.at(trajectory.duration).s)
     edges = trajectory.knots if over == "time" else 1e3 * s
-    shares = limit_shares(plan)
-    for n, limit in enumerate(plan.limits):
-        _draw_stairs(ax, shares[limit.name], edges, label=literal_label(limit.name), **line_style(n))
+    shares, styles = limit_shares(plan), style_limits(limit.name for limit in plan.limits)
+    for name, drawn in styles.items():
+        _draw_stairs(ax, shares[name], edges, label=literal_label(name), **drawn)
     ax.set_axisbelow(True)
     active = active_limits(plan)
     bands: dict[int, list[tuple[float, float]]] = {}
@@ -181,7 +218,7 @@ def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] 
         low, high = edges[pieces[0]], edges[pieces[-1] + 1]
         bands.setdefault(owner, []).append((low, high - low))
     for owner, spans in bands.items():
-        color = "#E8E8E8" if owner < 0 else PALETTE[owner % len(PALETTE)]
+        color = "#E8E8E8" if owner < 0 else styles[plan.limits[owner].name]["color"]
         ax.broken_barh(spans, (1.06, 0.12), facecolor=color, linewidth=0)
     for edge, number in ((edges[k], number) for k, number in find_segments(plan)):
         ax.axvline(edge, color="#B0B0B0", linewidth=0.8, zorder=0)
@@ -235,8 +272,8 @@ def _draw_stairs(ax: Axes, values: Array, edges: Array, **style: Any) -> None:
 def _quantity_range(axis: Axis, quantity: Quantity) -> tuple[float, float]:
     if quantity == "position":
         return axis.travel
-    bound = getattr(axis, f"max_{quantity}")
-    return (-np.inf, np.inf) if bound is None else (-bound, bound)
+    below, above = directional_bounds(getattr(axis, f"max_{quantity}"))
+    return -below, above
 
 
 @draws(Classical)
@@ -260,9 +297,10 @@ def cross_checked_speeds(check: CrossCheck, ax: Axes | None = None) -> Axes:
 def window_uses(standing: PlanStanding, ax: Axes | None = None) -> Axes:
     """The largest share of each limit that is proved in each window of planning."""
     ax = new_axes(ax)
-    for n, (name, use) in enumerate(standing.certificate.use.items()):
+    styles = style_limits(standing.certificate.use)
+    for name, use in standing.certificate.use.items():
         edges = np.linspace(0.5, standing.windows + 0.5, len(use) + 1)
-        _draw_stairs(ax, use, edges, label=literal_label(name), **line_style(n))
+        _draw_stairs(ax, use, edges, label=literal_label(name), **styles[name])
     ax.axhline(1.0, color="#9AA4AE", linewidth=4, alpha=0.5, zorder=0)  # most limits are used up: it lies under them
     ax.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     ax.set_xlim(0.5, standing.windows + 0.5)

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +11,6 @@ from benchmarks.reports.page import NARROW, Picture, draw_figure, group_digits, 
 from benchmarks.reports.time_series import TIME, Panel, TimeSeries
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.figure import DASHES, PALETTE, line_style, literal_label
-from kinematics.machine.axis import Axis, directional_bounds
 from planner.active_limits import ACTIVE_SHARE
 from planner.activity import MOST_SEGMENTS, Activity
 from planner.overview import Overview
@@ -21,6 +19,8 @@ from planner.pulses import PulseCheck
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from planner.figures import Quantity
 
 SHARES = {"linear": ("mm", 1e3), "rotary": ("°", 180 / np.pi)}
 
@@ -103,7 +103,12 @@ def _draw_path(seen: Overview) -> "Axes":
     return drawn
 
 
-QUANTITIES = (("q", "position", ""), ("qd", "speed", "/s"), ("qdd", "acceleration", "/s²"), ("qddd", "jerk", "/s³"))
+QUANTITIES: "tuple[tuple[str, Quantity, str], ...]" = (
+    ("q", "position", ""),
+    ("qd", "speed", "/s"),
+    ("qdd", "acceleration", "/s²"),
+    ("qddd", "jerk", "/s³"),
+)
 """Of an axis: in the columns of an overview, in words, and by which time its unit is divided."""
 
 
@@ -131,6 +136,8 @@ def _draw_axes(standing: PlanStanding, seen: Overview, held: Activity) -> Pictur
 
 
 def _axis_panels(standing: PlanStanding, seen: Overview) -> Iterator[Panel]:
+    from planner.figures import list_levels
+
     axes = standing.machine.axes
     for short, name, per in QUANTITIES[: standing.order + 1]:
         for kind in sorted({axis.kind for axis in axes}):
@@ -141,18 +148,11 @@ def _axis_panels(standing: PlanStanding, seen: Overview) -> Iterator[Panel]:
                 home = standing.machine.home_q[n] if short == "q" else 0.0
                 first, low, high = (scale * (each - home) for each in seen.column(f"{axis.name} {short}"))
                 t, values = _lay_extremes(seen.t, first, low, high, standing.duration)
-                dash = n // len(PALETTE) % len(DASHES)
-                series.append(TimeSeries(axis.name, t, values, PALETTE[n % len(PALETTE)], dash, thinned=True))
-            levels = {scale * level for _, axis in own for level in _find_levels(axis, name)}
-            held = tuple((level, "#000000") for level in sorted(levels) if isfinite(level))
+                drawn = line_style(n)
+                dash = DASHES.index(drawn["linestyle"])
+                series.append(TimeSeries(axis.name, t, values, drawn["color"], dash, thinned=True))
+            held = tuple((scale * level, color) for level, color in list_levels(axes, name, kind))
             yield Panel(f"{name} ({unit}{per})", tuple(series), held)
-
-
-def _find_levels(axis: Axis, name: str) -> tuple[float, float]:
-    if name == "position":
-        return axis.travel
-    below, above = directional_bounds(getattr(axis, f"max_{name}"))
-    return -below, above
 
 
 def _lay_extremes(t: Array, first: Array, low: Array, high: Array, end: float) -> tuple[Array, Array]:
@@ -175,8 +175,10 @@ def _make_speed_panel(standing: PlanStanding, seen: Overview) -> Panel:
 
 
 def _make_use_panel(held: Activity) -> Panel:
-    edges, uses = np.append(held.t, held.end), held.use.items()
-    series = (_hold(name, edges, use, str(line_style(n)["color"])) for n, (name, use) in enumerate(uses))
+    from planner.figures import style_limits
+
+    edges, styles = np.append(held.t, held.end), style_limits(held.use)
+    series = (_hold(name, edges, use, str(styles[name]["color"])) for name, use in held.use.items())
     return Panel("largest share of the limit", tuple(series), ((1.0, "#000000"),))
 
 
@@ -192,10 +194,12 @@ def list_segments(seen: Overview) -> list[tuple[float, str]]:
 
 def make_parts_band(held: Activity) -> dict[str, Any]:
     """Which limit is active, as `timeline.make_band` tells it of a plan, in each of the windows of time."""
-    active, names = held.active, [*held.names]
+    from planner.figures import style_limits
+
+    active, names, styles = held.active, [*held.names], style_limits(held.names)
     owners = sorted({int(owner) for owner in active if owner >= 0})
     begins = np.flatnonzero(np.diff(active, prepend=-2))
     return {
-        "limits": [{"name": names[n], "color": line_style(n)["color"]} for n in owners],
+        "limits": [{"name": names[n], "color": styles[names[n]]["color"]} for n in owners],
         "runs": [(float(held.t[k]), owners.index(int(active[k])) if active[k] >= 0 else -1) for k in begins],
     }

@@ -13,7 +13,7 @@ MOST_RUNS = 2000
 
 def make_band(plan: Plan) -> dict[str, Any]:
     """From when on which limit is active: (s, its index or −1), and the names and colours of those that ever are."""
-    from kinematics.foundation.figure import line_style
+    from planner.figures import style_limits
 
     active, knots = active_limits(plan), plan.trajectory.knots
     if len(active) > MOST_RUNS:  # what is active in the middle of each of so many windows
@@ -22,7 +22,8 @@ def make_band(plan: Plan) -> dict[str, Any]:
         active = active[middle]
     begins = np.flatnonzero(np.diff(active, prepend=-2))
     owners = sorted({int(owner) for owner in active if owner >= 0})
-    limits = [{"name": plan.limits[n].name, "color": line_style(n)["color"]} for n in owners]
+    styles = style_limits(limit.name for limit in plan.limits)
+    limits = [{"name": plan.limits[n].name, "color": styles[plan.limits[n].name]["color"]} for n in owners]
     runs = [(float(knots[k]), owners.index(int(active[k])) if active[k] >= 0 else -1) for k in begins]
     return {"limits": limits, "runs": runs}
 

@@ -8,11 +8,16 @@ import numpy as np
 import pytest
 
 from benchmarks.reports.parts_report import draw, list_segments, make_parts_band, write_report
+from benchmarks.reports.plan_report import draw_axes
 from benchmarks.reports.time_series import pack_panels
+from benchmarks.reports.timeline import make_band
 from kinematics import load_machine
+from kinematics.foundation.figure import PALETTE
 from planner import load_program, plan
 from planner.active_limits import active_limits
 from planner.activity import Activity
+from planner.figures import list_levels, style_limits
+from planner.limits.registry import AXIS_LIMITS, MACHINE_LIMITS, geometric_limits
 from planner.overview import Overview
 from planner.plan_parts import plan_parts
 from tests.browser import act_in, needs_browser
@@ -112,6 +117,38 @@ def test_the_band_has_the_colour_of_the_limit_that_is_active_as_in_a_plan_of_the
         total += 1
     assert {"speed", "acceleration", "jerk", "tool speed"} >= set(names) >= {"jerk", "tool speed"}
     assert agree / total > 0.97  # windows of some ms, of which the longest limit has the colour
+
+
+def test_axes_and_limits_have_the_colours_of_a_plan_of_the_whole(made):
+    """In the figures, in the band, and as lines of limits; a limit of one axis has that of the axis."""
+    standing, seen, held, _ = made
+    whole = plan(capped(), load_machine("hexapod"))
+    parts, figures = draw(standing, seen, held)["axes"].panels, draw_axes(whole)["axes"].panels
+    for of in figures:
+        (panel,) = [one for one in parts if one.label == of.label]
+        assert [(one.name, one.color.lower()) for one in panel.series] == [(one.name, one.color) for one in of.series]
+        assert dict(panel.levels) == pytest.approx(dict(of.levels))
+    in_parts, in_whole = (
+        {one["name"]: one["color"] for one in band["limits"]} for band in (make_parts_band(held), make_band(whole))
+    )
+    assert in_parts == in_whole
+    assert {"jerk", "tool speed"} <= set(in_parts)
+    (panel,) = [one for one in parts if one.label == "largest share of the limit"]
+    assert {one.name: one.color for one in panel.series}.items() >= in_parts.items()
+
+
+def test_no_two_limits_that_depend_on_timing_have_one_colour():
+    known = [limit.name for limit in (*AXIS_LIMITS, *MACHINE_LIMITS)]
+    styles = style_limits([name for name in known if name not in geometric_limits()])
+    assert len({style["color"] for style in styles.values()}) == len(styles)
+    assert style_limits(["own", "jerk"])["jerk"] == styles["jerk"]
+
+
+def test_limits_of_two_directions_are_drawn_on_both_sides():
+    axes = [replace(axis, max_speed=(0.01, 0.02)) for axis in load_machine("hexapod").axes]
+    assert list_levels(axes, "speed", "linear") == [(-0.01, "#000000"), (0.02, "#000000")]
+    axes[1] = replace(axes[1], max_speed=0.02)
+    assert [color for _, color in list_levels(axes, "speed", "linear")] == [PALETTE[1], PALETTE[0], "#000000"]
 
 
 def test_a_limit_that_no_axis_has_is_in_the_figure(made):
