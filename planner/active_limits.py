@@ -11,12 +11,14 @@ from planner.limits.limit import Limit, order_of
 from planner.limits.lowered import Shares
 from planner.plan import Plan
 from planner.program.joins import is_marked_stop
-from planner.program.model import Dwell
+from planner.program.model import Dwell, Segment
 from planner.timing.profile import Profile, sample_limit_use
 from planner.trajectory import Trajectory
 
 ACTIVE_SHARE = 0.99
 """The share of a limit from which on it holds the motion back."""
+FILE_LINE = "file line"
+"""What a line of the program's file is called: a straight segment is a line too."""
 MANY_STOPS = 20
 """Stops at joins from which on they are worth a line."""
 NOT_LOWERED: Mapping[str, Shares] = MappingProxyType({})
@@ -90,6 +92,12 @@ def find_segments(plan: Plan) -> list[tuple[int, int]]:
     return found
 
 
+def name_segment(number: int, segment: Segment) -> str:
+    """A segment by its number in the program, from 1, what it is, and the line of its file where that is known."""
+    line = "" if segment.line_number is None else f", {FILE_LINE} {segment.line_number}"
+    return f"segment {number} ({type(segment).__name__.lower()}){line}"
+
+
 def tabulate_segments(plan: Plan) -> Table:
     """Each segment of the program, all its repetitions together, and the limit that is active longest in it.
 
@@ -108,7 +116,7 @@ def tabulate_segments(plan: Plan) -> Table:
     lines = [segments[k].line_number for k in rows]
     columns = (
         Column("segment", rows + 1),
-        *([Column("line", lines)] if any(lines) else []),
+        *([Column(FILE_LINE, lines)] if any(lines) else []),
         Column("kind", [type(segments[k]).__name__.lower() for k in rows]),
         Column("length", way[rows], "m", "human", ".3f"),
         Column("time", taken[rows], "s", form=".4f"),

@@ -1,13 +1,13 @@
 """What holds a long motion back, when and in which segments: in memory that does not grow with it."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import islice
 
 import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.table import Column, Table
-from planner.active_limits import find_active
+from planner.active_limits import FILE_LINE, find_active
 from planner.certificate.continuity import piece_end_lengths
 from planner.limits import Limit
 from planner.program.model import Program, Segment
@@ -161,7 +161,7 @@ class Activity:
         longest = held.argmax(1) if names else np.zeros(len(rows), np.int64)
         most = held.max(1, initial=0.0)
         numbers = [int(number) for number in rows[:, NUMBER]]
-        segments, total = self._find_segments(numbers), len(self.program.segments)
+        segments, total = self.find_segments(numbers), len(self.program.segments)
         columns = (
             *self._tell_where(numbers, "segment"),
             Column("kind", [type(segments[number % total]).__name__.lower() for number in numbers]),
@@ -179,7 +179,7 @@ class Activity:
         return Table(title, columns, notes)
 
     def _tell_where(self, numbers: Sequence[int | None], name: str) -> list[Column]:
-        total, segments = len(self.program.segments), self._find_segments(numbers)
+        total, segments = len(self.program.segments), self.find_segments(numbers)
         own = [None if number is None else number % total for number in numbers]
         columns = [Column(name, [None if number is None else number + 1 for number in own])]
         if self.program.repeat > 1:
@@ -187,9 +187,9 @@ class Activity:
                 Column("repetition", [None if number is None else number // total + 1 for number in numbers])
             )
         lines = [None if number is None else segments[number].line_number for number in own]
-        return [*columns, Column("line", lines)] if any(lines) else columns
+        return [*columns, Column(FILE_LINE, lines)] if any(lines) else columns
 
-    def _find_segments(self, numbers: Sequence[int | None]) -> dict[int, Segment]:
+    def find_segments(self, numbers: Iterable[int | None]) -> dict[int, Segment]:
         """By their number from 0; the program's file may be read for it, as far as the last."""
         wanted = {number % len(self.program.segments) for number in numbers if number is not None}
         ahead = islice(self.program.segments, max(wanted, default=-1) + 1)

@@ -11,7 +11,7 @@ from benchmarks.reports.page import NARROW, Picture, draw_figure, group_digits, 
 from benchmarks.reports.time_series import TIME, Panel, TimeSeries
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.figure import DASHES, PALETTE, line_style, literal_label
-from planner.active_limits import ACTIVE_SHARE
+from planner.active_limits import ACTIVE_SHARE, name_segment
 from planner.activity import MOST_SEGMENTS, Activity
 from planner.overview import Overview
 from planner.plan_parts import PlanStanding
@@ -52,7 +52,7 @@ def write_report(
             summary=summary(standing),
             held=held,
             band=make_parts_band(held),
-            segments=list_segments(seen),
+            segments=list_segments(seen, held),
             active_share=ACTIVE_SHARE,
             most_segments=MOST_SEGMENTS,
             axes=list(zip(standing.pulses.axes, standing.counted, standing.machine.axes, strict=True)),
@@ -186,10 +186,12 @@ def _hold(name: str, edges: Array, values: Array, color: str) -> TimeSeries:
     return TimeSeries(name, edges, np.append(values, values[-1:]), color, step=True)
 
 
-def list_segments(seen: Overview) -> list[tuple[float, str]]:
-    """When each segment of the program begins, to a window, and its number; those within one window are passed over."""
+def list_segments(seen: Overview, held: Activity) -> list[tuple[float, str]]:
+    """When each segment of the program begins, to a window, and its name; those within one window are passed over."""
     begins = np.flatnonzero(np.diff(seen.segments, prepend=0))
-    return [(float(seen.t[k]), f"segment {seen.segments[k]}") for k in begins]
+    numbers = [int(seen.segments[k]) for k in begins]
+    known = held.find_segments(number - 1 for number in numbers)
+    return [(float(seen.t[k]), name_segment(n, known[n - 1])) for k, n in zip(begins, numbers, strict=True)]
 
 
 def make_parts_band(held: Activity) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.active_limits import active_limits, find_segments
+from planner.active_limits import active_limits, find_segments, name_segment
 from planner.plan import Plan
 
 MOST_RUNS = 2000
@@ -29,6 +29,6 @@ def make_band(plan: Plan) -> dict[str, Any]:
 
 
 def list_segments(plan: Plan) -> list[tuple[float, str]]:
-    """When each segment of the program begins, and what it is called."""
-    kinds, knots = plan.program.segments, plan.trajectory.knots
-    return [(float(knots[k]), f"{type(kinds[n - 1]).__name__.lower()} {n}") for k, n in find_segments(plan)]
+    """When each segment of the program begins, and what it is called (`name_segment`)."""
+    segments, knots = plan.program.segments, plan.trajectory.knots
+    return [(float(knots[k]), name_segment(n, segments[n - 1])) for k, n in find_segments(plan)]

@@ -181,8 +181,8 @@
       if (right < 0 || left > width || left < free) return;
       ctx.fillStyle = style("--soft");
       ctx.fillRect(left, bar, 1, height - bar);
-      const short = name.replace(/^\D*/, ""), room = crowded ? width - left : right - left;
-      const text = (crowded ? [short] : [name, short]).find(one => ctx.measureText(one).width + 8 < room);
+      const short = name.match(/\d+/)?.[0] ?? name, room = crowded ? width - left : right - left;
+      const text = (crowded ? [short] : [name.split(",")[0], short]).find(one => ctx.measureText(one).width + 8 < room);
       if (text) ctx.fillText(text, left + 4, bar + (height - bar) / 2);
       free = left + (crowded ? Math.max(60, ctx.measureText(short).width + 24) : 2);
     });

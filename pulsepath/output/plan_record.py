@@ -10,7 +10,7 @@ from kinematics import Axis, Machine
 from kinematics.analysis.residual_vibration import find_residuals
 from kinematics.files.plain_text import finite_or_none
 from planner import Classical, LimitChange, Plan, Triggered, Worth
-from planner.active_limits import tabulate_segments
+from planner.active_limits import FILE_LINE, tabulate_segments
 from planner.baselines import describe_differences, missing_limits
 from planner.certificate.certify import Certificate
 from planner.export.line_times import time_lines
@@ -286,9 +286,9 @@ def _origin(inputs: Inputs, packages: Sequence[str]) -> Record:
 def _segments(plan: Plan) -> list[Record]:
     """How long each segment takes, and what holds it back; the line of its file, None where it has none."""
     columns = {column.name: column.raw for column in tabulate_segments(plan).columns}
-    columns.setdefault("line", [None] * len(columns["segment"]))
+    columns.setdefault(FILE_LINE, [None] * len(columns["segment"]))
     keys = {
-        "segment": "segment", "line": "line", "kind": "kind", "length": "length_m", "time": "time_s",
+        "segment": "segment", FILE_LINE: "line", "kind": "kind", "length": "length_m", "time": "time_s",
         "mean speed": "mean_speed_m_s", "held back by": "held_back_by", "for": "held_back_for_percent",
     }  # fmt: skip
     return [dict(zip(keys.values(), row, strict=True)) for row in zip(*(columns[key] for key in keys), strict=True)]

@@ -21,7 +21,7 @@ def test_each_segment_has_its_length_time_line_and_what_holds_it_back():
     made = plan(Program((slow, Dwell(0.25, line_number=8), back), repeat=2), "traverser")
     told = columns_of(tabulate_segments(made))
     assert told["segment"] == [1, 2, 3]
-    assert told["line"] == [7, 8, 9]
+    assert told["file line"] == [7, 8, 9]
     assert told["kind"] == ["line", "dwell", "line"]
     assert told["length"] == pytest.approx([0.04, 0.0, 0.04])
     assert told["time"][0] > 40.0
@@ -31,7 +31,7 @@ def test_each_segment_has_its_length_time_line_and_what_holds_it_back():
     assert told["held back by"][0] == "tool speed"
     assert told["for"][0] > 95
     assert told["held back by"][1] is None
-    assert "line" not in columns_of(tabulate_segments(plan(Program((replace(back, to=slow.to, line_number=None),)),
+    assert "file line" not in columns_of(tabulate_segments(plan(Program((replace(back, to=slow.to, line_number=None),)),
                                                            "traverser")))  # fmt: skip
 
 

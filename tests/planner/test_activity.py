@@ -68,7 +68,7 @@ def test_the_time_of_each_limit_is_that_of_the_whole(waved, hexapod):
         assert seconds == pytest.approx(own[name], abs=2e-3)
     assert sum(told["active"]) == pytest.approx(standing.duration, rel=1e-12)
     slow = told["limit"].index("tool speed")
-    assert (told["longest in segment"][slow], told["line"][slow]) == (6, 12)
+    assert (told["longest in segment"][slow], told["file line"][slow]) == (6, 12)
     assert told["there"][slow] == pytest.approx(own["tool speed"], abs=2e-3)
 
 

@@ -125,7 +125,7 @@ def test_cursor_zoom_and_legend_hold_for_all_figures(planned, page, tmp_path):
     assert said["last"].startswith(f"{duration:.4f} s")
     assert said["at"] == pytest.approx(WHEN, abs=duration / 2000)
     assert said["text"] == said["spoken"]
-    assert re.match(r"0\.\d{4} s · arc 1 · (held by \w|no limit)", said["text"])
+    assert re.match(r"0\.\d{4} s · segment 1 \(arc\)(, file line \d+)? · (held by \w|no limit)", said["text"])
     figures = dict(said["legends"])
     state = planned.trajectory.at(WHEN)
     # between two instants that are drawn, values move by less than their derivative's limit times the step

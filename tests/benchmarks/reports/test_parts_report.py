@@ -14,7 +14,7 @@ from benchmarks.reports.timeline import make_band
 from kinematics import load_machine
 from kinematics.foundation.figure import PALETTE
 from planner import load_program, plan
-from planner.active_limits import active_limits
+from planner.active_limits import active_limits, name_segment
 from planner.activity import Activity
 from planner.figures import list_levels, style_limits
 from planner.limits.registry import AXIS_LIMITS, MACHINE_LIMITS, geometric_limits
@@ -93,12 +93,13 @@ def test_the_page_holds_the_extremes_of_every_window(made):
 
 
 def test_segments_begin_where_the_motion_comes_to_them(made):
-    _, seen, _, motions = made
+    _, seen, held, motions = made
     begins = {}
     for begin, motion in motions:
         for knot, piece in zip(motion.knots[:-1], motion.piece, strict=True):
-            begins.setdefault(f"segment {motion.path.segment(int(piece))}", begin + knot)
-    found = {name: t for t, name in list_segments(seen)}
+            number = motion.path.segment(int(piece))
+            begins.setdefault(name_segment(number, held.program.segments[number - 1]), begin + knot)
+    found = {name: t for t, name in list_segments(seen, held)}
     assert list(found) == list(begins)
     for name, t in found.items():
         assert 0 <= t - begins[name] <= seen.window + 1e-9

@@ -21,7 +21,7 @@ from controllers import evaluate, find_law, track
 from controllers.figures import contour_error, following_error
 from controllers.rig import assumed_rig
 from kinematics import load_machine
-from planner import classical, load_program, plan
+from planner import classical, import_program, load_program, plan
 from planner.active_limits import active_limits, tabulate_segments
 from planner.figures import axis_motion, limit_use, path_in_space, pulse_rate
 from planner.program.model import Dwell, Line, Program
@@ -345,7 +345,8 @@ def test_the_scrubber_shows_the_active_limit_of_every_instant(planned, monkeypat
         return [band["limits"][owners[k]]["name"] if owners[k] >= 0 else "" for k in at]
 
     assert shown((knots[1:] + knots[:-1]) / 2) == names
-    assert list_segments(planned) == [(0.0, "arc 1")]
+    line = planned.program.segments[0].line_number
+    assert list_segments(planned) == [(0.0, f"segment 1 (arc), file line {line}")]
     # of a long motion, at so many instants
     monkeypatch.setattr("benchmarks.reports.timeline.MOST_RUNS", 50)
     middle = planned.trajectory.duration * (np.arange(50) + 0.5) / 50
@@ -367,12 +368,30 @@ def test_what_is_drawn_on_given_axes_stays_there(planned, metrics):
         assert legend >= {limit.name for limit in planned.limits}
 
 
+def test_a_segment_of_gcode_is_named_with_the_line_of_its_file(tmp_path):
+    """ "line 1" would be the first segment, and a straight one, on line 4."""
+    file = tmp_path / "part.nc"
+    file.write_text("G21\nG90\n; a corner\nG1 X5 F600\nG1 Z5\n", encoding="utf-8")
+    planned = plan(import_program(file).program, load_machine("cartesian"), order=2)
+    assert [name for _, name in list_segments(planned)] == [
+        "segment 1 (line), file line 4",
+        "segment 2 (line), file line 5",
+    ]
+    columns = {column.title: list(column.raw) for column in tabulate_segments(planned).columns}
+    assert columns["file line"] == [4, 5]
+
+
 def test_a_dwell_is_a_segment_of_its_own_in_time():
     """Before, between and after what moves, and again in each repetition."""
     moves = [Dwell(0.25), Line(np.array([0, 0, 5e-3])), Dwell(0.5), Line(np.zeros(3))]
     planned = plan(Program(tuple(moves), name="rests", frame="home", repeat=2), load_machine("hexapod"), order=2)
     motion, found = planned.trajectory, list_segments(planned)
-    assert [name for _, name in found] == ["dwell 1", "line 2", "dwell 3", "line 4"] * 2
+    assert [name for _, name in found] == [
+        "segment 1 (dwell)",
+        "segment 2 (line)",
+        "segment 3 (dwell)",
+        "segment 4 (line)",
+    ] * 2
     ends = [*(t for t, _ in found[1:]), motion.duration]
     for (begin, name), end in zip(found, ends, strict=True):
         resting = "dwell" in name
