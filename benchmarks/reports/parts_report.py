@@ -1,6 +1,6 @@
 """The report of a plan that was made in parts: one HTML page, whose figures show the extremes over windows of time."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +11,7 @@ from benchmarks.reports.page import NARROW, Picture, draw_figure, group_digits, 
 from benchmarks.reports.time_series import TIME, Panel, TimeSeries
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.figure import DASHES, PALETTE, line_style, literal_label
+from kinematics.foundation.table import Table
 from planner.active_limits import ACTIVE_SHARE, name_segment
 from planner.activity import MOST_SEGMENTS, Activity
 from planner.overview import Overview
@@ -34,11 +35,14 @@ def write_report(
     *,
     figures: bool,
     note: str = "",
+    drives: Sequence[Table] = (),
+    triggers: Sequence[Table] = (),
 ) -> None:
     """Write the page and, with figures, `figures/*.png` beside it.
 
     seen, held: what the motion does, and what holds it back. verdict: of the check of its pulses; None: they were not
-    asked for. note: why it ends where it does
+    asked for. note: why it ends where it does. drives: tables of the times on the lines of its drives; triggers: of the
+    first of them
     """
     drawn = draw(standing, seen, held) if figures else {}
     path.write_text(
@@ -49,6 +53,8 @@ def write_report(
             seen=seen,
             verdict=verdict,
             note=note,
+            drives=drives,
+            triggers=triggers,
             summary=summary(standing),
             held=held,
             band=make_parts_band(held),

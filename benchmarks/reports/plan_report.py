@@ -15,7 +15,7 @@ from benchmarks.reports.timeline import list_segments, make_band
 from controllers.metrics import Metrics
 from controllers.rig import Rig
 from kinematics.foundation.options import check_arguments
-from kinematics.foundation.table import MAX_SHOWN_ROWS
+from kinematics.foundation.table import MAX_SHOWN_ROWS, Table
 from planner.active_limits import ACTIVE_SHARE, active_limits, tabulate_segments
 from planner.baselines import Classical, describe_differences, missing_limits
 from planner.certificate.certify import CROSSING
@@ -61,6 +61,7 @@ def write_report(
     stops: Stops | None = None,
     scene: str = "",
     unbounded: str = "",
+    drives: Sequence[Table] = (),
 ) -> None:
     """Write the report of a plan: a page, and its figures as `figures/*.png` next to it.
 
@@ -93,12 +94,15 @@ def write_report(
         The page of the machine in motion, as `benchmarks.animation` makes it, if the page is to hold it.
     unbounded
         Why there is no worth, if the page is to say so.
+    drives
+        Tables of the times on the lines of STEP and DIR against what the drives need.
     """
     figures = (
         draw(plan, classical, metrics, realised) | draw_worth(worth, tradeoff, stops) if figures is None else figures
     )
     asked = crossed, worth, change, tradeoff, stops
-    page = _page(plan, classical, metrics, verdict, others, realised, figures, rig, untracked, *asked, scene, unbounded)
+    told = scene, unbounded, drives
+    page = _page(plan, classical, metrics, verdict, others, realised, figures, rig, untracked, *asked, *told)
     path.write_text(page, encoding="utf-8")
     save_figures(figures, path)
 
@@ -247,6 +251,7 @@ def _page(
     stops: Stops | None,
     scene: str,
     unbounded: str,
+    drives: Sequence[Table],
 ) -> str:
     return render(
         "report.html.j2",
@@ -269,6 +274,7 @@ def _page(
         saved=classical.duration - plan.trajectory.duration if classical else 0.0,
         missing=missing_limits(plan, classical) if classical else (),
         unbounded=unbounded,
+        drives=drives,
         differences={one.kind: describe_differences(plan, one) for one in others},
         allowed={limit.name: _format_bounds(limit, plan) for limit in plan.limits} | CLAIMS,
         active=dict(_active_time(plan)),

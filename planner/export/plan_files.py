@@ -12,18 +12,22 @@ units.
 import csv
 import io
 from collections.abc import Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 
 from kinematics import Axis
+from kinematics.foundation.table import Column, Table
 from planner.pulses.triggers import Triggered
 from planner.shaping.shaped_motion import ShapedMotion, rows_of_shaped
 from planner.trajectory import Trajectory, column_headings, row_instants, rows
 
 BLOCK_ROWS = 1 << 13
 """Rows computed and written together, so that memory stays bounded."""
+MOST_TRIGGERS = 50
+"""That are read for a page."""
 
 
 def write_trajectory_csv(trajectory: Trajectory, path: Path, shaped: ShapedMotion | None = None) -> None:
@@ -72,6 +76,26 @@ class TriggerWriter:
         self._file.write(_trigger_lines(stop))
         self._file.truncate()
         self._file.seek(reached)
+
+
+def tabulate_trigger_csv(path: Path, count: int) -> Table:
+    """The first triggers of a table that was written, MOST_TRIGGERS of `count` at most."""
+    with path.open(encoding="utf-8", newline="") as file:
+        reader = csv.DictReader(file)
+        rows = [*islice(reader, MOST_TRIGGERS)]
+        counted = [name for name in reader.fieldnames or () if name.endswith(" [counts]")]
+    repetitions = [int(row["repetition"]) for row in rows]
+    columns = [
+        Column("trigger", [row["name"] for row in rows]),
+        Column("segment", [int(row["segment"]) for row in rows]),
+        *([Column("repetition", repetitions)] if max(repetitions, default=1) > 1 else []),
+        Column("at", [float(row["s [m]"]) for row in rows], "m", "human", ".3f"),
+        Column("time", [float(row["t [s]"]) for row in rows], "s", form=".7f"),
+        *(Column(name.replace("[counts]", "(counts)"), [int(row[name]) for row in rows]) for name in counted),
+    ]
+    left = f"the other {count - len(rows)} are in {path.name}"
+    told = "times at which the motion passes the positions marked in the program, with the counts of every axis"
+    return Table(told, tuple(columns), (left,) if count > len(rows) else ())
 
 
 def _trigger_lines(triggers: Sequence[Triggered]) -> bytes:

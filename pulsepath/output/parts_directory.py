@@ -12,7 +12,7 @@ from kinematics.foundation.names import count_noun
 from planner.activity import Activity
 from planner.export.formats.binary import PulseWriter, find_end
 from planner.export.motion_file import MotionWriter, PartHead, follow_motion
-from planner.export.plan_files import TriggerWriter
+from planner.export.plan_files import TriggerWriter, tabulate_trigger_csv
 from planner.limits import limits_of
 from planner.overview import Overview
 from planner.path.chain import walk_path
@@ -25,8 +25,9 @@ from pulsepath.inputs import Inputs
 from pulsepath.job import Defect
 from pulsepath.output.checkpoint import Checkpoint, holds_checkpoint, read_checkpoint, write_checkpoint
 from pulsepath.output.directory import BEGUN, CHECKPOINT, MOTION, RECORD, REPORT, TRIGGERS
+from pulsepath.output.drive_tables import tabulate_drives
 from pulsepath.output.plan_directory import BINARY, CERTIFICATE, SOURCES
-from pulsepath.output.plan_record import of_parts, of_pulse_file
+from pulsepath.output.plan_record import of_parts, of_pulse_file, of_pulses
 from pulsepath.output.record import as_json
 from pulsepath.output.verification import digest_pulses, seal_record
 from pulsepath.process.intent import make_resume_command
@@ -239,11 +240,23 @@ def _finish(
         if not verdict.holds:
             raise Defect(f"{count_noun(verdict.fault_count, 'fault')} in the pulses, the first: {verdict.faults[0]}")
         digest = digest_pulses(open_pulses(file).parts())
-        told = of_pulse_file(file, standing.pulses, standing.machine, verdict, standing.counted)
-        (folder / CERTIFICATE).write_text(as_json(told), encoding="utf-8")
+        proof = of_pulse_file(file, standing.pulses, standing.machine, verdict, standing.counted)
+        (folder / CERTIFICATE).write_text(as_json(proof), encoding="utf-8")
     from benchmarks.reports.parts_report import write_report  # which takes matplotlib along
 
+    told = of_pulses(standing.pulses, standing.machine, standing.counted, digest, verdict)
+    triggers = [tabulate_trigger_csv(folder / TRIGGERS, standing.triggers)] if standing.triggers else []
     with step("writing the report"):
-        write_report(standing, seen, held, verdict, folder / REPORT, figures=figures, note=ending)
+        write_report(
+            standing,
+            seen,
+            held,
+            verdict,
+            folder / REPORT,
+            figures=figures,
+            note=ending,
+            drives=tabulate_drives(told),
+            triggers=triggers,
+        )
     record = of_parts(standing, inputs, digest, verdict, ending)
     (folder / RECORD).write_text(as_json(seal_record(record, folder, (BEGUN, CHECKPOINT))), encoding="utf-8")

@@ -32,7 +32,8 @@ from pulsepath.inputs import Inputs, Origin
 from pulsepath.job import Defect, Job
 from pulsepath.options import LAWS
 from pulsepath.output.directory import MOTION, RECORD, REPORT, TRIGGERS, refuse_no_plan
-from pulsepath.output.plan_record import of_plan, of_pulse_file
+from pulsepath.output.drive_tables import tabulate_drives
+from pulsepath.output.plan_record import of_plan, of_pulse_file, of_pulses
 from pulsepath.output.record import Record, as_json
 from pulsepath.output.stored_plan import StoredPlan
 from pulsepath.output.verification import (
@@ -132,6 +133,8 @@ def _write_report(page: Path, job: Job, verdict: PulseCheck) -> None:
             seen = job.seen()
     if seen.note:
         note(seen.note)
+    schedule = job.plan.pulses
+    counted = [(len(axis), axis.final - axis.start) for axis in schedule.axes]
     with step("writing the report"):
         write_report(
             job.plan,
@@ -151,6 +154,7 @@ def _write_report(page: Path, job: Job, verdict: PulseCheck) -> None:
             unbounded=job.unbounded,
             scene=seen.scene,
             untracked=seen.note or rig_hint(job.plan.machine),
+            drives=tabulate_drives(of_pulses(schedule, job.plan.machine, counted, None, verdict)),
         )
 
 

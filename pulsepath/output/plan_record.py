@@ -82,7 +82,7 @@ def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
             "longest_distance_to_rest_m": float(job.stops.distance.max()),
         },
         "solver": {"rounds": plan.rounds, "methods": list(plan.methods)},
-        "pulses": _pulses(plan.pulses, plan.machine, counted, digest_pulses([plan.pulses]), verdict),
+        "pulses": of_pulses(plan.pulses, plan.machine, counted, digest_pulses([plan.pulses]), verdict),
         "tracking": None if job.rig is None else of_tracking(job.rig, job.seen().metrics),
         "cross_check": None if job.crossed is None else job.crossed.record(),
         "realised": None if job.realised is None else realised_record(job.realised),
@@ -145,7 +145,7 @@ def of_parts(
         "stated_but_not_kept": list(find_unkept_limits(standing.machine)),
         "solver": {"rounds": standing.rounds, "methods": dict(standing.methods)},
         "trigger_count": standing.triggers,
-        "pulses": _pulses(standing.pulses, standing.machine, standing.counted, digest, verdict),
+        "pulses": of_pulses(standing.pulses, standing.machine, standing.counted, digest, verdict),
         **_origin(inputs, ()),
     }
 
@@ -220,14 +220,17 @@ def _shaping_cost(cost: ShapingCost) -> Record:
     }
 
 
-def _pulses(
+def of_pulses(
     pulses: PulseSchedule,
     machine: Machine,
     counted: Sequence[tuple[int, int]],
     digest: str | None,
     verdict: PulseCheck | None,
 ) -> Record:
-    """counted: of each axis how many it has, and their net count."""
+    """A schedule, what its check found, and the times on the lines of each axis.
+
+    counted: of each axis how many it has, and their net count
+    """
     return {
         "clock_hz": pulses.clock_hz,
         "total": sum(number for number, _ in counted),

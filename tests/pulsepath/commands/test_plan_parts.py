@@ -16,6 +16,7 @@ from benchmarks.evidence.speed.workpieces import spiral
 from kinematics import load_machine
 from planner.certificate.certify import certify
 from planner.export.motion_file import MotionWriter, follow_motion, join_parts, motion_parts, read_motion
+from planner.export.plan_files import tabulate_trigger_csv
 from planner.path.actuation import actuate
 from planner.path.chain import walk_path
 from planner.plan_parts import MOST_WHOLE, plan_parts
@@ -160,6 +161,38 @@ def test_triggers_are_written_where_the_whole_has_them(call, folder, events):
         assert motion.at(t).s[0] == pytest.approx(float(row["s [m]"]), abs=1e-12)  # by the motion as it was written
         assert t == pytest.approx(float(other["t [s]"]), rel=2e-2)  # windows of six pieces look ahead a little
         assert [int(value) for name, value in row.items() if "[counts]" in name] == pulses.counts(t)[0].tolist()
+
+
+def list_cells(page, section):
+    """Of the table below a heading, row by row."""
+    table = page.split(f'<h2 id="{section}">')[1].split("</table>")[0]
+    rows = [re.findall(r"<t[hd][^>]*>([^<]*)</t[hd]>", row) for row in table.split("<tr>")[1:]]
+    return rows[0], rows[1:]
+
+
+def test_both_pages_have_the_drive_timing_and_the_triggers(folder, events):
+    """A plan in parts as a plan of the whole: the times on the lines of each axis, and each trigger with its time."""
+    for name, record in zip(("streamed", "whole"), events, strict=True):
+        page = (folder / name / "report.html").read_text(encoding="utf-8")
+        heads, rows = list_cells(page, "drives")
+        assert heads[:2] == ["axis", "STEP high (µs)"]
+        for row, (axis, told) in zip(rows, record["pulses"]["axes"].items(), strict=True):
+            kept = [row[0], *(float(cell.split(" / ")[0]) for cell in row[1:])]
+            lines = [1e6 * told["lines_s"][key] for key in ("high", "low", "setup", "hold")]
+            assert kept[0] == axis
+            assert kept[1:] == pytest.approx([*lines, told["highest_rate_hz"] / 1e3], rel=1e-5)  # six digits are shown
+        heads, rows = list_cells(page, "triggers")
+        known = read_triggers(folder / name)
+        assert heads[:4] == ["trigger", "segment", "at (mm)", "time (s)"]
+        assert len(rows) == len(known)
+        for row, event in zip(rows, known, strict=True):
+            assert row[:2] == [event["name"], event["segment"]]
+            assert float(row[3]) == pytest.approx(float(event["t [s]"]), abs=5e-8)
+
+
+def test_a_page_has_the_first_of_many_triggers(folder, events):
+    table = tabulate_trigger_csv(folder / "streamed" / "triggers.csv", 1000)
+    assert table.notes == (f"the other {1000 - len(table)} are in triggers.csv",)
 
 
 def test_triggers_that_were_changed_are_found(call, folder, events):
