@@ -9,7 +9,6 @@ from typing import cast
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Rectangle
-from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D
 from numpy.typing import ArrayLike
 
@@ -31,6 +30,7 @@ from kinematics.foundation.figure import (
     PALETTE,
     draw_bars,
     invert_y_axis,
+    label_space,
     literal_label,
     new_axes,
     new_axes_3d,
@@ -125,9 +125,7 @@ def _body(workspace: Workspace, ax: Axes3D | None) -> Axes3D:
             *ball, color=SPHERE, linewidth=0.6, label=f"largest sphere: radius {1e3 * sphere.radius:.1f} mm"
         )
         ax.legend(loc="upper left", frameon=False, fontsize="small")
-    ax.set(xlabel="x (mm)", ylabel="y (mm)", zlabel="z (mm)")
-    ax.zaxis.set_major_locator(MaxNLocator(3))
-    ax.set_aspect("equal")
+    label_space(ax)
     ax.set_title(_title(workspace, ""))
     return ax
 
@@ -251,8 +249,8 @@ def _legs(machine: Legged, ax: Axes3D | None) -> Axes:
     for joints in (base, platform):
         round_ = np.argsort(np.arctan2(*(joints - joints.mean(0))[:, 1::-1].T))
         ax.plot(*joints[[*round_, round_[0]]].T, color="black", linewidth=1)
-    ax.set(xlabel="x (mm)", ylabel="y (mm)", zlabel="z (mm)", title=f"{literal_label(machine.name)} at home")
-    ax.set_aspect("equal")
+    label_space(ax)
+    ax.set_title(f"{literal_label(machine.name)} at home")
     ax.legend(loc="upper left", frameon=False, fontsize="small")
     return cast(Axes, ax)
 

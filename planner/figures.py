@@ -7,12 +7,20 @@ from typing import Any, Literal
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import StepPatch
-from matplotlib.ticker import FixedLocator, MaxNLocator
+from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.figure import PALETTE, draw_bars, line_style, literal_label, new_axes, new_axes_3d
+from kinematics.foundation.figure import (
+    PALETTE,
+    draw_bars,
+    label_space,
+    line_style,
+    literal_label,
+    new_axes,
+    new_axes_3d,
+)
 from kinematics.foundation.result import draws
 from kinematics.machine.axis import Axis, directional_bounds
 from kinematics.machine.pose import from_numbers, to_numbers
@@ -126,14 +134,12 @@ def draw_way(ax: Axes3D, position: Array, speed: Array, label: str = "speed alon
     ax.scatter(*position[0], s=80, facecolor="none", edgecolor="black", depthshade=False, clip_on=False, label="start")
     for name, low, size in zip("xyz", position.min(0), extent, strict=True):
         half = max(size, extent.max() / 10) / 2
-        ax.set(**{f"{name}lim": (low + size / 2 - half, low + size / 2 + half), f"{name}label": f"{name} (mm)"})
-        at = FixedLocator([low + size / 2]) if 20 * size < extent.max() else None  # no room for numbers side by side
-        getattr(ax, f"{name}axis").set_major_locator(at or MaxNLocator(2 if 4 * size < extent.max() else 5))
-    ax.set_aspect("equal")
+        ax.set(**{f"{name}lim": (low + size / 2 - half, low + size / 2 + half)})
+    label_space(ax)
     ax.legend(loc="upper left", frameon=False)
     root = ax.get_figure(root=True)
     if root is not None:
-        root.colorbar(line, ax=ax, label=label, shrink=0.7, pad=0.1)
+        root.colorbar(line, ax=ax, label=label, shrink=0.7, pad=0.13)
     return ax
 
 

@@ -135,7 +135,7 @@ def four_views(plan: AnimatablePlan, t: float | None = None, *, magnify: float |
 
 def _draw(ax: Any, frames: Frames, view: View) -> None:
     """One view: bars from the farthest to the nearest, joints, the tool, and both paths, in mm."""
-    from matplotlib.ticker import MaxNLocator
+    from kinematics.foundation.figure import label_space
 
     shown = _plane(view) if view.parallel else np.eye(3)
     colours = colour_uses(frames.use_of([bar.axis for bar in frames.bars])[0]) / 255
@@ -162,13 +162,11 @@ def _draw(ax: Any, frames: Frames, view: View) -> None:
         height = 1e3 * frames.box[0, 2]
         ax.set(zlim=height + 1e3 * FLAT_HEIGHT_SHARE * frames.size * np.array([-1, 1]), zticks=[height])
     ax.set_aspect("equal", **({"adjustable": "datalim"} if view.parallel else {}))
-    names = ["xyz"[int(np.argmax(axis))] for axis in shown.T]
-    for way, name in zip("xyz", names, strict=False):
-        ax.set(**{f"{way}label": f"{name} (mm)"})
-    if not view.parallel:
-        for name in names:
-            if not (frames.flat and name == "z"):
-                getattr(ax, f"{name}axis").set_major_locator(MaxNLocator(4))
+    if view.parallel:
+        for way, axis in zip("xy", shown.T, strict=True):
+            ax.set(**{f"{way}label": f"{'xyz'[int(np.argmax(axis))]} (mm)"})
+    else:
+        label_space(ax)
         x, y, z = view.back
         ax.view_init(elev=np.rad2deg(np.arcsin(z)), azim=np.rad2deg(np.arctan2(y, x)))
 

@@ -72,6 +72,56 @@ UNSEEN = "\N{ZERO WIDTH SPACE}"
 """Before names that begin with an underscore, which matplotlib would leave out of legends."""
 
 
+SPACE_TICKS = ((0.8, 4), (0.7, 3), (0.3, 2))
+"""From which share of the longest side on, a side of axes in space has room for how many numbers; below for one."""
+CORNER = 0.08
+"""Of a side: so near to its ends no number stands, since that of the next side may stand there."""
+SPACE_ZOOM = 0.93
+"""Of the size that leaves no room for names below."""
+FLAT = 0.05
+"""Share of the longest side, below which the height has no name."""
+LEAST_PAD, MOST_PAD = 3.0, 28.0
+"""Points between numbers and name of an axis, beside long sides and sides of no length: matplotlib's own are shares of
+these."""
+
+
+def label_space(ax: Axes3D, unit: str = "mm") -> None:
+    """Equal scales, and numbers and names of axes in space that do not overlap; call it when the limits stand.
+
+    A side that is short beside the longest has few numbers, and one of next to no length no name: there is no room.
+    """
+    limits = {name: getattr(ax, f"get_{name}lim")() for name in "xyz"}
+    ax.set_box_aspect([high - low for low, high in limits.values()], zoom=SPACE_ZOOM)
+    longest = max(high - low for low, high in limits.values())
+    shares = {name: (high - low) / longest for name, (low, high) in limits.items()}
+    beside = {
+        "x": min(shares["y"], shares["z"]),
+        "y": min(shares["x"], shares["z"]),
+        "z": max(shares["x"], shares["y"]),
+    }
+    for name, (low, high) in limits.items():
+        axis = getattr(ax, f"{name}axis")
+        count = next((count for share, count in SPACE_TICKS if shares[name] >= share), 1)
+        axis.set_ticks(_choose_space_ticks(low, high, count))
+        ax.tick_params(axis=name, labelsize="small", pad=2)
+        flat = name == "z" and shares[name] < FLAT
+        axis.set_label_text("" if flat else f"{name} ({unit})")
+        axis.labelpad = max(LEAST_PAD, MOST_PAD * (1 - beside[name]) * shares[name] ** 0.3)
+
+
+def _choose_space_ticks(low: float, high: float, count: int) -> list[float]:
+    """Round numbers, `count` at most, none of them near an end."""
+    from matplotlib.ticker import MaxNLocator
+
+    room = CORNER * (high - low)
+    for bins in range(count + 2, 0, -1):
+        ticks = [round(float(tick), 12) for tick in MaxNLocator(bins).tick_values(low, high)]
+        inner = [tick for tick in ticks if low + room <= tick <= high - room]
+        if 0 < len(inner) <= count:
+            return inner
+    return [round((low + high) / 2, 1 - floor(log10(high - low)))]
+
+
 def literal_label(name: str) -> str:
     """A name as it stands: between two dollars matplotlib would read it as maths; `read_label` has it back."""
     return UNSEEN * name.startswith("_") + name.replace("$", r"\$")

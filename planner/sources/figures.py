@@ -6,12 +6,11 @@ from typing import cast
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.figure import literal_label, new_axes, new_axes_3d
+from kinematics.foundation.figure import label_space, literal_label, new_axes, new_axes_3d
 from kinematics.foundation.names import count_noun
 from kinematics.foundation.result import draws
 from planner.program.model import Program
@@ -40,7 +39,6 @@ def program_path(outline: Outline, ax: Axes | None = None, title: str = "") -> A
         ax.add_collection(drawn)
     else:
         cast(Axes3D, ax).add_collection3d(drawn)
-        cast(Axes3D, ax).zaxis.set_major_locator(MaxNLocator(3))
     if strokes:
         start = strokes[0][0]
         ax.plot(*start[:, None], "o", markersize=9, markerfacecolor="none", color="black", label="start")
@@ -52,7 +50,10 @@ def program_path(outline: Outline, ax: Axes | None = None, title: str = "") -> A
         half = max(extent[k], extent.max() / 10, 1e-6) * 0.55e3
         middle = 0.5e3 * (outline.low[k] + outline.high[k])
         ax.set(**{f"{'xyz'[place]}lim": (middle - half, middle + half), f"{'xyz'[place]}label": f"{'xyz'[k]} (mm)"})
-    ax.set_aspect("equal")
+    if thin:
+        ax.set_aspect("equal")
+    else:
+        label_space(cast(Axes3D, ax))
     ax.set_title(literal_label(title) or f"{count_noun(len(strokes), 'segment')}, {1e3 * outline.length:.6g} mm")
     root = ax.get_figure(root=True)
     if root is not None and len(strokes) > 1:
