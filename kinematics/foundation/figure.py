@@ -80,7 +80,7 @@ SPACE_ZOOM = 0.93
 """Of the size that leaves no room for names below."""
 FLAT = 0.05
 """Share of the longest side, below which the height has no name."""
-LEAST_PAD, MOST_PAD = 3.0, 28.0
+LEAST_PAD, MOST_PAD = 3.0, 32.0
 """Points between numbers and name of an axis, beside long sides and sides of no length: matplotlib's own are shares of
 these."""
 
@@ -95,8 +95,8 @@ def label_space(ax: Axes3D, unit: str = "mm") -> None:
     longest = max(high - low for low, high in limits.values())
     shares = {name: (high - low) / longest for name, (low, high) in limits.items()}
     beside = {
-        "x": min(shares["y"], shares["z"]),
-        "y": min(shares["x"], shares["z"]),
+        "x": (shares["y"] + shares["z"]) / 2,
+        "y": (shares["x"] + shares["z"]) / 2,
         "z": max(shares["x"], shares["y"]),
     }
     for name, (low, high) in limits.items():
