@@ -31,9 +31,7 @@ from planner.certificate.feasibility import Standing
 from planner.cross_check import CrossCheck
 from planner.interruption.hold import Stops
 from planner.interruption.section import Section
-from planner.limits.axis import Acceleration, Jerk, Speed
 from planner.limits.registry import AXIS_LIMITS, MACHINE_LIMITS, geometric_limits
-from planner.limits.tool import ToolSpeed
 from planner.path.actuation import MachinePath
 from planner.plan import Plan
 from planner.plan_parts import PlanStanding
@@ -179,8 +177,11 @@ def list_levels(axes: Sequence[Axis], quantity: Quantity, kind: str) -> list[tup
     return levels
 
 
-TIMED_COLOURS = (*PALETTE[:4], "#CC79A7", "#56B4E9", "#5D3A9B", "#8A5A00", "#882255", "#004D40")
-"""One for each limit that depends on timing, of which the band of active limits shows the colour alone."""
+TIMED_COLOURS = (
+    "#0072B2", "#E69F00", "#56B4E9", "#CC79A7", "#009E73",
+    "#D55E00", "#5D3A9B", "#8A5A00", "#882255", "#004D40",
+)  # fmt: skip
+"""One for each limit that depends on timing, in the order of the tables: the band of active limits shows no more."""
 
 
 def style_limits(names: Iterable[str]) -> dict[str, dict[str, Any]]:
@@ -189,9 +190,7 @@ def style_limits(names: Iterable[str]) -> dict[str, dict[str, Any]]:
     Limits that depend on timing have a colour each, geometric ones are dashed, and those of a caller are dotted.
     """
     still = geometric_limits()
-    usual = (Speed.name, Acceleration.name, Jerk.name, ToolSpeed.name)
-    every = dict.fromkeys((*usual, *(limit.name for limit in (*AXIS_LIMITS, *MACHINE_LIMITS))))
-    timed = [name for name in every if name not in still]
+    timed = [limit.name for limit in (*AXIS_LIMITS, *MACHINE_LIMITS) if limit.name not in still]
     styles: dict[str, dict[str, Any]] = {}
     for n, name in enumerate(names):
         if name in timed:
