@@ -306,3 +306,18 @@ def test_what_a_rig_cannot_do_is_said(tmp_path, kind, encoder, peak, blind, warn
     assert ("No encoder is read on rig: closed-position closes its loop over the pulses" in text) == blind
     assert ("WARNING: it takes up to 121 % of the torque of its steppers" in text) == warned
     assert "WARNING" not in verdict_of(compare([runs])).text  # saved before drives were recorded
+
+
+@pytest.mark.parametrize(("error", "offered"), [(50e-6, True), (150e-6, False)])
+def test_gains_are_offered_only_where_they_beat_the_baseline(tmp_path, error, offered):
+    found = compare(
+        [with_costs(tmp_path / "runs", {BASE: (QUIET, {}), GOOD: (QUIET, {})}, {BASE: 100e-6, GOOD: error})]
+    )
+    verdict = verdict_of(found)
+    assert (verdict.score < 1) == offered
+    _, page = gain_report(found)
+    assert ('<pre id="gains">' in page) == offered
+    # what decides is seen at once, the rest is folded
+    folded = page.index("Costs, margins and what was left out")
+    assert all(page.index(sentence[:20]) < folded for sentence in verdict.told[:4])
+    assert all(page.index(sentence[:20]) > folded for sentence in verdict.told[4:5])
