@@ -1,5 +1,4 @@
-"""How near a motion is to the fastest, proved: cells along its path, multipliers for the bound, more cells where it
-loses.
+"""How near a motion is to the fastest, proved: cells along its path, multipliers, and more cells where it loses.
 
 What is proved is `planner.certificate.lower_bound`'s; here is chosen what it is proved with, near a known motion.
 """
@@ -345,8 +344,7 @@ def _find_end_states(
     path: ActuatorPath, order: int, ends: tuple[int, int], count: int
 ) -> tuple[Array, np.ndarray, np.ndarray]:
     """a and b at both ends (2, 2); which nodes' λ (count, 2) have to be 0 as these are not known; and how many of the
-    path's derivatives are 0 at the ends (2,) at which all axes rest, −1 at others.
-    """
+    path's derivatives are 0 at the ends (2,) at which all axes rest, −1 at others."""
     given, free, rests = np.zeros((2, 2)), np.zeros((count, 2), bool), np.full(2, -1)
     still = count_zero_derivatives(path)
     last = len(path.breaks) - 1
@@ -371,9 +369,7 @@ def _find_end_states(
 
 
 def _find_dead_nodes(rows: RowCells, order: int, first: int, last: int) -> np.ndarray:
-    """Nodes beside cells from the first to before the last in which no axis with a limit surely moves: there nothing
-    can be balanced.
-    """
+    """Nodes beside cells, from the first to before the last, in which no axis with a limit surely moves."""
     ends, off = rows.ends[first:last], rows.off[first:last]
     most = np.abs(ends[:, :, 0]).min(1) - off[:, 0]
     moves = (most > 0) & (ends[:, 0, 0] * ends[:, 1, 0] > 0)
