@@ -38,12 +38,12 @@ def step(player: Path, file: Path, axes: int, pulse_ticks: int) -> list[tuple[np
 
 def main() -> None:
     parser = ArgumentParser(description=__doc__)
-    parser.add_argument("player", type=Path)
+    parser.add_argument("player", type=Path, nargs="?")
     parser.add_argument("--programs", default=PROGRAMS)
     parser.add_argument("--pulse-ticks", type=int, default=PULSE_TICKS)
     asked = parser.parse_args()
-    if not asked.player.is_file():
-        print(f"there is no program {asked.player} around Klipper's firmware (github.com/Klipper3d/klipper): skipped")
+    if asked.player is None or not asked.player.is_file():
+        print("there is no PLAYER around Klipper's firmware (github.com/Klipper3d/klipper): skipped")
         return
     rows = []
     with TemporaryDirectory() as place:
