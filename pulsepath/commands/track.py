@@ -49,7 +49,9 @@ def track(
 
     refuse_no_plan(directory)
     import controllers
+    from benchmarks.reports.gain.laws_outcome import describe_blind
     from benchmarks.sweep import read_setting
+    from benchmarks.sweep.run import reads_encoder
     from controllers.metrics.evaluate import PERIOD
     from controllers.rig_choice import choose_rig
     from kinematics.files.atomic_files import Destination
@@ -76,5 +78,8 @@ def track(
     else:
         say(f"rig {behind.about}")
         tables.show(tables.of_tracking(metrics))
+        blind = [behind.name] if not all(map(reads_encoder, behind.drives)) else []
+        for sentence in describe_blind([setting.law for setting in settings], blind):
+            say(sentence)
         for doubt in planned.doubts:
             say(f"NOT VERIFIED: {doubt}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
 from typing import Any
@@ -87,14 +87,18 @@ def outcome_record(one: LawOutcome) -> dict[str, Any]:
 def describe_feedback(comparison: Comparison) -> list[str]:
     """That laws which close a loop were run where there is nothing to close it by."""
     laws = list(dict.fromkeys(entry.setting.law for entry in comparison.entries))
-    closed = [law for law in laws if getattr(find_law(law), "reads_encoder", False)]
     blind = [source for source in comparison.sources if not all(drive["encoder"] for drive in _list_drives(source))]
-    if not closed or not blind:
+    return describe_blind(laws, list(dict.fromkeys(source.record["rig"] for source in blind)))
+
+
+def describe_blind(laws: Sequence[str], rigs: Sequence[str]) -> list[str]:
+    """The same of laws by name, on rigs some of whose drives have no encoder."""
+    closed = [law for law in laws if getattr(find_law(law), "reads_encoder", False)]
+    if not closed or not rigs:
         return []
-    rigs = ", ".join(dict.fromkeys(source.record["rig"] for source in blind))
     whose = "closes its loop" if len(closed) == 1 else "close their loops"
     told = f"{', '.join(closed)} {whose} over the pulses that were sent, so that no error of the drives is corrected"
-    return [f"No encoder is read on {rigs}: {told}."]
+    return [f"No encoder is read on {', '.join(rigs)}: {told}."]
 
 
 def describe_overload(comparison: Comparison, entry: SettingEntry) -> list[str]:

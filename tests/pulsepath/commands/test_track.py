@@ -36,6 +36,13 @@ def test_it_prints_a_table_per_law(call, plan):
         )
 
 
+def test_a_law_that_closes_no_loop_is_said_to_close_none(call, plan):
+    """The bundled steppers have no encoders."""
+    closed = call("track", plan, "--law", "6", "--force")
+    assert "No encoder is read on hexapod-steppers: closed-position closes its loop over" in closed.stdout
+    assert "No encoder" not in call("track", plan, "--law", "3", "--force").stdout
+
+
 def test_the_rig_that_fits_is_taken_and_named(call, plan):
     """Without --rig it is said which one it is; on it no law errs by as much as a servo would lag."""
     done = call("track", plan)
