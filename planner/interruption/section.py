@@ -134,7 +134,7 @@ class Sent:
 
         def is_left(event: Triggered) -> bool:
             way = event.where.s - since
-            return since == 0 or way > rounding or (event.after_rest and way >= -rounding)
+            return since == 0 or way > rounding or (event.before is not None and way >= -rounding)
 
         return cls(left=tuple(filter(is_left, whole.triggers)))
 
@@ -195,7 +195,8 @@ class Section(Result):
         s = snap(motion.path.breaks, along, float(whole.breaks[-1]))
         if s > motion.path.breaks[-1]:
             return None
-        t, late = find_passing(motion, s, *find_delays(self.machine.axes), event.after_rest)
+        last = event.where.s >= float(whole.breaks[-1])
+        t, late = find_passing(motion, s, *find_delays(self.machine.axes), event.before, last=last)
         if t == np.inf:  # it rests there to its end
             return None
         passed = max(t + late - (0.0 if self.shaped is None else self.shaped.since), 0.0)

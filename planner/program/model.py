@@ -233,14 +233,18 @@ class Synchronised:
 
 @dataclass(frozen=True, slots=True)
 class Dwell:
-    """A dwell of `duration` (s)."""
+    """A dwell of `duration` (s). A trigger of it is at a share of that time."""
 
     duration: Duration
+    trigger: Trigger | None = field(default=None, kw_only=True)
     line_number: int | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         check_fields(self)
         check_positive("dwell", "duration", self.duration, "s")
+        if self.trigger is not None and self.trigger.after_rest:
+            name = self.trigger.name
+            raise MotionError(f"dwell: trigger {name}: after_rest is of what moves; leave it out: at = 1 is the end")
 
 
 Segment = Line | Arc | Spline | Curve | Turn | Synchronised | Dwell

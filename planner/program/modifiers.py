@@ -94,7 +94,7 @@ def choose_join(name: str, blend: float | None, fit: float | None) -> Join:
 class Trigger:
     """A named event at a position: a share of the tool path of its segment (1: its end).
 
-    Where the segment only turns the tool, at a share of the angle.
+    Where the segment only turns the tool, at a share of the angle; where it is a dwell, of its time.
 
     after_rest  at the start of the segment, when the motion goes on from a rest there, not when it comes to it
     """

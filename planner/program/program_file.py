@@ -34,6 +34,8 @@ from planner.program.segment_tables import (
     PathEntry,
     ToolAcceleration,
     ToolSpeed,
+    TriggerEntry,
+    read_trigger,
 )
 from planner.program.validation import MAX_REPEATS, repeats
 
@@ -232,9 +234,12 @@ class SynchronisedEntry(MovingEntry):
 
 class DwellEntry(TableSchema):
     dwell: Annotated[float, Unit("s", above=0)] = key("a rest", '"0.2 s"')
+    trigger: TriggerEntry | None = key(
+        "an event; at: its share of the rest, 1 (the end) if not stated", '{ name = "camera", at = 0.5 }', None
+    )
 
     def segment(self, line_number: int | None) -> Segment:
-        return Dwell(self.dwell, line_number=line_number)
+        return Dwell(self.dwell, trigger=read_trigger(self.trigger), line_number=line_number)
 
 
 SEGMENTS = (LineEntry, ArcEntry, SplineEntry, CurveEntry, TurnEntry, SynchronisedEntry, DwellEntry)

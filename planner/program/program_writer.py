@@ -67,7 +67,7 @@ def _head(program: Program, complete: bool) -> dict[str, Any]:
 def _modifiers(segment: Segment, complete: bool) -> dict[str, Any]:
     """What a segment says beside its shape."""
     if isinstance(segment, Dwell):
-        return {}
+        return {"trigger": segment.trigger and _trigger(segment.trigger)}
     constant: bool | None = getattr(segment, "speed_constant", None)  # None: a turn, which has no speed to keep
     trigger: Trigger | None = segment.trigger
     free: Free | None = getattr(segment, "free", None)

@@ -108,6 +108,13 @@ FreeEntry = Annotated[
 TriggerEntry = Annotated[Name | TriggerTable, Chosen(_trigger_type)]
 
 
+def read_trigger(entry: Name | TriggerTable | None) -> Trigger | None:
+    """The trigger that a file states."""
+    if entry is None:
+        return None
+    return Trigger(entry.name, entry.at, entry.after_rest) if isinstance(entry, TriggerTable) else Trigger(entry)
+
+
 SPEED = key("most of the tool along it", '"20 mm/s"', None)
 ACCELERATION = key("likewise", '"500 mm/s^2"', None)
 
@@ -140,10 +147,7 @@ class MovingEntry(TableSchema):
 
     @property
     def event(self) -> Trigger | None:
-        entry = self.trigger
-        if entry is None:
-            return None
-        return Trigger(entry.name, entry.at, entry.after_rest) if isinstance(entry, TriggerTable) else Trigger(entry)
+        return read_trigger(self.trigger)
 
 
 class PathEntry(MovingEntry):

@@ -19,7 +19,14 @@ from planner.place import Place
 from planner.program.model import Program
 from planner.program.modifiers import Trigger
 from planner.pulses.schedule import PulseSchedule
-from planner.pulses.triggers import Triggered, arrival_time, departure_time, holds_triggers, list_triggers, place_share
+from planner.pulses.triggers import (
+    ListedTrigger,
+    Triggered,
+    find_passing,
+    holds_triggers,
+    list_triggers,
+    place_share,
+)
 from planner.trajectory import Trajectory
 
 
@@ -28,7 +35,8 @@ class Mark:
     """A trigger on the steps of a path: so many m along one of them, from 1; None: at its end, for 0 where all begins.
 
     segment, repetition  whose it is; repetition None: the program runs once
-    after_rest           it is where the motion goes on along that step
+    before               s before the motion goes on along that step from a rest; None: on arrival
+    last                 nothing moves behind it: before the rest for good ends
     """
 
     name: str
@@ -36,7 +44,8 @@ class Mark:
     along: float | None
     segment: int
     repetition: int | None
-    after_rest: bool = False
+    before: float | None = None
+    last: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,19 +72,21 @@ def mark_steps(steps: Iterator[PathStep], program: Program, machine: Machine) ->
         yield from ((step, ()) for step in steps)
         return
     events, done, own = _Events(program), 0, list[PathStep]()
-    event: Trigger | None = None
+    event, resting = None, list[Mark]()  # those of dwells are where the next step begins
     while True:
         more, steps = take_items(steps, 1)
         if own and not (more and _whose(more[0]) == _whose(own[0])):
-            marks = [] if event is None else _place_marks(own, done, event, program, machine)
-            event = events.find(more[0]) if more else None
-            if event is not None and event.at == 0 and not event.after_rest:
-                marks.append(_mark(event, more[0], done + len(own), None))
-            yield from _distribute(own, done, marks)
+            marks = [*resting, *([] if event is None else _place_marks(own, done, event, program, machine))]
             done += len(own)
+            event, rests = events.find(more[0] if more else None)
+            resting = [_mark_rest(one, done, program.repeat, last=not more) for one in rests]
+            if event is not None and event.at == 0 and not event.after_rest:
+                marks.append(_mark(event, more[0], done, None))
+            yield from _distribute(own, done - len(own), marks if more else [*marks, *resting])
             own = []
         elif not own and more:
-            event = events.find(more[0])
+            event, rests = events.find(more[0])
+            resting = [_mark_rest(one, done, program.repeat, last=False) for one in rests]
         if not more:
             yield from ((step, ()) for step in steps)  # none, or a refusal
             return
@@ -86,16 +97,16 @@ class _Events:
     """The triggers of a program, asked for in the order of its path."""
 
     def __init__(self, program: Program) -> None:
-        repetitions = range(1, program.repeat + 1)
-        self._coming = ((again, number, event) for again in repetitions for number, event in list_triggers(program))
+        self._coming = list_triggers(program)
         self._next = next(self._coming, None)
 
-    def find(self, step: PathStep) -> Trigger | None:
-        """That of the segment to which a step belongs."""
-        here = _whose(step)
-        while self._next is not None and self._next[:2] < here:
+    def find(self, step: PathStep | None) -> tuple[Trigger | None, list[ListedTrigger]]:
+        """That of the segment to which a step belongs, and those of dwells before it; None: behind the last step."""
+        here, rests = None if step is None else _whose(step), list[ListedTrigger]()
+        while self._next is not None and (here is None or self._next[:2] < here):
+            rests += [self._next] if self._next.rests else []
             self._next = next(self._coming, None)
-        return self._next[2] if self._next is not None and self._next[:2] == here else None
+        return self._next.event if self._next is not None and self._next[:2] == here else None, rests
 
 
 def _whose(step: PathStep) -> tuple[int, int]:
@@ -106,10 +117,17 @@ def _mark(event: Trigger, step: PathStep, number: int, along: float | None) -> M
     return Mark(event.name, number, along, step.piece.segment, step.piece.repetition)
 
 
+def _mark_rest(one: ListedTrigger, done: int, repeat: int, *, last: bool) -> Mark:
+    """A dwell's, behind so many steps."""
+    step, along = (done, None) if last else (done + 1, 0.0)
+    repetition = one.repetition if repeat > 1 else None
+    return Mark(one.event.name, step, along, one.number, repetition, one.before, last)
+
+
 def _place_marks(own: Sequence[PathStep], done: int, event: Trigger, program: Program, machine: Machine) -> list[Mark]:
     """The trigger of a segment whose steps these are, behind others: none that is at its start, but of the first."""
     if event.after_rest:
-        return [replace(_mark(event, own[0], done + 1, 0.0), after_rest=True)]
+        return [replace(_mark(event, own[0], done + 1, 0.0), before=0.0)]
     if event.at == 0:
         return [] if done else [_mark(event, own[0], 0, None)]
     if event.at == 1:
@@ -144,8 +162,7 @@ def find_crossings(motion: Trajectory, begun: int, marks: Sequence[Mark]) -> tup
         if mark.along is not None:
             along[n] = min(float(ends[mark.step - begun - 1]) + mark.along, along[n])
     t = [
-        departure_time(motion, s) if mark.after_rest else arrival_time(motion, s)
-        for mark, s in zip(marks, along, strict=True)
+        find_passing(motion, s, 0.0, 0.0, mark.before, last=mark.last)[0] for mark, s in zip(marks, along, strict=True)
     ]
     state = motion.at(np.array(t))
     numbers = path.pose_numbers(state.along, state.piece)

@@ -1,8 +1,10 @@
 """Triggers: when a motion comes by the positions that its program marks, and what every axis has counted by then."""
 
+from bisect import bisect_right
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,14 +27,14 @@ BISECTIONS_OF_TIME = 64
 class Triggered:
     """A trigger's name, place (segment, repetition, s and t), platform pose and axis counts (n,).
 
-    At a rest the time is that of the arrival, or, after_rest, that at which the motion goes on.
+    At a rest the time is that of the arrival; or so many s before the motion goes on, or rests for good.
     """
 
     name: str
     where: Place
     pose: Pose
     counts: np.ndarray
-    after_rest: bool = False
+    before: float | None = None
 
     @property
     def time(self) -> float:
@@ -41,13 +43,39 @@ class Triggered:
         return self.where.t
 
 
-def list_triggers(program: Program) -> Iterator[tuple[int, Trigger]]:
-    """The segments of a program that have a trigger, by their numbers from 1, and what each has."""
+class ListedTrigger(NamedTuple):
+    """A trigger of a segment of a program, by its number from 1, in one of its repetitions.
+
+    before  s before the motion goes on from a rest there; None: on arrival, or in motion
+    rests   whether the segment is a dwell
+    """
+
+    repetition: int
+    number: int
+    event: Trigger
+    before: float | None = None
+    rests: bool = False
+
+
+def list_triggers(program: Program) -> Iterator[ListedTrigger]:
+    """The triggers of a program, in the order of its segments, repetition after repetition."""
     if isinstance(program.segments, SegmentStream) and not program.segments.marked:
         return
-    for number, segment in enumerate(program.segments, 1):
-        if not isinstance(segment, Dwell) and segment.trigger is not None:
-            yield number, segment.trigger
+    waiting: list[ListedTrigger] = []  # of dwells, behind which no segment has moved yet
+    for repetition in range(1, program.repeat + 1):
+        for number, segment in enumerate(program.segments, 1):
+            if isinstance(segment, Dwell):
+                waiting = [one._replace(before=(one.before or 0.0) + segment.duration) for one in waiting]
+                if segment.trigger is not None:
+                    left = (1 - segment.trigger.at) * segment.duration
+                    waiting.append(ListedTrigger(repetition, number, segment.trigger, left, rests=True))
+                continue
+            yield from waiting
+            waiting = []
+            if segment.trigger is not None:
+                before = 0.0 if segment.trigger.after_rest else None
+                yield ListedTrigger(repetition, number, segment.trigger, before)
+    yield from waiting
 
 
 def holds_triggers(program: Program) -> bool:
@@ -78,38 +106,43 @@ def find_triggers(
     delay, length: s, by which the pulses are behind the trajectory in motion, and before they rest where it does, as
     input shapers put them
     """
-    events, found = dict(list_triggers(program)), []
-    for first, last in _segments(path):
-        event = events.get(path.segment(first))
-        if event is None:
+    own = [(path.pieces[first].repetition or 1, path.segment(first), first, last) for first, last in _segments(path)]
+    whose, found = {(repetition, number): pieces for repetition, number, *pieces in own}, []
+    keys = [*whose]
+    end = float(path.breaks[-1])
+    for repetition, number, event, before, rests in list_triggers(program):
+        if rests:  # before the next segment that moves
+            k = bisect_right(keys, (repetition, number))
+            s, first = (float(path.breaks[own[k][2]]), own[k][2]) if k < len(own) else (end, len(path.pieces) - 1)
+        elif (repetition, number) in whose:
+            first, last = whose[repetition, number]
+            s = place_share(path, first, last, event.at)
+        else:
             continue
-        s = place_share(path, first, last, event.at)
-        t, late = find_passing(trajectory, s, delay, length, event.after_rest)
+        t, late = find_passing(trajectory, s, delay, length, before, last=s == end)
         state, counts = trajectory.at(t), pulses.counts(np.array([t + late]))[0]
         assert state.pose is not None  # a machine's path has one
-        found.append(
-            Triggered(
-                event.name,
-                path.place(s, first, t + late),
-                state.pose[0],
-                freeze_array(counts, np.int64),
-                event.after_rest,
-            )
-        )
+        where = replace(path.place(s, first, t + late), segment=number)
+        if program.repeat > 1:
+            where = replace(where, repetition=repetition)
+        found.append(Triggered(event.name, where, state.pose[0], freeze_array(counts, np.int64), before))
     return tuple(found)
 
 
 def find_passing(
-    trajectory: Trajectory, s: float, delay: float, length: float, after_rest: bool
+    trajectory: Trajectory, s: float, delay: float, length: float, before: float | None, *, last: bool = False
 ) -> tuple[float, float]:
     """When a motion comes by path length s, and by how much later its pulses do (s); as `find_triggers` has it.
 
-    after_rest: when it goes on from there; behind shapers, once all has come to rest, as it begins to.
+    before: so many s before it goes on from there, or with `last` before the end of its rest for good; behind shapers,
+    once all has come to rest, as it begins to.
     """
     t = arrival_time(trajectory, s)
-    if after_rest:
+    if before is not None:
         left = departure_time(trajectory, s)
-        return left, 0.0 if length and (left == 0 or left - t >= length) else delay
+        left = trajectory.duration if last and left == np.inf else left
+        moment = max(left - before, t)
+        return moment, 0.0 if length and (left == 0 or moment - t >= length) else delay
     return t, length if length and _find_rest(trajectory, t) >= length else delay
 
 

@@ -1,9 +1,8 @@
 """Events of G-code: a change of the tool, spindle and coolant, as stops and triggers where the path has come to.
 
 As in LinuxCNC, the events of a block come before its motion. An event is a trigger at the end of the segment before
-it; before the first segment, or where that one marks its start, it is one at the start of the segment behind it.
-Behind a dwell it is one at the start of the next segment, when the motion goes on. The motion stops at a change of the
-tool.
+it, which may be a dwell; before the first segment, or where that one marks its start, it is one at the start of the
+segment behind it. The motion stops at a change of the tool.
 """
 
 from dataclasses import dataclass, field, replace
@@ -57,9 +56,9 @@ class Events:
     def __init__(self, ignored: frozenset[str], strict: bool) -> None:
         self.codes = [] if strict else [code for code in EVENTS if not find_ignored_word("M", code, ignored)]
         self.waiting: list[tuple[str, str, int]] = []  # what it is called, its word and line
-        self.rested = False  # those that wait came behind a dwell
+        self.rested = False  # those that wait came behind a dwell that marks its own start
         self.tool, self.spindle = "", ""
-        self.marked, self.lost = WordLines(), WordLines()
+        self.marked = WordLines()
 
     def read(self, line: int, words: list[tuple[str, float]], held: Segment | None) -> Segment | None:
         """The last segment with the events of a block; words: those of it that are no motion."""
@@ -75,17 +74,11 @@ class Events:
         return held
 
     def _mark(self, line: int, word: str, setting: str, held: Segment | None) -> Segment | None:
-        if isinstance(held, Dwell):
-            if self.waiting and not self.rested:  # those before the dwell mark the start of the next segment already
-                self.lost.add(word, line)
-            else:
-                self.rested = True
-                self.waiting.append((word + setting, word, line))
-            return held
-        if held is not None and word == f"M{TOOL_CHANGE:g}":
+        if held is not None and not isinstance(held, Dwell) and word == f"M{TOOL_CHANGE:g}":
             held = replace(held, join=Stop())
         before = None if held is None else held.trigger
         if held is None or (before is not None and before.at < 1):
+            self.rested = isinstance(held, Dwell)
             self.waiting.append((word + setting, word, line))
             return held
         self.marked.add(word, line)
@@ -93,14 +86,14 @@ class Events:
         return replace(held, trigger=Trigger(name))
 
     def begin(self, segment: Segment) -> Segment:
-        """A new segment, with the events that waited for it; a rest before it lets them wait on."""
-        if not self.waiting or isinstance(segment, Dwell):
+        """A new segment, with the events that waited for it."""
+        if not self.waiting:
             return segment
         name = " ".join(called for called, _, _ in self.waiting)
         for _, word, line in self.waiting:
             self.marked.add(word, line)
         self.waiting.clear()
-        after, self.rested = self.rested, False
+        after, self.rested = self.rested and not isinstance(segment, Dwell), False
         return replace(segment, trigger=Trigger(name, 0.0, after))
 
     def describe(self) -> list[str]:
@@ -111,7 +104,5 @@ class Events:
         told = [f"the motion stops, and a trigger marks it: {', '.join(stops)}"] if stops else []
         told += [f"marked by triggers: {', '.join(others)}"] if others else []
         for called, _, line in self.waiting:
-            why = "nothing moves behind it" if self.rested else "the last segment has one at its start already"
-            told.append(f"{called} (line {line}): no trigger, as {why}")
-        why = "no trigger, as what comes before the dwell marks the start of the next segment already"
-        return told + [f"{text}: {why}" for text in self.lost.describe()]
+            told.append(f"{called} (line {line}): NO TRIGGER, as the last segment has one at its start already")
+        return told

@@ -9,9 +9,10 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import MotionError
-from planner import Arc, Dwell, Line, Program, Spline, Trigger, Turn, plan, plan_parts
+from planner import Arc, Dwell, Line, Program, Spline, Trigger, Turn, load_program, plan, plan_parts
 from planner.export import plan_files
 from planner.path.actuation import actuate, make_points
+from planner.program.program_writer import program_toml
 
 TWIST = Rotation.from_euler("XYZ", [0.05, 0.0, 0.0])
 SEGMENTS = (
@@ -165,3 +166,23 @@ def test_counts_that_are_none_are_refused(count):
 def test_triggers_that_are_none_are_refused(name, at):
     with pytest.raises(MotionError, match="trigger"):
         Trigger(name, at)
+
+
+def test_a_dwells_trigger_is_at_a_share_of_its_time(tmp_path):
+    """Written and read again; of two dwells in a row, each has its own; after_rest is of what moves."""
+    cue = Dwell(0.4, trigger=Trigger("cue", 0.25))
+    program = Program([Line([0.01, 0, 0]), cue, Dwell(0.2, trigger=Trigger("go")), Line([0, 0, 0])], repeat=2)
+    (tmp_path / "p.toml").write_text(program_toml(program))
+    made = plan(load_program(tmp_path / "p.toml"), "cartesian", order=2)
+    move = (made.duration - 2 * 0.6) / 4
+    due = [move + 0.1, move + 0.6, 3 * move + 0.7, 3 * move + 1.2]
+    assert [event.name for event in made.triggers] == ["cue", "go"] * 2
+    assert [event.time for event in made.triggers] == pytest.approx(due, abs=1e-7)
+    assert [(event.where.segment, event.where.repetition) for event in made.triggers] == [
+        (2, 1),
+        (3, 1),
+        (2, 2),
+        (3, 2),
+    ]
+    with pytest.raises(MotionError, match="trigger go: after_rest is of what moves"):
+        Dwell(0.1, trigger=Trigger("go", 0.0, after_rest=True))

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import FileError, MotionError, load_machine
-from planner import Arc, Blend, Dwell, Fit, Line, Stop, Through, Turn, import_program, load_program, plan
+from planner import Arc, Blend, Dwell, Fit, Line, Stop, Through, Turn, import_program, load_program, plan, plan_parts
 from planner.path.actuation import actuate
 from planner.path.chain import chain_pieces
 from planner.program.joins import fit_joins
@@ -400,17 +400,47 @@ def test_events_mark_the_place_where_the_path_has_come_to(read):
     done = read("G21 M3\nG1 X1 F600\nM5")
     assert done.warnings == (
         "marked by triggers: M3 (1x: line 1)",
-        "M5 (line 3): no trigger, as the last segment has one at its start already",
+        "M5 (line 3): NO TRIGGER, as the last segment has one at its start already",
     )
     done = read("G21 G1 X1 F600\nM8\nG4 P1\nM9\nX2")
-    triggers = [getattr(segment, "trigger", None) for segment in done.program.segments]
-    assert triggers == [Trigger("M8"), None, Trigger("M9", 0.0, after_rest=True)]
+    assert [segment.trigger for segment in done.program.segments] == [
+        Trigger("M8"),
+        Trigger("M9"),
+        None,
+    ]  # of the dwell
     assert "marked by triggers: M8 (1x: line 2), M9 (1x: line 4)" in done.warnings
     done = read("G21 M3\nG4 P1\nM8\nG1 X1 F600\nG4 P1\nM5")
-    triggers = [getattr(segment, "trigger", None) for segment in done.program.segments]
-    assert triggers == [None, Trigger("M3", 0.0), None]
-    assert "M8 (1x: line 3): no trigger, as what comes before the dwell marks" in "\n".join(done.warnings)
-    assert "M5 (line 6): no trigger, as nothing moves behind it" in done.warnings
+    triggers = [segment.trigger for segment in done.program.segments]
+    assert triggers == [Trigger("M3", 0.0), Trigger("M8", 0.0, after_rest=True), Trigger("M5")]
+    assert "NO TRIGGER" not in "\n".join(done.warnings)
+
+
+@pytest.mark.parametrize(
+    ("text", "rests"),
+    [
+        ("M3 S1\nG4 P1\nM8\nG1 X10", {"M3 S1": (0, 0.0), "M8": (0, 1.0)}),
+        ("G4 P1\nM3\nG4 P1\nG1 X10", {"M3": (0, 1.0)}),
+        ("G1 X10\nM9\nG4 P0.5\nM5\nG1 X20", {"M9": (1, 0.0), "M5": (1, 0.5)}),
+        ("G1 X10\nG4 P1\nM5\nM30", {"M5": (1, 1.0)}),
+        ("G1 X10\nG4 P1\nM3\nG4 P2\nG1 X20", {"M3": (1, 1.0)}),
+        ("G1 X10\nM5\nG4 P1\nM6\nG4 P1\nM3\nG4 P2\nG1 X20", {"M5": (1, 0.0), "M6": (1, 1.0), "M3": (1, 2.0)}),
+    ],
+)
+def test_events_among_dwells_come_when_the_file_has_them(read, text, rests):
+    """So many moves of 10 mm behind the start, and so many s of rest: in a plan, in its parts and on the way on."""
+    program = read("G21 G90 F1200\n" + text).program
+    made = plan(program, "cartesian", order=2)
+    move = plan(read("G21 G90 F1200\nG1 X10").program, "cartesian", order=2).duration
+    due = {name: moves * move + rest for name, (moves, rest) in rests.items()}
+    assert {event.name: event.time for event in made.triggers} == pytest.approx(due, abs=1e-6)
+    parts = [event for part in plan_parts(program, "cartesian", order=2) for event in part.triggers]
+    assert {event.name: event.time for event in parts} == pytest.approx(due, abs=1e-6)
+    held = made.hold(0.6 * move) if "G4" not in text.partition("G1")[0] else None
+    if held is not None:  # each once, as long behind its rest as planned
+        late = made.resume(held).triggers
+        assert [event.name for event in (*held.triggers, *late)] == [event.name for event in made.triggers]
+        waits = np.diff([event.time for event in late])
+        assert waits == pytest.approx(np.diff([due[event.name] for event in late]), abs=1e-6)
 
 
 def test_events_of_a_file_that_is_not_held_are_found(read, tmp_path):
