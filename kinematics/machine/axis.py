@@ -94,7 +94,7 @@ def _timing_in_us(high: float, low: float, setup: float, hold: float, max_rate: 
 
 DRIVES = {
     "A4988": _timing_in_us(1, 1, 0.2, 0.2),
-    "DRV8825": _timing_in_us(1.9, 1.9, 0.65, 0.65),
+    "DRV8825": _timing_in_us(1.9, 1.9, 0.65, 0.65, 250e3),
     "LV8729": _timing_in_us(0.5, 0.5, 0.5, 0.5),
     "DRV8884": _timing_in_us(0.97, 0.97, 0.2, 0.2, 500e3),
     "TMC2209": _timing_in_us(0.1, 0.1, 0.02, 0.02),

@@ -95,5 +95,8 @@ def describe_singularity(machine: MachineModel, jacobian: Array) -> str:
     with np.errstate(divide="ignore"):
         cannot_move = here[0] / home[0] > home[-1] / here[-1] or not np.isfinite(here[0])
     if cannot_move:
-        return "an arm is stretched or folded, so that no motion of the axes moves the tool in some direction"
+        return (
+            "no motion of the axes moves the tool in some direction, as where an arm is stretched or folded, or at the "
+            "pole of an axis that turns"
+        )
     return "the actuators do not constrain the platform, so that forces and errors have no bound"
