@@ -90,9 +90,9 @@ def _announce() -> None:
     if parent_process() is not None:
         return
     told = (
-        f"every run, some 30 s, {_advise()}"
+        f"every run, some 45 s, {_advise()}"
         if _LOST
-        else "once for each kind of work, up to 30 s; later runs find them on disk"
+        else "once for each kind of work, up to 45 s; later runs find them on disk"
     )
     logging.getLogger("pulsepath").warning("compiling numerical kernels: %s", told)
 

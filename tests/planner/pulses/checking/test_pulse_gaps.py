@@ -148,7 +148,7 @@ def driven(**stated):
 
 @pytest.mark.parametrize(("clock", "rate"), [(1_000_000, 250_000), (10_000_000, 1 / 3.8e-6), (3_000_000, 250_000)])
 def test_a_plan_at_a_drives_own_rate_keeps_the_rate_that_the_clock_can_hold(clock, rate):
-    """Levels of a DRV8825: a pulse every 3.8 µs; on a clock of 1 MHz every 4, and refused by its own pulses there once."""
+    """Levels of a DRV8825: a pulse every 3.8 µs; on a clock of 1 MHz every 4. Its own pulses refused that once."""
     machine = driven(timing=replace(find_drive("DRV8825"), max_rate=None))
     made = planned(Program([Line([0.5, 0, 0])]), machine, clock_hz=clock)
     limit = next(limit for limit in made.limits if limit.name == "pulse rate")
