@@ -102,7 +102,7 @@ def test_repetitions_are_told_apart(hexapod):
 def test_of_many_segments_those_that_tell_most_stay():
     """What is held does not grow; the longest and the slowest are listed, and where each limit is active longest."""
     rng = np.random.default_rng(5)
-    ends = np.cumsum(rng.uniform(1e-4, 3e-4, 150))
+    ends = np.cumsum(rng.uniform(1e-4, 3e-4, 90))
     segments = [
         line_to(5e-3 * np.cos(9e2 * s), 5e-3 * np.sin(9e2 * s), speed=rng.uniform(2e-3, 2e-2)) for s in ends.tolist()
     ]
@@ -114,7 +114,7 @@ def test_of_many_segments_those_that_tell_most_stay():
         sizes.append(len(held._segments))
         standing = part.standing
     assert max(sizes) <= MOST_SEGMENTS + MOST_SLOW + len(held.names)
-    assert held.count == 150
+    assert held.count == 90
     table = held.tabulate_longest()
     found, slow = columns_of(table), columns_of(held.tabulate_slowest())
     known = columns_of(tabulate_segments(plan(program, machine)))

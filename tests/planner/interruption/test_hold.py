@@ -128,7 +128,7 @@ def test_an_override_scales_rates_by_its_powers(circle, share):
 
 
 def test_stops_over_the_motion(circle, tmp_path):
-    found = circle.stops(3)
+    found = circle.stops(2)
     held = circle.hold(float(found.t[1]))
     assert (found.time[1], found.distance[1]) == pytest.approx((held.duration, held.distance), rel=0.05)
     assert "distance to rest" in str(found)

@@ -181,7 +181,7 @@ def test_a_section_of_another_plan_is_refused(straight, circle):
 
 
 @pytest.mark.parametrize("order", [2, 3])
-@pytest.mark.parametrize("away", [1e-7, 1e-6, 5e-6, 2e-5, 3e-4])
+@pytest.mark.parametrize("away", [1e-7, 5e-6, 2e-5])
 def test_beside_a_rest_speeds_change_as_elsewhere(order, away):
     """Behind the start, a corner and a dwell, and before them: ways of less than an atom are no ramps."""
     program = Program((Line((0.01, 0.005, 0.002)), Line((0.012, 0, 0)), Dwell(0.1), Line((0, 0, 0))))
@@ -190,7 +190,7 @@ def test_beside_a_rest_speeds_change_as_elsewhere(order, away):
     rests = motion.knots[:-1][motion.v == 0]
     lasting, still = np.diff(motion.knots), (motion.v == 0) & (motion.a == 0) & (motion.j == 0)
     for at in np.unique(np.concatenate([[0.0], rests + away, rests[rests > 0] - away])):
-        for share in (1.0, 0.5, 0.1):
+        for share in (1.0, 0.3):
             with np.errstate(all="raise"):
                 slower = made.override(share, float(at))
             assert slower.certificate.holds

@@ -140,7 +140,7 @@ def events(call, folder):
         streamed = call("plan", file, *more, "--stream", "--out", folder / "streamed")
     assert streamed.exit_code == 0, streamed.stderr
     assert "trigger" not in streamed.stderr.replace("marked by triggers", "")
-    whole = call("plan", file, *more, "--whole", "--out", folder / "whole")
+    whole = call("plan", file, *more, "--whole", "--no-worth", "--no-baselines", "--out", folder / "whole")
     assert whole.exit_code == 0, whole.stderr
     return json.loads(streamed.stdout), json.loads(whole.stdout)
 
