@@ -124,4 +124,4 @@ def test_of_many_segments_those_that_tell_most_stay():
     assert slow["mean speed"] == pytest.approx(sorted(known["mean speed"])[:MOST_SLOW], rel=0.02)
     (note,) = table.notes
     left = standing.duration - sum(found["time"])
-    assert note.startswith(f"the other {150 - MOST_SEGMENTS} take {left:.4f} s together")
+    assert note.startswith(f"the other {90 - MOST_SEGMENTS} take {left:.4f} s together")
