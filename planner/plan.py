@@ -35,10 +35,10 @@ from planner.pulses.compensation.compensate import counted_motion
 from planner.pulses.generation.motion_parts import refuse_long
 from planner.pulses.schedule import schedule_tables
 from planner.pulses.triggers import Triggered, find_triggers, trigger_tables
-from planner.shaping.keep_limits import solve_shaped
+from planner.shaping.keep_limits import Solve, solve_shaped
 from planner.shaping.shaped_motion import find_delays, shorten_duration
 from planner.shaping.shaped_proof import ShapedProof, describe_exceeded
-from planner.timing.certified_solve import EFFORT, certified_solve, refuse_gap, solve_within, timing_table
+from planner.timing.certified_solve import EFFORT, Solution, certified_solve, refuse_gap, solve_within, timing_table
 from planner.timing.duration_bound import DurationBound, bound_duration
 from planner.timing.problem import Solver
 from planner.timing.solvers.toppra_ import refuse_solver
@@ -307,7 +307,8 @@ def plan(
     try:
         path = actuate(program, machine)
         kept = limits_of(path, pace_axes(machine.axes, int(clock_hz), rule), order, limits)
-        axes, solve = machine.axes, partial(certified_solve, path, order=order, progress=progress, solver=solver)
+        axes, fastest = machine.axes, partial(certified_solve, path, order=order, progress=progress, solver=solver)
+        solve: Solve[Solution] = fastest
         if objective.heat > 0:
             solve = partial(solve_objective, path, axes=axes, order=order, objective=objective, progress=progress)
         elif gap is not None:
@@ -315,11 +316,7 @@ def plan(
         elif duration is not None:
             before = shorten_duration(duration, axes)
             solve = partial(solve_stated, path, axes=axes, order=order, duration=before, progress=progress)
-        if any(axis.shaper for axis in axes):
-            solution, certificate, shaped, first = solve_shaped(solve, path, kept, axes)
-        else:
-            first = solution = solve(kept)
-            certificate, shaped = solution.certificate, None
+        solution, certificate, shaped, first = solve_shaped(solve, path, kept, axes, fastest)
     except (Infeasible, OutOfReach) as no:
         raise _add_advice(no, program, machine, order) from None
     motion = solution.trajectory

@@ -200,6 +200,11 @@ def round_up_digits(value: float, digits: int = 4) -> str:
     return f"{ceil(value * scale) / scale:.{digits}g}"
 
 
+def floor_percent(share: float) -> str:
+    """A share of a limit in per cent, two decimals, rounded down: 0.99996 is "99.99", not all of it."""
+    return f"{floor(1e4 * share) / 100:.2f}"
+
+
 def format_distinct(*values: float, digits: int = 6) -> tuple[str, ...]:
     """Numbers that a message holds against each other, with so many digits, or as many more as tell them apart.
 

@@ -19,9 +19,10 @@ from planner.limits.limit import Limit
 from planner.limits.lowered import ALL, Shares
 from planner.path.actuation import ActuatorPath
 from planner.place import Infeasible
-from planner.shaping.shaped_motion import shape_motion
+from planner.shaping.shaped_motion import shape_motion, shaper_length
 from planner.shaping.shaped_proof import ShapedProof, advise_shapers, prove_shaped, refuse_unshaped
 from planner.shaping.shaping_cost import ShapingCost, find_stretches
+from planner.timing.stated_duration import SHORT_DURATION, short_duration_error
 from planner.trajectory import Trajectory
 
 LOCAL_ROUNDS, ROUNDS = 4, 5
@@ -47,15 +48,57 @@ S = TypeVar("S", bound=Solved)
 Solve = Callable[[tuple[Limit, ...]], S]
 
 
+Kept = tuple[S, Certificate, ShapedProof | None, S]
+
+
 def solve_shaped(
-    solve: Solve[S], path: ActuatorPath, limits: tuple[Limit, ...], axes: Sequence[Axis]
-) -> tuple[S, Certificate, ShapedProof | None, S]:
+    solve: Solve[S],
+    path: ActuatorPath,
+    limits: tuple[Limit, ...],
+    axes: Sequence[Axis],
+    fastest: Solve[S] | None = None,
+) -> Kept[S]:
     """What is solved so that it keeps the limits behind the axes' shapers too, its proof before them and behind them.
 
     The last is what was solved first, under the limits themselves: bounds of other rounds are of less of them.
-    Without shapers: what is solved, and None. Raises Infeasible for a limit that is not kept behind them, MotionError
-    for what cannot be proved there.
+    Without shapers: what is solved, and None. fastest: solves for the least time, where `solve` takes a stated one.
+    Raises Infeasible for a limit that is not kept behind them, and for a stated duration below that of the fastest
+    motion behind them; MotionError for what cannot be proved there.
     """
+    try:
+        return _keep_limits(solve, path, limits, axes)
+    except Infeasible as no:
+        if fastest is None or no.kind != SHORT_DURATION or not any(axis.shaper for axis in axes):
+            raise
+        stated = no.value + shaper_length(axes)
+    _, _, shaped, first = _keep_limits(fastest, path, limits, axes)
+    assert shaped is not None  # some axis has a shaper
+    less = {} if shaped.cost is None else shaped.cost.lowered
+    if stated < shaped.duration:
+        raise short_duration_error(stated, shaped.duration)
+    # slow enough for the limits only with less of them from the start, as the fastest has it
+    solution, certificate, shaped, _ = _keep_limits(
+        lambda kept: solve(tuple(_lower_further(limit, less) for limit in kept)), path, limits, axes
+    )
+    assert shaped is not None
+    if shaped.cost is not None:
+        lowered = {name: _multiply(shaped.cost.lowered.get(name, ALL), shares) for name, shares in less.items()}
+        lowered = {**shaped.cost.lowered, **lowered}
+        cost = replace(shaped.cost, lowered=lowered, stretches=find_stretches(path, lowered))
+        shaped = replace(shaped, cost=cost)
+    return solution, certificate, shaped, first
+
+
+def _lower_further(limit: Limit, less: Mapping[str, Shares]) -> Limit:
+    return limit.lower(_multiply(limit.shares, less[limit.name])) if limit.name in less else limit
+
+
+def _multiply(shares: Shares, less: Shares) -> Shares:
+    return shares.lower(less.ends[:-1], less.ends[1:], less.values)
+
+
+def _keep_limits(solve: Solve[S], path: ActuatorPath, limits: tuple[Limit, ...], axes: Sequence[Axis]) -> Kept[S]:
+    """As `solve_shaped` without the fastest."""
     if not any(axis.shaper for axis in axes):
         first = solve(limits)
         return first, first.certificate, None, first

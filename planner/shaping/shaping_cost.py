@@ -2,18 +2,25 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import floor
 
 import numpy as np
 
 from kinematics.foundation.names import count_noun
 from kinematics.foundation.table import Column, Table
+from kinematics.foundation.units import floor_percent
 from planner.limits.lowered import Shares
 from planner.path.actuation import ActuatorPath
 from planner.place import Place
 
 SHOWN_STRETCHES = 20
 """Lowered stretches of the path that a table shows, those lowered most."""
+COST_DECIMALS = 2
+"""Of ms."""
+
+
+def _describe_covered(share: float) -> str:
+    """Two digits of a share of the path, and all of 100."""
+    return f"{100 * share:.0f} %" if share >= 0.1 else f"{100 * share:.2g} %"
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,22 +66,26 @@ class ShapingCost:
 
     def describe(self) -> str:
         """The time in a line, and of what it is."""
-        total, length, lowering = (f"{1e3 * each:.1f} ms" for each in (self.total, self.length, self.lowering))
-        parts = f"{length} their length, {lowering} lowered limits" if self.lowered else "their length"
-        return f"{total} more than without them: {parts}{'' if self.lowered else '; no limit had to be lowered'}"
+        total, length = (round(1e3 * each, COST_DECIMALS) for each in (self.total, self.length))
+        told = f"{total:.{COST_DECIMALS}f} ms more than without them"
+        if not self.lowered:
+            return f"{told}: their length; no limit had to be lowered"
+        # the rest of what is shown, so that the parts add up
+        rest = total - length
+        return f"{told}: {length:.{COST_DECIMALS}f} ms their length, {rest:.{COST_DECIMALS}f} ms lowered limits"
 
     def describe_lowered(self) -> str:
         """Each limit that was lowered: to what share, and where."""
         told = []
         for name, shares in self.lowered.items():
-            least = f"{name} to {floor(1000 * shares.least) / 10:.1f} %"
+            least = f"{name} to {floor_percent(shares.least)} %"
             if self.everywhere:
                 told.append(f"{least} along the whole path")
                 continue
             own = [each for each in self.stretches if each.limit == name]
             worst = min(own, key=lambda each: each.share)
             at = f"segment {worst.lowest.segment}" if worst.lowest.segment is not None else f"{worst.lowest.s:.6g} m"
-            covered = f"{100 * shares.lowered_length / self.path_length:.2g} % of the path"
+            covered = f"{_describe_covered(shares.lowered_length / self.path_length)} of the path"
             more = "" if len(own) == 1 else f", by less in {count_noun(len(own) - 1, 'other place')}"
             told.append(f"{least} near {at}{more} ({covered} in all)" if more else f"{least} near {at} ({covered})")
         return "; ".join(told)
@@ -89,7 +100,7 @@ class ShapingCost:
         left = len(self.stretches) - len(shown)
         columns = (
             Column("limit", [each.limit for each in shown]),
-            Column("lowered to", [100 * each.share for each in shown], "%", form=".2f"),
+            Column("lowered to", [float(floor_percent(each.share)) for each in shown], "%", form=".2f"),
             Column("from segment", [each.since.segment for each in shown]),
             Column("to segment", [each.until.segment for each in shown]),
             Column("from", [each.since.s for each in shown], "m", "human", ".3f"),

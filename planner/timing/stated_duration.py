@@ -79,6 +79,8 @@ def even_time_shares(intervals: int) -> Array:
 MIN_SLACK_SHARE = 1e-6
 # Points of a piece at which the ranges of the axes are looked at.
 RANGE_POINTS = 17
+SHORT_DURATION = "duration"
+"""The kind of a refusal of less than the shortest."""
 SMOOTHEST, SLOWED, PACED = "smoothest", "slowed", "paced"
 
 
@@ -103,9 +105,7 @@ def solve_stated(
     best = certified_solve(path, limits, order, progress)
     shortest = best.trajectory.duration
     if not duration >= shortest:
-        least = ceil(shortest * 1e6) / 1e6
-        remedy = f"the fastest motion found within the limits takes {least:.6f} s: state that or more"
-        raise Infeasible("duration", "", None, duration, least, "s", remedy)
+        raise short_duration_error(duration, shortest)
     if duration <= shortest * (1 + MIN_SLACK_SHARE):
         return best
     rests = float(path.dwells.sum())
@@ -114,6 +114,13 @@ def solve_stated(
     timing = Timing(smooth.solve, smooth.tighten)
     found = certified_solve(path, best.limits, order, progress, timing=timing)
     return replace(found, lower_estimate=best.lower_estimate)
+
+
+def short_duration_error(duration: float, shortest: float) -> Infeasible:
+    """Of a stated duration (s) below that of the fastest motion found; what it says to state is rounded up."""
+    least = ceil(shortest * 1e6) / 1e6
+    remedy = f"the fastest motion found within the limits takes {least:.6f} s: state that or more"
+    return Infeasible(SHORT_DURATION, "", None, duration, least, "s", remedy)
 
 
 def _refuse(path: ActuatorPath) -> None:

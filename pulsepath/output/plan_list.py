@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from kinematics.foundation.units import floor_percent
 from pulsepath.output.directory import KIND, RECORDS, REPORT
 from pulsepath.output.drive_tables import find_drive_margin
 
@@ -146,7 +147,7 @@ def _describe_lowered(stretches: Sequence[Mapping[str, Any]]) -> str:
     least: dict[str, float] = {}
     for each in stretches:
         least[each["limit"]] = min(each["share"], least.get(each["limit"], 1.0))
-    return ", ".join(f"{name} to {100 * share:.4g} %" for name, share in least.items()) or "none"
+    return ", ".join(f"{name} to {floor_percent(share)} %" for name, share in least.items()) or "none"
 
 
 def _figures(record: Mapping[str, Any]) -> dict[str, float | None]:

@@ -1,15 +1,19 @@
 """Limits that shaping breaks: lowered where they are exceeded, and along the whole path where that is not enough."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from kinematics import Shaper, load_machine
-from planner import Arc, Line, Program, plan
+from planner import Arc, Infeasible, Line, Program, plan
 from planner.active_limits import tabulate_segments
+from planner.limits.lowered import Shares
+from planner.place import Place
 from planner.shaping import keep_limits
 from planner.shaping.shaped_proof import advise_shapers
+from planner.shaping.shaping_cost import LoweredStretch, ShapingCost
 
 CAP = 0.19
 SLOW = Shaper("zv", 5.0, 0.05)
@@ -41,6 +45,34 @@ def everywhere():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(keep_limits, "LOCAL_ROUNDS", 0)
         return plan(CIRCLE, gantry())
+
+
+def test_a_stated_duration_is_refused_by_that_of_the_fastest_behind_the_shapers(local):
+    """What it says to state is planned; what is stated is said as it was."""
+    stated = local.duration - 0.02
+    assert stated > local.duration - local.shaped.cost.lowering - 0.05
+    with pytest.raises(Infeasible) as no:
+        plan(CIRCLE, gantry(), duration=stated)
+    assert f"duration {stated:.6g} s is below the" in str(no.value)
+    least = float(re.search(r"takes (\S+) s: state that or more", str(no.value))[1])
+    assert local.duration <= least <= local.duration + 1e-6
+    made = plan(CIRCLE, gantry(), duration=least)
+    assert made.duration == pytest.approx(least, abs=2e-6)
+    assert max(made.shaped.worst.values()) <= 1
+    assert made.shaped.cost.lowered.keys() == local.shaped.cost.lowered.keys()
+
+
+def test_the_parts_of_the_cost_add_up_as_they_are_shown():
+    shares = {"tool speed": Shares(np.array([0.0, 0.9996, 1.0]), np.array([0.99896, 1.0]))}
+    place = Place(0.0, 1)
+    stretch = LoweredStretch("tool speed", 0.99896, place, place, place)
+    for lowering in np.linspace(1e-5, 3e-4, 30).tolist():
+        cost = ShapingCost(0.022738, 1.69, lowering, 1.0, shares, stretches=(stretch,))
+        total, length, rest = (float(each) for each in re.findall(r"(\d+\.\d+) ms", cost.describe()))
+        assert total == pytest.approx(length + rest, abs=1e-9)
+        assert total == pytest.approx(1e3 * cost.total, abs=0.006)
+        assert rest == pytest.approx(1e3 * lowering, abs=0.011)
+    assert cost.describe_lowered() == "tool speed to 99.89 % near segment 1 (100 % of the path)"
 
 
 def test_a_limit_is_lowered_where_it_is_exceeded_alone(bare, local, everywhere):
@@ -85,7 +117,7 @@ def test_the_cost_is_what_the_machine_takes_longer_than_without_shapers(name, re
     assert min(each.share for each in stretches) == cost.lowered["tool speed"].least
     assert all(each.since.s < each.lowest.s < each.until.s for each in stretches)
     assert stretches[0].lowest.segment == (2 if name == "local" else stretches[0].lowest.segment)
-    assert f"{1e3 * cost.total:.1f} ms more" in cost.describe()
+    assert f"{1e3 * cost.total:.2f} ms more" in cost.describe()
     assert ("whole path" in cost.describe_lowered()) == (name == "everywhere")
 
 

@@ -91,7 +91,7 @@ def test_the_cost_of_the_shapers_is_told(call, tmp_path):
     assert cost["total_s"] == pytest.approx(took[1] - took[0], abs=1e-6)
     assert cost["total_s"] == cost["length_s"] + cost["lowering_s"]
     assert cost["length_s"] == pytest.approx(0.1)
-    assert f"cost of the shapers {1e3 * cost['total_s']:.1f} ms more than without them" in text
+    assert f"cost of the shapers {1e3 * cost['total_s']:.2f} ms more than without them" in text
     (lowered,) = cost["lowered"]
     assert lowered["limit"] == "tool speed"
     assert 0.9 < lowered["share"] < 1
