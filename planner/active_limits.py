@@ -9,6 +9,7 @@ from kinematics.foundation.arrays import Array, largest_in_rows
 from kinematics.foundation.table import Column, Table
 from planner.limits.limit import Limit, order_of
 from planner.limits.lowered import Shares
+from planner.path.arc_length import find_travel_rates
 from planner.plan import Plan
 from planner.program.joins import is_marked_stop
 from planner.program.model import Dwell, Segment
@@ -101,11 +102,13 @@ def name_segment(number: int, segment: Segment) -> str:
 def tabulate_segments(plan: Plan) -> Table:
     """Each segment of the program, all its repetitions together, and the limit that is active longest in it.
 
-    Its line is that of the file that was read; the length of a turn is its angle times the characteristic length.
+    Its line is that of the file that was read. The length is the way that is travelled in its time, which blends and
+    fitted curves make shorter than the programmed one; that of a turn is its angle times the characteristic length.
     """
     motion, segments = plan.trajectory, list(plan.program.segments)
     begins, numbers = zip(*find_segments(plan), strict=True)
-    times, ways = np.diff(motion.knots), np.diff(np.append(motion.s, motion.path.breaks[-1]))
+    times = np.diff(motion.knots)
+    ways = np.diff(np.append(motion.s, motion.path.breaks[-1])) * find_travel_rates(plan.path.pieces)[motion.piece]
     owner = np.repeat(numbers, np.diff((*begins, len(times)))) - 1
     taken, way = (np.bincount(owner, each, len(segments)) for each in (times, ways))
     held = np.zeros((len(segments), len(plan.limits) + 1))  # s for which each limit is active; last: for which none is

@@ -10,6 +10,8 @@ from kinematics.foundation.table import Column, Table
 from planner.active_limits import FILE_LINE, find_active
 from planner.certificate.continuity import piece_end_lengths
 from planner.limits import Limit
+from planner.path.actuation import MachinePath
+from planner.path.arc_length import find_travel_rates
 from planner.program.model import Program, Segment
 from planner.trajectory import Trajectory
 
@@ -85,7 +87,9 @@ class Activity:
         found = np.zeros((len(numbers), self._open.shape[1]))
         found[:, NUMBER] = numbers
         np.add.at(found[:, TIME], row, times)
-        np.add.at(found[:, WAY], row, piece_end_lengths(motion) - motion.s)
+        assert isinstance(motion.path, MachinePath)
+        rates = find_travel_rates([motion.path.pieces[piece] for piece in known])[place]
+        np.add.at(found[:, WAY], row, (piece_end_lengths(motion) - motion.s) * rates)
         np.add.at(found, (row, IDLE + owner), times)
         found = found[found[:, TIME] > 0]
         if len(found) and len(self._open) and self._open[0, NUMBER] == found[0, NUMBER]:

@@ -7,7 +7,8 @@ import pytest
 
 from planner import Blend, Dwell, Line, Program, Stop, plan
 from planner.active_limits import describe_stops, tabulate_segments
-from planner.program.modifiers import Trigger
+from planner.path.arc_length import measure_travel
+from planner.program.modifiers import Fit, Trigger
 
 
 def columns_of(table):
@@ -33,6 +34,18 @@ def test_each_segment_has_its_length_time_line_and_what_holds_it_back():
     assert told["held back by"][1] is None
     assert "file line" not in columns_of(tabulate_segments(plan(Program((replace(back, to=slow.to, line_number=None),)),
                                                            "traverser")))  # fmt: skip
+
+
+@pytest.mark.parametrize("join", [Blend(1e-3), Fit(2e-4)], ids=["blend", "fit"])
+def test_the_mean_speed_of_a_segment_stays_below_its_cap(join):
+    """Its length is that of the shorter curve that is run in its time: the sum is that of the whole."""
+    corners = [Line(np.array([4e-3 * k, 4e-3 * (k % 2), 0.0]), join=join, speed=5e-4) for k in range(1, 9)]
+    made = plan(Program(tuple(corners)), "traverser", order=2)
+    told = columns_of(tabulate_segments(made))
+    assert max(told["mean speed"]) <= 5e-4 * (1 + 1e-9)
+    assert max(told["mean speed"]) > 0.97 * 5e-4
+    assert sum(told["length"]) == pytest.approx(measure_travel(made.path.pieces), rel=1e-9)
+    assert sum(told["length"]) < 0.999 * made.path.breaks[-1]
 
 
 def zigzag(join, count=30, **said):

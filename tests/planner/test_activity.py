@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from kinematics import load_machine
-from planner import Dwell, Line, Program, plan
+from planner import Blend, Dwell, Line, Program, plan
 from planner.active_limits import active_limits, tabulate_segments
 from planner.activity import MOST_SEGMENTS, MOST_SLOW, Activity
 from planner.plan_parts import plan_parts
@@ -97,6 +97,14 @@ def test_repetitions_are_told_apart(hexapod):
     told = columns_of(held.tabulate_longest())
     assert list(zip(told["repetition"], told["segment"], strict=True)) == [(r, n) for r in (1, 2, 3) for n in (1, 2, 3)]
     assert told["time"][::3] == pytest.approx([0.1] * 3, abs=1e-9)
+
+
+def test_blends_count_the_way_that_is_travelled(hexapod):
+    program = program_of(*(line_to(4e-3 * k, 4e-3 * (k % 2), speed=4e-3, join=Blend(1e-3)) for k in range(1, 5)))
+    found = columns_of(look(program, hexapod)[0].tabulate_longest())
+    known = columns_of(tabulate_segments(plan(program, hexapod)))
+    assert found["length"] == pytest.approx(known["length"], rel=1e-3)
+    assert max(found["mean speed"]) <= 4e-3 * (1 + 1e-9)
 
 
 def test_of_many_segments_those_that_tell_most_stay():
