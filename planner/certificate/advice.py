@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
-from math import floor
+from math import floor, sqrt
 from time import perf_counter
 
 import numpy as np
@@ -36,9 +36,9 @@ def scale_program(program: Program, start: Array, share: float) -> Program:
 
 
 def shift_program(program: Program, shift: Array) -> Program:
-    """Every coordinate moved by (3,) m; the start too, where the program does not lead away from it itself."""
+    """Every coordinate moved by (3,) m, the start too where the program states one: else it is where it was."""
     begin = program.start
-    if begin is not None and not states_destination(program):
+    if begin is not None:
         begin = RigidTransform.from_components(begin.translation + shift, begin.rotation)
     return replace(
         program, segments=tuple(_scale_segment(segment, 1.0, shift) for segment in program.segments), start=begin
@@ -107,6 +107,9 @@ TRIAL_MOVES = (0.0, *(4e-4 * 2.0 ** np.arange(9)).tolist())
 BISECTIONS_OF_REMEDY = 10
 # What does not prove as it is told is taken so much further, so often.
 EXTRA_SHARE, MAX_EXTRA_STEPS = 1e-3, 4
+# Between what proves and what does not, where only the proof finds what is wrong: factor, and steps of shares, within
+# which both are one.
+MOVE_AGREEMENT, SHARE_AGREEMENT = 1.03, 1e-3
 MOVE_DIRECTIONS = tuple(
     (sign + name, float(f"{sign}1") * np.eye(3)[k]) for k, name in enumerate("xyz") for sign in "+-"
 )
@@ -151,8 +154,8 @@ class Refit:
 def find_remedy(program: Program, machine: Machine, order: int) -> Refit:
     """For a program whose path breaks a geometric limit, is out of reach or meets a singular pose.
 
-    A scale of the way keeps orientations, and one of the angles the way; a move takes the start with it only where the
-    program states one and does not lead away from it by a line or a spline. Equations are moved where no scale helps.
+    A scale of the way keeps orientations, and one of the angles the way; a move takes the start with it where the
+    program states one. Equations are moved where no scale helps.
     """
     search = _ChangeSearch(machine, order, perf_counter() + MAX_SEARCH_TIME)
     begin = default_start(program, machine) if program.start is None else program.start
@@ -176,6 +179,10 @@ def _shift_along(program: Program, way: Array, size: float) -> Program:
     return shift_program(program, size * way)
 
 
+def _round_up_move(size: float) -> float:
+    return float(round_up_digits(size * 1e3, 3)) / 1e3
+
+
 @dataclass(frozen=True, slots=True)
 class _ChangeSearch:
     """Sizes of changes with which a program's path fits a machine; after `until` (of perf_counter) none is found."""
@@ -185,25 +192,39 @@ class _ChangeSearch:
     until: float
 
     def share(self, made: ProgramChange) -> float | None:
-        """The largest share, in tenths of a per cent; in twentieths where only the proof finds what is wrong."""
+        """The largest share, in tenths of a per cent."""
         found = self._first(TRIAL_SHARES, made)
         if found is None:
             return None
         told = [round(floor(found * 1e3) / 1e3 - n * EXTRA_SHARE, 3) for n in range(MAX_EXTRA_STEPS)]
         told += [share for share in TRIAL_SHARES if share < told[-1]]
-        return next((share for share in told if share > 0 and self._proves(made, share)), None)
+        bad, good = self._first_proved([share for share in told if share > 0], made)
+        while good is not None and bad is not None and bad - good > 1.5 * SHARE_AGREEMENT:
+            middle = floor((bad + good) / 2 * 1e3) / 1e3
+            bad, good = (bad, middle) if self._proves(made, middle) else (middle, good)
+        return good
 
     def move(self, made: ProgramChange, below: float) -> float | None:
         """The least move (m) below another, in three digits of mm."""
         found = self._first([size for size in TRIAL_MOVES if size < below], made)
-        told = (
-            []
-            if found is None
-            else [round_up_digits(found * (1 + n * EXTRA_SHARE) * 1e3, 3) for n in range(MAX_EXTRA_STEPS)]
-        )
-        sizes = [float(size) / 1e3 for size in told]
-        sizes += [] if found is None else [size for size in TRIAL_MOVES if size > sizes[-1]]
-        return next((size for size in sizes if size < below and self._proves(made, size)), None)
+        if found is None:
+            return None
+        told = [_round_up_move(found * (1 + n * EXTRA_SHARE)) for n in range(MAX_EXTRA_STEPS)]
+        told += [size for size in TRIAL_MOVES if size > told[-1]]
+        bad, good = self._first_proved([size for size in told if size < below], made)
+        while good is not None and bad is not None and good > MOVE_AGREEMENT * bad:
+            middle = _round_up_move(sqrt(bad * good))
+            bad, good = (bad, middle) if self._proves(made, middle) else (middle, good)
+        return good
+
+    def _first_proved(self, sizes: Sequence[float], made: ProgramChange) -> tuple[float | None, float | None]:
+        """The last size that does not prove, and the first that does."""
+        bad = None
+        for size in sizes:
+            if self._proves(made, size):
+                return bad, size
+            bad = size
+        return bad, None
 
     def _first(self, sizes: Sequence[float], made: ProgramChange) -> float | None:
         """The first size that holds, bisected towards the one before it; the first of all is known not to."""

@@ -253,6 +253,61 @@ def test_a_component_that_the_machine_does_not_move_is_to_be_left_as_it_is(machi
     assert told.endswith(f"only; leave {name} as it is at home")
 
 
+POLAR = """
+schema = 1
+kind = "equations"
+[geometry]
+moves = ["x", "y"]
+joints = ["r", "theta"]
+rotary = ["theta"]
+constants = { R0 = "200 mm" }
+coordinates = ["hypot(x + R0, y)", "atan2(y, x + R0)"]
+home = { to = ["0 mm", "0 mm", "0 mm"] }
+[axes]
+travel = ["-195 mm", "120 mm"]
+pulse = "5 um"
+max_speed = "300 mm/s"
+max_acceleration = "3 m/s^2"
+[rotary]
+travel = ["-170 deg", "170 deg"]
+pulse = "0.005 deg"
+max_speed = "90 deg/s"
+max_acceleration = "900 deg/s^2"
+"""
+
+
+@pytest.mark.parametrize("radius", [0.0, 1e-3])
+def test_the_move_of_a_path_past_a_pole_takes_its_start_along(tmp_path, radius):
+    """A line past the pole has to keep r >= 5 mm: at r = 0 all else is singular, too."""
+    (tmp_path / "polar.toml").write_text(POLAR)
+    machine = load_machine(tmp_path / "polar.toml")
+
+    def line(by):
+        x = radius - 0.2 + by
+        return Program([Line([x, 0.03, 0.0])], start=RigidTransform.from_translation([x, -0.03, 0.0]))
+
+    size = float(number(r"moved by >= (\S+) mm along \+x", refused(line(0.0), machine))) / 1e3
+    assert size == pytest.approx(5e-3 - radius, rel=0.02)
+    assert fits(line(size), machine)
+    assert not fits(line(0.97 * size), machine)
+
+
+def test_where_only_the_proof_finds_what_is_wrong_the_remedy_is_as_near(monkeypatch, hexapod):
+    """What is seen is taken from the search: it finds everything kept, and the proof alone decides."""
+    monkeypatch.setattr("planner.certificate.advice._seems_kept", lambda path, limits: True)
+    no = refused(HIGH, hexapod)
+    share = float(number(r"scaled to <= (\S+) % about its start", no)) / 100
+    assert fits(scaled(HIGH, share), hexapod)
+    assert not fits(scaled(HIGH, share + 0.003), hexapod)
+    size = float(number(r"moved by >= (\S+) mm along -z", no)) / 1e3
+
+    def moved(by):
+        return replace(HIGH, segments=tuple(replace(each, to=each.to - by * np.eye(3)[2]) for each in HIGH.segments))
+
+    assert fits(moved(size), hexapod)
+    assert not fits(moved(0.96 * size), hexapod)
+
+
 FIVE_BAR = """
 schema = 1
 kind = "equations"
