@@ -140,14 +140,15 @@ class Frequency(click.ParamType[int]):
         return int(ticks)
 
 
-def read_percent(flag: str, text: str) -> float:
-    """The share that an option gives in per cent, above 0. Raises BadValue, which names the option."""
+def read_percent(flag: str, text: str, from_zero: bool = False) -> float:
+    """The share that an option gives in per cent, above 0, or from 0 on. Raises BadValue, which names the option."""
     from kinematics.foundation.errors import BadValue
 
     found = PERCENT.fullmatch(text)
-    share = float(found[1]) / 100 if found else 0.0
-    if not 0 < share < inf:
-        raise BadValue(f'option {flag}: "{text}": write a positive share in per cent, as "0.1 %"')
+    share = float(found[1]) / 100 if found else -1.0
+    if not (0 < share < inf or (from_zero and share == 0)):
+        kind = "share" if from_zero else "positive share"
+        raise BadValue(f'option {flag}: "{text}": write a {kind} in per cent, as "0.1 %"')
     return share
 
 

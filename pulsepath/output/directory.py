@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -20,7 +21,7 @@ from kinematics.files.atomic_files import (
     stamp,
 )
 from kinematics.files.leftovers import NEW, OLD, clear, lock
-from kinematics.foundation.errors import MotionError
+from kinematics.foundation.errors import BadValue, MotionError
 from pulsepath.options import read_percent, read_quantity
 from pulsepath.process.exits import read_reached
 from pulsepath.progress import note
@@ -42,6 +43,9 @@ CHECKPOINT = "checkpoint.json"
 """In a directory that is not complete: where the plan stands."""
 TRIGGERS = "triggers.csv"
 """Only where the program of a plan has triggers."""
+
+
+PLAIN_NUMBER = re.compile(r"\s*(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\s*", re.ASCII)
 
 
 def refuse_overwrite(target: Path, force: bool, kind: str = KIND) -> None:
@@ -104,8 +108,13 @@ def read_instant(folder: Path, text: str) -> float:
     duration = None
     with suppress(OSError, ValueError, AttributeError):
         duration = json.loads((folder / RECORD).read_bytes()).get("duration_s")
+    if PLAIN_NUMBER.fullmatch(text):
+        plain = text.strip()
+        raise BadValue(
+            f'option --at: "{plain}": a number without a unit: write "{plain} s", or "{plain} %" of the motion'
+        )
     if text.rstrip().endswith("%"):
-        share = read_percent("--at", text)
+        share = read_percent("--at", text, from_zero=True)
         if not isinstance(duration, float):
             raise MotionError(f'{folder / RECORD} states no duration: give --at as a time, as "1.2 s"')
         t = share * duration

@@ -106,6 +106,7 @@ class Spacing:
     last     tick of the last pulse of all
     ends     tick before which each part ends
     ahead    (axes,) of each part: the direction of the first pulse behind it; 0: there is none
+    names    of the axes, where known
     """
 
     clock_hz: int
@@ -114,17 +115,19 @@ class Spacing:
     last: int
     ends: tuple[int, ...]
     ahead: tuple[Signs, ...]
+    names: tuple[str, ...] = ()
 
 
 def measure_spacing(parts: Iterable[PulseSchedule]) -> Spacing:
     """Go through the pulses of one or more parts once."""
-    clock, last, closest = 0, 0, FOREVER
+    clock, last, closest, names = 0, 0, FOREVER, tuple[str, ...]()
     ends: list[int] = []
     first: list[Signs] = []
     held: list[tuple[Ticks, Signs]] = []  # the last pulse of each axis
     back: list[int] = []
     for part in parts:
         clock, axes = part.clock_hz, part.axes
+        names = tuple(axis.name for axis in axes)
         held = held or [(axis.ticks[:0], axis.direction[:0]) for axis in axes]
         back = back or [FOREVER] * len(axes)
         for k, axis in enumerate(axes):
@@ -141,7 +144,7 @@ def measure_spacing(parts: Iterable[PulseSchedule]) -> Spacing:
         ahead.append(np.where(signs != 0, signs, ahead[-1]))
     known = (None if least == FOREVER else least for least in back)
     least = None if closest == FOREVER else closest
-    return Spacing(clock, least, tuple(known), last, (*ends[:-1], FOREVER), tuple(ahead[::-1]))
+    return Spacing(clock, least, tuple(known), last, (*ends[:-1], FOREVER), tuple(ahead[::-1]), names)
 
 
 def high_ticks(spacing: Spacing, width: float | None, timing: Sequence[StepTiming | None]) -> int:
@@ -150,20 +153,60 @@ def high_ticks(spacing: Spacing, width: float | None, timing: Sequence[StepTimin
     DIR changes when STEP falls, so that a reversal has to leave the set-up of its drive as well.
     """
     clock, closest = spacing.clock_hz, spacing.closest
-    drives = [drive for drive in timing if drive is not None]
-    least = max([1, *(ceil_ticks(max(drive.high, drive.hold), clock) for drive in drives)])
-    room = np.inf if closest is None else closest - max([1, *(ceil_ticks(drive.low, clock) for drive in drives)])
-    for back, drive in zip(spacing.back, timing, strict=False):
-        if drive is not None and back is not None:
-            room = min(room, back - ceil_ticks(drive.setup, clock))
+    least, room = _bound_high(spacing, timing)
     usual = min(STEP_WIDTH * clock, np.inf if closest is None else closest // 2)
-    high = int(min(max(round(usual), least), room)) if width is None else round(width * clock)
-    if not least <= high <= room:
-        raise MotionError(
-            f"pulse width {high} ticks of {1e6 / clock:.4g} µs: must be at least {least} and at most {room:.0f} "
-            "to leave the closest pulses and reversals apart; choose another width, a faster clock, or a slower motion"
+    high = int(min(max(round(usual), least.ticks), room.ticks)) if width is None else round(width * clock)
+    if least.ticks <= high <= room.ticks:
+        return high
+    given = high / clock if width is None else width
+    told = f"{given:.6g} s" if given >= 0.1 else f"{1e6 * given:.6g} us"
+    broken = [
+        f"at {side} {bound.describe(clock)}"
+        for side, bound, holds in (
+            ("least", least, least.ticks <= high and least.ticks <= room.ticks),
+            ("most", room, high <= room.ticks and least.ticks <= room.ticks),
         )
-    return high
+        if not holds
+    ]
+    remedy = "choose another width" if least.ticks <= room.ticks else "choose a faster clock, or a slower motion"
+    raise MotionError(f"pulse width {told}: must be {' and '.join(broken)}; {remedy}")
+
+
+@dataclass(frozen=True, slots=True)
+class _Bound:
+    """Of the ticks that STEP stays high, and why."""
+
+    ticks: float
+    reason: str
+
+    def describe(self, clock: int) -> str:
+        return f"{1e6 * self.ticks / clock:.6g} us ({self.reason})"
+
+
+def _bound_high(spacing: Spacing, timing: Sequence[StepTiming | None]) -> tuple[_Bound, _Bound]:
+    """The least and the most."""
+    clock, closest = spacing.clock_hz, spacing.closest
+    names = [*spacing.names, *[""] * len(timing)]
+    drives = [(f"the drive of {name}", drive) for name, drive in zip(names, timing, strict=False) if drive is not None]
+    lows = [_Bound(1, "a tick of the clock")]
+    lows += [_Bound(ceil_ticks(drive.high, clock), f"{who} needs STEP high so long") for who, drive in drives]
+    lows += [
+        _Bound(ceil_ticks(drive.hold, clock), f"{who} needs DIR so long after STEP rises") for who, drive in drives
+    ]
+    rooms = [_Bound(np.inf, "")]
+    if closest is not None:
+        apart = f"the closest pulses are {1e6 * closest / clock:.6g} us apart, and"
+        rooms.append(_Bound(closest - 1, f"{apart} STEP is low for a tick of the clock"))
+        rooms += [
+            _Bound(closest - ceil_ticks(drive.low, clock), f"{apart} {who} needs STEP low for {1e6 * drive.low:.6g} us")
+            for who, drive in drives
+        ]
+    for back, drive, name in zip(spacing.back, timing, names, strict=False):
+        if drive is not None and back is not None:
+            apart = f"{name} reverses within {1e6 * back / clock:.6g} us, and its drive needs DIR"
+            room = back - ceil_ticks(drive.setup, clock)
+            rooms.append(_Bound(room, f"{apart} {1e6 * drive.setup:.6g} us before STEP rises"))
+    return max(lows, key=lambda each: each.ticks), min(rooms, key=lambda each: each.ticks)
 
 
 def refuse_high(source: ExportSource, high: int) -> None:

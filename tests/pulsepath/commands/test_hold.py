@@ -27,6 +27,18 @@ def test_a_stop_and_the_way_on_in_files(call, plan, job):
         assert before.counts([6_000_000 - 1])[0] + own.direction.sum() + after.direction.sum() == before.final
 
 
+def test_an_instant_is_a_time_or_a_share_and_0_is_both(call, plan):
+    """Of the motion's beginning either says the same; of a plain number both are proposed."""
+    said = [call("hold", plan, "--at", text) for text in ("0 s", "0 %")]
+    assert [done.exit_code for done in said] == [2, 2]
+    assert said[0].stderr.splitlines()[-1] == said[1].stderr.splitlines()[-1]
+    assert "hold at 0.000000 s: the plan rests there" in said[1].stderr
+    done = call("hold", plan, "--at", "40")
+    assert done.exit_code == 2
+    assert 'write "40 s", or "40 %" of the motion' in done.stderr
+    assert "write a share in per cent" in call("hold", plan, "--at", "-1 %").stderr
+
+
 def test_files_of_a_stop_say_what_exports_say(call, plan, job):
     """For a board: how many commands each axis has, and how far a pulse may be off."""
     done = call("hold", plan, "--at", "0.6 s", "--format", "steps", "--out", plan / "stop.bin", "--within", "1 us")

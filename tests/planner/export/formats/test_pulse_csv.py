@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kinematics import Axis, FileError, MotionError
+from kinematics.machine.axis import StepTiming
 from planner import PulseSchedule, open_pulses
 from planner.export.formats import binary, pulse_csv
 from planner.pulses import AxisPulses
@@ -160,8 +161,27 @@ def test_the_width_is_two_microseconds_or_half_the_smallest_interval_or_as_asked
     for far in (0.0, 1e-5):
         with pytest.raises(MotionError, match="pulse width"):
             width(schedule_of([100, 200]), width=far)
-    with pytest.raises(MotionError, match="at least 1 and at most 0 to leave the closest pulses and reversals apart"):
+    with pytest.raises(MotionError, match=r"at least 0.1 us .* and at most 0 us \(the closest pulses are 0.1 us apart"):
         width(schedule_of([100, 101]))
+
+
+@pytest.mark.parametrize(
+    ("timing", "width", "told"),
+    [
+        ((1.9e-6, 1e-6, 0, 0), 1e-6, r"1 us: must be at least 1.9 us \(the drive of a0 needs STEP high so long\)"),
+        ((1e-6, 1e-6, 0, 3e-6), 2e-6, r"2 us: must be at least 3 us \(the drive of a0 needs DIR so long after STEP"),
+        ((1e-6, 4e-6, 0, 0), 7e-6, r"7 us: must be at most 6 us \(the closest .* a0 needs STEP low for 4 us\)"),
+        (
+            (1e-6, 1e-6, 5e-6, 0),
+            20e-6,
+            r"must be at most 15 us \(a0 reverses within 20 us, .* 5 us before STEP rises\)",
+        ),
+    ],
+)
+def test_a_width_that_a_drive_does_not_take_is_told_in_microseconds_with_the_drive(tmp_path, timing, width, told):
+    schedule = schedule_of([100, -300] if timing[2] else [100, 200], names=["a0"])
+    with pytest.raises(MotionError, match=told):
+        pulse_csv.write(schedule, tmp_path / "w.csv", [1], width=width, timing=[StepTiming(*timing)])
 
 
 def test_axes_that_never_fire_and_pulses_at_tick_zero(tmp_path):
