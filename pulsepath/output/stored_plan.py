@@ -53,6 +53,12 @@ class StoredPlan(Interruptible):
     fastest: bool = True
     known: list[DurationBound] = field(default_factory=list, repr=False, compare=False)
 
+    def __repr__(self) -> str:
+        lasts = "" if self.stated is None else f"{self.stated.duration:.6g} s, "  # the motion is not read for this
+        doubt = ", not proved" if self.doubts else ""
+        made = f"order {self.order}, {self.rule} pulses at {self.clock_hz} Hz"
+        return f"<StoredPlan {self.program.name} on {self.machine.name}: {lasts}{made}{doubt}>"
+
     @property
     def trajectory(self) -> Trajectory:
         """Its whole motion."""

@@ -59,6 +59,8 @@ def test_files_of_a_stop_say_what_exports_say(call, plan, job):
 
 def test_a_loaded_plan_is_held_and_exported_as_a_fresh_one(plan, job, tmp_path):
     taken, fresh = load_plan(plan), job.plan
+    named = f"<StoredPlan {fresh.program.name} on {fresh.machine.name}: {fresh.duration:.6g} s, order {fresh.order}, "
+    assert repr(taken) == f"{named}nearest pulses at {fresh.pulses.clock_hz} Hz>"
     stop, other = taken.hold(0.6), fresh.hold(0.6)
     assert stop.certificate.holds
     assert stop.duration == pytest.approx(other.duration, rel=1e-9)
