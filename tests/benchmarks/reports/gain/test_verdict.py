@@ -1,5 +1,6 @@
 """A verdict weighs what a user would: a little less error is not worth a shaking machine, and what is paid is said."""
 
+import re
 from dataclasses import replace
 from math import inf, prod
 
@@ -121,6 +122,18 @@ def test_ratios_are_of_what_makes_a_difference():
     assert weigh(mean_of([worst, ratios])) == pytest.approx(prod([10**0.1, 5**0.05]))
     # runs that were saved without their pulses have no vibration to weigh
     assert "vibration" not in compare_figures(figures(), figures(), {"floor": 1e-8, "pulses": {}})
+
+
+def test_a_range_of_errors_stays_on_one_line_of_a_narrow_page(tmp_path):
+    """A cell of a narrow page has room for ten digits; a longer range has two cells."""
+    costs = {BASE: (QUIET, {}), GOOD: (2 * QUIET, {})}
+    found = compare([with_costs(tmp_path / "runs", costs, {BASE: 100e-6, GOOD: 40e-6})])
+    page = gain_report(found)[1]
+    narrow = page[page.index("@media (max-width: 34rem) {\n  .gains") :]
+    assert ".gains.stack .one { white-space: nowrap; }" in narrow[: narrow.index("\n}")]
+    cells = re.findall(r'<td class="(n one[^"]*)" data-label="contour [^"]*">([^<]*)</td>', page)
+    assert cells
+    assert all(("wide" in kind) == (len(text) > 10) for kind, text in cells)
 
 
 def test_the_page_shows_what_is_weighed_and_every_axis(tmp_path):
