@@ -229,8 +229,18 @@ def _stack_axes(count: int, height: float, share: bool = True, width: float = 9.
 
 
 def _add_legend(ax: "Axes", columns: int = 6) -> "Axes":
-    """The axes with their legend above them, where it hides nothing."""
-    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=columns, frameon=False)
+    """The axes with their legend above, where it hides nothing: in the middle of the figure, and as wide at most."""
+    from matplotlib.transforms import blended_transform_factory
+
+    figure = ax.get_figure(root=True)
+    assert figure is not None
+    middle = blended_transform_factory(figure.transFigure, ax.transAxes)
+    for count in range(columns, 0, -1):
+        legend = ax.legend(
+            loc="lower center", bbox_to_anchor=(0.5, 1.0), bbox_transform=middle, ncols=count, frameon=False
+        )
+        if legend.get_window_extent().width <= figure.bbox.width:
+            break
     return ax
 
 
