@@ -17,7 +17,7 @@ from kinematics.files.toml_document import Document, Key, read
 from kinematics.foundation.errors import BadValue, Fault, FileError, MotionError, NotInstalled
 from kinematics.foundation.names import closest, find, nearest, presets
 from kinematics.foundation.units import Unit, describe_value
-from kinematics.kinds.axis_keys import find_repeated_names
+from kinematics.kinds.axis_faults import find_repeated_names
 from kinematics.machine.axis import Axis
 from kinematics.machine.machine_file import load_machine, read_axes
 

@@ -1,6 +1,6 @@
 """Tables of axes, which every kind's file has: `[axes]` for all, `[[axis]]` for what one has of its own, `[wiring]`."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
@@ -8,10 +8,8 @@ from pydantic import AfterValidator, AllowInfNan, Field, create_model
 
 from kinematics.files.keys import Chosen, key
 from kinematics.files.schema import File, TableSchema, tables_in
-from kinematics.files.toml_document import Key
-from kinematics.foundation.errors import BadValue, MotionError, validation_error
-from kinematics.foundation.names import closest, nearest
-from kinematics.foundation.units import Length, Unit, describe_value
+from kinematics.foundation.errors import MotionError, validation_error
+from kinematics.foundation.units import Length, Unit
 from kinematics.kinds.shaper_keys import NO_SHAPER, StatedShaper, VibrationTable
 from kinematics.machine.axis import Axis, AxisKind, Magnitude, StepTiming, find_drive
 
@@ -360,37 +358,3 @@ def _stated_values(table: Any) -> dict[str, Any]:
     values = {name: value for name in type(table).model_fields if (value := getattr(table, name)) is not None}
     drive = values.pop("drive", None)
     return values | ({"pulse": drive.pulse} if drive is not None else {})
-
-
-def find_pulse_faults(data: Mapping[str, Any]) -> Iterator[tuple[Key, str]]:
-    """A table that states both a pulse and the drive that makes it, or neither where all axes need one."""
-    own = data.get("axis", ())
-    tables: list[tuple[Key, Any, bool]] = [((name,), data.get(name), True) for name in ("axes", "rotary")]
-    tables += [(("axis", n), table, False) for n, table in enumerate(own if isinstance(own, tuple) else ())]
-    for at, table, needed in tables:
-        given = {"pulse", "drive"} & table.keys() if isinstance(table, dict) else {"pulse"}
-        if len(given) == 2:
-            yield (*at, "drive"), "pulse and drive exclude each other: give one"
-        if needed and not given:
-            yield (*at, "pulse"), 'missing: write e.g. "0.75 um", or a drive with its steps'
-
-
-def find_wiring_faults(names: Sequence[str], data: Mapping[str, Any]) -> Iterator[tuple[Key, MotionError]]:
-    """Every key of [wiring] that is none of the axes' names; of no names nothing is known."""
-    wiring = data.get("wiring")
-    for name in wiring if isinstance(wiring, dict) and names else ():
-        if name not in names:
-            known = ", ".join(names)
-            told = f"{describe_value(name)} is no axis{nearest(name, names)}; axes: {known}"
-            yield ("wiring", name), BadValue(told, allowed=known, nearest=closest(name, names))
-
-
-def find_repeated_names(data: Mapping[str, Any], array: str = "axis") -> Iterator[tuple[Key, str]]:
-    """Every [[axis]] table (or of another array) after the first of its name."""
-    seen = set()
-    tables = data.get(array, ())
-    for n, table in enumerate(tables if isinstance(tables, tuple) else ()):
-        name = table.get("name") if isinstance(table, dict) else None
-        if isinstance(name, str) and name in seen:
-            yield (array, n, "name"), f"{describe_value(name)} has an [[{array}]] table already"
-        seen.add(name if isinstance(name, str) else None)

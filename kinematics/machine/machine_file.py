@@ -13,7 +13,8 @@ from kinematics.foundation.errors import BadValue, FileError, MotionError, NotIn
 from kinematics.foundation.names import closest, find, nearest, presets, source_folder
 from kinematics.foundation.units import describe_value
 from kinematics.kinds.arm import ArmFile, build_arm, find_stray_axis_tables, joints_of
-from kinematics.kinds.axis_keys import MachineFile, find_pulse_faults, find_repeated_names, find_wiring_faults
+from kinematics.kinds.axis_faults import find_pulse_faults, find_repeated_names, find_wiring_faults
+from kinematics.kinds.axis_keys import MachineFile
 from kinematics.kinds.equations import EquationsFile, build_equations
 from kinematics.kinds.hexapod import LEGS, HexapodFile, build_hexapod
 from kinematics.kinds.linkage import NAMES, LinkageFile, build_linkage
@@ -73,8 +74,9 @@ def _read_model(source: Path | Traversable) -> tuple[Document, MachineFile, Cons
     if not isinstance(kind, str) or kind not in KINDS:
         raise FileError(document.file, [document.fault(("kind",), _refuse_kind(kind))])
     schema, construct, names = KINDS[kind]
-    wired = partial(find_wiring_faults, names or joints_of(document.data))
-    model = build(document, schema, find_repeated_names, find_pulse_faults, find_stray_axis_tables, wired)
+    names = names or joints_of(document.data)
+    wired, driven = partial(find_wiring_faults, names), partial(find_pulse_faults, names, _find_turning(document.data))
+    model = build(document, schema, find_repeated_names, driven, find_stray_axis_tables, wired)
     if (repeated := find_repeated(model.vibration)) is not None:
         first, again = repeated
         place = f"vibration[{first + 1}] in line {document.line(('vibration', first))}"
@@ -84,6 +86,13 @@ def _read_model(source: Path | Traversable) -> tuple[Document, MachineFile, Cons
         )
         raise FileError(document.file, [document.fault(("vibration", again), told)])
     return document, model, construct
+
+
+def _find_turning(data: Mapping[str, Any]) -> tuple[str, ...]:
+    """The axes for which a file may have a table of their own, [rotary]."""
+    geometry = data.get("geometry")
+    stated = geometry.get("rotary") if isinstance(geometry, dict) else None
+    return tuple(map(str, stated)) if isinstance(stated, tuple) else (ROTARY,)
 
 
 def _refuse_kind(kind: Any) -> BadValue:

@@ -101,6 +101,27 @@ def test_an_axis_table_overrides_what_it_states(load):
     assert set(changed.values()) == {(0.02, -1, None, 4.0)}
 
 
+def own_pulses(names):
+    return "".join(f'\n[[axis]]\nname = "{name}"\npulse = "{n} um"\n' for n, name in enumerate(names, 1))
+
+
+def test_a_pulse_of_all_axes_is_needed_only_where_an_axis_has_none_of_its_own(load):
+    """Of a kind whose axes are all alike, and of one whose turning axis has a table of its own."""
+    bare = "\n".join(line for line in PRESET.splitlines() if not line.startswith(("pulse =", "drive =")))
+    legs = [f"leg{n}" for n in range(1, 7)]
+    assert [axis.pulse for axis in load(bare + own_pulses(legs)).axes] == pytest.approx(np.arange(1, 7) * 1e-6)
+    with pytest.raises(FileError, match=r"axes\.pulse: missing"):
+        load(bare + own_pulses(legs[:-1]))
+    whole = (files("kinematics") / "presets" / "traverser.toml").read_text(encoding="utf-8")
+    common, rest = whole.partition("[[axis]]")[0].split("[rotary]")
+    slides = "\n".join(line for line in common.splitlines() if not line.startswith(("pulse =", "drive =")))
+    made = load(f"{slides}\n[rotary]{rest}" + own_pulses("XYZ"))
+    assert [axis.pulse for axis in made.axes][:3] == pytest.approx([1e-6, 2e-6, 3e-6])
+    assert made.axes[3].pulse == load(whole).axes[3].pulse
+    with pytest.raises(FileError, match=r"axes\.pulse: missing"):
+        load(f"{slides}\n[rotary]{rest}" + own_pulses("XY"))
+
+
 def test_a_bound_may_differ_towards_smaller_and_greater_positions(load):
     sided = PRESET.replace('max_speed = "20 mm/s"', 'max_speed = ["18 mm/s", "20 mm/s"]')
     own = '[[axis]]\nname = "leg2"\nmax_jerk = ["2 m/s^3", "3 m/s^3"]\n'
