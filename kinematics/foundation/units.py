@@ -202,7 +202,7 @@ def round_up_digits(value: float, digits: int = 4) -> str:
 
 def floor_percent(share: float) -> str:
     """A share of a limit in per cent, two decimals, rounded down: 0.99996 is "99.99", not all of it."""
-    return f"{floor(1e4 * share) / 100:.2f}"
+    return f"{floor(1e4 * share + 1e-6) / 100:.2f}"  # 0.9989 times 1e4 is below 9989
 
 
 def format_distinct(*values: float, digits: int = 6) -> tuple[str, ...]:

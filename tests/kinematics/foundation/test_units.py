@@ -19,6 +19,7 @@ from kinematics.foundation.units import (
     describe_value,
     everyday_unit,
     factor_by_pint,
+    floor_percent,
     format_distinct,
     quantity,
     unit_value,
@@ -274,3 +275,14 @@ def test_the_usual_units_are_read_without_pint():
 )
 def test_a_number_and_its_noun_agree(count, noun, form, words):
     assert count_noun(count, noun, form) == words
+
+
+def test_a_share_in_per_cent_is_never_rounded_up():
+    assert [floor_percent(share) for share in (1.0, 0.99996, 0.9989, 0.998951, 0.8)] == [
+        "100.00",
+        "99.99",
+        "99.89",
+        "99.89",
+        "80.00",
+    ]
+    assert all(floor_percent(n / 1e4) == f"{n / 100:.2f}" for n in range(10_001))

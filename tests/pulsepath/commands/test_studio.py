@@ -116,7 +116,7 @@ def test_differences_tell_what_two_plans_were_made_of(two):
     path.write_text(json.dumps(record), encoding="utf-8")
     page = page_of(Studio(two), "first", "deep/er/second <b>")
     assert find_row(page, "input shapers") == ["none", "zv 25 Hz, damping 0.05 (leg1, leg2)", "differs"]
-    assert find_row(page, "limits lowered for them") == ["none", "jerk to 80 %", "differs"]
+    assert find_row(page, "limits lowered for them") == ["none", "jerk to 80.00 %", "differs"]
     assert find_row(page, "order") == ["3", "2", "differs"]
     assert find_row(page, "objective") == ["time", "a duration of 20 s", "differs"]
     assert find_row(page, "machine")[1:] == ["hexapod (file 01234567)", "differs"]
