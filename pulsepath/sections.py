@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
+from math import degrees
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,20 @@ from planner.interruption.section import Section, Whole
 from pulsepath.output import plan_directory, record
 from pulsepath.output.stored_plan import StoredPlan
 from pulsepath.progress import say, step
+
+FINE = {"m": ("µm", 1e6), "rad": ("m°", 1e3 * degrees(1))}
+"""What errors of axes are told in, and how many of it make an SI unit."""
+
+
+def _measure(planned: StoredPlan, pulses: float) -> str:
+    """What so many pulses are of an axis at most, in its unit."""
+    if pulses == 0:
+        return ""
+    largest = dict[str, float]()
+    for axis in planned.machine.axes:
+        largest[axis.unit] = max(largest.get(axis.unit, 0.0), pulses * axis.pulse)
+    told = [f"{value * factor:.3g} {name}" for unit, value in largest.items() for name, factor in [FINE[unit]]]
+    return f" (at most {', '.join(told)} of an axis)"
 
 
 def read_whole(directory: Path, unverified: bool) -> tuple[StoredPlan, Whole]:
@@ -47,7 +62,8 @@ def say_errors(files: Sequence[Mapping[str, Any]], planned: StoredPlan) -> None:
     """How far what each file holds is from its motion, and what its user has to know, of files by their records."""
     made_up = sorted({kind for axis in planned.machine.axes for kind in axis.compensate})
     for file in files:
-        say(f"{file['file']}: error {file['error_pulses']:.3g} pulses against {file['against']}")
+        pulses = file["error_pulses"]
+        say(f"{file['file']}: error {pulses:.3g} pulses against {file['against']}{_measure(planned, pulses)}")
         if made_up:
             say(f"  positions are the motors': {' and '.join(made_up)} made up for")
         for note in (*file["notes"], *(f"NOT VERIFIED: {doubt}" for doubt in planned.doubts)):

@@ -66,7 +66,7 @@ def export(
     format_ = EXPORTS.make(name, given)
     planned = plan_directory.read(directory, unverified)
     with read_pulses(planned) as tell:
-        pulses = planned.pulses(tell)
+        pulses = planned.read_pulses(tell)
     with step(f"writing {target}") as tell, destination.stage() as file:
         source = ExportSource(planned.program.name, planned.machine, planned.trajectory, pulses, tell)
         done = export(format_, name, source, file)

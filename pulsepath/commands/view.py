@@ -114,6 +114,6 @@ def _load_drawn_plan(directory: Path, unverified: bool) -> "tuple[DrawnPlan, tup
 
     planned = plan_directory.read(directory, unverified)
     with read_pulses(planned) as tell:
-        pulses = planned.pulses(tell)
+        pulses = planned.read_pulses(tell)
     drawn = DrawnPlan(planned.program, planned.machine, planned.trajectory, planned.limits, pulses)
     return drawn, planned.doubts

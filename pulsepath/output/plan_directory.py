@@ -172,7 +172,7 @@ def load_plan(folder: str | PathLike[str], unverified: bool = False) -> StoredPl
     Returns
     -------
     StoredPlan
-        Trajectory, machine and program as they were planned; `.pulses()` is their schedule.
+        Trajectory, machine and program as they were planned; `.pulses` is their schedule.
 
     Raises
     ------

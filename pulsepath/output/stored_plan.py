@@ -35,7 +35,7 @@ class StoredPlan(Interruptible):
 
     load: its whole motion, once it is asked for; follow: the same part by part, where it was planned so
     stated: what was stated of its pulses, without them; pulse_file: where they are; fastest: as `Whole` has it
-    known: its lower bound, once that was worked out
+    known: its lower bound, once that was worked out; held: its pulses, once they were asked for
     doubts: why it is not known to be what was proved; nothing but where that was asked for
     """
 
@@ -52,6 +52,7 @@ class StoredPlan(Interruptible):
     doubts: tuple[str, ...] = ()
     fastest: bool = True
     known: list[DurationBound] = field(default_factory=list, repr=False, compare=False)
+    held: list[PulseSchedule] = field(default_factory=list, init=False, repr=False, compare=False)
 
     def __repr__(self) -> str:
         lasts = "" if self.stated is None else f"{self.stated.duration:.6g} s, "  # the motion is not read for this
@@ -109,7 +110,7 @@ class StoredPlan(Interruptible):
 
     def whole(self, progress: Progress = ignore_progress) -> Whole:
         """What sections of it are made of, with its pulses, and its motion proved once more."""
-        motion, pulses = self.trajectory, self.pulses(progress)
+        motion, pulses = self.trajectory, self.read_pulses(progress)
         proof, path, tool = certify(motion, self.limits), motion.path, self.program.tool
         assert isinstance(path, MachinePath)  # as every plan's
         fired = find_triggers(self.program, path, motion, pulses, *find_delays(self.machine.axes))
@@ -124,13 +125,20 @@ class StoredPlan(Interruptible):
         same = _states_same(held.stated, self.stated) and digest_pulses(held.parts()) == self.pulse_digest
         return held if same else None
 
-    def pulses(self, progress: Progress = ignore_progress) -> PulseSchedule:
+    @property
+    def pulses(self) -> PulseSchedule:
+        """The pulses, as of a `Plan`: read, as `read_pulses` has it, when first asked for."""
+        if not self.held:
+            self.held.append(self.read_pulses())
+        return self.held[0]
+
+    def read_pulses(self, progress: Progress = ignore_progress) -> PulseSchedule:
         """The pulses: from their file, or made again from the motion.
 
         Raises MotionError where they are not as they were, nor right.
         """
-        if (held := self.open_pulses()) is not None:
-            return held.read(progress)
+        if (file := self.open_pulses()) is not None:
+            return file.read(progress)
         axes, home_q = self.machine.axes, self.machine.home_q
         made = generate(self.trajectory, axes, home_q, self.clock_hz, self.rule, progress)
         if not self.doubts and digest_pulses([made]) != self.pulse_digest:  # as by the arithmetic of another processor
@@ -155,7 +163,7 @@ def _states_same(held: PulseSchedule, stated: PulseSchedule) -> bool:
 
 def check_pulses(file: Path, taken: StoredPlan, progress: Progress = ignore_progress) -> PulseCheck:
     """The check of a file of pulses in the folder of a plan, part by part. Raises MotionError where they fail it."""
-    stated, machine = taken.stated or taken.pulses(progress), taken.machine
+    stated, machine = taken.stated or taken.read_pulses(progress), taken.machine
     if taken.follow is not None and holds_chunks(file):
         found = check_file_parts(file, stated, machine, taken.follow(), progress)
     else:

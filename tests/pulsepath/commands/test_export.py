@@ -63,7 +63,8 @@ def test_the_error_and_what_to_know_are_printed(call, plan):
     done = call("export", plan, "--format", "xps", "--spacing", "20 ms", "--out", plan / "mine.trj")
     assert done.exit_code == 0, done.stderr
     first, *notes = done.stdout.splitlines()
-    assert re.fullmatch(r".*mine\.trj: error 0\.\d+ pulses against the motion, cubic between the points", first)
+    told = r"cubic between the points \(at most 0\.\d+ µm of an axis\)"
+    assert re.fullmatch(rf".*mine\.trj: error 0\.\d+ pulses against the motion, {told}", first)
     assert notes[:2] == ["  segments: 64, of 20 ms", "  group in the order leg1, leg2, leg3, leg4, leg5, leg6; in mm"]
 
 

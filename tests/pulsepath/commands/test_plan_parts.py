@@ -70,7 +70,7 @@ def test_other_commands_take_it_up(call, folder, planned):
     assert (told["duration_s"], told["pulses"]) == (planned["duration_s"], planned["pulses"]["total"])
     taken = load_plan(folder / "plan")
     assert taken.trajectory.duration == planned["duration_s"]
-    assert taken.pulses().total == planned["pulses"]["total"]
+    assert taken.pulses.total == planned["pulses"]["total"]
 
 
 def test_the_page_shows_it_and_loads_nothing(folder, planned):
@@ -151,7 +151,7 @@ def test_triggers_are_written_where_the_whole_has_them(call, folder, events):
     assert streamed["windows"] > 4
     assert streamed["trigger_count"] == len(own) == len(others) == len(whole["triggers"]) > LINES // 8
     taken = load_plan(folder / "streamed")
-    motion, pulses = taken.trajectory, taken.pulses()
+    motion, pulses = taken.trajectory, taken.pulses
     for row, other in zip(own, others, strict=True):
         for name in ("name", "segment", "repetition"):
             assert row[name] == other[name]

@@ -144,8 +144,8 @@ def test_a_plan_without_a_file_of_pulses_is_proved_and_makes_them_again(inputs, 
     certificate = json.loads((tmp_path / "certificate.json").read_text())
     assert (certificate["file"], certificate["sha256"], certificate["holds"]) == (None, None, True)
     assert plan_directory.read(tmp_path).open_pulses() is None
-    assert holds_same_pulses(job.plan.pulses, [plan_directory.read(tmp_path).pulses()])
-    assert holds_same_pulses(job.plan.pulses, [plan_directory.read(edges).pulses()])
+    assert holds_same_pulses(job.plan.pulses, [plan_directory.read(tmp_path).pulses])
+    assert holds_same_pulses(job.plan.pulses, [plan_directory.read(edges).pulses])
 
 
 def test_pulses_are_taken_from_their_file_and_where_it_is_gone_made_again(directory, job, tmp_path, monkeypatch):
@@ -153,17 +153,17 @@ def test_pulses_are_taken_from_their_file_and_where_it_is_gone_made_again(direct
         (tmp_path / path.name).write_bytes(path.read_bytes())
     monkeypatch.setattr(stored_plan, "generate", lambda *_: pytest.fail("they are in the file"))
     again = plan_directory.read(tmp_path)
-    assert holds_same_pulses(job.plan.pulses, [again.pulses()])
+    assert holds_same_pulses(job.plan.pulses, [again.pulses])
     assert holds_same_pulses(job.plan.pulses, again.open_pulses().parts())
     monkeypatch.undo()
     (tmp_path / "pulses.bin").unlink()
-    assert holds_same_pulses(job.plan.pulses, [plan_directory.read(tmp_path).pulses()])
+    assert holds_same_pulses(job.plan.pulses, [plan_directory.read(tmp_path).pulses])
     earlier = replace(job.plan.pulses.axes[0], ticks=job.plan.pulses.axes[0].ticks - 1)
     binary.write(replace(job.plan.pulses, axes=(earlier, *job.plan.pulses.axes[1:])), tmp_path / "pulses.bin")
     with pytest.raises(MotionError, match=r"pulses\.bin was changed"):
         plan_directory.read(tmp_path)
     # and never from another plan's, were it not told
-    assert holds_same_pulses(job.plan.pulses, [replace(again, pulse_file=tmp_path / "pulses.bin").pulses()])
+    assert holds_same_pulses(job.plan.pulses, [replace(again, pulse_file=tmp_path / "pulses.bin").pulses])
 
 
 def test_a_plan_taken_up_again_fires_by_its_rule(inputs, job, tmp_path):
@@ -174,7 +174,7 @@ def test_a_plan_taken_up_again_fires_by_its_rule(inputs, job, tmp_path):
     assert record["rule"] == rule
     assert record["check"] == {**record["check"], "holds": True, "time_error_ticks": 0.0}
     assert [axis["bound_pulses"] for axis in record["axes"].values()] == [axis.bound for axis in pulses.axes]
-    again = plan_directory.read(tmp_path).pulses()
+    again = plan_directory.read(tmp_path).pulses
     assert again.rule == rule
     for got, axis in zip(again.axes, pulses.axes, strict=True):
         np.testing.assert_array_equal(got.ticks, axis.ticks)

@@ -161,7 +161,7 @@ def test_pulses_that_differ_are_checked_again(plan, monkeypatch):
     record["pulses"]["sha256"] = "0" * 64
     forge(plan, pulses=record["pulses"])
     taken = plan_directory.read(plan)
-    assert taken.pulses().total == record["pulses"]["total"]
+    assert taken.pulses.total == record["pulses"]["total"]
     generate = stored_plan.generate
 
     def shifted(*args, **kwargs):
@@ -171,7 +171,7 @@ def test_pulses_that_differ_are_checked_again(plan, monkeypatch):
 
     monkeypatch.setattr(stored_plan, "generate", shifted)
     with pytest.raises(MotionError, match="pulses made again"):
-        taken.pulses()
+        taken.read_pulses()
 
 
 def test_chosen_orientation_is_taken_up_again(tmp_path):
@@ -199,7 +199,7 @@ def test_chosen_orientation_is_taken_up_again(tmp_path):
 def test_a_plan_is_checked_with_its_file_of_pulses(call, directory, edges, job, form, capfd):
     folder = edges if form == "pulses.csv" else directory
     if form is None:
-        assert pp.load_plan(str(folder)).pulses().total == job.plan.pulses.total
+        assert pp.load_plan(str(folder)).pulses.total == job.plan.pulses.total
         assert capfd.readouterr() == ("", "")
         assert call("check", folder, "--machine", "hexapod").exit_code == 2
         return
@@ -234,7 +234,7 @@ def test_forged_pulses_are_found(call, plan, job, change, told):
     assert told in done.stderr
     assert "leg3" in done.stderr
     # and what other commands read is what was proved
-    assert plan_directory.read(plan).pulses().axes[2].bound == 0.5
+    assert plan_directory.read(plan).pulses.axes[2].bound == 0.5
 
 
 def test_the_digest_of_pulses_is_of_each_axis_wherever_they_are_cut(job, tmp_path):

@@ -54,7 +54,7 @@ def assert_plan(folder):
     """All its files are there, and agree with its record."""
     record = json.loads((folder / "plan.json").read_bytes())
     planned = plan_directory.read(folder)  # holds its sources against their digests
-    assert planned.pulses().total == record["pulses"]["total"]
+    assert planned.pulses.total == record["pulses"]["total"]
     assert read_pulses(folder / "pulses.bin").total == record["pulses"]["total"]
     assert (folder / "report.html").read_text("utf-8").rstrip().endswith("</html>")
 
