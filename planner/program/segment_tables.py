@@ -58,7 +58,9 @@ Name = Annotated[str, AfterValidator(_check_name)]
 class BlendTable(TableSchema):
     """A join that is rounded."""
 
-    blend: Annotated[float, Unit("m", above=0, plain="length")] = key("by how much the path may leave the corner")
+    blend: Annotated[float, Unit("m", above=0, plain="length")] = key(
+        "how far the curve may be from the lines or arcs that meet"
+    )
     angle: Annotated[float, Unit("rad", above=0, plain="angle")] | None = key(
         "by how much the orientation may; if not stated, what turns points at the machine's characteristic length by "
         "as much",
