@@ -62,8 +62,7 @@ class Plan(Result, Interruptible):
     counted          what the pulses count: the motion, behind its shapers, as motors that compensate make it
     order            2: to acceleration, 3: to jerk
     rounds, methods  of solving until the proof held; the solver of each run
-    lower_estimate   s, about the least that any motion within the limits on speed and acceleration takes, with the
-                     constant speeds that are asked for
+    lower_estimate   s, about the least within the limits on speed and acceleration, and at constant speeds asked for
     stated_duration  s, what was asked for instead of the fastest, if anything
     objective        what it has least of: time, or a weighed sum with heat
     own_limits       what was asked for beside the machine's and the program's own limits
@@ -316,7 +315,11 @@ def plan(
         elif duration is not None:
             before = shorten_duration(duration, axes)
             solve = partial(solve_stated, path, axes=axes, order=order, duration=before, progress=progress)
-        solution, certificate, shaped, first = solve_shaped(solve, path, kept, axes, fastest)
+        if any(axis.shaper for axis in axes):
+            solution, certificate, shaped, first = solve_shaped(solve, path, kept, axes, fastest)
+        else:
+            first = solution = solve(kept)
+            certificate, shaped = solution.certificate, None
     except (Infeasible, OutOfReach) as no:
         raise _add_advice(no, program, machine, order) from None
     motion = solution.trajectory

@@ -30,11 +30,11 @@ from planner.program.segment_tables import (
     SPEED,
     AngularSpeed,
     CurveEntry,
+    DwellTriggerEntry,
     MovingEntry,
     PathEntry,
     ToolAcceleration,
     ToolSpeed,
-    TriggerEntry,
     read_trigger,
 )
 from planner.program.validation import MAX_REPEATS, repeats
@@ -234,7 +234,7 @@ class SynchronisedEntry(MovingEntry):
 
 class DwellEntry(TableSchema):
     dwell: Annotated[float, Unit("s", above=0)] = key("a rest", '"0.2 s"')
-    trigger: TriggerEntry | None = key(
+    trigger: DwellTriggerEntry = key(
         "an event; at: its share of the rest, 1 (the end) if not stated", '{ name = "camera", at = 0.5 }', None
     )
 

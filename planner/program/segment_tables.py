@@ -28,6 +28,12 @@ def _check_has_speed(constant: bool, info: ValidationInfo) -> bool:
     return constant
 
 
+def _check_begins(after_rest: bool, info: ValidationInfo) -> bool:
+    if after_rest and info.data.get("at", 0.0) != 0:
+        raise validation_error("true: is of the start of its segment: give at = 0 with it")
+    return after_rest
+
+
 def _check_name(name: str) -> str:
     if not name:
         raise validation_error("empty: give the name of the output line or event")
@@ -92,7 +98,9 @@ class TriggerTable(TableSchema):
 
     name: Name = key("of the output line or event")
     at: Annotated[float, Field(ge=0, le=1)] = key("share of the segment, from 0 to 1", default=1.0)
-    after_rest: bool = key("with at = 0: when the motion goes on from a rest there, not on arrival", default=False)
+    after_rest: Annotated[bool, AfterValidator(_check_begins)] = key(
+        "with at = 0: when the motion goes on from a rest there, not on arrival", default=False
+    )
 
 
 class FreeTable(TableSchema):
@@ -108,6 +116,15 @@ FreeEntry = Annotated[
     Literal["yaw"] | FreeTable, Chosen(lambda value: FreeTable if isinstance(value, dict) else Literal["yaw"])
 ]
 TriggerEntry = Annotated[Name | TriggerTable, Chosen(_trigger_type)]
+
+
+def _check_rests(entry: Name | TriggerTable | None) -> Name | TriggerTable | None:
+    if isinstance(entry, TriggerTable) and entry.after_rest:
+        raise validation_error("after_rest is of a segment that moves: leave it out, as at = 1 is the end of the rest")
+    return entry
+
+
+DwellTriggerEntry = Annotated[TriggerEntry | None, AfterValidator(_check_rests)]
 
 
 def read_trigger(entry: Name | TriggerTable | None) -> Trigger | None:

@@ -83,7 +83,7 @@ def test_spindle_words_are_warned_of_and_with_strict_refused(call, part, tmp_pat
     assert "# line 2 of part.nc" in (tmp_path / "p.toml").read_text()
     checked = call("check", part, "--machine", "hexapod")
     assert checked.exit_code == 0, checked.stderr
-    assert "M5 (line 3): no trigger" in checked.stderr
+    assert "M5 (line 3): NO TRIGGER" in checked.stderr
     for command in (("import", part, "--out", tmp_path / "p.toml", "--force"), ("check", part, "--machine", "hexapod")):
         strict = call(*command, "--strict")
         assert strict.exit_code == 2
