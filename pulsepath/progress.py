@@ -195,14 +195,12 @@ def draw(layouts: Iterable[Layout]) -> None:
 def _find_least_widths(layout: Layout) -> list[int]:
     """Of each column, characters that break no word."""
     rows = [[title for title, _, _ in layout["columns"]], *layout["rows"]]
-    return [
-        max(len(part) if whole else min(len(part), LONG_WORD) for row in rows for part in _split(row[k], whole))
-        for k, (_, _, whole) in enumerate(layout["columns"])
-    ]
-
-
-def _split(text: str, whole: bool) -> list[str]:
-    return [text] if whole else text.split() or [""]
+    widths = []
+    for k, (_, _, whole) in enumerate(layout["columns"]):
+        parts = [part for row in rows for part in ([row[k]] if whole else row[k].split())]
+        longest = max(map(len, parts), default=0)
+        widths.append(longest if whole else min(longest, LONG_WORD))
+    return widths
 
 
 def is_styled(stream: IO[str]) -> bool:

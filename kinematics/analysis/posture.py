@@ -28,8 +28,10 @@ SAME_POSE_TOLERANCE = 1e-6
 """m, or of a rotation's entries, by which two poses differ at most that are one."""
 MAX_PULSES = 2.0**53
 """Pulses from home that are told apart."""
-NOT_CERTIFIED = "the straight motion from home is not proved to be free of singularities"
-ELSEWHERE = "check may prove another way there, as a program"
+NOT_CERTIFIED = (
+    "the straight motion from home is not proved to be free of singularities; check may prove another way there, as a "
+    "program"
+)
 LIMITS_KEPT = "limits kept"
 UNLIMITED = {"inf": "unlimited", "-inf": "unlimited"}
 
@@ -94,7 +96,7 @@ class Posture(Result):
         jacobian = scaled_jacobian(self.machine, x, self.q[None])[0]
         if is_singular(self.machine, square_jacobian(self.machine, x, self.q[None]))[0]:
             return f"the pose is singular: {describe_singularity(self.machine, jacobian)}; choose a pose away from it"
-        return f"{NOT_CERTIFIED}; {ELSEWHERE}"
+        return NOT_CERTIFIED
 
     @property
     def violations(self) -> tuple[str, ...]:

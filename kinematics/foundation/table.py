@@ -167,8 +167,7 @@ class Table:
         shown, named = self.read, self._has_mixed_columns
         return [[column.cell(row, named) for column in shown] for row in (range(len(self)) if rows is None else rows)]
 
-    @property
-    def _read(self) -> list[list[str]]:
+    def shown_cells(self) -> list[list[str]]:
         """The rows to show: of too many, the first and the last with a gap between."""
         half = MAX_SHOWN_ROWS // 2
         if len(self) <= MAX_SHOWN_ROWS:
@@ -177,7 +176,7 @@ class Table:
         return [*self.cells(range(half)), gap, *self.cells(range(len(self) - half, len(self)))]
 
     def __str__(self) -> str:
-        rows = [[column.title for column in self.read], *self._read]
+        rows = [[column.title for column in self.read], *self.shown_cells()]
         lines = _align(rows, [column.numeric for column in self.read])
         return "\n".join([*filter(None, [self.title]), *lines, *self.notes])
 
@@ -192,7 +191,7 @@ class Table:
             "<tr>"
             + "".join(f'<td style="{style}">{escape(cell)}</td>' for style, cell in zip(aligned, row, strict=True))
             + "</tr>"
-            for row in self._read
+            for row in self.shown_cells()
         )
         # a title is as wide as it is: a narrow table would break it
         return (

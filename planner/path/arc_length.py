@@ -88,10 +88,8 @@ def find_travel_rates(pieces: Sequence[Piece]) -> Array:
 
 
 def _measure_piece(piece: Piece) -> float:
-    def speed(s: Array) -> Array:
-        return np.asarray(np.linalg.norm(piece.derivatives(s)[1][:, :3], axis=1))
-
     ends = piece.start + np.array([0.0, piece.length])
+    speed = partial(_path_speed, piece)
     return piece.length if speed(ends).min() < MIN_WAY else measure_length(speed, *ends.tolist()).length
 
 

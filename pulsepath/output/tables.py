@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from kinematics.foundation.names import count_noun
-from kinematics.foundation.table import SCALES, Column, Table
+from kinematics.foundation.table import MAX_SHOWN_ROWS, SCALES, Column, Table
 from kinematics.machine.axis import directional_bounds
 from pulsepath.output.directory import RECORD, REPORT, TRIGGERS
 from pulsepath.progress import QUIET, VERBOSE, Layout, draw, level, say
@@ -320,23 +320,16 @@ def show_plan(
         return
     pulses = written["pulses"]
     if level() == VERBOSE:
-        show(_shorten(table, out / RECORD) for table in (*all_tables(), *tabulate_drives(pulses)))
+        draw(_lay_out_shown(table, out / RECORD) for table in (*all_tables(), *tabulate_drives(pulses)))
     else:
         show(add_close_drives(first_screen(), pulses))
     say(f"report: {report}")
 
 
-MOST_ROWS, FIRST_ROWS = 60, 40
-"""Rows of a table up to which all are printed; those of a longer one that are."""
-
-
-def _shorten(table: Table, record: Path) -> Table:
-    """The beginning of a long table of a plan's parts, with a word of where the rest is."""
-    if len(table) <= MOST_ROWS:
-        return table
-    columns = []
-    for column in table.columns:
-        unit = column.unit[:FIRST_ROWS] if column.has_row_units else column.unit
-        columns.append(replace(column, values=column.values[:FIRST_ROWS], unit=unit))
-    more = f"and {len(table) - FIRST_ROWS} more, of {len(table)}: all are in {record}"
-    return replace(table, columns=tuple(columns), notes=(more, *table.notes))
+def _lay_out_shown(table: Table, record: Path) -> Layout:
+    """As `lay_out`; of a long table of a plan's parts the rows that text shows, and where the others are."""
+    layout = lay_out(table)
+    if len(table) > MAX_SHOWN_ROWS:
+        layout["rows"] = table.shown_cells()
+        layout["notes"].insert(0, f"{MAX_SHOWN_ROWS} of {len(table)} rows: all are in {record}")
+    return layout

@@ -1,6 +1,7 @@
 """Plans held and slowed at random instants: `python -m benchmarks.evidence.trials.holds [--instants 10] [--plans 24]`.
 
-With `--even`, at instants one after the other, evenly; with `--only corexy-pocket`, of the plans of one program.
+With `--even`, at instants one after the other, evenly, or with `--at` at some (s); with `--only corexy-pocket`, of the
+plans of one program.
 
 Of two straight moves and a pocket on a CoreXY, and of the preset programs on their machines, at both orders where jerk
 is limited. Of each stop and change of speed: whether its proof holds; the largest share of a speed, acceleration or
@@ -157,13 +158,14 @@ def main() -> None:
     parser.add_argument("--instants", type=int, default=10)
     parser.add_argument("--plans", type=int, default=24)
     parser.add_argument("--even", action="store_true")
+    parser.add_argument("--at", type=float, nargs="+", metavar="T")
     parser.add_argument("--only", metavar="PROGRAM")
     asked = parser.parse_args()
     rng, stops, changes = np.random.default_rng(19), [], []
     for name, made in make_plans(asked.plans, asked.only):
         end = made.trajectory.duration
         even, drawn = np.linspace(0, end, asked.instants + 2)[1:-1], rng.uniform(0, end, asked.instants)
-        for t in np.sort(even if asked.even else drawn).tolist():
+        for t in asked.at or np.sort(even if asked.even else drawn).tolist():
             share = float(rng.uniform(*SHARES))
             stops.append(try_section(f"{name}, {t:.4f} s", made, partial(made.hold, t), soonest=True))
             change = partial(made.override, share, t)

@@ -98,11 +98,12 @@ def test_a_stretched_arm_is_said_to_be_one(elbow):
 
 
 def test_legs_that_all_meet_one_line_do_not_hold_the_turn_about_it(preset):
-    """Legs whose lines all meet the z axis do not hold the turn about it [Fichter 1986]."""
-    angles = np.radians([0, 120, 240])
-    circle = np.stack([np.cos(angles), np.sin(angles), 0 * angles], 1)
-    j = np.stack([scaled_row(0.2 * a, 0.1 * a + [0, 0, 0.3]) for a in circle])  # lines that all meet the z axis
-    jacobian = np.concatenate([j, j + 0.0])
+    """Six legs whose lines all meet the z axis, each at a place of its own [Fichter 1986]."""
+    angles = np.radians(60 * np.arange(6))
+    around = np.stack([np.cos(angles), np.sin(angles), 0 * angles], 1)
+    height = 0.2 + 0.03 * np.arange(6)
+    jacobian = np.stack([scaled_row(0.2 * a, 0.1 * a + [0, 0, h]) for a, h in zip(around, height, strict=True)])
+    assert np.abs(jacobian @ [0, 0, 0, 0, 0, 1]).max() < 1e-15  # a turn about z moves no leg
     assert "do not constrain the platform" in describe_singularity(preset, jacobian)
 
 

@@ -5,8 +5,8 @@ import json
 import click
 import numpy as np
 
-from kinematics.foundation.table import Column, Table
-from pulsepath.output.tables import FIRST_ROWS, show, show_plan
+from kinematics.foundation.table import MAX_SHOWN_ROWS, Column, Table
+from pulsepath.output.tables import show, show_plan
 from pulsepath.progress import VERBOSE, WIDTH
 
 
@@ -30,6 +30,7 @@ def test_a_long_list_says_how_much_more_there_is_and_where(tmp_path, capsys):
         context.meta["pulsepath.progress"] = VERBOSE
         show_plan(tmp_path, False, lambda: [Table("segments", rows), Table("few", (Column("a", [1, 2]),))], list)
     printed = capsys.readouterr().out
-    assert f"and {300 - FIRST_ROWS} more, of 300: all are in {tmp_path / 'plan.json'}" in " ".join(printed.split())
-    assert f" {FIRST_ROWS - 1} " in printed
-    assert f" {FIRST_ROWS + 1} " not in printed
+    assert f"{MAX_SHOWN_ROWS} of 300 rows: all are in {tmp_path / 'plan.json'}" in " ".join(printed.split())
+    half = MAX_SHOWN_ROWS // 2
+    assert all(f"\n     {row} " in printed or f" {row}   " in printed for row in (half - 1, 300 - half))
+    assert not any(f" {row}   " in printed for row in (half + 1, 150))
