@@ -21,6 +21,8 @@ from planner.timing.problem import Block, Run, leave_out_idle
 from planner.timing.profile import (
     AVERAGED,
     BRIEF_RAMPS,
+    CRUISE,
+    FEED_LIMITED,
     MIN_WATCHED_USE,
     STRAIGHT,
     WITH_RESTS,
@@ -57,13 +59,16 @@ def tighten_run(
 ) -> RunSolution:
     """A motion that exceeds the limits less, each of its legs by itself. use (M,): of each time piece, per limit."""
     parts, first = [], 0
+    joined = solution.maker if solution.maker == FEED_LIMITED else WITH_RESTS
     for part in solution.parts or (solution,):
         last = first + len(part.profile.h)
         own = part.aimed({name: values[first:last] for name, values in use.items()})
         slowness, first = required_slowness(limits, own), last
         exceeds = slowness > 1 + SOLVER_MARGIN or not solution.parts
+        if exceeds and part.maker == CRUISE:
+            return RunSolution.refused(MotionError("the capped tool speed exceeds another limit"))
         parts.append(tighten_leg(path, limits, part, own, slowness) if exceeds else part)
-    return RunSolution.joined(parts, WITH_RESTS)
+    return RunSolution.joined(parts, joined)
 
 
 def tighten_until_kept(path: ActuatorPath, limits: Sequence[Limit], leg: RunSolution) -> RunSolution:
@@ -241,8 +246,16 @@ class RunCertifier:
             return None
         if one.tightened + 1 < MAX_CERTIFY_ROUNDS:
             solution = self.timing.tighten(self.path, self.limits, one.solution, one.known.use)
+            if solution.refusal is not None and one.solution.maker == FEED_LIMITED:
+                solution = self._solve_whole(one.run)
             return solution.refusal or replace(one, solution=solution, tightened=one.tightened + 1)
+        if one.solution.maker == FEED_LIMITED:
+            return replace(one, solution=self._solve_whole(one.run), tightened=0)
         return self._slow(one, required_slowness(self._timed_limits, one.known.use) * (1 + SLOWING_MARGIN))
+
+    def _solve_whole(self, run: Run) -> RunSolution:
+        """Solve a run as one problem, where its cruises or their ramps cannot be proved."""
+        return self.timing.solve(self.path, self.limits, replace(run, whole=True))
 
     def _hold_back(self, one: CertifiedRun, more: Sequence[SpeedCap]) -> CertifiedRun | MotionError | None:
         """A run solved with axes held in more places; where that is of no use, slowed below all bands."""

@@ -134,7 +134,8 @@ def _begin(
 ) -> tuple[Problem, Array]:
     """A problem and the guess (4, N) on its grid; those of a run that goes on with a motion begin as that does."""
     if run.continuation is None:
-        return problem, start.on(problem.s)
+        accelerations = run.start_acceleration, run.end_acceleration
+        return replace(problem, accelerations=accelerations), start.on(problem.s)
     problem = continue_problem(path, limits, run, problem, run.continuation)
     guess, known = start.on(problem.s), run.continuation.columns
     guess[:, : known.shape[1]] = known
@@ -247,8 +248,8 @@ def _solve_halves(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunS
     rest = run.first + 1 + (pieces - 1) // 4 + int(np.argmin(speed))
     legs: list[RunSolution] = []
     for part in (
-        replace(run, last=rest - 1, end_speed=0.0, until=None, stands=(run.stands[0], 0)),
-        replace(run, first=rest, start_speed=0.0, since=None, stands=(0, run.stands[1])),
+        replace(run, last=rest - 1, end_speed=0.0, end_acceleration=0.0, until=None, stands=(run.stands[0], 0)),
+        replace(run, first=rest, start_speed=0.0, start_acceleration=0.0, since=None, stands=(0, run.stands[1])),
     ):
         half = solve_legs(path, limits, part)
         if not half.solved:  # no room for a rest beside a speed at an end

@@ -1,7 +1,7 @@
 """Motions of a duration that cross resonance bands in time and are slow elsewhere, where the smoothest would not."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -65,7 +65,7 @@ class Pacer:
 
     def fastest(self, limits: Sequence[Limit]) -> Profile | None:
         """The fastest motion that is found under other limits; None if none is."""
-        found = solve_run(self.path, limits, self.run, self.order)
+        found = solve_run(self.path, limits, replace(self.run, whole=True), self.order)
         return found.profile if found.solved else None
 
     @property

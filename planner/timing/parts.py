@@ -144,7 +144,7 @@ def _split_blocks(limits: Sequence[Limit], run: Run, asked: AskedSpeeds) -> list
     (caps,) = (limit.caps for limit in limits if isinstance(limit, ToolSpeed))  # a constant speed is one of them
     speeds = [run.start_speed, *(float(caps[[k - 1, k]].min()) for k in starts[1:-1]), run.end_speed]
     return [
-        Run(first, after - 1, start_speed, end_speed, solver=run.solver)
+        Run(first, after - 1, start_speed, end_speed, solver=run.solver, whole=True)
         for (first, after), (start_speed, end_speed) in zip(pairwise(starts), pairwise(speeds), strict=True)
     ]
 

@@ -59,6 +59,7 @@ class Run:
             so that what is at rest there is so whatever ṡ is, or under jerk limits s̈: these are free; 2 where q″ = 0
             too and q‴ is not, so that under jerk limits ṡ > 0 there and s̈ is free; else 0
     solver  of motions of order 2; fineness: times as many intervals as usual
+    whole   solve the run as one problem, without cruises in closed form (planner.timing.feed_limited)
     continuation  of a run that goes on with a motion, whose speed is start_speed; end_acceleration: s̈ where that ends
     """
 
@@ -72,7 +73,9 @@ class Run:
     solver: Solver = "passes"
     continuation: Continuation | None = None
     fineness: int = 1
+    start_acceleration: float = 0.0
     end_acceleration: float = 0.0
+    whole: bool = False
 
     @property
     def speeds(self) -> tuple[float, float]:

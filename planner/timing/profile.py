@@ -58,6 +58,11 @@ class Profile:
         """ṡ at its end."""
         return float(self.v[-1] + self.h[-1] * (self.a[-1] + self.h[-1] * self.j[-1] / 2))
 
+    @property
+    def last_acceleration(self) -> float:
+        """s̈ at its end."""
+        return float(self.a[-1] + self.h[-1] * self.j[-1])
+
     def slowed(self, k: float) -> "Profile":
         """The same motion, k times as long: a quantity with sⁿ/tᵐ falls by kᵐ, so every limit on time falls."""
         return replace(self, v=self.v / k, a=self.a / k**2, j=self.j / k**3, h=self.h * k)
@@ -140,11 +145,14 @@ class TooFast(MotionError):
 
 Status = Literal["solved", "too fast", "infeasible", "stopped"]
 """Solved; a speed at an end that cannot be; a limit that no motion keeps there; a solver without an answer."""
-STRAIGHT, AVERAGED, BRIEF_RAMPS, MADE_CONSTANT_SPEED = "straight", "averaged", "brief ramps", "constant speed"
-"""Makers of a motion that are no solvers: a closed form, an averaged start, the order-2 motion with ramps of s̈ that
-take next to no time, a speed that is asked for."""
-WITH_RESTS, IN_PARTS = "with rests", "in parts"
-"""How a motion is joined of several: of legs with a rest between each two; of constant speeds and what lies between."""
+STRAIGHT, AVERAGED, BRIEF_RAMPS = "straight", "averaged", "brief ramps"
+"""Makers of a motion other than solvers: a closed form, an averaged start, and the order-2 motion
+with brief ramps of s̈."""
+MADE_CONSTANT_SPEED, CRUISE = "constant speed", "cruise"
+"""Makers of a motion at constant speed: one that the program asks for, and the capped tool speed."""
+WITH_RESTS, IN_PARTS, FEED_LIMITED = "with rests", "in parts", "feed-limited"
+"""Makers of a motion that is joined of several: with a rest between each two; constant speeds that
+the program asks for and what lies between; cruises at the capped tool speed and their ramps."""
 # Up to here slowness is told as what it is: the last touch of a motion, not its maker.
 MAX_UNTOLD_SLOWNESS = 1 + 1e-4
 TOLD_SLOWNESS = {MAX_UNTOLD_SLOWNESS: " by less than 0.01 %", 1 + 1e-3: " by less than 0.1 %"}
@@ -224,7 +232,7 @@ class RunSolution:
     def fastest(self) -> bool:
         """Whether it was solved for as the fastest motion of its run."""
         if self.parts:
-            return self.maker == WITH_RESTS
+            return self.maker in (WITH_RESTS, FEED_LIMITED)
         return self.problem is not None and self.fallback is None
 
     @property
@@ -249,7 +257,7 @@ class RunSolution:
 
         Such a speed is given, and may be one of a motion that was found in closed form.
         """
-        aims = np.full(len(self.profile.h), EXACT_AIM if self.maker == STRAIGHT else SOLVER_AIM)
+        aims = np.full(len(self.profile.h), EXACT_AIM if self.maker in (STRAIGHT, CRUISE) else SOLVER_AIM)
         if self.has_end_speed:
             aims[[0, -1]] = EXACT_AIM
         return {name: values / aims for name, values in use.items()}

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 from kinematics.foundation.errors import MotionError
 from planner.limits.limit import Limit
@@ -9,6 +10,7 @@ from planner.path.actuation import ActuatorPath
 from planner.place import Infeasible
 from planner.timing.certified_run import tighten_until_kept
 from planner.timing.discretization import acceleration_problem, refine_problem, unbounded_error
+from planner.timing.feed_limited import sketch_problem, solve_feed_limited
 from planner.timing.jerk_limited import solve_leg, solve_legs
 from planner.timing.problem import Run
 from planner.timing.profile import RunSolution, TooFast
@@ -23,6 +25,10 @@ def solve_run(
 
     probing: just one solve, for whoever has other runs to try if it gives no answer or none that holds.
     """
+    if not probing and run.continuation is None:
+        quick = _solve_in_closed_form(path, limits, run, order)
+        if quick is not None:
+            return _place_refusal(path, run, quick)
     if order == 3:
         found = solve_leg(path, limits, run) if probing else solve_legs(path, limits, run)
         return _place_refusal(path, run, found)
@@ -47,6 +53,29 @@ def solve_run(
         watched = [limit for limit in limits if rows is None or limit.name in rows]
         found = tighten_until_kept(path, watched, found)
     return _place_refusal(path, run, found)
+
+
+def _solve_in_closed_form(
+    path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int
+) -> RunSolution | None:
+    """Find the motion of a straight or feed-limited run from its rows at a few places.
+
+    None where the run is neither, or where nothing bounds its acceleration or jerk.
+    """
+    sketch = sketch_problem(path, limits, run)
+    if unbounded_error(sketch, order) is not None:
+        return None
+    exact = straight(sketch)
+    if exact is not None:
+        return exact if exact.solved else None
+    if run.whole:
+        return None
+    solve = partial(_solve_part, path, limits, order=order)
+    return solve_feed_limited(path, limits, run, sketch, solve, order=order)
+
+
+def _solve_part(path: ActuatorPath, limits: Sequence[Limit], part: Run, order: int) -> RunSolution:
+    return solve_run(path, limits, part, order)
 
 
 def _place_refusal(path: ActuatorPath, run: Run, found: RunSolution) -> RunSolution:

@@ -66,8 +66,25 @@ def straight(problem: Problem) -> RunSolution | None:
     Too fast is a speed at an end that is beyond its limit, or from which the way to the other end is too short.
     """
     limits = _aimed_limits(problem)
+    return None if limits is None else _find_fastest(problem, limits)
+
+
+def straight_ramp(problem: Problem, share: float) -> RunSolution | None:
+    """Find a ramp between the problem's speeds that is at most about a share longer than the fastest.
+
+    Along a short ramp the rows hardly vary and the curvature hardly matters: as much as both can
+    take is left unused. The speeds themselves, the higher of which caps the ramp, are given.
+    None where that would leave more than the share unused, or the ramp does not fit.
+    """
+    limits = _aimed_limits(problem, share, max(problem.speeds))
     if limits is None:
         return None
+    ramp = _find_fastest(problem, limits)
+    return ramp if ramp.solved else None
+
+
+def _find_fastest(problem: Problem, limits: _Limits) -> RunSolution:
+    """Find the fastest motion under constant limits of ṡ, s̈ and s⃛."""
     length, (first, last) = float(problem.s[-1] - problem.s[0]), problem.speeds
     low, high, most = min(first, last), max(first, last), limits.up if last > first else limits.down
     # a speed that is given may be the limit itself
@@ -91,8 +108,14 @@ def straight(problem: Problem) -> RunSolution | None:
     return RunSolution("solved", profile, EXACT_AIM * profile.duration, STRAIGHT, problem)
 
 
-def _aimed_limits(problem: Problem) -> _Limits | None:
-    """What is aimed at of the limits, where every row is constant and holds ṡ, s̈ or s⃛ alone; None elsewhere."""
+def _aimed_limits(
+    problem: Problem, share: float = STRAIGHTNESS_SHARE, given: float | None = None
+) -> _Limits | None:
+    """Return the limits that the motion aims at, less what varying rows and curvature may use.
+
+    share  of the limits that these may use; None is returned where they may use more
+    given  ṡ that is known to keep the rows of speed, which then need not be constant
+    """
     if not problem.is_unconditional:
         return None
     forwards, backwards = (dict.fromkeys((Term.SD, Term.SDD, Term.SDDD), 0.0) for _ in range(2))
@@ -108,7 +131,7 @@ def _aimed_limits(problem: Problem) -> _Limits | None:
                 others.append((term, float(np.abs(values).max(initial=0.0))))
                 continue
             one, size = values[0], float(np.abs(values).max(initial=0.0))
-            if size:
+            if size and not (term is Term.SD and given is not None):
                 varies = max(varies, float(np.abs(values - one).max()) / size)
             for most, way in ((forwards, one), (backwards, -one)):
                 most[term] = max(most[term], float(block.share(way).max(initial=0.0)))
@@ -117,6 +140,7 @@ def _aimed_limits(problem: Problem) -> _Limits | None:
     (speed, up, jerk), (_, down, back) = (
         (1 / size if size else float("inf") for size in side.values()) for side in (forwards, backwards)
     )
+    speed = speed if given is None else given / EXACT_AIM
     length = problem.s[-1] - problem.s[0]
     # what speed and acceleration can come to within the length, where no limit says so
     sharp = max(jerk, back)
@@ -124,10 +148,11 @@ def _aimed_limits(problem: Problem) -> _Limits | None:
     hard = min(max(up, down), np.cbrt(sharp**2 * length) * 2)
     used = {Term.SD2: fast**2, Term.SD3: fast**3, Term.SDSDD: fast * hard, Term.ONE: np.inf}
     beside = sum(size * used[term] for term, size in others if size)
-    if max(varies, beside) > STRAIGHTNESS_SHARE:
+    if max(varies, beside) > share:
         return None
     aim = EXACT_AIM - 2 * varies - beside
-    return _Limits(*(aim * most for most in (speed, up, down, jerk, back)))
+    speed_aim = aim if given is None else EXACT_AIM
+    return _Limits(speed_aim * speed, *(aim * most for most in (up, down, jerk, back)))
 
 
 def _find_root(rising: Callable[[float], float], low: float) -> float:

@@ -1,0 +1,258 @@
+"""Cruises: stretches of a run on which the fastest motion keeps the capped speed of the tool.
+
+The tool's speed is f ṡ with f = |dp/ds|. Where f = 1, as on lines, arcs and whatever is drawn by
+its own length, a cruise has constant ṡ = c. On splines and blends f varies, and the cruise follows
+ṡ = c/f(s), in pieces of constant s̈ at order 2 and of constant s⃛ at order 3.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
+from planner.limits.limit import Limit, Term
+from planner.limits.tool import ToolSpeed
+from planner.path.actuation import ActuatorPath, Points
+from planner.timing.problem import EXACT_AIM, SOLVER_AIM, Block, Problem, Run, pose_problem
+from planner.timing.profile import CRUISE, Profile, RunSolution, close_profile, sample_limit_use
+
+# Share of f up to which it counts as constant on a piece: rounding of arc lengths.
+SAME_SPEED = 1e-8
+# Use of the limits on axis speeds, beside the tool's, up to which the tool's cap surely binds.
+MAX_OTHER_SPEED = 0.98
+# Intervals of a piece on which f varies: COUNT · (variation of f)^POWER, which keeps the tool
+# within some 5e-6 of its cap. Fewer would slow the cruise, more would lengthen the plan's files.
+INTERVAL_COUNT, INTERVAL_POWER = {2: 300.0, 3: 120.0}, {2: 1 / 2, 3: 1 / 3}
+MIN_INTERVALS = 4
+# Share by which a cruise may be slowed to keep the cap between its grid points.
+MAX_SLOWING = 5e-5
+# Share of the limit on acceleration by which s̈ may step where two pieces meet at order 3.
+MAX_STEP = 1e-3
+# Time pieces for each radian that the path turns: the proof encloses each by itself.
+PIECES_PER_RADIAN = 16
+
+
+@dataclass(frozen=True, slots=True)
+class Caps:
+    """The largest speed along each of the P pieces of a run.
+
+    tool    (P,) the tool's speed in m/s where its cap binds everywhere; ∞ elsewhere
+    along   (P,) ṡ where that is constant, by whichever limit on speed; ∞ elsewhere
+    fastest (P,) the largest ṡ by the limits on speed
+    uneven  (P,) how much f varies on each piece, as a share
+    """
+
+    path: ActuatorPath
+    first: int
+    tool: Array
+    along: Array
+    fastest: Array
+    uneven: Array
+
+    @property
+    def capped(self) -> np.ndarray:
+        """Whether a cruise may lie on each piece."""
+        return np.isfinite(self.tool) | np.isfinite(self.along)
+
+    def at(self, s: Array, piece: np.ndarray) -> tuple[Array, Array]:
+        """Return ṡ and s̈ (N,) of a cruise at places of capped pieces.
+
+        ṡ = c/f and s̈ = −c² f′/f³, with f′ = p′·p″/f.
+        """
+        own = piece - self.first
+        speed = self.along[own]
+        acceleration = np.zeros(len(s))
+        curved = np.flatnonzero(np.isinf(speed))
+        if len(curved):
+            points = Points(self.path, s[curved], piece[curved], ())
+            _, p1, p2 = (derivative[:, :3] for derivative in points.tool_derivatives)
+            f = np.linalg.norm(p1, axis=1)
+            cap = EXACT_AIM * self.tool[own[curved]]
+            speed[curved] = cap / f
+            acceleration[curved] = -(cap**2) * (p1 * p2).sum(1) / f**4
+        return speed, acceleration
+
+    def find_changes(self, breaks: Array, order: int, acceleration: Array) -> np.ndarray:
+        """Return the pieces, after the first, at whose start a cruise cannot go on from the last.
+
+        acceleration  (P,) s̈ that the limits allow on each piece
+        """
+        count = len(breaks) - 1
+        capped = self.capped
+        inner = np.flatnonzero(capped[1:] & capped[:-1]) + 1
+        before, after = (self.at(breaks[inner], self.first + inner - k) for k in (1, 0))
+        joined = np.isclose(before[0], after[0], rtol=SAME_SPEED, atol=0.0)
+        if order == 3:
+            least = np.minimum(acceleration[inner], acceleration[inner - 1])
+            joined &= np.abs(before[1] - after[1]) <= MAX_STEP * least
+        changes = np.ones(count, bool)
+        changes[inner[joined]] = False
+        return np.flatnonzero(changes)[1:]
+
+
+def find_caps(path: ActuatorPath, limits: Sequence[Limit], run: Run, sketch: Problem) -> Caps | None:
+    """Find the caps of a run's pieces from its rows at a few places.
+
+    None where rows depend on the motion itself, or where nothing is capped.
+    """
+    if not sketch.is_unconditional:
+        return None
+    own = sketch.piece - run.first
+    tool, other = np.zeros((2, sketch.intervals)), np.zeros((2, sketch.intervals))
+    for block in sketch.blocks:
+        if is_of_speed(block):
+            slopes = tool if block.name == ToolSpeed.name else other
+            for k, side in enumerate((block.start, block.end)):
+                slopes[k] = np.maximum(slopes[k], block.share(side[Term.SD]).max(1, initial=0.0))
+    slope = np.maximum(tool, other)
+    most, least = _extremes(slope, own)
+    most_f, least_f = _extremes(tool, own)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        even = (most > 0) & (most - least <= SAME_SPEED * most)
+        along = _level(np.where(even, EXACT_AIM / most, np.inf))
+        binds = _extremes(other - MAX_OTHER_SPEED * tool, own)[0] < 0
+        uneven = np.where(least_f > 0, most_f / least_f - 1, 0.0)
+        tool_caps = np.where(binds & (least_f > 0), _tool_caps(limits, run), np.inf)
+        caps = Caps(path, run.first, tool_caps, along, 1 / least, uneven)
+    return caps if caps.capped.any() else None
+
+
+def is_of_speed(block: Block) -> bool:
+    """Return whether a limit bounds ṡ by itself."""
+    return set(block.start) == {Term.SD}
+
+
+def _extremes(values: Array, own: np.ndarray) -> tuple[Array, Array]:
+    """Return the largest and the least of values (2, N) on each piece, own (N,) being the pieces."""
+    most = np.full(own[-1] + 1, -np.inf)
+    least = np.full(own[-1] + 1, np.inf)
+    np.maximum.at(most, own, values.max(0))
+    np.minimum.at(least, own, values.min(0))
+    return most, least
+
+
+def _tool_caps(limits: Sequence[Limit], run: Run) -> Array:
+    """Return the cap on the tool's speed (P,) on each piece of a run."""
+    for limit in limits:
+        if isinstance(limit, ToolSpeed):
+            return np.asarray(limit.caps[run.first : run.last + 1])
+    return np.full(run.last + 1 - run.first, np.inf)
+
+
+def _level(speeds: Array) -> Array:
+    """Return the speeds (P,), made equal where neighbours differ by rounding only."""
+    changes = ~np.isclose(speeds[1:], speeds[:-1], rtol=SAME_SPEED, atol=0.0)
+    group = np.concatenate([[0], np.cumsum(changes)])
+    least = np.full(group[-1] + 1, np.inf)
+    np.minimum.at(least, group, speeds)
+    return np.asarray(least[group])
+
+
+def follow_cap(
+    path: ActuatorPath, limits: Sequence[Limit], caps: Caps, stretch: Run, order: int
+) -> RunSolution | None:
+    """Return the motion along a stretch at the capped speed; None where it cannot keep the cap."""
+    pieces = np.arange(stretch.first, stretch.last + 1)
+    curved = np.isinf(caps.along[pieces - caps.first])
+    changes = np.flatnonzero(np.diff(curved)) + 1
+    breaks = stretch.breaks(path)
+    profiles = []
+    for a, b in pairwise([0, *changes.tolist(), len(pieces)]):
+        own = breaks[a : b + 1]
+        profile = (
+            _follow_curve(path, limits, caps, (own, pieces[a:b]), order, (a > 0, b < len(pieces)))
+            if curved[a]
+            else _keep_speed(path, caps, (own, pieces[a:b]))
+        )
+        if profile is None:
+            return None
+        profiles.append(profile)
+    profile = Profile.joined(profiles)
+    if curved.any():
+        speeds = [limit for limit in limits if limit.terms == {Term.SD}]
+        use = sample_limit_use(path, speeds, profile)
+        excess = max(float(values.max()) for values in use.values()) / EXACT_AIM
+        if excess > 1 + MAX_SLOWING:
+            return None
+        # a little more: the ramps that meet the cruise need room beneath the cap
+        profile = profile.slowed(max(excess, 1.0) / SOLVER_AIM)
+    return RunSolution("solved", profile, EXACT_AIM * profile.duration, CRUISE)
+
+
+def _keep_speed(
+    path: ActuatorPath, caps: Caps, pieces: tuple[Array, np.ndarray]
+) -> Profile:
+    """Return the motion at constant ṡ: a time piece for each path piece, more where it turns."""
+    breaks, numbers = pieces
+    share = np.diff(breaks) / (path.breaks[numbers + 1] - path.breaks[numbers])
+    count = np.ceil(PIECES_PER_RADIAN * path.turns[numbers] * share).astype(int)
+    s, piece = spread_points(breaks, np.maximum(count, 1), int(numbers[0]))
+    speed = caps.along[piece - caps.first]
+    still = np.zeros(len(piece))
+    return Profile(s[:-1], speed, still, still, np.diff(s) / speed, piece)
+
+
+def _follow_curve(
+    path: ActuatorPath,
+    limits: Sequence[Limit],
+    caps: Caps,
+    pieces: tuple[Array, np.ndarray],
+    order: int,
+    joined: tuple[bool, bool],
+) -> Profile | None:
+    """Return a motion with ṡ = c/f at the points of a grid, on pieces on which f varies.
+
+    joined  whether a stretch of constant ṡ comes before and after: there s̈ = 0 exactly
+    """
+    breaks, numbers = pieces
+    uneven = caps.uneven[numbers - caps.first]
+    count = np.ceil(INTERVAL_COUNT[order] * uneven ** INTERVAL_POWER[order]).astype(int)
+    s, piece = spread_points(breaks, np.maximum(count, MIN_INTERVALS), int(numbers[0]))
+    v, a = caps.at(s, np.append(piece, piece[-1]))
+    h = 2 * np.diff(s) / (v[1:] + v[:-1])
+    if order == 2:
+        return Profile(s[:-1], v[:-1], np.diff(v) / h, np.zeros(len(h)), h, piece)
+    for end in np.flatnonzero(joined):
+        a[-end] = 0.0
+    # a cruise's duration is ∫ f ds / c, here by Simpson's rule
+    middle, _ = caps.at((s[1:] + s[:-1]) / 2, piece)
+    h = np.diff(s) / 6 * (1 / v[:-1] + 4 / middle + 1 / v[1:])
+    # only its grid and its ends are used here: rows are posed for nothing but speeds
+    speeds = [limit for limit in limits if limit.terms == {Term.SD}]
+    problem = pose_problem(path, speeds, s, piece, (float(v[0]), float(v[-1])))
+    problem = replace(problem, accelerations=(float(a[0]), float(a[-1])))
+    profile = close_profile(problem, np.stack([v[:-1], a[:-1], np.diff(a) / h, h]))
+    return None if isinstance(profile, MotionError) else profile
+
+
+def spread_points(breaks: Array, count: np.ndarray, first: int) -> tuple[Array, np.ndarray]:
+    """Return a grid with count (P,) even intervals on each piece, and the piece of each interval."""
+    begin = np.repeat(np.cumsum(count) - count, count)
+    share = (np.arange(count.sum()) - begin) / np.repeat(count, count)
+    s = np.repeat(breaks[:-1], count) + share * np.repeat(np.diff(breaks), count)
+    piece = np.repeat(first + np.arange(len(count)), count)
+    return np.append(s, breaks[-1]), piece
+
+
+def cut_run(path: ActuatorPath, run: Run, since: float, until: float) -> Run:
+    """Return the part of a run between two places, at rest at both; the run's own ends stay."""
+    breaks = run.breaks(path)
+    first = int(np.searchsorted(breaks, since, side="right")) - 1
+    last = int(np.searchsorted(breaks, until)) - 1
+    begins, ends = since == breaks[0], until == breaks[-1]
+    return replace(
+        run,
+        first=run.first + first,
+        last=run.first + last,
+        since=run.since if begins else since,
+        until=run.until if ends else until,
+        start_speed=run.start_speed if begins else 0.0,
+        end_speed=run.end_speed if ends else 0.0,
+        stands=(run.stands[0] if begins else 0, run.stands[1] if ends else 0),
+        start_acceleration=run.start_acceleration if begins else 0.0,
+        end_acceleration=run.end_acceleration if ends else 0.0,
+        whole=True,
+    )
