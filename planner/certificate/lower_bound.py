@@ -387,7 +387,10 @@ def bound_cells(
         y = min(rows.speed[k, 0], rows.speed[k, 1]) - rows.speed_off[k]  # speeds let no more than 1/y pass
         cap = 1 / y * (1 + ROUNDINGS) if y > 0 else np.inf
         if nodes[k, 0] == 0 and nodes[k, 1] == 0 and nodes[k + 1, 0] == 0 and nodes[k + 1, 1] == 0 and bulge[k] == 0:
-            out[k] = rows.width[k] / np.sqrt(cap) * (1 - ROUNDINGS)
+            # the square root of what lies above a chord lies above its own chord
+            first, last = rows.speed[k, 0] - rows.speed_off[k], rows.speed[k, 1] - rows.speed_off[k]
+            slowness = (np.sqrt(first) + np.sqrt(last)) / 2 if y > 0 else 0.0
+            out[k] = rows.width[k] * slowness * (1 - ROUNDINGS)
             continue
         sum_rows(rows, k, third, nodes, bulge[k], given[k, 0], sigma[k, 0], sums[0])
         for e in range(2):

@@ -13,7 +13,7 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
-from planner.certificate.lower_bound import RowCells, bound_cells, bound_rest, enclose_rows, find_left_out, leave_rest
+from planner.certificate.lower_bound import SPEED_LIMITS, RowCells, bound_cells, bound_rest, enclose_rows, find_left_out, leave_rest
 from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath
 from planner.path.stands import count_zero_derivatives
@@ -36,6 +36,9 @@ SHRINKAGE, SHRINKAGES = 0.7, 40
 POOR_GAP = 0.01
 # Of programs of many runs each is bounded well enough so near: finer cells take most of the time.
 MANY_RUNS, FAIR_GAP = 32, 0.001
+# Use of a limit on speed from which a motion cruises, and the least share of its run that a cruise
+# is bounded by itself for: each span between cruises takes as many cells as a short run.
+CRUISING_USE, LEAST_CRUISE = 1 - 2e-4, 0.01
 # Where a cell loses more than it takes by such a share of the run's time, λ beside it is 0, and sought again; so often.
 PARTING_LOSS, MOST_PARTINGS = 0.005, 3
 
@@ -95,6 +98,31 @@ class _Nodes:
     piece: np.ndarray
 
 
+@dataclass(frozen=True, slots=True)
+class _Span:
+    """A stretch of a run between two instants, which is bounded by itself.
+
+    own       the trajectory's time pieces (K,)
+    begin, end  s, of the trajectory
+    breaks    path lengths at its start, at the path's breaks inside, and at its end
+    first     the path piece at its start
+    stops     the path's breaks at which it starts and ends; None inside a run, where its state is free
+    cruising  whether the motion keeps a capped speed over all of it
+    """
+
+    own: np.ndarray
+    begin: float
+    end: float
+    breaks: Array
+    first: int
+    stops: tuple[int | None, int | None]
+    cruising: bool = False
+
+    @property
+    def duration(self) -> float:
+        return self.end - self.begin
+
+
 def bound_duration(
     trajectory: Trajectory, limits: Sequence[Limit], order: int, *, gap: float | None = None, effort: int = ROUNDS
 ) -> DurationBound:
@@ -126,11 +154,124 @@ class _RunBound:
 
 
 def _bound_run(
-    trajectory: Trajectory, limits: Sequence[Limit], order: int, ends: tuple[int, int], gap: float | None, rounds: int
+    trajectory: Trajectory,
+    limits: Sequence[Limit],
+    order: int,
+    ends: tuple[int, int],
+    gap: float | None,
+    rounds: int,
 ) -> _RunBound:
-    """A run from break to break."""
-    nodes = _place_nodes(trajectory, order, ends)
-    best = _bound_nodes(trajectory, limits, order, ends, nodes)
+    """Bound a run from break to break: the sum over its cruises and what lies between them.
+
+    Between two spans the state is taken as free, which costs next to nothing where both keep the
+    capped speed there.
+    """
+    spans = split_run(trajectory, limits, ends)
+    solved = [span for span in spans if not span.cruising]
+    if len(spans) > 1 and solved:
+        took = sum(span.duration for span in spans)
+        share = took / sum(span.duration for span in solved)
+        gap = share * (FAIR_GAP if gap is None else gap)
+    bounds = [
+        _bound_cruise(trajectory, limits, order, span)
+        if span.cruising
+        else _bound_span(trajectory, limits, order, span, gap, rounds)
+        for span in spans
+    ]
+    value = sum(max(bound.value, 0.0) for bound in bounds)
+    names = ("s", "piece", "loss", "worth", "alone")
+    parts = (np.concatenate([getattr(bound, name) for bound in bounds]) for name in names)
+    return _RunBound(value, *parts)
+
+
+def split_run(
+    trajectory: Trajectory, limits: Sequence[Limit], ends: tuple[int, int]
+) -> list[_Span]:
+    """Split a run's motion where it begins and ends to keep a capped speed for a while."""
+    moving = (trajectory.v != 0) | (trajectory.a != 0) | (trajectory.j != 0)
+    inside = (trajectory.piece >= ends[0]) & (trajectory.piece < ends[1])
+    own = np.flatnonzero(moving & inside)
+    own = np.arange(own[0], own[-1] + 1)
+    knots = trajectory.knots[own[0] : own[-1] + 2]
+    cruising = _find_cruising(trajectory, limits, own)
+    # pieces of the same kind in a row; short cruises belong to what is solved around them
+    edges = np.flatnonzero(np.diff(cruising, prepend=~cruising[:1], append=~cruising[-1:]))
+    kinds = [
+        (a, b, bool(cruising[a]) and knots[b] - knots[a] > LEAST_CRUISE * (knots[-1] - knots[0]))
+        for a, b in pairwise(edges.tolist())
+    ]
+    merged: list[tuple[int, int, bool]] = []
+    for a, b, cruise in kinds:
+        if merged and not cruise and not merged[-1][2]:
+            merged[-1] = merged[-1][0], b, False
+        else:
+            merged.append((a, b, cruise))
+    return [_make_span(trajectory, own, ends, part) for part in merged]
+
+
+def _find_cruising(trajectory: Trajectory, limits: Sequence[Limit], own: np.ndarray) -> np.ndarray:
+    """Return whether each time piece (K,) keeps a limit on speed nearly used up."""
+    state = trajectory.within(np.repeat(own, 3), _spread(np.diff(trajectory.knots)[own]))
+    used = np.zeros(3 * len(own))
+    for limit in limits:
+        if isinstance(limit, SPEED_LIMITS):
+            value = limit.value(state)
+            used = np.maximum(used, limit.use(value, value, state.piece).max(1))
+    return np.asarray(used.reshape(-1, 3).min(1) > CRUISING_USE)
+
+
+def _spread(h: Array) -> Array:
+    """Return the start, the middle and the end (3K,) of time pieces of duration h (K,)."""
+    return np.outer(h, [0.0, 0.5, 1.0]).ravel()
+
+
+def _make_span(
+    trajectory: Trajectory, own: np.ndarray, ends: tuple[int, int], part: tuple[int, int, bool]
+) -> _Span:
+    """Return the span of some of a run's time pieces own (K,): from one to before another."""
+    a, b, cruising = part
+    path, pieces = trajectory.path, own[a:b]
+    starts, finishes = a == 0, b == len(own)
+    first, last = int(trajectory.piece[pieces[0]]), int(trajectory.piece[pieces[-1]])
+    breaks = np.array(path.breaks[first : last + 2])
+    begin, end = trajectory.knots[pieces[0]], trajectory.knots[pieces[-1] + 1]
+    if not starts:
+        breaks[0] = trajectory.s[pieces[0]]
+    if not finishes:
+        breaks[-1] = trajectory.s[own[b]]
+    stops = ends[0] if starts else None, ends[1] if finishes else None
+    return _Span(pieces, float(begin), float(end), breaks, first, stops, cruising)
+
+
+def _bound_cruise(
+    trajectory: Trajectory, limits: Sequence[Limit], order: int, span: _Span
+) -> _RunBound:
+    """Bound a cruise by the limits on speed alone: T ≥ ∫ ds / ṡ_max."""
+    nodes = _look_at_nodes(trajectory, span, trajectory.knots[np.append(span.own, span.own[-1] + 1)])
+    rows = enclose_rows(trajectory.path, limits, nodes.s, nodes.piece)
+    count, axes = len(nodes.piece), rows.acceleration.shape[1]
+    still, nothing = np.zeros((count + 1, 2)), np.zeros(count)
+    sets, speeds = np.zeros((count, 1, 2, 2, axes)), np.zeros((count, 1, 2))
+    out = np.zeros(count)
+    bound_cells(rows, order == 3, still, nothing, sets, speeds, nothing, out)
+    took = np.diff(nodes.t)
+    # one per cent more speed saves about one per cent of the time
+    worth = np.zeros((count, 3, axes))
+    worth[:, 2, 0] = took
+    return _RunBound(float(out.sum()), nodes.s[:-1], nodes.piece, took - out, worth, 0.01 * worth)
+
+
+def _bound_span(
+    trajectory: Trajectory,
+    limits: Sequence[Limit],
+    order: int,
+    span: _Span,
+    gap: float | None,
+    rounds: int,
+) -> _RunBound:
+    """Bound what lies between cruises."""
+    nodes = _place_nodes(trajectory, span)
+    best = _bound_nodes(trajectory, limits, order, span, nodes)
     found, first = best, len(nodes.piece)
     took = float(nodes.t[-1] - nodes.t[0])
     for n in range(1, rounds + 2):
@@ -138,20 +279,18 @@ def _bound_run(
         if (near and (n >= rounds or gap is not None)) or n > rounds:
             break
         most = MOST_GROWTH[order] * (first if gap is None else 2 * len(nodes.piece))
-        nodes = _refine(trajectory, nodes, found.loss, most)
-        found = _bound_nodes(trajectory, limits, order, ends, nodes)
+        nodes = _refine(trajectory, span, nodes, found.loss, most)
+        found = _bound_nodes(trajectory, limits, order, span, nodes)
         best = found if found.value > best.value else best
     if order == 3 and took > (1 + POOR_GAP) * best.value:  # without jerk, what is proved is the more surely so
-        found = _bound_nodes(trajectory, limits, 2, ends, _place_nodes(trajectory, 2, ends))
+        found = _bound_nodes(trajectory, limits, 2, span, _place_nodes(trajectory, span))
         best = found if found.value > best.value else best
     return best
 
 
-def _place_nodes(trajectory: Trajectory, order: int, ends: tuple[int, int]) -> _Nodes:
+def _place_nodes(trajectory: Trajectory, span: _Span) -> _Nodes:
     """At the motion's knots, and more near rests."""
-    moving = (trajectory.v != 0) | (trajectory.a != 0) | (trajectory.j != 0)
-    own = np.flatnonzero(moving & (trajectory.piece >= ends[0]) & (trajectory.piece < ends[1]))
-    knots = trajectory.knots[own[0] : own[-1] + 2]
+    knots = trajectory.knots[span.own[0] : span.own[-1] + 2]
     begin, took = knots[0], knots[-1] - knots[0]
     growing = FIRST_CELL * (1 + CELL_GROWTH) ** np.arange(1 + int(np.log(0.3 / FIRST_CELL) / np.log(1 + CELL_GROWTH)))
     growing *= took
@@ -167,12 +306,12 @@ def _place_nodes(trajectory: Trajectory, order: int, ends: tuple[int, int]) -> _
     t = np.unique(np.concatenate([knots, even, needed(begin + growing), needed(knots[-1] - growing[::-1])]))
     least = growing[0] * 0.5
     t = t[((t >= begin + least) & (t <= knots[-1] - least)) | (t == begin) | (t == knots[-1])]
-    return _look_at_nodes(trajectory, ends, own, t)
+    return _look_at_nodes(trajectory, span, t)
 
 
-def _look_at_nodes(trajectory: Trajectory, ends: tuple[int, int], own: np.ndarray, t: Array) -> _Nodes:
+def _look_at_nodes(trajectory: Trajectory, span: _Span, t: Array) -> _Nodes:
     """The motion at instants t, with a node at every break of the path in between."""
-    path = trajectory.path
+    own = span.own
     k = np.clip(trajectory.locate(t), own[0], own[-1])
     tau = t - trajectory.knots[k]
     s = trajectory.s[k] + tau * (trajectory.v[k] + tau * (trajectory.a[k] / 2 + tau * trajectory.j[k] / 6))
@@ -180,7 +319,7 @@ def _look_at_nodes(trajectory: Trajectory, ends: tuple[int, int], own: np.ndarra
         trajectory.v[k] + tau * (trajectory.a[k] + tau * trajectory.j[k] / 2),
         trajectory.a[k] + tau * trajectory.j[k],
     )
-    breaks = path.breaks[ends[0] : ends[1] + 1]
+    breaks = span.breaks
     length = breaks[-1] - breaks[0]
     near = 1e-10 * np.min(np.diff(breaks))
     at = np.abs(breaks[np.clip(np.searchsorted(breaks, s), 0, len(breaks) - 1)] - s)
@@ -196,11 +335,13 @@ def _look_at_nodes(trajectory: Trajectory, ends: tuple[int, int], own: np.ndarra
     every, where = every[order], where[order]
     keep = np.append(True, np.diff(where) > 0)
     every, where = every[keep], where[keep]
-    piece = ends[0] + np.clip(np.searchsorted(breaks, where[:-1], side="right") - 1, 0, len(breaks) - 2)
+    piece = span.first + np.clip(np.searchsorted(breaks, where[:-1], side="right") - 1, 0, len(breaks) - 2)
     return _Nodes(where, np.maximum(v[every], 0.0) ** 2, b[every], np.maximum.accumulate(t[every]), piece)
 
 
-def _refine(trajectory: Trajectory, nodes: _Nodes, loss: Array, most: float) -> _Nodes:
+def _refine(
+    trajectory: Trajectory, span: _Span, nodes: _Nodes, loss: Array, most: float
+) -> _Nodes:
     """More cells where more is lost: what is lost goes with the square of a cell."""
     loss = np.minimum(np.where(np.isfinite(loss), loss, np.inf), np.diff(nodes.t))
     share = np.cbrt(np.maximum(loss, 1e-4 * np.abs(loss).mean() + 1e-300))
@@ -212,13 +353,11 @@ def _refine(trajectory: Trajectory, nodes: _Nodes, loss: Array, most: float) -> 
     step = np.repeat(np.diff(nodes.t) / parts, parts)
     within = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
     t = np.append(first + within * step, nodes.t[-1])
-    ends = int(nodes.piece[0]), int(nodes.piece[-1]) + 1
-    own = np.array([trajectory.locate(nodes.t[:1])[0], max(trajectory.locate(nodes.t[-1:] * (1 - 1e-15))[0], 0)])
-    return _look_at_nodes(trajectory, ends, own, np.unique(t))
+    return _look_at_nodes(trajectory, span, np.unique(t))
 
 
 def _bound_nodes(
-    trajectory: Trajectory, limits: Sequence[Limit], order: int, ends: tuple[int, int], nodes: _Nodes
+    trajectory: Trajectory, limits: Sequence[Limit], order: int, span: _Span, nodes: _Nodes
 ) -> _RunBound:
     """With multipliers found for these cells."""
     partings = MOST_PARTINGS
@@ -226,7 +365,7 @@ def _bound_nodes(
     rows = enclose_rows(path, limits, nodes.s, nodes.piece)
     if order == 2:
         rows = rows._replace(jerk=np.full_like(rows.jerk, np.inf))
-    given, free, still = _find_end_states(path, order, ends, len(nodes.s))
+    given, free, still = _find_end_states(path, order, span.stops, len(nodes.s))
     # cells beside rests are bounded in closed form, whatever is known of λ there
     first, last = int(still[0] >= 0), len(nodes.piece) - int(still[1] >= 0)
     free[first : last + 1] |= _find_dead_nodes(rows, order, first, last)[:, None]
@@ -341,7 +480,7 @@ def _prove_run(
 
 
 def _find_end_states(
-    path: ActuatorPath, order: int, ends: tuple[int, int], count: int
+    path: ActuatorPath, order: int, ends: tuple[int | None, int | None], count: int
 ) -> tuple[Array, np.ndarray, np.ndarray]:
     """a and b at both ends (2, 2); which nodes' λ (count, 2) have to be 0 as these are not known; and how many of the
     path's derivatives are 0 at the ends (2,) at which all axes rest, −1 at others."""
@@ -350,8 +489,11 @@ def _find_end_states(
     last = len(path.breaks) - 1
     for side, stop in enumerate(ends):
         at = -1 if side else 0
+        if stop is None:  # inside a run, in a state that is free
+            free[at] = True
+            continue
         outer = stop in (0, last)
-        own = int(still[side, ends[1] - 1 if side else ends[0]])
+        own = int(still[side, stop - 1 if side else stop])
         passed = own > 0 and not outer and still[1 - side, stop if side else stop - 1] > 0 and path.dwells[stop] == 0
         if outer:
             given[side] = path.end_speeds[side] ** 2, path.end_accelerations[side]

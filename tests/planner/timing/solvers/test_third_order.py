@@ -16,6 +16,7 @@ from planner.limits import limits_of
 from planner.orientation.evaluation_limit import EvaluationLimit
 from planner.path.polynomial import PolynomialPath
 from planner.timing import jerk_limited
+from planner.timing import run as run_module
 from planner.timing.certified_solve import certified_solve
 from planner.timing.discretization import jerk_problem
 from planner.timing.problem import SOLVER_AIM, Run
@@ -303,7 +304,8 @@ def test_without_solvers_the_averaged_motion_holds_its_certificate(monkeypatch, 
     limits = limits_on(path, **CURVE)
     best = certified_solve(path, limits, 3)
     monkeypatch.setattr(solver_module, "third_order", fail)
-    monkeypatch.setattr(jerk_limited, "straight", lambda problem: None)
+    for module in (run_module, jerk_limited):
+        monkeypatch.setattr(module, "straight", lambda problem: None)
     found = certified_solve(path, limits, 3)
     assert found.methods == ("averaged, slowed",)
     assert found.certificate.holds
