@@ -93,7 +93,12 @@ class Caps:
         return np.flatnonzero(changes)[1:]
 
 
-def find_caps(path: ActuatorPath, limits: Sequence[Limit], run: Run, sketch: Problem) -> Caps | None:
+def find_caps(
+    path: ActuatorPath,
+    limits: Sequence[Limit],
+    run: Run,
+    sketch: Problem,
+) -> Caps | None:
     """Find the caps of a run's pieces from its rows at a few places.
 
     None where rows depend on the motion itself, or where nothing is capped.
@@ -152,7 +157,11 @@ def _level(speeds: Array) -> Array:
 
 
 def follow_cap(
-    path: ActuatorPath, limits: Sequence[Limit], caps: Caps, stretch: Run, order: int
+    path: ActuatorPath,
+    limits: Sequence[Limit],
+    caps: Caps,
+    stretch: Run,
+    order: int,
 ) -> RunSolution | None:
     """Return the motion along a stretch at the capped speed; None where it cannot keep the cap."""
     pieces = np.arange(stretch.first, stretch.last + 1)
@@ -182,9 +191,7 @@ def follow_cap(
     return RunSolution("solved", profile, EXACT_AIM * profile.duration, CRUISE)
 
 
-def _keep_speed(
-    path: ActuatorPath, caps: Caps, pieces: tuple[Array, np.ndarray]
-) -> Profile:
+def _keep_speed(path: ActuatorPath, caps: Caps, pieces: tuple[Array, np.ndarray]) -> Profile:
     """Return the motion at constant ṡ: a time piece for each path piece, more where it turns."""
     breaks, numbers = pieces
     share = np.diff(breaks) / (path.breaks[numbers + 1] - path.breaks[numbers])

@@ -13,7 +13,15 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
-from planner.certificate.lower_bound import SPEED_LIMITS, RowCells, bound_cells, bound_rest, enclose_rows, find_left_out, leave_rest
+from planner.certificate.lower_bound import (
+    SPEED_LIMITS,
+    RowCells,
+    bound_cells,
+    bound_rest,
+    enclose_rows,
+    find_left_out,
+    leave_rest,
+)
 from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath
 from planner.path.stands import count_zero_derivatives
@@ -184,9 +192,7 @@ def _bound_run(
     return _RunBound(value, *parts)
 
 
-def split_run(
-    trajectory: Trajectory, limits: Sequence[Limit], ends: tuple[int, int]
-) -> list[_Span]:
+def split_run(trajectory: Trajectory, limits: Sequence[Limit], ends: tuple[int, int]) -> list[_Span]:
     """Split a run's motion where it begins and ends to keep a capped speed for a while."""
     moving = (trajectory.v != 0) | (trajectory.a != 0) | (trajectory.j != 0)
     inside = (trajectory.piece >= ends[0]) & (trajectory.piece < ends[1])
@@ -225,9 +231,7 @@ def _spread(h: Array) -> Array:
     return np.outer(h, [0.0, 0.5, 1.0]).ravel()
 
 
-def _make_span(
-    trajectory: Trajectory, own: np.ndarray, ends: tuple[int, int], part: tuple[int, int, bool]
-) -> _Span:
+def _make_span(trajectory: Trajectory, own: np.ndarray, ends: tuple[int, int], part: tuple[int, int, bool]) -> _Span:
     """Return the span of some of a run's time pieces own (K,): from one to before another."""
     a, b, cruising = part
     path, pieces = trajectory.path, own[a:b]
@@ -243,9 +247,7 @@ def _make_span(
     return _Span(pieces, float(begin), float(end), breaks, first, stops, cruising)
 
 
-def _bound_cruise(
-    trajectory: Trajectory, limits: Sequence[Limit], order: int, span: _Span
-) -> _RunBound:
+def _bound_cruise(trajectory: Trajectory, limits: Sequence[Limit], order: int, span: _Span) -> _RunBound:
     """Bound a cruise by the limits on speed alone: T ≥ ∫ ds / ṡ_max."""
     nodes = _look_at_nodes(trajectory, span, trajectory.knots[np.append(span.own, span.own[-1] + 1)])
     rows = enclose_rows(trajectory.path, limits, nodes.s, nodes.piece)
@@ -339,9 +341,7 @@ def _look_at_nodes(trajectory: Trajectory, span: _Span, t: Array) -> _Nodes:
     return _Nodes(where, np.maximum(v[every], 0.0) ** 2, b[every], np.maximum.accumulate(t[every]), piece)
 
 
-def _refine(
-    trajectory: Trajectory, span: _Span, nodes: _Nodes, loss: Array, most: float
-) -> _Nodes:
+def _refine(trajectory: Trajectory, span: _Span, nodes: _Nodes, loss: Array, most: float) -> _Nodes:
     """More cells where more is lost: what is lost goes with the square of a cell."""
     loss = np.minimum(np.where(np.isfinite(loss), loss, np.inf), np.diff(nodes.t))
     share = np.cbrt(np.maximum(loss, 1e-4 * np.abs(loss).mean() + 1e-300))
@@ -356,9 +356,7 @@ def _refine(
     return _look_at_nodes(trajectory, span, np.unique(t))
 
 
-def _bound_nodes(
-    trajectory: Trajectory, limits: Sequence[Limit], order: int, span: _Span, nodes: _Nodes
-) -> _RunBound:
+def _bound_nodes(trajectory: Trajectory, limits: Sequence[Limit], order: int, span: _Span, nodes: _Nodes) -> _RunBound:
     """With multipliers found for these cells."""
     partings = MOST_PARTINGS
     path = trajectory.path

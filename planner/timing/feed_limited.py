@@ -38,6 +38,8 @@ MAX_CRUISING_USE = 0.95
 # Ramps are given the room that they need at this share of the allowed acceleration and jerk.
 # More could leave too little room for a ramp, less would lengthen the parts that are solved.
 RAMP_SHARE = 0.5
+# Share by which rounding may tell a cap from the same cap in the window before.
+SPEED_ROUNDING = 1e-13
 # Share of the largest acceleration of a ramp up to which s̈ at its ends is as it should be.
 SAME_ACCELERATION = 1e-9
 # A closed form may lengthen a run by this share of its duration, and leave unused up to this share
@@ -94,7 +96,11 @@ def solve_feed_limited(
 
 
 def _find_cruises(
-    run: Run, sketch: Problem, caps: Caps, breaks: Array, order: int
+    run: Run,
+    sketch: Problem,
+    caps: Caps,
+    breaks: Array,
+    order: int,
 ) -> list[tuple[float, float]]:
     """List the stretches of a run on which the fastest motion keeps the capped speed.
 
@@ -112,16 +118,22 @@ def _find_cruises(
             continue
         ramp = float(ramps[first:after].max())
         begin, end = float(breaks[first]), float(breaks[after])
-        goes_on = first == 0 and run.start_speed == caps.along[0]
+        ends = first == 0, after == len(breaks) - 1
+        goes_on = ends[0] and _cruises_at(run.start_speed, run.start_acceleration, caps.along[0])
         blocked = [(begin, begin if goes_on else begin + ramp)]
         for interval in np.flatnonzero(busy & (first <= own) & (own < after)):
             blocked.append((float(sketch.s[interval]) - ramp, float(sketch.s[interval + 1]) + ramp))
-        goes_on = after == len(breaks) - 1 and run.end_speed == caps.along[-1]
+        goes_on = ends[1] and _cruises_at(run.end_speed, run.end_acceleration, caps.along[-1])
         blocked.append((end if goes_on else end - ramp, end))
         for (_, low), (high, _) in pairwise(_join_overlapping(blocked)):
             if high - low > ramp:
                 cruises.append((low, high))
     return cruises
+
+
+def _cruises_at(speed: float, acceleration: float, cap: float) -> bool:
+    """Return whether a run begins or ends at its cap already."""
+    return acceleration == 0 and abs(speed - cap) <= SPEED_ROUNDING * cap
 
 
 def _least_on_pieces(values: Array, own: np.ndarray) -> Array:

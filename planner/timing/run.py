@@ -25,7 +25,7 @@ def solve_run(
 
     probing: just one solve, for whoever has other runs to try if it gives no answer or none that holds.
     """
-    if not probing and run.continuation is None:
+    if not probing:
         quick = _solve_in_closed_form(path, limits, run, order)
         if quick is not None:
             return _place_refusal(path, run, quick)
@@ -55,9 +55,7 @@ def solve_run(
     return _place_refusal(path, run, found)
 
 
-def _solve_in_closed_form(
-    path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int
-) -> RunSolution | None:
+def _solve_in_closed_form(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: int) -> RunSolution | None:
     """Find the motion of a straight or feed-limited run from its rows at a few places.
 
     None where the run is neither, or where nothing bounds its acceleration or jerk.
@@ -65,9 +63,13 @@ def _solve_in_closed_form(
     sketch = sketch_problem(path, limits, run)
     if unbounded_error(sketch, order) is not None:
         return None
-    exact = straight(sketch)
-    if exact is not None:
-        return exact if exact.solved else None
+    if run.continuation is None:
+        exact = straight(sketch)
+        if exact is not None:
+            return exact if exact.solved else None
+    else:  # its grid is needed only where the run is solved as a whole
+        acceleration = run.continuation.acceleration
+        run = replace(run, continuation=None, start_acceleration=acceleration)
     if run.whole:
         return None
     solve = partial(_solve_part, path, limits, order=order)

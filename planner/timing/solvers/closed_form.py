@@ -108,9 +108,7 @@ def _find_fastest(problem: Problem, limits: _Limits) -> RunSolution:
     return RunSolution("solved", profile, EXACT_AIM * profile.duration, STRAIGHT, problem)
 
 
-def _aimed_limits(
-    problem: Problem, share: float = STRAIGHTNESS_SHARE, given: float | None = None
-) -> _Limits | None:
+def _aimed_limits(problem: Problem, share: float = STRAIGHTNESS_SHARE, given: float | None = None) -> _Limits | None:
     """Return the limits that the motion aims at, less what varying rows and curvature may use.
 
     share  of the limits that these may use; None is returned where they may use more
