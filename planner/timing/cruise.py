@@ -171,11 +171,13 @@ def follow_cap(
     profiles = []
     for a, b in pairwise([0, *changes.tolist(), len(pieces)]):
         own = breaks[a : b + 1]
-        profile = (
-            _follow_curve(path, limits, caps, (own, pieces[a:b]), order, (a > 0, b < len(pieces)))
-            if curved[a]
-            else _keep_speed(path, caps, (own, pieces[a:b]))
-        )
+        if not curved[a]:
+            profiles.append(_keep_speed(path, caps, (own, pieces[a:b])))
+            continue
+        before = None if a == 0 else float(caps.along[pieces[a - 1] - caps.first])
+        after = None if b == len(pieces) else float(caps.along[pieces[b] - caps.first])
+        grid = _place_grid(caps, (own, pieces[a:b]), order, (before, after))
+        profile = grid.follow_exactly() if order == 2 else grid.follow_smoothly(path, limits, caps)
         if profile is None:
             return None
         profiles.append(profile)
@@ -202,37 +204,60 @@ def _keep_speed(path: ActuatorPath, caps: Caps, pieces: tuple[Array, np.ndarray]
     return Profile(s[:-1], speed, still, still, np.diff(s) / speed, piece)
 
 
-def _follow_curve(
-    path: ActuatorPath,
-    limits: Sequence[Limit],
+@dataclass(frozen=True, slots=True)
+class _Grid:
+    """Places s (N+1,) on pieces (N,) on which f varies, and ṡ and s̈ (N+1,) of a cruise there."""
+
+    s: Array
+    piece: np.ndarray
+    v: Array
+    a: Array
+
+    def follow_exactly(self) -> Profile:
+        """Return the motion of order 2 with these ṡ: ṡ² grows evenly over each interval."""
+        h = 2 * np.diff(self.s) / (self.v[1:] + self.v[:-1])
+        still = np.zeros(len(h))
+        return Profile(self.s[:-1], self.v[:-1], np.diff(self.v) / h, still, h, self.piece)
+
+    def follow_smoothly(
+        self,
+        path: ActuatorPath,
+        limits: Sequence[Limit],
+        caps: Caps,
+    ) -> Profile | None:
+        """Return a motion of order 3 near these ṡ and s̈, which it has at both ends."""
+        v, a = self.v, self.a
+        # a cruise's duration is ∫ f ds / c, here by Simpson's rule
+        middle, _ = caps.at((self.s[1:] + self.s[:-1]) / 2, self.piece)
+        h = np.diff(self.s) / 6 * (1 / v[:-1] + 4 / middle + 1 / v[1:])
+        # only its grid and its ends are used here: rows are posed for nothing but speeds
+        speeds = [limit for limit in limits if limit.terms == {Term.SD}]
+        ends = float(v[0]), float(v[-1])
+        problem = pose_problem(path, speeds, self.s, self.piece, ends)
+        problem = replace(problem, accelerations=(float(a[0]), float(a[-1])))
+        profile = close_profile(problem, np.stack([v[:-1], a[:-1], np.diff(a) / h, h]))
+        return None if isinstance(profile, MotionError) else profile
+
+
+def _place_grid(
     caps: Caps,
     pieces: tuple[Array, np.ndarray],
     order: int,
-    joined: tuple[bool, bool],
-) -> Profile | None:
-    """Return a motion with ṡ = c/f at the points of a grid, on pieces on which f varies.
+    beside: tuple[float | None, float | None],
+) -> _Grid:
+    """Place a grid on pieces on which f varies.
 
-    joined  whether a stretch of constant ṡ comes before and after: there s̈ = 0 exactly
+    beside  ṡ of the stretches of constant ṡ that the motion meets at both ends, if it meets any
     """
     breaks, numbers = pieces
     uneven = caps.uneven[numbers - caps.first]
     count = np.ceil(INTERVAL_COUNT[order] * uneven ** INTERVAL_POWER[order]).astype(int)
     s, piece = spread_points(breaks, np.maximum(count, MIN_INTERVALS), int(numbers[0]))
     v, a = caps.at(s, np.append(piece, piece[-1]))
-    h = 2 * np.diff(s) / (v[1:] + v[:-1])
-    if order == 2:
-        return Profile(s[:-1], v[:-1], np.diff(v) / h, np.zeros(len(h)), h, piece)
-    for end in np.flatnonzero(joined):
-        a[-end] = 0.0
-    # a cruise's duration is ∫ f ds / c, here by Simpson's rule
-    middle, _ = caps.at((s[1:] + s[:-1]) / 2, piece)
-    h = np.diff(s) / 6 * (1 / v[:-1] + 4 / middle + 1 / v[1:])
-    # only its grid and its ends are used here: rows are posed for nothing but speeds
-    speeds = [limit for limit in limits if limit.terms == {Term.SD}]
-    problem = pose_problem(path, speeds, s, piece, (float(v[0]), float(v[-1])))
-    problem = replace(problem, accelerations=(float(a[0]), float(a[-1])))
-    profile = close_profile(problem, np.stack([v[:-1], a[:-1], np.diff(a) / h, h]))
-    return None if isinstance(profile, MotionError) else profile
+    for end, speed in zip((0, -1), beside, strict=True):
+        if speed is not None:
+            v[end], a[end] = speed, 0.0
+    return _Grid(s, piece, v, a)
 
 
 def spread_points(breaks: Array, count: np.ndarray, first: int) -> tuple[Array, np.ndarray]:

@@ -40,8 +40,9 @@ MAX_CRUISING_USE = 0.95
 RAMP_SHARE = 0.5
 # Share by which rounding may tell a cap from the same cap in the window before.
 SPEED_ROUNDING = 1e-13
-# Share of the largest acceleration of a ramp up to which s̈ at its ends is as it should be.
-SAME_ACCELERATION = 1e-9
+# Share of a ramp's largest speed and acceleration up to which those at its ends are as they should
+# be.
+SAME_STATE = 1e-9
 # A closed form may lengthen a run by this share of its duration, and leave unused up to this share
 # of the limits on its ramps.
 CLOSED_FORM_LOSS, MAX_UNUSED_SHARE = 1e-6, 0.02
@@ -133,7 +134,7 @@ def _find_cruises(
 
 def _cruises_at(speed: float, acceleration: float, cap: float) -> bool:
     """Return whether a run begins or ends at its cap already."""
-    return acceleration == 0 and abs(speed - cap) <= SPEED_ROUNDING * cap
+    return acceleration == 0 and cap < np.inf and abs(speed - cap) <= SPEED_ROUNDING * cap
 
 
 def _least_on_pieces(values: Array, own: np.ndarray) -> Array:
@@ -210,18 +211,27 @@ def _solve_ramps(
                 v, a = float(after.profile.v[0]), float(after.profile.a[0])
                 part = replace(part, end_speed=v, end_acceleration=a if order == 3 else 0.0)
             cruise = _solve_ramp(path, limits, part, cruising, solve)
-            if not (cruise.solved and (order == 2 or _meets_ends(cruise, part))):
+            if not cruise.solved:
                 return None
+            for end, cruise_there in enumerate((before, after)):
+                if cruise_there is not None and not _meets(cruise, part, end, order):
+                    return None
         solutions.append(cruise)
     return RunSolution.joined(solutions, FEED_LIMITED)
 
 
-def _meets_ends(ramp: RunSolution, part: Run) -> bool:
-    """Return whether a ramp has the accelerations of the cruises at its ends."""
-    wanted = part.start_acceleration, part.end_acceleration
-    actual = float(ramp.profile.a[0]), ramp.profile.last_acceleration
-    size = float(np.abs(ramp.profile.a).max())
-    return bool(np.allclose(actual, wanted, rtol=0.0, atol=SAME_ACCELERATION * size))
+def _meets(ramp: RunSolution, part: Run, end: int, order: int) -> bool:
+    """Return whether a ramp has the speed and acceleration of the cruise at its start or end.
+
+    end  0 for the start, 1 for the end. A solution that was slowed as a whole does not.
+    """
+    profile = ramp.profile
+    v = profile.last_speed if end else float(profile.v[0])
+    a = profile.last_acceleration if end else float(profile.a[0])
+    wanted = part.end_acceleration if end else part.start_acceleration
+    if abs(v - part.speeds[end]) > SAME_STATE * float(profile.v.max()):
+        return False
+    return order == 2 or abs(a - wanted) <= SAME_STATE * float(np.abs(profile.a).max())
 
 
 def _solve_ramp(
