@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from math import ceil
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,9 +23,12 @@ from planner.certificate.lower_bound import (
     find_left_out,
     leave_rest,
 )
-from planner.limits.limit import Limit
+from planner.limits.limit import Limit, Term
 from planner.path.actuation import ActuatorPath
 from planner.path.stands import count_zero_derivatives
+from planner.timing.problem import Run
+from planner.timing.profile import Profile
+from planner.timing.run import solve_run
 from planner.timing.solvers.dual import DualCells, Multipliers, maximise_dual
 from planner.timing.solvers.inner_minimum import NEAR, fill_sets
 from planner.timing.solvers.limit_worth import weigh_limits, weigh_rest
@@ -40,8 +44,10 @@ LEAST_CELLS = 160
 MOST_PARTS, ROUNDS, MOST_GROWTH = 8, 2, {2: 1.0, 3: 3.0}
 # Where a cell has no bound, λ beside it is made so much smaller, so often at most.
 SHRINKAGE, SHRINKAGES = 0.7, 40
-# Where a bound is no nearer than so, one round more is tried, and order 2.
+# Where a bound is no nearer than so, one round more is tried.
 POOR_GAP = 0.01
+# From such a gap on, what order 2 proves is looked at as well: it holds at order 3 too.
+POOR_GAP_AT_ORDER_3 = 0.002
 # Of programs of many runs each is bounded well enough so near: finer cells take most of the time.
 MANY_RUNS, FAIR_GAP = 32, 0.001
 # Use of a limit on speed from which a motion cruises, and the least share of its run that a cruise
@@ -131,6 +137,19 @@ class _Span:
         return self.end - self.begin
 
 
+class _Rest(NamedTuple):
+    """An end of a run at which no axis moves.
+
+    side      0 for the start, 1 for the end
+    zeros     how many of the path's derivatives are 0 there
+    standing  whether no axis accelerates there either
+    """
+
+    side: int
+    zeros: int
+    standing: bool
+
+
 def bound_duration(
     trajectory: Trajectory, limits: Sequence[Limit], order: int, *, gap: float | None = None, effort: int = ROUNDS
 ) -> DurationBound:
@@ -186,6 +205,16 @@ def _bound_run(
         else _bound_span(trajectory, limits, order, span, gap, rounds)
         for span in spans
     ]
+    best = _join(bounds)
+    took = sum(span.duration for span in spans)
+    if order == 3 and took > (1 + POOR_GAP_AT_ORDER_3) * best.value:
+        other = _bound_without_jerk(trajectory, limits, ends, best.value)
+        best = other if other is not None and other.value > best.value else best
+    return best
+
+
+def _join(bounds: Sequence[_RunBound]) -> _RunBound:
+    """Add up the bounds of stretches that follow each other."""
     value = sum(max(bound.value, 0.0) for bound in bounds)
     names = ("s", "piece", "loss", "worth", "alone")
     parts = (np.concatenate([getattr(bound, name) for bound in bounds]) for name in names)
@@ -193,7 +222,10 @@ def _bound_run(
 
 
 def split_run(trajectory: Trajectory, limits: Sequence[Limit], ends: tuple[int, int]) -> list[_Span]:
-    """Split a run's motion where it begins and ends to keep a capped speed for a while."""
+    """Split a run's motion where it begins and ends to keep a capped speed for a while.
+
+    Also where the path turns back, q′ = 0: there no axis moves, whatever ṡ is.
+    """
     moving = (trajectory.v != 0) | (trajectory.a != 0) | (trajectory.j != 0)
     inside = (trajectory.piece >= ends[0]) & (trajectory.piece < ends[1])
     own = np.flatnonzero(moving & inside)
@@ -206,13 +238,28 @@ def split_run(trajectory: Trajectory, limits: Sequence[Limit], ends: tuple[int, 
         (a, b, bool(cruising[a]) and knots[b] - knots[a] > LEAST_CRUISE * (knots[-1] - knots[0]))
         for a, b in pairwise(edges.tolist())
     ]
+    turns = _find_turns(trajectory, own)
     merged: list[tuple[int, int, bool]] = []
     for a, b, cruise in kinds:
         if merged and not cruise and not merged[-1][2]:
             merged[-1] = merged[-1][0], b, False
         else:
             merged.append((a, b, cruise))
-    return [_make_span(trajectory, own, ends, part) for part in merged]
+    parts = [
+        (first, last, cruise)
+        for a, b, cruise in merged
+        for first, last in pairwise([a, *(turn for turn in turns if a < turn < b), b])
+    ]
+    return [_make_span(trajectory, own, ends, part, turns) for part in parts]
+
+
+def _find_turns(trajectory: Trajectory, own: np.ndarray) -> list[int]:
+    """List which of a run's time pieces own (K,) start at a place where q′ = 0 on both sides."""
+    still = count_zero_derivatives(trajectory.path)
+    piece = trajectory.piece[own]
+    starts = np.flatnonzero(np.diff(piece)) + 1
+    turns = starts[(still[0, piece[starts]] > 0) & (still[1, piece[starts] - 1] > 0)]
+    return [int(turn) for turn in turns]
 
 
 def _find_cruising(trajectory: Trajectory, limits: Sequence[Limit], own: np.ndarray) -> np.ndarray:
@@ -231,7 +278,13 @@ def _spread(h: Array) -> Array:
     return np.outer(h, [0.0, 0.5, 1.0]).ravel()
 
 
-def _make_span(trajectory: Trajectory, own: np.ndarray, ends: tuple[int, int], part: tuple[int, int, bool]) -> _Span:
+def _make_span(
+    trajectory: Trajectory,
+    own: np.ndarray,
+    ends: tuple[int, int],
+    part: tuple[int, int, bool],
+    turns: Sequence[int],
+) -> _Span:
     """Return the span of some of a run's time pieces own (K,): from one to before another."""
     a, b, cruising = part
     path, pieces = trajectory.path, own[a:b]
@@ -243,7 +296,9 @@ def _make_span(trajectory: Trajectory, own: np.ndarray, ends: tuple[int, int], p
         breaks[0] = trajectory.s[pieces[0]]
     if not finishes:
         breaks[-1] = trajectory.s[own[b]]
-    stops = ends[0] if starts else None, ends[1] if finishes else None
+    start = ends[0] if starts else first if a in turns else None
+    finish = ends[1] if finishes else last + 1 if b in turns else None
+    stops = start, finish
     return _Span(pieces, float(begin), float(end), breaks, first, stops, cruising)
 
 
@@ -284,10 +339,39 @@ def _bound_span(
         nodes = _refine(trajectory, span, nodes, found.loss, most)
         found = _bound_nodes(trajectory, limits, order, span, nodes)
         best = found if found.value > best.value else best
-    if order == 3 and took > (1 + POOR_GAP) * best.value:  # without jerk, what is proved is the more surely so
-        found = _bound_nodes(trajectory, limits, 2, span, _place_nodes(trajectory, span))
-        best = found if found.value > best.value else best
     return best
+
+
+def _bound_without_jerk(
+    trajectory: Trajectory, limits: Sequence[Limit], ends: tuple[int, int], least: float
+) -> _RunBound | None:
+    """Bound a run by the limits on speed and acceleration, from its fastest motion within these.
+
+    None where that motion takes no longer than the bound there is, least, or is not found.
+    """
+    path = trajectory.path
+    gentle = [limit for limit in limits if Term.SDDD not in limit.terms]
+    stops = np.flatnonzero(path.stops(2))
+    stops = stops[(stops >= ends[0]) & (stops <= ends[1])]
+    still = count_zero_derivatives(path)
+    profiles = []
+    for a, b in pairwise(stops.tolist()):
+        run = Run(
+            a,
+            b - 1,
+            path.end_speeds[0] if a == 0 else 0.0,
+            path.end_speeds[1] if b == len(path.breaks) - 1 else 0.0,
+            stands=(int(still[0, a]), int(still[1, b - 1])),
+        )
+        fastest = solve_run(path, gentle, run, 2)
+        if not fastest.solved:
+            return None
+        profiles.append(fastest.profile)
+    motion = Profile.joined(profiles).along(path)
+    if motion.duration <= least:
+        return None
+    parts = list(pairwise(stops.tolist()))
+    return _join([_bound_run(motion, gentle, 2, part, FAIR_GAP, ROUNDS) for part in parts])
 
 
 def _place_nodes(trajectory: Trajectory, span: _Span) -> _Nodes:
@@ -363,9 +447,10 @@ def _bound_nodes(trajectory: Trajectory, limits: Sequence[Limit], order: int, sp
     rows = enclose_rows(path, limits, nodes.s, nodes.piece)
     if order == 2:
         rows = rows._replace(jerk=np.full_like(rows.jerk, np.inf))
-    given, free, still = _find_end_states(path, order, span.stops, len(nodes.s))
+    given, free, rests = _find_end_states(path, order, span.stops, len(nodes.s))
     # cells beside rests are bounded in closed form, whatever is known of λ there
-    first, last = int(still[0] >= 0), len(nodes.piece) - int(still[1] >= 0)
+    resting = {rest.side for rest in rests}
+    first, last = int(0 in resting), len(nodes.piece) - int(1 in resting)
     free[first : last + 1] |= _find_dead_nodes(rows, order, first, last)[:, None]
     length, took = nodes.s[-1] - nodes.s[0], nodes.t[-1] - nodes.t[0]
     start = _guess_motion(trajectory, nodes, length, took)
@@ -395,7 +480,7 @@ def _bound_nodes(trajectory: Trajectory, limits: Sequence[Limit], order: int, sp
     while True:
         found = _pad(maximise_dual(own, start[inner]), first, len(nodes.piece) - last)
         with np.errstate(all="ignore"):
-            proved = _prove_run(rows, nodes, scaled, found, state, (length, took), order, still)
+            proved = _prove_run(rows, nodes, scaled, found, state, (length, took), order, rests)
         best = proved if best is None or proved.value > best.value else best
         # what is before and after such cells is bounded as if it were not one motion
         poor = np.flatnonzero(~(proved.loss < np.diff(nodes.t) + PARTING_LOSS * took))
@@ -424,7 +509,7 @@ def _prove_run(
     state: Array,
     unit: tuple[float, float],
     order: int,
-    still: np.ndarray,
+    rests: Sequence[_Rest],
 ) -> _RunBound:
     """What multipliers prove, in SI units."""
     length, took = unit
@@ -447,14 +532,17 @@ def _prove_run(
     x = np.where(np.isfinite(found.x), found.x, 1.0)
     about = x[:, :, 0].mean(1) * (length / took) ** 2
     out = np.zeros(len(rows.width))
-    rests = [(side, int(still[side])) for side in (0, 1) if still[side] >= 0]
+    rows_at = {
+        rest.side: rows if rest.standing else rows._replace(jerk=np.full_like(rows.jerk, np.inf)) for rest in rests
+    }
 
     def prove() -> Array:
         """What is lost on each cell."""
         fill_sets(rows.ends, rows.width, rows.acceleration, rows.jerk, multipliers, bulge, about, jerky, sets, speeds)
         bound_cells(rows, order == 3, multipliers, bulge, sets, speeds, about, out)
-        for side, zeros in rests:
-            out[-side] = bound_rest(leave_rest(rows, side, zeros), side, multipliers[1 - 3 * side])
+        for side, zeros, _ in rests:
+            leaving = leave_rest(rows_at[side], side, zeros)
+            out[-side] = bound_rest(leaving, side, multipliers[1 - 3 * side])
         return np.asarray(np.diff(nodes.t) + np.diff(np.where(multipliers == 0, 0.0, multipliers * state).sum(1)) - out)
 
     loss = prove()
@@ -472,17 +560,21 @@ def _prove_run(
     value = float(out.sum() - edge[-1].sum() + edge[0].sum())
     value -= 1e-15 * len(out) * float(np.abs(out).sum() + np.abs(edge[[0, -1]]).sum())
     worth, alone = weigh_limits(scaled, found, took)
-    for side, zeros in rests:
-        worth[-side], alone[-side] = weigh_rest(rows, side, zeros, multipliers[1 - 3 * side])
+    for side, zeros, _ in rests:
+        inner = multipliers[1 - 3 * side]
+        worth[-side], alone[-side] = weigh_rest(rows_at[side], side, zeros, inner)
     return _RunBound(value, nodes.s[:-1], nodes.piece, loss, worth, alone)
 
 
 def _find_end_states(
     path: ActuatorPath, order: int, ends: tuple[int | None, int | None], count: int
-) -> tuple[Array, np.ndarray, np.ndarray]:
-    """a and b at both ends (2, 2); which nodes' λ (count, 2) have to be 0 as these are not known; and how many of the
-    path's derivatives are 0 at the ends (2,) at which all axes rest, −1 at others."""
-    given, free, rests = np.zeros((2, 2)), np.zeros((count, 2), bool), np.full(2, -1)
+) -> tuple[Array, np.ndarray, list[_Rest]]:
+    """Return a and b at both ends (2, 2), where λ has to be 0 (count, 2), and the ends at rest.
+
+    λ has to be 0 where a or b is not known.
+    """
+    given, free = np.zeros((2, 2)), np.zeros((count, 2), bool)
+    rests = []
     still = count_zero_derivatives(path)
     last = len(path.breaks) - 1
     for side, stop in enumerate(ends):
@@ -501,10 +593,12 @@ def _find_end_states(
             free[at] = True
         elif own > 0:
             free[at] = (True, True) if order == 2 or own > 1 else (False, True)
-        # q̇ = q′ṡ is 0 at order 2; at order 3 q̈ = q′s̈ + q″ṡ² too
-        resting = given[side, 0] == 0 and (order == 2 or own > 1 or (not passed and (own > 0 or given[side, 1] == 0)))
+        # q̇ = q′ṡ is 0; at order 3 so is q̈ = q′s̈ + q″ṡ², but where the motion goes on through q′ = 0
+        standing = own > 1 or (not passed and (own > 0 or given[side, 1] == 0))
+        resting = given[side, 0] == 0 and (order == 2 or standing or passed)
         if resting and own < 3:
-            rests[side], free[at] = own, True
+            rests.append(_Rest(side, own, standing))
+            free[at] = True
     return given, free, rests
 
 
