@@ -26,6 +26,9 @@ STRAIGHTNESS_SHARE = 1e-8
 ROUNDING = 1e-11
 # Halvings that bring a bracket of one order of magnitude down to rounding, and doublings that may bracket at all.
 MAX_HALVINGS, MAX_DOUBLINGS = 60, 2000
+# Share of the duration that ramps of ṡ and s̈ take at least: briefer ones are lost in the rounding
+# of instants, and longer ones would lengthen the motion by as much.
+MIN_RAMP_SHARE = 1e-9
 # Share of the duration below which a piece of the motion is none.
 MIN_PIECE_SHARE = 1e-20
 
@@ -50,6 +53,21 @@ class _Limits:
         push = float(np.sqrt(change / slowness))
         return push / self.jerk, 0.0, push / self.back
 
+    def lengthen_ramps(self, length: float) -> "_Limits":
+        """Lower s̈ and s⃛ where their ramps are too short for instants to tell them apart.
+
+        A motion takes T ≥ L/V, √(L/A) and ∛(L/J). Ramps of s̈ and of ṡ each take MIN_RAMP_SHARE of
+        that at least, and lengthen the motion by as little.
+        """
+        push, sharp = max(self.up, self.down), max(self.jerk, self.back)
+        least = max(length / self.speed, np.sqrt(length / push), np.cbrt(length / sharp))
+        brief = MIN_RAMP_SHARE * least
+        most = self.speed / brief
+        up, down = min(self.up, most), min(self.down, most)
+        jerk = min(self.jerk, max(up, down) / brief)
+        back = min(self.back, max(up, down) / brief)
+        return _Limits(self.speed, up, down, jerk, back)
+
     def way(self, low: float, high: float, most: float) -> float:
         """How far a ramp up goes."""
         rise, held, fall = self.ramp(high - low, most)
@@ -66,7 +84,11 @@ def straight(problem: Problem) -> RunSolution | None:
     Too fast is a speed at an end that is beyond its limit, or from which the way to the other end is too short.
     """
     limits = _aimed_limits(problem)
-    return None if limits is None else _find_fastest(problem, limits)
+    if limits is None:
+        return None
+    if max(problem.speeds) == 0:
+        limits = limits.lengthen_ramps(float(problem.s[-1] - problem.s[0]))
+    return _find_fastest(problem, limits)
 
 
 def straight_ramp(problem: Problem, share: float) -> RunSolution | None:
