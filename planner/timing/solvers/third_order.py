@@ -154,7 +154,9 @@ class _Peaks:
             room = np.where(short, SOLVER_AIM - PEAK_FACTOR * (SOLVER_AIM - room), block.room)
             lowered |= short
             blocks.append(replace(block, room=room))
-        exceeds = max(float(each.max()) for each in use.values()) > 1 + SMALL_EXCESS
+        # nothing is looked at any more where the motion uses less than half of every limit
+        largest = max((float(each.max()) for each in use.values()), default=0.0)
+        exceeds = largest > 1 + SMALL_EXCESS
         first = self.problem is self.given
         self.seen, self.windows = None, []
         if not lowered.any() or not (exceeds or first):
