@@ -57,7 +57,7 @@ def acceleration_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) 
     """A run's rows on an even grid, or a graded one."""
     mixed = any(Term.SD in limit.terms and len(limit.terms) > 1 for limit in limits)
     few = None if mixed or 1 in run.stands or run.fineness > 1 else _few_intervals(path, run)
-    spread = _graded_shares(_interval_count(SECOND_ORDER, path, run)) if mixed else None
+    spread = _graded_shares(count_intervals(SECOND_ORDER, path, run)) if mixed else None
     s, piece = _grid(SECOND_ORDER, path, run, spread) if few is None else make_grid(path, run, few)
     problem = pose_problem(path, limits, s, piece, run.speeds, run.stands)
     return problem if run.continuation is None else continue_problem(path, limits, run, problem, run.continuation)
@@ -138,7 +138,7 @@ def brief_problem(
     sharp = second_order(gentle)
     if not sharp.solved or WINDOW_GROWTH * window > MAX_BRIEF_SHARE * sharp.duration:
         return None
-    placed = _grid(SECOND_ORDER, path, run, _graded_shares(_interval_count(SECOND_ORDER, path, run)))
+    placed = _grid(SECOND_ORDER, path, run, _graded_shares(count_intervals(SECOND_ORDER, path, run)))
     return _second_order_start(pose_problem(path, limits, *placed))
 
 
@@ -163,7 +163,7 @@ def jerk_problem(
             motion = passing.cut(breaks, run.first)
             return place_problem(path, limits, run, motion, motion.h, rule), passing
 
-    points = start.spread(_interval_count(rule, path, run, on_top=True))
+    points = start.spread(count_intervals(rule, path, run, on_top=True))
     spread = np.clip((points - coarse.s[0]) / (coarse.s[-1] - coarse.s[0]), 0.0, 1.0)
     return pose_problem(path, limits, *_grid(rule, path, run, spread), run.speeds, run.stands), start
 
@@ -184,7 +184,7 @@ def place_problem(
     passed = np.concatenate([[0.0], np.cumsum(share[owner]) / PLACE_PARTS])
     at = PLACE_PARTS * np.append(np.searchsorted(motion.piece, np.arange(run.first, run.last + 1)), len(motion.h))
     least = np.maximum(MIN_PER_PIECE, rule[2] * path.turns[run.first : run.last + 1] / 2)
-    intervals = _interval_count(rule, path, run, on_top=True)
+    intervals = count_intervals(rule, path, run, on_top=True)
     count = np.ceil(np.maximum(least, np.diff(passed[at]) * intervals) - ROUNDING).astype(int)
     first = np.repeat(np.cumsum(count) - count, count)
     inside = (np.arange(count.sum()) - first) / np.repeat(count, count)
@@ -197,7 +197,7 @@ def place_problem(
 
 def grade_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run, shares: Callable[[int], Array]) -> Problem:
     """The order-3 problem of a run on a grid whose points lie at such shares of it, for a number of intervals."""
-    spread = shares(_interval_count(THIRD_ORDER, path, run))
+    spread = shares(count_intervals(THIRD_ORDER, path, run))
     start, end = run.stands  # what a fast motion passes there is too fast for a slow one
     return pose_problem(path, limits, *_grid(THIRD_ORDER, path, run, spread), run.speeds, (start % 2, end % 2))
 
@@ -205,7 +205,7 @@ def grade_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run, shares:
 def _grid(rule: Rule, path: ActuatorPath, run: Run, spread: Array | None = None) -> tuple[Array, np.ndarray]:
     """A run's grid by a rule, of which every piece by itself has its share."""
     least = np.maximum(rule[1], rule[2] * path.turns[run.first : run.last + 1])
-    return make_grid(path, run, _interval_count(rule, path, run), spread, least=least)
+    return make_grid(path, run, count_intervals(rule, path, run), spread, least=least)
 
 
 def _graded_shares(intervals: int) -> Array:
@@ -214,7 +214,7 @@ def _graded_shares(intervals: int) -> Array:
     return np.asarray(even**2 * (3 - 2 * even))
 
 
-def _interval_count(rule: Rule, path: ActuatorPath, run: Run, on_top: bool = False) -> int:
+def count_intervals(rule: Rule, path: ActuatorPath, run: Run, on_top: bool = False) -> int:
     """By a rule; on_top: pieces after the first come on top of the least number."""
     least, per_piece, per_radian = rule
     turn = float(path.turns[run.first : run.last + 1].sum())

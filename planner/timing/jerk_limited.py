@@ -22,6 +22,7 @@ from planner.timing.discretization import (
     brief_problem,
     coarse_jerk_problem,
     continue_problem,
+    count_intervals,
     jerk_problem,
     place_problem,
     unbounded_error,
@@ -49,6 +50,11 @@ MIN_SPLIT_SLOWNESS = 1.01
 SURELY_BRIEF, LITTLE_LONGER = 1e-5, 1 + 1e-4
 # A rough answer that takes so many times as long as what it started from says little of where time goes.
 MAX_ROUGHNESS = 1.1
+# Share of a motion that a grid may lose, as a rough answer predicts it, and how many times as many
+# intervals as usual it may have for that. 26 blended triangles on the five-axis machine take
+# 13.3036 s with the usual grid, 13.2680 s with this one, and 13.2570 s with half of this share and
+# twice as many intervals.
+MAX_LOSS, MAX_FINENESS = 4e-4, 4
 # Shares of the largest speed at an end without a jerk limit, from which the largest with one is sought.
 END_SPEED_SHARES = (0.9, 0.5, 0.2)
 # From its answer a solver finds a larger one still, as the grid is made for the motion to start from: until it changes
@@ -171,7 +177,7 @@ def place_by_loss(
     """A run's problem on a grid that is fine where a rough answer loses time, and that; None where that says little.
 
     An interval that is cut in m parts loses an m-th of what it did: Σ lossₖ/mₖ is least, for a number Σ mₖ of
-    intervals, where mₖ goes with √lossₖ.
+    intervals, where mₖ goes with √lossₖ. It is (Σ √lossₖ)² / Σ mₖ then, which tells how many intervals are needed.
     """
     posed = _pose(path, limits, run, coarse, rough)
     if isinstance(posed, MotionError):
@@ -184,6 +190,9 @@ def place_by_loss(
     if run.continuation is None and not _tells_loss(motion, lost, guess):
         return None
     weight = np.sqrt(lost)
+    needed = float(weight.sum()) ** 2 / (MAX_LOSS * motion.duration)
+    usual = count_intervals(rule, path, run, on_top=True)
+    run = replace(run, fineness=run.fineness * int(np.clip(np.ceil(needed / usual), 1, MAX_FINENESS)))
     beside = np.maximum(np.append(weight[1:], 0.0), np.append(0.0, weight[:-1]))  # what binds may move a little
     return place_problem(path, limits, run, motion, np.maximum(weight, beside / 2), rule), motion
 
