@@ -5,7 +5,6 @@ import numpy as np
 from benchmarks.reports.page import group_digits
 from kinematics.analysis.residual_vibration import find_residuals
 from kinematics.foundation.names import count_noun
-from planner.active_limits import describe_stops
 from planner.baselines import Classical, describe_differences, missing_limits
 from planner.path.arc_length import measure_travel
 from planner.plan import Plan
@@ -27,10 +26,10 @@ def summary(plan: Plan, classical: Classical | None, verdict: PulseCheck) -> dic
         "Duration": f"{plan.duration:.6f} s{'' if plan.fastest else f', {plan.describe_objective()}'}",
         **_shaping(plan),
         **(_baseline(plan, classical) if plan.fastest and classical else {}),  # else they are unlike
+        **({"Stops": stops} if (stops := plan.avoidable_stops.describe()) else {}),
         **_bound(plan),
         "Segments": f"{len(plan.program.segments)}{again}",
         "Length of the path": f"{1e3 * way:.3f} mm ({unlike}{radian})",
-        **({"Stops": stops} if (stops := describe_stops(plan)) else {}),
         **({} if plan.path.fit is None else {"Fit": plan.path.fit.describe()}),
         **_departures(plan),
         "Order": f"{plan.order} ({kept})",

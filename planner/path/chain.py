@@ -16,7 +16,7 @@ from kinematics.machine.pose import Pose
 from planner.path.arc_length import even_speed
 from planner.path.curve import curve, ends
 from planner.path.fit import fit_chains, is_plain
-from planner.path.join_and_blend import ALWAYS_REST, PathStep, link
+from planner.path.join_and_blend import ALWAYS_REST, PathStep, link, list_avoidable
 from planner.path.outcome import Blended
 from planner.path.shape import (
     DEGREE,
@@ -49,6 +49,7 @@ class Chain:
     """Pieces of the platform's path in the base frame; stops (P+1,), dwells (P+1,) s at their ends, as of MachinePath.
 
     blends: what became of every join that asks for one; fits: of every chain that was fitted
+    avoidable: numbers and repetitions of the segments at whose ends nobody asked for the stop
     """
 
     pieces: tuple[Piece, ...]
@@ -56,6 +57,7 @@ class Chain:
     dwells: Array
     blends: tuple[Blended, ...]
     fits: tuple[Fitted, ...]
+    avoidable: frozenset[tuple[int, int | None]] = frozenset()
 
 
 def chain_pieces(program: Program, machine: Machine) -> Chain:
@@ -69,7 +71,8 @@ def chain_pieces(program: Program, machine: Machine) -> Chain:
     if program.tool is not None:
         pieces = tuple(carry_tool(piece, program.tool) for piece in pieces)
     blends = tuple(step.blend for step in steps if step.blend is not None)
-    return Chain(pieces, stops, rests, blends, tuple(step.fitted for step in steps if step.fitted is not None))
+    fits = tuple(step.fitted for step in steps if step.fitted is not None)
+    return Chain(pieces, stops, rests, blends, fits, list_avoidable(steps))
 
 
 def walk_path(program: Program, machine: Machine) -> Iterator[PathStep]:
@@ -150,7 +153,8 @@ def draw_segments(program: Program, machine: Machine) -> Iterator[Drawn]:
             if not faults and (held.pieces or held.dwell):
                 yield held
             pieces = [_cap_piece(piece, segment, program, repetition) for piece in _free_pieces(own, segment)]
-            held = Drawn(pieces, segment.join, plain=segment.trigger is None and is_plain(pieces))
+            marks = () if segment.trigger is None else (segment.trigger.at,)
+            held = Drawn(pieces, segment.join, plain=not marks and is_plain(pieces), marks=marks)
             moves = True
         if faults:
             raise _segments_error(program, faults)
