@@ -32,6 +32,8 @@ LEAST_CELLS = 160
 MOST_PARTS, ROUNDS, MOST_GROWTH = 8, 2, {2: 1.0, 3: 3.0}
 # Where a cell has no bound, λ beside it is made so much smaller, so often at most.
 SHRINKAGE, SHRINKAGES = 0.7, 40
+# Cells of a run of a quick bound at least.
+LEAST_SHARED_CELLS = 24
 # Where a bound is no nearer than so, one round more is tried, and order 2.
 POOR_GAP = 0.01
 # Of programs of many runs each is bounded well enough so near: finer cells take most of the time.
@@ -96,19 +98,61 @@ class _Nodes:
 
 
 def bound_duration(
-    trajectory: Trajectory, limits: Sequence[Limit], order: int, *, gap: float | None = None, effort: int = ROUNDS
+    trajectory: Trajectory,
+    limits: Sequence[Limit],
+    order: int,
+    *,
+    gap: float | None = None,
+    effort: int = ROUNDS,
+    most_cells: int | None = None,
 ) -> DurationBound:
-    """A lower bound for a motion: of its runs between stops, one by one, and its dwells.
+    """Prove a lower bound for a motion: of its runs between stops, one by one, and its dwells.
 
     gap: how near it shall come, as a share, if so many rounds of finer cells (effort) allow; None: one round of them,
     and of many runs a round where it is needed
+    most_cells: of a quick bound, about so many cells in all, without a round of finer ones; None: no such limit
     """
+    if most_cells is not None:
+        return _bound_quickly(trajectory, limits, order, most_cells)
     path = trajectory.path
     every = list(pairwise(np.flatnonzero(path.stops(order)).tolist()))
     if gap is None and len(every) > MANY_RUNS:
         gap = FAIR_GAP
     rounds = ROUNDS if gap is None else effort
     runs = [_bound_run(trajectory, limits, order, ends, gap, rounds) for ends in every]
+    return _sum_runs(trajectory, limits, runs)
+
+
+def _bound_quickly(
+    trajectory: Trajectory, limits: Sequence[Limit], order: int, most_cells: int
+) -> DurationBound:
+    """Share the cells out by the runs' time pieces; each run has LEAST_SHARED_CELLS at least."""
+    path = trajectory.path
+    stops = np.flatnonzero(path.stops(order))
+    moving = (trajectory.v != 0) | (trajectory.a != 0) | (trajectory.j != 0)
+    owner = np.searchsorted(stops, trajectory.piece[moving], side="right") - 1
+    pieces = np.bincount(owner, minlength=len(stops) - 1)
+    cells = np.maximum(most_cells * pieces // pieces.sum(), LEAST_SHARED_CELLS).tolist()
+    runs = []
+    for ends, most in zip(pairwise(stops.tolist()), cells, strict=True):
+        nodes = _thin_nodes(_place_nodes(trajectory, order, ends), most)
+        runs.append(_bound_nodes(trajectory, limits, order, ends, nodes))
+    return _sum_runs(trajectory, limits, runs)
+
+
+def _thin_nodes(nodes: _Nodes, most: int) -> _Nodes:
+    """Keep about so many cells, evenly among them, and every break of the path."""
+    count = len(nodes.piece)
+    if count <= most:
+        return nodes
+    breaks = np.flatnonzero(np.diff(nodes.piece)) + 1
+    kept = np.union1d(np.linspace(0, count, most + 1).round().astype(int), breaks)
+    return _Nodes(nodes.s[kept], nodes.a[kept], nodes.b[kept], nodes.t[kept], nodes.piece[kept[:-1]])
+
+
+def _sum_runs(trajectory: Trajectory, limits: Sequence[Limit], runs: "Sequence[_RunBound]") -> DurationBound:
+    """Add up the bounds of all runs, and the dwells."""
+    path = trajectory.path
     value = float(path.dwells.sum()) + sum(max(run.value, 0.0) for run in runs)
     value -= 1e-15 * (len(runs) + 8) * abs(value)
     parts = (np.concatenate([getattr(run, name) for run in runs]) for name in ("s", "piece", "loss", "worth", "alone"))
