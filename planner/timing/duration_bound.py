@@ -32,8 +32,8 @@ LEAST_CELLS = 160
 MOST_PARTS, ROUNDS, MOST_GROWTH = 8, 2, {2: 1.0, 3: 3.0}
 # Where a cell has no bound, λ beside it is made so much smaller, so often at most.
 SHRINKAGE, SHRINKAGES = 0.7, 40
-# Cells of a run of a quick bound at least.
-LEAST_SHARED_CELLS = 24
+# Cells of a run of a quick bound at least; and how far off it is tried at order 2 as well.
+LEAST_SHARED_CELLS, QUICK_POOR_GAP = 24, 0.05
 # Where a bound is no nearer than so, one round more is tried, and order 2.
 POOR_GAP = 0.01
 # Of programs of many runs each is bounded well enough so near: finer cells take most of the time.
@@ -136,7 +136,12 @@ def _bound_quickly(
     runs = []
     for ends, most in zip(pairwise(stops.tolist()), cells, strict=True):
         nodes = _thin_nodes(_place_nodes(trajectory, order, ends), most)
-        runs.append(_bound_nodes(trajectory, limits, order, ends, nodes))
+        run = _bound_nodes(trajectory, limits, order, ends, nodes)
+        took = float(nodes.t[-1] - nodes.t[0])
+        if order == 3 and took > (1 + QUICK_POOR_GAP) * run.value:  # with few cells less is lost without the jerk
+            other = _bound_nodes(trajectory, limits, 2, ends, nodes)
+            run = other if other.value > run.value else run
+        runs.append(run)
     return _sum_runs(trajectory, limits, runs)
 
 

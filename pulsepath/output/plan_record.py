@@ -68,6 +68,7 @@ def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
         },
         "worth": None if job.worth is None else _worth(job.worth, job.change),
         "worth_left_out": job.unbounded or None,
+        "left_out": list(job.left_out),
         "tradeoff": None
         if job.tradeoff is None
         else {

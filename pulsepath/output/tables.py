@@ -72,6 +72,8 @@ def of_plan(job: Job) -> list[Table]:
         rows.append(("saved by 1 % more of", None, job.worth.describe()))
     if job.unbounded:
         rows.append((UNBOUNDED, None, job.unbounded))
+    if job.left_out:
+        rows.append((LEFT_OUT, None, ", ".join(job.left_out)))
     if stops := plan.avoidable_stops.describe():
         rows.append(("stops", None, stops))
     rows += [(other.kind, other.duration, _describe_timing(plan, other)) for other in job.others]
@@ -110,6 +112,7 @@ def _describe_cost(plan: Plan, shaped: ShapedProof) -> list[tuple[str, str]]:
 
 
 UNBOUNDED = "gap, worth of limits"
+LEFT_OUT = "left out"
 MOST_TOLD = 3
 """Stops instead of blends up to which each is told with its reason on a line."""
 NEARLY = 0.999
@@ -150,6 +153,8 @@ def sum_up(job: Job) -> list[Table]:
         rows.append(("saved by 1 % more of", job.worth.describe()))
     if job.unbounded:
         rows.append((UNBOUNDED, job.unbounded))
+    if job.left_out:
+        rows.append((LEFT_OUT, ", ".join(job.left_out)))
     if plan.path.fit is not None and plan.path.fit.before:
         rows.append(("fit", _sum_up_fit(plan.path.fit)))
     if plan.departures:
