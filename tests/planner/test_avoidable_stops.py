@@ -132,7 +132,7 @@ def test_the_proposed_tolerance_is_small_beside_the_path():
     assert propose_tolerance(3.4e-5) == pytest.approx(2e-8)
 
 
-GCODE = "G21 G90 F6000\n{word}" + "".join(f"G1 X{k} Y{k % 2}\n" for k in range(1, 31)) + "M2\n"
+GCODE = "G21 G90 F6000\n{word}" + "".join(f"G1 X{(k + 1) // 2} Y{k // 2}\n" for k in range(1, 31)) + "M2\n"
 
 
 @pytest.mark.parametrize(
