@@ -1,4 +1,4 @@
-"""Stops at joins that nobody asked for: how many there are, about what they cost, and what avoids them.
+"""Avoidable stops: at joins where nobody asked for one. Their count, an estimate of their cost, and the remedy.
 
 The path is taken in legs from break to break. Two motions of it are estimated, both within the limits on speed,
 acceleration and jerk along the path: one that rests where the plan rests, and one that passes these joins at the speed
@@ -69,7 +69,7 @@ class AvoidableStops:
     assumed: str = ""
 
     def describe(self) -> str:
-        """Return how many there are, what they cost, and what avoids them; nothing if there are none."""
+        """Return the count, the cost and the remedy in one line; an empty text if there are no such stops."""
         if not self.count:
             return ""
         of = f", of {count_noun(self.joins, 'join')}" if self.joins else ""
@@ -77,7 +77,7 @@ class AvoidableStops:
         return f"{self.count} that nobody asked for{of}{cost}; to avoid them: {self.remedy}"
 
     def describe_cost(self) -> str:
-        """Return what they cost, and against what."""
+        """Return the cost, and the motion it is compared with."""
         seconds = f"about {float(f'{self.cost:.2g}'):g} s" if self.cost >= LEAST_COST else "hardly any time"
         assumed = f" {self.assumed}" if self.assumed else ""
         return f"{seconds}{assumed} against passing within {1e3 * self.tolerance:g} mm"
@@ -134,10 +134,8 @@ def propose_tolerance(length: float) -> float:
     return next((step * power for step in (5.0, 2.0) if step * power <= most), power)
 
 
-def find_avoidable_stops(
-    program: Program, path: MachinePath, limits: Sequence[Limit], order: int
-) -> AvoidableStops:
-    """Count the stops of a program's path that nobody asked for, and estimate what they cost."""
+def find_avoidable_stops(program: Program, path: MachinePath, limits: Sequence[Limit], order: int) -> AvoidableStops:
+    """Count the avoidable stops of a program's path, and estimate their cost."""
     stops = path.avoidable_stops(order)
     tolerance = propose_tolerance(float(path.breaks[-1]))
     keys = [(piece.segment, piece.repetition) for piece in path.pieces]
@@ -162,11 +160,11 @@ def find_stops_of_import(program: Program) -> AvoidableStops:
     order = max(usual_order(machine.axes), 3)
     try:
         path = actuate(program, machine)
-        found = find_avoidable_stops(program, path, limits_of(path, machine.axes, order), order)
+        stops = find_avoidable_stops(program, path, limits_of(path, machine.axes, order), order)
     except MotionError:
         count = sum(step.avoidable for step in walk_path(program, machine))
-        found = AvoidableStops(count, 0, np.nan, PROPOSED_TOLERANCE, propose_remedy(program, PROPOSED_TOLERANCE))
-    return replace(found, assumed=assumed)
+        stops = AvoidableStops(count, 0, np.nan, PROPOSED_TOLERANCE, propose_remedy(program, PROPOSED_TOLERANCE))
+    return replace(stops, assumed=assumed)
 
 
 ASSUMED_MACHINE = "cartesian"
@@ -203,16 +201,14 @@ def cost_legs(path: MachinePath, limits: Sequence[Limit], order: int, tolerance:
     """(P,) s that each piece of a path takes longer for the stops that nobody asked for, about."""
     stops = path.avoidable_stops(order)
     legs = _measure_legs(path, limits, order, tolerance, stops)
-    asked = path.stops(order) & ~stops
-    without = np.where(asked, 0.0, legs.passing)
+    required = path.stops(order) & ~stops
+    without = np.where(required, 0.0, legs.passing)
     without[[0, -1]] = np.minimum(path.end_speeds, legs.passing[[0, -1]])
     times = [_time_legs(legs, speeds) for speeds in (np.where(stops, 0.0, without), without)]
     return times[0] - times[1]
 
 
-def _measure_legs(
-    path: MachinePath, limits: Sequence[Limit], order: int, tolerance: float, stops: np.ndarray
-) -> _Legs:
+def _measure_legs(path: MachinePath, limits: Sequence[Limit], order: int, tolerance: float, stops: np.ndarray) -> _Legs:
     count = len(path.breaks) - 1
     along, passing = np.empty((3, count)), np.full(count + 1, TOP_SPEED)
     for first in range(0, count, LEG_BATCH):
@@ -229,7 +225,8 @@ def _measure_legs(
         at = begin + 1 + corners
         passing[at] = np.minimum(passing[at], _pass_corners(points, limits, tolerance, corners))
         passing[begin], passing[last] = min(passing[begin], rates[0, 0, 0]), rates[0, -1, -1]
-    return _Legs(np.diff(path.breaks), *along, passing)
+    speed, acceleration, jerk = along
+    return _Legs(np.diff(path.breaks), speed, acceleration, jerk, passing)
 
 
 def _limit_rates(points: Points, limits: Sequence[Limit], count: int) -> Array:
@@ -248,7 +245,7 @@ def _limit_rates(points: Points, limits: Sequence[Limit], count: int) -> Array:
                 with np.errstate(divide="ignore", invalid="ignore"):
                     most = np.nanmin(room / np.abs(rows.coefficients[term]), axis=1, initial=np.inf)
                 rates[kind] = np.minimum(rates[kind], most ** (1 / root))
-    return np.maximum(rates, TINY).reshape(3, count, LEG_PLACES)
+    return np.asarray(np.maximum(rates, TINY).reshape(3, count, LEG_PLACES))
 
 
 _RATES = {Term.SD: (0, 1), Term.SD2: (0, 2), Term.SD3: (0, 3), Term.SDD: (1, 1), Term.SDDD: (2, 1)}
@@ -303,7 +300,7 @@ def _share_saved(points: Points, limits: Sequence[Limit], before: np.ndarray, af
             passing = (np.abs(slope[after] - slope[before]) / bound).max(1)
     share = np.clip(1 - passing / resting, 0.0, 1.0)
     # under jerk limits more of the ramps overlap: measured on plans with and without blends
-    return np.sqrt(share) if any(isinstance(limit, Jerk) for limit in limits) else share
+    return np.asarray(np.sqrt(share) if any(isinstance(limit, Jerk) for limit in limits) else share)
 
 
 def _least(bound: Array, size: Array) -> Array:
@@ -328,7 +325,8 @@ def _time_legs(legs: _Legs, passing: Array) -> Array:
     way, ramps = _ramp_lengths(legs, first, last, low)
     ramped = ramps + (legs.length - way) / np.maximum(low, TINY)
     # ramps that reach over several legs: the jerk in between is left out
-    return np.where(way <= legs.length, ramped, 2 * legs.length / np.maximum(first + last, TINY))
+    spanned = 2 * legs.length / np.maximum(first + last, TINY)
+    return np.asarray(np.where(way <= legs.length, ramped, spanned))
 
 
 def _ramp_lengths(legs: _Legs, first: Array, last: Array, top: Array) -> tuple[Array, Array]:
@@ -338,10 +336,10 @@ def _ramp_lengths(legs: _Legs, first: Array, last: Array, top: Array) -> tuple[A
         jerky = legs.acceleration**2 / legs.jerk  # the change of speed up to which the full acceleration is not reached
         for end in (first, last):
             gain = top - end
-            own = np.where(
+            ramp = np.where(
                 gain > np.nan_to_num(jerky, nan=np.inf),
                 gain / legs.acceleration + legs.acceleration / legs.jerk,
                 2 * np.sqrt(gain / legs.jerk),
             )
-            way, time = way + (top + end) / 2 * own, time + own
+            way, time = way + (top + end) / 2 * ramp, time + ramp
     return way, time

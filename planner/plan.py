@@ -152,7 +152,7 @@ class Plan(Result, Interruptible):
 
     @property
     def avoidable_stops(self) -> AvoidableStops:
-        """The stops at joins that nobody asked for, about what they cost, and what avoids them."""
+        """Stops at joins that nobody asked for, with an estimate of their cost and the remedy."""
         return find_avoidable_stops(self.program, self.path, self.limits, self.order)
 
     @property

@@ -57,7 +57,7 @@ class PlanStanding(Result):
     counted      of each axis how many pulses it has, and where they lead: its count behind the last less that at first
     methods      solvers of the runs, with how many each
     triggers     how many of the program's triggers its pulses have come by
-    avoidable    the stops at joins that nobody asked for, and about what they cost
+    avoidable    the stops at joins that nobody asked for, and an estimate of their cost
     """
 
     program: str

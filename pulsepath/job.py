@@ -45,9 +45,9 @@ BOUNDS = "auto", "full", "none"
 """Effort on the lower bound: as long as planning at most, until it is near, or none."""
 
 CELLS_PER_PIECE, CELLS_PER_RUN, CELLS_BESIDE = {2: 0.2, 3: 0.5}, 10, 12
-"""Cells of a quick bound that take as long as planning a time piece, by order, and as planning a run between stops
-beside its pieces; and those that a run's bound takes as long as beside its cells. Measured: counted instead of timed, so
-that the result does not depend on the computer."""
+"""Cost of planning, in cells of a quick bound: of a time piece by order, and of a run between stops in addition; and
+the cost of a run's bound in addition to its cells. Measured. Cells are counted instead of timed, so that the result does
+not depend on the computer."""
 CELLS_AT_ONCE = 300
 """Cells of a bound that takes less than starting the command."""
 
@@ -107,8 +107,8 @@ def time_baselines(course: Course | Plan) -> BaselineTimings:
 
 def time_baselines_ahead(program: Program, machine: Machine, like: int | None = None) -> BaselineTimings:
     """Time the baselines while the plan is being made; like: only the one for a plan of this order."""
-    own = course(program, machine, 2)
-    return time_baselines(own) if like is None else time_like_baseline(own, like)
+    untimed = course(program, machine, 2)
+    return time_baselines(untimed) if like is None else time_like_baseline(untimed, like)
 
 
 @dataclass(frozen=True, slots=True)
@@ -257,11 +257,11 @@ def run(
     looking = other.start(look)
     quick = bound == "auto" and not planned.known
     unbounded = _prove_bound(planned, bound, worth)
-    found, change = None, None
+    worths, change = None, None
     if planned.known and worth is not False:
         with step("finding what limits are worth"):
-            found = planned.worth
-            change = None if quick else _replan_best(found)
+            worths = planned.worth
+            change = None if quick else _replan_best(worths)
     detail(_describe_solution(planned))
     realised = _compute_realised_path(planned)
     timed = NO_BASELINES
@@ -283,13 +283,13 @@ def run(
         with step(f"stopping from {count_noun(stops, 'instant')}"):
             held = planned.stops(stops)
     seen = cache(partial(looking.result, look))
-    left_out = _list_left_out(planned, quick, found, like)
-    outcomes = (beside, found, change, tradeoff, held, unbounded, left_out)
+    left_out = _list_left_out(planned, quick, worths, like)
+    outcomes = (beside, worths, change, tradeoff, held, unbounded, left_out)
     return Job(planned, baseline, others, realised, seen, figures, rig, *outcomes)
 
 
 def _prove_bound(planned: Plan, bound: str, worth: bool | None) -> str:
-    """Prove the lower bound of a plan with the effort that is asked for; why there is none, or ""."""
+    """Prove the lower bound of a plan with the requested effort. Return why there is no bound, or an empty text."""
     if planned.known or bound == "none":
         return ""
     pieces = len(planned.trajectory.s)
@@ -319,15 +319,15 @@ def _count_runs(planned: Plan) -> int:
 
 
 def _list_left_out(planned: Plan, quick: bool, worth: Worth | None, like: int | None) -> tuple[str, ...]:
-    """What was left out to save time, each with the option that asks for it."""
-    told = []
+    """List the results that were left out to save time, each with the option that asks for it."""
+    names = []
     if quick and planned.known and planned.fastest:
-        told.append("a nearer lower bound (--bound full)")
+        names.append("a nearer lower bound (--bound full)")
     if quick and worth is not None and worth.best is not None:
-        told.append("a plan with more of the best limit (--worth)")
+        names.append("a plan with more of the best limit (--worth)")
     if like is not None:
-        told.append("other baseline timings (--baselines)")
-    return tuple(told)
+        names.append("other baseline timings (--baselines)")
+    return tuple(names)
 
 
 def describe_unbounded(pieces: int) -> str:

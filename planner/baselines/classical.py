@@ -112,11 +112,11 @@ def _find_straight(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Pro
     """
     if path.turns[run.first : run.last + 1].any():
         return None
-    found = straight(pose_problem(path, limits, *make_grid(path, run, STRAIGHT_INTERVALS)))
-    if found is None or not found.solved:
+    solution = straight(pose_problem(path, limits, *make_grid(path, run, STRAIGHT_INTERVALS)))
+    if solution is None or not solution.solved:
         return None
-    lengths = found.profile.h
-    return found.profile if np.allclose(lengths, lengths[::-1], rtol=EVEN_RAMPS, atol=0.0) else None
+    lengths = solution.profile.h
+    return solution.profile if np.allclose(lengths, lengths[::-1], rtol=EVEN_RAMPS, atol=0.0) else None
 
 
 def _find_quickest(shapes: Shapes, rows: "_Rows") -> tuple[float, ...]:
@@ -132,8 +132,8 @@ def _find_quickest(shapes: Shapes, rows: "_Rows") -> tuple[float, ...]:
     axes = [np.linspace(*ends, GRID_VALUES[len(low)]) for ends in zip(low, high, strict=True)]
     best, least = np.array([each[0] for each in axes]), np.inf
     for point in map(np.array, product(*axes)):
-        if (found := time(point, least)) < least:
-            best, least = point, found
+        if (duration := time(point, least)) < least:
+            best, least = point, duration
     step, turned = float(axes[0][1] - axes[0][0]), 0.0
     while step > MIN_SEARCH_STEP:
         angles = turned + 2 * np.pi * np.arange(SEARCH_DIRECTIONS[len(low)]) / SEARCH_DIRECTIONS[len(low)]

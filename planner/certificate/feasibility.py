@@ -114,8 +114,8 @@ class Standing(Result):
         return uses, *fit_tables(self.fit), *blend_tables(self.blends), *departure_tables(self.departures)
 
     def _describe_stops(self) -> tuple[str, ...]:
-        told = "" if self.avoidable is None else self.avoidable.describe()
-        return (f"stops: {told}",) if told else ()
+        stops = "" if self.avoidable is None else self.avoidable.describe()
+        return (f"stops: {stops}",) if stops else ()
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -282,7 +282,7 @@ def _direction(piece: Piece, s: float) -> Array:
 def is_reversal(before: Array, after: Array) -> bool:
     """Return whether the path runs back into itself between two directions: no blend could pass there."""
     sizes = float(np.linalg.norm(before)), float(np.linalg.norm(after))
-    if min(sizes) == 0:  # the path stands still there, and no axis moves
+    if min(sizes) == 0:  # the derivative vanishes there, so that no axis moves
         return True
     return float(np.linalg.norm(before / sizes[0] + after / sizes[1])) / 2 < MIN_SPEED_SHARE
 

@@ -89,7 +89,7 @@ def _caps(of: Program | Segment) -> dict[str, float | None]:
 
 
 def _is_stated(join: object) -> bool:
-    """Return whether a join is more than what is meant where nothing is said."""
+    """Return whether a file states the join: any but the stop of a segment without the key."""
     return not isinstance(join, Stop) or join.stated
 
 

@@ -110,7 +110,7 @@ def bound_duration(
 
     gap: how near it shall come, as a share, if so many rounds of finer cells (effort) allow; None: one round of them,
     and of many runs a round where it is needed
-    most_cells: of a quick bound, about so many cells in all, without a round of finer ones; None: no such limit
+    most_cells: about how many cells a quick bound has in all, without a round of finer ones; None: no such limit
     """
     if most_cells is not None:
         return _bound_quickly(trajectory, limits, order, most_cells)
@@ -123,9 +123,7 @@ def bound_duration(
     return _sum_runs(trajectory, limits, runs)
 
 
-def _bound_quickly(
-    trajectory: Trajectory, limits: Sequence[Limit], order: int, most_cells: int
-) -> DurationBound:
+def _bound_quickly(trajectory: Trajectory, limits: Sequence[Limit], order: int, most_cells: int) -> DurationBound:
     """Share the cells out by the runs' time pieces; each run has LEAST_SHARED_CELLS at least."""
     path = trajectory.path
     stops = np.flatnonzero(path.stops(order))
@@ -146,13 +144,13 @@ def _bound_quickly(
 
 
 def _thin_nodes(nodes: _Nodes, most: int) -> _Nodes:
-    """Keep about so many cells, evenly among them, and every break of the path."""
+    """Keep an even selection of about `most` cells, and every break of the path."""
     count = len(nodes.piece)
     if count <= most:
         return nodes
     breaks = np.flatnonzero(np.diff(nodes.piece)) + 1
-    kept = np.union1d(np.linspace(0, count, most + 1).round().astype(int), breaks)
-    return _Nodes(nodes.s[kept], nodes.a[kept], nodes.b[kept], nodes.t[kept], nodes.piece[kept[:-1]])
+    ends = np.union1d(np.linspace(0, count, most + 1).round().astype(int), breaks)
+    return _Nodes(nodes.s[ends], nodes.a[ends], nodes.b[ends], nodes.t[ends], nodes.piece[ends[:-1]])
 
 
 def _sum_runs(trajectory: Trajectory, limits: Sequence[Limit], runs: "Sequence[_RunBound]") -> DurationBound:

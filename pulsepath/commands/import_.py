@@ -96,7 +96,7 @@ def import_(
     ranges = zip("xyz", *(np.round(corner * 1e3, 9) + 0.0 for corner in (way.low, way.high)), strict=True)
     say("  extents: " + ", ".join(f"{axis} {low:.6g} to {high:.6g} mm" for axis, low, high in ranges))
     say(f"  length: {way.length * 1e3:.7g} mm")
-    if told := stops.describe():
-        say(f"  stops: {told}")
+    if stops.count:
+        say(f"  stops: {stops.describe()}")
     for warning in found.warnings:
         say(f"  warning: {warning}")

@@ -105,14 +105,14 @@ SHORT_FILE = 1 << 12
 @click.option(
     "--bound",
     type=click.Choice(["auto", "full", "none"]),
-    help="Effort on the lower bound, which proves how near the motion is to the fastest. auto: no longer than planning; "
-    "full: until it is near; none: no bound. Default: auto; with --worth, full.",
+    help="Effort on the lower bound, which proves how near the motion is to the fastest. auto: no longer than "
+    "planning; full: until it is near; none: no bound. Default: auto; with --worth, full.",
 )
 @click.option(
     "--worth/--no-worth",
     default=None,
-    help="Also find what each limit is worth, and plan with more of the best. Default: what the lower bound says of it, "
-    f"up to {MOST_BOUNDED} time pieces, without planning again. --no-worth: no lower bound either, unless --bound asks.",
+    help="Also find what each limit is worth, and plan with more of the best. Default: by the quick lower bound, up to "
+    f"{MOST_BOUNDED} time pieces, without planning again. --no-worth: no lower bound either, unless --bound asks.",
 )
 @click.option(
     "--pulses",

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from kinematics import Machine, MotionError
+from planner.avoidable_stops import AvoidableStops
 from planner.certificate.certify import Certificate
 from planner.path.outcome import FitSummary
 from planner.place import Place
-from planner.avoidable_stops import AvoidableStops
 from planner.plan_parts import PlanMark, PlanStanding
 from planner.pulses import PulseSchedule, find_rule
 from planner.pulses.generation.stream import PulseStream

@@ -74,8 +74,8 @@ def of_plan(job: Job) -> list[Table]:
         rows.append((UNBOUNDED, None, job.unbounded))
     if job.left_out:
         rows.append((LEFT_OUT, None, ", ".join(job.left_out)))
-    if stops := plan.avoidable_stops.describe():
-        rows.append(("stops", None, stops))
+    if avoidable := plan.avoidable_stops.describe():
+        rows.append(("stops", None, avoidable))
     rows += [(other.kind, other.duration, _describe_timing(plan, other)) for other in job.others]
     what, times, notes = zip(*rows, strict=True)
     first, *rest = plan.tables()

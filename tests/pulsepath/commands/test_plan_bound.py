@@ -1,4 +1,4 @@
-"""`plan --bound` and `--baselines`: by default little is spent on them, and what is left out is said with its option."""
+"""`plan --bound` and `--baselines`: by default they cost little, and what is left out is said with its option."""
 
 import json
 from time import process_time
