@@ -46,8 +46,8 @@ BOUNDS = "auto", "full", "none"
 
 CELLS_PER_PIECE, CELLS_PER_RUN, CELLS_BESIDE = {2: 0.2, 3: 0.5}, 10, 12
 """Cost of planning, in cells of a quick bound: of a time piece by order, and of a run between stops in addition; and
-the cost of a run's bound in addition to its cells. Measured. Cells are counted instead of timed, so that the result does
-not depend on the computer."""
+the cost of a run's bound in addition to its cells. Measured. Cells are counted instead of timed, so that the result
+does not depend on the computer."""
 CELLS_AT_ONCE = 300
 """Cells of a bound that takes less than starting the command."""
 
