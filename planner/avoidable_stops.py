@@ -23,9 +23,8 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import count_noun
 from kinematics.machine.machine_file import load_machine
 from planner.limits import limits_of, usual_order
-from planner.limits.axis import Acceleration, Jerk
-from planner.limits.limit import Limit, Rows, Term
-from planner.limits.tool import ToolAcceleration
+from planner.limits.limit import AxisLimit, Limit, Rows, Term, order_of
+from planner.limits.tool import ToolLimit
 from planner.path.actuation import MachinePath, Points, actuate, make_points
 from planner.path.chain import walk_path
 from planner.program.model import Dwell, Program, SegmentStream
@@ -272,14 +271,14 @@ def _pass_corners(points: Points, limits: Sequence[Limit], tolerance: float, cor
     jumps = [np.abs(values[after] - values[before]) for values in points.derivatives[1:3]]
     speed = np.full(len(corners), TOP_SPEED)
     for limit in limits:
-        if isinstance(limit, Acceleration):
-            bound = np.minimum(limit.bounds, limit.below)
+        if _limits_axes(limit) and _limits_acceleration(limit):
+            bound = _find_lesser_bounds(limit)
             speed = np.minimum(speed, np.sqrt(_least(bound, BEND * jumps[0] / reach[:, None])))
-        elif isinstance(limit, Jerk):
-            bound = np.minimum(limit.bounds, limit.below)
+        elif _limits_axes(limit) and Term.SDDD in limit.terms:
+            bound = _find_lesser_bounds(limit)
             twist = TWIST * jumps[0] / reach[:, None] ** 2 + CURVE_TWIST * jumps[1] / reach[:, None]
             speed = np.minimum(speed, np.cbrt(_least(bound, twist)))
-        elif isinstance(limit, ToolAcceleration):
+        elif isinstance(limit, ToolLimit) and _limits_acceleration(limit):
             cap = np.minimum(limit.caps[points.piece[before]], limit.caps[points.piece[after]])
             speed = np.minimum(speed, np.sqrt(_least(cap[:, None], (BEND * turned / reach)[:, None])))
     return speed * _share_saved(points, limits, before, after)
@@ -294,13 +293,28 @@ def _share_saved(points: Points, limits: Sequence[Limit], before: np.ndarray, af
     resting, passing = np.full(len(before), TINY), np.zeros(len(before))
     slope = points.derivatives[1]
     for limit in limits:
-        if isinstance(limit, Acceleration):
-            bound = np.minimum(limit.bounds, limit.below)
+        if _limits_axes(limit) and _limits_acceleration(limit):
+            bound = _find_lesser_bounds(limit)
             resting += sum((np.abs(slope[side]) / bound).max(1) for side in (before, after))
             passing = (np.abs(slope[after] - slope[before]) / bound).max(1)
     share = np.clip(1 - passing / resting, 0.0, 1.0)
     # under jerk limits more of the ramps overlap: measured on plans with and without blends
-    return np.asarray(np.sqrt(share) if any(isinstance(limit, Jerk) for limit in limits) else share)
+    return np.asarray(np.sqrt(share) if order_of(limits) == 3 else share)
+
+
+def _limits_axes(limit: Limit) -> bool:
+    """Return whether a limit bounds a derivative of each axis; forces, for one, depend on more."""
+    return isinstance(limit, AxisLimit) and limit.by_axis
+
+
+def _find_lesser_bounds(limit: Limit) -> Array:
+    """(n,) the lesser bound of each axis' two directions."""
+    assert isinstance(limit, AxisLimit)
+    return np.minimum(limit.bounds, limit.below)
+
+
+def _limits_acceleration(limit: Limit) -> bool:
+    return Term.SDD in limit.terms and Term.SDDD not in limit.terms
 
 
 def _least(bound: Array, size: Array) -> Array:
