@@ -310,7 +310,7 @@ def _limits_axes(limit: Limit) -> bool:
 def _find_lesser_bounds(limit: Limit) -> Array:
     """(n,) the lesser bound of each axis' two directions."""
     assert isinstance(limit, AxisLimit)
-    return np.minimum(limit.bounds, limit.below)
+    return np.asarray(np.minimum(limit.bounds, limit.below))
 
 
 def _limits_acceleration(limit: Limit) -> bool:
