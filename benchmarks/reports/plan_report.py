@@ -104,8 +104,8 @@ def write_report(
         draw(plan, classical, metrics, realised) | draw_worth(worth, tradeoff, stops) if figures is None else figures
     )
     asked = crossed, worth, change, tradeoff, stops
-    told = scene, unbounded, drives, left_out
-    page = _page(plan, classical, metrics, verdict, others, realised, figures, rig, untracked, *asked, *told)
+    texts = scene, unbounded, drives, left_out
+    page = _page(plan, classical, metrics, verdict, others, realised, figures, rig, untracked, *asked, *texts)
     path.write_text(page, encoding="utf-8")
     save_figures(figures, path)
 

@@ -133,11 +133,11 @@ def draw_segments(program: Program, machine: Machine) -> Iterator[Drawn]:
         frame = frame * program.work
     stand = _Stand(program.start if program.start is not None else default_start(program, machine), frame)
     faults: list[tuple[int, Moving, MotionError]] = []
-    held, moves, turned = Drawn([], STOP), False, 0.0
+    drawn, moves, turned = Drawn([], STOP), False, 0.0
     for repetition in range(1, program.repeat + 1):
         for number, segment in enumerate(program.segments, 1):
             if isinstance(segment, Dwell):
-                held = replace(held, dwell=held.dwell + segment.duration)
+                drawn = replace(drawn, dwell=drawn.dwell + segment.duration)
                 continue
             try:
                 own = _draw(segment, number, stand, machine, program.tool)
@@ -150,18 +150,18 @@ def draw_segments(program: Program, machine: Machine) -> Iterator[Drawn]:
                     raise _segments_error(program, faults) from None
                 stand.move(onward)
                 continue
-            if not faults and (held.pieces or held.dwell):
-                yield held
+            if not faults and (drawn.pieces or drawn.dwell):
+                yield drawn
             pieces = [_cap_piece(piece, segment, program, repetition) for piece in _free_pieces(own, segment)]
             marks = () if segment.trigger is None else (segment.trigger.at,)
-            held = Drawn(pieces, segment.join, plain=not marks and is_plain(pieces), marks=marks)
+            drawn = Drawn(pieces, segment.join, plain=not marks and is_plain(pieces), marks=marks)
             moves = True
         if faults:
             raise _segments_error(program, faults)
     if not moves:
         told = f"program {program.name}: nothing moves; add a line, an arc, a spline, a turn or a synchronised move"
         raise FileError(program.file, [Fault("segment", told, 1)]) if program.file else MotionError(told)
-    yield held
+    yield drawn
 
 
 def _draw(segment: Moving, number: int, stand: _Stand, machine: Machine, tool: Pose | None) -> list[Piece]:
