@@ -1,4 +1,4 @@
-"""What a plan does when: the limit that holds its motion back, and the segment of the program; and both together."""
+"""The limit that holds a plan's motion back at each time, the segment of the program, and both together."""
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
@@ -11,7 +11,6 @@ from planner.limits.limit import Limit, order_of
 from planner.limits.lowered import Shares
 from planner.path.arc_length import find_travel_rates
 from planner.plan import Plan
-from planner.program.joins import is_marked_stop
 from planner.program.model import Dwell, Segment
 from planner.timing.profile import Profile, sample_limit_use
 from planner.trajectory import Trajectory
@@ -20,12 +19,8 @@ ACTIVE_SHARE = 0.99
 """The share of a limit from which on it holds the motion back."""
 FILE_LINE = "file line"
 """What a line of the program's file is called: a straight segment is a line too."""
-MANY_STOPS = 20
-"""Stops at joins from which on they are worth a line."""
 NOT_LOWERED: Mapping[str, Shares] = MappingProxyType({})
 """Where all of each limit was planned with."""
-PROPOSED_FIT = "0.02 mm"
-PROPOSED_WORD = "G64 P0.02 (mm)"
 
 
 def limit_shares(plan: Plan) -> dict[str, Array]:
@@ -129,23 +124,3 @@ def tabulate_segments(plan: Plan) -> Table:
     )
     fitted = () if plan.path.fit is None else ("each part of a fitted curve counts as the segment beside it",)
     return Table("segments", columns, fitted)
-
-
-def describe_stops(plan: Plan) -> str:
-    """At how many joins the motion stops, and what passes them; nothing where these are few.
-
-    A stop for a rest, or one that a trigger marks, is meant, and counts as none.
-    """
-    path, segments = plan.path, [*plan.program.segments, None]
-    whose = [(piece.repetition, piece.segment) for piece in path.pieces]
-    joins = [k for k in range(1, len(whose)) if whose[k] != whose[k - 1]]
-    rests, stops = path.stops(plan.order), 0
-    for k in joins:
-        before, after = segments[whose[k - 1][1] - 1], segments[whose[k - 1][1]]
-        meant = isinstance(after, Dwell) or (before is not None and is_marked_stop(before, after))
-        stops += bool(rests[k]) and not meant
-    if stops < MANY_STOPS:
-        return ""
-    if word := plan.program.join_word:
-        return f"at {stops} of {len(joins)} joins, as {word} asks; {PROPOSED_WORD} in its place can pass them"
-    return f'at {stops} of {len(joins)} joins; --fit "{PROPOSED_FIT}" can pass them'

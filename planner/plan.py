@@ -13,6 +13,7 @@ from kinematics.foundation.result import Result
 from kinematics.foundation.table import Table
 from kinematics.machine.machine import Machine
 from kinematics.machine.machine_file import MachineSource, load_machine
+from planner.avoidable_stops import AvoidableStops, find_avoidable_stops
 from planner.certificate.certify import Certificate
 from planner.certificate.conditioning import Conditioning, find_poorest
 from planner.certificate.constant_speed import CONSTANT_SPEED, Stretch, find_stretches
@@ -148,6 +149,11 @@ class Plan(Result, Interruptible):
     def triggers(self) -> tuple[Triggered, ...]:
         """What the program marks by `trigger`: when, where, and the counts by then."""
         return find_triggers(self.program, self.path, self.trajectory, self.pulses, *find_delays(self.machine.axes))
+
+    @property
+    def avoidable_stops(self) -> AvoidableStops:
+        """Stops at joins that nobody asked for, with an estimate of their cost and the remedy."""
+        return find_avoidable_stops(self.program, self.path, self.limits, self.order)
 
     @property
     def departures(self) -> tuple[Departure, ...]:
@@ -385,7 +391,11 @@ def check(program: ProgramSource, machine: MachineSource, *, limits: Sequence[Ow
     worst = tuple(_add_advice(no, program, machine, 2) for no in found.violations[:1])
     violations = (*worst, *found.violations[1:])
     found = replace(found, violations=violations, blends=path.blends, fit=path.fit, departures=departures(path))
-    return found if violations else replace(found, conditioning=find_poorest(path))
+    if violations:
+        return found
+    kind = usual_order(machine.axes)
+    stops = find_avoidable_stops(program, path, limits_of(path, machine.axes, kind, limits), kind)
+    return replace(found, conditioning=find_poorest(path), avoidable=stops)
 
 
 def _add_advice(no: MotionError, program: Program, machine: Machine, order: int) -> MotionError:

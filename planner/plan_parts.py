@@ -19,11 +19,13 @@ from kinematics.foundation.result import Result
 from kinematics.foundation.table import Table
 from kinematics.machine.machine import Machine
 from kinematics.machine.machine_file import MachineSource, load_machine
+from planner.avoidable_stops import AvoidableStops, find_stops_of_part
 from planner.certificate.certify import Certificate
 from planner.certificate.summary import join_certificates, summarise_part
 from planner.limits import Limit, OwnLimit, limits_of, usual_order
 from planner.limits.resonance import Resonance
 from planner.parallel import Progress, ignore_progress
+from planner.path.actuation import MachinePath
 from planner.path.chain import walk_path
 from planner.path.join_and_blend import PathStep
 from planner.path.outcome import FitSummary, fit_tables, merge_fits, summarise_fits
@@ -55,6 +57,7 @@ class PlanStanding(Result):
     counted      of each axis how many pulses it has, and where they lead: its count behind the last less that at first
     methods      solvers of the runs, with how many each
     triggers     how many of the program's triggers its pulses have come by
+    avoidable    the stops at joins that nobody asked for, and an estimate of their cost
     """
 
     program: str
@@ -72,6 +75,7 @@ class PlanStanding(Result):
     rounds: int
     methods: Mapping[str, int]
     triggers: int = 0
+    avoidable: AvoidableStops | None = None
 
     @property
     def duration(self) -> float:
@@ -305,7 +309,7 @@ class _Steps:
             self.taken += 1
             self._marks.extend(marks)
             self._tell(((step.piece.repetition or 1) - 1) * self._segments + step.piece.segment, self._total)
-            if step.blend is not None or step.fitted is not None:
+            if step.blend is not None or step.fitted is not None or step.avoidable:
                 self._held.append((self.taken, step))
             yield step
 
@@ -365,6 +369,10 @@ def _add_window(
     proved = summarise_part(solution.certificate, solution.trajectory, solution.limits, slice(0, window.kept))
     counted = [(len(axis), axis.final - axis.start) for axis in pulses.axes]
     stops = sum(bool(blend.stop) for blend in blends)
+    unasked = sum(step.avoidable and step.stop <= order for step in became)
+    path, limits = solution.trajectory.path, solution.limits
+    assert isinstance(path, MachinePath)
+    avoidable = find_stops_of_part(program, path, limits, order, int(kept.piece[-1]) + 1, unasked)
     found = PlanStanding(
         program.name,
         machine,
@@ -381,6 +389,7 @@ def _add_window(
         solution.rounds,
         Counter(solution.methods),
         triggers,
+        avoidable,
     )
     if before is None:
         return found
@@ -395,4 +404,5 @@ def _add_window(
         rounds=max(before.rounds, found.rounds),
         methods=Counter(before.methods) + Counter(found.methods),
         triggers=before.triggers + triggers,
+        avoidable=avoidable if before.avoidable is None else before.avoidable + avoidable,
     )

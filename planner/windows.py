@@ -25,7 +25,7 @@ from kinematics.machine.machine import Machine
 from kinematics.machine.pose import Pose
 from planner.limits.limit import Limit
 from planner.path.actuation import MachinePath, split_turns
-from planner.path.join_and_blend import PathStep
+from planner.path.join_and_blend import PathStep, list_avoidable
 from planner.timing.certified_solve import Solution, certified_solve
 from planner.timing.problem import Continuation
 
@@ -356,6 +356,7 @@ class WindowPlanner:
             end_accelerations=(0.0 if start.continuation is None else start.continuation.acceleration, 0.0),
             near=start.near,
             origin=(start.length, start.begin) if self.placed else (0.0, 0.0),
+            avoidable=list_avoidable(steps[:-1]),
         )
 
     def _start_from(self, held: _Held, start: Start, count: int) -> Start:

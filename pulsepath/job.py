@@ -27,6 +27,7 @@ from planner.orientation.orient import orient_open
 from planner.parallel import NO_PROCESS, SideProcess
 from planner.pulses import RealisedPath
 from planner.timing.certified_solve import EFFORT
+from planner.timing.duration_bound import LEAST_SHARED_CELLS, bound_duration
 from planner.tradeoffs.objective import read_objective
 from pulsepath.options import LAWS
 from pulsepath.progress import detail, note, step
@@ -39,6 +40,16 @@ REALISED_SAMPLES = 25_000
 
 MOST_BOUNDED, BOUNDED_EACH_SECOND = 20_000, 1_000
 """Time pieces up to which a lower bound of the duration is proved unasked; of how many it takes a second, about."""
+
+BOUNDS = "auto", "full", "none"
+"""Effort on the lower bound: as long as planning at most, until it is near, or none."""
+
+CELLS_PER_PIECE, CELLS_PER_RUN, CELLS_BESIDE = {2: 0.2, 3: 0.5}, 10, 12
+"""Cost of planning, in cells of a quick bound: of a time piece by order, and of a run between stops in addition; and
+the cost of a run's bound in addition to its cells. Measured. Cells are counted instead of timed, so that the result
+does not depend on the computer."""
+CELLS_AT_ONCE = 300
+"""Cells of a bound that takes less than starting the command."""
 
 FRAME_RATE, LEAST_FRAMES, MOST_FRAMES = 25, 120, 1000
 """Frames of the machine in a report: 1/s, and how many."""
@@ -62,6 +73,21 @@ class BaselineTimings:
 NO_BASELINES = BaselineTimings((), ())
 
 
+def time_like_baseline(course: Course | Plan, order: int) -> BaselineTimings:
+    """Time the baseline with a plan's own limits: an s-curve at order 3, else a trapezoid.
+
+    Where no s-curve is possible it is the trapezoid. Raises as `planner.classical`.
+    """
+    jerk = any(axis.max_jerk is not None for axis in course.machine.axes)
+    notes: tuple[str, ...] = ()
+    if order == 3 and jerk:
+        try:
+            return BaselineTimings((classical(course, S_CURVE.name),), ())
+        except MotionError as error:
+            notes = (f"no {S_CURVE.name} timing: {error}",)
+    return BaselineTimings((classical(course),), notes)
+
+
 def time_baselines(course: Course | Plan) -> BaselineTimings:
     """Every baseline timing along a course. Raises as `planner.classical`, of the first of them.
 
@@ -79,9 +105,10 @@ def time_baselines(course: Course | Plan) -> BaselineTimings:
     return BaselineTimings(tuple(found), tuple(notes))
 
 
-def time_baselines_ahead(program: Program, machine: Machine) -> BaselineTimings:
-    """The same while the plan is being made."""
-    return time_baselines(course(program, machine, 2))
+def time_baselines_ahead(program: Program, machine: Machine, like: int | None = None) -> BaselineTimings:
+    """Time the baselines while the plan is being made; like: only the one for a plan of this order."""
+    untimed = course(program, machine, 2)
+    return time_baselines(untimed) if like is None else time_like_baseline(untimed, like)
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,6 +169,7 @@ class Job:
     tradeoff: duration against heat, where heat is part of the objective
     stops: how soon it can be stopped, where that was asked for
     unbounded: why there is neither a proved bound nor worth, and how to get them; "": there are, or nobody wants them
+    left_out: what was left out to save time, each with the option that asks for it
     """
 
     plan: Plan
@@ -157,6 +185,7 @@ class Job:
     tradeoff: Tradeoff | None = None
     stops: Stops | None = None
     unbounded: str = ""
+    left_out: tuple[str, ...] = ()
 
     @property
     def time_saved(self) -> float:
@@ -184,19 +213,25 @@ def run(
     gap: float | None = None,
     effort: int = EFFORT,
     stops: int | None = None,
-    baselines: bool = True,
+    baselines: bool | None = True,
     worth: bool | None = None,
+    bound: str = "full",
 ) -> Job:
     """Plan, prove and compare, in the other process as well. Raises as `planner.plan`.
 
-    worth: whether to work out what limits are worth; None: where it takes up to MOST_BOUNDED time pieces
+    baselines: whether to time every baseline; None: only the one with the plan's own limits
+    worth: whether to work out what limits are worth; None: where the bound is proved
+    bound: of BOUNDS; but for a bound that is asked for, none is proved of more than MOST_BOUNDED time pieces
     """
     for field in find_unkept_limits(machine):
         note(f"note: {machine.name} states {field} but no masses, so no plan can respect it")
     aim = read_objective(objective)  # refused before the work
     with step(f"planning {program.name} on {machine.name}") as tell:
         program = orient_open(program, machine, usual_order(machine.axes) if order is None else order)
-        timing = other.start(partial(time_baselines_ahead, program, machine)) if baselines else None
+        kind = usual_order(machine.axes) if order is None else order
+        like = kind if baselines is None else None
+        ahead = partial(time_baselines_ahead, program, machine, like)
+        timing = None if baselines is False else other.start(ahead)
         planned = plan(
             program,
             machine,
@@ -220,19 +255,20 @@ def run(
         )
     look = partial(review_plan, planned, figures, rig)
     looking = other.start(look)
-    found, change, unbounded = None, None, ""
-    pieces = len(planned.trajectory.s)
-    if worth is not False and (worth or planned.known or pieces <= MOST_BOUNDED):
-        with step("proving a lower bound"):
-            found, change = _find_worth(planned)
-    elif worth is None and planned.fastest:
-        unbounded = describe_unbounded(pieces)
+    quick = bound == "auto" and not planned.known
+    unbounded = _prove_bound(planned, bound, worth)
+    worths, change = None, None
+    if planned.known and worth is not False:
+        with step("finding what limits are worth"):
+            worths = planned.worth
+            change = None if quick else _replan_best(worths)
     detail(_describe_solution(planned))
     realised = _compute_realised_path(planned)
     timed = NO_BASELINES
     if timing is not None:
         with step("computing baseline timings"):
-            timed = timing.result(partial(time_baselines, planned))
+            again = time_baselines if like is None else partial(time_like_baseline, order=like)
+            timed = timing.result(partial(again, planned))
     for line in timed.notes:
         detail(line)
     baseline = pick_baseline(planned, timed.timings) if timed.timings else None
@@ -247,8 +283,51 @@ def run(
         with step(f"stopping from {count_noun(stops, 'instant')}"):
             held = planned.stops(stops)
     seen = cache(partial(looking.result, look))
-    outcomes = (beside, found, change, tradeoff, held, unbounded)
+    left_out = _list_left_out(planned, quick, worths, like)
+    outcomes = (beside, worths, change, tradeoff, held, unbounded, left_out)
     return Job(planned, baseline, others, realised, seen, figures, rig, *outcomes)
+
+
+def _prove_bound(planned: Plan, bound: str, worth: bool | None) -> str:
+    """Prove the lower bound of a plan with the requested effort. Return why there is no bound, or an empty text."""
+    if planned.known or bound == "none":
+        return ""
+    pieces = len(planned.trajectory.s)
+    if pieces > MOST_BOUNDED and not worth and bound != "full":
+        return describe_unbounded(pieces) if planned.fastest else ""
+    most_cells = find_affordable_cells(planned) if bound == "auto" else None
+    if most_cells == 0:
+        runs = count_noun(_count_runs(planned), "run")
+        why = f"not worked out, as {runs} between stops would take longer than planning"
+        return f"{why}: give --bound full to have it all the same" if planned.fastest else ""
+    with step("proving a lower bound"):
+        motion = planned.trajectory
+        planned.known.append(bound_duration(motion, planned.limits, planned.order, most_cells=most_cells))
+    return ""
+
+
+def find_affordable_cells(planned: Plan) -> int:
+    """Return how many cells a bound may have that takes no longer than planning; 0 where even the fewest do."""
+    pieces, runs = len(planned.trajectory.s), _count_runs(planned)
+    cells = int(CELLS_PER_PIECE[planned.order] * pieces) + (CELLS_PER_RUN - CELLS_BESIDE) * runs
+    cells = max(cells, CELLS_AT_ONCE)
+    return cells if cells >= LEAST_SHARED_CELLS * runs else 0
+
+
+def _count_runs(planned: Plan) -> int:
+    return int(planned.path.stops(planned.order).sum()) - 1
+
+
+def _list_left_out(planned: Plan, quick: bool, worth: Worth | None, like: int | None) -> tuple[str, ...]:
+    """List the results that were left out to save time, each with the option that asks for it."""
+    names = []
+    if quick and planned.known and planned.fastest:
+        names.append("a nearer lower bound (--bound full)")
+    if quick and worth is not None and worth.best is not None:
+        names.append("a plan with more of the best limit (--worth)")
+    if like is not None:
+        names.append("other baseline timings (--baselines)")
+    return tuple(names)
 
 
 def describe_unbounded(pieces: int) -> str:
@@ -257,16 +336,15 @@ def describe_unbounded(pieces: int) -> str:
     return f"not worked out, as {takes} (more than {MOST_BOUNDED} are left out): give --worth to have it all the same"
 
 
-def _find_worth(planned: Plan) -> tuple[Worth | None, LimitChange | None]:
-    """What limits are worth, by the lower bound, and what more of the best of them saves."""
-    _, worth = planned.bound, planned.worth
+def _replan_best(worth: Worth | None) -> LimitChange | None:
+    """Plan with more of the limit that is worth most; None where none is worth anything, or no motion is found."""
     if worth is None or worth.best is None:
-        return worth, None
+        return None
     try:
-        return worth, worth.replan(*worth.best, RAISED)
+        return worth.replan(*worth.best, RAISED)
     except MotionError as error:
         note(f"no motion with more of the most valuable limit: {error}")
-        return worth, None
+        return None
 
 
 def _run_cross_check(planned: Plan) -> CrossCheck:

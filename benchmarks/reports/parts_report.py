@@ -79,6 +79,8 @@ def summary(standing: PlanStanding) -> dict[str, str]:
         "Order": f"{standing.order} ({kept})",
         "Planned in": f"{group_digits(standing.windows)} {windows}; certified in round {standing.rounds} at most",
     }
+    if standing.avoidable is not None and standing.avoidable.count:
+        told["Stops"] = standing.avoidable.describe()
     if found is not None:
         told["Fit"] = found.describe()
     pulses = sum(number for number, _ in standing.counted)

@@ -62,6 +62,7 @@ def write_report(
     scene: str = "",
     unbounded: str = "",
     drives: Sequence[Table] = (),
+    left_out: Sequence[str] = (),
 ) -> None:
     """Write the report of a plan: a page, and its figures as `figures/*.png` next to it.
 
@@ -96,13 +97,15 @@ def write_report(
         Why there is no worth, if the page is to say so.
     drives
         Tables of the times on the lines of STEP and DIR against what the drives need.
+    left_out
+        What was left out to save time, each with the option that asks for it.
     """
     figures = (
         draw(plan, classical, metrics, realised) | draw_worth(worth, tradeoff, stops) if figures is None else figures
     )
     asked = crossed, worth, change, tradeoff, stops
-    told = scene, unbounded, drives
-    page = _page(plan, classical, metrics, verdict, others, realised, figures, rig, untracked, *asked, *told)
+    texts = scene, unbounded, drives, left_out
+    page = _page(plan, classical, metrics, verdict, others, realised, figures, rig, untracked, *asked, *texts)
     path.write_text(page, encoding="utf-8")
     save_figures(figures, path)
 
@@ -262,6 +265,7 @@ def _page(
     scene: str,
     unbounded: str,
     drives: Sequence[Table],
+    left_out: Sequence[str],
 ) -> str:
     return render(
         "report.html.j2",
@@ -280,7 +284,7 @@ def _page(
         verdict=verdict,
         realised=realised,
         triggers=plan.triggers,
-        summary=summary(plan, classical, verdict),
+        summary=summary(plan, classical, verdict, left_out),
         saved=classical.duration - plan.trajectory.duration if classical else 0.0,
         missing=missing_limits(plan, classical) if classical else (),
         unbounded=unbounded,

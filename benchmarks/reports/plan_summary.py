@@ -1,11 +1,12 @@
 """The table that the report of a plan begins with."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from benchmarks.reports.page import group_digits
 from kinematics.analysis.residual_vibration import find_residuals
 from kinematics.foundation.names import count_noun
-from planner.active_limits import describe_stops
 from planner.baselines import Classical, describe_differences, missing_limits
 from planner.path.arc_length import measure_travel
 from planner.plan import Plan
@@ -16,8 +17,10 @@ SAME_LENGTH = 5e-7
 """m by which two lengths differ at most that are shown the same."""
 
 
-def summary(plan: Plan, classical: Classical | None, verdict: PulseCheck) -> dict[str, str]:
-    """The table that the page begins with, as it stands there."""
+def summary(
+    plan: Plan, classical: Classical | None, verdict: PulseCheck, left_out: Sequence[str] = ()
+) -> dict[str, str]:
+    """Return the table that the page begins with; left_out: what was left out to save time, and how to get it."""
     kept = "speed and acceleration" if plan.order == 2 else "speed, acceleration and jerk"
     again = f", run {plan.program.repeat} times" if plan.program.repeat > 1 else ""
     radian = f"a pure turn counts its angle times {1e3 * plan.machine.characteristic_length:.3f} mm"
@@ -27,10 +30,11 @@ def summary(plan: Plan, classical: Classical | None, verdict: PulseCheck) -> dic
         "Duration": f"{plan.duration:.6f} s{'' if plan.fastest else f', {plan.describe_objective()}'}",
         **_shaping(plan),
         **(_baseline(plan, classical) if plan.fastest and classical else {}),  # else they are unlike
+        **({"Stops": stops} if (stops := plan.avoidable_stops.describe()) else {}),
         **_bound(plan),
+        **({"Left out": ", ".join(left_out)} if left_out else {}),
         "Segments": f"{len(plan.program.segments)}{again}",
         "Length of the path": f"{1e3 * way:.3f} mm ({unlike}{radian})",
-        **({"Stops": stops} if (stops := describe_stops(plan)) else {}),
         **({} if plan.path.fit is None else {"Fit": plan.path.fit.describe()}),
         **_departures(plan),
         "Order": f"{plan.order} ({kept})",

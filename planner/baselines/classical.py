@@ -36,6 +36,7 @@ from planner.timing.certified_run import Timing, required_slowness
 from planner.timing.certified_solve import certified_solve
 from planner.timing.problem import Block, Problem, Run, make_grid, pose_problem
 from planner.timing.profile import Profile, RunSolution
+from planner.timing.solvers.closed_form import straight
 from planner.trajectory import Trajectory
 
 
@@ -58,6 +59,9 @@ def course(program: Program, machine: Machine, order: int) -> Course:
 
 # Intervals of a run at least, and for each radian that it turns, at which the limits' rows are looked up.
 MIN_INTERVALS, PER_RADIAN = 500, 100
+# Intervals at which the rows of a line are looked up, which may be constant; and how much the lengths of its ramps may
+# differ as shares of themselves: rounding.
+STRAIGHT_INTERVALS, EVEN_RAMPS = 16, 1e-6
 # Values of each parameter tried at first, by how many parameters there are; then directions tried around the best, the
 # share of the step that is left where none of them is better, and the step at which the search ends.
 GRID_VALUES, SEARCH_DIRECTIONS, STEP_SHRINK, MIN_SEARCH_STEP = {1: 32, 2: 12}, {1: 2, 2: 8}, 0.6, 3e-4
@@ -81,6 +85,8 @@ class FamilyTiming:
     shapes: Shapes
 
     def solve(self, path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolution:
+        if self.shapes in (TRAPEZOID, S_CURVE) and (exact := _find_straight(path, limits, run)) is not None:
+            return RunSolution("solved", exact, maker=self.shapes.name)
         intervals = max(MIN_INTERVALS, int(PER_RADIAN * path.turns[run.first : run.last + 1].sum()))
         problem = pose_problem(path, limits, *make_grid(path, run, intervals))
         rows = _Rows(problem)
@@ -99,6 +105,20 @@ class FamilyTiming:
         return replace(solution, profile=solution.profile.slowed(slowness))
 
 
+def _find_straight(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Profile | None:
+    """Return the quickest trapezoid or s-curve in closed form; None where the run is not straight in the actuators.
+
+    Where limits differ by direction the closed form has ramps of different lengths, which no profile of a family has.
+    """
+    if path.turns[run.first : run.last + 1].any():
+        return None
+    solution = straight(pose_problem(path, limits, *make_grid(path, run, STRAIGHT_INTERVALS)))
+    if solution is None or not solution.solved:
+        return None
+    lengths = solution.profile.h
+    return solution.profile if np.allclose(lengths, lengths[::-1], rtol=EVEN_RAMPS, atol=0.0) else None
+
+
 def _find_quickest(shapes: Shapes, rows: "_Rows") -> tuple[float, ...]:
     """The parameters of the profile that takes the least time: the best of a grid, then whatever is better around it.
 
@@ -106,17 +126,20 @@ def _find_quickest(shapes: Shapes, rows: "_Rows") -> tuple[float, ...]:
     """
     low, high = np.log(shapes.spans).T
 
-    def time(point: Array) -> float:
-        return rows.required_duration(shapes.draw(*np.exp(point)))
+    def time(point: Array, least: float) -> float:
+        return rows.required_duration(shapes.draw(*np.exp(point)), least)
 
     axes = [np.linspace(*ends, GRID_VALUES[len(low)]) for ends in zip(low, high, strict=True)]
-    best = min((np.array(point) for point in product(*axes)), key=time)
-    least, step, turned = time(best), float(axes[0][1] - axes[0][0]), 0.0
+    best, least = np.array([each[0] for each in axes]), np.inf
+    for point in map(np.array, product(*axes)):
+        if (duration := time(point, least)) < least:
+            best, least = point, duration
+    step, turned = float(axes[0][1] - axes[0][0]), 0.0
     while step > MIN_SEARCH_STEP:
         angles = turned + 2 * np.pi * np.arange(SEARCH_DIRECTIONS[len(low)]) / SEARCH_DIRECTIONS[len(low)]
         ways = np.stack([np.cos(angles), np.sin(angles)], 1) if len(low) == 2 else np.array([[1.0], [-1.0]])
         around = [np.clip(best + step * way, low, high) for way in ways]
-        times = [time(point) for point in around]
+        times = [time(point, least) for point in around]
         if min(times) < least:
             least, best = min(times), around[int(np.argmin(times))]
         else:
@@ -145,12 +168,16 @@ class _Rows:
         self._middle = np.concatenate([np.zeros(0), *(block.middle for block, _ in timed)])
         self._power = np.repeat([power for _, power in timed], rows).astype(np.int64)
 
-    def required_duration(self, unit: Profile) -> float:
-        """s that a unit profile must take over a run so that every row is kept, as nearly as the grid shows it."""
+    def required_duration(self, unit: Profile, most: float = np.inf) -> float:
+        """s that a unit profile must take over a run so that every row is kept, as nearly as the grid shows it.
+
+        Of a profile that must take longer than `most`, some time above that: it is not looked at to its end.
+        """
         ends = np.append(unit.s[1:], 1.0)
         counts = PIECE_INSTANTS + np.ceil(INSTANTS_PER_SHARE * (ends - unit.s)).astype(np.int64)
         motion = np.stack([unit.s, unit.v, unit.a, unit.j, unit.h])
-        uses = _find_largest_uses(self.s, motion, counts, self._coefficients, self._middle, self._power)
+        enough = most ** np.arange(1.0, 4.0)
+        uses = _find_largest_uses(self.s, motion, counts, self._coefficients, self._middle, self._power, enough)
         least: float = max(use ** (1 / power) for power, use in enumerate(uses.tolist(), 1))
         if not self.mixed:
             return least
@@ -169,12 +196,13 @@ TERMS = (Term.SD, Term.SD2, Term.SD3, Term.SDD, Term.SDSDD, Term.SDDD)
 
 @kernel
 def _find_largest_uses(
-    s: Array, motion: Array, counts: np.ndarray, coefficients: Array, middle: Array, power: np.ndarray
+    s: Array, motion: Array, counts: np.ndarray, coefficients: Array, middle: Array, power: np.ndarray, enough: Array
 ) -> Array:
     """(3,) of rows of each power of time, the largest share of their bounds that a unit profile has over a run.
 
     s (N+1,) grid; motion (5, K) s, ṡ, s̈, s⃛ and duration of the profile's pieces, with counts (K,) of instants each;
-    coefficients (N, 6, R) of TERMS, middle (R,) and power (R,) of the rows
+    coefficients (N, 6, R) of TERMS, middle (R,) and power (R,) of the rows; enough (3,): shares from which on nobody
+    needs to know more
     """
     largest = np.zeros(3)
     length, terms, k = s[-1] - s[0], np.zeros(coefficients.shape[1]), 0
@@ -194,6 +222,8 @@ def _find_largest_uses(
                 use = value / (1 + middle[row]) if value > 0 else -value / (1 - middle[row])
                 if use > largest[power[row] - 1]:
                     largest[power[row] - 1] = use
+                    if use > enough[power[row] - 1]:
+                        return largest
     return largest
 
 

@@ -66,9 +66,12 @@ def _unit(h: Array, a: Array, j: Array) -> Profile:
     """From rest at 0: durations, and of each piece the acceleration at its start and the jerk."""
     keep = h > 1e-12
     h, a, j = h[keep], a[keep], j[keep]
-    v = np.concatenate([[0.0], np.cumsum(h * (a + h * j / 2))])[:-1]
-    s = np.concatenate([[0.0], np.cumsum(h * (v + h * (a / 2 + h * j / 6)))])[:-1]
-    return Profile(s, v, a, j, h, np.zeros(len(h), int))
+    s, v = [0.0], [0.0]
+    # in Python numbers: searches draw thousands of profiles of a few pieces, for which arrays take longer
+    for each_h, each_a, each_j in zip(h.tolist(), a.tolist(), j.tolist(), strict=True):
+        s.append(s[-1] + each_h * (v[-1] + each_h * (each_a / 2 + each_h * each_j / 6)))
+        v.append(v[-1] + each_h * (each_a + each_h * each_j / 2))
+    return Profile(np.array(s[:-1]), np.array(v[:-1]), a, j, h, np.zeros(len(h), int))
 
 
 # A ramp of a hundred-thousandth of the time, or half of it; a rounding of a hundredth of the ramp, or half of it.

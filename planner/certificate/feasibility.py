@@ -15,6 +15,7 @@ from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.foundation.taylor_model import Series
 from kinematics.machine.motion import describe_singularity
+from planner.avoidable_stops import AvoidableStops
 from planner.certificate.certify import prove_path_use
 from planner.certificate.conditioning import Conditioning, evaluate_jacobian
 from planner.certificate.limit_use import round_reached_use
@@ -88,6 +89,7 @@ class Standing(Result):
     blends: what became of the program's joins that ask for one; fit: of its chains that became curves
     departures: how far its synchronised moves leave the straight line
     conditioning: the poorest that was found along the path; None where it breaks a limit
+    avoidable: its stops at joins that nobody asked for, at the machine's usual order; None likewise
     """
 
     violations: tuple[MotionError, ...]
@@ -96,6 +98,7 @@ class Standing(Result):
     fit: FitSummary | None = None
     departures: tuple[Departure, ...] = ()
     conditioning: Conditioning | None = None
+    avoidable: AvoidableStops | None = None
 
     def tables(self) -> tuple[Table, ...]:
         """The largest use of each limit and where, the violations below; the blends."""
@@ -106,9 +109,13 @@ class Standing(Result):
                 Column("bound", [use for use, _ in self.largest.values()], form=".7f", up=True),
                 *where_columns([place for _, place in self.largest.values()]),
             ),
-            (*map(str, self.violations), *self.warnings),
+            (*map(str, self.violations), *self.warnings, *self._describe_stops()),
         )
         return uses, *fit_tables(self.fit), *blend_tables(self.blends), *departure_tables(self.departures)
+
+    def _describe_stops(self) -> tuple[str, ...]:
+        stops = "" if self.avoidable is None else self.avoidable.describe()
+        return (f"stops: {stops}",) if stops else ()
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -3,9 +3,10 @@
 Of a pose's several coordinates a path starts at home's and stays on their branch, turn after turn.
 """
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Collection, Hashable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 from typing import Protocol
 
 import casadi as ca
@@ -237,6 +238,7 @@ class MachinePath:
         end_accelerations: tuple[float, float] = (0.0, 0.0),
         near: Array | None = None,
         origin: tuple[float, float] = (0.0, 0.0),
+        avoidable: Collection[tuple[int, int | None]] = (),
     ) -> None:
         """At the pieces' ends, breaks[ends]: dwells (P+1,) s, and stops (P+1,), the order of motion that rests there.
 
@@ -246,6 +248,7 @@ class MachinePath:
         end_speeds  ṡ with which a motion begins and ends; end_accelerations: s̈ likewise
         near        (n,) coordinates near which it starts; None: near home's
         origin      path length and time (s) at which it begins, where it is a part of another: places count from there
+        avoidable   numbers and repetitions of the segments at whose ends nobody asked for the stop
         """
         self.end_speeds, self.end_accelerations, self.origin = end_speeds, end_accelerations, origin
         self.tool = None if tool is None else tool_map(tool)
@@ -265,6 +268,7 @@ class MachinePath:
             np.array([p.parameters if p.shape == shape else np.zeros(shape.size) for p in self.pieces])
             for shape in self._shapes
         ]
+        self._avoidable = frozenset(avoidable)
         self._refuse()
 
     def _refuse(self) -> None:
@@ -290,6 +294,15 @@ class MachinePath:
 
     def stops(self, order: int) -> np.ndarray:
         return np.asarray((self._stops > 0) & (self._stops <= order))
+
+    def avoidable_stops(self, order: int) -> np.ndarray:
+        """(P+1,) bool: where a motion of this order rests although nobody asked for it.
+
+        Neither a dwell, nor a join that says so, nor a trigger at a stop, nor a reversal of the path asks for it.
+        """
+        keys = [(piece.segment, piece.repetition) for piece in self.pieces]
+        ends = [one != other and one in self._avoidable for one, other in pairwise(keys)]
+        return np.asarray(self.stops(order) & np.array([False, *ends, False]))
 
     def segment(self, piece: int) -> int:
         return self.pieces[piece].segment
@@ -390,7 +403,16 @@ def _pad_part_ends(ends: np.ndarray, values: np.ndarray) -> np.ndarray:
 def actuate(program: Program, machine: Machine) -> MachinePath:
     """The program's path in the machine's actuators. Raises MotionError naming the segment that cannot be drawn."""
     own = chain_pieces(program, machine)
-    path = MachinePath(machine, own.pieces, own.stops, own.dwells, own.blends, own.fits, tool=program.tool)
+    path = MachinePath(
+        machine,
+        own.pieces,
+        own.stops,
+        own.dwells,
+        own.blends,
+        own.fits,
+        tool=program.tool,
+        avoidable=own.avoidable,
+    )
     stated = np.array([program.start_speed, program.end_speed])
     if stated.any():  # of the tool, whose way is not everywhere the path's parameter
         ends = make_points(path, path.breaks[[0, -1]], np.array([0, len(path.pieces) - 1]), 2)

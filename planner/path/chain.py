@@ -16,7 +16,7 @@ from kinematics.machine.pose import Pose
 from planner.path.arc_length import even_speed
 from planner.path.curve import curve, ends
 from planner.path.fit import fit_chains, is_plain
-from planner.path.join_and_blend import ALWAYS_REST, PathStep, link
+from planner.path.join_and_blend import ALWAYS_REST, PathStep, link, list_avoidable
 from planner.path.outcome import Blended
 from planner.path.shape import (
     DEGREE,
@@ -49,6 +49,7 @@ class Chain:
     """Pieces of the platform's path in the base frame; stops (P+1,), dwells (P+1,) s at their ends, as of MachinePath.
 
     blends: what became of every join that asks for one; fits: of every chain that was fitted
+    avoidable: numbers and repetitions of the segments at whose ends nobody asked for the stop
     """
 
     pieces: tuple[Piece, ...]
@@ -56,6 +57,7 @@ class Chain:
     dwells: Array
     blends: tuple[Blended, ...]
     fits: tuple[Fitted, ...]
+    avoidable: frozenset[tuple[int, int | None]] = frozenset()
 
 
 def chain_pieces(program: Program, machine: Machine) -> Chain:
@@ -69,7 +71,8 @@ def chain_pieces(program: Program, machine: Machine) -> Chain:
     if program.tool is not None:
         pieces = tuple(carry_tool(piece, program.tool) for piece in pieces)
     blends = tuple(step.blend for step in steps if step.blend is not None)
-    return Chain(pieces, stops, rests, blends, tuple(step.fitted for step in steps if step.fitted is not None))
+    fits = tuple(step.fitted for step in steps if step.fitted is not None)
+    return Chain(pieces, stops, rests, blends, fits, list_avoidable(steps))
 
 
 def walk_path(program: Program, machine: Machine) -> Iterator[PathStep]:
@@ -130,11 +133,11 @@ def draw_segments(program: Program, machine: Machine) -> Iterator[Drawn]:
         frame = frame * program.work
     stand = _Stand(program.start if program.start is not None else default_start(program, machine), frame)
     faults: list[tuple[int, Moving, MotionError]] = []
-    held, moves, turned = Drawn([], STOP), False, 0.0
+    drawn, moves, turned = Drawn([], STOP), False, 0.0
     for repetition in range(1, program.repeat + 1):
         for number, segment in enumerate(program.segments, 1):
             if isinstance(segment, Dwell):
-                held = replace(held, dwell=held.dwell + segment.duration)
+                drawn = replace(drawn, dwell=drawn.dwell + segment.duration)
                 continue
             try:
                 own = _draw(segment, number, stand, machine, program.tool)
@@ -147,17 +150,18 @@ def draw_segments(program: Program, machine: Machine) -> Iterator[Drawn]:
                     raise _segments_error(program, faults) from None
                 stand.move(onward)
                 continue
-            if not faults and (held.pieces or held.dwell):
-                yield held
+            if not faults and (drawn.pieces or drawn.dwell):
+                yield drawn
             pieces = [_cap_piece(piece, segment, program, repetition) for piece in _free_pieces(own, segment)]
-            held = Drawn(pieces, segment.join, plain=segment.trigger is None and is_plain(pieces))
+            marks = () if segment.trigger is None else (segment.trigger.at,)
+            drawn = Drawn(pieces, segment.join, plain=not marks and is_plain(pieces), marks=marks)
             moves = True
         if faults:
             raise _segments_error(program, faults)
     if not moves:
         told = f"program {program.name}: nothing moves; add a line, an arc, a spline, a turn or a synchronised move"
         raise FileError(program.file, [Fault("segment", told, 1)]) if program.file else MotionError(told)
-    yield held
+    yield drawn
 
 
 def _draw(segment: Moving, number: int, stand: _Stand, machine: Machine, tool: Pose | None) -> list[Piece]:

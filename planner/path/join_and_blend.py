@@ -190,6 +190,7 @@ class PathStep:
     wait    s of rest before it; of a path's first piece alone
     blend   what became of the join at its end, where that asks for one
     fitted  the curve that ends with it
+    avoidable  whether nobody asked for the stop at its end: it is there since the join is not smooth enough
     """
 
     piece: Piece
@@ -198,6 +199,12 @@ class PathStep:
     wait: float = 0.0
     blend: Blended | None = None
     fitted: Fitted | None = None
+    avoidable: bool = False
+
+
+def list_avoidable(steps: Iterable[PathStep]) -> frozenset[tuple[int, int | None]]:
+    """List the numbers and repetitions of the segments whose stops at their ends nobody asked for."""
+    return frozenset((step.piece.segment, step.piece.repetition) for step in steps if step.avoidable)
 
 
 def link(drawn: Iterable[Drawn], characteristic: float) -> Iterator[PathStep]:
@@ -220,6 +227,7 @@ def link(drawn: Iterable[Drawn], characteristic: float) -> Iterator[PathStep]:
             elif isinstance(own.join, Blend | Fit) and rest != NEVER_REST:
                 made, told = _blend(own, after, own.join, characteristic)
                 rest = NEVER_REST if made else ALWAYS_REST
+        avoidable = after is not None and rest != NEVER_REST and not _is_asked(own, after, characteristic)
         reach = made[0].length if made else 0.0
         *inner, last = *_trim_pieces(own.pieces, before, reach), *made
         begin, way = way, way + sum(piece.length for piece in (*inner, last))
@@ -231,7 +239,7 @@ def link(drawn: Iterable[Drawn], characteristic: float) -> Iterator[PathStep]:
         for piece in inner:
             yield PathStep(piece, wait=wait)
             wait = 0.0
-        yield PathStep(last, rest, own.dwell, wait, told, fitted)
+        yield PathStep(last, rest, own.dwell, wait, told, fitted, avoidable)
         before, wait = reach, 0.0
 
 
@@ -244,6 +252,39 @@ def _pairs(drawn: Iterable[Drawn]) -> Iterator[tuple[Drawn, Drawn | None]]:
         held = item
     if held is not None:
         yield held, None
+
+
+def _is_asked(before: Drawn, after: Drawn, characteristic: float) -> bool:
+    """Return whether a dwell, a join, a trigger at a stop, or a reversal asks for the rest between two segments."""
+    join = before.join
+    if before.dwell > 0 or (isinstance(join, Fit) and join.stop):
+        return True
+    if isinstance(join, Stop) and (join.stated or 1.0 in before.marks or 0.0 in after.marks):
+        return True
+    return is_reversal(*_end_directions(before.pieces[-1], after.pieces[0], characteristic))
+
+
+def _end_directions(a: Piece, b: Piece, characteristic: float) -> tuple[Array, Array]:
+    """Directions (12,) in which one piece ends and the next begins; turning counts in metres."""
+    size = np.concatenate([np.ones(3), np.full(9, characteristic / np.sqrt(2))])
+    ends = ((a, a.start + a.length), (b, b.start))
+    before, after = (_direction(part, s) * size for part, s in ends)
+    return before, after
+
+
+def _direction(piece: Piece, s: float) -> Array:
+    """First derivative (12,) of the pose; of a line that does not turn without evaluating its shape."""
+    if piece.shape is LINE and piece.parameters[-1] == 0:
+        return np.concatenate([piece.parameters[3:6], np.zeros(9)])
+    return np.asarray(piece.derivatives(np.array([s]))[1][0])
+
+
+def is_reversal(before: Array, after: Array) -> bool:
+    """Return whether the path runs back into itself between two directions: no blend could pass there."""
+    sizes = float(np.linalg.norm(before)), float(np.linalg.norm(after))
+    if min(sizes) == 0:  # the derivative vanishes there, so that no axis moves
+        return True
+    return float(np.linalg.norm(before / sizes[0] + after / sizes[1])) / 2 < MIN_SPEED_SHARE
 
 
 def _rest_order(a: Piece, b: Piece, dwell: float, characteristic: float) -> int:

@@ -135,6 +135,7 @@ class Drawn:
     pieces  none: a rest before the path begins
     plain   whether it may become part of a curve (planner.path.fit)
     fitted  what was fitted there, if it is a curve
+    marks   the shares of the segment at which it has a trigger
     """
 
     pieces: Sequence[Piece]
@@ -142,6 +143,7 @@ class Drawn:
     dwell: float = 0.0
     plain: bool = False
     fitted: Fitted | None = None
+    marks: tuple[float, ...] = ()
 
 
 @cache

@@ -1,6 +1,6 @@
 """What segments say beside where they lead: how they join, events along them, freedom of orientation."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import pi, radians
 
 from kinematics.foundation.arrays import Array, finite_array, freeze_array
@@ -12,7 +12,12 @@ from planner.program.validation import check_positive, legible
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """A join at which the motion stops."""
+    """A join at which the motion stops.
+
+    stated  whether somebody asked for the stop; False: nothing was said of the join
+    """
+
+    stated: bool = field(default=True, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,8 +79,8 @@ class Fit:
 
 
 Join = Stop | Through | Blend | Fit
-STOP = Stop()
-"""What is meant where nothing is said."""
+STOP = Stop(stated=False)
+"""The join where nothing is said."""
 
 
 def choose_join(name: str, blend: float | None, fit: float | None) -> Join:

@@ -74,7 +74,7 @@ def _modifiers(segment: Segment, complete: bool) -> dict[str, Any]:
     return {
         **_caps(segment),
         "speed_constant": constant if complete or constant else None,
-        "join": _join(segment.join) if complete or not isinstance(segment.join, Stop) else None,
+        "join": _join(segment.join) if complete or _is_stated(segment.join) else None,
         "trigger": trigger and _trigger(trigger),
         "free": free and {"yaw": free.yaw, "tilt": free.tilt},
     }
@@ -86,6 +86,11 @@ def _trigger(trigger: Trigger) -> dict[str, object]:
 
 def _caps(of: Program | Segment) -> dict[str, float | None]:
     return {name: getattr(of, name, None) for name in CAPS}
+
+
+def _is_stated(join: object) -> bool:
+    """Return whether a file states the join: any but the stop of a segment without the key."""
+    return not isinstance(join, Stop) or join.stated
 
 
 def _join(join: object) -> str | dict[str, float | None]:

@@ -19,7 +19,7 @@ from kinematics.foundation.errors import as_validation_error, validation_error
 from kinematics.foundation.formula import check_names, constant, formula
 from kinematics.foundation.units import Unit, describe_value
 from planner.program.model import Curve, Segment
-from planner.program.modifiers import CORNER_ANGLE, Blend, Fit, Free, Join, Stop, Through, Trigger
+from planner.program.modifiers import CORNER_ANGLE, STOP, Blend, Fit, Free, Join, Stop, Through, Trigger
 
 
 def _check_has_speed(constant: bool, info: ValidationInfo) -> bool:
@@ -162,7 +162,9 @@ class MovingEntry(TableSchema):
             return Blend(self.join.blend, self.join.angle)
         if isinstance(self.join, FitTable):
             return Fit(self.join.fit, self.join.angle, self.join.corner, self.join.stop)
-        return Stop() if self.join == "stop" else Through()
+        if self.join == "through":
+            return Through()
+        return Stop() if "join" in self.model_fields_set else STOP
 
     @property
     def event(self) -> Trigger | None:

@@ -233,7 +233,7 @@ def _move_to_contour(segments: list[Segment], here: Array, there: Array, how: Cu
 def _append_line(segments: list[Segment], here: Array, there: Array, speed: float | None) -> Array:
     if np.linalg.norm(there - here) <= MIN_MOVE:
         return here
-    segments.append(Line(there, None, speed))
+    segments.append(Line(there, None, speed, Stop()))
     return there
 
 

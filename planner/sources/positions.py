@@ -190,7 +190,7 @@ def join_poses(
         if moves:
             segments.append(Line(pose[:3], rotation if turns else None, speed, join))
         elif turns:
-            segments.append(Turn(rotation))
+            segments.append(Turn(rotation, Stop()))
         rest = float(listed.rests[nth])
         if rest > 0:
             segments = _add_rest(segments, rest)
@@ -228,7 +228,7 @@ def step_through(
     segments = list(join_poses(steps.part(1, 1), start, Stop(), speed)[0])
     moves = np.any(np.diff(steps.poses[:, :3], axis=0) != 0, axis=1)
     for pose, rotation, moved, rest in zip(steps.poses[1:], steps.rotations[1:], moves, steps.rests[1:], strict=True):
-        segments.append(Line(pose[:3], None, speed) if moved else Turn(rotation, Stop()))
+        segments.append(Line(pose[:3], None, speed, Stop()) if moved else Turn(rotation, Stop()))
         segments += [Dwell(float(rest))] if rest > 0 else []
     return tuple(segments), told
 

@@ -45,6 +45,8 @@ MOST_PARTS, ROUNDS, MOST_GROWTH = 8, 2, {2: 1.0, 3: 3.0}
 # Where a cell has no bound, λ beside it is made so much smaller, so often at most.
 SHRINKAGE, SHRINKAGES = 0.7, 40
 # Where a bound is no nearer than so, one round more is tried.
+# Cells of a span of a quick bound at least; and how far off it is tried at order 2 as well.
+LEAST_SHARED_CELLS, QUICK_POOR_GAP = 24, 0.05
 POOR_GAP = 0.01
 # From such a gap on, what order 2 proves is looked at as well: it holds at order 3 too.
 POOR_GAP_AT_ORDER_3 = 0.002
@@ -151,19 +153,75 @@ class _Rest(NamedTuple):
 
 
 def bound_duration(
-    trajectory: Trajectory, limits: Sequence[Limit], order: int, *, gap: float | None = None, effort: int = ROUNDS
+    trajectory: Trajectory,
+    limits: Sequence[Limit],
+    order: int,
+    *,
+    gap: float | None = None,
+    effort: int = ROUNDS,
+    most_cells: int | None = None,
 ) -> DurationBound:
-    """A lower bound for a motion: of its runs between stops, one by one, and its dwells.
+    """Prove a lower bound for a motion: of its runs between stops, one by one, and its dwells.
 
     gap: how near it shall come, as a share, if so many rounds of finer cells (effort) allow; None: one round of them,
     and of many runs a round where it is needed
+    most_cells: about how many cells a quick bound has in all, without a round of finer ones; None: no such limit
     """
+    if most_cells is not None:
+        return _bound_quickly(trajectory, limits, order, most_cells)
     path = trajectory.path
     every = list(pairwise(np.flatnonzero(path.stops(order)).tolist()))
     if gap is None and len(every) > MANY_RUNS:
         gap = FAIR_GAP
     rounds = ROUNDS if gap is None else effort
     runs = [_bound_run(trajectory, limits, order, ends, gap, rounds) for ends in every]
+    return _sum_runs(trajectory, limits, runs)
+
+
+def _bound_quickly(trajectory: Trajectory, limits: Sequence[Limit], order: int, most_cells: int) -> DurationBound:
+    """Share the cells out by time pieces; each span between cruises has LEAST_SHARED_CELLS at least."""
+    stops = np.flatnonzero(trajectory.path.stops(order))
+    runs = [split_run(trajectory, limits, ends) for ends in pairwise(stops.tolist())]
+    pieces = sum(len(span.own) for spans in runs for span in spans if not span.cruising)
+    bounds = []
+    for spans in runs:
+        parts = []
+        for span in spans:
+            if span.cruising:
+                parts.append(_bound_cruise(trajectory, limits, order, span))
+            else:
+                most = max(most_cells * len(span.own) // pieces, LEAST_SHARED_CELLS)
+                parts.append(_bound_span_quickly(trajectory, limits, order, span, most))
+        bounds.append(_join(parts))
+    return _sum_runs(trajectory, limits, bounds)
+
+
+def _bound_span_quickly(
+    trajectory: Trajectory, limits: Sequence[Limit], order: int, span: _Span, most: int
+) -> "_RunBound":
+    """Bound what lies between cruises with about `most` cells, once."""
+    nodes = _thin_nodes(_place_nodes(trajectory, span), most)
+    bound = _bound_nodes(trajectory, limits, order, span, nodes)
+    # with few cells less is lost without the jerk
+    if order == 3 and span.duration > (1 + QUICK_POOR_GAP) * bound.value:
+        other = _bound_nodes(trajectory, limits, 2, span, nodes)
+        bound = other if other.value > bound.value else bound
+    return bound
+
+
+def _thin_nodes(nodes: _Nodes, most: int) -> _Nodes:
+    """Keep an even selection of about `most` cells, and every break of the path."""
+    count = len(nodes.piece)
+    if count <= most:
+        return nodes
+    breaks = np.flatnonzero(np.diff(nodes.piece)) + 1
+    ends = np.union1d(np.linspace(0, count, most + 1).round().astype(int), breaks)
+    return _Nodes(nodes.s[ends], nodes.a[ends], nodes.b[ends], nodes.t[ends], nodes.piece[ends[:-1]])
+
+
+def _sum_runs(trajectory: Trajectory, limits: Sequence[Limit], runs: "Sequence[_RunBound]") -> DurationBound:
+    """Add up the bounds of all runs, and the dwells."""
+    path = trajectory.path
     value = float(path.dwells.sum()) + sum(max(run.value, 0.0) for run in runs)
     value -= 1e-15 * (len(runs) + 8) * abs(value)
     parts = (np.concatenate([getattr(run, name) for run in runs]) for name in ("s", "piece", "loss", "worth", "alone"))

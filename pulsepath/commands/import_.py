@@ -72,10 +72,13 @@ def import_(
     # after what the file says wrong, which is told sooner so
     import numpy as np
 
+    from planner.avoidable_stops import find_stops_of_import
     from planner.program.program_writer import program_toml
     from pulsepath.output import record
 
     way = found.outline
+    with step("counting stops"):
+        stops = find_stops_of_import(found.program)
     with step(f"writing {out} and {image}"), stage_files(destinations) as (written, drawn):
         from planner.sources.figures import program_path
 
@@ -84,7 +87,7 @@ def import_(
         figure_of = program_path(way).get_figure(root=True)
         if figure_of is not None:
             figure_of.savefig(drawn, dpi=150)
-    about = record.of_import(name, found, way, str(out), str(image))
+    about = record.of_import(name, found, way, str(out), str(image)) | {"avoidable_stops": stops.record()}
     if as_json:
         click.echo(record.as_json(about), nl=False)
         return
@@ -93,5 +96,7 @@ def import_(
     ranges = zip("xyz", *(np.round(corner * 1e3, 9) + 0.0 for corner in (way.low, way.high)), strict=True)
     say("  extents: " + ", ".join(f"{axis} {low:.6g} to {high:.6g} mm" for axis, low, high in ranges))
     say(f"  length: {way.length * 1e3:.7g} mm")
+    if stops.count:
+        say(f"  stops: {stops.describe()}")
     for warning in found.warnings:
         say(f"  warning: {warning}")

@@ -98,15 +98,21 @@ SHORT_FILE = 1 << 12
 )
 @click.option(
     "--baselines/--no-baselines",
-    default=True,
-    show_default=True,
-    help="Compare with baseline timings, as a trapezoid from stop to stop. Without them no time saved is printed.",
+    default=None,
+    help="Compare with every baseline timing, as a trapezoid from stop to stop, or with none, so that no time saved is "
+    "printed. Default: compare with the one within the same limits.",
+)
+@click.option(
+    "--bound",
+    type=click.Choice(["auto", "full", "none"]),
+    help="Effort on the lower bound, which proves how near the motion is to the fastest. auto: no longer than "
+    "planning; full: until it is near; none: no bound. Default: auto; with --worth, full.",
 )
 @click.option(
     "--worth/--no-worth",
     default=None,
-    help="Prove how near the motion is to the fastest, and what each limit is worth. Default: --worth up to "
-    f"{MOST_BOUNDED} time pieces, where it takes some {MOST_BOUNDED // 1000} s at most.",
+    help="Also find what each limit is worth, and plan with more of the best. Default: by the quick lower bound, up to "
+    f"{MOST_BOUNDED} time pieces, without planning again. --no-worth: no lower bound either, unless --bound asks.",
 )
 @click.option(
     "--pulses",
@@ -175,7 +181,8 @@ def plan(
     effort: int | None,
     rule: str,
     figures: bool,
-    baselines: bool,
+    baselines: bool | None,
+    bound: str | None,
     worth: bool | None,
     pulses: str,
     stops: int | None,
@@ -202,8 +209,9 @@ def plan(
     if dumped is not None:
         inputs = _read(program, machine, fit, given, motion)
         flags = {"cross-check": crossed, "stream": stream is True, "whole": stream is False, "keep-certified": keep}
-        flags |= {"no-baselines": not baselines, "worth": worth is True, "no-worth": worth is False}
-        chosen = {"rig": rig, "cluster": cluster}
+        flags |= {"baselines": baselines is True, "no-baselines": baselines is False}
+        flags |= {"worth": worth is True, "no-worth": worth is False}
+        chosen = {"rig": rig, "cluster": cluster, "bound": bound}
         chosen |= {"gap": gap, "effort": None if effort is None else str(effort)}
         chosen |= {"stops": None if stops is None else str(stops)}
         _dump(dumped, inputs, order, clock_hz, duration, objective, rule, pulses, chosen, flags, force, as_json)
@@ -225,6 +233,10 @@ def plan(
     if effort is not None and gap is None:
         raise click.UsageError("--effort is of --gap.", click.get_current_context())
     within = None if gap is None else read_percent("--gap", gap)
+    if bound == "none" and (gap is not None or worth):
+        option = "--worth" if gap is None else "--gap"
+        raise click.UsageError(f"{option} needs a lower bound: omit --bound none.", click.get_current_context())
+    effort_of_bound = bound or ("full" if worth else "none" if worth is False else "auto")
     parts = {"--keep-certified": keep, "--resume": resume, "--cluster": cluster is not None}
     if stream is False:
         _refuse_without_parts(parts)
@@ -248,7 +260,7 @@ def plan(
 
         def start_other() -> None:
             nonlocal other
-            helps = figures or rig is not None or (baselines and not _is_short(program))
+            helps = figures or rig is not None or (baselines is not False and not _is_short(program))
             if helps and not _is_long(program, stream):
                 modules = [*WORK_MODULES, *(FIGURE_MODULES if figures else ())]
                 other = stack.enter_context(side_process(modules))
@@ -276,6 +288,7 @@ def plan(
             "--stops": stops is not None,
             "--cross-check": crossed,
             "--worth": worth is True,
+            "--bound full": bound == "full",
         }
         whole["--pulses csv"] = pulses == "csv"
         if choose_parts(stream, inputs, rule, [option for option, asked in whole.items() if asked]):
@@ -307,6 +320,7 @@ def plan(
                     stops,
                     baselines,
                     worth,
+                    effort_of_bound,
                 )
             plan_directory.write(folder, job, inputs, pulses)
     tables.show_plan(out, as_json, lambda: tables.of_plan(job), lambda: tables.sum_up(job))

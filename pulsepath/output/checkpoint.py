@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from kinematics import Machine, MotionError
+from planner.avoidable_stops import AvoidableStops
 from planner.certificate.certify import Certificate
 from planner.path.outcome import FitSummary
 from planner.place import Place
@@ -132,6 +133,7 @@ def _standing_record(standing: PlanStanding) -> Record:
         "rounds": standing.rounds,
         "methods": dict(standing.methods),
         "triggers": standing.triggers,
+        "avoidable": None if standing.avoidable is None else asdict(standing.avoidable),
     }
 
 
@@ -182,6 +184,7 @@ def _read_standing(record: Record, machine: Machine) -> PlanStanding:
         record["rounds"],
         record["methods"],
         record["triggers"],
+        None if record["avoidable"] is None else AvoidableStops(**record["avoidable"]),
     )
 
 

@@ -148,6 +148,7 @@ def _write_report(page: Path, job: Job, verdict: PulseCheck) -> None:
             rig=job.rig,
             crossed=job.crossed,
             worth=job.worth,
+            left_out=job.left_out,
             change=job.change,
             tradeoff=job.tradeoff,
             stops=job.stops,

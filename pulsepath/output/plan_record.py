@@ -57,6 +57,7 @@ def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
         "shaping": None if plan.shaped is None else _shaping(plan.shaped) | {"warning": plan.exceeded or None},
         "fit": fit_record(plan.path.fit),
         "blends": blend_records(plan.path.blends),
+        "avoidable_stops": plan.avoidable_stops.record(),
         "synchronised_moves": departure_records(plan.departures),
         "stated_but_not_kept": list(find_unkept_limits(plan.machine)),
         "lower_bound": {
@@ -67,6 +68,7 @@ def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
         },
         "worth": None if job.worth is None else _worth(job.worth, job.change),
         "worth_left_out": job.unbounded or None,
+        "left_out": list(job.left_out),
         "tradeoff": None
         if job.tradeoff is None
         else {
@@ -142,6 +144,7 @@ def of_parts(
         "certificate": _certificate(standing.certificate),
         "fit": fit_record(standing.fit),
         "joins": {"blends": standing.blends, "stops_instead": standing.stops},
+        "avoidable_stops": None if standing.avoidable is None else standing.avoidable.record(),
         "stated_but_not_kept": list(find_unkept_limits(standing.machine)),
         "solver": {"rounds": standing.rounds, "methods": dict(standing.methods)},
         "trigger_count": standing.triggers,

@@ -57,6 +57,7 @@ def of_check(found: Standing) -> Record:
         "feasible": not found.violations,
         "fit": fit_record(found.fit),
         "blends": blend_records(found.blends),
+        "avoidable_stops": None if found.avoidable is None else found.avoidable.record(),
         "synchronised_moves": departure_records(found.departures),
         "violations": [violation_record(violation) for violation in found.violations],
         "conditioning": None

@@ -72,6 +72,10 @@ def of_plan(job: Job) -> list[Table]:
         rows.append(("saved by 1 % more of", None, job.worth.describe()))
     if job.unbounded:
         rows.append((UNBOUNDED, None, job.unbounded))
+    if job.left_out:
+        rows.append((LEFT_OUT, None, ", ".join(job.left_out)))
+    if avoidable := plan.avoidable_stops.describe():
+        rows.append(("stops", None, avoidable))
     rows += [(other.kind, other.duration, _describe_timing(plan, other)) for other in job.others]
     what, times, notes = zip(*rows, strict=True)
     first, *rest = plan.tables()
@@ -108,6 +112,7 @@ def _describe_cost(plan: Plan, shaped: ShapedProof) -> list[tuple[str, str]]:
 
 
 UNBOUNDED = "gap, worth of limits"
+LEFT_OUT = "left out"
 MOST_TOLD = 3
 """Stops instead of blends up to which each is told with its reason on a line."""
 NEARLY = 0.999
@@ -116,7 +121,6 @@ NEARLY = 0.999
 
 def sum_up(job: Job) -> list[Table]:
     """A plan on a screen: its duration, how good it is, what it is proved to keep, what holds it back, its pulses."""
-    from planner.active_limits import describe_stops
     from planner.baselines import describe_differences, missing_limits
     from planner.limits.registry import geometric_limits
     from planner.timing.certified_solve import BEFORE_SHAPERS
@@ -133,6 +137,8 @@ def sum_up(job: Job) -> list[Table]:
         unlike = "".join(f", but it {each}" for each in describe_differences(plan, job.classical))
         told = f"{percent:.2f} %: {job.time_saved:.3f} s less than {job.classical.kind}, the same limits{unlike}"
         rows.append(("saved", told))
+    if stops := plan.avoidable_stops.describe():
+        rows.append(("stops", stops))
     if plan.fastest and plan.known:
         rows.append(("gap", plan.bound.describe().removeprefix("the duration is ")))
     still = geometric_limits()  # of which a motion may reach the end, as home may be one
@@ -147,8 +153,8 @@ def sum_up(job: Job) -> list[Table]:
         rows.append(("saved by 1 % more of", job.worth.describe()))
     if job.unbounded:
         rows.append((UNBOUNDED, job.unbounded))
-    if stops := describe_stops(plan):
-        rows.append(("stops", stops))
+    if job.left_out:
+        rows.append((LEFT_OUT, ", ".join(job.left_out)))
     if plan.path.fit is not None and plan.path.fit.before:
         rows.append(("fit", _sum_up_fit(plan.path.fit)))
     if plan.departures:
@@ -185,6 +191,8 @@ def sum_up_parts(standing: PlanStanding) -> list[Table]:
     ]
     if standing.fit is not None and standing.fit.before:
         rows.append(("fit", _sum_up_fit(standing.fit)))
+    if standing.avoidable is not None and standing.avoidable.count:
+        rows.append(("stops", standing.avoidable.describe()))
     if standing.blends:
         rows.append(("blends", f"{standing.blends}, {standing.stops} of them replaced by stops"))
     total = sum(number for number, _ in standing.counted)

@@ -1,14 +1,14 @@
-"""What a plan does when: the segments as a table, against their known lengths and times; and its stops at joins."""
+"""The segments of a plan as a table, against their known lengths and times."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from planner import Blend, Dwell, Line, Program, Stop, plan
-from planner.active_limits import describe_stops, tabulate_segments
+from planner import Blend, Dwell, Line, Program, plan
+from planner.active_limits import tabulate_segments
 from planner.path.arc_length import measure_travel
-from planner.program.modifiers import Fit, Trigger
+from planner.program.modifiers import Fit
 
 
 def columns_of(table):
@@ -46,20 +46,3 @@ def test_the_mean_speed_of_a_segment_stays_below_its_cap(join):
     assert max(told["mean speed"]) > 0.97 * 5e-4
     assert sum(told["length"]) == pytest.approx(measure_travel(made.path.pieces), rel=1e-9)
     assert sum(told["length"]) < 0.999 * made.path.breaks[-1]
-
-
-def zigzag(join, count=30, **said):
-    return [Line(np.array([1e-3 * k, 1e-3 * (k % 2), 0.0]), join=join, **said) for k in range(1, count + 1)]
-
-
-def test_many_stops_at_joins_are_told_but_not_those_that_are_meant():
-    said = describe_stops(plan(Program(tuple(zigzag(Stop()))), "traverser", order=2))
-    assert said == 'at 29 of 29 joins; --fit "0.02 mm" can pass them'
-    exact = plan(Program(tuple(zigzag(Stop())), join_word="G61.1"), "traverser", order=2)
-    assert describe_stops(exact) == "at 29 of 29 joins, as G61.1 asks; G64 P0.02 (mm) in its place can pass them"
-    assert describe_stops(plan(Program(tuple(zigzag(Stop(), 10))), "traverser", order=2)) == ""
-    assert describe_stops(plan(Program(tuple(zigzag(Blend(1e-5)))), "traverser", order=2)) == ""
-    rests = [part for line in zigzag(Stop()) for part in (line, Dwell(0.01))]
-    assert describe_stops(plan(Program(tuple(rests)), "traverser", order=2)) == ""
-    marked = zigzag(Stop(), trigger=Trigger("camera"))
-    assert describe_stops(plan(Program(tuple(marked)), "traverser", order=2)) == ""

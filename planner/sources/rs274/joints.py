@@ -100,7 +100,7 @@ def read_joints(path: Path, text: str, header: Header, machine: str | None, join
                 Line(pose.translation, pose.rotation if rotates else None, None, join, line_number=numbers[k])
             )
         elif rotates:
-            segments.append(Turn(pose.rotation, line_number=numbers[k]))
+            segments.append(Turn(pose.rotation, Stop(), line_number=numbers[k]))
         if moves or rotates:
             place, turned = pose.translation, pose.rotation
         if rests[k] > 0:
