@@ -24,6 +24,7 @@ from planner.certificate.lower_bound import (
     leave_rest,
 )
 from planner.limits.limit import Limit, Term
+from planner.limits.tool import ToolSpeed
 from planner.path.actuation import ActuatorPath
 from planner.path.stands import count_zero_derivatives
 from planner.timing.problem import Run
@@ -321,13 +322,21 @@ def _find_turns(trajectory: Trajectory, own: np.ndarray) -> list[int]:
 
 
 def _find_cruising(trajectory: Trajectory, limits: Sequence[Limit], own: np.ndarray) -> np.ndarray:
-    """Return whether each time piece (K,) keeps a limit on speed nearly used up."""
+    """Return whether each time piece (K,) keeps to the tool's cap, or to constant ṡ at another's.
+
+    A motion along which an axis keeps its largest speed while ṡ varies is better bounded together
+    with what comes before and after.
+    """
+    steady = (trajectory.a[own] == 0) & (trajectory.j[own] == 0)
     state = trajectory.within(np.repeat(own, 3), _spread(np.diff(trajectory.knots)[own]))
     used = np.zeros(3 * len(own))
     for limit in limits:
         if isinstance(limit, SPEED_LIMITS):
             value = limit.value(state)
-            used = np.maximum(used, limit.use(value, value, state.piece).max(1))
+            use = limit.use(value, value, state.piece).max(1)
+            if not isinstance(limit, ToolSpeed):
+                use = np.where(np.repeat(steady, 3), use, 0.0)
+            used = np.maximum(used, use)
     return np.asarray(used.reshape(-1, 3).min(1) > CRUISING_USE)
 
 

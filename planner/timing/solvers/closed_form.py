@@ -64,9 +64,10 @@ class _Limits:
         brief = MIN_RAMP_SHARE * least
         most = self.speed / brief
         up, down = min(self.up, most), min(self.down, most)
-        jerk = min(self.jerk, max(up, down) / brief)
-        back = min(self.back, max(up, down) / brief)
-        return _Limits(self.speed, up, down, jerk, back)
+        if sharp == np.inf:
+            return _Limits(self.speed, up, down, sharp, sharp)
+        sharpest = max(up, down) / brief
+        return _Limits(self.speed, up, down, min(self.jerk, sharpest), min(self.back, sharpest))
 
     def way(self, low: float, high: float, most: float) -> float:
         """How far a ramp up goes."""
