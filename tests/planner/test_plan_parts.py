@@ -5,14 +5,14 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import MotionError, load_machine
 from planner import Arc, Dwell, Line, Program, plan
 from planner.overview import FINENESS, MOST_WINDOWS, ROW_PERIOD, Overview
 from planner.path.chain import walk_path
 from planner.plan_parts import come_to_rest, find_whole_reason, plan_parts
-from planner.program.modifiers import Fit, Trigger
+from planner.program.modifiers import Blend, Fit, Trigger
 from planner.pulses import find_rule
 from planner.pulses.schedule import join_schedules
 from planner.trajectory import rows
@@ -218,3 +218,18 @@ def test_a_rest_of_days_is_seen_at_a_glance():
     tracemalloc.stop()
     assert most < 3e8
     assert seen.t[-1] > 2.9e5
+
+
+def test_a_long_whole_plan_is_as_fast_as_its_parts():
+    """A grid as coarse as that of short runs made such plans up to 2 % slower than windows of them."""
+    corners = [[20e-3, 0, 0], [10e-3, 17e-3, 3e-3], [0, 0, 0]]
+    turned = [[20, 0, 10], [5, 0, -20], [0, 0, 0]]
+    lines = [
+        Line(corner, rotate=Rotation.from_euler("XYZ", angles, degrees=True), join=Blend(5e-5))
+        for corner, angles in zip(corners, turned, strict=True)
+    ]
+    program = Program([*lines * 13, Line([0, 0, 10e-3])])
+    machine = load_machine("five-axis")
+    whole = plan(program, machine, order=3).trajectory.duration
+    parts = sum(part.motion.duration for part in plan_parts(program, machine, order=3))
+    assert whole <= parts * (1 + 2e-4)

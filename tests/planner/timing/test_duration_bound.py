@@ -254,3 +254,34 @@ def test_a_program_of_many_short_lines_is_bounded_as_surely_and_in_fewer_cells()
     assert many.gap < 1e-3
     first = bound_duration(planned.trajectory, planned.limits, 3, gap=1.0)  # a round for each
     assert len(many.s) <= 2 * len(first.s)
+
+
+@pytest.mark.parametrize("seed", [11, 23])
+def test_where_a_single_axis_turns_back_it_is_at_rest(seed):
+    """q̇ = 0 wherever q′ = 0, though the path's parameter goes on: order 3 proves no less than order 2.
+
+    Without that, 6 and 21 % were left of these paths, and order 2 proved more.
+    """
+    rng = np.random.default_rng(seed)
+    axes = int(rng.integers(1, 8))
+    way = rng.uniform(-1, 1, (int(rng.integers(2, 30)), axes))
+    path = CubicSpline(np.linspace(0, 1, len(way)), way, bc_type="natural")
+    limits = {"max_speed": rng.uniform(0.5, 3, axes), "max_acceleration": rng.uniform(2, 20, axes)}
+    jerk = limits["max_acceleration"] * rng.uniform(5, 50)
+    jerky = time_optimal(path, max_jerk=jerk, **limits)
+    assert axes == 1
+    assert jerky.gap < 2e-3
+    assert jerky.lower_bound >= time_optimal(path, **limits).lower_bound
+
+
+@pytest.mark.parametrize("seed", [13, 21])
+def test_order_3_proves_no_less_than_order_2(seed):
+    """Jerk limits only take motions away. On these paths the multipliers of order 3 prove 0.2 % less."""
+    rng = np.random.default_rng(seed)
+    axes = int(rng.integers(1, 8))
+    way = rng.uniform(-1, 1, (int(rng.integers(2, 30)), axes))
+    path = CubicSpline(np.linspace(0, 1, len(way)), way, bc_type="natural")
+    limits = {"max_speed": rng.uniform(0.5, 3, axes), "max_acceleration": rng.uniform(2, 20, axes)}
+    jerky = time_optimal(path, max_jerk=limits["max_acceleration"] * rng.uniform(5, 50), **limits)
+    gentle = time_optimal(path, **limits)
+    assert jerky.lower_bound >= gentle.lower_bound * (1 - 1e-9)

@@ -140,3 +140,16 @@ def test_a_ramp_too_long_for_its_way_slows_down_first(backwards):
     assert solve(largest * (1 - 1e-6)).certificate.holds
     with pytest.raises(Infeasible):
         solve(largest * (1 + 1e-6))
+
+
+@pytest.mark.parametrize(
+    ("speed", "acceleration", "jerk"),
+    [(1.0, 1e16, None), (1.0, 1.0, 1e16), (1.0, 1.0, 1e18), (1e-12, 1.0, 10.0), (1e-12, 1.0, None)],
+)
+def test_ramps_that_instants_cannot_tell_apart_are_lengthened(speed, acceleration, jerk):
+    """They were refused as a bug of the planner. The duration may grow by a few 1e-9, and no more."""
+    found = time_optimal(line(1.0), max_speed=speed, max_acceleration=acceleration, max_jerk=jerk)
+    reached = speed**2 <= acceleration
+    exact = 1 / speed + speed / acceleration if reached else 2 * np.sqrt(1 / acceleration)
+    assert found.certificate.holds
+    assert exact * (1 - 1e-12) <= found.trajectory.duration <= exact * (1 + 1e-7)

@@ -332,3 +332,14 @@ def test_without_a_limit_of_jerk_it_is_refused():
     path = line(1.0)
     with pytest.raises(MotionError, match=r"the motion is unbounded.*jerk"):
         solve_run(path, limits_on(path, 1.0, 1.0, None), Run(0, 0), 3).require_profile()
+
+
+def test_a_motion_that_uses_little_of_every_limit_is_looked_at_no_more():
+    """Then nothing is left whose peaks could count: it was an internal error on axes held below resonance bands."""
+    path = curve()
+    problem, start = jerk_problem(path, limits_on(path, **CURVE), Run(0, 0))
+    guess = start.on(problem.s)
+    blind = solve_jerk_limited(problem, guess)
+    looked = solve_jerk_limited(problem, guess, look=lambda motion, names: {})
+    assert looked.solved
+    assert looked.duration == pytest.approx(blind.duration, rel=1e-9)

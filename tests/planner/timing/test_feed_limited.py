@@ -1,0 +1,112 @@
+"""Feed-limited runs: closed forms, any machine, no more time pieces than they need, and near the least."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kinematics import load_machine
+from planner import Arc, Line, Program, plan
+from planner.baselines.classical import classical
+from planner.program.modifiers import Blend, Fit, Through
+
+# of the bundled cartesian machine, per axis: m/s, m/s², m/s³
+SPEED, ACCELERATION, JERK = 0.3, 3.0, 100.0
+RADIUS = 0.01
+QUARTER = np.pi / 2 * RADIUS
+
+
+@pytest.fixture(scope="module")
+def machine():
+    return load_machine("cartesian")
+
+
+def quarter(feed):
+    """A quarter circle: it begins along X and ends along Y."""
+    return Program([Arc([0, RADIUS, 0], [0, 0, 1], np.pi / 2, speed=feed)])
+
+
+@pytest.mark.parametrize("feed", [1e-5, 1e-4, 1e-3, 1e-2])
+def test_an_arc_at_order_2_is_two_ramps_and_the_feed(machine, feed):
+    """T = L/c + c/A: along X at its start and along Y at its end, each axis has its own A."""
+    made = plan(quarter(feed), machine, order=2)
+    assert made.trajectory.duration == pytest.approx(QUARTER / feed + feed / ACCELERATION, rel=2e-6)
+    assert made.certificate.holds
+    assert len(made.trajectory.s) < 3000
+    assert made.gap <= 1e-4
+
+
+@pytest.mark.parametrize("feed", [1e-5, 1e-4, 1e-3, 1e-2])
+def test_an_arc_at_order_3_is_two_ramps_and_the_feed(machine, feed):
+    """A ramp to c < A²/J takes 2 √(c/J) and goes half as far as c would: T = L/c + 2 √(c/J)."""
+    made = plan(quarter(feed), machine, order=3)
+    exact = QUARTER / feed + 2 * np.sqrt(feed / JERK)
+    assert made.trajectory.duration == pytest.approx(exact, rel=2e-5)
+    assert made.trajectory.duration > exact * (1 - 1e-6)
+    assert made.certificate.holds
+    assert made.gap <= 1e-3
+
+
+def test_a_change_of_the_feed_is_a_ramp_in_the_faster_segment(machine):
+    """Order 2, on a line: from c₁ to c₂ takes (c₂ − c₁)/A, over (c₂² − c₁²)/2A of the faster segment."""
+    slow, fast, length = 1e-3, 5e-2, 0.02
+    lines = [
+        Line([length, 0, 0], speed=slow, join=Through()),
+        Line([2 * length, 0, 0], speed=fast),
+    ]
+    made = plan(Program(lines), machine, order=2)
+    ramps = (fast**2 - slow**2) / (2 * ACCELERATION), fast**2 / (2 * ACCELERATION)
+    exact = slow / (2 * ACCELERATION) + length / slow
+    exact += (fast - slow) / ACCELERATION + fast / ACCELERATION
+    exact += (length - sum(ramps)) / fast
+    assert made.trajectory.duration == pytest.approx(exact, rel=2e-6)
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_a_hexapod_cruises_at_a_feed_too(order):
+    """Its legs turn along a circle, so that no row is constant; the feed is."""
+    feed = 1e-4
+    hexapod = load_machine("hexapod")
+    start = [0.005, 0, 0.025]
+    circle = Arc([0, 0, 0.025], [0, 0, 1], 2 * np.pi, speed=feed)
+    made = plan(Program([Line(start), circle]), hexapod, order=order)
+    whole = plan(Program([Line(start)]), hexapod, order=order).trajectory.duration
+    way = 2 * np.pi * 0.005
+    assert way / feed < made.trajectory.duration - whole < way / feed + 0.2
+    assert any("cruise" in method for method in made.methods)
+    assert made.certificate.holds
+    assert made.gap <= 1e-3
+
+
+SQUARE = [[0.03, 0, 0], [0.03, 0.03, 0], [0, 0.03, 0], [0, 0, 0.002]]
+
+
+@pytest.mark.parametrize("join", [Blend(2e-5), Fit(2e-5)], ids=["blend", "fit"])
+@pytest.mark.parametrize("order", [2, 3])
+def test_corners_that_are_rounded_are_passed_at_the_feed(machine, order, join):
+    """Along a blend |dp/ds| varies, and ṡ with it: the tool keeps its cap, and nothing else binds."""
+    feed = 1e-3
+    lines = [Line(to, speed=feed, join=join) for to in SQUARE]
+    lines[-1] = replace(lines[-1], join=lines[0].join if isinstance(join, Fit) else Through())
+    made = plan(Program(lines), machine, order=order)
+    state = made.trajectory.at(np.linspace(0, made.trajectory.duration, 20_001))
+    speed = np.linalg.norm(np.gradient(state.pose.translation, state.t, axis=0), axis=1)
+    assert speed.max() <= feed * (1 + 1e-6)
+    assert np.median(speed) == pytest.approx(feed, rel=5e-5)  # MAX_SLOWING
+    assert np.mean(speed < 0.999 * feed) < 0.01
+    assert made.certificate.holds
+    assert made.gap <= 1e-3
+
+
+@pytest.mark.parametrize(("order", "kind"), [(2, "trapezoid"), (3, "s-curve")])
+@pytest.mark.parametrize("feed", [1e-4, 3e-3, 5e-2])
+def test_it_is_never_slower_than_the_classical_timing(machine, order, kind, feed):
+    segments = [
+        Line([0, 0, 0.01]),
+        Line([0.03, 0, 0], speed=feed),
+        Arc([0.03, 0.01, 0], [0, 0, 1], np.pi / 2, speed=feed),
+        Arc([0.06, 0.01, 0], [0, 0, -1], 3.0, speed=3 * feed),
+        Line([0, 0, 0.01]),
+    ]
+    made = plan(Program(segments), machine, order=order)
+    assert made.trajectory.duration <= classical(made, kind).duration
