@@ -44,7 +44,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from hashlib import sha256
-from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal
 
@@ -55,7 +54,7 @@ from planner.program.modifiers import Join, choose_join
 from planner.program.validation import check_positive
 from planner.sources.rs274.joints import find_header, read_joints, refuse_options
 from planner.sources.rs274.run import GcodeRun
-from planner.sources.rs274.words import MACHINING_WORDS, is_ignorable, split_lines
+from planner.sources.rs274.words import MACHINING_WORDS, is_ignorable
 from planner.sources.source import Faults, Imported, decode_text, zero_segment
 
 if TYPE_CHECKING:
@@ -140,7 +139,7 @@ class Gcode:
         if not faults and not run.entities.keys() - {"G4"}:
             faults.add("nothing moves: no G0, G1, G2 or G3 moves the tool")
         faults.refuse()
-        after = sum(line.strip() not in ("", "%") for line in islice(split_lines(text), run.number, None))
+        after = run.count_unread(text)
         program = Program(segments, "home", name=path.stem, work=self._work, join_word=run.join_word)
         return Imported(program, dict(sorted(run.entities.items())), run.warnings(after))
 
