@@ -141,7 +141,7 @@ class Gcode:
         faults.refuse()
         after = run.count_unread(text)
         program = Program(segments, "home", name=path.stem, work=self._work, join_word=run.join_word)
-        return Imported(program, dict(sorted(run.entities.items())), run.warnings(after))
+        return Imported(program, dict(sorted(run.entities.items())), run.warnings(after), frozenset(run.turned))
 
     def _run(self, faults: Faults) -> GcodeRun:
         return GcodeRun(self, self._work, faults)

@@ -71,12 +71,14 @@ class Imported(Result):
     """What a file was understood to be; what rounding left of zeros in its program is taken away.
 
     entities  how many of each kind, in the format's own words: {"G1": 120, "G2": 8}
+    turned    angles of the tool's orientation that change: of rx, ry and rz
     warnings  what its user has to know: what was left out of the program, or taken to mean something
     """
 
     program: Program
     entities: Mapping[str, int]
     warnings: tuple[str, ...] = ()
+    turned: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "program", zero_small_numbers(self.program))

@@ -105,7 +105,7 @@ class GcodeRun:
     place   x, y, z (m), a, b, c (rad) that the blocks have led to, in the file's numbers
     tool  (3,) where the segments lead to, likewise: an arc may end a rounding from its place
     held    the last segment, whose join a rest may change; ready: those before it that have not been taken
-    number  of the line that was read last
+    number  of the line that was read last;  turned: the angles that blocks have changed, of rx, ry and rz
     join_word  the last word that asks for the path as it is
     """
 
@@ -129,6 +129,7 @@ class GcodeRun:
         self.motion: float | None = None
         self.modes = Modes(UNIT_METRES[20.0 if options.length == "in" else 21.0], options.first_join)
         self.cycles = Cycles()
+        self.turned: set[str] = set()
         self.join_word, self.unstated_level, self.fed = "", True, False
         self.parameters = Parameters()
         self.flow: Flow | None = None
@@ -591,13 +592,20 @@ class GcodeRun:
             return None
         from planner.sources.rs274.turns import turn_along
 
+        self._note_turned(way)
         orientation = turn_along(self._angles(place), self._angles(end))
         self.several += len([k for k in range(3, 6) if place[k] != end[k]]) > 1
         return orientation
 
+    def _note_turned(self, way: Way) -> None:
+        """Note the angles that a block changes: A, B and C are rx, ry and rz."""
+        changed = (name for name, k in (("rx", 3), ("ry", 4), ("rz", 5)) if way.start[k] != way.end[k])
+        self.turned.update(changed)
+
     def _turn(self, number: int, way: Way, rapid: bool) -> None:
         from planner.sources.rs274.turns import turn_on_spot
 
+        self._note_turned(way)
         begin, end = self._angles(way.start), self._angles(way.end)
         turn, angle = turn_on_spot(begin, end, self.modes.join, number)
         self.several += turn.about is None
