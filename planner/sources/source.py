@@ -247,11 +247,11 @@ def read_all_bytes(path: Path) -> bytes:
 
 
 def decode_text(path: Path) -> str:
-    """The text, line ends as \\n; bytes that are not UTF-8 stand in it as lone surrogates, for its reader to refuse.
+    """Return a file's text with line ends as \\n. Bytes that are not UTF-8 become lone surrogates, for its reader to refuse.
 
     Raises FileError for a file that is missing, unreadable, too large or UTF-16.
     """
     raw = read_all_bytes(path)
     toml_document.refuse_utf16(str(path), raw)
     text = raw.decode("utf-8", "surrogateescape").removeprefix("\ufeff")
-    return text.replace("\r\n", "\n").replace("\r", "\n")
+    return toml_document.unify_line_ends(text).replace("\r", "\n")

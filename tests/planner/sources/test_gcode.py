@@ -598,6 +598,13 @@ def test_a_file_is_read_as_a_stream(tmp_path):
         list(stream.program.segments)
 
 
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r", "\r\r\n"])
+def test_lines_are_counted_whatever_ends_them(read, end):
+    with pytest.raises(FileError) as refused:
+        read(end.join(["G21 G90 F600", "G1 X1", "G5 X2", "X3", "G5 X4", ""]))
+    assert [fault.line for fault in refused.value.faults] == [3, 5]
+
+
 def test_what_is_skipped_and_what_is_long_names_its_line(read):
     done = read("G21 G90\nG1 X1 F600\nG1 X1\nG4 P1500\nG1 X2\nG4 P99\n")
     assert "blocks that end where they start were skipped (1x: line 3)" in done.warnings
