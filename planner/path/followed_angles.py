@@ -1,7 +1,8 @@
-"""Rotations that a machine cannot make, because that angle of its platform follows from its other axes.
+"""Rotations that a machine cannot make, because that angle of its platform follows from its other
+axes.
 
-The platform's orientation is Rx(θx) · Ry(θy) · Rz(θz). On a machine whose rz follows, as a five-axis mill that turns its
-tool about two axes, no axis moves for a change of θz alone.
+The platform's orientation is Rx(θx) · Ry(θy) · Rz(θz). On a machine whose rz follows, as a
+five-axis mill that turns its tool about two axes, no axis moves for a change of θz alone.
 """
 
 from collections.abc import Iterable
@@ -46,7 +47,8 @@ def begin_turn(angle: float, axis: Array) -> Rotation:
 
 
 def refuse_lost_turn(before: Rotation, after: Rotation, machine: Machine) -> None:
-    """Raise MotionError if only angles that follow differ between two orientations: no axis moves for that."""
+    """Raise MotionError if only angles that follow differ between two orientations: no axis moves
+    for that."""
     changed = find_changed_angles(before, after)
     if changed and changed <= frozenset(machine.follows):
         names = ", ".join(sorted(changed))
@@ -56,7 +58,8 @@ def refuse_lost_turn(before: Rotation, after: Rotation, machine: Machine) -> Non
 
 
 def list_turned_angles(program: Program) -> frozenset[str]:
-    """Return the angles that a program's orientations change. A file that is read again and again counts as none."""
+    """Return the angles that a program's orientations change. A file that is read again and again
+    counts as none."""
     if isinstance(program.segments, SegmentStream):
         return frozenset()
     here = Rotation.identity() if program.start is None else program.start.rotation
@@ -76,7 +79,8 @@ def list_turned_angles(program: Program) -> frozenset[str]:
 
 
 def describe_lost_angles(turned: Iterable[str], machine: Machine) -> str:
-    """Return a warning of angles that a program changes and that follow on its machine; "": there are none."""
+    """Return a warning of angles that a program changes and that follow on its machine; "": there
+    are none."""
     lost = [name for name in ANGLES if name in turned and name in machine.follows]
     if not lost:
         return ""

@@ -67,21 +67,36 @@ def import_(
 
         name = source_name(file)
     source = IMPORTS.make(name, given)
+    from planner.sources.source import stream_program
+
     with step(f"reading {file}"):
-        found = source.read(file)
-    # after what the file says wrong, which is told sooner so
+        found = stream_program(file, source)
+    # loaded after the faults of the file have been found, which then show sooner
     import numpy as np
 
-    from planner.program.program_writer import program_toml
+    from planner.program.program_writer import program_lines
+    from planner.program.validation import MOST_SEGMENTS
+    from planner.sources.outline import Outliner
     from pulsepath.output import record
 
-    way = found.outline
+    count = len(found.program.segments)
+    if count > MOST_SEGMENTS:
+        raise MotionError(
+            f"{file}: {count_noun(count, 'segment')}; a TOML program has at most {MOST_SEGMENTS}: plan the file as it "
+            f"is (pulsepath plan {file.name}), or split it"
+        )
     with step(f"writing {out} and {image}"), stage_files(destinations) as (written, drawn):
         from planner.sources.figures import program_path
 
-        told = f"{found.program.name}, imported from {file.name} ({name})"
-        written.write_text(program_toml(found.program, told, source=file.name), encoding="utf-8")
-        figure_of = program_path(way).get_figure(root=True)
+        title = f"{found.program.name}, imported from {file.name} ({name})"
+        outliner = Outliner(found.program)
+        segments = outliner.follow(found.program.segments)
+        with written.open("w", encoding="utf-8") as target:
+            lines = program_lines(found.program, title, source=file.name, segments=segments)
+            target.writelines(f"{line}\n" for line in lines)
+        way = outliner.finish()
+        axes = program_path(way, title=f"{count_noun(count, 'segment')}, {1e3 * way.length:.6g} mm")
+        figure_of = axes.get_figure(root=True)
         if figure_of is not None:
             figure_of.savefig(drawn, dpi=150)
     about = record.of_import(name, found, way, str(out), str(image))

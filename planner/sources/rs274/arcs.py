@@ -1,4 +1,5 @@
-"""Arcs of G-code: the centre and the signed angle that I J K or R, P and the end point state, in the arc's plane.
+"""Arcs of G-code: the centre and the signed angle that I J K or R, P and the end point state, in
+the arc's plane.
 
 Points are (2,) there, and angles positive from its first axis to its second.
 """
@@ -25,9 +26,11 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """Points of a block: where the tool is, where the blocks before have led to, and where the block leads.
+    """Points of a block: where the tool is, where the blocks before have led to, and where the
+    block leads.
 
-    An arc may have left the tool a rounding from `start`. Coordinates in m: x, y, z first, or of the arc's plane.
+    An arc may have left the tool a rounding from `start`. Coordinates in m: x, y, z first, or of
+    the arc's plane.
     """
 
     tool: Sequence[float]
@@ -63,9 +66,7 @@ def arc_by_centre(way: Way, centre: Point, clockwise: bool, most: float | None =
     radius, final = dist(way.tool, centre), dist(way.end, centre)
     off = abs(radius - final)
     if min(radius, final) <= MIN_MOVE:
-        raise MotionError(
-            f"its centre [{_mm(centre)}] mm is its start or end point; give another centre, or R"
-        )
+        raise MotionError(f"its centre [{_mm(centre)}] mm is its start or end point; give another centre, or R")
     rounding = min(ALWAYS_REFUSED, max(ROUNDED, RELATIVE * max(radius, final)))
     allowed = rounding if most is None else most
     if off > allowed:
@@ -136,9 +137,7 @@ def _mm(point: Point) -> str:
     return ", ".join(f"{value * 1e3:.6g}" for value in point)
 
 
-def read_arc(
-    values: Mapping[str, float], clockwise: bool, way: Way, modes: Modes, most: float | None = None
-) -> ArcFit:
+def read_arc(values: Mapping[str, float], clockwise: bool, way: Way, modes: Modes, most: float | None = None) -> ArcFit:
     """Return the arc that a block's words state.
 
     Raises WordFault, or MotionError as `arc_by_centre` and `arc_by_radius`; most: as of the former.
@@ -152,9 +151,7 @@ def read_arc(
         raise WordFault(across, f"{across} is outside the plane of G{modes.plane:.0f}, and not 0")
     offsets.pop(across, None)
     if ("R" in values) == bool(offsets):
-        raise WordFault(
-            "R" if offsets else "", f"{word} needs either its centre I J K or its radius R"
-        )
+        raise WordFault("R" if offsets else "", f"{word} needs either its centre I J K or its radius R")
     plane = way.project(first, second)
     if offsets:
         letters = OFFSETS[first], OFFSETS[second]

@@ -1,8 +1,10 @@
-"""Systems of coordinates of a G-code file, the shifts of all systems, and the tool offsets that are left out.
+"""Systems of coordinates of a G-code file, the shifts of all systems, and the tool offsets that are
+left out.
 
-p = Rz(R) · (u + g) + o − w, with u a block's numbers (m), g the shift of G92 or G52, o and R the offset and the turn of
-the active system, and w the position of the file's zero (option `origin`), all measured from home but p, which is in the
-program's frame. The angles of A, B and C are α = u + g + o: a system's turn does not change them.
+p = Rz(R) · (u + g) + o − w, with u a block's numbers (m), g the shift of G92 or G52, o and R the
+offset and the turn of the active system, and w the position of the file's zero (option `origin`),
+all measured from home but p, which is in the program's frame. The angles of A, B and C are α = u +
+g + o: a system's turn does not change them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,12 +18,13 @@ AXES = "XYZABC"
 Point = tuple[float, float, float]
 Shift = tuple[float, float, float, float, float, float]
 """Of X, Y, Z in m and A, B, C in rad."""
-NO_SHIFT: Shift = (0.0,) * 6  # type: ignore[assignment]  # mypy does not count the repetition
+NO_SHIFT: Shift = (0.0,) * 6
 
 
 @dataclass(frozen=True, slots=True)
 class System:
-    """One of G54 to G59.3; stated: by the file itself, so that its place does not depend on the controller's table."""
+    """One of G54 to G59.3; stated: by the file itself, so that its place does not depend on the
+    controller's table."""
 
     offset: Shift
     turn: float = 0.0
@@ -95,16 +98,19 @@ class Coordinates:
         self._settle()
 
     def move(self) -> tuple[str, str] | None:
-        """Note that the tool moves. Return two systems under which it has, if the file states the place of neither."""
+        """Note that the tool moves. Return two systems under which it has, if the file states the
+        place of neither."""
         if not self._said or self._systems[self._active].stated:
             return None
         before, self._moved = self._moved or self._active, self._active  # so that a change is reported once
         return None if before == self._active else (f"G{before:g}", f"G{self._active:g}")
 
     def state(self, values: Mapping[str, float], unit: float, place: Sequence[float]) -> None:
-        """Run G10 L2 and L20 P: state a system's offset and turn, or the numbers of the tool's place in it.
+        """Run G10 L2 and L20 P: state a system's offset and turn, or the numbers of the tool's
+        place in it.
 
-        place  (6,) of the tool in the program's frame. Under L20, letters that are missing keep their numbers.
+        place  (6,) of the tool in the program's frame. Under L20, letters that are missing keep
+               their numbers.
         Raises MotionError for words that do not fit.
         """
         number = values.get("P", -1.0)
@@ -135,7 +141,8 @@ class Coordinates:
     def shift(self, code: float, values: Mapping[str, float], unit: float, u: Sequence[float]) -> None:
         """Run G92, the place of the tool has these numbers, and G52, the zero is shifted by them.
 
-        u  (6,) numbers that the tool has now. G92.1 ends the shift, G92.2 suspends it, G92.3 brings it back.
+        u  (6,) numbers that the tool has now. G92.1 ends the shift, G92.2 suspends it, G92.3 brings
+           it back.
         G52 and G92 state the same shift, as in LinuxCNC.
         """
         if code in (52, 92):
@@ -170,7 +177,8 @@ def _six(values: Sequence[float]) -> Shift:
 class ToolOffsets:
     """The tool offset that words state which are left out.
 
-    A program that moves under two offsets is another path without them: the offset of each move is compared with that of
+    A program that moves under two offsets is another path without them: the offset of each move is
+    compared with that of
     the move before. As long as no word states one, any offset is as good.
 
     active  the words that state the offset, as G43 H1; empty: none

@@ -1,4 +1,5 @@
-"""Canned cycles of RS-274, G73, G74 and G81 to G89, as LinuxCNC runs them, in the axes of the active plane.
+"""Canned cycles of RS-274, G73, G74 and G81 to G89, as LinuxCNC runs them, in the axes of the
+active plane.
 
 | cycle | from the retract level R |
 |---|---|
@@ -12,9 +13,10 @@
 | G87 | back boring: beside the hole by I J K in the plane, to the bottom, into its axis, up to the level along it, back |
 | G88 | feed in, a dwell P, the spindle stops and the program too; the operator retracts |
 
-Source: LinuxCNC, src/emc/rs274ngc/interp_cycles.cc. A cycle moves in the plane at the level where its series began, down
-to R, and at its end to that level again (G98) or to R (G99). R, the bottom, P, Q, I, J and K hold until another motion.
-Under G91 the positions in the plane and R are increments, and the bottom counts from R. L repeats a block.
+Source: LinuxCNC, src/emc/rs274ngc/interp_cycles.cc. A cycle moves in the plane at the level where
+its series began, down to R, and at its end to that level again (G98) or to R (G99). R, the bottom,
+P, Q, I, J and K hold until another motion. Under G91 the positions in the plane and R are
+increments, and the bottom counts from R. L repeats a block.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -43,7 +45,8 @@ Point = tuple[float, float, float]
 class Step(NamedTuple):
     """One step of a cycle.
 
-    kind  rapid and feed lead `to` a point; rest: `value` s; event: the M word `value` or, for stop, a stop of the program
+    kind  rapid and feed lead `to` a point; rest: `value` s; event: the M word `value` or, for stop,
+          a stop of the program
     """
 
     kind: Literal["rapid", "feed", "rest", "event", "stop"]
@@ -55,7 +58,8 @@ class Step(NamedTuple):
 class Setting:
     """The modes that a block of a cycle depends on.
 
-    axes   letters of the plane's first and second axis and of its normal; unit: m of the numbers; second: s of P
+    axes   letters of the plane's first and second axis and of its normal; unit: m of the numbers;
+           second: s of P
     lowest  whether the tool retracts to R only (G99); spindle: the M word that is active
     """
 
@@ -217,7 +221,8 @@ def _peck(code: float, hole: Hole) -> Iterator[Step]:
 
 
 def _bore_back(hole: Hole, setting: Setting) -> Iterator[Step]:
-    """Yield the steps of G87: the tool passes the hole beside its axis, with the spindle stopped."""
+    """Yield the steps of G87: the tool passes the hole beside its axis, with the spindle
+    stopped."""
     offset = {"X": "I", "Y": "J", "Z": "K"}
     i, j, k = (hole.values[offset[axis]] for axis in setting.axes)
     middle = k if setting.absolute else hole.bottom + k

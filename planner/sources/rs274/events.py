@@ -1,9 +1,10 @@
-"""Events of G-code: stops, changes of the tool, spindle, coolant and outputs, as triggers along the path.
+"""Events of G-code: stops, changes of the tool, spindle, coolant and outputs, as triggers along the
+path.
 
-As in LinuxCNC, the events of a block come before its motion, except M0, M1 and M60, which come after it. An event is a
-trigger at the end of the segment before it, which may be a dwell; before the first segment, or where that one marks its
-start, it is one at the start of the next segment. The motion stops at a change of the tool, at M0, M1 and M60, and where
-M66 waits for an input.
+As in LinuxCNC, the events of a block come before its motion, except M0, M1 and M60, which come
+after it. An event is a trigger at the end of the segment before it, which may be a dwell; before
+the first segment, or where that one marks its start, it is one at the start of the next segment.
+The motion stops at a change of the tool, at M0, M1 and M60, and where M66 waits for an input.
 """
 
 from collections.abc import Sequence
@@ -17,11 +18,13 @@ TOOL_CHANGE = 6.0
 STOPS = (0.0, 1.0, 60.0)
 """The M words after whose block the program waits for its operator."""
 OUTPUTS = {62.0: "P", 63.0: "P", 64.0: "P", 65.0: "P", 66.0: "PELQ", 67.0: "EQ", 68.0: "EQ"}
-"""Outputs and the wait for an input, with the letters of their arguments, which follow them in their block."""
+"""Outputs and the wait for an input, with the letters of their arguments, which follow them in
+their block."""
 WAIT = 66.0
 """The M word that waits for an input, unless it has L0 or no L."""
 EVENTS = (TOOL_CHANGE, 3.0, 4.0, 5.0, 7.0, 8.0, 9.0, *OUTPUTS, *STOPS)
-"""The M words that are events. Those of a block come in its order, but a change of the tool first."""
+"""The M words that are events. Those of a block come in its order, but a change of the tool
+first."""
 MOST_LINES = 5
 """Lines that a warning names."""
 
@@ -52,7 +55,8 @@ class WordLines:
 
 
 LONG_DWELL = 100.0
-"""s above which a dwell is warned of: controllers differ in whether P counts seconds or milliseconds."""
+"""s above which a dwell is warned of: controllers differ in whether P counts seconds or
+milliseconds."""
 LONG_TOLD = f"dwells above {LONG_DWELL:g} s, of which P may be meant in ms (option dwell)"
 NOWHERE_TOLD = "blocks that end where they start were skipped"
 
@@ -65,7 +69,8 @@ Running = dict[str, float]
 class Events:
     """The events of a file: those that wait for the next segment, and the lines of all.
 
-    codes    the M words that are events here: without those that are left out; none of spindle and tool if `strict`
+    codes    the M words that are events here: without those that are left out; none of spindle and
+             tool if `strict`
     running  the active words of spindle and coolant
     """
 

@@ -1,9 +1,10 @@
-"""Parameters and expressions of RS-274, as LinuxCNC has them: #1, #<name>, #[2 + 3], [#1 * SIN[30]], ATAN[1]/[2].
+"""Parameters and expressions of RS-274, as LinuxCNC has them: #1, #<name>, #[2 + 3], [#1 *
+SIN[30]], ATAN[1]/[2].
 
-Angles are in degrees. Operators bind in this order: ** first, then * / MOD, then + -, then EQ NE GT GE LT LE, then
-AND OR XOR; each from left to right. Case and blanks mean nothing. A parameter has to be set before it is used: where
-RS-274 would take 0, a reader cannot know whether that was meant. #<_value> and #<_value_returned> are set by calls only,
-and are 0 before the first.
+Angles are in degrees. Operators bind in this order: ** first, then * / MOD, then + -, then EQ NE GT
+GE LT LE, then AND OR XOR; each from left to right. Case and blanks mean nothing. A parameter has to
+be set before it is used: where RS-274 would take 0, a reader cannot know whether that was meant.
+#<_value> and #<_value_returned> are set by calls only, and are 0 before the first.
 """
 
 import re
@@ -76,8 +77,10 @@ RETURNED = ("_value", "_value_returned")
 class Parameters:
     """The values of a program's parameters.
 
-    A call of an O-word sub has its own #1 to #30 and names without a leading underscore. M98 shares those of its
-    caller. Each call has a context: M70 and M73 save the modal state there (planner.sources.rs274.modes).
+    A call of an O-word sub has its own #1 to #30 and names without a leading underscore. M98 shares
+    those of its
+    caller. Each call has a context: M70 and M73 save the modal state there
+    (planner.sources.rs274.modes).
 
     ended  contexts of the calls that have returned since the reader has looked, in this order
     """
@@ -94,7 +97,8 @@ class Parameters:
         return self._contexts[-1]
 
     def enter(self, given: list[float] | None) -> None:
-        """Begin a call with these values as #1, #2 …; the others up to #30 are 0. None: a call by M98."""
+        """Begin a call with these values as #1, #2 …; the others up to #30 are 0. None: a call by
+        M98."""
         self._contexts.append({})
         if given is None:
             self._own.append(self._own[-1])
@@ -143,7 +147,8 @@ class Cursor:
         self.at += 1
 
     def value(self) -> float:
-        """Read a number, a parameter, an expression in brackets or a function, with or without a sign."""
+        """Read a number, a parameter, an expression in brackets or a function, with or without a
+        sign."""
         character, begin = self.next, self.at
         self._depth += 1
         if self._depth > MAX_DEPTH:
@@ -262,7 +267,8 @@ class Cursor:
 def read_block(line: str, parameters: Parameters) -> tuple[list[tuple[str, str]], list[int]]:
     """Return the words of a line with parameters or expressions, and the column of each, from 1.
 
-    The parameters that the line sets have their new values after it, as in RS-274. Raises ExpressionFault.
+    The parameters that the line sets have their new values after it, as in RS-274. Raises
+    ExpressionFault.
     """
     cursor = Cursor(line, 0, parameters)
     words: list[tuple[str, str]] = []

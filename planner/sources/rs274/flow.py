@@ -10,8 +10,9 @@
 | O1 alone, M99 | the first line and the return of a subprogram as Fanuc has it, after the end of the main program |
 | M98 P1 L3 | runs subprogram O1, three times, with the parameters of its caller |
 
-A label is a number or a <name>. Blocks close in reverse order of opening. Subs of other files are not searched. A label
-alone before everything else is the number of the main program. M99 in the main program ends it.
+A label is a number or a <name>. Blocks close in reverse order of opening. Subs of other files are
+not searched. A label alone before everything else is the number of the main program. M99 in the
+main program ends it.
 """
 
 import re
@@ -42,12 +43,14 @@ _COMMENT = re.compile(r"\([^()]*\)|;.*")
 ENDS = {"endsub": "sub", "endwhile": "while", "endif": "if", "endrepeat": "repeat"}
 PARTS = {"elseif": "if", "else": "if"}
 PROGRAM, CALL, RETURN, COMPUTED = "program", "M98", "M99", ""
-"""Kinds of lines that are no O-word with a keyword: a label alone, M98 and M99; and the label of a computed call."""
+"""Kinds of lines that are no O-word with a keyword: a label alone, M98 and M99; and the label of a
+computed call."""
 MAX_CALLS, MAX_LINES = 20, 1_000_000
 
 
 def find_flow(text: str) -> bool:
-    """Return whether a file has O-words or M98, so that lines run in another order than they are written."""
+    """Return whether a file has O-words or M98, so that lines run in another order than they are
+    written."""
     return _ANY.search(text) is not None
 
 
@@ -57,7 +60,8 @@ def is_program_label(line: str) -> bool:
 
 
 def delete_slash(line: str, deleted: str) -> str:
-    """Return a line without the slash that begins it, or that follows its number; "": the block is skipped."""
+    """Return a line without the slash that begins it, or that follows its number; "": the block is
+    skipped."""
     slash = _SLASH.match(line)
     if slash is None:
         return line
@@ -66,7 +70,8 @@ def delete_slash(line: str, deleted: str) -> str:
 
 @dataclass(slots=True)
 class _Word:
-    """An O-word or a call: its line, from 0, label, keyword and where that ends; of a block its parts and its end."""
+    """An O-word or a call: its line, from 0, label, keyword and where that ends; of a block its
+    parts and its end."""
 
     line: int
     label: str
@@ -80,7 +85,8 @@ class _Word:
 
 @dataclass(slots=True)
 class _Call:
-    """A call that runs: where it returns to, the open loops of its caller, how often it runs again, and what it calls.
+    """A call that runs: where it returns to, the open loops of its caller, how often it runs again,
+    and what it calls.
 
     turns  of each open repeat, how many are left
     """
@@ -95,7 +101,8 @@ class Flow:
     """A file's lines and the order in which they run.
 
     used      whether that is another order than they are written in
-    restarts  line of an M99 that ends the main program, where a controller would start it again; 0: none has run
+    restarts  line of an M99 that ends the main program, where a controller would start it again; 0:
+              none has run
     """
 
     def __init__(self, text: str, parameters: Parameters, faults: Faults, deleted: str | None = None) -> None:
@@ -214,7 +221,8 @@ class Flow:
         return False
 
     def run(self) -> Iterator[tuple[int, str]]:
-        """Yield number and text of each line that is no O-word, in the order in which they run, up to a fault."""
+        """Yield number and text of each line that is no O-word, in the order in which they run, up
+        to a fault."""
         if self.faults:
             return
         at, begun = 0, False
@@ -294,7 +302,8 @@ class Flow:
         return line + 1, {}
 
     def _return(self, word: _Word, calls: list[_Call], turns: dict[int, int]) -> tuple[int, dict[int, int]]:
-        """Return the line after a call, or the first one of its next run, and the open loops there."""
+        """Return the line after a call, or the first one of its next run, and the open loops
+        there."""
         call = calls.pop()
         if (word.keyword == RETURN) != (call.target >= 0):
             end = "M99" if call.target >= 0 else "return or endsub"
@@ -382,7 +391,8 @@ class Flow:
         return word.end + 1
 
     def _values(self, word: _Word, count: int | None) -> list[float]:
-        """Return the values in brackets after an O-word; count: how many it needs, None: any number."""
+        """Return the values in brackets after an O-word; count: how many it needs, None: any
+        number."""
         line = _COMMENT.sub(lambda comment: " " * len(comment[0]), self.lines[word.line])
         cursor, values = Cursor(line, word.after, self.parameters), list[float]()
         while cursor.next == "[":

@@ -1,4 +1,5 @@
-"""Modal state of a G-code program: what holds until a word changes it, and what M70 to M73 save and restore."""
+"""Modal state of a G-code program: what holds until a word changes it, and what M70 to M73 save and
+restore."""
 
 from dataclasses import dataclass, replace
 from math import radians
@@ -12,7 +13,8 @@ UNIT_METRES = {20.0: 0.0254, 21.0: 1e-3}
 
 @dataclass(frozen=True, slots=True)
 class Feed:
-    """An F word as the speeds that it states where it is read: a later G20 or G21 leaves them as they are.
+    """An F word as the speeds that it states where it is read: a later G20 or G21 leaves them as
+    they are.
 
     speed    of the tool along the path, m/s;  turning: where only A, B and C change, rad/s
     inverse  blocks per second, under G93
@@ -54,7 +56,8 @@ class Modes:
 
 @dataclass(frozen=True, slots=True)
 class Saved:
-    """The state that M70 and M73 save; system: 54 to 59.3; offset: of the tool; running: spindle and coolant."""
+    """The state that M70 and M73 save; system: 54 to 59.3; offset: of the tool; running: spindle
+    and coolant."""
 
     modes: Modes
     system: float

@@ -1,4 +1,5 @@
-"""A controller's state, changed by G-code block by block, and the segments that the blocks become."""
+"""A controller's state, changed by G-code block by block, and the segments that the blocks
+become."""
 
 from __future__ import annotations
 
@@ -48,7 +49,8 @@ USER_LETTERS = frozenset("STEHD$")
 """Letters that no motion takes, so that they belong to an M word before them in any block."""
 CONTEXT_M = (70.0, 71.0, 72.0, 73.0)
 PROGRESS_LETTERS = frozenset("PRSQCDL")
-"""Letters with which M73 is a printer's report of its progress, not the M73 of LinuxCNC, which takes none."""
+"""Letters with which M73 is a printer's report of its progress, not the M73 of LinuxCNC, which
+takes none."""
 SPINDLE_WORDS = frozenset({("M", 3.0), ("M", 4.0), ("M", 5.0), ("M", 19.0), ("G", 97.0)})
 """Words that $ selects the spindle of; S too."""
 FEED_UNIT_TOLD = (
@@ -90,6 +92,8 @@ class BlockWords:
     contexts  M70 to M73
     """
 
+    __slots__ = ("codes", "contexts", "events", "silent", "stops", "values")
+
     def __init__(self) -> None:
         self.codes: dict[str, float] = {}
         self.values: dict[str, float] = {}
@@ -104,8 +108,10 @@ class GcodeRun:
 
     place   x, y, z (m), a, b, c (rad) that the blocks have led to, in the file's numbers
     tool  (3,) where the segments lead to, likewise: an arc may end a rounding from its place
-    held    the last segment, whose join a rest may change; ready: those before it that have not been taken
-    number  of the line that was read last;  turned: the angles that blocks have changed, of rx, ry and rz
+    held    the last segment, whose join a rest may change; ready: those before it that have not
+            been taken
+    number  of the line that was read last;  turned: the angles that blocks have changed, of rx, ry
+            and rz
     join_word  the last word that asks for the path as it is
     """
 
@@ -195,7 +201,8 @@ class GcodeRun:
             self.held = self.events.read(number, words.stops, self.held)
 
     def _sort_words(self, number: int, words: Words) -> BlockWords:
-        """Sort the words of a block. Raises WordFault for one that is not supported or does not fit."""
+        """Sort the words of a block. Raises WordFault for one that is not supported or does not
+        fit."""
         block = BlockWords()
         codes, values = block.codes, block.values
         owner: tuple[str, float] | None = None  # the word whose arguments follow
@@ -246,7 +253,8 @@ class GcodeRun:
                 block.silent.append((letter, value))
             else:
                 raise WordFault(given + text, _describe_unsupported(given, text))
-        self._check_words(block, words, owned)
+        if owned or block.silent or "L" in values or "Q" in values:
+            self._check_words(block, words, owned)
         for letter, value in block.silent:
             self.events.note(letter, value)
         if "G49" in codes:
@@ -254,7 +262,8 @@ class GcodeRun:
         return block
 
     def _own(self, number: int, block: BlockWords, owner: tuple[str, float], word: tuple[str, float]) -> None:
-        """Take an argument of a word that is left out, or of an output, whose trigger is named after it."""
+        """Take an argument of a word that is left out, or of an output, whose trigger is named
+        after it."""
         letter, value = word
         if block.events and owner == ("M", block.events[-1][0]):
             code, text = block.events[-1]
@@ -265,7 +274,8 @@ class GcodeRun:
                 self.left_out.add(name, number)
 
     def _pecks(self, words: Words) -> bool:
-        """Return whether a block is one of a cycle that drills in steps, whose clearance D may state."""
+        """Return whether a block is one of a cycle that drills in steps, whose clearance D may
+        state."""
         stated = [
             float(text) for letter, text in words if letter.upper() == "G" and GROUPS.get(float(text)) == "motion"
         ]
@@ -376,7 +386,8 @@ class GcodeRun:
             self._restore(saved)
 
     def _restore(self, saved: Saved) -> None:
-        """Bring back the modes, the system, the tool offset, and spindle and coolant that were saved."""
+        """Bring back the modes, the system, the tool offset, and spindle and coolant that were
+        saved."""
         self.modes = saved.modes.copy()
         if self.coordinates.active != saved.system:
             self._renumber(lambda: self.coordinates.choose(saved.system))
@@ -406,7 +417,8 @@ class GcodeRun:
         return [angle + zero for angle, zero in zip(place[3:], self.coordinates.angles, strict=True)]
 
     def _once(self, number: int, code: float, values: dict[str, float]) -> None:
-        """Run G10, G28, G52, G53 or G92, which count from home or change from where numbers count."""
+        """Run G10, G28, G52, G53 or G92, which count from home or change from where numbers
+        count."""
         word = f"G{code:g}"
         if self.tilted and code in (10, 28, 53):
             raise WordFault(word, f"{word} with angles in the option origin is not supported")
@@ -474,9 +486,7 @@ class GcodeRun:
                 self.remarks.add(LONG_TOLD, number)
             self._add(Dwell(seconds, line_number=number))
 
-    def _move(
-        self, number: int, values: dict[str, float], from_home: Mapping[str, float] | None = None
-    ) -> None:
+    def _move(self, number: int, values: dict[str, float], from_home: Mapping[str, float] | None = None) -> None:
         """Add the way to the point of the words; from_home: axes whose numbers count from there."""
         if self.motion is None:
             if self.faults.unread:  # it may stand in a line that was left out
@@ -670,9 +680,7 @@ class GcodeRun:
         turned = self._find_orientation(way)
         axis[0], axis[1] = self.coordinates.turn(axis[0], axis[1])
         about = np.array(self.coordinates.to_program(centre)), np.array(axis)
-        self._add(
-            Arc(*about, arc.angle, turned, speed, modes.join, rise=rise, line_number=number)
-        )
+        self._add(Arc(*about, arc.angle, turned, speed, modes.join, rise=rise, line_number=number))
         turn = arc.angle
         self.tool = list(end[:3])
         self.tool[first] = arc.centre[0] + u * cos(turn) - v * sin(turn)
@@ -681,7 +689,8 @@ class GcodeRun:
         self.entities[f"G{self.motion:.0f}"] += 1
 
     def warnings(self, after: int) -> tuple[str, ...]:
-        """Return the assumptions that were made, and what was left out; after: lines after the end that never ran."""
+        """Return the assumptions that were made, and what was left out; after: lines after the end
+        that never ran."""
         texts = [f"no G20 or G21: unit {self.options.length} was assumed"] if self.unstated else []
         texts += self.events.describe()
         texts += [f"skipped: {', '.join(self.left_out.describe())}"] if self.left_out.counts else []
@@ -699,7 +708,8 @@ class GcodeRun:
 
 
 def _describe_unsupported(given: str, text: str) -> str:
-    """Return the fault of a word that is not supported, with the option that leaves it out if one may."""
+    """Return the fault of a word that is not supported, with the option that leaves it out if one
+    may."""
     letter, value = given.upper(), float(text)
     word = f"{letter}{value:g}"
     every = letter if is_ignorable(letter) and letter != "M" else word

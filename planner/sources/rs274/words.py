@@ -1,4 +1,5 @@
-"""Words of a G-code file, block by block: comments are removed, and every other character is accounted for.
+"""Words of a G-code file, block by block: comments are removed, and every other character is
+accounted for.
 
 Words that leave the path as it is may be left out on demand, together with their arguments.
 """
@@ -84,7 +85,8 @@ class WordFault(MotionError):
 
 
 def split_lines(text: str) -> Iterator[str]:
-    """Yield the lines of a text with their ends. StringIO would copy the text, at four bytes a character."""
+    """Yield the lines of a text with their ends. StringIO would copy the text, at four bytes a
+    character."""
     begin = 0
     while begin < len(text):
         end = text.find("\n", begin) + 1 or len(text)
@@ -99,12 +101,14 @@ def blocks(
     ignored: frozenset[str] = frozenset(),
     flow: Flow | None = None,
 ) -> Iterator[WordBlock]:
-    """Yield every line that has words, in the order in which lines run, up to the % that ends the program.
+    """Yield every line that has words, in the order in which lines run, up to the % that ends the
+    program.
 
     deleted  how to treat blocks that begin with /; None: they are faults
     ignored  words that are left out, so that text after them is no fault
     flow     the order in which lines run, if the caller needs it too; None: it is made here
-    A faulty line becomes a fault, and is left out. Comments are ( … ) without parentheses inside, and from ; to the
+    A faulty line becomes a fault, and is left out. Comments are ( … ) without parentheses inside,
+    and from ; to the
     line's end; blanks take their place in the text, so that columns stay.
     """
     begun, first = False, True
@@ -155,7 +159,8 @@ def _parse_line(
 ) -> tuple[Words, tuple[int, ...]] | None:
     """Return the words of a line that is not letters and numbers alone, and their columns.
 
-    Blanks mean nothing, not even within a number (RS-274). Text after an ignored word is left out. None: a fault.
+    Blanks mean nothing, not even within a number (RS-274). Text after an ignored word is left out.
+    None: a fault.
     """
     line = _cut_text(line, ignored)
     places = [k for k, character in enumerate(line) if character not in " \t"]
@@ -195,7 +200,8 @@ def _parse_compact(
 
 
 def _cut_text(line: str, ignored: frozenset[str]) -> str:
-    """Return a line without the text that is the argument of an ignored word, as in M117 50% done."""
+    """Return a line without the text that is the argument of an ignored word, as in M117 50%
+    done."""
     for code in _CODE.finditer(line):
         letter, value = code[1].upper(), float(code[2])
         if letter != "M" or find_ignored_word(letter, value, ignored) is None:
@@ -207,7 +213,8 @@ def _cut_text(line: str, ignored: frozenset[str]) -> str:
 
 
 def _find_argument_text(compact: str, at: int, ignored: frozenset[str]) -> int | None:
-    """Return the end of an ignored word whose argument is the text at a place, as of M117; None: there is none."""
+    """Return the end of an ignored word whose argument is the text at a place, as of M117; None:
+    there is none."""
     codes = [code for code in _CODE.finditer(compact) if code.end() <= at]
     for code in codes:
         letter, value = code[1].upper(), float(code[2])
@@ -222,7 +229,8 @@ def _find_argument_text(compact: str, at: int, ignored: frozenset[str]) -> int |
 
 
 def _describe_odd_character(compact: str, at: int, shown: str) -> str:
-    """Return the fault of a place where no plain word begins; "": parameters or expressions may explain it.
+    """Return the fault of a place where no plain word begins; "": parameters or expressions may
+    explain it.
 
     at  the place in the line without blanks;  shown: the rest of the line as it is
     """
@@ -249,15 +257,20 @@ def _describe_odd_character(compact: str, at: int, shown: str) -> str:
 
 
 MACHINING_WORDS = frozenset({"S", "T", "M19", "G97"})
-"""Words of spindle and tool that are no events: skipped, as they leave the path as it is, unless `strict` refuses."""
+"""Words of spindle and tool that are no events: skipped, as they leave the path as it is, unless
+`strict` refuses."""
 IGNORABLE_LETTERS = frozenset("STHDE")
-"""Speed of the spindle, tool, the numbers of its offsets, and material of a printer: left out with any number."""
+"""Speed of the spindle, tool, the numbers of its offsets, and material of a printer: left out with
+any number."""
 IGNORABLE_G = frozenset({40.0, 43.0, 49.0, *SYSTEMS, 80.0, 97.0})
-"""Offsets of tool and work, and ends of modes. None is a path by itself; some are read in any case."""
+"""Offsets of tool and work, and ends of modes. None is a path by itself; some are read in any
+case."""
 PATH_M = frozenset(map(float, (2, 30, 32, 47, 70, 71, 72, 73, 96, 97, 98, 99, 128, 198, 808, *range(810, 820))))
-"""M words that decide which lines run or in which modes, among them calls of subprograms and macros of printers."""
+"""M words that decide which lines run or in which modes, among them calls of subprograms and macros
+of printers."""
 SHIFTING_M = frozenset(map(float, (206, 218, 290, 428, 665, 666, 851)))
-"""M words of printers that move the origin: left out only before the first move, as an origin of the machine."""
+"""M words of printers that move the origin: left out only before the first move, as an origin of
+the machine."""
 TEXT_WORDS = frozenset(map(float, (16, 23, 28, 117, 118, 928)))
 """M words of printers whose argument is the rest of the line, whatever it looks like."""
 STOP_WORDS = frozenset((0.0, 1.0))
@@ -275,7 +288,8 @@ ARGUMENTS: Mapping[str, str] = {
 
 
 def argument_letters(letter: str, value: float) -> frozenset[str] | None:
-    """Return the letters of the arguments of a word that is left out; None: every word after it is one."""
+    """Return the letters of the arguments of a word that is left out; None: every word after it is
+    one."""
     letters = ARGUMENTS.get(f"{letter}{value:g}", "" if letter == "G" else None)
     return None if letters is None else frozenset(letters)
 

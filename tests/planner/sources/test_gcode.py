@@ -17,8 +17,9 @@ from planner.path.actuation import actuate
 from planner.path.chain import chain_pieces
 from planner.program.joins import fit_joins
 from planner.program.modifiers import Trigger
-from planner.program.program_writer import program_toml
+from planner.program.program_writer import program_lines, program_toml
 from planner.sources.gcode import Gcode
+from planner.sources.outline import outline
 from tests.pace import cpu_limit, slowness
 
 PLANES = {"G17": (0, 1, 2), "G18": (2, 0, 1), "G19": (1, 2, 0)}
@@ -596,6 +597,36 @@ def test_a_file_is_read_as_a_stream(tmp_path):
     file.write_text(text)
     with pytest.raises(MotionError, match="was changed while it was read"):
         list(stream.program.segments)
+
+
+def test_more_segments_than_a_program_holds_are_refused_where_they_are(read, monkeypatch):
+    """Counted first where the lines are as many, so that they are not all held; also where blocks run again."""
+    monkeypatch.setattr("planner.sources.gcode.MOST_SEGMENTS", 100)
+    moves = "".join(f"G1 X{k}\n" for k in range(1, 102))
+    with pytest.raises(FileError, match=r"part.nc:102: more than 100 segments, which a program does not hold: plan the"):
+        read("G21 F600\n" + moves + "G1 X0\n" * 9)
+    with pytest.raises(FileError, match="part.nc:3: more than 100 segments"):
+        read("G21 G91 F600\nO1 repeat [200]\nG1 X1\nO1 endrepeat\n")
+    assert len(read("G21 F600\n" + "".join(moves.splitlines(keepends=True)[:100])).program.segments) == 100
+
+
+def test_a_stream_has_the_outline_of_the_whole(tmp_path, monkeypatch):
+    """Of many segments several share a stroke: its points, its extents and its length stay."""
+    file = tmp_path / "long.nc"
+    file.write_text("G21 F600\n" + "".join(f"G1 X{k % 7} Y{k % 5}\nG3 X{k % 7 + 1} R3\nG4 P1\n" for k in range(1, 60)))
+    whole, stream = Gcode().read(file).program, Gcode().stream(file).program
+    one = outline(whole)
+    for most in (20_000, 50, 7):
+        monkeypatch.setattr("planner.sources.outline.MOST_STROKES", most)
+        other = outline(stream)
+        assert len(other.strokes) <= most
+        np.testing.assert_array_equal(other.low, one.low)
+        np.testing.assert_array_equal(other.high, one.high)
+        assert other.length == pytest.approx(one.length, rel=1e-12)
+        rows = [np.concatenate([found.strokes[0][:1], *(part[1:] for part in found.strokes)]) for found in (one, other)]
+        np.testing.assert_array_equal(*rows)
+    text = "\n".join(program_lines(stream, "told", source="long.nc", segments=iter(stream.segments))) + "\n"
+    assert text == program_toml(whole, "told", source="long.nc")
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r", "\r\r\n"])
