@@ -114,7 +114,7 @@ class Document:
 def unify_line_ends(text: str) -> str:
     """Return a text with \\n for CR LF, and for CR CR LF, which a transfer in text mode makes of it.
 
-    tomllib replaces CR LF once more: what it accepts must not differ from the text whose lines are counted.
+    tomllib replaces CR LF once more, and the text that it accepts must be the text whose lines are counted.
     """
     return re.sub(r"\r+\n", "\n", text) if "\r" in text else text
 

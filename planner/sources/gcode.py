@@ -39,7 +39,7 @@ the option `machine`, and without that it is refused (planner.sources.rs274.join
 Other words of spindle and tool (S T M19 G97) are skipped with a warning that counts them and names their lines; with
 the option `strict` these and M3 to M9 are refused. Everything else is a fault with its line and column. Further words
 named in the option `ignore` are skipped too if the path stays as it is without them. Their arguments go with them: of
-M3 to M9, M19 and M60 those that LinuxCNC states, of every other M word all words after it, up to the next G or M.
+M3 to M9, M19 and M60 the arguments that LinuxCNC states, of other M words all words after them, up to the next G or M.
 Blanks mean nothing, not even within a number. F is a cap: the machine is as fast as it can under it. Rounded
 coordinates make small corners where curves were smooth, at which G61 stops: G64 P passes them.
 """
@@ -176,8 +176,8 @@ def _follow_limited(run: GcodeRun, text: str) -> Iterator[Segment]:
     for count, segment in enumerate(run.follow(text), 1):
         if count > MOST_SEGMENTS:
             message = (
-                f"more than {MOST_SEGMENTS} segments, which a program does not hold: plan the file as it is, by pulsepath "
-                "plan or Gcode().stream, or split it"
+                f"more than {MOST_SEGMENTS} segments, which a program does not hold: plan the file as it is, by "
+                "pulsepath plan or Gcode().stream, or split it"
             )
             raise FileError(run.faults.file, [Fault("", message, segment.line_number)])
         yield segment

@@ -247,8 +247,9 @@ def read_all_bytes(path: Path) -> bytes:
 
 
 def decode_text(path: Path) -> str:
-    """Return a file's text with line ends as \\n. Bytes that are not UTF-8 become lone surrogates, for its reader to refuse.
+    """Return a file's text with line ends as \\n.
 
+    Bytes that are not UTF-8 become lone surrogates, for its reader to refuse.
     Raises FileError for a file that is missing, unreadable, too large or UTF-16.
     """
     raw = read_all_bytes(path)

@@ -70,7 +70,7 @@ def import_(
     from planner.sources.source import stream_program
 
     with step(f"reading {file}"):
-        found = stream_program(file, source)
+        imported = stream_program(file, source)
     # loaded after the faults of the file have been found, which then show sooner
     import numpy as np
 
@@ -79,7 +79,7 @@ def import_(
     from planner.sources.outline import Outliner
     from pulsepath.output import record
 
-    count = len(found.program.segments)
+    count = len(imported.program.segments)
     if count > MOST_SEGMENTS:
         raise MotionError(
             f"{file}: {count_noun(count, 'segment')}; a TOML program has at most {MOST_SEGMENTS}: plan the file as it "
@@ -88,25 +88,25 @@ def import_(
     with step(f"writing {out} and {image}"), stage_files(destinations) as (written, drawn):
         from planner.sources.figures import program_path
 
-        title = f"{found.program.name}, imported from {file.name} ({name})"
-        outliner = Outliner(found.program)
-        segments = outliner.follow(found.program.segments)
+        title = f"{imported.program.name}, imported from {file.name} ({name})"
+        outliner = Outliner(imported.program)
+        segments = outliner.follow(imported.program.segments)
         with written.open("w", encoding="utf-8") as target:
-            lines = program_lines(found.program, title, source=file.name, segments=segments)
+            lines = program_lines(imported.program, title, source=file.name, segments=segments)
             target.writelines(f"{line}\n" for line in lines)
         way = outliner.finish()
         axes = program_path(way, title=f"{count_noun(count, 'segment')}, {1e3 * way.length:.6g} mm")
         figure_of = axes.get_figure(root=True)
         if figure_of is not None:
             figure_of.savefig(drawn, dpi=150)
-    about = record.of_import(name, found, way, str(out), str(image))
+    about = record.of_import(name, imported, way, str(out), str(image))
     if as_json:
         click.echo(record.as_json(about), nl=False)
         return
     say(f"{out}: {count_noun(about['segments'], 'segment')} from {file}, read as {name}; drawn in {image}")
-    say("  entities: " + ", ".join(f"{count} {kind}" for kind, count in found.entities.items()))
+    say("  entities: " + ", ".join(f"{count} {kind}" for kind, count in imported.entities.items()))
     ranges = zip("xyz", *(np.round(corner * 1e3, 9) + 0.0 for corner in (way.low, way.high)), strict=True)
     say("  extents: " + ", ".join(f"{axis} {low:.6g} to {high:.6g} mm" for axis, low, high in ranges))
     say(f"  length: {way.length * 1e3:.7g} mm")
-    for warning in found.warnings:
+    for warning in imported.warnings:
         say(f"  warning: {warning}")

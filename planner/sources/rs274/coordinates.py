@@ -32,14 +32,18 @@ class System:
 
 
 class Coordinates:
-    """The active system of a file and its shift; zero (3,): from home to the file's zero, m."""
+    """The active system of a file and its shift.
+
+    zero     (3,) from home to the file's zero, m
+    shifted  whether the shift of G52 or G92 applies: G92.2 suspends it
+    """
 
     def __init__(self, zero: Point) -> None:
         self.zero = zero
         self._systems = {code: System((*zero, 0.0, 0.0, 0.0)) for code in SYSTEMS}
         self._active, self._said, self._moved = SYSTEMS[0], False, 0.0
         self._shift: Shift = NO_SHIFT
-        self._shifted = True
+        self.shifted = False
         self._plain = True
 
     @property
@@ -86,7 +90,7 @@ class Coordinates:
 
     @property
     def _gap(self) -> Shift:
-        return self._shift if self._shifted else NO_SHIFT
+        return self._shift if self.shifted else NO_SHIFT
 
     def _settle(self) -> None:
         system = self._systems[self._active]
@@ -129,12 +133,12 @@ class Coordinates:
             if "R" in values:
                 raise MotionError("G10 L20 takes no R: state the turn by G10 L2")
             numbers = [*self._invert(before, place), *(place[k] - before.offset[k] - self._gap[k] for k in (3, 4, 5))]
-            wanted = [given.get(k, number) for k, number in enumerate(numbers)]
-            point = self._transform(before, wanted)
+            named = [given.get(k, number) for k, number in enumerate(numbers)]
+            point = self._transform(before, named)
             for k in range(3):
                 offset[k] += place[k] - point[k]
             for k in range(3, 6):
-                offset[k] += numbers[k] - wanted[k]
+                offset[k] += numbers[k] - named[k]
         self._systems[code] = System(_six(offset), turn, stated=True)
         self._settle()
 
@@ -149,11 +153,10 @@ class Coordinates:
             gap = list(self._gap)
             for k, value in to_metres(values, unit).items():
                 gap[k] = value if code == 52 else gap[k] + u[k] - value
-            self._shift, self._shifted = _six(gap), True
+            self._shift = _six(gap)
         elif code == 92.1:
             self._shift = NO_SHIFT
-        else:
-            self._shifted = code == 92.3
+        self.shifted = code in (52, 92, 92.3)
         self._settle()
 
 

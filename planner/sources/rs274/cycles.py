@@ -10,7 +10,7 @@ active plane.
 | G84, G74 | feed in, the spindle turns the other way, a dwell P, feed out: right- and left-hand tapping |
 | G85, G89 | feed in and out; G89 with a dwell P |
 | G86 | feed in, a dwell P, the spindle stops, rapid out |
-| G87 | back boring: beside the hole by I J K in the plane, to the bottom, into its axis, up to the level along it, back |
+| G87 | back boring: off the axis by I J K in the plane, to the bottom, onto the axis, feed up to the level, back |
 | G88 | feed in, a dwell P, the spindle stops and the program too; the operator retracts |
 
 Source: LinuxCNC, src/emc/rs274ngc/interp_cycles.cc. A cycle moves in the plane at the level where
@@ -29,7 +29,7 @@ from planner.sources.rs274.words import WordFault
 PECK_CLEARANCE = 0.254e-3
 """m above the last depth to which a rapid leads before the next step; D states another."""
 MOST_REPEATS, MOST_PECKS = 1000, 10_000
-"""Repeats of a block, and steps of one hole, above which a number is a slip."""
+"""Repeats and steps of a block, above which a number is a slip."""
 REQUIRED: Mapping[float, str] = {
     **dict.fromkeys((73.0, 83.0), "Q"),
     **dict.fromkeys((82.0, 86.0, 88.0, 89.0), "P"),
@@ -84,7 +84,7 @@ class Hole:
 
 
 class Cycles:
-    """The canned cycles of a file: what they state holds from block to block.
+    """The canned cycles of a file, whose values hold from block to block.
 
     code     the active cycle; None: none.
     initial  level along the normal where the series began; None: the next block begins one
@@ -95,6 +95,7 @@ class Cycles:
         self.initial: float | None = None
         self._values: dict[str, float] = {}
         self._unit = 0.0
+        self._rest = 0.0  # the last P of any cycle: G74 and G84 without P have it, as in LinuxCNC
 
     def end(self) -> None:
         """End the series: another motion or G80."""
@@ -124,7 +125,10 @@ class Cycles:
             yield Step("rapid", (place[0], place[1], retract))
             level = height = retract
         clear = retract if setting.lowest else level
-        for turn in range(_count(words)):
+        count = _count(words)
+        if code in (73, 83) and (pecks := count * (retract - bottom) / values["Q"]) > MOST_PECKS:
+            raise WordFault("Q", f"Q makes {pecks:.0f} steps in this block; at most {MOST_PECKS}")
+        for turn in range(count):
             a, b = a + increments[0], b + increments[1]
             if turn == 0 and height > retract:
                 yield Step("rapid", (a, b, height))
@@ -140,7 +144,7 @@ class Cycles:
         needed = f"{normal}R{REQUIRED.get(code, '')}"
         if code != self.code and (missing := [letter for letter in needed if letter not in words]):
             raise WordFault("", f"G{code:g} needs {', '.join(missing)}: its first block states {', '.join(needed)}")
-        kept = self._values if code == self.code else {}
+        before = self._values if code == self.code else {}
         given = {letter: value * setting.unit for letter, value in words.items() if letter in LENGTHS}
         if "P" in words:
             given["P"] = words["P"] * setting.second
@@ -148,11 +152,14 @@ class Cycles:
             old := [letter for letter in needed if letter not in given and letter != "P"]
         ):
             raise WordFault("", f"the unit changed after {', '.join(old)} of G{code:g}: state them again")
-        values = {**kept, **given}
+        values = {**before, **given}
         if "Q" in needed and values["Q"] <= 0:
             raise WordFault("Q", f"Q{words.get('Q', 0):g} must be above 0: it is the depth of a step")
         if values.get("P", 0.0) < 0:
             raise WordFault("P", f"P{words.get('P', 0):g} must not be negative: it is a dwell")
+        if code in (74, 84):
+            values.setdefault("P", self._rest)
+        self._rest = values.get("P", self._rest)
         self.code, self._unit = code, setting.unit
         self._values = {letter: value for letter, value in values.items() if letter != "D"}
         return values
@@ -208,9 +215,6 @@ def drill(code: float, hole: Hole, setting: Setting) -> Iterator[Step]:
 def _peck(code: float, hole: Hole) -> Iterator[Step]:
     """Yield the steps before the last of a hole that is drilled in steps."""
     step, clearance = hole.values["Q"], hole.values.get("D", PECK_CLEARANCE)
-    count = (hole.retract - hole.bottom) / step
-    if count > MOST_PECKS:
-        raise WordFault("Q", f"Q makes {count:.0f} steps of one hole; at most {MOST_PECKS}")
     done = 1
     while (depth := hole.retract - done * step) > hole.bottom + MIN_MOVE:
         yield Step("feed", (hole.a, hole.b, depth))
@@ -221,17 +225,16 @@ def _peck(code: float, hole: Hole) -> Iterator[Step]:
 
 
 def _bore_back(hole: Hole, setting: Setting) -> Iterator[Step]:
-    """Yield the steps of G87: the tool passes the hole beside its axis, with the spindle
-    stopped."""
+    """Yield the steps of G87: the tool passes the hole off its axis, the spindle stopped."""
     offset = {"X": "I", "Y": "J", "Z": "K"}
     i, j, k = (hole.values[offset[axis]] for axis in setting.axes)
     middle = k if setting.absolute else hole.bottom + k
-    beside = (hole.a + i, hole.b + j)
+    aside = (hole.a + i, hole.b + j)
     turning = setting.spindle != 5
-    yield Step("rapid", (*beside, hole.retract))
+    yield Step("rapid", (*aside, hole.retract))
     if turning:
         yield Step("event", value=5.0)
-    yield Step("rapid", (*beside, hole.bottom))
+    yield Step("rapid", (*aside, hole.bottom))
     yield Step("rapid", (hole.a, hole.b, hole.bottom))
     if turning:
         yield Step("event", value=setting.spindle)
@@ -239,8 +242,8 @@ def _bore_back(hole: Hole, setting: Setting) -> Iterator[Step]:
     yield Step("feed", (hole.a, hole.b, hole.bottom))
     if turning:
         yield Step("event", value=5.0)
-    yield Step("rapid", (*beside, hole.bottom))
-    yield Step("rapid", (*beside, hole.clear))
+    yield Step("rapid", (*aside, hole.bottom))
+    yield Step("rapid", (*aside, hole.clear))
     yield Step("rapid", (hole.a, hole.b, hole.clear))
     if turning:
         yield Step("event", value=setting.spindle)

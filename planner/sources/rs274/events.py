@@ -69,8 +69,8 @@ Running = dict[str, float]
 class Events:
     """The events of a file: those that wait for the next segment, and the lines of all.
 
-    codes    the M words that are events here: without those that are left out; none of spindle and
-             tool if `strict`
+    codes    the M words that are events, but for words that are left out; under `strict` without
+             spindle, coolant and tool
     running  the active words of spindle and coolant
     """
 

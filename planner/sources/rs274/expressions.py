@@ -93,7 +93,7 @@ class Parameters:
 
     @property
     def context(self) -> dict[str, object]:
-        """What the call that runs has saved."""
+        """State that was saved in the call that runs."""
         return self._contexts[-1]
 
     def enter(self, given: list[float] | None) -> None:
@@ -108,7 +108,7 @@ class Parameters:
         self._own.append(own)
 
     def leave(self, value: float | None) -> None:
-        """End a call; value: what it returns."""
+        """End a call; value: its result, None: it has none."""
         self._own.pop()
         self.ended.append(self._contexts.pop())
         self._shared["_value"] = 0.0 if value is None else value
@@ -136,7 +136,7 @@ class Cursor:
 
     @property
     def next(self) -> str:
-        """The next character that is no blank; "" at the end."""
+        """The next character, blanks apart; "" at the end."""
         self.at += len(_BLANKS.match(self.line, self.at)[0])  # type: ignore[index]  # which matches nothing, too
         return self.line[self.at : self.at + 1]
 

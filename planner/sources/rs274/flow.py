@@ -85,10 +85,10 @@ class _Word:
 
 @dataclass(slots=True)
 class _Call:
-    """A call that runs: where it returns to, the open loops of its caller, how often it runs again,
-    and what it calls.
+    """A call that runs.
 
-    turns  of each open repeat, how many are left
+    back    line that runs after it;  turns: of each repeat that was open, how many are left
+    again   how often it runs again;  target: line of the label that M98 called, -1: none
     """
 
     back: int
@@ -221,8 +221,7 @@ class Flow:
         return False
 
     def run(self) -> Iterator[tuple[int, str]]:
-        """Yield number and text of each line that is no O-word, in the order in which they run, up
-        to a fault."""
+        """Yield number and text of each line to read, in the order in which they run, up to a fault."""
         if self.faults:
             return
         at, begun = 0, False
@@ -275,7 +274,7 @@ class Flow:
         return f"{word.label} begins a subprogram, and the program does not end before it: write M30 or M2 there"
 
     def _call(self, word: _Word, calls: list[_Call], turns: dict[int, int]) -> tuple[int, dict[int, int]]:
-        """Return the first line of what an O-word or M98 calls, and its open loops."""
+        """Return the first line that an O-word or M98 calls, and the open loops there."""
         if len(calls) == MAX_CALLS:
             raise ExpressionFault(word.column, f"calls within calls: more than {MAX_CALLS} deep")
         back = word.line + 1
@@ -352,7 +351,7 @@ class Flow:
         return f"o{round(number)}"
 
     def _step(self, word: _Word, turns: dict[int, int]) -> int:
-        """Return the line that runs next, from 0, after an O-word that is no call."""
+        """Return the line that runs next, from 0, after an O-word of a block."""
         keyword, here = word.keyword, word.line
         if keyword == "sub":
             return word.end + 1

@@ -56,10 +56,14 @@ class Modes:
 
 @dataclass(frozen=True, slots=True)
 class Saved:
-    """The state that M70 and M73 save; system: 54 to 59.3; offset: of the tool; running: spindle
-    and coolant."""
+    """The state that M70 and M73 save.
+
+    system   54 to 59.3;  shifted: whether the shift of G52 or G92 applies
+    offset   words of the tool's;  running: spindle and coolant
+    """
 
     modes: Modes
     system: float
+    shifted: bool
     offset: str
     running: Running

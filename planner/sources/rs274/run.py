@@ -286,8 +286,8 @@ class GcodeRun:
         if letter == "M" and value in SHIFTING_M and (self.entities.keys() - {"G4"}):
             raise WordFault(
                 f"M{value:g}",
-                f"M{value:g} moves the origin after the tool has moved: leaving it out would change the path; split the "
-                "program there",
+                f"M{value:g} moves the origin after the tool has moved: leaving it out would change the "
+                "path; split the program there",
             )
         self.left_out.add(word, number)
 
@@ -307,8 +307,8 @@ class GcodeRun:
             if doubtful := [word for word in owned if word[0].upper() not in user]:
                 raise WordFault(
                     doubtful[0],
-                    f"{doubtful[0]} may belong to the word that is left out or to its block's G word: put the word that "
-                    "is left out on a line of its own",
+                    f"{doubtful[0]} may belong to the word that is left out or to its block's G word: put the "
+                    "word that is left out on a line of its own",
                 )
         spindle = any(letter == "$" for letter, _ in block.silent)
         if spindle and not any(
@@ -374,8 +374,13 @@ class GcodeRun:
         """Run M70 to M73. Raises WordFault where nothing was saved."""
         context = self.parameters.context
         if code in (70, 73):
-            running = dict(self.events.running)
-            context["saved"] = Saved(self.modes.copy(), self.coordinates.active, self.offsets.active, running)
+            context["saved"] = Saved(
+                modes=self.modes.copy(),
+                system=self.coordinates.active,
+                shifted=self.coordinates.shifted,
+                offset=self.offsets.active,
+                running=dict(self.events.running),
+            )
             context["restores"] = code == 73
         elif code == 71:
             context.clear()
@@ -391,6 +396,8 @@ class GcodeRun:
         self.modes = saved.modes.copy()
         if self.coordinates.active != saved.system:
             self._renumber(lambda: self.coordinates.choose(saved.system))
+        if self.coordinates.shifted != saved.shifted:
+            self._shift(92.3 if saved.shifted else 92.2, {})
         self.offsets.active = saved.offset
         self.held = self.events.restore(self.number, saved.running, self.held)
 

@@ -176,8 +176,9 @@ def _parse_line(
             faults.add(str(wrong), number, f"column {places[min(wrong.column - 1, len(compact))] + 1}")
             return None
         compact = compact[:end]
-    found = list(WORD.finditer(compact))
-    return [(word[1], word[2]) for word in found], tuple(places[word.start()] + 1 for word in found)
+    matches = list(WORD.finditer(compact))
+    words = [(word[1], word[2]) for word in matches]
+    return words, tuple(places[word.start()] + 1 for word in matches)
 
 
 def _parse_compact(
@@ -213,8 +214,7 @@ def _cut_text(line: str, ignored: frozenset[str]) -> str:
 
 
 def _find_argument_text(compact: str, at: int, ignored: frozenset[str]) -> int | None:
-    """Return the end of an ignored word whose argument is the text at a place, as of M117; None:
-    there is none."""
+    """Return the end of an ignored word with text as its argument at a place; None: no such word."""
     codes = [code for code in _CODE.finditer(compact) if code.end() <= at]
     for code in codes:
         letter, value = code[1].upper(), float(code[2])
@@ -222,9 +222,9 @@ def _find_argument_text(compact: str, at: int, ignored: frozenset[str]) -> int |
             continue
         taken = argument_letters(letter, value)
         between = [letter for letter, _ in WORD.findall(compact[code.end() : at])]
-        if code is codes[-1] and (taken is None or value in STOP_WORDS):
-            if taken is None or set(between) <= taken:
-                return code.end()
+        fits = taken is None or (value in STOP_WORDS and set(between) <= taken)
+        if code is codes[-1] and fits:
+            return code.end()
     return None
 
 

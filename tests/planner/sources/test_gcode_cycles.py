@@ -160,7 +160,7 @@ def test_a_level_that_nobody_stated_is_said(read):
         ("G87 X1 Z-1 R1 I1", "G87 needs J, K"), ("G81 X1 Z-1 R1\nG82 X2", "G82 needs Z, R, P"),
         ("G81 X1 Z-1 R1\nG80\nX2", "no G0, G1, G2 or G3 is active"),
         ("G81 X1 Z3 R1", "R leads 2 mm below Z"), ("G83 X1 Z-1 R1 Q0", "Q0 must be above 0"),
-        ("G83 X1 Z-1 R1 Q0.00001", "Q makes 200000 steps of one hole; at most 10000"),
+        ("G83 X1 Z-1 R1 Q0.00001", "Q makes 200000 steps in this block; at most 10000"), ("G83 X1 Z-1 R1 Q0.01 L1000", "steps in this block"),
         ("G81 X1 Z-1 R1 L0", "L0 must be a whole number"), ("G81 X1 Z-1 R1 L1e", "is not a word"),
         ("G81 X1 Z-1 R1 L2000", "L2000 must be a whole number from 1 to 1000"), ("G81 X1 Z-1 R1 A3", "A has no place in a canned cycle"),
         ("G93 G81 X1 Z-1 R1 F2", "G81 needs G94"), ("G81 R1", "needs X, Y or Z in each"),

@@ -84,6 +84,12 @@ def test_saved_modes_come_back(read):
     assert places(done)[-1] == [7, 0, 1]
 
 
+def test_a_shift_that_did_not_apply_does_not_after_m72(read):
+    """`rs274` prints SET_G92_OFFSET(0, …) at the M72, and the shift itself at G92.3."""
+    done = read("G21 F600\nM70\nG92 X-3\nM72\nG1 X5\nG92.3\nX5\nM70\nG92.1\nM72\nX6\n")
+    assert places(done) == [[5, 0, 0], [8, 0, 0], [6, 0, 0]]
+
+
 def test_a_sub_restores_what_it_saved_for_itself(read):
     text = "G21 F600\nO1 sub\nM73\nG20 G91\nF5\nG1 X1\nO1 endsub\nO1 call\nG1 X3\nO1 call\nO1 call\nX5\n"
     done = read(text)
