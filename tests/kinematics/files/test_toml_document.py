@@ -79,7 +79,9 @@ def test_a_line_end_that_a_transfer_doubled_is_one(tmp_path, place, end):
     lines = ["a = 1", "[b]", "c = [1, [2, 3]]", "d = { e = 'x', f = 2 }", ""]
     ends = {"middle": "\n", "end": "\n", "everywhere": end}
     text = ends[place].join(lines)
-    text = text.replace("[b]\n", f"[b]{end}") if place == "middle" else text.rstrip("\n") + end if place == "end" else text
+    text = (
+        text.replace("[b]\n", f"[b]{end}") if place == "middle" else text.rstrip("\n") + end if place == "end" else text
+    )
     path = tmp_path / "doubled.toml"
     path.write_bytes(text.encode())
     found = read(path)

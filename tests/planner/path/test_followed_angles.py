@@ -17,7 +17,9 @@ Z_TURNS = {
 }
 
 
-@pytest.mark.parametrize(("name", "axis", "angle"), [(name, *turn) for name, turns in Z_TURNS.items() for turn in turns])
+@pytest.mark.parametrize(
+    ("name", "axis", "angle"), [(name, *turn) for name, turns in Z_TURNS.items() for turn in turns]
+)
 def test_a_turn_for_which_no_axis_moves_is_refused(name, axis, angle):
     """The inverse map confirms it: the axes have the same coordinates at every part of the turn."""
     machine = load_machine(name)

@@ -603,9 +603,11 @@ def test_more_segments_than_a_program_holds_are_refused_where_they_are(read, mon
     """Counted first where the lines are as many, so that they are not all held; also where blocks run again."""
     monkeypatch.setattr("planner.sources.gcode.MOST_SEGMENTS", 100)
     moves = "".join(f"G1 X{k}\n" for k in range(1, 102))
-    with pytest.raises(FileError, match=r"part.nc:102: more than 100 segments, which a program does not hold: plan the"):
+    with pytest.raises(
+        FileError, match=r"part.nc:102: more than 100 segments, which a program does not hold: plan the"
+    ):
         read("G21 F600\n" + moves + "G1 X0\n" * 9)
-    with pytest.raises(FileError, match="part.nc:3: more than 100 segments"):
+    with pytest.raises(FileError, match=r"part.nc:3: more than 100 segments"):
         read("G21 G91 F600\nO1 repeat [200]\nG1 X1\nO1 endrepeat\n")
     assert len(read("G21 F600\n" + "".join(moves.splitlines(keepends=True)[:100])).program.segments) == 100
 

@@ -173,8 +173,10 @@ def test_a_turned_system_is_put_where_the_tool_has_these_numbers(
     ("text", "words"),
     [
         ("G92", "G92 without axes has no meaning (a printer zeroes all axes): state them, as G92 X0 Y0 Z0"),
-        ("G52", "G52 without axes has no meaning"), ("G92 I1", "I beside G92"), ("G10 L20 P1 X0 R5", "G10 L20 takes no R"),
-        ("G11 X1", "G11 with arguments is not supported"), ("G10 P1 X1", "G10 states systems only"), ("G41 D1", "G41 is not supported; take it out\n"),
+        ("G52", "G52 without axes has no meaning"), ("G92 I1", "I beside G92"),
+        ("G10 L20 P1 X0 R5", "G10 L20 takes no R"),
+        ("G11 X1", "G11 with arguments is not supported"), ("G10 P1 X1", "G10 states systems only"),
+        ("G41 D1", "G41 is not supported; take it out\n"),
         ("G92.4", "G92.4 is not supported; take it out\n"), ("G28.1", "G28.1 is not supported; take it out\n"),
     ],
 )  # fmt: skip
@@ -198,7 +200,9 @@ def test_retraction_of_a_printer_is_skipped(read):
 
 def test_subprograms_run_where_m98_calls_them(read):
     """LinuxCNC's tests/interp/m98m99: basics, nested calls, and the main program's own number."""
-    text = "%\nO1000 (MAIN)\nG21 F600\nM98 P0002\nG0 X5 Y5\nM30\nO0002\nG0 X9\nM98 P3 L2\nM99\nO3\nG91 G1 X1\nG90\nM99\n%"
+    text = (
+        "%\nO1000 (MAIN)\nG21 F600\nM98 P0002\nG0 X5 Y5\nM30\nO0002\nG0 X9\nM98 P3 L2\nM99\nO3\nG91 G1 X1\nG90\nM99\n%"
+    )
     done = read(text)
     assert places(done) == [[9, 0, 0], [10, 0, 0], [11, 0, 0], [5, 5, 0]]
     assert not any("not read" in warning for warning in done.warnings)
@@ -223,7 +227,8 @@ def test_the_main_program_ends_where_it_would_start_again(read):
         ("G0 X1\nM98 P1\nO1\nM99", "the program does not end before it: write M30 or M2"),
         ("M98 P1\nM30\nO1\nM98 P1\nM99", "more than 20 deep"), ("M98 P1\nM30\nO1\nM99\nO1\nM99", "defined twice"),
         ("M98 P1\nM30\nO1 sub\nO1 endsub", "o1 sub is called by o1 call"),
-        ("O1 call\nM30\nO1\nM99", "subprogram o1 is called by M98"), ("O1 sub\nM99\nO1 endsub", "M99 is inside an O-word sub"),
+        ("O1 call\nM30\nO1\nM99", "subprogram o1 is called by M98"),
+        ("O1 sub\nM99\nO1 endsub", "M99 is inside an O-word sub"),
         ("M98 P1\nM30\nO1\nM99 P10", "M99 shares its line"), ("O[1] sub\nO[1] endsub", "the label of sub is computed"),
         ("O[1.5] call", "O1.5 is no label"), ("O[#9] call", "#9 has no value"),
         ("%\nM98 P1\n%\nO1\nM99", "o1 is not a subprogram of this file"),
@@ -236,15 +241,19 @@ def test_calls_that_lead_nowhere_are_refused(read, text, words):
 
 
 def test_labels_are_numbers_however_they_are_written(read):
-    text = "G21\n#2 = 1\nO[#2 * 10 + 1] call\nO#2 call\nO 01 call\nM2\nO011 sub\nG0 X7\nO11 endsub\nO1 sub\nG0 X#<_value> Y9\nO1 endsub\n"
-    assert places(read(text)) == [[7, 0, 0], [0, 9, 0]]
+    calls = "G21\n#2 = 1\nO[#2 * 10 + 1] call\nO#2 call\nO 01 call\nM2\n"
+    subs = "O011 sub\nG0 X7\nO11 endsub\nO1 sub\nG0 X#<_value> Y9\nO1 endsub\n"
+    assert places(read(calls + subs)) == [[7, 0, 0], [0, 9, 0]]
 
 
 def test_what_a_call_returns_is_zero_where_it_returns_nothing(read):
     """LinuxCNC's tests/interp/return-value, and #<_value_returned> of its manual."""
-    text = "G21 G91\nG0 X[1 + #<_value>] Y#<_value_returned>\nO1 sub\nO2 if [#1 GT 0]\nO1 return [#1]\nO2 endif\nO1 endsub\n"
+    text = "G21 G91\nG0 X[1 + #<_value>] Y#<_value_returned>\n"
+    text += "O1 sub\nO2 if [#1 GT 0]\nO1 return [#1]\nO2 endif\nO1 endsub\n"
     calls = "".join(f"O1 call [{k}]\nX[1 + #<_value>] Y#<_value_returned>\n" for k in (5, 0, 7, -1))
-    end = "O3 sub\nO3 endsub [4]\nO3 call\nX[1 + #<_value>] Y#<_value_returned>\nM98 P9\nX[1 + #<_value>]\nM2\nO9\nM99\n"
+    end = (
+        "O3 sub\nO3 endsub [4]\nO3 call\nX[1 + #<_value>] Y#<_value_returned>\nM98 P9\nX[1 + #<_value>]\nM2\nO9\nM99\n"
+    )
     steps = np.diff(places(read(text + calls + end)), axis=0, prepend=np.zeros((1, 3)))[:, :2]
     assert np.round(steps).tolist() == [[1, 0], [6, 1], [1, 0], [8, 1], [1, 0], [5, 1], [1, 0]]
     with pytest.raises(FileError, match="#<_value> is set by calls only"):
@@ -260,7 +269,9 @@ def test_the_motion_stops_where_the_program_waits(read):
     segments = done.program.segments
     assert [part.trigger.name if part.trigger else "" for part in segments] == ["M0", "", "M1 M60", ""]
     assert [isinstance(part.join, Stop) for part in segments] == [True, False, True, False]
-    assert "the motion stops, and a trigger marks it: M0 (1x: line 2), M1 (1x: line 4), M60 (1x: line 5)" in done.warnings
+    assert (
+        "the motion stops, and a trigger marks it: M0 (1x: line 2), M1 (1x: line 4), M60 (1x: line 5)" in done.warnings
+    )
     made = plan(done.program, "cartesian", order=2)
     assert [event.name for event in made.triggers] == ["M0", "M1 M60"]
     for event in made.triggers:
@@ -305,10 +316,8 @@ def test_arcs_shorter_than_the_mismatch_run_the_way_that_the_file_states(
     tangent = sense * np.array([-np.sin(begin), np.cos(begin)])
     tool = start + along * tangent + across * start / radius
     way = Way(tool.tolist(), start.tolist(), end.tolist())
-    if by_radius:
-        arc = arc_by_radius(way, radius, clockwise)
-    else:
-        arc = arc_by_centre(way, (0.0, 0.0), clockwise)
+    by_centre = arc_by_centre(way, (0.0, 0.0), clockwise)
+    arc = arc_by_radius(way, radius, clockwise) if by_radius else by_centre
     length = abs(arc.angle) * radius
     assert arc.angle * sense > 0
     assert length <= chord + 6e-6
