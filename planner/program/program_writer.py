@@ -49,6 +49,7 @@ def program_lines(
     yield from (f"# {line}".rstrip() for line in comment.splitlines())
     yield "schema = 1"
     yield from _lines(ProgramFile, _head(program, complete))
+    last_name, last, texts = "", dict[str, Any](), list[str]()
     for segment in program.segments if segments is None else segments:
         name = type(segment).__name__.lower()
         entry = next(table for table in SEGMENTS if name in table.model_fields)
@@ -57,7 +58,11 @@ def program_lines(
         place = f"  # line {segment.line_number} of {plain_line(source)}" if known else ""
         yield ""
         yield f"[[segment]]{place}"
-        yield from _lines(entry, {name: shape(segment)} | _modifiers(segment, complete))
+        yield from _lines(entry, {name: shape(segment)})
+        modifiers = _modifiers(segment, complete)
+        if (name, modifiers) != (last_name, last):  # most segments state the same as the one before
+            last_name, last, texts = name, modifiers, list(_lines(entry, modifiers))
+        yield from texts
 
 
 def _lines(table: Any, values: Mapping[str, Any]) -> Iterator[str]:
