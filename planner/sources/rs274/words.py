@@ -27,6 +27,7 @@ _LABEL = re.compile(r"[ \t]*(?:N[ \t]*\d+[ \t]*)?(O[ \t]*(?:<|[\[#]|\d+[ \t]*[A-
 _COMPUTED = re.compile(r"#|[A-Za-z$][ \t]*[+-]?[ \t]*(?:#|\[|[A-Za-z]{2,6}[ \t]*\[)", re.ASCII)
 """How a word begins whose value is computed, or a block that sets a parameter."""
 _COMMENT = re.compile(r"\([^()]*\)|;.*")
+_WITHIN_NUMBER = re.compile(r"^[^;]*?[\d.][ \t]*(\([^()]*\))(?:[ \t]|\([^()]*\))*[\d.]", re.ASCII)
 _CODE = re.compile(rf"([GM])[ \t]*({NUMBER})", re.IGNORECASE | re.ASCII)
 _TEXT = re.compile(r"[ \t]+\d", re.ASCII)
 """How text begins that would read as more digits of the word before it, as blanks mean nothing."""
@@ -127,6 +128,11 @@ def blocks(
             faults.unread = True
             continue
         if "(" in line or ";" in line or ")" in line:
+            split = _WITHIN_NUMBER.search(line)
+            if split is not None:
+                faults.add("a comment is within a number: move it", number, f"column {split.start(1) + 1}")
+                faults.unread = True
+                continue
             line = _COMMENT.sub(lambda comment: " " * len(comment[0]), line)
         if first and is_program_label(line):
             first = False

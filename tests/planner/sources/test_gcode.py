@@ -273,6 +273,8 @@ def test_rounded_arcs_stay_where_the_file_has_them(read):
     ("G0 X1 @2 ^30", "column 7: \"@2 ^30\": polar coordinates are not supported"),
     ("G0 X1 (a (nested) one)", "column 7: the comment has no end, or contains another"),
     ("G0 X1 (open", "column 7: the comment has no end"),
+    ("G0 X1 (not) 5", "column 7: a comment is within a number: move it"),
+    ("G0 X1 (a)( b ) .5", "column 7: a comment is within a number: move it"),
     ("G0 X1 )", "column 7: unmatched parenthesis"),
     ("/G0 X1", "column 1: block delete (/): give the option block_delete"),
     ("G0 X1 % and more", "column 7: % must be alone"),
@@ -469,6 +471,16 @@ def test_what_follows_the_end_is_told(read):
     done = read("%\nG21 G0 X1\n%\nG0 X2\n")
     assert len(done.program.segments) == 1
     assert done.warnings == ("not read: 1 line after the end of the program",)
+
+
+def test_blanks_mean_nothing_even_in_numbers(read):
+    """The places are those of `rs274`; a comment ends a word, so that it is none of its digits."""
+    done = read("G 2 1 G0 X1 0.5 Y- 2\n x + 1 2 . 5\tz 0 0 7\nN 1 0 g\t0 1 f 6 00 X[ 7 MODFIX[2.5] ] Y [1 OR0]\n")
+    places = [(line.to * 1e3).round(9).tolist() for line in done.program.segments]
+    assert places == [[10.5, -2, 0], [12.5, -2, 7], [1, 1, 7]]
+    assert done.program.segments[2].speed == pytest.approx(0.01)
+    apart = read("G21 G0 X1 (5) Y2 (X5) ; 5 (6) 7\n(X9) X3\n").program.segments
+    assert [line.to.tolist() for line in apart] == [[1e-3, 2e-3, 0], [3e-3, 2e-3, 0]]
 
 
 def test_comments_may_hold_anything(read):
