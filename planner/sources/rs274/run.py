@@ -90,9 +90,13 @@ class BlockWords:
     silent    words that are read but change no motion, as S, T and H
     events, stops  M words that become triggers before and after its motion
     contexts  M70 to M73
+    owner     the word whose arguments follow, None: there is none; taken: their letters, None: all
+    owned     the arguments of words that take all
     """
 
-    __slots__ = ("codes", "contexts", "events", "silent", "stops", "values")
+    __slots__ = (
+        "codes", "contexts", "events", "owned", "owner", "silent", "stops", "taken", "values",
+    )  # fmt: skip
 
     def __init__(self) -> None:
         self.codes: dict[str, float] = {}
@@ -101,6 +105,22 @@ class BlockWords:
         self.events: list[Event] = []
         self.stops: list[Event] = []
         self.contexts: list[float] = []
+        self.owner: tuple[str, float] | None = None
+        self.taken: frozenset[str] | None = None
+        self.owned: list[str] = []
+
+    def begin_arguments(self, letter: str, value: float, taken: frozenset[str] | None) -> None:
+        """Let the words that follow be the arguments of a word, as far as it takes their letters."""
+        self.owner, self.taken = (letter, value), taken
+
+    def is_argument(self, letter: str) -> bool:
+        """Return whether a word of a letter is an argument of the owner, which the next G or M ends."""
+        if self.owner is None:
+            return False
+        if letter in "GM" and self.owner[1] not in TEXT_WORDS:
+            self.owner = None
+            return False
+        return self.taken is None or letter in self.taken
 
 
 class GcodeRun:
@@ -201,76 +221,82 @@ class GcodeRun:
             self.held = self.events.read(number, words.stops, self.held)
 
     def _sort_words(self, number: int, words: Words) -> BlockWords:
-        """Sort the words of a block. Raises WordFault for one that is not supported or does not
-        fit."""
+        """Sort the words of a block. Raises WordFault for one that is unknown or does not fit."""
         block = BlockWords()
-        codes, values = block.codes, block.values
-        owner: tuple[str, float] | None = None  # the word whose arguments follow
-        taken: frozenset[str] | None = frozenset()
-        owned: list[str] = []
         for given, text in words:
-            value = float(text)
-            letter = given.upper()
-            if owner is not None:
-                if letter in "GM" and owner[1] not in TEXT_WORDS:
-                    owner = None
-                elif taken is None or letter in taken:
-                    self._own(number, block, owner, (letter, value))
-                    if taken is None:
-                        owned.append(given + text)
-                    continue
-            if not -MAX_NUMBER <= value <= MAX_NUMBER:
+            letter, value = given.upper(), float(text)
+            if block.is_argument(letter):
+                self._own(number, block, given, text)
+            elif not -MAX_NUMBER <= value <= MAX_NUMBER:
                 raise WordFault(given + text, f"{given}{text[:20]}…: no such number makes sense")
-            if letter in VALUE_LETTERS:
-                if letter in values:
+            elif letter in VALUE_LETTERS:
+                if letter in block.values:
                     raise WordFault(letter, f"{letter} appears twice in its block")
-                values[letter] = value
+                block.values[letter] = value
             elif letter == "G" and value in GROUPS:
-                group = GROUPS[value]
-                if group in codes:
-                    raise WordFault(given + text, f"G{value:g} and G{codes[group]:g} exclude each other in a block")
-                codes[group] = value
+                self._sort_code(block, given, text)
             elif letter == "D" and self._pecks(words):
-                values["D"] = value
-            elif letter == "M" and value in (2, 30):
-                self.ended = True
-            elif letter == "M" and value in CONTEXT_M:
-                if value == 73 and any(other.upper() in PROGRESS_LETTERS for other, _ in words):
-                    self.left_out.add("M73", number)
-                    owner, taken = (letter, value), None
-                else:
-                    block.contexts.append(value)
-            elif (word := find_ignored_word(letter, value, self.options.ignored_words)) is not None:
-                self._leave_out(number, word, (letter, value))
-                block.silent.append((letter, value))
-                if letter in "GM":
-                    owner, taken = (letter, value), argument_letters(letter, value)
-            elif letter == "M" and value in self.events.codes:
-                (block.stops if value in STOPS else block.events).append((value, ""))
-                if value in OUTPUTS:
-                    owner, taken = (letter, value), frozenset(OUTPUTS[value])
-            elif letter == "$":
-                block.silent.append((letter, value))
-            else:
-                raise WordFault(given + text, _describe_unsupported(given, text))
-        if owned or block.silent or "L" in values or "Q" in values:
-            self._check_words(block, words, owned)
+                block.values["D"] = value
+            elif not (letter == "M" and self._sort_m_word(number, block, value, words)):
+                self._skip(number, block, given, text)
+        if block.owned or block.silent or block.values.keys() & {"L", "Q"}:
+            self._check_words(block, words)
         for letter, value in block.silent:
             self.events.note(letter, value)
-        if "G49" in codes:
+        if "G49" in block.codes:
             block.silent.append(("G", 49.0))
         return block
 
-    def _own(self, number: int, block: BlockWords, owner: tuple[str, float], word: tuple[str, float]) -> None:
-        """Take an argument of a word that is left out, or of an output, whose trigger is named
-        after it."""
-        letter, value = word
-        if block.events and owner == ("M", block.events[-1][0]):
-            code, text = block.events[-1]
-            block.events[-1] = (code, f"{text} {letter}{value:g}")
-        elif argument_letters(*owner) is not None:  # it may say something of the tool
-            block.silent.append(word)
-            if (name := find_ignored_word(letter, value, self.options.ignored_words)) is not None:
+    def _sort_code(self, block: BlockWords, given: str, text: str) -> None:
+        value = float(text)
+        group = GROUPS[value]
+        if group in block.codes:
+            other = block.codes[group]
+            raise WordFault(given + text, f"G{value:g} and G{other:g} exclude each other in a block")
+        block.codes[group] = value
+
+    def _sort_m_word(self, number: int, block: BlockWords, value: float, words: Words) -> bool:
+        """Take an M word that ends the program, saves modes or is an event; return whether it is."""
+        ignored = find_ignored_word("M", value, self.options.ignored_words) is not None
+        if value in (2, 30):
+            self.ended = True
+        elif value == 73 and any(letter.upper() in PROGRESS_LETTERS for letter, _ in words):
+            self.left_out.add("M73", number)
+            block.begin_arguments("M", value, None)
+        elif value in CONTEXT_M:
+            block.contexts.append(value)
+        elif value in self.events.codes and not ignored:
+            (block.stops if value in STOPS else block.events).append((value, ""))
+            if value in OUTPUTS:
+                block.begin_arguments("M", value, frozenset(OUTPUTS[value]))
+        else:
+            return False
+        return True
+
+    def _skip(self, number: int, block: BlockWords, given: str, text: str) -> None:
+        """Take a word that is left out. Raise WordFault for any other."""
+        letter, value = given.upper(), float(text)
+        word = find_ignored_word(letter, value, self.options.ignored_words)
+        if word is not None:
+            self._leave_out(number, word, (letter, value))
+            if letter in "GM":
+                block.begin_arguments(letter, value, argument_letters(letter, value))
+        elif letter != "$":
+            raise WordFault(given + text, _describe_unsupported(given, text))
+        block.silent.append((letter, value))
+
+    def _own(self, number: int, block: BlockWords, given: str, text: str) -> None:
+        """Take an argument of a word that is left out, or of an output, whose trigger it names."""
+        letter, value = given.upper(), float(text)
+        if block.taken is None or block.owner is None:
+            block.owned.append(given + text)
+        elif block.events and block.owner == ("M", block.events[-1][0]):
+            code, arguments = block.events[-1]
+            block.events[-1] = (code, f"{arguments} {letter}{value:g}")
+        else:  # it may say something of the tool
+            block.silent.append((letter, value))
+            name = find_ignored_word(letter, value, self.options.ignored_words)
+            if name is not None:
                 self.left_out.add(name, number)
 
     def _pecks(self, words: Words) -> bool:
@@ -291,7 +317,7 @@ class GcodeRun:
             )
         self.left_out.add(word, number)
 
-    def _check_words(self, block: BlockWords, words: Words, owned: list[str]) -> None:
+    def _check_words(self, block: BlockWords, words: Words) -> None:
         """Raise WordFault for words of a block that have no owner, or more than one."""
         codes, values = block.codes, block.values
         motion = codes.get("motion", self.motion)
@@ -300,15 +326,14 @@ class GcodeRun:
         for letter, fit in fits.items():
             if letter in values and not fit:
                 raise WordFault(letter, f"{letter}{values[letter]:g} is not supported; take it out")
-        if owned and codes.keys() & {"motion", "once", "dwell", "cycle", "join"}:
-            user = USER_LETTERS | (
-                frozenset("PQ") if codes.get("motion") in (0, 1) and len(codes) == 1 else frozenset()
-            )
-            if doubtful := [word for word in owned if word[0].upper() not in user]:
+        if block.owned and codes.keys() & {"motion", "once", "dwell", "cycle", "join"}:
+            straight = codes.get("motion") in (0, 1) and len(codes) == 1
+            user = USER_LETTERS | (frozenset("PQ") if straight else frozenset())
+            if doubtful := [word for word in block.owned if word[0].upper() not in user]:
                 raise WordFault(
                     doubtful[0],
-                    f"{doubtful[0]} may belong to the word that is left out or to its block's G word: put the "
-                    "word that is left out on a line of its own",
+                    f"{doubtful[0]} may belong to the word that is left out or to its block's G "
+                    "word: put the word that is left out on a line of its own",
                 )
         spindle = any(letter == "$" for letter, _ in block.silent)
         if spindle and not any(
