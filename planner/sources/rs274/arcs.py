@@ -1,5 +1,4 @@
-"""Arcs of G-code: the centre and the signed angle that I J K or R, P and the end point state, in
-the arc's plane.
+"""Arcs of G-code: the centre and the signed angle that I J K or R, P and the end point state.
 
 Points are (2,) there, and angles positive from its first axis to its second.
 """
@@ -26,8 +25,7 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """Points of a block: where the tool is, where the blocks before have led to, and where the
-    block leads.
+    """Points of a block: of the tool, of the end of the blocks before, and of its own end.
 
     An arc may have left the tool a rounding from `start`. Coordinates in m: x, y, z first, or of
     the arc's plane.

@@ -1,5 +1,4 @@
-"""Systems of coordinates of a G-code file, the shifts of all systems, and the tool offsets that are
-left out.
+"""Systems of coordinates of a G-code file, their shift, and the tool offsets that are left out.
 
 p = Rz(R) · (u + g) + o − w, with u a block's numbers (m), g the shift of G92 or G52, o and R the
 offset and the turn of the active system, and w the position of the file's zero (option `origin`),
@@ -23,8 +22,10 @@ NO_SHIFT: Shift = (0.0,) * 6
 
 @dataclass(frozen=True, slots=True)
 class System:
-    """One of G54 to G59.3; stated: by the file itself, so that its place does not depend on the
-    controller's table."""
+    """One of G54 to G59.3.
+
+    stated  whether the file states it, so that it does not depend on the controller's table
+    """
 
     offset: Shift
     turn: float = 0.0
@@ -102,16 +103,17 @@ class Coordinates:
         self._settle()
 
     def move(self) -> tuple[str, str] | None:
-        """Note that the tool moves. Return two systems under which it has, if the file states the
-        place of neither."""
+        """Note that the tool moves.
+
+        Return the system of the last move and the active one, if they differ and neither is stated.
+        """
         if not self._said or self._systems[self._active].stated:
             return None
         before, self._moved = self._moved or self._active, self._active  # so that a change is reported once
         return None if before == self._active else (f"G{before:g}", f"G{self._active:g}")
 
     def state(self, values: Mapping[str, float], unit: float, place: Sequence[float]) -> None:
-        """Run G10 L2 and L20 P: state a system's offset and turn, or the numbers of the tool's
-        place in it.
+        """Run G10: L2 states a system's offset and turn, L20 the numbers of the tool in it.
 
         place  (6,) of the tool in the program's frame. Under L20, letters that are missing keep
                their numbers.

@@ -1,5 +1,4 @@
-"""Canned cycles of RS-274, G73, G74 and G81 to G89, as LinuxCNC runs them, in the axes of the
-active plane.
+"""Canned cycles of RS-274, G73, G74 and G81 to G89, in the axes of the active plane.
 
 | cycle | from the retract level R |
 |---|---|

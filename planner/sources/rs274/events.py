@@ -1,5 +1,4 @@
-"""Events of G-code: stops, changes of the tool, spindle, coolant and outputs, as triggers along the
-path.
+"""Events of G-code as triggers: stops, changes of the tool, spindle, coolant and outputs.
 
 As in LinuxCNC, the events of a block come before its motion, except M0, M1 and M60, which come
 after it. An event is a trigger at the end of the segment before it, which may be a dwell; before

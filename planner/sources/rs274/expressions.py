@@ -1,5 +1,4 @@
-"""Parameters and expressions of RS-274, as LinuxCNC has them: #1, #<name>, #[2 + 3], [#1 *
-SIN[30]], ATAN[1]/[2].
+"""Parameters and expressions of RS-274: #1, #<name>, #[2 + 3], [#1 * SIN[30]], ATAN[1]/[2].
 
 Angles are in degrees. Operators bind in this order: ** first, then * / MOD, then + -, then EQ NE GT
 GE LT LE, then AND OR XOR; each from left to right. Case and blanks mean nothing. A parameter has to
@@ -97,8 +96,7 @@ class Parameters:
         return self._contexts[-1]
 
     def enter(self, given: list[float] | None) -> None:
-        """Begin a call with these values as #1, #2 …; the others up to #30 are 0. None: a call by
-        M98."""
+        """Begin a call with these values as #1, #2 …, the others up to #30 are 0; None: by M98."""
         self._contexts.append({})
         if given is None:
             self._own.append(self._own[-1])
@@ -147,8 +145,7 @@ class Cursor:
         self.at += 1
 
     def value(self) -> float:
-        """Read a number, a parameter, an expression in brackets or a function, with or without a
-        sign."""
+        """Read a number, parameter, expression in brackets or function, with or without a sign."""
         character, begin = self.next, self.at
         self._depth += 1
         if self._depth > MAX_DEPTH:

@@ -49,8 +49,7 @@ MAX_CALLS, MAX_LINES = 20, 1_000_000
 
 
 def find_flow(text: str) -> bool:
-    """Return whether a file has O-words or M98, so that lines run in another order than they are
-    written."""
+    """Return whether a file has O-words or M98, so that its lines run in another order."""
     return _ANY.search(text) is not None
 
 
@@ -60,8 +59,7 @@ def is_program_label(line: str) -> bool:
 
 
 def delete_slash(line: str, deleted: str) -> str:
-    """Return a line without the slash that begins it, or that follows its number; "": the block is
-    skipped."""
+    """Return a line without the slash at its beginning or after its number; "": it is skipped."""
     slash = _SLASH.match(line)
     if slash is None:
         return line
@@ -70,8 +68,11 @@ def delete_slash(line: str, deleted: str) -> str:
 
 @dataclass(slots=True)
 class _Word:
-    """An O-word or a call: its line, from 0, label, keyword and where that ends; of a block its
-    parts and its end."""
+    """An O-word or a call.
+
+    line, column  from 0 and from 1;  after: where its keyword ends
+    parts, end, start  lines of the other parts of its block
+    """
 
     line: int
     label: str
@@ -301,8 +302,7 @@ class Flow:
         return line + 1, {}
 
     def _return(self, word: _Word, calls: list[_Call], turns: dict[int, int]) -> tuple[int, dict[int, int]]:
-        """Return the line after a call, or the first one of its next run, and the open loops
-        there."""
+        """Return the line that runs after a return, and the open loops there."""
         call = calls.pop()
         if (word.keyword == RETURN) != (call.target >= 0):
             end = "M99" if call.target >= 0 else "return or endsub"
@@ -390,8 +390,7 @@ class Flow:
         return word.end + 1
 
     def _values(self, word: _Word, count: int | None) -> list[float]:
-        """Return the values in brackets after an O-word; count: how many it needs, None: any
-        number."""
+        """Return the values in brackets after an O-word; count: how many it needs, None: any."""
         line = _COMMENT.sub(lambda comment: " " * len(comment[0]), self.lines[word.line])
         cursor, values = Cursor(line, word.after, self.parameters), list[float]()
         while cursor.next == "[":

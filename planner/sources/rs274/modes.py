@@ -1,5 +1,4 @@
-"""Modal state of a G-code program: what holds until a word changes it, and what M70 to M73 save and
-restore."""
+"""Modal state of a G-code program, which holds until a word changes it, and its copies by M70."""
 
 from dataclasses import dataclass, replace
 from math import radians
@@ -13,8 +12,7 @@ UNIT_METRES = {20.0: 0.0254, 21.0: 1e-3}
 
 @dataclass(frozen=True, slots=True)
 class Feed:
-    """An F word as the speeds that it states where it is read: a later G20 or G21 leaves them as
-    they are.
+    """The speeds that an F word states where it is read: a later G20 or G21 leaves them.
 
     speed    of the tool along the path, m/s;  turning: where only A, B and C change, rad/s
     inverse  blocks per second, under G93

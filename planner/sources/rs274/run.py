@@ -1,5 +1,4 @@
-"""A controller's state, changed by G-code block by block, and the segments that the blocks
-become."""
+"""State of a controller, changed by G-code block by block, and the segments that it makes."""
 
 from __future__ import annotations
 
@@ -90,7 +89,7 @@ class BlockWords:
     silent    words that are read but change no motion, as S, T and H
     events, stops  M words that become triggers before and after its motion
     contexts  M70 to M73
-    owner     the word whose arguments follow, None: there is none; taken: their letters, None: all
+    owner     the word whose arguments follow, None: no word; taken: their letters, None: all
     owned     the arguments of words that take all
     """
 
@@ -300,8 +299,7 @@ class GcodeRun:
                 self.left_out.add(name, number)
 
     def _pecks(self, words: Words) -> bool:
-        """Return whether a block is one of a cycle that drills in steps, whose clearance D may
-        state."""
+        """Return whether a block is of a cycle that drills in steps: D is its clearance."""
         stated = [
             float(text) for letter, text in words if letter.upper() == "G" and GROUPS.get(float(text)) == "motion"
         ]
@@ -416,8 +414,7 @@ class GcodeRun:
             self._restore(saved)
 
     def _restore(self, saved: Saved) -> None:
-        """Bring back the modes, the system, the tool offset, and spindle and coolant that were
-        saved."""
+        """Bring back the modes, the origin, the tool offset, spindle and coolant that were saved."""
         self.modes = saved.modes.copy()
         if self.coordinates.active != saved.system:
             self._renumber(lambda: self.coordinates.choose(saved.system))
@@ -449,8 +446,7 @@ class GcodeRun:
         return [angle + zero for angle, zero in zip(place[3:], self.coordinates.angles, strict=True)]
 
     def _once(self, number: int, code: float, values: dict[str, float]) -> None:
-        """Run G10, G28, G52, G53 or G92, which count from home or change from where numbers
-        count."""
+        """Run a word that counts from home or changes the origin: G10, G28, G52, G53 and G92."""
         word = f"G{code:g}"
         if self.tilted and code in (10, 28, 53):
             raise WordFault(word, f"{word} with angles in the option origin is not supported")
@@ -721,8 +717,10 @@ class GcodeRun:
         self.entities[f"G{self.motion:.0f}"] += 1
 
     def warnings(self, after: int) -> tuple[str, ...]:
-        """Return the assumptions that were made, and what was left out; after: lines after the end
-        that never ran."""
+        """Return the assumptions and the words that were left out.
+
+        after  number of lines after the end that never ran
+        """
         texts = [f"no G20 or G21: unit {self.options.length} was assumed"] if self.unstated else []
         texts += self.events.describe()
         texts += [f"skipped: {', '.join(self.left_out.describe())}"] if self.left_out.counts else []
@@ -740,8 +738,7 @@ class GcodeRun:
 
 
 def _describe_unsupported(given: str, text: str) -> str:
-    """Return the fault of a word that is not supported, with the option that leaves it out if one
-    may."""
+    """Return the fault of an unknown word, with the option that leaves it out if one may."""
     letter, value = given.upper(), float(text)
     word = f"{letter}{value:g}"
     every = letter if is_ignorable(letter) and letter != "M" else word

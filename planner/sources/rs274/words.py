@@ -1,5 +1,4 @@
-"""Words of a G-code file, block by block: comments are removed, and every other character is
-accounted for.
+"""Words of a G-code file, block by block, without comments: every other character counts.
 
 Words that leave the path as it is may be left out on demand, together with their arguments.
 """
@@ -86,8 +85,7 @@ class WordFault(MotionError):
 
 
 def split_lines(text: str) -> Iterator[str]:
-    """Yield the lines of a text with their ends. StringIO would copy the text, at four bytes a
-    character."""
+    """Yield the lines of a text with their ends, without the copy that StringIO makes."""
     begin = 0
     while begin < len(text):
         end = text.find("\n", begin) + 1 or len(text)
@@ -102,8 +100,7 @@ def blocks(
     ignored: frozenset[str] = frozenset(),
     flow: Flow | None = None,
 ) -> Iterator[WordBlock]:
-    """Yield every line that has words, in the order in which lines run, up to the % that ends the
-    program.
+    """Yield every line that has words, in the order in which lines run, up to the last %.
 
     deleted  how to treat blocks that begin with /; None: they are faults
     ignored  words that are left out, so that text after them is no fault
@@ -207,8 +204,7 @@ def _parse_compact(
 
 
 def _cut_text(line: str, ignored: frozenset[str]) -> str:
-    """Return a line without the text that is the argument of an ignored word, as in M117 50%
-    done."""
+    """Return a line without the text after an ignored word, as in M117 50% done."""
     for code in _CODE.finditer(line):
         letter, value = code[1].upper(), float(code[2])
         if letter != "M" or find_ignored_word(letter, value, ignored) is None:
@@ -235,8 +231,7 @@ def _find_argument_text(compact: str, at: int, ignored: frozenset[str]) -> int |
 
 
 def _describe_odd_character(compact: str, at: int, shown: str) -> str:
-    """Return the fault of a place where no plain word begins; "": parameters or expressions may
-    explain it.
+    """Return the fault of a place where no plain word begins; "": it may be an expression.
 
     at  the place in the line without blanks;  shown: the rest of the line as it is
     """
@@ -294,8 +289,7 @@ ARGUMENTS: Mapping[str, str] = {
 
 
 def argument_letters(letter: str, value: float) -> frozenset[str] | None:
-    """Return the letters of the arguments of a word that is left out; None: every word after it is
-    one."""
+    """Return the letters of the arguments of a word that is left out; None: all."""
     letters = ARGUMENTS.get(f"{letter}{value:g}", "" if letter == "G" else None)
     return None if letters is None else frozenset(letters)
 
