@@ -39,7 +39,7 @@ the option `machine`, and without that it is refused (planner.sources.rs274.join
 Other words of spindle and tool (S T M19 G97) are skipped with a warning that counts them and names their lines; with
 the option `strict` these and M3 to M9 are refused. Everything else is a fault with its line and column. Further words
 named in the option `ignore` are skipped too if the path stays as it is without them. Their arguments go with them: of
-M3 to M9, M19 and M60 the arguments that LinuxCNC states, of other M words all words after them, up to the next G or M.
+M0 to M9, M19 and M60 the numbers that are no coordinates, of other M words all words after them, up to the next G or M.
 Blanks mean nothing, not even within a number. F is a cap: the machine is as fast as it can under it. Rounded
 coordinates make small corners where curves were smooth, at which G61 stops: G64 P passes them.
 """
@@ -68,7 +68,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Gcode:
-    """G-code (RS-274): lines, arcs, helices and dwells; what is not supported is refused with line and column."""
+    """G-code (RS-274): lines, arcs, canned cycles and subprograms; other words are refused with line and column."""
 
     suffixes: ClassVar[tuple[str, ...]] = (".ngc", ".nc", ".gcode", ".tap", ".cnc")
     join: Literal["through", "stop"] = option(

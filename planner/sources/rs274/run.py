@@ -22,6 +22,7 @@ from planner.sources.rs274.expressions import Parameters
 from planner.sources.rs274.flow import Flow
 from planner.sources.rs274.modes import UNIT_METRES, Modes, Saved, read_feed
 from planner.sources.rs274.words import (
+    ARGUMENTS,
     CYCLES,
     GROUPS,
     MAX_NUMBER,
@@ -90,7 +91,7 @@ class BlockWords:
     events, stops  M words that become triggers before and after its motion
     contexts  M70 to M73
     owner     the word whose arguments follow, None: no word; taken: their letters, None: all
-    owned     the arguments of words that take all
+    owned     arguments that only some controllers give a word
     """
 
     __slots__ = (
@@ -287,9 +288,12 @@ class GcodeRun:
     def _own(self, number: int, block: BlockWords, given: str, text: str) -> None:
         """Take an argument of a word that is left out, or of an output, whose trigger it names."""
         letter, value = given.upper(), float(text)
-        if block.taken is None or block.owner is None:
+        owner, own = block.owner or ("", 0.0), ""
+        if block.taken is not None:
+            own = ARGUMENTS.get(f"{owner[0]}{owner[1]:g}", OUTPUTS.get(owner[1], ""))
+        if letter not in own:
             block.owned.append(given + text)
-        elif block.events and block.owner == ("M", block.events[-1][0]):
+        elif block.events and owner == ("M", block.events[-1][0]):
             code, arguments = block.events[-1]
             block.events[-1] = (code, f"{arguments} {letter}{value:g}")
         else:  # it may say something of the tool
@@ -324,9 +328,11 @@ class GcodeRun:
         for letter, fit in fits.items():
             if letter in values and not fit:
                 raise WordFault(letter, f"{letter}{values[letter]:g} is not supported; take it out")
-        if block.owned and codes.keys() & {"motion", "once", "dwell", "cycle", "join"}:
-            straight = codes.get("motion") in (0, 1) and len(codes) == 1
-            user = USER_LETTERS | (frozenset("PQ") if straight else frozenset())
+        others = codes.keys() & {"once", "dwell", "cycle", "join"}
+        straight = motion in (0, 1) and not others
+        curved = not straight and bool(values.keys() & set(AXES))
+        if block.owned and (others or "motion" in codes or curved):
+            user = USER_LETTERS | (frozenset("KLPQR") if straight else frozenset())
             if doubtful := [word for word in block.owned if word[0].upper() not in user]:
                 raise WordFault(
                     doubtful[0],

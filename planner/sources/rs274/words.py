@@ -277,21 +277,24 @@ TEXT_WORDS = frozenset(map(float, (16, 23, 28, 117, 118, 928)))
 STOP_WORDS = frozenset((0.0, 1.0))
 """M words of stops. A printer's have a time or a text."""
 ARGUMENTS: Mapping[str, str] = {
-    **dict.fromkeys(("M0", "M1"), "PS"),
     **dict.fromkeys(("M3", "M4", "M5"), "S$"),
     "M6": "T",
-    **dict.fromkeys(("M7", "M8", "M9", "M60"), ""),
+    **dict.fromkeys(("M0", "M1", "M7", "M8", "M9", "M60"), ""),
     "M19": "RPQ$",
     "G43": "H",
     "G97": "S$",
 }
-"""Letters of the arguments of standard words, which share their block with a motion."""
+"""Letters of the arguments that LinuxCNC gives standard words, which share their block with a motion."""
+EXTRA_ARGUMENTS = frozenset("DEHKLPQRST")
+"""Letters of the arguments that other controllers give standard M words."""
 
 
 def argument_letters(letter: str, value: float) -> frozenset[str] | None:
     """Return the letters of the arguments of a word that is left out; None: all."""
     letters = ARGUMENTS.get(f"{letter}{value:g}", "" if letter == "G" else None)
-    return None if letters is None else frozenset(letters)
+    if letters is None:
+        return None
+    return frozenset(letters) | (EXTRA_ARGUMENTS if letter == "M" else frozenset())
 
 
 def find_ignored_word(letter: str, value: float, words: frozenset[str]) -> str | None:

@@ -22,6 +22,7 @@ COMMANDS = [
     "M0 Click to go on",
     "M0 S5", "M1 P500", "M3 S1000 $1", "M4 $0 S50", "M5 $1", "M19 R90 P1", "M48", "M50 P0", "M51 P1 $0", "M61 Q3",
     "M66 P1 L3 Q5", "M68 E1 Q2", "M101 P1 Q2", "M199 P[1 + 2] Q#99", "M64 P#<none>", "M10", "M11", "M88",
+    "M3 P1 S500", "M5 P1", "M6 T1 H2", "M8 P0 S20", "M9 S0", "M60 P1", "M1 L2 R3", "M4 S1 T2",
 ]  # fmt: skip
 
 
@@ -48,6 +49,13 @@ def test_a_word_takes_its_arguments_along(read, command, form):
     assert moves(done) == moves(read(HEAD + TAIL))
     every = read(HEAD + form.format(command) + TAIL, ignore="M")
     assert moves(every) == moves(done)
+
+
+@pytest.mark.parametrize("text", ["G2 X20 I5 M0 P2", "X20 I5 M8 P2", "G3 X20 I5 M205 P2", "G4 M9 P2", "G2 X20 M5 R5"])
+def test_numbers_that_two_words_may_own_are_refused(read, text):
+    """Turns of an arc, the s of a dwell, a radius: without them it is another program."""
+    with pytest.raises(FileError, match="may belong to the word that is left out or to its block's G word"):
+        read(f"{HEAD}G2 X12 I1\n{text}{TAIL}", ignore="M")
 
 
 @pytest.mark.parametrize(
