@@ -16,8 +16,8 @@ PLANES = {17.0: (0, 1, 2), 18.0: (2, 0, 1), 19.0: (1, 2, 0)}
 """First and second axis of the plane, and its normal."""
 OFFSETS, MAX_TURNS = "IJK", 1000
 
-# The distances of the two ends from the centre may differ by ALWAYS_REFUSED, or if by more than ROUNDED (m) then by
-# RELATIVE of the radius: what Grbl and LinuxCNC take for rounding of coordinates.
+# The distances of the two ends from the centre may differ by ALWAYS_REFUSED, or if by more than
+# ROUNDED (m) then by RELATIVE of the radius: what Grbl and LinuxCNC take for rounding.
 ALWAYS_REFUSED, ROUNDED, RELATIVE = 0.5e-3, 5e-6, 1e-3
 
 Point = tuple[float, float]
@@ -64,7 +64,9 @@ def arc_by_centre(way: Way, centre: Point, clockwise: bool, most: float | None =
     radius, final = dist(way.tool, centre), dist(way.end, centre)
     off = abs(radius - final)
     if min(radius, final) <= MIN_MOVE:
-        raise MotionError(f"its centre [{_mm(centre)}] mm is its start or end point; give another centre, or R")
+        raise MotionError(
+            f"its centre [{_mm(centre)}] mm is its start or end point; give another centre, or R",
+        )
     rounding = min(ALWAYS_REFUSED, max(ROUNDED, RELATIVE * max(radius, final)))
     allowed = rounding if most is None else most
     if off > allowed:
@@ -135,7 +137,13 @@ def _mm(point: Point) -> str:
     return ", ".join(f"{value * 1e3:.6g}" for value in point)
 
 
-def read_arc(values: Mapping[str, float], clockwise: bool, way: Way, modes: Modes, most: float | None = None) -> ArcFit:
+def read_arc(
+    values: Mapping[str, float],
+    clockwise: bool,
+    way: Way,
+    modes: Modes,
+    most: float | None = None,
+) -> ArcFit:
     """Return the arc that a block's words state.
 
     Raises WordFault, or MotionError as `arc_by_centre` and `arc_by_radius`; most: as of the former.
@@ -149,7 +157,10 @@ def read_arc(values: Mapping[str, float], clockwise: bool, way: Way, modes: Mode
         raise WordFault(across, f"{across} is outside the plane of G{modes.plane:.0f}, and not 0")
     offsets.pop(across, None)
     if ("R" in values) == bool(offsets):
-        raise WordFault("R" if offsets else "", f"{word} needs either its centre I J K or its radius R")
+        raise WordFault(
+            "R" if offsets else "",
+            f"{word} needs either its centre I J K or its radius R",
+        )
     plane = way.project(first, second)
     if offsets:
         letters = OFFSETS[first], OFFSETS[second]

@@ -66,7 +66,11 @@ class Coordinates:
     def _transform(self, system: System, u: Sequence[float]) -> list[float]:
         gap, offset, zero = self._gap, system.offset, self.zero
         x, y = rotate(u[0] + gap[0], u[1] + gap[1], system.turn)
-        return [x + offset[0] - zero[0], y + offset[1] - zero[1], u[2] + gap[2] + offset[2] - zero[2]]
+        return [
+            x + offset[0] - zero[0],
+            y + offset[1] - zero[1],
+            u[2] + gap[2] + offset[2] - zero[2],
+        ]
 
     def from_program(self, p: list[float]) -> list[float]:
         """Return the numbers of a program's point (3,)."""
@@ -109,7 +113,10 @@ class Coordinates:
         """
         if not self._said or self._systems[self._active].stated:
             return None
-        before, self._moved = self._moved or self._active, self._active  # so that a change is reported once
+        before, self._moved = (
+            self._moved or self._active,
+            self._active,
+        )  # so that a change is reported once
         return None if before == self._active else (f"G{before:g}", f"G{self._active:g}")
 
     def state(self, values: Mapping[str, float], unit: float, place: Sequence[float]) -> None:
@@ -121,7 +128,9 @@ class Coordinates:
         """
         number = values.get("P", -1.0)
         if number not in range(len(SYSTEMS) + 1):
-            raise MotionError("G10 needs P, the system: 1 for G54 to 9 for G59.3, or 0 for the active one")
+            raise MotionError(
+                "G10 needs P, the system: 1 for G54 to 9 for G59.3, or 0 for the active one",
+            )
         code = SYSTEMS[int(number) - 1] if number else self._active
         before = self._systems[code]
         given = to_metres(values, unit)
@@ -134,7 +143,10 @@ class Coordinates:
         else:
             if "R" in values:
                 raise MotionError("G10 L20 takes no R: state the turn by G10 L2")
-            numbers = [*self._invert(before, place), *(place[k] - before.offset[k] - self._gap[k] for k in (3, 4, 5))]
+            numbers = [
+                *self._invert(before, place),
+                *(place[k] - before.offset[k] - self._gap[k] for k in (3, 4, 5)),
+            ]
             named = [given.get(k, number) for k, number in enumerate(numbers)]
             point = self._transform(before, named)
             for k in range(3):
@@ -144,7 +156,13 @@ class Coordinates:
         self._systems[code] = System(_six(offset), turn, stated=True)
         self._settle()
 
-    def shift(self, code: float, values: Mapping[str, float], unit: float, u: Sequence[float]) -> None:
+    def shift(
+        self,
+        code: float,
+        values: Mapping[str, float],
+        unit: float,
+        u: Sequence[float],
+    ) -> None:
         """Run G92, the place of the tool has these numbers, and G52, the zero is shifted by them.
 
         u  (6,) numbers that the tool has now. G92.1 ends the shift, G92.2 suspends it, G92.3 brings
@@ -209,5 +227,8 @@ class ToolOffsets:
         """Return the offset of the last move and the active one, if they differ."""
         if not self.active:
             return None
-        before, self._moved = self._moved or self.active, self.active  # so that a change is reported once
+        before, self._moved = (
+            self._moved or self.active,
+            self.active,
+        )  # so that a change is reported once
         return None if before == self.active else (before, self.active)

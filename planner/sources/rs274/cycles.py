@@ -100,7 +100,13 @@ class Cycles:
         """End the series: another motion or G80."""
         self.code = self.initial = None
 
-    def run(self, code: float, words: Mapping[str, float], place: Point, setting: Setting) -> Iterator[Step]:
+    def run(
+        self,
+        code: float,
+        words: Mapping[str, float],
+        place: Point,
+        setting: Setting,
+    ) -> Iterator[Step]:
         """Yield the steps of a block. Raises WordFault for words that are missing or do not fit."""
         first, second, normal = setting.axes
         values = self._update(code, words, setting)
@@ -118,7 +124,10 @@ class Cycles:
             increments = [value or 0.0 for value in stated]
             a, b = place[:2]
         if retract < bottom - MIN_MOVE:
-            raise WordFault("R", f"R leads {1e3 * (bottom - retract):.6g} mm below {normal}, the bottom of the hole")
+            raise WordFault(
+                "R",
+                f"R leads {1e3 * (bottom - retract):.6g} mm below {normal}, the bottom of the hole",
+            )
         height = place[2]
         if level < retract:
             yield Step("rapid", (place[0], place[1], retract))
@@ -137,12 +146,20 @@ class Cycles:
                 yield Step("rapid", (a, b, retract))
             yield from drill(code, Hole(a, b, retract, clear, bottom, values), setting)
 
-    def _update(self, code: float, words: Mapping[str, float], setting: Setting) -> dict[str, float]:
+    def _update(
+        self,
+        code: float,
+        words: Mapping[str, float],
+        setting: Setting,
+    ) -> dict[str, float]:
         """Return the values that hold, m and s, with those of the block."""
         normal = setting.axes[2]
         needed = f"{normal}R{REQUIRED.get(code, '')}"
         if code != self.code and (missing := [letter for letter in needed if letter not in words]):
-            raise WordFault("", f"G{code:g} needs {', '.join(missing)}: its first block states {', '.join(needed)}")
+            raise WordFault(
+                "",
+                f"G{code:g} needs {', '.join(missing)}: its first block states {', '.join(needed)}",
+            )
         before = self._values if code == self.code else {}
         given = {letter: value * setting.unit for letter, value in words.items() if letter in LENGTHS}
         if "P" in words:
@@ -150,10 +167,16 @@ class Cycles:
         if self._unit != setting.unit and (
             old := [letter for letter in needed if letter not in given and letter != "P"]
         ):
-            raise WordFault("", f"the unit changed after {', '.join(old)} of G{code:g}: state them again")
+            raise WordFault(
+                "",
+                f"the unit changed after {', '.join(old)} of G{code:g}: state them again",
+            )
         values = {**before, **given}
         if "Q" in needed and values["Q"] <= 0:
-            raise WordFault("Q", f"Q{words.get('Q', 0):g} must be above 0: it is the depth of a step")
+            raise WordFault(
+                "Q",
+                f"Q{words.get('Q', 0):g} must be above 0: it is the depth of a step",
+            )
         if values.get("P", 0.0) < 0:
             raise WordFault("P", f"P{words.get('P', 0):g} must not be negative: it is a dwell")
         if code in (74, 84):
@@ -168,7 +191,10 @@ def _count(words: Mapping[str, float]) -> int:
     """Return how often a block runs. Raises WordFault."""
     count = words.get("L", 1.0)
     if count not in range(1, MOST_REPEATS + 1):
-        raise WordFault("L", f"L{count:g} must be a whole number from 1 to {MOST_REPEATS}: how often the block runs")
+        raise WordFault(
+            "L",
+            f"L{count:g} must be a whole number from 1 to {MOST_REPEATS}: how often the block runs",
+        )
     return int(count)
 
 

@@ -49,7 +49,9 @@ class WordLines:
         for word, count in sorted(self.counts.items()):
             first = self.lines[word]
             more = f" and {count - len(first)} more" if count > len(first) else ""
-            texts.append(f"{word} ({count}x: line{'s' * (len(first) > 1)} {', '.join(map(str, first))}{more})")
+            texts.append(
+                f"{word} ({count}x: line{'s' * (len(first) > 1)} {', '.join(map(str, first))}{more})",
+            )
         return texts
 
 
@@ -105,7 +107,11 @@ class Events:
     def restore(self, line: int, running: Running, last: Segment | None) -> Segment | None:
         """Return the last segment with the events that bring back active words (M72)."""
         codes = [running[name] for name in running if running[name] != self.running[name]]
-        return self.read(line, [(code, "") for code in dict.fromkeys(codes) if code in self.codes], last)
+        return self.read(
+            line,
+            [(code, "") for code in dict.fromkeys(codes) if code in self.codes],
+            last,
+        )
 
     def _run(self, code: float) -> None:
         if code in (3, 4, 5):
@@ -115,7 +121,14 @@ class Events:
         if code in (8, 9):
             self.running["flood"] = code
 
-    def _mark(self, line: int, word: str, setting: str, last: Segment | None, stops: bool) -> Segment | None:
+    def _mark(
+        self,
+        line: int,
+        word: str,
+        setting: str,
+        last: Segment | None,
+        stops: bool,
+    ) -> Segment | None:
         if last is not None and not isinstance(last, Dwell) and stops:
             last = replace(last, join=Stop())
         before = None if last is None else last.trigger
@@ -147,5 +160,7 @@ class Events:
         texts = [f"the motion stops, and a trigger marks it: {', '.join(stops)}"] if stops else []
         texts += [f"marked by triggers: {', '.join(others)}"] if others else []
         for called, _, line in self.waiting:
-            texts.append(f"{called} (line {line}): NO TRIGGER, as the last segment has one at its start already")
+            texts.append(
+                f"{called} (line {line}): NO TRIGGER, as the last segment has one at its start already",
+            )
         return texts

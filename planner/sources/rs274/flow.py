@@ -106,7 +106,13 @@ class Flow:
               none has run
     """
 
-    def __init__(self, text: str, parameters: Parameters, faults: Faults, deleted: str | None = None) -> None:
+    def __init__(
+        self,
+        text: str,
+        parameters: Parameters,
+        faults: Faults,
+        deleted: str | None = None,
+    ) -> None:
         self.parameters, self.faults = parameters, faults
         self.used = find_flow(text)
         self.lines = text.split("\n") if self.used else []
@@ -170,7 +176,10 @@ class Flow:
             kind = None if last is None else last.keyword
             if word.label == COMPUTED and word.keyword not in (CALL, RETURN):
                 if word.keyword != "call":
-                    self._fault(word, f"the label of {word.keyword} is computed, which only call takes: write a number")
+                    self._fault(
+                        word,
+                        f"the label of {word.keyword} is computed, which only call takes: write a number",
+                    )
                     return
             elif word.keyword == PROGRAM:
                 self._add_program(word, opened)
@@ -180,19 +189,28 @@ class Flow:
             elif word.keyword in ("sub", "while", "do", "if", "repeat"):
                 if word.keyword == "sub":
                     if word.label in self.subs:
-                        self._fault(word, f"{word.label} sub is defined twice in this file: give it another label")
+                        self._fault(
+                            word,
+                            f"{word.label} sub is defined twice in this file: give it another label",
+                        )
                     self.subs[word.label] = word
                 opened.append(word)
             elif word.keyword in PARTS:
                 if kind != "if" or last is None:
-                    self._fault(word, f"{word.label} {word.keyword} has no {word.label} if that is open here")
+                    self._fault(
+                        word,
+                        f"{word.label} {word.keyword} has no {word.label} if that is open here",
+                    )
                     return
                 last.parts += (word.line,)
                 word.start = last.line
             elif word.keyword in ENDS:
                 if kind != ENDS[word.keyword] or last is None:
                     wanted = f"{word.label} {ENDS[word.keyword]}"
-                    self._fault(word, f"{word.label} {word.keyword} has no {wanted} that is open here")
+                    self._fault(
+                        word,
+                        f"{word.label} {word.keyword} has no {wanted} that is open here",
+                    )
                     return
                 last.end, word.start = word.line, last.line
                 opened.pop()
@@ -208,7 +226,10 @@ class Flow:
 
     def _add_program(self, word: _Word, opened: list[_Word]) -> None:
         if opened:
-            self._fault(word, f"{word.label} begins a subprogram inside {opened[-1].label} {opened[-1].keyword}")
+            self._fault(
+                word,
+                f"{word.label} begins a subprogram inside {opened[-1].label} {opened[-1].keyword}",
+            )
         if word.label in self.programs:
             self._fault(word, f"{word.label} is defined twice in this file: give it another number")
         self.programs[word.label] = word
@@ -222,7 +243,7 @@ class Flow:
         return False
 
     def run(self) -> Iterator[tuple[int, str]]:
-        """Yield number and text of each line to read, in the order in which they run, up to a fault."""
+        """Yield number and text of each line to read, in the order they run, up to a fault."""
         if self.faults:
             return
         at, begun = 0, False
@@ -234,7 +255,10 @@ class Flow:
             done += self._ran[at]
             self._ran[at] = 1
             if done > MAX_LINES:
-                self.faults.add(f"runs more than {MAX_LINES} lines again: does a loop here ever end?", at + 1)
+                self.faults.add(
+                    f"runs more than {MAX_LINES} lines again: does a loop here ever end?",
+                    at + 1,
+                )
                 return
             if word is None:
                 begun = begun or self._has_words(at)
@@ -264,7 +288,10 @@ class Flow:
                 return
         if calls and calls[-1].target >= 0:
             word = self.words[calls[-1].target]
-            self._fault(word, f"{word.label} has no M99, which returns to its caller: write it at its end")
+            self._fault(
+                word,
+                f"{word.label} has no M99, which returns to its caller: write it at its end",
+            )
 
     def _has_words(self, at: int) -> bool:
         return _COMMENT.sub("", self.lines[at]).strip() not in ("", "%")
@@ -274,7 +301,12 @@ class Flow:
             return f"the subprogram before {word.label} has no M99, which returns to its caller: write it there"
         return f"{word.label} begins a subprogram, and the program does not end before it: write M30 or M2 there"
 
-    def _call(self, word: _Word, calls: list[_Call], turns: dict[int, int]) -> tuple[int, dict[int, int]]:
+    def _call(
+        self,
+        word: _Word,
+        calls: list[_Call],
+        turns: dict[int, int],
+    ) -> tuple[int, dict[int, int]]:
         """Return the first line that an O-word or M98 calls, and the open loops there."""
         if len(calls) == MAX_CALLS:
             raise ExpressionFault(word.column, f"calls within calls: more than {MAX_CALLS} deep")
@@ -284,7 +316,10 @@ class Flow:
             target = self.programs.get(label)
             if target is None:
                 other = f"; {label} sub is called by {label} call" if label in self.subs else ": add it there"
-                raise ExpressionFault(word.column, f"{label} is not a subprogram of this file{other}")
+                raise ExpressionFault(
+                    word.column,
+                    f"{label} is not a subprogram of this file{other}",
+                )
             if count == 0:
                 return back, turns
             self.parameters.enter(None)
@@ -301,12 +336,20 @@ class Flow:
         self._ran[line] = 1
         return line + 1, {}
 
-    def _return(self, word: _Word, calls: list[_Call], turns: dict[int, int]) -> tuple[int, dict[int, int]]:
+    def _return(
+        self,
+        word: _Word,
+        calls: list[_Call],
+        turns: dict[int, int],
+    ) -> tuple[int, dict[int, int]]:
         """Return the line that runs after a return, and the open loops there."""
         call = calls.pop()
         if (word.keyword == RETURN) != (call.target >= 0):
             end = "M99" if call.target >= 0 else "return or endsub"
-            raise ExpressionFault(word.column, f"{word.keyword} ends no subprogram of this kind: write {end}")
+            raise ExpressionFault(
+                word.column,
+                f"{word.keyword} ends no subprogram of this kind: write {end}",
+            )
         if word.keyword == RETURN:
             self._check_alone(word)
         values = [] if word.keyword == RETURN else self._values(word, None)
@@ -322,17 +365,24 @@ class Flow:
         values = self._read_words(word)
         if values.keys() - {"P", "L", "N"} or "P" not in values:
             raise ExpressionFault(
-                word.column, "M98 takes P, the number of a subprogram, and L, and shares its line with no other word"
+                word.column,
+                "M98 takes P, the number of a subprogram, and L, and shares its line with no other word",
             )
         for letter, most in (("P", inf), ("L", MAX_LINES)):
             value = values.get(letter, 1.0)
             if value != round(value) or not 0 <= value <= most:
-                raise ExpressionFault(word.column, f"M98: {letter}{value:g} must be a whole number, not negative")
+                raise ExpressionFault(
+                    word.column,
+                    f"M98: {letter}{value:g} must be a whole number, not negative",
+                )
         return f"o{round(values['P'])}", round(values.get("L", 1.0))
 
     def _check_alone(self, word: _Word) -> None:
         if self._read_words(word).keys() - {"N"}:
-            raise ExpressionFault(word.column, "M99 shares its line with no other word: put them on other lines")
+            raise ExpressionFault(
+                word.column,
+                "M99 shares its line with no other word: put them on other lines",
+            )
 
     def _read_words(self, word: _Word) -> dict[str, float]:
         """Return the other words of a line with M98 or M99, by letter."""
@@ -396,9 +446,15 @@ class Flow:
         while cursor.next == "[":
             values.append(cursor.value())
         if cursor.next:
-            raise ExpressionFault(cursor.at + 1, f"{word.keyword} takes nothing but values in brackets, as [#1 LT 5]")
+            raise ExpressionFault(
+                cursor.at + 1,
+                f"{word.keyword} takes nothing but values in brackets, as [#1 LT 5]",
+            )
         if count is not None and len(values) != count:
-            raise ExpressionFault(word.column, f"{word.keyword} needs a value in brackets, as [#1 LT 5]")
+            raise ExpressionFault(
+                word.column,
+                f"{word.keyword} needs a value in brackets, as [#1 LT 5]",
+            )
         return values
 
 

@@ -17,7 +17,16 @@ from planner.program.modifiers import Blend, Fit, Join, Stop, Through
 from planner.sources.rs274.arcs import PLANES, Way, read_arc
 from planner.sources.rs274.coordinates import AXES, Coordinates, ToolOffsets, to_metres
 from planner.sources.rs274.cycles import Cycles, Setting, Step
-from planner.sources.rs274.events import LONG_DWELL, LONG_TOLD, NOWHERE_TOLD, OUTPUTS, STOPS, Event, Events, WordLines
+from planner.sources.rs274.events import (
+    LONG_DWELL,
+    LONG_TOLD,
+    NOWHERE_TOLD,
+    OUTPUTS,
+    STOPS,
+    Event,
+    Events,
+    WordLines,
+)
 from planner.sources.rs274.expressions import Parameters
 from planner.sources.rs274.flow import Flow
 from planner.sources.rs274.modes import UNIT_METRES, Modes, Saved, read_feed
@@ -110,11 +119,11 @@ class BlockWords:
         self.owned: list[str] = []
 
     def begin_arguments(self, letter: str, value: float, taken: frozenset[str] | None) -> None:
-        """Let the words that follow be the arguments of a word, as far as it takes their letters."""
+        """Take the words that follow for arguments of a word, as far as their letters allow."""
         self.owner, self.taken = (letter, value), taken
 
     def is_argument(self, letter: str) -> bool:
-        """Return whether a word of a letter is an argument of the owner, which the next G or M ends."""
+        """Return whether a letter is an argument of the owner, which the next G or M ends."""
         if self.owner is None:
             return False
         if letter in "GM" and self.owner[1] not in TEXT_WORDS:
@@ -164,7 +173,13 @@ class GcodeRun:
         """Yield the segments of a file, up to its end."""
         options = self.options
         self.flow = Flow(text, self.parameters, self.faults, options.block_delete)
-        for block in blocks(text, self.faults, options.block_delete, options.ignored_words, self.flow):
+        for block in blocks(
+            text,
+            self.faults,
+            options.block_delete,
+            options.ignored_words,
+            self.flow,
+        ):
             self.number = block.number
             self.block(block)
             yield from self.ready
@@ -211,7 +226,10 @@ class GcodeRun:
         if codes.get("join") == 64:  # whose P is no number of turns
             values = {letter: value for letter, value in values.items() if letter not in "PQ"}
         if "dwell" in codes:
-            self._dwell(number, {k: v for k, v in values.items() if k in "PNF" or "motion" not in codes})
+            self._dwell(
+                number,
+                {k: v for k, v in values.items() if k in "PNF" or "motion" not in codes},
+            )
             values = {k: v for k, v in values.items() if k != "P" and "motion" in codes}
         if "once" in codes:
             self._once(number, codes["once"], values)
@@ -252,11 +270,14 @@ class GcodeRun:
         group = GROUPS[value]
         if group in block.codes:
             other = block.codes[group]
-            raise WordFault(given + text, f"G{value:g} and G{other:g} exclude each other in a block")
+            raise WordFault(
+                given + text,
+                f"G{value:g} and G{other:g} exclude each other in a block",
+            )
         block.codes[group] = value
 
     def _sort_m_word(self, number: int, block: BlockWords, value: float, words: Words) -> bool:
-        """Take an M word that ends the program, saves modes or is an event; return whether it is."""
+        """Take an M word that ends the program, saves modes or is an event; return if it does."""
         ignored = find_ignored_word("M", value, self.options.ignored_words) is not None
         if value in (2, 30):
             self.ended = True
@@ -343,7 +364,10 @@ class GcodeRun:
         if spindle and not any(
             letter.upper() == "S" or (letter.upper(), float(text)) in SPINDLE_WORDS for letter, text in words
         ):
-            raise WordFault("$", "$ selects a spindle: it needs S, M3, M4, M5 or M19 in its block; take it out")
+            raise WordFault(
+                "$",
+                "$ selects a spindle: it needs S, M3, M4, M5 or M19 in its block; take it out",
+            )
 
     def _modal(self, number: int, codes: Mapping[str, float], values: Mapping[str, float]) -> None:
         """Change the modes that hold from this block on."""
@@ -359,7 +383,8 @@ class GcodeRun:
                 self.remarks.add(FEED_UNIT_TOLD, number)
             if "F" not in values and unit != modes.unit and self.unstated and modes.feed is not None:
                 self.remarks.add(
-                    f"F before the first G20 or G21 counts in {self.options.length} (option length)", number
+                    f"F before the first G20 or G21 counts in {self.options.length} (option length)",
+                    number,
                 )
             modes.unit, self.unstated = unit, False
         if "distance" in codes:
@@ -390,7 +415,7 @@ class GcodeRun:
             raise WordFault("G64", "G64 takes P and Q that are not negative")
         if values.get("P", 0.0) > 0:
             return Fit(values["P"] * self.modes.unit)
-        # as fast as possible, however far from the path: how far that may be has to be said elsewhere
+        # as fast as possible, however far from the path: an option has to say how far
         first = self.options.first_join
         if not isinstance(first, Fit | Blend):
             raise WordFault(
@@ -416,11 +441,14 @@ class GcodeRun:
         else:
             saved = context.get("saved")
             if not isinstance(saved, Saved):
-                raise WordFault("M72", "M72 restores what M70 or M73 saved, which this program or sub has not yet")
+                raise WordFault(
+                    "M72",
+                    "M72 restores what M70 or M73 saved, which this program or sub has not yet",
+                )
             self._restore(saved)
 
     def _restore(self, saved: Saved) -> None:
-        """Bring back the modes, the origin, the tool offset, spindle and coolant that were saved."""
+        """Bring back the saved modes, origin, tool offset, spindle and coolant."""
         self.modes = saved.modes.copy()
         if self.coordinates.active != saved.system:
             self._renumber(lambda: self.coordinates.choose(saved.system))
@@ -459,7 +487,10 @@ class GcodeRun:
         axes = {axis: values[axis] for axis in AXES if axis in values}
         if code in (10, 11) and values.keys() <= {"N", "F"}:
             if self.options.strict:
-                raise WordFault(word, f"{word} without arguments moves a printer's material; take it out")
+                raise WordFault(
+                    word,
+                    f"{word} without arguments moves a printer's material; take it out",
+                )
             self.left_out.add(word, number)
         elif code == 11:
             raise WordFault(word, "G11 with arguments is not supported; take it out")
@@ -484,10 +515,16 @@ class GcodeRun:
                 self._shift(code, values)
             elif not self._extrudes(number):
                 printer = " (a printer zeroes all axes)" if code == 92 else ""
-                raise WordFault(word, f"{word} without axes has no meaning{printer}: state them, as {word} X0 Y0 Z0")
+                raise WordFault(
+                    word,
+                    f"{word} without axes has no meaning{printer}: state them, as {word} X0 Y0 Z0",
+                )
         else:
             if values.get("L") not in (2, 20):
-                raise WordFault("L", "G10 states systems only, by L2 or L20: tables of tools are not read")
+                raise WordFault(
+                    "L",
+                    "G10 states systems only, by L2 or L20: tables of tools are not read",
+                )
             place = [*self.coordinates.to_program(self.place[:3]), *self._angles(self.place)]
             self._renumber(lambda: self.coordinates.state(values, self.modes.unit, place))
 
@@ -501,7 +538,10 @@ class GcodeRun:
 
     def _dwell(self, number: int, values: dict[str, float]) -> None:
         if values.get("P", -1.0) < 0:
-            raise WordFault("P", f"G4 needs P, the dwell time in {self.options.dwell}, not negative")
+            raise WordFault(
+                "P",
+                f"G4 needs P, the dwell time in {self.options.dwell}, not negative",
+            )
         if more := values.keys() - {"P", "N", "F"}:
             raise WordFault(min(more), f"{min(more)} has no meaning beside G4")
         self.entities["G4"] += 1
@@ -520,7 +560,12 @@ class GcodeRun:
                 self.remarks.add(LONG_TOLD, number)
             self._add(Dwell(seconds, line_number=number))
 
-    def _move(self, number: int, values: dict[str, float], from_home: Mapping[str, float] | None = None) -> None:
+    def _move(
+        self,
+        number: int,
+        values: dict[str, float],
+        from_home: Mapping[str, float] | None = None,
+    ) -> None:
         """Add the way to the point of the words; from_home: axes whose numbers count from there."""
         if self.motion is None:
             if self.faults.unread:  # it may stand in a line that was left out
@@ -661,7 +706,10 @@ class GcodeRun:
         if self.modes.timed:
             raise WordFault("", f"G{code:g} needs G94: G93 states the time of one move")
         if more := values.keys() & {"A", "B", "C"}:
-            raise WordFault(min(more), f"{min(more)} has no place in a canned cycle: turn before it")
+            raise WordFault(
+                min(more),
+                f"{min(more)} has no place in a canned cycle: turn before it",
+            )
         if not values.keys() & set("XYZ"):
             raise WordFault("", f"G{code:g} needs X, Y or Z in each of its blocks")
         order = PLANES[self.modes.plane]
@@ -735,9 +783,13 @@ class GcodeRun:
             way = "by the shortest rotation, while controllers interpolate each letter"
             texts.append(f"{self.several} blocks rotate about several axes at once: {way}")
         if self.off > 1e-9:
-            texts.append(f"arcs end up to {self.off * 1e6:.3g} um from their end points, because their radii differ")
+            texts.append(
+                f"arcs end up to {self.off * 1e6:.3g} um from their end points, because their radii differ",
+            )
         if self.flow is not None and self.flow.restarts:
-            texts.append(f"M99 in line {self.flow.restarts} ends the program, where a controller would start it again")
+            texts.append(
+                f"M99 in line {self.flow.restarts} ends the program, where a controller would start it again",
+            )
         if after:
             texts.append(f"not read: {count_noun(after, 'line')} after the end of the program")
         return tuple(texts)

@@ -22,7 +22,10 @@ MAX_NUMBER = 1e9
 WORD = re.compile(rf"([A-Za-z$])[ \t]*({NUMBER})", re.ASCII)
 """One word: a letter, or $ for a spindle, and a number, with nothing but blanks in between."""
 _PLAIN = re.compile(rf"[ \t]*(?:[A-Za-z$][ \t]*{NUMBER}[ \t]*)*", re.ASCII)
-_LABEL = re.compile(r"[ \t]*(?:N[ \t]*\d+[ \t]*)?(O[ \t]*(?:<|[\[#]|\d+[ \t]*[A-Za-z]{2}))", re.IGNORECASE | re.ASCII)
+_LABEL = re.compile(
+    r"[ \t]*(?:N[ \t]*\d+[ \t]*)?(O[ \t]*(?:<|[\[#]|\d+[ \t]*[A-Za-z]{2}))",
+    re.IGNORECASE | re.ASCII,
+)
 _COMPUTED = re.compile(r"#|[A-Za-z$][ \t]*[+-]?[ \t]*(?:#|\[|[A-Za-z]{2,6}[ \t]*\[)", re.ASCII)
 """How a word begins whose value is computed, or a block that sets a parameter."""
 _COMMENT = re.compile(r"\([^()]*\)|;.*")
@@ -127,7 +130,11 @@ def blocks(
         if "(" in line or ";" in line or ")" in line:
             split = _WITHIN_NUMBER.search(line)
             if split is not None:
-                faults.add("a comment is within a number: move it", number, f"column {split.start(1) + 1}")
+                faults.add(
+                    "a comment is within a number: move it",
+                    number,
+                    f"column {split.start(1) + 1}",
+                )
                 faults.unread = True
                 continue
             line = _COMMENT.sub(lambda comment: " " * len(comment[0]), line)
@@ -176,7 +183,11 @@ def _parse_line(
             return words, tuple(places[column - 1] + 1 for column in columns)
         end = _find_argument_text(compact, wrong.column - 1, ignored)
         if end is None:
-            faults.add(str(wrong), number, f"column {places[min(wrong.column - 1, len(compact))] + 1}")
+            faults.add(
+                str(wrong),
+                number,
+                f"column {places[min(wrong.column - 1, len(compact))] + 1}",
+            )
             return None
         compact = compact[:end]
     matches = list(WORD.finditer(compact))
@@ -191,7 +202,10 @@ def _parse_compact(
     if label := _LABEL.match(line):
         column = places.index(label.start(1)) + 1
         text = describe_value(line[label.start(1) :])
-        return ExpressionFault(column, f"{text}: an O-word is a label and one of {', '.join(KEYWORDS)}")
+        return ExpressionFault(
+            column,
+            f"{text}: an O-word is a label and one of {', '.join(KEYWORDS)}",
+        )
     plain = _PLAIN.match(compact)
     at = plain.end() if plain else 0
     message = _describe_odd_character(compact, at, line[places[at] :])
@@ -216,7 +230,7 @@ def _cut_text(line: str, ignored: frozenset[str]) -> str:
 
 
 def _find_argument_text(compact: str, at: int, ignored: frozenset[str]) -> int | None:
-    """Return the end of an ignored word with text as its argument at a place; None: no such word."""
+    """Return the end of an ignored word with text as its argument; None: no such word."""
     codes = [code for code in _CODE.finditer(compact) if code.end() <= at]
     for code in codes:
         letter, value = code[1].upper(), float(code[2])
@@ -284,7 +298,7 @@ ARGUMENTS: Mapping[str, str] = {
     "G43": "H",
     "G97": "S$",
 }
-"""Letters of the arguments that LinuxCNC gives standard words, which share their block with a motion."""
+"""Letters of the arguments of standard words in LinuxCNC; a motion may share their block."""
 EXTRA_ARGUMENTS = frozenset("DEHKLPQRST")
 """Letters of the arguments that other controllers give standard M words."""
 
