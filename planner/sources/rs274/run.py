@@ -309,10 +309,10 @@ class GcodeRun:
     def _own(self, number: int, block: BlockWords, given: str, text: str) -> None:
         """Take an argument of a word that is left out, or of an output, whose trigger it names."""
         letter, value = given.upper(), float(text)
-        owner, own = block.owner or ("", 0.0), ""
+        owner, stated = block.owner or ("", 0.0), ""
         if block.taken is not None:
-            own = ARGUMENTS.get(f"{owner[0]}{owner[1]:g}", OUTPUTS.get(owner[1], ""))
-        if letter not in own:
+            stated = ARGUMENTS.get(f"{owner[0]}{owner[1]:g}", OUTPUTS.get(owner[1], ""))
+        if letter not in stated:
             block.owned.append(given + text)
         elif block.events and owner == ("M", block.events[-1][0]):
             code, arguments = block.events[-1]
