@@ -12,7 +12,7 @@ where Δ is the jump at the join (planner.path.join_and_blend). d follows from t
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import islice, pairwise
 from math import floor, log10
 
 import numpy as np
@@ -154,7 +154,8 @@ def find_stops_of_import(program: Program) -> AvoidableStops:
     machine = load_machine(name)
     assumed = "" if program.machine else f"on the bundled machine {name}"
     if program.repeat * len(program.segments) > MOST_SEGMENTS:
-        program = replace(program, segments=tuple(program.segments[:MOST_SEGMENTS]), repeat=1)
+        first = tuple(islice(program.segments, MOST_SEGMENTS))
+        program = replace(program, segments=first, repeat=1)
         assumed = f"in the first {MOST_SEGMENTS} segments {assumed}".rstrip()
     order = max(usual_order(machine.axes), 3)
     try:

@@ -19,6 +19,7 @@ from pulsepath.progress import note
 if TYPE_CHECKING:
     from controllers.rig import Rig
     from kinematics import Machine
+    from planner.sources.source import Imported
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,14 +34,18 @@ class Origin:
     suffix: str
 
     def read(self, file: Path, machine: str) -> Program:
-        """The program of a file; machine: whose a file of joint axes is."""
+        """Return the program of a file; machine: the one of a file of joint axes."""
+        return self.read_import(file, machine).program
+
+    def read_import(self, file: Path, machine: str) -> "Imported":
+        """Return the program of a file with what was read of it, and show its warnings."""
         from planner.sources.source import find_source, stream_program
 
         source = find_source(self.format)(**{**self.options, **_joint_machine(self.format, file, machine)})
         found = stream_program(file, source)
         for warning in found.warnings:
             note(f"note: {file.name}: {warning}")
-        return found.program
+        return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,10 +120,22 @@ def read_inputs(
     if machine is None:
         raise MotionError(f"{file.name} names no machine: give --machine")
     load_machine = _find_machine(machine)
-    loaded = origin.read(file, machine)
+    imported = origin.read_import(file, machine)
+    loaded = imported.program
     ready()
     driven, content, companions = load_machine()
+    _note_lost_angles(imported.turned, driven, file.name)
     return Inputs(loaded, driven, file.read_bytes(), content, companions, origin)
+
+
+def _note_lost_angles(turned: frozenset[str], machine: "Machine", name: str) -> None:
+    """Show a warning of rotations that the machine cannot make, because the angle follows from its other axes."""
+    if not turned or not machine.follows:
+        return
+    from planner.path.followed_angles import describe_lost_angles
+
+    if warning := describe_lost_angles(turned, machine):
+        note(f"note: {name}: {warning}")
 
 
 def _joint_machine(name: str, file: Path, machine: str) -> dict[str, str]:
@@ -171,6 +188,10 @@ def _read_native(program: str, machine: str | None, ready: Callable[[], object])
     ready()
     loaded = make_program(document, model)  # which may take SciPy, as the machine does
     driven, content, companions = load_machine()
+    if driven.follows:
+        from planner.path.followed_angles import list_turned_angles
+
+        _note_lost_angles(list_turned_angles(loaded), driven, Path(program).name)
     return Inputs(loaded, driven, find("planner", "program", program).read_bytes(), content, companions)
 
 

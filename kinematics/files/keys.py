@@ -78,10 +78,16 @@ def format_entries(table: type[BaseModel], values: Mapping[str, Any], rows: bool
 
     rows  arrays of arrays have each of these on a line of its own
     """
-    fields = {field.alias or name: field for name, field in table.model_fields.items()}
+    fields = _fields_of(table)
     for name, value in values.items():
         if value is not None:
             yield name, format_value(fields[name].annotation, _tuples(value), fields[name].metadata, rows)
+
+
+@cache
+def _fields_of(table: type[BaseModel]) -> Mapping[str, FieldInfo]:
+    """Return the fields of a table by their keys."""
+    return {field.alias or name: field for name, field in table.model_fields.items()}
 
 
 def format_value(kind: Any, value: Any, marks: Sequence[Any] = (), rows: bool = False) -> str:

@@ -111,6 +111,14 @@ class Document:
         return value
 
 
+def unify_line_ends(text: str) -> str:
+    """Return a text with \\n for CR LF, and for CR CR LF, which a transfer in text mode makes of it.
+
+    tomllib replaces CR LF once more, and the text that it accepts must be the text whose lines are counted.
+    """
+    return re.sub(r"\r+\n", "\n", text) if "\r" in text else text
+
+
 def read(source: Path | Traversable) -> Document:
     """The document in a file. Raises FileError: missing, unreadable, too large, not UTF-8, not TOML (with its line)."""
     file = str(source)
@@ -118,7 +126,7 @@ def read(source: Path | Traversable) -> Document:
     refuse_utf16(file, raw)
     text = ""
     try:
-        text = raw.decode("utf-8-sig").replace("\r\n", "\n")
+        text = unify_line_ends(raw.decode("utf-8-sig"))
         document = Document(file, _to_tuples(tomllib.loads(text)), _Scanner(text).scan())
     except UnicodeDecodeError as error:
         fault = utf8_fault(raw, error)

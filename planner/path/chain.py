@@ -16,6 +16,7 @@ from kinematics.machine.pose import Pose
 from planner.path.arc_length import even_speed
 from planner.path.curve import curve, ends
 from planner.path.fit import fit_chains, is_plain
+from planner.path.followed_angles import begin_turn, refuse_lost_turn
 from planner.path.join_and_blend import ALWAYS_REST, PathStep, link, list_avoidable
 from planner.path.outcome import Blended
 from planner.path.shape import (
@@ -353,6 +354,13 @@ def _pieces(
         case Synchronised():
             return draw_synchronised(machine, start, end, tool, number)
         case Turn():
+            if machine.follows:
+                after = end.rotation
+                if segment.about is not None:
+                    axis = frame.rotation.apply(np.array(segment.about))
+                    after = begin_turn(segment.angle, axis) * start.rotation
+                platform = Rotation.identity() if tool is None else tool.rotation.inv()
+                refuse_lost_turn(start.rotation * platform, after * platform, machine)
             if segment.about is not None:
                 axis = start.rotation.inv().apply(frame.rotation.apply(np.array(segment.about)))
                 return [turn(start, axis, segment.angle, characteristic, number)]

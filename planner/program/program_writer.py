@@ -5,7 +5,7 @@ directions to rounding, since they are held as rotations and unit vectors; every
 """
 
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -26,20 +26,43 @@ from planner.program.validation import CAPS
 
 
 def program_toml(program: Program, comment: str = "", *, complete: bool = False, source: str = "") -> str:
-    """The TOML text of a program, after the lines of a comment; complete: with what holds where nothing is said.
+    """Return the TOML text of a program, after the lines of a comment.
 
-    source: the file whose lines the segments were, told as a comment of each
+    complete  also state the values that hold by default
+    source    file of the segments' lines, which a comment of each segment names
     """
-    lines = [f"# {line}".rstrip() for line in comment.splitlines()]
-    lines += ["schema = 1", *_lines(ProgramFile, _head(program, complete))]
-    for segment in program.segments:
+    return "\n".join(program_lines(program, comment, complete=complete, source=source)) + "\n"
+
+
+def program_lines(
+    program: Program,
+    comment: str = "",
+    *,
+    complete: bool = False,
+    source: str = "",
+    segments: Iterable[Segment] | None = None,
+) -> Iterator[str]:
+    """Yield the lines of `program_toml`, segment by segment: a stream of segments is read once, and not held.
+
+    segments  those of the program, if the caller iterates over them too
+    """
+    yield from (f"# {line}".rstrip() for line in comment.splitlines())
+    yield "schema = 1"
+    yield from _lines(ProgramFile, _head(program, complete))
+    last_name, last, texts = "", dict[str, Any](), list[str]()
+    for segment in program.segments if segments is None else segments:
         name = type(segment).__name__.lower()
         entry = next(table for table in SEGMENTS if name in table.model_fields)
         shape: Callable[[Any], Any] = _SHAPES.get(name, _place)
         known = source and segment.line_number is not None
-        told = f"  # line {segment.line_number} of {plain_line(source)}" if known else ""
-        lines += ["", f"[[segment]]{told}", *_lines(entry, {name: shape(segment)} | _modifiers(segment, complete))]
-    return "\n".join(lines) + "\n"
+        place = f"  # line {segment.line_number} of {plain_line(source)}" if known else ""
+        yield ""
+        yield f"[[segment]]{place}"
+        yield from _lines(entry, {name: shape(segment)})
+        modifiers = _modifiers(segment, complete)
+        if (name, modifiers) != (last_name, last):  # most segments state the same as the one before
+            last_name, last, texts = name, modifiers, list(_lines(entry, modifiers))
+        yield from texts
 
 
 def _lines(table: Any, values: Mapping[str, Any]) -> Iterator[str]:

@@ -1,6 +1,7 @@
 """Where a program leads the tool, without a machine: its polylines, extents and length."""
 
 from collections import defaultdict
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from math import ceil, pi
 
@@ -12,7 +13,7 @@ from planner.path.arc_length import measure_length
 from planner.path.curve import curve
 from planner.path.shape import Piece
 from planner.path.spline import sample_splines
-from planner.program.model import Arc, Curve, Line, Program, Segment, Spline, Synchronised
+from planner.program.model import Arc, Curve, Line, Program, Segment, SegmentStream, Spline, Synchronised
 
 ARC_STEP = pi / 48
 """rad between two points of an arc: the chord is off by 5e-4 of the radius."""
@@ -21,6 +22,8 @@ PIECE_POINTS, SPAN_POINTS = 33, 9
 MANY_SPANS = 8
 PARTS, LENGTH_AGREEMENT = 8, 1e-10
 """Parts of a span of a spline where its length in one part is not known to that share of it."""
+MOST_STROKES = 20_000
+"""Strokes of the outline of a stream. More take minutes to draw, and none of them can be seen."""
 SPAN_BATCH = 4096
 """Spans of splines that are worked out at once."""
 _PLACES, _WEIGHTS = zip(*(np.polynomial.legendre.leggauss(count) for count in (8, 16)), strict=True)
@@ -30,7 +33,8 @@ _PLACES, _WEIGHTS = zip(*(np.polynomial.legendre.leggauss(count) for count in (8
 class Outline:
     """The tool's way in the program's coordinates, m.
 
-    strokes  the points (N, 3) of each segment that moves the tool, the first where the one before it ends
+    strokes  the points (N, 3) of each segment that moves the tool, the first where the one before it ends; of a long
+             stream those of several segments
     low, high  (3,) corners of the box around all of it: of lines, arcs and helices exact, of curves that of the points
     length   m of the way: of curves by quadrature
     """
@@ -42,32 +46,77 @@ class Outline:
 
 
 def outline(program: Program) -> Outline:
-    """One run of the program's segments, from its start, else from where the first line ends or else the origin."""
-    here = _start(program)
-    strokes: list[Array] = []
-    length = 0.0
-    splines: dict[int, list[tuple[int, Array]]] = defaultdict(list)
-    low, high = here.copy(), here.copy()
+    """Return one run of the program's segments, from its start.
+
+    A program without a start begins where the first line ends, or else at the origin.
+    """
+    outliner = Outliner(program)
     for segment in program.segments:
-        drawn, own = _stroke(segment, here)
-        if drawn is None:
-            continue
+        outliner.add(segment)
+    return outliner.finish()
+
+
+class Outliner:
+    """An outline that is made segment by segment.
+
+    Of a stream that is longer than MOST_STROKES, neighbouring segments share a stroke.
+    """
+
+    def __init__(self, program: Program) -> None:
+        self._here = _start(program)
+        self._strokes: list[Array] = []
+        self._length = 0.0
+        self._splines: dict[int, list[tuple[int, Array]]] = defaultdict(list)
+        stream = isinstance(program.segments, SegmentStream)
+        self._share = ceil(len(program.segments) / MOST_STROKES) if stream else 1
+        self._shared: list[Array] = []
+
+    def follow(self, segments: Iterable[Segment]) -> Iterator[Segment]:
+        """Yield segments, and add each of them on its way."""
+        for segment in segments:
+            self.add(segment)
+            yield segment
+
+    def add(self, segment: Segment) -> None:
+        """Add the next segment."""
+        stroke, length = _stroke(segment, self._here)
+        if stroke is None:
+            return
+        self._here = stroke[-1]
+        self._length += length
         if isinstance(segment, Spline):
-            splines[len(drawn)].append((len(strokes), drawn))
-        strokes.append(drawn)
-        here, length = drawn[-1], length + own
-    for same in splines.values():
-        each = max(1, SPAN_BATCH // len(same[0][1]))
-        for begin in range(0, len(same), each):
-            numbers, corners = zip(*same[begin : begin + each], strict=True)
-            points, own = _splines(np.stack(corners))
-            length += own
-            for number, drawn in zip(numbers, points, strict=True):
-                strokes[number] = drawn
-    if strokes:
-        every = np.concatenate(strokes)
-        low, high = np.minimum(low, every.min(0)), np.maximum(high, every.max(0))
-    return Outline(tuple(map(freeze_array, strokes)), freeze_array(low), freeze_array(high), length)
+            self._close()
+            self._splines[len(stroke)].append((len(self._strokes), stroke))
+            self._strokes.append(stroke)
+            return
+        self._shared.append(stroke)
+        if len(self._shared) >= self._share:
+            self._close()
+
+    def _close(self) -> None:
+        """Make one stroke of the segments that share one."""
+        if self._shared:
+            first, *others = self._shared
+            self._strokes.append(np.concatenate([first, *(stroke[1:] for stroke in others)]) if others else first)
+            self._shared = []
+
+    def finish(self) -> Outline:
+        """Return the outline of all segments."""
+        self._close()
+        strokes = self._strokes
+        low, high = self._here.copy(), self._here.copy()
+        for same in self._splines.values():
+            each = max(1, SPAN_BATCH // len(same[0][1]))
+            for begin in range(0, len(same), each):
+                numbers, corners = zip(*same[begin : begin + each], strict=True)
+                points, length = _splines(np.stack(corners))
+                self._length += length
+                for number, drawn in zip(numbers, points, strict=True):
+                    strokes[number] = drawn
+        if strokes:
+            every = np.concatenate(strokes)
+            low, high = np.minimum(low, every.min(0)), np.maximum(high, every.max(0))
+        return Outline(tuple(map(freeze_array, strokes)), freeze_array(low), freeze_array(high), self._length)
 
 
 def _start(program: Program) -> Array:

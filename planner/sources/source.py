@@ -71,12 +71,14 @@ class Imported(Result):
     """What a file was understood to be; what rounding left of zeros in its program is taken away.
 
     entities  how many of each kind, in the format's own words: {"G1": 120, "G2": 8}
+    turned    angles of the tool's orientation that change: of rx, ry and rz
     warnings  what its user has to know: what was left out of the program, or taken to mean something
     """
 
     program: Program
     entities: Mapping[str, int]
     warnings: tuple[str, ...] = ()
+    turned: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "program", zero_small_numbers(self.program))
@@ -245,11 +247,12 @@ def read_all_bytes(path: Path) -> bytes:
 
 
 def decode_text(path: Path) -> str:
-    """The text, line ends as \\n; bytes that are not UTF-8 stand in it as lone surrogates, for its reader to refuse.
+    """Return a file's text with line ends as \\n.
 
+    Bytes that are not UTF-8 become lone surrogates, for its reader to refuse.
     Raises FileError for a file that is missing, unreadable, too large or UTF-16.
     """
     raw = read_all_bytes(path)
     toml_document.refuse_utf16(str(path), raw)
     text = raw.decode("utf-8", "surrogateescape").removeprefix("\ufeff")
-    return text.replace("\r\n", "\n").replace("\r", "\n")
+    return toml_document.unify_line_ends(text).replace("\r", "\n")

@@ -67,36 +67,52 @@ def import_(
 
         name = source_name(file)
     source = IMPORTS.make(name, given)
+    from planner.sources.source import stream_program
+
     with step(f"reading {file}"):
-        found = source.read(file)
-    # after what the file says wrong, which is told sooner so
+        imported = stream_program(file, source)
+    # loaded after the faults of the file have been found, which then show sooner
     import numpy as np
 
     from planner.avoidable_stops import find_stops_of_import
-    from planner.program.program_writer import program_toml
+    from planner.program.program_writer import program_lines
+    from planner.program.validation import MOST_SEGMENTS
+    from planner.sources.outline import Outliner
     from pulsepath.output import record
 
-    way = found.outline
     with step("counting stops"):
-        stops = find_stops_of_import(found.program)
+        stops = find_stops_of_import(imported.program)
+    count = len(imported.program.segments)
+    if count > MOST_SEGMENTS:
+        raise MotionError(
+            f"{file}: {count_noun(count, 'segment')}; a TOML program has at most {MOST_SEGMENTS}: plan the file as it "
+            f"is (pulsepath plan {file.name}), or split it"
+        )
     with step(f"writing {out} and {image}"), stage_files(destinations) as (written, drawn):
         from planner.sources.figures import program_path
 
-        told = f"{found.program.name}, imported from {file.name} ({name})"
-        written.write_text(program_toml(found.program, told, source=file.name), encoding="utf-8")
-        figure_of = program_path(way).get_figure(root=True)
+        title = f"{imported.program.name}, imported from {file.name} ({name})"
+        outliner = Outliner(imported.program)
+        segments = outliner.follow(imported.program.segments)
+        with written.open("w", encoding="utf-8") as target:
+            lines = program_lines(imported.program, title, source=file.name, segments=segments)
+            target.writelines(f"{line}\n" for line in lines)
+        way = outliner.finish()
+        axes = program_path(way, title=f"{count_noun(count, 'segment')}, {1e3 * way.length:.6g} mm")
+        figure_of = axes.get_figure(root=True)
         if figure_of is not None:
             figure_of.savefig(drawn, dpi=150)
-    about = record.of_import(name, found, way, str(out), str(image)) | {"avoidable_stops": stops.record()}
+    about = record.of_import(name, imported, way, str(out), str(image))
+    about |= {"avoidable_stops": stops.record()}
     if as_json:
         click.echo(record.as_json(about), nl=False)
         return
     say(f"{out}: {count_noun(about['segments'], 'segment')} from {file}, read as {name}; drawn in {image}")
-    say("  entities: " + ", ".join(f"{count} {kind}" for kind, count in found.entities.items()))
+    say("  entities: " + ", ".join(f"{count} {kind}" for kind, count in imported.entities.items()))
     ranges = zip("xyz", *(np.round(corner * 1e3, 9) + 0.0 for corner in (way.low, way.high)), strict=True)
     say("  extents: " + ", ".join(f"{axis} {low:.6g} to {high:.6g} mm" for axis, low, high in ranges))
     say(f"  length: {way.length * 1e3:.7g} mm")
     if stops.count:
         say(f"  stops: {stops.describe()}")
-    for warning in found.warnings:
+    for warning in imported.warnings:
         say(f"  warning: {warning}")

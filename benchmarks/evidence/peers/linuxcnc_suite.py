@@ -33,7 +33,7 @@ from planner.program.model import Program
 from planner.sources.gcode import Gcode
 
 FIRST = "violation_checks"
-IGNORED = "M S T H D G43 G97 G98 G99"
+IGNORED = "M S T H D G43 G97"
 PERIOD, RISE = 1e-3, 0.05
 """s: of a controller, and that an axis takes to its acceleration."""
 METRES = {"inch": 0.0254, "in": 0.0254, "mm": 1e-3}

@@ -1,8 +1,9 @@
-"""Parameters and expressions of RS-274, as LinuxCNC has them: #1, #<name>, #[2 + 3], [#1 * SIN[30]], ATAN[1]/[2].
+"""Parameters and expressions of RS-274: #1, #<name>, #[2 + 3], [#1 * SIN[30]], ATAN[1]/[2].
 
-Angles are in degrees. Of operators bind first **, then * / MOD, then + -, then EQ NE GT GE LT LE, then AND OR XOR; each
-from left to right. Case and blanks say nothing. A parameter has to be set before it is used: where RS-274 would take 0,
-a reader cannot know whether that was meant.
+Angles are in degrees. Operators bind in this order: ** first, then * / MOD, then + -, then EQ NE GT
+GE LT LE, then AND OR XOR; each from left to right. Case and blanks mean nothing. A parameter has to
+be set before it is used: where RS-274 would take 0, a reader cannot know whether that was meant.
+#<_value> and #<_value_returned> are set by calls only, and are 0 before the first.
 """
 
 import re
@@ -17,10 +18,10 @@ LAST_NUMBER, LOCAL_NUMBERS = 5000, 30
 """Parameters above are the controller's own; those up to #30 belong to a call."""
 NUMBER = r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?![\d.])"
 _NUMBER = re.compile(NUMBER, re.ASCII)
-_NAME = re.compile(r"<([^<>#\[\]]*)>")
+_NAME = re.compile(r"<([^<>]*)>")
+_FOREIGN = re.compile(r"_(hal|ini)\[", re.IGNORECASE)
 _LETTERS = re.compile(r"[A-Za-z]+", re.ASCII)
 _BLANKS = re.compile(r"[ \t]*")
-_OPERATOR = re.compile(r"\*\*|[-+*/]|[A-Za-z]+", re.ASCII)
 
 Binary = Callable[[float, float], float]
 OPERATORS: Mapping[str, tuple[int, Binary]] = {
@@ -40,9 +41,10 @@ OPERATORS: Mapping[str, tuple[int, Binary]] = {
     "OR": (1, lambda a, b: float(a != 0 or b != 0)),
     "XOR": (1, lambda a, b: float((a != 0) != (b != 0))),
 }
-"""How tightly each binds, and what it makes of two values."""
+"""Precedence of each operator, and its function of two values."""
+_OPERATOR = re.compile("|".join(re.escape(name) for name in sorted(OPERATORS, key=len, reverse=True)), re.IGNORECASE)
 EQUAL = 1e-6
-"""Difference below which EQ takes two values for the same, as LinuxCNC does."""
+"""Difference below which two values are equal for EQ and NE, as in LinuxCNC."""
 FUNCTIONS: Mapping[str, Callable[[float], float]] = {
     "ABS": abs,
     "ACOS": lambda a: degrees(acos(a)),
@@ -60,41 +62,62 @@ FUNCTIONS: Mapping[str, Callable[[float], float]] = {
 
 
 class ExpressionFault(MotionError):
-    """What is wrong with an expression; column: from 1, of its line."""
+    """A fault of an expression; column: from 1, of its line."""
 
     def __init__(self, column: int, message: str) -> None:
         self.column = column
         super().__init__(message)
 
 
+RETURNED = ("_value", "_value_returned")
+"""The value that the last call returned, and 1 if it returned one; else both 0."""
+
+
 class Parameters:
-    """The values of a program's parameters; a call has its own #1 to #30 and names without a leading underscore."""
+    """The values of a program's parameters.
+
+    A call of an O-word sub has its own #1 to #30 and names without a leading underscore. M98 shares
+    those of its
+    caller. Each call has a context: M70 and M73 save the modal state there
+    (planner.sources.rs274.modes).
+
+    ended  contexts of the calls that have returned since the reader has looked, in this order
+    """
 
     def __init__(self) -> None:
-        self._shared: dict[int | str, float] = {}
+        self._shared: dict[int | str, float] = dict.fromkeys(RETURNED, 0.0)
         self._own: list[dict[int | str, float]] = [{}]
+        self._contexts: list[dict[str, object]] = [{}]
+        self.ended: list[dict[str, object]] = []
 
     @property
-    def depth(self) -> int:
-        """How many calls are open."""
-        return len(self._own) - 1
+    def context(self) -> dict[str, object]:
+        """State that was saved in the call that runs."""
+        return self._contexts[-1]
 
-    def enter(self, given: list[float]) -> None:
-        """A call with these values as #1, #2 …; those up to #30 that it does not give are 0."""
+    def enter(self, given: list[float] | None) -> None:
+        """Begin a call with these values as #1, #2 …, the others up to #30 are 0; None: by M98."""
+        self._contexts.append({})
+        if given is None:
+            self._own.append(self._own[-1])
+            return
         own: dict[int | str, float] = dict.fromkeys(range(1, LOCAL_NUMBERS + 1), 0.0)
         own.update(enumerate(given, 1))
         self._own.append(own)
 
-    def leave(self) -> None:
-        """The end of a call."""
+    def leave(self, value: float | None) -> None:
+        """End a call; value: its result, None: it has none."""
         self._own.pop()
+        self.ended.append(self._contexts.pop())
+        self._shared["_value"] = 0.0 if value is None else value
+        self._shared["_value_returned"] = float(value is not None)
 
     def _table(self, key: int | str) -> dict[int | str, float]:
         own = key <= LOCAL_NUMBERS if isinstance(key, int) else not key.startswith("_")
         return self._own[-1] if own else self._shared
 
     def find(self, key: int | str) -> float | None:
-        """The value of a parameter; None: it has none."""
+        """Return the value of a parameter; None: it has none."""
         return self._table(key).get(key)
 
     def set(self, key: int | str, value: float) -> None:
@@ -103,7 +126,7 @@ class Parameters:
 
 
 class Cursor:
-    """A place in a line from which words and values are read."""
+    """A position in a line from which words and values are read."""
 
     def __init__(self, line: str, at: int, parameters: Parameters) -> None:
         self.line, self.at, self.parameters = line, at, parameters
@@ -111,18 +134,18 @@ class Cursor:
 
     @property
     def next(self) -> str:
-        """The character behind blanks; "" at the end."""
+        """The next character, blanks apart; "" at the end."""
         self.at += len(_BLANKS.match(self.line, self.at)[0])  # type: ignore[index]  # which matches nothing, too
         return self.line[self.at : self.at + 1]
 
     def take(self, character: str, why: str) -> None:
-        """Go past a character that has to stand there."""
+        """Move past a character. Raise ExpressionFault if another one is next."""
         if self.next != character:
             raise ExpressionFault(self.at + 1, f'"{character}" is missing here{why}')
         self.at += 1
 
     def value(self) -> float:
-        """A number, a parameter, an expression in brackets or a function of one, with or without a sign."""
+        """Read a number, parameter, expression in brackets or function, with or without a sign."""
         character, begin = self.next, self.at
         self._depth += 1
         if self._depth > MAX_DEPTH:
@@ -157,22 +180,25 @@ class Cursor:
         return found
 
     def _binary(self, least: int) -> float:
-        """Operators that bind tighter than `least`, from left to right."""
+        """Read values joined by operators that bind tighter than `least`, from left to right."""
         begin = self.at
-        found = self.value()
+        result = self.value()
         while True:
-            character, back = self.next, self.at
-            operator = _OPERATOR.match(self.line, back)
-            if character in ("", "]") or operator is None:
-                return found
-            known = OPERATORS.get(operator[0].upper())
-            if known is None:
-                raise ExpressionFault(back + 1, f"{operator[0]} is no operator: give one of {', '.join(OPERATORS)}")
-            if known[0] <= least:
-                return found
+            character, at = self.next, self.at
+            if character in ("", "]"):
+                return result
+            operator = _OPERATOR.match(self.line, self.at)
+            if operator is None:
+                letters = _LETTERS.match(self.line, self.at)
+                if letters is None:
+                    return result
+                raise ExpressionFault(at + 1, f"{letters[0]} is no operator: give one of {', '.join(OPERATORS)}")
+            precedence, function = OPERATORS[operator[0].upper()]
+            if precedence <= least:
+                return result
             self.at = operator.end()
-            other = self._binary(known[0])
-            found = self._compute(partial(known[1], found, other), begin)
+            other = self._binary(precedence)
+            result = self._compute(partial(function, result, other), begin)
 
     def _compute(self, value: Callable[[], float], begin: int) -> float:
         try:
@@ -202,13 +228,20 @@ class Cursor:
         return self._compute(partial(FUNCTIONS[name], self._bracket()), begin)
 
     def key(self) -> int | str:
-        """What stands behind #: a name, or a value that is a whole number."""
+        """Read the key of a parameter after #: a name, or a value that is a whole number."""
         begin = self.at
         if self.next == "<":
             name = _NAME.match(self.line, self.at)
             if name is None:
                 raise ExpressionFault(begin + 1, 'the name of this parameter has no end: write ">" behind it')
             self.at = name.end()
+            if _FOREIGN.match(name[1].strip()):
+                raise ExpressionFault(
+                    begin + 1,
+                    f"#<{name[1]}> is a value of the controller, which the file does not state: write its value",
+                )
+            if any(character in name[1] for character in "#[]"):
+                raise ExpressionFault(begin + 1, f"#<{name[1]}>: a name has no #, [ or ]: rename it")
             return re.sub(r"[ \t]", "", name[1]).lower()
         number = self.value()
         if abs(number - round(number)) > 1e-4 or not 1 <= round(number) <= LAST_NUMBER:
@@ -229,12 +262,13 @@ class Cursor:
 
 
 def read_block(line: str, parameters: Parameters) -> tuple[list[tuple[str, str]], list[int]]:
-    """The words of a line with parameters or expressions, and the column of each, from 1; what it sets is set.
+    """Return the words of a line with parameters or expressions, and the column of each, from 1.
 
-    Parameters have their new values behind the line, as RS-274 has it. Raises ExpressionFault.
+    The parameters that the line sets have their new values after it, as in RS-274. Raises
+    ExpressionFault.
     """
     cursor = Cursor(line, 0, parameters)
-    found: list[tuple[str, str]] = []
+    words: list[tuple[str, str]] = []
     columns: list[int] = []
     settings: list[tuple[int | str, float]] = []
     while character := cursor.next:
@@ -243,17 +277,19 @@ def read_block(line: str, parameters: Parameters) -> tuple[list[tuple[str, str]]
             cursor.at += 1
             key = cursor.key()
             cursor.take("=", ": a line begins with a letter, or sets a parameter as #1 = 2")
+            if key in RETURNED:
+                raise ExpressionFault(begin + 1, f"#<{key}> is set by calls only: choose another name")
             settings.append((key, cursor.value()))
-        elif character.isascii() and character.isalpha():
+        elif character == "$" or (character.isascii() and character.isalpha()):
             cursor.at += 1
             columns.append(begin + 1)
             if (number := _NUMBER.match(line, cursor.at)) is not None:
                 cursor.at = number.end()
-                found.append((character, number[0]))
+                words.append((character, number[0]))
             else:
-                found.append((character, repr(cursor.value())))
+                words.append((character, repr(cursor.value())))
         else:
             raise ExpressionFault(begin + 1, f'"{character}" begins no word')
     for key, value in settings:
         parameters.set(key, value)
-    return found, columns
+    return words, columns

@@ -24,6 +24,7 @@ from planner.sources.source import Faults, Imported
 if TYPE_CHECKING:
     from kinematics.machine.machine import Machine
 
+MARK = "a joint axis, not Cartesian"
 _AXIS = re.compile(r"\(([A-Z]) = (.+) in (mm|deg): a joint axis, not Cartesian\)")
 _ORIGIN = re.compile(r"\(positions from (home|natural), in the sense of the axes\)")
 _STAND = re.compile(r"\(the axes must stand at (.+)\)")
@@ -49,7 +50,9 @@ class Header:
 
 
 def find_header(text: str) -> Header | None:
-    """The header of a file of joint axes; None of any other G-code."""
+    """Return the header of a file of joint axes; None of any other G-code."""
+    if MARK not in text:  # a long file is not worth splitting
+        return None
     lines = text.split("\n")
     axes = [(number, found) for number, line in enumerate(lines, 1) if (found := _AXIS.fullmatch(line.strip()))]
     if not axes:

@@ -72,6 +72,23 @@ def test_every_key_has_its_line(document, end):
     assert {key: found.lines[key] for key in LINES} == LINES
 
 
+@pytest.mark.parametrize("place", ["middle", "end", "everywhere"])
+@pytest.mark.parametrize("end", ["\r\r\n", "\r\r\r\n"])
+def test_a_line_end_that_a_transfer_doubled_is_one(tmp_path, place, end):
+    """tomllib takes CR CR LF, as it replaces CR LF again in text whose line ends are replaced already."""
+    lines = ["a = 1", "[b]", "c = [1, [2, 3]]", "d = { e = 'x', f = 2 }", ""]
+    ends = {"middle": "\n", "end": "\n", "everywhere": end}
+    text = ends[place].join(lines)
+    text = (
+        text.replace("[b]\n", f"[b]{end}") if place == "middle" else text.rstrip("\n") + end if place == "end" else text
+    )
+    path = tmp_path / "doubled.toml"
+    path.write_bytes(text.encode())
+    found = read(path)
+    assert found.data == {"a": 1, "b": {"c": (1, (2, 3)), "d": {"e": "x", "f": 2}}}
+    assert [found.line(key) for key in (("a",), ("b", "c", 1, 0), ("b", "d", "f"))] == [1, 3, 4]
+
+
 def test_a_key_that_is_not_there_has_the_line_of_what_is_around_it(document):
     found = document(TRICKY)
     assert found.line(("s", 1, "n", 1, "missing", 3)) == 21

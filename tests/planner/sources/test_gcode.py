@@ -17,8 +17,9 @@ from planner.path.actuation import actuate
 from planner.path.chain import chain_pieces
 from planner.program.joins import fit_joins
 from planner.program.modifiers import Trigger
-from planner.program.program_writer import program_toml
+from planner.program.program_writer import program_lines, program_toml
 from planner.sources.gcode import Gcode
+from planner.sources.outline import outline
 from tests.pace import cpu_limit, slowness
 
 PLANES = {"G17": (0, 1, 2), "G18": (2, 0, 1), "G19": (1, 2, 0)}
@@ -257,7 +258,7 @@ def test_rounded_arcs_stay_where_the_file_has_them(read):
     ("G1 X1", "column 1: no F is active"),
     ("X1", "column 1: no G0, G1, G2 or G3 is active"),
     ("F60 G5 X1", "column 5: G5 is not supported"),
-    ("G0 X1 M0", "column 7: M0 is not supported; take it out, or skip it by the option ignore=\"M0\""),
+    ("G0 X1 M48", "column 7: M48 is not supported; take it out, or skip it by the option ignore=\"M48\""),
     ("G0 X1 E2", "column 7: E2 is not supported"),
     ("G0 X1 X2", "column 7: X appears twice"),
     ("G0 G1 X2", "column 4: G1 and G0 exclude each other"),
@@ -272,6 +273,8 @@ def test_rounded_arcs_stay_where_the_file_has_them(read):
     ("G0 X1 @2 ^30", "column 7: \"@2 ^30\": polar coordinates are not supported"),
     ("G0 X1 (a (nested) one)", "column 7: the comment has no end, or contains another"),
     ("G0 X1 (open", "column 7: the comment has no end"),
+    ("G0 X1 (not) 5", "column 7: a comment is within a number: move it"),
+    ("G0 X1 (a)( b ) .5", "column 7: a comment is within a number: move it"),
     ("G0 X1 )", "column 7: unmatched parenthesis"),
     ("/G0 X1", "column 1: block delete (/): give the option block_delete"),
     ("G0 X1 % and more", "column 7: % must be alone"),
@@ -313,7 +316,7 @@ def test_faults_name_their_place(text, words, read):
 
 def test_all_faults_come_in_one_pass_and_no_more_than_make_sense(read):
     with pytest.raises(FileError) as refused:
-        read("G0 X1\nG5\nX2\nM0\nQ1 Y2\nX3")
+        read("G0 X1\nG5\nX2\nM48\nQ1 Y2\nX3")
     assert [fault.line for fault in refused.value.faults] == [2, 4, 5]
     with pytest.raises(FileError) as refused:
         read("Q1\n" * 100_000)
@@ -334,7 +337,7 @@ def test_what_a_printer_extrudes_is_left_out_when_asked(read):
         read(text)
     done = read(text, ignore="E M104")
     assert [line.to[0] for line in done.program.segments] == [0.01, 0.02]
-    assert "skipped: E (4x: lines 3, 4, 5, 6), M104 (1x: line 2), S (1x: line 2)" in done.warnings
+    assert "skipped: E (4x: lines 3, 4, 5, 6), M104 (1x: line 2)" in done.warnings
 
 
 def test_words_are_left_out_on_demand_and_counted(read):
@@ -470,6 +473,16 @@ def test_what_follows_the_end_is_told(read):
     assert done.warnings == ("not read: 1 line after the end of the program",)
 
 
+def test_blanks_mean_nothing_even_in_numbers(read):
+    """The places are those of `rs274`; a comment ends a word, so that it is none of its digits."""
+    done = read("G 2 1 G0 X1 0.5 Y- 2\n x + 1 2 . 5\tz 0 0 7\nN 1 0 g\t0 1 f 6 00 X[ 7 MODFIX[2.5] ] Y [1 OR0]\n")
+    places = [(line.to * 1e3).round(9).tolist() for line in done.program.segments]
+    assert places == [[10.5, -2, 0], [12.5, -2, 7], [1, 1, 7]]
+    assert done.program.segments[2].speed == pytest.approx(0.01)
+    apart = read("G21 G0 X1 (5) Y2 (X5) ; 5 (6) 7\n(X9) X3\n").program.segments
+    assert [line.to.tolist() for line in apart] == [[1e-3, 2e-3, 0], [3e-3, 2e-3, 0]]
+
+
 def test_comments_may_hold_anything(read):
     done = read(b"(\xe4\xf6\xfc \x00 % # G1)G21G0X1;\xff(((\n( )Y1")
     np.testing.assert_allclose(done.program.segments[-1].to, [1e-3, 1e-3, 0])
@@ -596,6 +609,45 @@ def test_a_file_is_read_as_a_stream(tmp_path):
     file.write_text(text)
     with pytest.raises(MotionError, match="was changed while it was read"):
         list(stream.program.segments)
+
+
+def test_more_segments_than_a_program_holds_are_refused_where_they_are(read, monkeypatch):
+    """Counted first where the lines are as many, so that they are not all held; also where blocks run again."""
+    monkeypatch.setattr("planner.sources.gcode.MOST_SEGMENTS", 100)
+    moves = "".join(f"G1 X{k}\n" for k in range(1, 102))
+    with pytest.raises(
+        FileError, match=r"part.nc:102: more than 100 segments, which a program does not hold: plan the"
+    ):
+        read("G21 F600\n" + moves + "G1 X0\n" * 9)
+    with pytest.raises(FileError, match=r"part.nc:3: more than 100 segments"):
+        read("G21 G91 F600\nO1 repeat [200]\nG1 X1\nO1 endrepeat\n")
+    assert len(read("G21 F600\n" + "".join(moves.splitlines(keepends=True)[:100])).program.segments) == 100
+
+
+def test_a_stream_has_the_outline_of_the_whole(tmp_path, monkeypatch):
+    """Of many segments several share a stroke: its points, its extents and its length stay."""
+    file = tmp_path / "long.nc"
+    file.write_text("G21 F600\n" + "".join(f"G1 X{k % 7} Y{k % 5}\nG3 X{k % 7 + 1} R3\nG4 P1\n" for k in range(1, 60)))
+    whole, stream = Gcode().read(file).program, Gcode().stream(file).program
+    one = outline(whole)
+    for most in (20_000, 50, 7):
+        monkeypatch.setattr("planner.sources.outline.MOST_STROKES", most)
+        other = outline(stream)
+        assert len(other.strokes) <= most
+        np.testing.assert_array_equal(other.low, one.low)
+        np.testing.assert_array_equal(other.high, one.high)
+        assert other.length == pytest.approx(one.length, rel=1e-12)
+        rows = [np.concatenate([found.strokes[0][:1], *(part[1:] for part in found.strokes)]) for found in (one, other)]
+        np.testing.assert_array_equal(*rows)
+    text = "\n".join(program_lines(stream, "told", source="long.nc", segments=iter(stream.segments))) + "\n"
+    assert text == program_toml(whole, "told", source="long.nc")
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r", "\r\r\n"])
+def test_lines_are_counted_whatever_ends_them(read, end):
+    with pytest.raises(FileError) as refused:
+        read(end.join(["G21 G90 F600", "G1 X1", "G5 X2", "X3", "G5 X4", ""]))
+    assert [fault.line for fault in refused.value.faults] == [3, 5]
 
 
 def test_what_is_skipped_and_what_is_long_names_its_line(read):

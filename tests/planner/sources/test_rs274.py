@@ -136,7 +136,7 @@ o104 while [#3 GT 1]
         ("o1 jump", 'column 1: "o1 jump": an O-word is a label and one of sub'),
         ("o1 while [1] X1\no1 endwhile", "1: column 14: while takes nothing but values in brackets"),
         ("G0 X[[[[[[[" + "[" * 60, "brackets within brackets"), ("G0 X[2 PLUS 3]", "PLUS is no operator"),
-        ("#1 2", 'column 4: "=" is missing here'), ("G0 X#<a", "has no end"), ("X[1e3]", "e is no operator"),
+        ("#1 2", 'column 5: "=" is missing here'), ("G0 X#<a", "has no end"), ("X[1e3]", "e is no operator"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_with_them_is_told(text, told, read, monkeypatch):
@@ -221,7 +221,7 @@ def test_blocks_are_deleted_where_that_is_asked_for(read, deleted, wanted):
     [
         ("G54 G0 X1\nG55 X2", "it moved under G54 and moves under G55, and does not say where they lie"),
         ("G10 L1 P1 Z1", "column 5: G10 states systems only"), ("G10 L2 X1", "G10 needs P, the system"),
-        ("G92 A3", "column 5: A beside G92 is not supported"), ("G91 G53 G0 X1", "G53 needs G0 or G1, and G90"),
+        ("G92 I3", "column 5: I beside G92 is not supported"), ("G91 G53 G0 X1", "G53 needs G0 or G1, and G90"),
         ("F60 G2 X2 I1 P0", "G2 takes P, its number of turns"), ("F60 G2 X2 I1 P1.5", "column 14: G2 takes P"),
         ("G64 P-1", "G64 takes P and Q that are not negative"), ("G0 X1 L2", "L2 is not supported"),
         ("G80 X1", "no G0, G1, G2 or G3 is active"),

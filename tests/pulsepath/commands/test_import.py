@@ -112,3 +112,23 @@ def test_figures_are_of_the_kind_that_the_suffix_says(call, part, tmp_path):
     assert "<svg" in (tmp_path / "p.svg").read_text()
     part.write_text("G0 Z5\nX10\nY10\n")  # in space
     assert call("import", part, "--out", tmp_path / "q.toml").exit_code == 0
+
+
+def test_more_segments_than_a_program_holds_are_refused_before_anything_is_written(call, part, tmp_path, monkeypatch):
+    monkeypatch.setattr("planner.program.validation.MOST_SEGMENTS", 2)
+    done = call("import", part, "--out", tmp_path / "program.toml")
+    assert done.exit_code == 2
+    assert "3 segments; a TOML program has at most 2: plan the file as it is (pulsepath plan part.nc)" in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["part.nc"]
+
+
+def test_the_import_of_a_long_file_holds_none_of_its_segments(call, tmp_path, monkeypatch):
+    """Its segments are read again and written one by one; many share a stroke of the drawing."""
+    monkeypatch.setattr("planner.sources.outline.MOST_STROKES", 10)
+    part, out = tmp_path / "long.nc", tmp_path / "long.toml"
+    part.write_text("G21 F600\n" + "".join(f"G1 X{k % 7} Y{k % 5}\n" for k in range(1, 200)))
+    monkeypatch.setattr("planner.sources.gcode.Gcode.read", None)  # which would hold them
+    done = call("import", part, "--out", out, "--json")
+    assert done.exit_code == 0, done.stderr
+    assert json.loads(done.stdout)["segments"] == 199
+    assert len(load_program(out).segments) == 199
