@@ -147,7 +147,7 @@ class Comparison(Result):
         return (Table(f"settings, and their errors over those of {self.baseline.setting.text}", columns),)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """The mean ratio of each setting to the baseline, of those that hold on every path."""
+        """The mean ratio of each setting to the baseline, of those that hold on every ranked path."""
         from kinematics.foundation.figure import draw_bars
 
         ratios = {entry.setting.text: self.mean_ratio(entry) for entry in self.entries}
@@ -171,21 +171,23 @@ class Comparison(Result):
         return [one for one in every if one.cell.setting == entry.setting and one.cell.task == task]
 
     def fault(self, entry: SettingEntry) -> str:
-        """Why a setting is struck out; empty where it holds.
+        """Return why a setting is struck out; empty where it holds.
 
-        It holds where it was run on every path, is stable on every rig and seed, and on no path ends off its goal in
-        a larger share of its runs than the baseline. The verdict, the ranking and the figure all ask here.
+        It holds where it was run on every ranked path, is stable there on every rig and seed, and on none of them ends
+        off its goal in a larger share of its runs than the baseline. A path that is not ranked strikes out nothing;
+        where no path is ranked, all of them count. The verdict, the ranking and the figure all ask here.
         """
-        rows = {row.task: row for row in self.of(entry)}
+        tasks = self.ranked or self.tasks
+        rows = {row.task: row for row in self.of(entry) if row.task in tasks}
         own = {task: row.away / row.runs for task, row in rows.items()}
         base = {row.task: row.away / row.runs for row in self.of(self.baseline)}
-        for why, tasks in (
-            ("not run on", [task for task in self.tasks if task not in rows]),
+        for why, faulty in (
+            ("not run on", [task for task in tasks if task not in rows]),
             ("failed or unstable on", [task for task, row in rows.items() if row.unstable]),
             ("off its goal more often than the baseline on", [task for task in own if own[task] > base.get(task, 1.0)]),
         ):
-            if tasks:
-                return f"{why} {', '.join(tasks)}"
+            if faulty:
+                return f"{why} {', '.join(faulty)}"
         return ""
 
     def mean_ratio(self, entry: SettingEntry) -> float:

@@ -125,7 +125,7 @@ def verdict_of(comparison: Comparison) -> Verdict:
     ranked = comparison.rank()
     name = comparison.label(comparison.baseline)
     if not ranked:
-        why = "no other setting was run" if not others else "no other setting holds on every path and rig"
+        why = "no other setting was run" if not others else "no other setting holds on every ranked path and rig"
         why = why if comparison.ranked else "no path ranks settings"
         pieces = [f"The baseline {name} is not compared: {why}.", *_describe_faults(comparison, others)]
         pieces += [*describe_feedback(comparison), *describe_outcomes(comparison)]
@@ -175,12 +175,18 @@ def _costs(comparison: Comparison, entry: SettingEntry) -> str:
 
 
 def describe_unranked(comparison: Comparison) -> list[str]:
-    """A sentence for each path that does not count, and why."""
-    return [
-        f"Not ranked: {task}, because some laws track it to less than a hundredth of a pulse at any setting."
-        for task in comparison.tasks
-        if task not in comparison.ranked
-    ]
+    """Say of each path that does not count why, and how many settings failed or were unstable there."""
+    sentences = []
+    for task in comparison.tasks:
+        if task in comparison.ranked:
+            continue
+        unstable = [row.entry for row in comparison.rows if row.task == task and row.unstable]
+        many = count_noun(len(unstable), "setting")
+        faults = f" {many} failed or unstable there: that strikes out none." if unstable else ""
+        sentences.append(
+            f"Not ranked: {task}, because some laws track it to less than a hundredth of a pulse at any setting.{faults}"
+        )
+    return sentences
 
 
 def _margins(comparison: Comparison, best: SettingEntry) -> tuple[Margin, ...]:

@@ -163,6 +163,31 @@ def test_a_path_that_a_law_stays_on_by_its_geometry_ranks_nothing(tmp_path):
     assert read_condition("contour_rms > 1.1x").list_reasons(found, SettingEntry(0, WORSE)) == []
 
 
+@pytest.mark.parametrize("how", ["failed", "unstable", "not run", "off its goal"])
+def test_a_path_that_is_not_ranked_strikes_out_nothing(tmp_path, how):
+    """Where one law stays on the path by its geometry, another may fail there and still be the best elsewhere."""
+    store = saved(tmp_path / "runs", tasks=("there", "axes"), errors={BASE: 100e-6, GOOD: 40e-6, SAME: 100.2e-6})
+    noise = {"contour_rms": 9e-16, "contour_max": 2e-15}
+    runs = {}
+    for key, one in store.results.items():
+        if one.cell.task == "axes" and one.cell.setting == SAME:
+            one = replace(one, figures={**one.figures, **noise})
+        if one.cell.task == "axes" and one.cell.setting == GOOD:
+            if how == "not run":
+                continue
+            figures = {"failed": {}, "unstable": {"tracking_rms": 9.0}, "off its goal": {}}[how]
+            one = replace(one, figures={**one.figures, "end_time": inf, **figures})
+            one = RunResult(one.cell, failure="refused") if how == "failed" else one
+        runs[key] = one
+    comparison = compare([replace(store, results=runs)])
+    verdict = verdict_of(comparison)
+    assert comparison.ranked == ("there",)
+    assert comparison.fault(SettingEntry(0, GOOD)) == ""
+    assert verdict.best == SettingEntry(0, GOOD)
+    told = "1 setting failed or unstable there: that strikes out none." in verdict.text
+    assert told == (how in ("failed", "unstable"))
+
+
 def test_a_run_that_never_leaves_its_start_is_unstable_and_hides_no_path(tmp_path):
     """It is on the path all the time, and not where it should be."""
     store = saved(tmp_path / "runs", errors={BASE: 100e-6, GOOD: 40e-6, WILD: 0.0})
