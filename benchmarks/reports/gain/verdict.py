@@ -183,9 +183,8 @@ def describe_unranked(comparison: Comparison) -> list[str]:
         unstable = [row.entry for row in comparison.rows if row.task == task and row.unstable]
         many = count_noun(len(unstable), "setting")
         faults = f" {many} failed or unstable there: that strikes out none." if unstable else ""
-        sentences.append(
-            f"Not ranked: {task}, because some laws track it to less than a hundredth of a pulse at any setting.{faults}"
-        )
+        why = "some laws track it to less than a hundredth of a pulse at any setting"
+        sentences.append(f"Not ranked: {task}, because {why}.{faults}")
     return sentences
 
 
