@@ -6,6 +6,7 @@ depends on is one hash: the same hash, the same result.
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache, partial
@@ -317,18 +318,36 @@ def _run(
     keep: Callable[[object, list[RunResult]], None],
     tell: Callable[[str], None],
 ) -> list[LostTask]:
+    """Run the batches where there is most to gain, and keep their results. Return those that a cluster lost."""
     lost: list[LostTask] = []
-    if address is None and (not is_installed() or len(batches) < MIN_CLUSTER_BATCHES):
-        if len(batches) > 1 and not is_installed():
+    if not batches:
+        return lost
+    bound = _explain_bound(rig)
+    if bound and address is not None:
+        raise MotionError(f"sweep: {bound}; leave out the address: then this process does the runs")
+    if bound:
+        tell(f"{bound}: this process does all runs")
+    few = len(batches) < MIN_CLUSTER_BATCHES
+    if address is None and (bound or few or not is_installed()):
+        if len(batches) > 1 and not bound and not is_installed():
             tell('Dask is not installed (extra "cluster"): the runs are spread over processes of this computer')
         spread(partial(score, rig=rig), batches, keep)
         return lost
-    for n, results in run_on_cluster(score, batches, rig, address, packages=PACKAGES) if batches else ():
+    for n, results in run_on_cluster(score, batches, rig, address, packages=PACKAGES):
         if isinstance(results, LostTask):
             lost.append(results)
         else:
             keep(batches[n], results)
     return lost
+
+
+def _explain_bound(rig: Rig) -> str:
+    """Say why a rig cannot leave this process; empty where it can."""
+    try:
+        pickle.dumps(rig)
+    except Exception as error:  # pickle raises whatever an object's own code does
+        return f"rig {rig.name} cannot be sent to other processes ({error})"
+    return ""
 
 
 def _batches(cells: Sequence[Cell]) -> Iterator[tuple[Cell, ...]]:
