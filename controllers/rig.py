@@ -147,6 +147,10 @@ class Host:
         if self.closing_stop is not None and not 0 <= self.closing_stop < float("inf"):
             raise MotionError(f"host: closing stop {self.closing_stop} s must be zero or more")
 
+    def draws(self, asked: Timer) -> bool:
+        """Return whether a run draws random numbers, under a law that asks for a timer."""
+        return "sleep" in (self.timer, asked) and (self.granularity > 0 or self.jitter > 0)
+
 
 def instants(hosts: Sequence[Host], asked: Timer, dt: float, steps: int) -> Array:
     """s at which steps 0 … steps begin under a law that asks for a timer, (steps + 1, B); by each host's own seed.

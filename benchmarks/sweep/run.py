@@ -35,6 +35,7 @@ from benchmarks.sweep.result import (
 )
 from controllers.drives.servo import Servo
 from controllers.drives.stepper import Stepper
+from controllers.laws.registry import find_law
 from controllers.metrics import BATCH_PERIOD, Metrics, evaluate_runs
 from controllers.metrics.contour import PlannedStates, sample_plan
 from controllers.metrics.metrics import torque_limits
@@ -149,7 +150,7 @@ def _motion(motion: Any) -> list[Any]:
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """Every setting on every task, rig variation and seed; duplicates run once.
+    """Every setting on every task, rig variation and seed; equal runs are made once (`list_cells`).
 
     settings    as `settings_of` and `read_setting` make them
     tasks       names of tasks of the rig
@@ -179,6 +180,37 @@ class Grid:
             for variation in dict.fromkeys(self.variations)
             for seed in dict.fromkeys(self.seeds)
         )
+
+
+def list_cells(grid: Grid, rig: Rig) -> list[Cell]:
+    """List the runs of a grid on a rig, each once: of several that are equal only the first.
+
+    A seed changes nothing where the law and the host draw nothing by chance. Friction that the rig does not have stays
+    the same by any factor.
+    """
+    equal, random = find_equal_rigs(grid, rig), set(find_random_laws(grid, rig))
+    first = grid.seeds[:1]
+    return [
+        cell for cell in grid if cell.variation.name not in equal and (cell.setting.law in random or cell.seed in first)
+    ]
+
+
+def find_equal_rigs(grid: Grid, rig: Rig) -> dict[str, str]:
+    """Return the variations that do not change the rig, or change it as an earlier one does: name -> earlier name."""
+    names: dict[str, str] = {}
+    equal = {}
+    for variation in dict.fromkeys(grid.variations):
+        varied = disturb_rig(rig, inertia=variation.inertia, friction=variation.friction)
+        earlier = names.setdefault(_hash(varied.drives), variation.name)
+        if earlier != variation.name:
+            equal[variation.name] = earlier
+    return equal
+
+
+def find_random_laws(grid: Grid, rig: Rig) -> list[str]:
+    """List the laws whose runs depend on the seed: their host sleeps, and wakes at times drawn by chance."""
+    laws = dict.fromkeys(setting.law for setting in grid.settings)
+    return [law for law in laws if rig.host.draws(find_law(law).host)]
 
 
 def score(cells: Sequence[Cell], rig: Rig) -> list[RunResult]:
@@ -284,7 +316,7 @@ def sweep(
     """
     rig, folder = load_rig(rig), Path(folder)
     facts = described(grid, rig)  # refuses what the rig has not, before there is a folder
-    cells, digests, store = list(grid), Digests(rig), Store(folder)
+    cells, digests, store = list_cells(grid, rig), Digests(rig), Store(folder)
     keys = [digest(cell, digests) for cell in cells]
     found = {key: store.find(key, cell) for key, cell in zip(keys, cells, strict=True)}
     key_of = dict(zip(cells, keys, strict=True))
@@ -361,10 +393,17 @@ def _batches(cells: Sequence[Cell]) -> Iterator[tuple[Cell, ...]]:
 
 
 def described(grid: Grid, rig: Rig) -> dict[str, Any]:
-    """What a reader of the runs needs to know of the tasks, and of the grid. Raises MotionError for an unknown task."""
+    """Return what a reader of the runs needs to know of the tasks, the rig and the grid.
+
+    "equal_rigs" and "random_laws" say which runs stand for others, see `list_cells`. Raises MotionError for an unknown
+    task.
+    """
+    cells = list_cells(grid, rig)
     return {
-        "seeds": list(grid.seeds),
-        "variations": [variation.name for variation in grid.variations],
+        "seeds": list(dict.fromkeys(cell.seed for cell in cells)),
+        "variations": list(dict.fromkeys(cell.variation.name for cell in cells)),
+        "equal_rigs": find_equal_rigs(grid, rig),
+        "random_laws": find_random_laws(grid, rig),
         "tasks": {
             name: {
                 "duration_s": float(task.motion.duration),

@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Callable
 from itertools import product
-from math import ceil
+from math import ceil, prod
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -46,7 +46,13 @@ MODEL_LAWS = ("ff", "mpc")
     shell_complete=make_completer(known_names.laws),
 )
 @click.option("--task", "tasks", multiple=True, metavar="TASK", help="Task of the rig; repeatable. Default: all.")
-@click.option("--seeds", type=click.IntRange(min=1), default=1, show_default=True, help="Random seeds per run.")
+@click.option(
+    "--seeds",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="Random seeds per run, of laws and hosts that sleep; others draw nothing and run once.",
+)
 @click.option(
     "--from",
     "saved",
@@ -236,11 +242,12 @@ def _run(
 
 def _announce(grid: "Grid", rig: "Rig", out: Path) -> str:
     """What is to be run, and about how long it takes; runs that are saved already take none of it."""
+    from benchmarks.sweep import list_cells
     from kinematics.foundation.names import count_noun
     from planner.parallel import cores as count_cores
     from pulsepath.output.directory import CELLS
 
-    cells, cores = list(grid), count_cores()
+    cells, cores = list_cells(grid, rig), count_cores()
     lanes = Counter((cell.setting.law, cell.task) for cell in cells)
     tasks = {name: rig.task(name) for name in grid.tasks}
     sampled = DRIVE_COST * sum(1 / drive.sample for drive in rig.drives)
@@ -255,9 +262,17 @@ def _announce(grid: "Grid", rig: "Rig", out: Path) -> str:
         "variations of the rig": len({cell.variation for cell in cells}),
         "seeds": len({cell.seed for cell in cells}),
     }
-    told = " × ".join(f"{count} {what}" for what, count in counts.items() if count > 1)
+    # seeds multiply the runs of those laws only that draw anything by chance
+    whole = prod(counts.values()) == len(cells)
+    told = " × ".join(
+        f"{'up to ' if what == 'seeds' and not whole else ''}{count} {what}"
+        for what, count in counts.items()
+        if count > 1
+    )
+    equal = len(list(grid)) - len(cells)
+    alike = f"; {equal} more would equal one of these and are not run" if equal else ""
     saved = "; runs that are saved there are reused" if (out / CELLS).is_dir() else ""
-    return f"{count_noun(len(cells), 'run')}{told and f' ({told})'}: about {time} on {cores} idle cores{saved}"
+    return f"{count_noun(len(cells), 'run')}{told and f' ({told})'}: about {time} on {cores} idle cores{alike}{saved}"
 
 
 def _make_pace(clock: Callable[[], float]) -> Callable[[int, int], str]:

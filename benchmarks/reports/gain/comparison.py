@@ -40,6 +40,33 @@ Pairing = tuple[str, int]
 
 
 @dataclass(frozen=True, slots=True)
+class RunGroup:
+    """The runs of a setting on a path, by rig and seed.
+
+    equal_rigs  variations that were not run, because they equal an earlier one: name -> earlier name
+    random      whether another seed gives another run; a single run stands for all seeds where it does not
+    """
+
+    equal_rigs: Mapping[str, str] = field(default_factory=dict)
+    random: bool = True
+    runs: dict[Pairing, RunResult] = field(default_factory=dict)
+
+    def find(self, pairing: Pairing) -> RunResult | None:
+        """Return the run with this rig and seed, or the equal run that stands for it; None where there is none."""
+        rig, seed = pairing
+        rig = self.equal_rigs.get(rig, rig)
+        if (rig, seed) in self.runs or self.random:
+            return self.runs.get((rig, seed))
+        return next((run for (other, _), run in self.runs.items() if other == rig), None)
+
+
+def make_group(record: Mapping[str, Any], law: str) -> RunGroup:
+    """Return an empty group for the runs of a law; older records do not say which runs are equal."""
+    random = law in record.get("random_laws", [law])
+    return RunGroup(record.get("equal_rigs", {}), random)
+
+
+@dataclass(frozen=True, slots=True)
 class SettingEntry:
     """A setting, and which saved runs it is of: their number among several, from 0."""
 
@@ -274,12 +301,14 @@ def compare(sources: Sequence[SavedRuns], baseline: str | None = None) -> Compar
     MotionError
         There are no runs, or not those of the baseline.
     """
-    groups: dict[tuple[SettingEntry, str], dict[Pairing, RunResult]] = {}
+    groups: dict[tuple[SettingEntry, str], RunGroup] = {}
     for n, source in enumerate(sources):
         for result in source.results.values():
             cell = result.cell
-            group = groups.setdefault((SettingEntry(n, cell.setting), cell.task), {})
-            group[cell.variation.name, cell.seed] = result
+            key = SettingEntry(n, cell.setting), cell.task
+            if key not in groups:
+                groups[key] = make_group(source.record, cell.setting.law)
+            groups[key].runs[cell.variation.name, cell.seed] = result
     if not groups:
         raise MotionError("compare: there are no runs")
     entries = list(dict.fromkeys(entry for entry, _ in groups))
@@ -291,9 +320,9 @@ def compare(sources: Sequence[SavedRuns], baseline: str | None = None) -> Compar
         for task in tasks
         if not any(
             result.figures[RANK] < _floor(sources, task)
-            for (_, of), runs in groups.items()
+            for (_, of), group in groups.items()
             if of == task
-            for result in runs.values()
+            for result in group.runs.values()
             if not _is_unstable(result, largest[task])
         )
     )
@@ -347,15 +376,16 @@ def _baseline(entries: Sequence[SettingEntry], text: str | None) -> SettingEntry
 def _row(
     entry: SettingEntry,
     task: str,
-    groups: Mapping[tuple[SettingEntry, str], dict[Pairing, RunResult]],
+    groups: Mapping[tuple[SettingEntry, str], RunGroup],
     baseline: SettingEntry,
     largest: float,
     about: About | None,
 ) -> ComparisonRow:
-    runs = groups[entry, task]
+    group = groups[entry, task]
+    runs = group.runs
     nominal = [result.figures for (rig, _), result in runs.items() if rig == NOMINAL.name]
     errors = [result.figures[RANK] for result in runs.values() if not result.failure]
-    others = groups.get((baseline, task), {})
+    others = groups.get((baseline, task), RunGroup())
     return ComparisonRow(
         entry,
         task,
@@ -365,7 +395,7 @@ def _row(
         tuple((rig, result.failure) for (rig, _), result in runs.items() if result.failure),
         sum(map(is_away, runs.values())),
         sum(_is_unstable(result, largest) for result in runs.values()),
-        None if about is None or entry == baseline else _compare_errors(runs, others, about),
+        None if about is None or entry == baseline else _compare_errors(group, others, about),
     )
 
 
@@ -383,12 +413,17 @@ def _mean(figures: Sequence[Mapping[str, float]]) -> dict[str, float]:
     return {name: fmean(one[name] for one in figures) for name in figures[0] if all(name in one for one in figures)}
 
 
-def _compare_errors(
-    runs: Mapping[Pairing, RunResult], baseline: Mapping[Pairing, RunResult], about: About
-) -> BaselineRatio | None:
-    pairs = [(runs[pair], baseline[pair]) for pair in runs if pair in baseline]
-    if not pairs or len(pairs) < len(runs) or any(one.failure for pair in pairs for one in pair):
+def _compare_errors(own: RunGroup, base: RunGroup, about: About) -> BaselineRatio | None:
+    pairs = []
+    for pairing in dict.fromkeys([*own.runs, *base.runs]):
+        run, other = own.find(pairing), base.find(pairing)
+        if run is None:  # of the baseline alone
+            continue
+        if other is None or run.failure or other.failure:
+            return None
+        pairs.append((run, other))
+    if not pairs:
         return None
-    each = [compare_figures(own.figures, other.figures, about) for own, other in pairs]
+    each = [compare_figures(run.figures, other.figures, about) for run, other in pairs]
     errors = [one["contour error"] for one in each]
     return BaselineRatio(exp(fmean(map(log, errors))), min(errors), max(errors), mean_of(each))

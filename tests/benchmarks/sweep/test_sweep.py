@@ -10,7 +10,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.sweep import VARIATIONS, Grid, Setting, load_runs, read_setting, run, settings_of, sweep
+from benchmarks.sweep import (
+    VARIATIONS,
+    Grid,
+    Setting,
+    described,
+    list_cells,
+    load_runs,
+    read_setting,
+    run,
+    settings_of,
+    sweep,
+)
 from benchmarks.sweep.result import CELLS, DamagedRun, RunResult, RunSeries, Store
 from benchmarks.sweep.run import Digests, digest, score
 from controllers.rig import Host, Task, assumed_rig
@@ -312,3 +323,46 @@ def test_a_killed_worker_loses_nothing(tmp_path, rig, grid, monkeypatch):
     assert set(runs.results) == set(here.results)
     for key, result in runs.results.items():
         assert result.figures == pytest.approx(here.results[key].figures, rel=1e-12, abs=1e-15)
+
+
+def without_friction(rig):
+    return tuple(replace(drive, friction=0.0, coulomb=0.0) for drive in rig.drives)
+
+
+@pytest.mark.parametrize(
+    ("host", "friction", "expected"),
+    [
+        # 5 seeds, 5 variations, 2 laws: nothing is drawn where the host polls the card's counter
+        (Host(), True, {"closed-position": 5, "open-velocity-sleep": 5}),
+        (Host(), False, {"closed-position": 3, "open-velocity-sleep": 3}),
+        # law 2 sleeps on whatever host: its timer has a granularity, or wakes late
+        (Host(granularity=0.01), False, {"closed-position": 3, "open-velocity-sleep": 15}),
+        (Host(jitter=0.001), True, {"closed-position": 5, "open-velocity-sleep": 25}),
+        (Host(timer="sleep"), True, {"closed-position": 5, "open-velocity-sleep": 5}),
+        (Host(timer="sleep", jitter=0.001), True, {"closed-position": 25, "open-velocity-sleep": 25}),
+    ],
+)
+def test_equal_runs_are_made_once(rig, host, friction, expected):
+    grid = Grid(tuple(map(read_setting, ("6", "2"))), ("dash",), seeds=tuple(range(5)))
+    drives = rig.drives if friction else without_friction(rig)
+    bench = replace(rig, host=host, drives=drives)
+    cells = list_cells(grid, bench)
+    assert {law: [cell.setting.law for cell in cells].count(law) for law in expected} == expected
+    facts = described(grid, bench)
+    assert len(facts["variations"]) == (5 if friction else 3)
+    assert len(facts["seeds"]) == (5 if max(expected.values()) > 5 else 1)
+
+
+def test_runs_that_are_left_out_equal_those_that_stand_for_them(rig):
+    """Every run of the grid, against the one that is made in its place; the others differ."""
+    bench = replace(rig, host=Host(jitter=0.01), drives=without_friction(rig))
+    grid = Grid(tuple(map(read_setting, ("6", "2"))), ("dash",), seeds=(0, 1, 2))
+    figures = [[], []]
+    for n, cells in enumerate(([*grid], list_cells(grid, bench))):
+        for law in ("closed-position", "open-velocity-sleep"):
+            own = [cell for cell in cells if cell.setting.law == law]
+            figures[n] += [tuple(one.figures.items()) for one in score(own, bench)]
+    assert len(figures[0]) == 30
+    assert len(figures[1]) == 3 + 9
+    assert set(figures[0]) == set(figures[1])
+    assert len(set(figures[1])) == len(figures[1])
