@@ -37,7 +37,7 @@ from controllers.drives.servo import Servo
 from controllers.drives.stepper import Stepper
 from controllers.laws.registry import find_law
 from controllers.metrics import BATCH_PERIOD, Metrics, evaluate_runs
-from controllers.metrics.contour import PlannedStates, sample_plan
+from controllers.metrics.contour import PlannedStates, directions, sample_plan
 from controllers.metrics.metrics import torque_limits
 from controllers.rig import Rig, Task, disturb_rig
 from controllers.rig_file import load_rig
@@ -411,7 +411,7 @@ def described(grid: Grid, rig: Rig) -> dict[str, Any]:
                 "unit": planned.unit,
                 "space": planned.path is not None,
                 "resolution": resolution(rig.machine, planned.unit),
-                "corners": find_corners(task.motion),
+                "corners": find_corners(task.motion, rig.machine),
             }
             for name in grid.tasks
             for task in [rig.task(name)]
@@ -437,9 +437,25 @@ def resolution(machine: Machine, unit: str) -> float:
     return min(axis.pulse * (1.0 if axis.unit == unit else length) for axis in machine.axes)
 
 
-def find_corners(motion: Any) -> list[dict[str, float]]:
-    """Where one piece of the path meets the next: when the plan is there, and how far along; none without a path."""
+CORNER_ANGLE = 1e-3
+"""rad: by less the direction of a path is not seen to change."""
+
+
+def find_corners(motion: Any, machine: Machine) -> list[dict[str, float]]:
+    """List the corners of a planned path: when the plan is there, and how far along the path.
+
+    At a corner the path changes its direction, or the plan rests. The points of a spline and the ends of a blend are
+    none, since the path is smooth there; a motion without a path has none.
+    """
     if not isinstance(motion, Trajectory):
         return []
     after = np.flatnonzero(np.diff(motion.piece)) + 1
-    return [{"t_s": float(motion.knots[k]), "s_m": float(motion.s[k])} for k in after]
+    if not len(after):
+        return []
+    planned = sample_plan(motion, machine, motion.knots[after])
+    s, piece = motion.s[after], motion.piece[after]
+    before, behind = (directions(planned.curve, s, of) for of in (piece - 1, piece))
+    turns = np.linalg.norm(behind - before, axis=1) > CORNER_ANGLE
+    rests = ~np.abs(motion.at(motion.knots[after]).qd).any(axis=1)
+    corners = after[turns | rests]
+    return [{"t_s": float(motion.knots[k]), "s_m": float(motion.s[k])} for k in corners]

@@ -10,7 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.reports.gain.criteria import About, compare_figures, mean_of, weigh
+from benchmarks.reports.gain.criteria import (
+    About,
+    compare_figures,
+    mean_of,
+    measure_ratios,
+    weigh,
+)
 from benchmarks.sweep import RunResult, SavedRuns, Setting, read_setting
 from benchmarks.sweep.result import NOMINAL, figure_unit, setting_columns
 from kinematics.foundation.errors import MotionError
@@ -78,7 +84,8 @@ class SettingEntry:
 class BaselineRatio:
     """An error over the baseline's on the same rig with the same seed: geometric mean, least and largest.
 
-    ratios  by the criteria of a verdict, the geometric mean of each
+    ratios    by the criteria of a verdict, as they count, the geometric mean of each
+    measured  the same as measured, also below what counts
 
     mark  "better" or "worse" where it is so, by more than 1 %, on every rig and seed that was tried; else "neither".
           The rigs are chosen, no sample of a population, so nothing is said of others.
@@ -88,6 +95,7 @@ class BaselineRatio:
     least: float
     largest: float
     ratios: Mapping[str, float] = field(default_factory=dict)
+    measured: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def mark(self) -> str:
@@ -228,6 +236,11 @@ class Comparison(Result):
         """By the criteria of a verdict, over the baseline: geometric means over ranked paths, those that all have."""
         rows = [row for row in self.of(entry) if row.task in self.ranked]
         return mean_of([row.against.ratios for row in rows if row.against is not None])
+
+    def measured(self, entry: SettingEntry) -> dict[str, float]:
+        """Return the same as measured, also where a difference is too small to count."""
+        rows = [row for row in self.of(entry) if row.task in self.ranked]
+        return mean_of([row.against.measured for row in rows if row.against is not None])
 
     def score(self, entry: SettingEntry) -> float:
         """What a verdict ranks by: all criteria weighed, below 1 where it beats the baseline; inf as `mean_ratio`."""
@@ -426,4 +439,6 @@ def _compare_errors(own: RunGroup, base: RunGroup, about: About) -> BaselineRati
         return None
     each = [compare_figures(run.figures, other.figures, about) for run, other in pairs]
     errors = [one["contour error"] for one in each]
-    return BaselineRatio(exp(fmean(map(log, errors))), min(errors), max(errors), mean_of(each))
+    mean = exp(fmean(map(log, errors)))
+    measured = [measure_ratios(run.figures, other.figures, about) for run, other in pairs]
+    return BaselineRatio(mean, min(errors), max(errors), mean_of(each), mean_of(measured))

@@ -23,10 +23,11 @@ from benchmarks.sweep import (
     sweep,
 )
 from benchmarks.sweep.result import CELLS, DamagedRun, RunResult, RunSeries, Store
-from benchmarks.sweep.run import Digests, digest, score
-from controllers.rig import Host, Task, assumed_rig
+from benchmarks.sweep.run import Digests, digest, find_corners, score
+from controllers.rig import Host, Task, assumed_rig, time_path
 from kinematics import MotionError, load_machine
-from planner import Line, Program, plan
+from planner import Blend, Line, Program, Spline, plan
+from planner.path.actuation import actuate
 
 SETTINGS = tuple(map(read_setting, ("3", "6:gain=0.5", "6:gain=0.7")))
 
@@ -366,3 +367,36 @@ def test_runs_that_are_left_out_equal_those_that_stand_for_them(rig):
     assert len(figures[1]) == 3 + 9
     assert set(figures[0]) == set(figures[1])
     assert len(set(figures[1])) == len(figures[1])
+
+
+CORNERS = {
+    # points (m), and the shares of the way and of the time at which corners are
+    "square": (((0.02, 0, 0), (0.02, 0.02, 0), (0, 0.02, 0), (0, 0, 0)), (0.25, 0.5, 0.75)),
+    "straight on": (((0.01, 0, 0), (0.02, 0, 0)), (0.5,)),
+}
+
+
+@pytest.mark.parametrize("name", CORNERS)
+def test_corners_are_where_the_path_turns_or_rests(name):
+    points, shares = CORNERS[name]
+    machine = load_machine("cartesian")
+    path = actuate(Program(tuple(Line(np.array(point)) for point in points)), machine)
+    corners = find_corners(time_path(path, "trapezoid", 0.1, 4.0), machine)
+    assert [one["t_s"] for one in corners] == pytest.approx([4.0 * share for share in shares])
+    length = float(path.breaks[-1])
+    assert [one["s_m"] for one in corners] == pytest.approx([length * share for share in shares])
+
+
+@pytest.mark.parametrize("kind", ["spline", "blend"])
+def test_what_is_smooth_has_no_corners(kind):
+    """Forty points of a spline, and a corner that is rounded."""
+    machine = load_machine("cartesian")
+    angle = np.linspace(0, 2 * np.pi, 41)[1:]
+    points = 0.02 * np.column_stack([np.sin(angle), 1 - np.cos(angle), 0 * angle])
+    segments = {
+        "spline": (Spline(points),),
+        "blend": (Line([0.02, 0, 0], join=Blend(1e-4)), Line([0.02, 0.02, 0])),
+    }
+    path = actuate(Program(segments[kind]), machine)
+    assert len(path.pieces) > 2
+    assert find_corners(time_path(path, "trapezoid", 0.1, 4.0), machine) == []
