@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from itertools import pairwise
 from math import inf, prod
 
 import numpy as np
@@ -401,6 +402,6 @@ def test_labels_of_corners_do_not_overprint():
     figure.canvas.draw()
     boxes = sorted((text.get_window_extent() for text in ax.texts), key=lambda box: box.x0)
     assert len(boxes) > 5
-    assert all(one.x1 < other.x0 for one, other in zip(boxes, boxes[1:], strict=False))
+    assert all(one.x1 < other.x0 for one, other in pairwise(boxes))
     assert ax.texts[0].get_text() == "corner 1"
     assert len(ax.lines) == 39
