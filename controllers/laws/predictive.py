@@ -134,7 +134,7 @@ class Horizon:
 
         bounds = _bind(speed, turns, start + end >= 0)
         least, most = self._reach(bounds, now)
-        stuck = (least > most).any(axis=1)[:, None]
+        stuck = np.asarray((least > most).any(axis=1))[:, None]
         bounds = _bind(speed, turns, np.where(stuck, start, start + end) >= 0)
         return self._solve(pull, bounds, now, w)
 
