@@ -11,6 +11,7 @@ each, and m becomes as large as T allows.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from math import ceil, floor, isqrt
 
 import numpy as np
@@ -80,7 +81,7 @@ def find_runs(motion: AxesMotion, k: int, crossed: AxisPulses, clock_hz: int) ->
     cuts = np.flatnonzero(turned | rested) + 1
     turns = {int(n): _find_turn(motion, k, times[n - 1], times[n]) for n in cuts if turned[n - 1]}
     edges = [0, *cuts.tolist(), len(times)]
-    for first, last in zip(edges[:-1], edges[1:], strict=True):
+    for first, last in pairwise(edges):
         if first == last:
             continue
         before = rests[np.searchsorted(rests, times[first], side="right") - 1]
