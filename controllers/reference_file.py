@@ -69,8 +69,8 @@ class Recorded:
 
     def at(self, t: Array, /) -> MotionSample:
         """Return the motion at instants (M,) in s; it rests before the first and after the last sample."""
-        asked = np.atleast_1d(np.asarray(t, float))
-        inside = np.clip(asked, 0.0, self.duration)
+        instants = np.atleast_1d(np.asarray(t, float))
+        inside = np.clip(instants, 0.0, self.duration)
         k = np.clip(np.searchsorted(self.t, inside, side="right") - 1, 0, len(self.t) - 2)
         step = (self.t[k + 1] - self.t[k])[:, None]
         u = (inside - self.t[k])[:, None] / step
@@ -79,7 +79,7 @@ class Recorded:
         here, rise = self.position[k], self.position[k + 1] - self.position[k]
         begin, end = self.speed[k] * step, self.speed[k + 1] * step
         bend, twist = 3 * rise - 2 * begin - end, begin + end - 2 * rise
-        moving = ((asked >= 0) & (asked <= self.duration))[:, None]
+        moving = ((instants >= 0) & (instants <= self.duration))[:, None]
         return MotionSample(
             inside,
             self.home + here + u * (begin + u * (bend + u * twist)),
@@ -160,7 +160,7 @@ def _example(axes: Sequence[Axis]) -> str:
 
 
 def _read_header(cells: Sequence[str], axes: Sequence[Axis], line: int, faults: list[Fault]) -> Iterator[Column]:
-    """Read the columns, and add what is wrong with them to the faults."""
+    """Yield the columns of a header line and append its errors to `faults`."""
     places = {axis.name.lower(): k for k, axis in enumerate(axes)}
     names = {TIME: (-1, TIME)}
     for name, k in places.items():
@@ -173,8 +173,8 @@ def _read_header(cells: Sequence[str], axes: Sequence[Axis], line: int, faults: 
         name = match[1].lower() if match else ""
         if match is None or name not in names:
             allowed = ", ".join([TIME, *(axis.name for axis in axes)])
-            told = f"column {describe_value(cell.strip())}{nearest(name, names)}; write e.g. {_example(axes)}"
-            faults.append(Fault("", told, line, cell.strip(), allowed, closest(name, names)))
+            message = f"column {describe_value(cell.strip())}{nearest(name, names)}; write e.g. {_example(axes)}"
+            faults.append(Fault("", message, line, cell.strip(), allowed, closest(name, names)))
             continue
         k, quantity = names[name]
         if (k, quantity) in known:
@@ -204,7 +204,7 @@ def _usual(unit: str) -> str:
 def _read_rows(
     lines: Sequence[tuple[int, str]], columns: Sequence[Column], delimiter: str, faults: list[Fault]
 ) -> Iterator[list[float]]:
-    """Read the numbers of each line, and add what is wrong with them to the faults, up to a hundred."""
+    """Yield the numbers of each line and append its errors to `faults`, at most a hundred."""
     for number, line in lines:
         try:
             cells = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
@@ -221,8 +221,8 @@ def _read_rows(
             except ValueError:
                 value = np.nan
             if not np.isfinite(value) or not cell.isascii() or "_" in cell:
-                told = f"column {column.name}: {describe_value(cell.strip())} is not a finite number"
-                faults.append(Fault("", told, number, cell.strip()))
+                message = f"column {column.name}: {describe_value(cell.strip())} is not a finite number"
+                faults.append(Fault("", message, number, cell.strip()))
             values.append(value)
         yield values
         if len(faults) >= MAX_FAULTS:

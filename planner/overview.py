@@ -51,19 +51,21 @@ class Overview:
         t = np.clip(n * period - begin, 0.0, motion.duration)
         if not len(t):
             return
-        found = rows(motion, t)
+        columns = rows(motion, t)
         if isinstance(motion.path, MachinePath):
             speed = np.linalg.norm(motion.at(t).tool_velocity, axis=1)
-            found = np.column_stack([found, speed])
-        found[:, 0] += begin
-        found[:, 1] += length
+            columns = np.column_stack([columns, speed])
+        columns[:, 0] += begin
+        columns[:, 1] += length
         pieces = motion.piece[np.clip(np.searchsorted(motion.knots, t, side="right") - 1, 0, len(motion.piece) - 1)]
         known, place = np.unique(pieces, return_inverse=True)
         own = np.array([motion.path.segment(int(piece)) or 0 for piece in known])[place]
         self.segments = np.append(self.segments, own)
         whose = np.minimum(n * period / self.window + 1e-9, MOST_WINDOWS - 1).astype(np.int64)
         self._windows = np.append(self._windows, whose)
-        self.first, self.low, self.high = (np.concatenate([held, found]) for held in (self.first, self.low, self.high))
+        self.first, self.low, self.high = (
+            np.concatenate([before, columns]) for before in (self.first, self.low, self.high)
+        )
         self._merge()
 
     def _name_columns(self, path: ActuatorPath) -> None:

@@ -118,7 +118,7 @@ QUANTITIES: "tuple[tuple[str, Quantity, str], ...]" = (
 
 
 def _draw_axes(standing: PlanStanding, seen: Overview, held: Activity) -> Picture:
-    """Each axis between its least and its largest in every window of time; the tool's speed; the shares of the limits."""
+    """Draw the range of each axis, the largest speed of the tool and the shares of the limits in every window."""
     from matplotlib.figure import Figure
 
     panels = [*_axis_panels(standing, seen), _make_speed_panel(standing, seen), _make_use_panel(held)]

@@ -350,7 +350,7 @@ def _run(
     keep: Callable[[object, list[RunResult]], None],
     tell: Callable[[str], None],
 ) -> list[LostTask]:
-    """Run the batches where there is most to gain, and keep their results. Return those that a cluster lost."""
+    """Run the batches here, in processes or on a cluster, and save the results. Return the batches a cluster lost."""
     lost: list[LostTask] = []
     if not batches:
         return lost
@@ -454,8 +454,8 @@ def find_corners(motion: Any, machine: Machine) -> list[dict[str, float]]:
         return []
     planned = sample_plan(motion, machine, motion.knots[after])
     s, piece = motion.s[after], motion.piece[after]
-    before, behind = (directions(planned.curve, s, of) for of in (piece - 1, piece))
-    turns = np.linalg.norm(behind - before, axis=1) > CORNER_ANGLE
+    arriving, leaving = (directions(planned.curve, s, side) for side in (piece - 1, piece))
+    turns = np.linalg.norm(leaving - arriving, axis=1) > CORNER_ANGLE
     rests = ~np.abs(motion.at(motion.knots[after]).qd).any(axis=1)
     corners = after[turns | rests]
     return [{"t_s": float(motion.knots[k]), "s_m": float(motion.s[k])} for k in corners]

@@ -62,8 +62,8 @@ class Formulas:
 
 def curve_equations(curve: Curve) -> CurveEquations:
     """Return the equations of a segment; equal formulas give the same object, whose maps are built once."""
-    own = Formulas(curve.position, curve.rotate, curve.constants, curve.length, curve.angle)
-    return _make_equations(own)
+    formulas = Formulas(curve.position, curve.rotate, curve.constants, curve.length, curve.angle)
+    return _make_equations(formulas)
 
 
 @lru_cache(maxsize=64)

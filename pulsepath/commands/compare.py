@@ -270,7 +270,7 @@ def _announce(grid: "Grid", rig: "Rig", out: Path) -> str:
     }
     # seeds multiply the runs of those laws only that draw anything by chance
     whole = prod(counts.values()) == len(cells)
-    told = " × ".join(
+    factors = " × ".join(
         f"{'up to ' if what == 'seeds' and not whole else ''}{count} {what}"
         for what, count in counts.items()
         if count > 1
@@ -278,7 +278,8 @@ def _announce(grid: "Grid", rig: "Rig", out: Path) -> str:
     equal = len(list(grid)) - len(cells)
     alike = f"; {equal} more would equal one of these and are not run" if equal else ""
     saved = "; runs that are saved there are reused" if (out / CELLS).is_dir() else ""
-    return f"{count_noun(len(cells), 'run')}{told and f' ({told})'}: about {time} on {cores} idle cores{alike}{saved}"
+    amount = count_noun(len(cells), "run") + (factors and f" ({factors})")
+    return f"{amount}: about {time} on {cores} idle cores{alike}{saved}"
 
 
 def _time_command(setting: "Setting", rig: "Rig", task: "Task") -> float:

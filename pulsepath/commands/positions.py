@@ -31,7 +31,7 @@ class ListFile:
 
     @property
     def name(self) -> str:
-        """What to call it: the file, or the name of a bundled list."""
+        """Path of the file, or name of a bundled list."""
         return self.path.stem if self.bundled else str(self.path)
 
     def read(self, machine: str = "tripod") -> "PositionList":
@@ -88,10 +88,10 @@ def positions(context: click.Context, file: Path, as_json: bool) -> None:
     """
     from kinematics.files.atomic_files import Destination
 
-    own = _find_bundled(file)
-    path = file if own is None else own
-    # what it changes is what it has read
-    context.obj = ListFile(path, as_json, Destination(path, force=True), own is not None)
+    bundled = _find_bundled(file)
+    path = bundled or file
+    # a command overwrites the version that it read, nothing newer
+    context.obj = ListFile(path, as_json, Destination(path, force=True), bundled is not None)
     if context.invoked_subcommand is None:
         context.obj.tell(context.obj.read())
 
@@ -100,9 +100,9 @@ def _find_bundled(file: Path) -> Path | None:
     """Return the file of a bundled list, by its name; None for any other file."""
     from importlib.resources import files
 
-    own = Path(str(files("planner"))) / "presets" / f"{file.name}.csv"
+    preset = Path(str(files("planner"))) / "presets" / f"{file.name}.csv"
     is_name = file.name == str(file) and not file.suffix
-    return own if is_name and not file.exists() and own.is_file() else None
+    return preset if is_name and not file.exists() and preset.is_file() else None
 
 
 dwell_option = click.option("--dwell", metavar="TIME", help='Dwell at the pose, as "0.2 s". Default: none.')

@@ -135,15 +135,15 @@ def leg_angles() -> list[NumberComparison]:
     machine = table_4_3()
     x, y, z = machine.jacobian(machine.home)[:, :3].T
     angles = np.array([np.arctan2(-y, z), np.arcsin(x)]).T
-    own = Rotation.from_euler("XY", angles).as_matrix()
-    level = np.arctan2(-own[:, 2, 0], own[:, 2, 1])
-    found = np.rad2deg(np.column_stack([angles, level]))
+    turned = Rotation.from_euler("XY", angles).as_matrix()
+    level = np.arctan2(-turned[:, 2, 0], turned[:, 2, 1])
+    degrees = np.rad2deg(np.column_stack([angles, level]))
     printed = np.array(LEG_ANGLES, float)
-    found[:, 2] += 180 * np.rint((printed[:, 2] - found[:, 2]) / 180)
+    degrees[:, 2] += 180 * np.rint((printed[:, 2] - degrees[:, 2]) / 180)
     return [
         NumberComparison(f"leg {leg + 1}, {name}", "deg", text, ours)
         for leg, row in enumerate(LEG_ANGLES)
-        for name, text, ours in zip(("Rx", "Ry", "Rz"), row, found[leg], strict=True)
+        for name, text, ours in zip(("Rx", "Ry", "Rz"), row, degrees[leg], strict=True)
     ]
 
 

@@ -50,7 +50,7 @@ class RunGroup:
     """The runs of a setting on a path, by rig and seed.
 
     equal_rigs  variations that were not run, because they equal an earlier one: name -> earlier name
-    random      whether another seed gives another run; a single run stands for all seeds where it does not
+    random      whether the seed changes the run; if not, one run represents all seeds
     """
 
     equal_rigs: Mapping[str, str] = field(default_factory=dict)
@@ -58,7 +58,7 @@ class RunGroup:
     runs: dict[Pairing, RunResult] = field(default_factory=dict)
 
     def find(self, pairing: Pairing) -> RunResult | None:
-        """Return the run with this rig and seed, or the equal run that stands for it; None where there is none."""
+        """Return the run with this rig and seed, or the equal run that represents it; None if neither exists."""
         rig, seed = pairing
         rig = self.equal_rigs.get(rig, rig)
         if (rig, seed) in self.runs or self.random:
@@ -182,7 +182,7 @@ class Comparison(Result):
         return (Table(f"settings, and their errors over those of {self.baseline.setting.text}", columns),)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """The mean ratio of each setting to the baseline, of those that hold on every ranked path."""
+        """Draw the mean ratio to the baseline of each setting that holds on every ranked path."""
         from kinematics.foundation.figure import draw_bars
 
         ratios = {entry.setting.text: self.mean_ratio(entry) for entry in self.entries}

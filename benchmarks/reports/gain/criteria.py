@@ -131,7 +131,7 @@ def compare_figures(own: Figures, base: Figures, about: About) -> dict[str, floa
 
 
 def measure_ratios(own: Figures, base: Figures, about: About) -> dict[str, float]:
-    """Return the same ratios of what was measured, also below the floors; where both are above zero."""
+    """Return the ratios of the measured values, also below the floors, of criteria where both are above zero."""
     return _divide(own, base, about, lambda one: one.measure)
 
 

@@ -372,8 +372,8 @@ KEY = re.compile(r"Polar\d+_____ce[xyz] (?P<number>.{1,6}).?")
 def _read_list(path: Path) -> Array:
     """Return end points (N, 3) in units, as the source's reader takes them."""
     lines = path.read_text("ascii").splitlines()
-    found = [KEY.fullmatch(line) for line in lines]
-    return np.array([float(one["number"]) for one in found if one is not None]).reshape(-1, 3)
+    matches = [KEY.fullmatch(line) for line in lines]
+    return np.array([float(one["number"]) for one in matches if one is not None]).reshape(-1, 3)
 
 
 def _error(source: ExportSource, ends: Array, s: Array, piece: np.ndarray) -> float:

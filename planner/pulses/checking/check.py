@@ -78,9 +78,9 @@ class Gaps:
             search.interval = self._find_interval(search, 0.0)
         latest = -search.interval if search.latest is None else search.latest
         turned = np.diff(direction, prepend=way if way else direction[0]) != 0
-        own = np.where(turned, inf, np.diff(ticks.astype(float), prepend=latest))
-        self._report_jumps(search, np.concatenate([[search.interval], own[:-1]]), own, ticks)
-        search.interval = float(own[-1])
+        intervals = np.where(turned, inf, np.diff(ticks.astype(float), prepend=latest))
+        self._report_jumps(search, np.concatenate([[search.interval], intervals[:-1]]), intervals, ticks)
+        search.interval = float(intervals[-1])
 
     def check_stop(self, search: Search) -> None:
         """Report an axis that stops after its last pulse from beyond the start/stop rate."""
@@ -226,9 +226,9 @@ def _list_gaps(searches: Sequence[Search], machine_axes: Sequence[Axis] | None) 
 
 
 def _check_stops(searches: Sequence[Search], gaps: Sequence[Gaps | None]) -> None:
-    for search, own in zip(searches, gaps, strict=True):
-        if own is not None:
-            own.check_stop(search)
+    for search, gap in zip(searches, gaps, strict=True):
+        if gap is not None:
+            gap.check_stop(search)
 
 
 def _load(motion: RollingMotion, searches: Sequence[Search]) -> bool:

@@ -58,9 +58,9 @@ def fire_equal_steps(part: MotionPart, timer: int, step: int, grain: int) -> Fir
             _time_run(part.motion, run, k, crossed, (timer, step)) * grain
             for run in find_runs(part.motion, k, crossed, part.clock_hz)
         ]
-        own = np.concatenate([np.zeros(0, np.int64), *ticks])
-        bound = _measure_bound(part, k, replace(crossed, ticks=own))
-        fired.append(replace(crossed, ticks=own, bound=bound))
+        joined = np.concatenate([np.zeros(0, np.int64), *ticks])
+        bound = _measure_bound(part, k, replace(crossed, ticks=joined))
+        fired.append(replace(crossed, ticks=joined, bound=bound))
         part.tell(k + 1, len(crossings.axes))
     return replace(crossings, axes=tuple(fired))
 

@@ -333,8 +333,8 @@ class PulseStream:
             for axis, speed in zip(axes, last, strict=True)
         ]
         return tuple(
-            follow_pulses(pace, own, axis, clock, end)
-            for pace, own, axis, end in zip(paces, pulses, axes, ends, strict=True)
+            follow_pulses(pace, train, axis, clock, end)
+            for pace, train, axis, end in zip(paces, pulses, axes, ends, strict=True)
         )
 
     def _space(
