@@ -11,6 +11,7 @@ import pytest
 from benchmarks.sweep import Cell, Grid, read_setting, run, sweep
 from benchmarks.sweep.result import NOMINAL
 from benchmarks.sweep.run import Digests, score
+from controllers.reference_file import Recorded
 from controllers.rig import Task, assumed_rig, time_path
 from controllers.rig_file import load_rig, rig_names
 from kinematics import MotionError, load_machine, machine_names
@@ -76,6 +77,15 @@ def test_every_bundled_machine_is_the_same_in_a_process(process, name):
     machine = load_machine(name)
     there = process(partial(machine.inverse, machine.home))
     np.testing.assert_allclose(there, machine.inverse(machine.home), rtol=0, atol=1e-15)
+
+
+def test_positions_from_a_file_are_the_same_motion_in_a_process(process):
+    rig = load_rig("servo-rig")
+    t = np.linspace(0, 1, 11)
+    home = rig.machine.home_q
+    motion = Recorded(home, t, np.outer(t**2, np.ones(3)), np.outer(2 * t, np.ones(3)))
+    rig = replace(rig, tasks=(Task("own", motion, 0.05),))
+    assert process(partial(Digests, rig)).tasks == Digests(rig).tasks
 
 
 def test_runs_of_equations_are_the_same_in_a_process(tmp_path, process):
