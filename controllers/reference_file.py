@@ -5,9 +5,10 @@
     0.1, 0.4, 0, 8.1
     …
 
-The first line names the columns with their units: the time, an axis by its name, or its name and "speed". On a rig of
-one axis that may be "position" and "speed". Positions count from home. Axes that have no column rest, and so does the
-motion before the first and after the last row. Commas or semicolons part the columns; decimals have points.
+The first line names the columns with their units: the time, an axis by its name, or its name and
+"speed". On a rig of one axis that may be "position" and "speed". Positions count from home. Axes
+that have no column rest, and so does the motion before the first and after the last row. Commas or
+semicolons part the columns; decimals have points.
 """
 
 from __future__ import annotations
@@ -41,8 +42,8 @@ _COLUMN = re.compile(r"\s*([^\[\]]*?)\s*(?:\[\s*([^\[\]]*?)\s*\])?\s*")
 class Recorded:
     """q = home + the cubic through samples and speeds (q, qd) at t, one cubic between two samples.
 
-    Where no speeds are stated, each is that of the parabola through a sample and its neighbours: so a pause or a corner
-    changes the motion next to it only, by less than the neighbouring steps.
+    Where no speeds are stated, each is that of the parabola through a sample and its neighbours: so
+    a pause or a corner changes the motion next to it only, by less than the neighbouring steps.
 
     home       (n,) rad or m
     t          (N,) s, rising from 0

@@ -55,8 +55,8 @@ VISIBLE_SHARE = 1 / 150
 def path_speed(trajectory: Trajectory, ax: Axes | None = None, **style: Any) -> Axes:
     """Draw the speed along the path over time: on a machine that of the tool, else that of the path's parameter.
 
-    The parameter of a machine's path may run faster than the tool, as in a blend; caps hold for the tool. `style` goes
-    to the line, so that two timings can share the axes.
+    The parameter of a machine's path may run faster than the tool, as in a blend; caps hold for the
+    tool. `style` goes to the line, so that two timings can share the axes.
     """
     ax = new_axes(ax)
     t = pick_instants(trajectory)

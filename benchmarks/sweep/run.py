@@ -185,8 +185,8 @@ class Grid:
 def list_cells(grid: Grid, rig: Rig) -> list[Cell]:
     """List the runs of a grid on a rig, each once: of several that are equal only the first.
 
-    A seed changes nothing where the law and the host draw nothing by chance. Friction that the rig does not have stays
-    the same by any factor.
+    A seed changes nothing where the law and the host draw nothing by chance. Friction that the rig
+    does not have stays the same by any factor.
     """
     equal, random = find_equal_rigs(grid, rig), set(find_random_laws(grid, rig))
     first = grid.seeds[:1]
@@ -395,8 +395,8 @@ def _batches(cells: Sequence[Cell]) -> Iterator[tuple[Cell, ...]]:
 def described(grid: Grid, rig: Rig) -> dict[str, Any]:
     """Return what a reader of the runs needs to know of the tasks, the rig and the grid.
 
-    "equal_rigs" and "random_laws" say which runs stand for others, see `list_cells`. Raises MotionError for an unknown
-    task.
+    "equal_rigs" and "random_laws" say which runs stand for others, see `list_cells`. Raises
+    MotionError for an unknown task.
     """
     cells = list_cells(grid, rig)
     return {
@@ -444,8 +444,8 @@ CORNER_ANGLE = 1e-3
 def find_corners(motion: Any, machine: Machine) -> list[dict[str, float]]:
     """List the corners of a planned path: when the plan is there, and how far along the path.
 
-    At a corner the path changes its direction, or the plan rests. The points of a spline and the ends of a blend are
-    none, since the path is smooth there; a motion without a path has none.
+    At a corner the path changes its direction, or the plan rests. The points of a spline and the
+    ends of a blend are none, since the path is smooth there; a motion without a path has none.
     """
     if not isinstance(motion, Trajectory):
         return []

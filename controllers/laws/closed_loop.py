@@ -78,12 +78,12 @@ class ClosedPosition:
 class ClosedPositionTrapezoid:
     """e = k·(ang(k) − pos(k−1)); TAMove(ang(k+1) + e, 0, |ang(k+1) + e − counter|/(dt − ta), ta, ta).
 
-    The closed-loop program for two servos [Sahbaz 2007, section 7.4, figure 7.8] sends a full trapezoid in
-    every step of 50.25 ms along the sine (equation 7.5): the axes accelerate and brake in all steps, which
-    tracks well and shakes the shafts. `gain` is k. The thesis prints the command (equation 7.4) without its
-    values. ASSUMPTIONS: the error enters the target as in law 6; a step starts and ends at rest, with ramps
-    of a quarter of the step each; the top speed covers what the card's own counter is short of the target in
-    exactly one step.
+    The closed-loop program for two servos [Sahbaz 2007, section 7.4, figure 7.8] sends a full
+    trapezoid in every step of 50.25 ms along the sine (equation 7.5): the axes accelerate and brake
+    in all steps, which tracks well and shakes the shafts. `gain` is k. The thesis prints the
+    command (equation 7.4) without its values. ASSUMPTIONS: the error enters the target as in law 6;
+    a step starts and ends at rest, with ramps of a quarter of the step each; the top speed covers
+    what the card's own counter is short of the target in exactly one step.
 
     ramp  ta/dt, above 0 and at most ½ (a triangle)
     """

@@ -47,8 +47,8 @@ class OpenPosition:
 class OpenPositionTrapezoid:
     """TAMove(ang(k+1), 0, |ang(k+1) − counter|/(dt − ta), ta, ta), ta = ramp · dt: law 3t without feedback.
 
-    Law 3 by whole trapezoids from rest to rest, to show their effect without feedback. This law is ours: the full
-    trapezoids of [Sahbaz 2007] are `ClosedPositionTrapezoid`.
+    Law 3 by whole trapezoids from rest to rest, to show their effect without feedback. This law is
+    ours: the full trapezoids of [Sahbaz 2007] are `ClosedPositionTrapezoid`.
 
     ramp  share of the step, above 0 and at most ½ (a triangle)
     """

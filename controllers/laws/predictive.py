@@ -58,8 +58,8 @@ class QuadraticProgram:
     def solve(self, q: Array, low: Array, high: Array, guess: Array) -> Array:
         """Return the minimum w (N,), started from `guess`.
 
-        Where OSQP ends early this is its last iterate, and where it has none, `guess`: the caller brings both within
-        the limits, so that a command is never further from the best than from no command at all.
+        Where OSQP ends early this is its last iterate, and where it has none, `guess`. The caller
+        brings either within the limits.
         """
         # the result is a function of the vectors alone, not of what was solved before
         self._solver.update_settings(rho=_INITIAL_RHO)
@@ -114,11 +114,12 @@ class Horizon:
     def best(self, state: Array, wanted: Array, guide: Array) -> Array:
         """Return the best w (n, 2 H) from s, for r and w₀; it always stays within the limits.
 
-        One command of the card runs one way, so steps whose best speeds have two signs are bound to one sign and the
-        program is solved once more. The sign is that of a step's mean speed. Where the acceleration limit does not
-        allow it, because the axis cannot brake before the step begins, the axis brakes within the step instead: the
-        step gets the sign of its start speed. Braking to rest and staying there satisfies these signs, so the second
-        program always has a solution. A step that turns only in that solution is left to `ramp`.
+        One command of the card runs one way, so steps whose best speeds have two signs are bound to
+        one sign and the program is solved once more. The sign is that of a step's mean speed. Where
+        the acceleration limit does not allow it, because the axis cannot brake before the step
+        begins, the axis brakes within the step instead: the step gets the sign of its start speed.
+        Braking to rest and staying there satisfies these signs, so the second program always has a
+        solution. A step that turns only in that solution is left to `ramp`.
         """
         size = guide.shape[1]
         pull = -self.pull(state, wanted, guide).ravel()
@@ -151,7 +152,8 @@ class Horizon:
     def _reach(self, bounds: tuple[Array, Array], now: Array) -> tuple[Array, Array]:
         """Return the least and largest speeds (n, 2 H) that lie on some motion within all limits; least > most: none.
 
-        A speed must be reachable from the one before it, which starts at `now`, and must leave the next one reachable.
+        A speed must be reachable from the one before it, which starts at `now`, and must leave the
+        next one reachable.
         """
         change = self._bound[:, bounds[0].shape[1]]
         least, most = bounds[0].copy(), bounds[1].copy()

@@ -46,8 +46,8 @@ class Shape:
 class Derived:
     """The motion of a shape that is made of others, of a number or of formulas: rule(*of, s, parameters).
 
-    Its values compare equal in other processes too, so each process builds the maps of a shape once. A function that is
-    defined inside another one cannot be sent to a process.
+    Its values compare equal in other processes too, so each process builds the maps of a shape
+    once. A function that is defined inside another one cannot be sent to a process.
     """
 
     rule: Callable[..., tuple[ca.SX, ca.SX]]

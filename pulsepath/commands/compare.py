@@ -285,7 +285,8 @@ def _announce(grid: "Grid", rig: "Rig", out: Path) -> str:
 def _time_command(setting: "Setting", rig: "Rig", task: "Task") -> float:
     """Return the time in s that a law takes for a command of one run, beyond that of a usual step.
 
-    Most laws command all runs of a batch at once and take none; a law that solves a problem for each run does.
+    Most laws command all runs of a batch at once and take none; a law that solves a problem for
+    each run does.
     """
     import numpy as np
 

@@ -76,8 +76,8 @@ class ListCommands(Commands):
 def positions(context: click.Context, file: Path, as_json: bool) -> None:
     """Show or edit the position list in FILE.
 
-    FILE is a CSV file, a list of the three-armed machine, or "tripod-start-up", the bundled list with which that
-    machine's own program starts.
+    FILE is a CSV file, a list of the three-armed machine, or "tripod-start-up", the bundled list
+    with which that machine's own program starts.
 
     "arms" shows the arm lengths of a three-armed machine at each pose, rotated poses included.
 

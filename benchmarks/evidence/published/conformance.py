@@ -129,8 +129,9 @@ def table_4_3() -> Hexapod:
 def leg_angles() -> list[NumberComparison]:
     """Return the angles of each leg, whose direction n is in the first three columns of the Jacobian.
 
-    Rx = atan2(−n_y, n_z) and Ry = asin(n_x) turn the z axis into n. Rz = atan2(−M₂₀, M₂₁), M = Rx·Ry, turns the part
-    about n until its y axis is level; a half turn changes nothing in that, and the table has either.
+    Rx = atan2(−n_y, n_z) and Ry = asin(n_x) turn the z axis into n. Rz = atan2(−M₂₀, M₂₁), M =
+    Rx·Ry, turns the part about n until its y axis is level; a half turn changes nothing in that,
+    and the table has either.
     """
     machine = table_4_3()
     x, y, z = machine.jacobian(machine.home)[:, :3].T

@@ -208,9 +208,10 @@ class Comparison(Result):
     def fault(self, entry: SettingEntry) -> str:
         """Return why a setting is struck out; empty where it holds.
 
-        It holds where it was run on every ranked path, is stable there on every rig and seed, and on none of them ends
-        off its goal in a larger share of its runs than the baseline. A path that is not ranked strikes out nothing;
-        where no path is ranked, all of them count. The verdict, the ranking and the figure all ask here.
+        It holds where it was run on every ranked path, is stable there on every rig and seed, and
+        on none of them ends off its goal in a larger share of its runs than the baseline. A path
+        that is not ranked strikes out nothing; where no path is ranked, all of them count. The
+        verdict, the ranking and the figure all ask here.
         """
         tasks = self.ranked or self.tasks
         rows = {row.task: row for row in self.of(entry) if row.task in tasks}

@@ -167,7 +167,8 @@ def iso_block(comparison: Comparison, entries: Sequence[SettingEntry]) -> IsoBlo
 def select_cycles(runs: Mapping[tuple[str, str, int], RunSeries], task: str) -> list[RunSeries]:
     """Return the runs of a path on the rig as stated that are repetitions of one another.
 
-    Those with other inertia or friction are other rigs. Runs without anything random are all alike: one is returned.
+    Those with other inertia or friction are other rigs. Runs without anything random are all alike:
+    one is returned.
     """
     cycles: list[RunSeries] = []
     for (of, rig, _), series in runs.items():

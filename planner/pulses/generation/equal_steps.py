@@ -1,12 +1,12 @@
 """The ramp of [Sasidhar 1981, 5.2]: the count of the timer is changed by a constant after each pulse.
 
-Between two rests of an axis, N pulses share T timer counts, as many as the motion has. With the least count m of the
-motion and the constant d, the counts from pulse to pulse are
+Between two rests of an axis, N pulses share T timer counts, as many as the motion has. With the
+least count m of the motion and the constant d, the counts from pulse to pulse are
 
     m + d R, m + d (R - 1), …, m + d,  m, …, m,  m + d, …, m + d R,   in all  N m + d R (R + 1)
 
-with the largest R that fits into T. A run too short for both ramps is split into two equal halves, of R = N/2 pulses
-each, and m becomes as large as T allows.
+with the largest R that fits into T. A run too short for both ramps is split into two equal halves,
+of R = N/2 pulses each, and m becomes as large as T allows.
 """
 
 from collections.abc import Iterator
@@ -147,7 +147,8 @@ def share_counts(pulses: int, total: int, least: int, step: int) -> Ticks | None
 def _measure_bound(part: MotionPart, k: int, axis: AxisPulses) -> float:
     """Return by how many pulses the count and the motion of axis k differ at most.
 
-    Between two pulses an axis of one run goes one way, so the difference is largest at a pulse, or at a rest.
+    Between two pulses an axis of one run goes one way, so the difference is largest at a pulse, or
+    at a rest.
     """
     knots = np.asarray(part.motion.knots, float)
     t = np.concatenate([knots, np.minimum(axis.ticks / part.clock_hz, part.motion.duration)])

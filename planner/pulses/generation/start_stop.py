@@ -1,7 +1,8 @@
 """The start/stop rate of a stepper: up to it the motor starts, stops and turns at once [Sasidhar 1981, figure 3-2].
 
-Beyond it (the slew region) the rate may only change gradually: from one interval between pulses to the next at most by
-a factor of two, which motion at constant acceleration from rest stays below (1.45 from the first to the second).
+Beyond it (the slew region) the rate may only change gradually: from one interval between pulses to
+the next at most by a factor of two, which motion at constant acceleration from rest stays below
+(1.45 from the first to the second).
 """
 
 from dataclasses import dataclass, replace

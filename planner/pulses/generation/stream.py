@@ -316,7 +316,8 @@ class PulseStream:
     def _follow_paces(self, part: MotionPart, pulses: Sequence[AxisPulses]) -> tuple[Pace, ...] | None:
         """Return the paces after these pulses. Raise Infeasible where an axis starts or stops too fast.
 
-        A stream that goes on from what another motion sent does not know the paces there: it follows none.
+        A stream that goes on from what another motion sent does not know the paces there: it
+        follows none.
         """
         axes = self._machine.axes
         if all(axis.start_stop_rate is None for axis in axes):

@@ -30,11 +30,11 @@ class Timer(Rule):
     An interval of more than 65535 counts (33 ms at 2 MHz: at rest, or as slow) is counted down in several loads, with
     the gate that follows the timer shut but for the last; `counter_loads` lists them. It costs nothing in the bound.
 
-    With `step` the pulses are the source's own ramps: between two rests of an axis the count is lowered by the
-    step after each pulse while it speeds up, left as it is, and raised as it slows down. The ramps take the time
-    of the motion, not its course: the schedule states by how much the counts leave it. Such a ramp is gentle at
-    first and steep at the end (with count c it grows by step·(f/c)³ per s), so it may exceed the planned
-    acceleration: a warning says so.
+    With `step` the pulses are the source's own ramps: between two rests of an axis the count is
+    lowered by the step after each pulse while it speeds up, left as it is, and raised as it slows
+    down. The ramps take the time of the motion, not its course: the schedule states by how much the
+    counts leave it. Such a ramp is gentle at first and steep at the end (with count c it grows by
+    step·(f/c)³ per s), so it may exceed the planned acceleration: a warning says so.
 
     Assumption: the source prints no timer clock. Its trigger pulse of 0.5 µs is one clock of 2 MHz, if the 8253 runs
     as a rate generator.
