@@ -1,7 +1,8 @@
 """A rig: a machine, the drives behind its axes, the card that pulses them, the host that commands, and its tasks.
 
 Of the host: when it begins its steps, what it reads a speed from, and how it ends. A task is a motion and how often the
-host commands: a path run by one classical profile of a stated duration, or sines of single axes.
+host commands: a path run by one classical profile of a stated duration, sines of single axes, or positions over time
+from a file (controllers.reference_file).
 """
 
 from __future__ import annotations
@@ -68,8 +69,8 @@ def time_path(path: MachinePath, shape: str, share: float, duration: float) -> T
 
 
 @dataclass(frozen=True, slots=True)
-class SineState:
-    """q, q̇, q̈, q⃛ (N, n) and the angle s (N,) that the sine has run."""
+class MotionSample:
+    """q, q̇, q̈, q⃛ (N, n) of axes, and the parameter s (N,) of their motion: the angle of a sine, or the time."""
 
     s: Array
     q: Array
@@ -97,7 +98,7 @@ class Sine:
     def knots(self) -> Array:
         return freeze_array([0.0, self.duration])
 
-    def at(self, t: Array, /) -> SineState:
+    def at(self, t: Array, /) -> MotionSample:
         t = np.atleast_1d(np.asarray(t, float))
         angle = self.omega * np.clip(t, 0.0, self.duration)
         moving = ((t >= 0) & (t <= self.duration)).astype(float)
@@ -108,7 +109,7 @@ class Sine:
                 (np.sin(angle), moving * np.cos(angle), -moving * np.sin(angle), -moving * np.cos(angle))
             )
         )
-        return SineState(angle, self.home + q, qd, qdd, qddd)
+        return MotionSample(angle, self.home + q, qd, qdd, qddd)
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,6 +147,10 @@ class Host:
             raise MotionError(f"host: seed {self.seed} must be zero or more")
         if self.closing_stop is not None and not 0 <= self.closing_stop < float("inf"):
             raise MotionError(f"host: closing stop {self.closing_stop} s must be zero or more")
+
+    def draws(self, asked: Timer) -> bool:
+        """Return whether a run draws random numbers, under a law that asks for a timer."""
+        return "sleep" in (self.timer, asked) and (self.granularity > 0 or self.jitter > 0)
 
 
 def instants(hosts: Sequence[Host], asked: Timer, dt: float, steps: int) -> Array:

@@ -11,7 +11,16 @@ from pydantic import TypeAdapter, ValidationError
 
 from controllers.drives.drive_tables import KINDS, TRANSMISSION, drive_of
 from controllers.rig import Drive, Host, Rig, Task
-from controllers.rig_tables import CARDS, CardTable, PathTask, RigFile, SineTask, TaskTable, resolve_path
+from controllers.rig_tables import (
+    CARDS,
+    CardTable,
+    FileTask,
+    PathTask,
+    RigFile,
+    SineTask,
+    TaskTable,
+    resolve_path,
+)
 from kinematics.files.schema import build, refuse_wrong_kind
 from kinematics.files.toml_document import Document, Key, read
 from kinematics.foundation.errors import BadValue, Fault, FileError, MotionError, NotInstalled
@@ -21,8 +30,8 @@ from kinematics.kinds.axis_faults import find_repeated_names
 from kinematics.machine.axis import Axis
 from kinematics.machine.machine_file import load_machine, read_axes
 
-_TASK: TypeAdapter[PathTask | SineTask] = TypeAdapter(TaskTable)
-_Stated = list[tuple[int, PathTask | SineTask]]
+_TASK: TypeAdapter[PathTask | SineTask | FileTask] = TypeAdapter(TaskTable)
+_Stated = list[tuple[int, PathTask | SineTask | FileTask]]
 """Tasks by their places in the file."""
 
 

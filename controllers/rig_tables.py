@@ -6,14 +6,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal, Self
 
+import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
 from controllers.card import PCI_8132, PCI_8164, Card
 from controllers.drives.drive_tables import ServoTable, StepperTable
+from controllers.reference_file import Recorded, read_reference
 from controllers.rig import Sine, Task, time_path
 from kinematics.files.keys import Chosen, key
 from kinematics.files.schema import File, TableSchema, one_of_tables
-from kinematics.foundation.arrays import freeze_array
+from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import BadValue, MotionError, validation_error
 from kinematics.foundation.names import closest, find, nearest, presets
 from kinematics.foundation.units import Unit, describe_value
@@ -27,11 +29,10 @@ def _require_name(name: str) -> str:
     return name
 
 
-class TaskTiming(TableSchema):
-    """How long a task lasts, and how often the host commands: every `step`, or so that there are `samples`."""
+class TaskRate(TableSchema):
+    """How often the host commands: every `step`, or so that there are `samples`."""
 
     name: Annotated[str, AfterValidator(_require_name)] = key("of the task")
-    duration: Annotated[float, Unit("s", above=0, like="5 s")] = key("of the motion")
     step: Annotated[float, Unit("s", above=0, like="125 ms")] | None = key("of the host", default=None)
     samples: Annotated[int, Field(ge=2)] | None = key("of the host, both ends included", default=None)
 
@@ -41,9 +42,20 @@ class TaskTiming(TableSchema):
             raise validation_error('give either step, e.g. "125 ms", or samples, e.g. 41')
         return self
 
+    def divide(self, duration: float) -> float:
+        """Return the host's step in s, for a motion of a duration."""
+        return self.step if self.step is not None else duration / ((self.samples or 2) - 1)
+
+
+class TaskTiming(TaskRate):
+    """How long a task lasts, and how often the host commands."""
+
+    duration: Annotated[float, Unit("s", above=0, like="5 s")] = key("of the motion")
+
     @property
     def dt(self) -> float:
-        return self.step if self.step is not None else self.duration / ((self.samples or 2) - 1)
+        """Step of the host, in s."""
+        return self.divide(self.duration)
 
 
 @contextmanager
@@ -115,7 +127,28 @@ class SineTask(TaskTiming):
         return Task(self.name, Sine(machine.home_q, amplitude, omega, self.duration), self.dt)
 
 
-TaskTable = Annotated[PathTask | SineTask, one_of_tables(PathTask, SineTask)]
+class FileTask(TaskRate):
+    """Positions of axes over time, from a CSV file (`controllers.reference_file`); it lasts as long as its times."""
+
+    reference: str = key('path of a CSV file: "time [s], yaw [deg]", and "yaw speed [deg/s]" if known')
+
+    def refuse_unknown(self, axes: Sequence[Axis], folder: Path | None) -> None:
+        """Raise MotionError for a file that is not there or has faults, or lacks an axis by its name."""
+        self._read(axes, np.zeros(len(axes)), folder)
+
+    def make_task(self, machine: Machine, folder: Path | None) -> Task:
+        motion = self._read(machine.axes, machine.home_q, folder)
+        return Task(self.name, motion, self.divide(motion.duration))
+
+    def _read(self, axes: Sequence[Axis], home: Array, folder: Path | None) -> Recorded:
+        try:
+            path = Path(self.reference) if folder is None else folder / self.reference
+            return read_reference(path, axes, home)
+        except MotionError as error:
+            raise BadValue(str(error), key=("reference",)) from error
+
+
+TaskTable = Annotated[PathTask | SineTask | FileTask, one_of_tables(PathTask, SineTask, FileTask)]
 
 
 def resolve_path(folder: Path | None, name_or_path: str) -> str | Path:

@@ -53,11 +53,20 @@ VISIBLE_SHARE = 1 / 150
 
 @draws(Trajectory)
 def path_speed(trajectory: Trajectory, ax: Axes | None = None, **style: Any) -> Axes:
-    """The speed along the path over time; `style` goes to the line, so that two timings can share the axes."""
+    """Draw the speed along the path over time: on a machine that of the tool, else that of the path's parameter.
+
+    The parameter of a machine's path may run faster than the tool, as in a blend; caps hold for the
+    tool. `style` goes to the line, so that two timings can share the axes.
+    """
     ax = new_axes(ax)
     t = pick_instants(trajectory)
-    unit, scale = ("mm/s", 1e3) if isinstance(trajectory.path, MachinePath) else ("1/s", 1.0)
-    ax.plot(t, scale * trajectory.at(t).sd, **style)
+    state = trajectory.at(t)
+    if isinstance(trajectory.path, MachinePath):
+        ax.plot(t, 1e3 * np.linalg.norm(state.tool_velocity, axis=1), **style)
+        unit = "mm/s"
+    else:
+        ax.plot(t, state.sd, **style)
+        unit = "1/s"
     ax.set(xlabel="time (s)", ylabel=f"speed along the path ({unit})")
     return ax
 

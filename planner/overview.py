@@ -3,7 +3,7 @@
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from planner.path.actuation import ActuatorPath
+from planner.path.actuation import ActuatorPath, MachinePath
 from planner.trajectory import Trajectory, column_headings, rows
 
 ROW_PERIOD = 1e-2
@@ -12,12 +12,14 @@ FINENESS = 64
 """Times closer they are at first: as long as a motion is too short for windows of more."""
 MOST_ROWS = 50_000
 """Instants of a part that are looked at; of one that takes longer every so many."""
+TOOL_SPEED = "tool speed"
+"""m/s, a column of a machine's path next to those of its rows."""
 MOST_WINDOWS = 2000
 """Of time; where there would be more, two become one."""
 
 
 class Overview:
-    """The least and the largest of each column of `planner.trajectory.rows` in even windows of time, and the first row.
+    """Extremes of each column of `planner.trajectory.rows`, and of the tool's speed, in even windows of time.
 
     names          of the columns, once a part is there; their units: units
     window         s of each window of time
@@ -49,20 +51,27 @@ class Overview:
         t = np.clip(n * period - begin, 0.0, motion.duration)
         if not len(t):
             return
-        found = rows(motion, t)
-        found[:, 0] += begin
-        found[:, 1] += length
+        columns = rows(motion, t)
+        if isinstance(motion.path, MachinePath):
+            speed = np.linalg.norm(motion.at(t).tool_velocity, axis=1)
+            columns = np.column_stack([columns, speed])
+        columns[:, 0] += begin
+        columns[:, 1] += length
         pieces = motion.piece[np.clip(np.searchsorted(motion.knots, t, side="right") - 1, 0, len(motion.piece) - 1)]
         known, place = np.unique(pieces, return_inverse=True)
         own = np.array([motion.path.segment(int(piece)) or 0 for piece in known])[place]
         self.segments = np.append(self.segments, own)
         whose = np.minimum(n * period / self.window + 1e-9, MOST_WINDOWS - 1).astype(np.int64)
         self._windows = np.append(self._windows, whose)
-        self.first, self.low, self.high = (np.concatenate([held, found]) for held in (self.first, self.low, self.high))
+        self.first, self.low, self.high = (
+            np.concatenate([before, columns]) for before in (self.first, self.low, self.high)
+        )
         self._merge()
 
     def _name_columns(self, path: ActuatorPath) -> None:
         headings = column_headings(path)
+        if isinstance(path, MachinePath):
+            headings = [*headings, (TOOL_SPEED, "m/s")]
         self.names, self.units = (tuple(each) for each in zip(*headings, strict=True))
         self.first = self.low = self.high = np.zeros((0, len(headings)))
 

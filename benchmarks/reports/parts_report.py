@@ -14,7 +14,7 @@ from kinematics.foundation.figure import DASHES, PALETTE, line_style, literal_la
 from kinematics.foundation.table import Table
 from planner.active_limits import ACTIVE_SHARE, name_segment
 from planner.activity import MOST_SEGMENTS, Activity
-from planner.overview import Overview
+from planner.overview import TOOL_SPEED, Overview
 from planner.plan_parts import PlanStanding
 from planner.pulses import PulseCheck
 
@@ -104,8 +104,7 @@ def _draw_path(seen: Overview) -> "Axes":
     from kinematics.foundation.figure import new_axes_3d
     from planner.figures import draw_way
 
-    way, t = seen.column("s")[0], seen.t
-    speed = np.gradient(way, t) if len(t) > 1 else np.zeros(len(t))
+    speed = seen.column(TOOL_SPEED)[0]
     points = np.stack([seen.column(name)[0] for name in "xyz"], 1)
     drawn: Axes = draw_way(new_axes_3d(None, (1.15 * NARROW, 0.75 * NARROW)), 1e3 * points, 1e3 * speed)
     return drawn
@@ -121,7 +120,7 @@ QUANTITIES: "tuple[tuple[str, Quantity, str], ...]" = (
 
 
 def _draw_axes(standing: PlanStanding, seen: Overview, held: Activity) -> Picture:
-    """Each axis between its least and its largest in every window of time; path speed; the shares of the limits."""
+    """Draw the range of each axis, the largest speed of the tool and the shares of the limits in every window."""
     from matplotlib.figure import Figure
 
     panels = [*_axis_panels(standing, seen), _make_speed_panel(standing, seen), _make_use_panel(held)]
@@ -177,9 +176,10 @@ def _lay_extremes(t: Array, first: Array, low: Array, high: Array, end: float) -
 
 
 def _make_speed_panel(standing: PlanStanding, seen: Overview) -> Panel:
-    edges, way = np.append(seen.t, standing.duration), np.append(seen.column("s")[0], standing.start.length)
-    speed = 1e3 * np.diff(way) / np.maximum(np.diff(edges), 1e-9)
-    return Panel("path speed (mm/s)", (_hold("path speed", edges, speed, PALETTE[0]),), ())
+    """Make the panel of the largest speed of the tool in each window."""
+    edges = np.append(seen.t, standing.duration)
+    largest = 1e3 * seen.column(TOOL_SPEED)[2]
+    return Panel("speed of the tool (mm/s)", (_hold("largest speed of the tool", edges, largest, PALETTE[0]),), ())
 
 
 def _make_use_panel(held: Activity) -> Panel:

@@ -8,5 +8,10 @@ from .result import (
     read_setting as read_setting,
     settings_of as settings_of,
 )
-from .run import Grid as Grid, described as described, sweep as sweep
+from .run import (
+    Grid as Grid,
+    described as described,
+    list_cells as list_cells,
+    sweep as sweep,
+)
 from .result import SavedRuns as SavedRuns, load_runs as load_runs

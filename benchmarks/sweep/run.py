@@ -6,6 +6,7 @@ depends on is one hash: the same hash, the same result.
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache, partial
@@ -34,8 +35,9 @@ from benchmarks.sweep.result import (
 )
 from controllers.drives.servo import Servo
 from controllers.drives.stepper import Stepper
+from controllers.laws.registry import find_law
 from controllers.metrics import BATCH_PERIOD, Metrics, evaluate_runs
-from controllers.metrics.contour import PlannedStates, sample_plan
+from controllers.metrics.contour import PlannedStates, directions, sample_plan
 from controllers.metrics.metrics import torque_limits
 from controllers.rig import Rig, Task, disturb_rig
 from controllers.rig_file import load_rig
@@ -148,7 +150,7 @@ def _motion(motion: Any) -> list[Any]:
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """Every setting on every task, rig variation and seed; duplicates run once.
+    """Every setting on every task, rig variation and seed; equal runs are made once (`list_cells`).
 
     settings    as `settings_of` and `read_setting` make them
     tasks       names of tasks of the rig
@@ -178,6 +180,37 @@ class Grid:
             for variation in dict.fromkeys(self.variations)
             for seed in dict.fromkeys(self.seeds)
         )
+
+
+def list_cells(grid: Grid, rig: Rig) -> list[Cell]:
+    """List the runs of a grid on a rig, each once: of several that are equal only the first.
+
+    A seed changes nothing where the law and the host draw nothing by chance. Friction that the rig
+    does not have stays the same by any factor.
+    """
+    equal, random = find_equal_rigs(grid, rig), set(find_random_laws(grid, rig))
+    first = grid.seeds[:1]
+    return [
+        cell for cell in grid if cell.variation.name not in equal and (cell.setting.law in random or cell.seed in first)
+    ]
+
+
+def find_equal_rigs(grid: Grid, rig: Rig) -> dict[str, str]:
+    """Return the variations that do not change the rig, or change it as an earlier one does: name -> earlier name."""
+    names: dict[str, str] = {}
+    equal = {}
+    for variation in dict.fromkeys(grid.variations):
+        varied = disturb_rig(rig, inertia=variation.inertia, friction=variation.friction)
+        earlier = names.setdefault(_hash(varied.drives), variation.name)
+        if earlier != variation.name:
+            equal[variation.name] = earlier
+    return equal
+
+
+def find_random_laws(grid: Grid, rig: Rig) -> list[str]:
+    """List the laws whose runs depend on the seed: their host sleeps, and wakes at times drawn by chance."""
+    laws = dict.fromkeys(setting.law for setting in grid.settings)
+    return [law for law in laws if rig.host.draws(find_law(law).host)]
 
 
 def score(cells: Sequence[Cell], rig: Rig) -> list[RunResult]:
@@ -283,7 +316,7 @@ def sweep(
     """
     rig, folder = load_rig(rig), Path(folder)
     facts = described(grid, rig)  # refuses what the rig has not, before there is a folder
-    cells, digests, store = list(grid), Digests(rig), Store(folder)
+    cells, digests, store = list_cells(grid, rig), Digests(rig), Store(folder)
     keys = [digest(cell, digests) for cell in cells]
     found = {key: store.find(key, cell) for key, cell in zip(keys, cells, strict=True)}
     key_of = dict(zip(cells, keys, strict=True))
@@ -317,18 +350,36 @@ def _run(
     keep: Callable[[object, list[RunResult]], None],
     tell: Callable[[str], None],
 ) -> list[LostTask]:
+    """Run the batches here, in processes or on a cluster, and save the results. Return the batches a cluster lost."""
     lost: list[LostTask] = []
-    if address is None and (not is_installed() or len(batches) < MIN_CLUSTER_BATCHES):
-        if len(batches) > 1 and not is_installed():
+    if not batches:
+        return lost
+    bound = _explain_bound(rig)
+    if bound and address is not None:
+        raise MotionError(f"sweep: {bound}; leave out the address: then this process does the runs")
+    if bound:
+        tell(f"{bound}: this process does all runs")
+    few = len(batches) < MIN_CLUSTER_BATCHES
+    if address is None and (bound or few or not is_installed()):
+        if len(batches) > 1 and not bound and not is_installed():
             tell('Dask is not installed (extra "cluster"): the runs are spread over processes of this computer')
         spread(partial(score, rig=rig), batches, keep)
         return lost
-    for n, results in run_on_cluster(score, batches, rig, address, packages=PACKAGES) if batches else ():
+    for n, results in run_on_cluster(score, batches, rig, address, packages=PACKAGES):
         if isinstance(results, LostTask):
             lost.append(results)
         else:
             keep(batches[n], results)
     return lost
+
+
+def _explain_bound(rig: Rig) -> str:
+    """Say why a rig cannot leave this process; empty where it can."""
+    try:
+        pickle.dumps(rig)
+    except Exception as error:  # pickle raises whatever an object's own code does
+        return f"rig {rig.name} cannot be sent to other processes ({error})"
+    return ""
 
 
 def _batches(cells: Sequence[Cell]) -> Iterator[tuple[Cell, ...]]:
@@ -342,10 +393,17 @@ def _batches(cells: Sequence[Cell]) -> Iterator[tuple[Cell, ...]]:
 
 
 def described(grid: Grid, rig: Rig) -> dict[str, Any]:
-    """What a reader of the runs needs to know of the tasks, and of the grid. Raises MotionError for an unknown task."""
+    """Return what a reader of the runs needs to know of the tasks, the rig and the grid.
+
+    "equal_rigs" and "random_laws" say which runs stand for others, see `list_cells`. Raises
+    MotionError for an unknown task.
+    """
+    cells = list_cells(grid, rig)
     return {
-        "seeds": list(grid.seeds),
-        "variations": [variation.name for variation in grid.variations],
+        "seeds": list(dict.fromkeys(cell.seed for cell in cells)),
+        "variations": list(dict.fromkeys(cell.variation.name for cell in cells)),
+        "equal_rigs": find_equal_rigs(grid, rig),
+        "random_laws": find_random_laws(grid, rig),
         "tasks": {
             name: {
                 "duration_s": float(task.motion.duration),
@@ -353,7 +411,7 @@ def described(grid: Grid, rig: Rig) -> dict[str, Any]:
                 "unit": planned.unit,
                 "space": planned.path is not None,
                 "resolution": resolution(rig.machine, planned.unit),
-                "corners": find_corners(task.motion),
+                "corners": find_corners(task.motion, rig.machine),
             }
             for name in grid.tasks
             for task in [rig.task(name)]
@@ -379,9 +437,25 @@ def resolution(machine: Machine, unit: str) -> float:
     return min(axis.pulse * (1.0 if axis.unit == unit else length) for axis in machine.axes)
 
 
-def find_corners(motion: Any) -> list[dict[str, float]]:
-    """Where one piece of the path meets the next: when the plan is there, and how far along; none without a path."""
+CORNER_ANGLE = 1e-3
+"""rad: by less the direction of a path is not seen to change."""
+
+
+def find_corners(motion: Any, machine: Machine) -> list[dict[str, float]]:
+    """List the corners of a planned path: when the plan is there, and how far along the path.
+
+    At a corner the path changes its direction, or the plan rests. The points of a spline and the
+    ends of a blend are none, since the path is smooth there; a motion without a path has none.
+    """
     if not isinstance(motion, Trajectory):
         return []
     after = np.flatnonzero(np.diff(motion.piece)) + 1
-    return [{"t_s": float(motion.knots[k]), "s_m": float(motion.s[k])} for k in after]
+    if not len(after):
+        return []
+    planned = sample_plan(motion, machine, motion.knots[after])
+    s, piece = motion.s[after], motion.piece[after]
+    arriving, leaving = (directions(planned.curve, s, side) for side in (piece - 1, piece))
+    turns = np.linalg.norm(leaving - arriving, axis=1) > CORNER_ANGLE
+    rests = ~np.abs(motion.at(motion.knots[after]).qd).any(axis=1)
+    corners = after[turns | rests]
+    return [{"t_s": float(motion.knots[k]), "s_m": float(motion.s[k])} for k in corners]

@@ -1,7 +1,7 @@
-"""Laws 4 to 7: closed loop.
+"""Laws 4 to 7 and 3t: closed loop.
 
 4 and 5 send the error itself as target, of position, or of position and speed. 6 and 7 move the target by the error:
-absolute and relative, as printed and repaired.
+absolute and relative, as printed and repaired. 3t does so too, and brakes to rest in every step.
 """
 
 from __future__ import annotations
@@ -12,7 +12,16 @@ from typing import ClassVar
 import numpy as np
 
 from controllers.card import TAMove, TRMove
-from controllers.laws.law import Feedback, Gain, Grid, Reference, check_gain, format_gain
+from controllers.laws.law import (
+    Feedback,
+    Gain,
+    Grid,
+    Reference,
+    check_gain,
+    check_ramp,
+    format_gain,
+    trapezoid,
+)
 from controllers.rig import Timer
 
 
@@ -45,6 +54,13 @@ class ClosedPosition:
         object.__setattr__(self, "gain", check_gain("closed-position", "gain", self.gain, "the thesis used 0.5 to 0.9"))
 
     @property
+    def formula(self) -> str:
+        """Command as text, for lists of laws."""
+        top = "npuls(k+1) + e/dt" if self.repaired else "npuls(k+1)"
+        move = "TRMove(ang(k+1) − ang(k) + e" if self.relative else "TAMove(ang(k+1) + e"
+        return f"e = k·(ang(k) − pos(k−1)); {move}, npuls(k), {top}, dt, 0)"
+
+    @property
     def name(self) -> str:
         variant = "-relative" * self.relative + "-repaired" * self.repaired
         return f"closed-position{variant} k={format_gain(self.gain)}"
@@ -56,6 +72,41 @@ class ClosedPosition:
         if self.relative:
             return TRMove(there - here + error, reference.npuls(k), top, dt, 0.0)
         return TAMove(there + error, reference.npuls(k), top, dt, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class ClosedPositionTrapezoid:
+    """e = k·(ang(k) − pos(k−1)); TAMove(ang(k+1) + e, 0, |ang(k+1) + e − counter|/(dt − ta), ta, ta).
+
+    The closed-loop program for two servos [Sahbaz 2007, section 7.4, figure 7.8] sends a full
+    trapezoid in every step of 50.25 ms along the sine (equation 7.5): the axes accelerate and brake
+    in all steps, which tracks well and shakes the shafts. `gain` is k. The thesis prints the
+    command (equation 7.4) without its values. ASSUMPTIONS: the error enters the target as in law 6;
+    a step starts and ends at rest, with ramps of a quarter of the step each; the top speed covers
+    what the card's own counter is short of the target in exactly one step.
+
+    ramp  ta/dt, above 0 and at most ½ (a triangle)
+    """
+
+    gain: Gain = 0.7
+    ramp: float = 0.25
+    reads_encoder: ClassVar[bool] = True
+    host: ClassVar[Timer] = "counter"
+    grid: ClassVar[Grid] = {"gain": (0.1, 0.3, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)}
+
+    def __post_init__(self) -> None:
+        gain = check_gain("closed-position-trapezoid", "gain", self.gain, "0.7 is usual")
+        object.__setattr__(self, "gain", gain)
+        check_ramp("closed-position-trapezoid", self.ramp)
+
+    @property
+    def name(self) -> str:
+        return f"closed-position-trapezoid k={format_gain(self.gain)} ramp={self.ramp:g}"
+
+    def command(self, k: int | np.ndarray, reference: Reference, feedback: Feedback) -> TAMove:
+        error = self.gain * (reference.ang(k) - feedback.position)
+        target = np.rint(reference.ang(k + 1) + error)
+        return trapezoid(target, feedback.counter, reference.dt, self.ramp)
 
 
 _ADVICE = "the thesis used 0.7 for the position, 1 for the speed"

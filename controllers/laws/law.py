@@ -256,6 +256,22 @@ def _check_memory(law: StatefulLaw, method: str, memory: object, lanes: tuple[in
     return tuple(each for each in arrays if each is not None)
 
 
+def check_ramp(law: str, ramp: float) -> None:
+    """Raise MotionError for a ramp whose share of a step is not above 0 and at most ½."""
+    if not 0 < ramp <= 0.5:
+        raise MotionError(f"law {law}: ramp {ramp} must be above 0 and at most 0.5 of the step")
+
+
+def trapezoid(target: Array, counter: Array, dt: float, share: float) -> TAMove:
+    """Return the move to `target` in exactly dt, from rest to rest, with ramps of a share of dt each.
+
+    target, counter  (…) pulses
+    """
+    tacc = share * dt
+    top = np.abs(target - counter) / (dt - tacc)
+    return TAMove(np.broadcast_to(target, top.shape), np.zeros_like(top), top, tacc, tacc)
+
+
 def ramp(target: Array, start: Array, end: Array, counter: Array, dt: float) -> TAMove:
     """TAMove to `target` in exactly dt, the speed going from about `start` to about `end` (signed, pulses/s).
 

@@ -12,11 +12,20 @@ from typing import ClassVar
 import numpy as np
 
 from controllers.card import TAMove, TVMove, VChange
-from controllers.laws.law import Feedback, Gain, Grid, Reference, check_gain, format_gain, ramp
+from controllers.laws.law import (
+    Feedback,
+    Gain,
+    Grid,
+    Reference,
+    check_gain,
+    check_ramp,
+    format_gain,
+    ramp,
+    trapezoid,
+)
 from controllers.laws.nominal import NominalAxes, usual_axes
 from controllers.rig import Timer
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.errors import MotionError
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,11 +45,10 @@ class OpenPosition:
 
 @dataclass(frozen=True, slots=True)
 class OpenPositionTrapezoid:
-    """TAMove(ang(k+1), 0, |ang(k+1) − counter|/(dt − ta), ta, ta), ta = ramp · dt: a whole trapezoid in every step.
+    """TAMove(ang(k+1), 0, |ang(k+1) − counter|/(dt − ta), ta, ta), ta = ramp · dt: law 3t without feedback.
 
-    It starts and ends each step at rest: it tracks, but shakes the shaft [Sahbaz 2007, section 7.3, figure 7.8]. The
-    thesis prints neither the share of the ramps nor the top speed. ASSUMPTIONS: ramps of a quarter of the step each,
-    and the top speed that covers what the card's own counter is short of the target in exactly one step.
+    Law 3 by whole trapezoids from rest to rest, to show their effect without feedback. This law is
+    ours: the full trapezoids of [Sahbaz 2007] are `ClosedPositionTrapezoid`.
 
     ramp  share of the step, above 0 and at most ½ (a triangle)
     """
@@ -50,19 +58,14 @@ class OpenPositionTrapezoid:
     grid: ClassVar[Grid] = {}
 
     def __post_init__(self) -> None:
-        if not 0 < self.ramp <= 0.5:
-            raise MotionError(
-                f"law open-position-trapezoid: ramp {self.ramp} must be above 0 and at most 0.5 of the step"
-            )
+        check_ramp("open-position-trapezoid", self.ramp)
 
     @property
     def name(self) -> str:
         return f"open-position-trapezoid ramp={self.ramp:g}"
 
     def command(self, k: int | np.ndarray, reference: Reference, feedback: Feedback) -> TAMove:
-        target, ramp = reference.ang(k + 1), self.ramp * reference.dt
-        top = np.abs(target - feedback.counter) / (reference.dt - ramp)
-        return TAMove(np.broadcast_to(target, top.shape), np.zeros_like(top), top, ramp, ramp)
+        return trapezoid(reference.ang(k + 1), feedback.counter, reference.dt, self.ramp)
 
 
 @dataclass(frozen=True, slots=True)

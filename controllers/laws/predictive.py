@@ -39,11 +39,10 @@ _SETTINGS = {
 class QuadraticProgram:
     """A program set up once: P (N, N) positive definite and A (M, N), dense or sparse, are factorized here."""
 
-    def __init__(self, what: str, P: Array, A: Array) -> None:
+    def __init__(self, P: Array, A: Array) -> None:
         import osqp
         from scipy.sparse import csc_matrix, triu
 
-        self._what = what
         rows, columns = A.shape
         self._solver = osqp.OSQP()
         self._solver.setup(
@@ -57,18 +56,18 @@ class QuadraticProgram:
         self._still = np.zeros(rows)
 
     def solve(self, q: Array, low: Array, high: Array, guess: Array) -> Array:
-        """The minimum w (N,), started from `guess`. Raises MotionError where OSQP finds none within the limits."""
+        """Return the minimum w (N,), started from `guess`.
+
+        Where OSQP ends early this is its last iterate, and where it has none, `guess`. The caller
+        brings either within the limits.
+        """
         # the result is a function of the vectors alone, not of what was solved before
         self._solver.update_settings(rho=_INITIAL_RHO)
         self._solver.update(q=q, l=low, u=high)
         self._solver.warm_start(x=guess, y=self._still)
         result = self._solver.solve(raise_error=False)
-        if result.info.status != "solved":
-            raise MotionError(
-                f"{self._what}: OSQP ends with {result.info.status!r} after {result.info.iter} iterations; "
-                "loosen the speed or acceleration limits, or slow the motion down"
-            )
-        return np.asarray(result.x)
+        w = np.asarray(result.x, float)
+        return w if np.isfinite(w).all() else guess
 
 
 STEP_INSTANTS = 5
@@ -105,7 +104,7 @@ class Horizon:
         self.hessian = np.swapaxes(self.driven, 1, 2) @ self.driven + weight * np.eye(size)
         """ΓᵀΓ + ρ I, (n, 2 H, 2 H): half of the cost's second derivative."""
         rows = np.concatenate([np.eye(size), np.eye(size) - np.eye(size, k=-1)])
-        self._program = QuadraticProgram("law predictive", _blocks(self.hessian), _blocks(np.stack([rows] * n)))
+        self._program = QuadraticProgram(_blocks(self.hessian), _blocks(np.stack([rows] * n)))
 
     def pull(self, state: Array, wanted: Array, guide: Array) -> Array:
         """Γᵀ(r − O s) + ρ w₀, (n, 2 H): the unconstrained best w solves (ΓᵀΓ + ρ I) w = this."""
@@ -113,31 +112,80 @@ class Horizon:
         return np.asarray((np.swapaxes(self.driven, 1, 2) @ error[..., None])[..., 0] + self._weight * guide)
 
     def best(self, state: Array, wanted: Array, guide: Array) -> Array:
-        """The best w (n, 2 H) from s, for r and w₀. Raises MotionError where OSQP finds none.
+        """Return the best w (n, 2 H) from s, for r and w₀; it always stays within the limits.
 
-        One command of the card runs one way. A step whose best speeds are of two signs is bound to the sign of their
-        mean, and all is solved once more: not always the best of all signs, but always one that the card can run.
+        One command of the card runs one way, so steps whose best speeds have two signs are bound to
+        one sign and the program is solved once more. The sign is that of a step's mean speed. Where
+        the acceleration limit does not allow it, because the axis cannot brake before the step
+        begins, the axis brakes within the step instead: the step gets the sign of its start speed.
+        Braking to rest and staying there satisfies these signs, so the second program always has a
+        solution. A step that turns only in that solution is left to `ramp`.
         """
         size = guide.shape[1]
-        pull, speed = -self.pull(state, wanted, guide).ravel(), self._bound[:, :size]
-        low, high = -speed, speed
-        w = self._solve(pull, low, high, state, guide)
-        start, end = w[:, 0::2], w[:, 1::2]
-        turns = np.repeat(start * end < 0, 2, axis=1)
-        if turns.any():
-            ahead = np.repeat(start + end >= 0, 2, axis=1)
-            low, high = np.where(turns & ahead, 0.0, low), np.where(turns & ~ahead, 0.0, high)
-            w = self._solve(pull, low, high, state, w)
-        return w
+        pull = -self.pull(state, wanted, guide).ravel()
+        speed, change = self._bound[:, :size], self._bound[:, size]
+        # a drive that is too fast already, or runs the other way, must not make the program infeasible
+        now = np.clip(state[:, 1] * self._dt, -speed[:, 0] - change, speed[:, 0] + change)
 
-    def _solve(self, pull: Array, low: Array, high: Array, state: Array, guess: Array) -> Array:
+        w = self._solve(pull, (-speed, speed), now, guide)
+        start, end = w[:, 0::2], w[:, 1::2]
+        turns = start * end < 0
+        if not turns.any():
+            return w
+
+        bounds = _bind(speed, turns, start + end >= 0)
+        least, most = self._reach(bounds, now)
+        stuck = np.asarray((least > most).any(axis=1))[:, None]
+        bounds = _bind(speed, turns, np.where(stuck, start, start + end) >= 0)
+        return self._solve(pull, bounds, now, w)
+
+    def _solve(self, pull: Array, bounds: tuple[Array, Array], now: Array, guess: Array) -> Array:
+        """Return the best w (n, 2 H) within bounds of speed, from the speeds `now` (n,), starting at `guess`."""
         change = self._bound[:, guess.shape[1] :]
-        # a drive that runs too fast already, or the other way, is not to make the program impossible
-        now = np.clip(state[:, 1] * self._dt, low[:, 0] - change[:, 0], high[:, 0] + change[:, 0])
         centre = np.zeros_like(change)
         centre[:, 0] = now
-        lowest, highest = np.concatenate([low, centre - change], 1), np.concatenate([high, centre + change], 1)
-        return self._program.solve(pull, lowest.ravel(), highest.ravel(), guess.ravel()).reshape(guess.shape)
+        low = np.concatenate([bounds[0], centre - change], 1)
+        high = np.concatenate([bounds[1], centre + change], 1)
+        w = self._program.solve(pull, low.ravel(), high.ravel(), guess.ravel()).reshape(guess.shape)
+        return self._limit(w, bounds, now)
+
+    def _reach(self, bounds: tuple[Array, Array], now: Array) -> tuple[Array, Array]:
+        """Return the least and largest speeds (n, 2 H) that lie on some motion within all limits; least > most: none.
+
+        A speed must be reachable from the one before it, which starts at `now`, and must leave the
+        next one reachable.
+        """
+        change = self._bound[:, bounds[0].shape[1]]
+        least, most = bounds[0].copy(), bounds[1].copy()
+        before = now, now
+        for k in range(least.shape[1]):
+            least[:, k] = np.maximum(least[:, k], before[0] - change)
+            most[:, k] = np.minimum(most[:, k], before[1] + change)
+            before = least[:, k], most[:, k]
+        for k in range(least.shape[1] - 2, -1, -1):
+            least[:, k] = np.maximum(least[:, k], least[:, k + 1] - change)
+            most[:, k] = np.minimum(most[:, k], most[:, k + 1] + change)
+        return least, most
+
+    def _limit(self, w: Array, bounds: tuple[Array, Array], now: Array) -> Array:
+        """Bring w within all limits, which OSQP meets only to its tolerance, or not at all where it ends early."""
+        change = self._bound[:, w.shape[1]]
+        least, most = self._reach(bounds, now)
+        limited = np.empty_like(w)
+        before = now
+        for k in range(w.shape[1]):
+            low, high = np.maximum(least[:, k], before - change), np.minimum(most[:, k], before + change)
+            limited[:, k] = before = np.clip(w[:, k], low, high)
+        return limited
+
+
+def _bind(speed: Array, turns: np.ndarray, forward: np.ndarray) -> tuple[Array, Array]:
+    """Return bounds (n, 2 H) of ±`speed`, where both speeds of each step that turns are bound to one sign.
+
+    turns, forward  (n, H): which steps turn, and the way that these are to run
+    """
+    turning, ahead = np.repeat(turns, 2, axis=1), np.repeat(forward, 2, axis=1)
+    return np.where(turning & ahead, 0.0, -speed), np.where(turning & ~ahead, 0.0, speed)
 
 
 def _blocks(of: Array) -> Array:

@@ -4,7 +4,12 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
-from controllers.laws.closed_loop import ClosedError, ClosedErrorSpeed, ClosedPosition
+from controllers.laws.closed_loop import (
+    ClosedError,
+    ClosedErrorSpeed,
+    ClosedPosition,
+    ClosedPositionTrapezoid,
+)
 from controllers.laws.law import AnyLaw, Gain
 from controllers.laws.nominal import nominal_axes
 from controllers.laws.open_loop import Feedforward, OpenPosition, OpenPositionTrapezoid, OpenVelocity
@@ -19,7 +24,8 @@ LAWS: dict[tuple[str, str], Callable[..., AnyLaw]] = {
     ("1", "open-velocity"): OpenVelocity,
     ("2", "open-velocity-sleep"): partial(OpenVelocity, host="sleep"),
     ("3", "open-position"): OpenPosition,
-    ("3t", "open-position-trapezoid"): OpenPositionTrapezoid,
+    ("3o", "open-position-trapezoid"): OpenPositionTrapezoid,
+    ("3t", "closed-position-trapezoid"): ClosedPositionTrapezoid,
     ("4", "closed-error"): ClosedError,
     ("5", "closed-error-speed"): ClosedErrorSpeed,
     ("6", "closed-position"): ClosedPosition,

@@ -216,6 +216,9 @@ def declares_keys(table: type[Table]) -> type[Table]:
         max_pulse_rate: Annotated[float, Unit("1/s", above=0)] | None = key(
             "that the card or the drive takes", '"500 kHz"', None
         )
+        start_stop_rate: Annotated[float, Unit("1/s", above=0)] | None = key(
+            "rate of pulses up to which the motor starts, stops and turns at once (pull-in)", '"400 1/s"', None
+        )
         timing: Timing | None = key(
             'of the drive\'s inputs, by its name; or { high = "1 us", low = "1 us", setup = "1 us", hold = "1 us" }, '
             'with max_rate = "500 kHz" if it has one',

@@ -20,7 +20,7 @@ TIME_ROUNDING = 1e-12
 PER_TIME = {"pulse": "", "backlash": "", "max_speed": "/s", "max_acceleration": "/s²", "max_jerk": "/s³",
             "take_up_acceleration": "/s²", "resonance": "/s"}  # fmt: skip
 """What follows an axis' own unit, m or rad, in the unit of a field."""
-PLAIN_UNITS = {"max_pulse_rate": "1/s", "resonance_time": "s"}
+PLAIN_UNITS = {"max_pulse_rate": "1/s", "start_stop_rate": "1/s", "resonance_time": "s"}
 STATED_FROM = 9
 """The field of an axis from which on a repr says only that it is stated."""
 MAX_SHORTENING_SHARE = 1e-3
@@ -149,6 +149,7 @@ class Axis:
     friction        N s/m or N m s/rad: a viscous force, against q̇
     reflected       kg or kg m²: rotors and screws as the axis feels them
     max_pulse_rate  1/s
+    start_stop_rate 1/s: up to it the motor starts, stops and turns at once (its pull-in rate); None: at any rate
     resonance       ((low, high), ...) rising bands of speed |q̇| in which a stepper resonates [Sasidhar 1981]
     resonance_time  s that each stay in a band may last; None: the axis keeps below the first band
     backlash        m or rad lost at every reversal
@@ -177,6 +178,7 @@ class Axis:
     friction: float = 0.0
     reflected: float = 0.0
     max_pulse_rate: float | None = None
+    start_stop_rate: float | None = None
     resonance: tuple[tuple[float, float], ...] | None = None
     resonance_time: float | None = None
     backlash: float = 0.0
@@ -205,7 +207,7 @@ class Axis:
         for field in ("max_speed", "max_acceleration", "max_jerk"):
             ways = "unlimited; two: towards smaller and towards greater positions"
             self._numbers(field, (), (2,), least=LEAST_POSITIVE, none=ways)
-        for field in ("max_force", "max_pulse_rate", "resonance_time"):
+        for field in ("max_force", "max_pulse_rate", "start_stop_rate", "resonance_time"):
             self._numbers(field, (), least=LEAST_POSITIVE, none="unlimited")
         self._numbers("take_up_acceleration", (), least=LEAST_POSITIVE, none="max_acceleration")
         self._numbers("resonance", (None, 2), least=LEAST_POSITIVE, none="no band")

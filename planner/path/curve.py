@@ -15,7 +15,7 @@ from kinematics.foundation.formula import formula
 from kinematics.foundation.taylor_model import Series
 from kinematics.machine.pose import Pose, column, split_pose_symbols, to_numbers
 from planner.path.arc_length import draw_by_length, is_uneven, measure_length
-from planner.path.shape import Piece, Shape, axis_rotation, turning_angle
+from planner.path.shape import Derived, Piece, Shape, axis_rotation, turning_angle
 from planner.program.model import MIN_MOVE, Curve
 
 # Cells of t at first, how often each may be halved until it is proved, and how many there may be.
@@ -40,36 +40,45 @@ class CurveEquations:
     pose: Expression
 
 
+@dataclass(frozen=True, slots=True)
+class Formulas:
+    """The pose by t: texts of position and of rotation in turn about x, y, z, and their units in m and rad."""
+
+    position: tuple[str, str, str]
+    rotate: tuple[str, str, str] | None
+    constants: tuple[tuple[str, float], ...]
+    length: float
+    angle: float
+
+    def draw(self, t: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Return position and rotation as expressions of t."""
+        known = dict(self.constants)
+        place = ca.vertcat(*(self.length * formula(text, known, t) for text in self.position))
+        turned = ca.SX.eye(3)
+        for axis, text in enumerate(self.rotate or ()):
+            turned = turned @ axis_rotation(axis, self.angle * formula(text, known, t))
+        return place, turned
+
+
 def curve_equations(curve: Curve) -> CurveEquations:
-    """Those of a segment; of the same formulas always the same, so that what is built on them is built once."""
-    return _equations(curve.position, curve.rotate, curve.constants, curve.length, curve.angle)
+    """Return the equations of a segment; equal formulas give the same object, whose maps are built once."""
+    formulas = Formulas(curve.position, curve.rotate, curve.constants, curve.length, curve.angle)
+    return _make_equations(formulas)
 
 
 @lru_cache(maxsize=64)
-def _equations(
-    position: tuple[str, str, str],
-    rotate: tuple[str, str, str] | None,
-    constants: tuple[tuple[str, float], ...],
-    length: float,
-    angle: float,
-) -> CurveEquations:
-    known = dict(constants)
-
-    def pose(t: ca.SX) -> tuple[ca.SX, ca.SX]:
-        place = ca.vertcat(*(length * formula(text, known, t) for text in position))
-        turned = ca.SX.eye(3)
-        for axis, text in enumerate(rotate or ()):
-            turned = turned @ axis_rotation(axis, angle * formula(text, known, t))
-        return place, turned
-
-    def motion(s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
-        start, rate, before, after = ca.vertsplit(parameters, [0, 1, 2, 14, 23])
-        place, turned = pose(start + rate * s)
-        offset, frame = split_pose_symbols(before)
-        return offset + frame @ place, frame @ turned @ ca.reshape(after, 3, 3).T
-
+def _make_equations(formulas: Formulas) -> CurveEquations:
     t = ca.SX.sym("t")
-    return CurveEquations(Shape("curve", 23, motion), Expression("curve_pose", t, column(*pose(t))))
+    pose = Expression("curve_pose", t, column(*formulas.draw(t)))
+    return CurveEquations(Shape("curve", 23, Derived(_motion, (formulas,))), pose)
+
+
+def _motion(formulas: Formulas, s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Return the pose at s: parameters as `CurveEquations` has them."""
+    start, rate, before, after = ca.vertsplit(parameters, [0, 1, 2, 14, 23])
+    place, turned = formulas.draw(start + rate * s)
+    offset, frame = split_pose_symbols(before)
+    return offset + frame @ place, frame @ turned @ ca.reshape(after, 3, 3).T
 
 
 def ends(curve: Curve) -> tuple[Pose, Pose]:

@@ -5,7 +5,7 @@ signed angle, and helices, which rise along their normal; and orientation left f
 tool's own axis, and a tilt of that axis within a cone. The platform's path takes a tool along the tool's own.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from math import comb
@@ -44,13 +44,14 @@ class Shape:
 
 @dataclass(frozen=True, slots=True)
 class Derived:
-    """The motion of a shape that is made of others, or of a number: rule(*of, s, parameters).
+    """The motion of a shape that is made of others, of a number or of formulas: rule(*of, s, parameters).
 
-    Equal to any of the same, in another process too: what is built on a shape is built once wherever it comes to.
+    Its values compare equal in other processes too, so each process builds the maps of a shape
+    once. A function that is defined inside another one cannot be sent to a process.
     """
 
     rule: Callable[..., tuple[ca.SX, ca.SX]]
-    of: tuple[Shape | int, ...]
+    of: tuple[Hashable, ...]
 
     def __call__(self, s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
         return self.rule(*self.of, s, parameters)

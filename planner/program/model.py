@@ -210,7 +210,10 @@ class Turn:
 class Synchronised:
     """A point-to-point move [Sahbaz 2007, 5.2.3]: all axes move straight to their targets, and start and stop together.
 
-    Where the tool goes between is what the machine makes of it.
+    Where the tool goes between is what the machine makes of it. All axes have the speed of the
+    slowest one, scaled. The printed program departs from this where an axis has fewer pulses than
+    its ramps: it then runs a triangle of two ramps of half the move's time. Its ends are the same;
+    its course between them is not followed here.
     to      (3,) m, and the orientation there: None: kept
     speed, acceleration, angular_speed, trigger, join, line_number  as of a line
     """

@@ -98,7 +98,8 @@ def _positions(text: str, unit: float, three: Tripod, faults: Faults) -> Positio
         found = _POLAR.fullmatch(line.strip()) if line.strip() else None
         if found is None:
             if line.strip():
-                faults.add(f'{describe_value(line)}: not a line of a position list, as "Polar1____cex 15.0000"', number)
+                example = '"Polar1_____cex 15.0000"'
+                faults.add(f"{describe_value(line)}: not a line of a position list, as {example}", number)
             continue
         begins.setdefault(int(found[1]), number)
         pose = poses.setdefault(int(found[1]), {})

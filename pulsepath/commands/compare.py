@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Callable
 from itertools import product
-from math import ceil
+from math import ceil, prod
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -22,11 +22,15 @@ if TYPE_CHECKING:
 
     from benchmarks.reports.gain import Condition
     from benchmarks.sweep import Grid, SavedRuns, Setting
-    from controllers.rig import Rig
+    from controllers.rig import Rig, Task
 
 DEFAULT_RIG = "servo-rig"
-STEP_COST, DRIVE_COST, FIXED_COST = 1.3e-3, 4.5e-7, 5.0
-"""s of one core for a step of a batch, and for a sample of one drive of one run; s for starting and for the report."""
+STEP_COST, DRIVE_COST = 1.3e-3, 4.5e-7
+"""s of one core for a step of a batch, and for a sample of one drive of one run, with its figures."""
+FIXED_COST, SAVING_COST = 8.0, 0.012
+"""s for starting and for the report, and for saving a run, which one core does for all."""
+TIMED_RUNS, TIMED_STEPS = 8, 3
+"""Runs and steps that show how long a law takes for a command."""
 THESIS_LAWS = ("1", "2", "3", "4", "5", "6", "7")
 """The algorithms of [Sahbaz 2007, Table 7.5]."""
 MODEL_LAWS = ("ff", "mpc")
@@ -46,7 +50,13 @@ MODEL_LAWS = ("ff", "mpc")
     shell_complete=make_completer(known_names.laws),
 )
 @click.option("--task", "tasks", multiple=True, metavar="TASK", help="Task of the rig; repeatable. Default: all.")
-@click.option("--seeds", type=click.IntRange(min=1), default=1, show_default=True, help="Random seeds per run.")
+@click.option(
+    "--seeds",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="Random seeds per run, of laws and hosts that sleep; others draw nothing and run once.",
+)
 @click.option(
     "--from",
     "saved",
@@ -236,18 +246,21 @@ def _run(
 
 def _announce(grid: "Grid", rig: "Rig", out: Path) -> str:
     """What is to be run, and about how long it takes; runs that are saved already take none of it."""
+    from benchmarks.sweep import list_cells
     from kinematics.foundation.names import count_noun
     from planner.parallel import cores as count_cores
     from pulsepath.output.directory import CELLS
 
-    cells, cores = list(grid), count_cores()
+    cells, cores = list_cells(grid, rig), count_cores()
     lanes = Counter((cell.setting.law, cell.task) for cell in cells)
     tasks = {name: rig.task(name) for name in grid.tasks}
     sampled = DRIVE_COST * sum(1 / drive.sample for drive in rig.drives)
-    work = sum(
-        tasks[task].motion.duration * (STEP_COST / tasks[task].dt + sampled * runs) for (_, task), runs in lanes.items()
-    )
-    seconds = FIXED_COST + work / cores
+    work = 0.0
+    for (law, task), runs in lanes.items():
+        setting = next(cell.setting for cell in cells if cell.setting.law == law)
+        step = STEP_COST + runs * _time_command(setting, rig, tasks[task])
+        work += tasks[task].motion.duration * (step / tasks[task].dt + sampled * runs)
+    seconds = FIXED_COST + SAVING_COST * len(cells) + work / cores
     time = f"{seconds / 60:.0f} min" if seconds > 90 else f"{10 * ceil(seconds / 10)} s"
     counts = {
         "settings": len({cell.setting for cell in cells}),
@@ -255,9 +268,48 @@ def _announce(grid: "Grid", rig: "Rig", out: Path) -> str:
         "variations of the rig": len({cell.variation for cell in cells}),
         "seeds": len({cell.seed for cell in cells}),
     }
-    told = " × ".join(f"{count} {what}" for what, count in counts.items() if count > 1)
+    # seeds multiply the runs of those laws only that draw anything by chance
+    whole = prod(counts.values()) == len(cells)
+    factors = " × ".join(
+        f"{'up to ' if what == 'seeds' and not whole else ''}{count} {what}"
+        for what, count in counts.items()
+        if count > 1
+    )
+    equal = len(list(grid)) - len(cells)
+    alike = f"; {equal} more would equal one of these and are not run" if equal else ""
     saved = "; runs that are saved there are reused" if (out / CELLS).is_dir() else ""
-    return f"{count_noun(len(cells), 'run')}{told and f' ({told})'}: about {time} on {cores} idle cores{saved}"
+    amount = count_noun(len(cells), "run") + (factors and f" ({factors})")
+    return f"{amount}: about {time} on {cores} idle cores{alike}{saved}"
+
+
+def _time_command(setting: "Setting", rig: "Rig", task: "Task") -> float:
+    """Return the time in s that a law takes for a command of one run, beyond that of a usual step.
+
+    Most laws command all runs of a batch at once and take none; a law that solves a problem for
+    each run does.
+    """
+    import numpy as np
+
+    from controllers.laws.law import Feedback, begin_law, step_law
+    from controllers.simulate import sample
+    from kinematics.foundation.errors import MotionError
+
+    reference = sample(task.motion, rig.machine, task.dt)
+    lanes = TIMED_RUNS, len(rig.machine.axes)
+    times = []
+    try:
+        law = setting.make_law(rig)
+        memory = begin_law(law, lanes)
+        for k in range(TIMED_STEPS + 1):
+            position = reference.ang(k) + np.zeros(lanes)
+            speed = reference.npuls(k) + np.zeros(lanes)
+            begin = perf_counter()
+            _, memory = step_law(law, k, reference, Feedback(position, speed, position), memory)
+            times.append(perf_counter() - begin)
+    except MotionError:  # its runs fail likewise, at once
+        return 0.0
+    # the first command also builds what the others use
+    return max(min(times[1:]) - STEP_COST, 0.0) / TIMED_RUNS
 
 
 def _make_pace(clock: Callable[[], float]) -> Callable[[int, int], str]:

@@ -161,10 +161,13 @@ def _list_laws() -> Record:
 
     found = []
     for (number, name), make in LAWS.items():
-        told = getdoc(make.func if isinstance(make, partial) else make) or ""
+        law = make()
         own = make.keywords if isinstance(make, partial) else {}
-        about = told.splitlines()[0] + "".join(f" ({key}: {value})" for key, value in own.items())
-        gains = {gain: [float(value) for value in values] for gain, values in make().grid.items()}
+        text = getdoc(make.func if isinstance(make, partial) else make) or ""
+        options = "".join(f" ({key}: {value})" for key, value in own.items())
+        # a class with several laws writes the formula of each
+        about = getattr(law, "formula", text.partition("\n")[0] + options)
+        gains = {gain: [float(value) for value in values] for gain, values in law.grid.items()}
         found.append({"number": number, "name": name, "gains": gains, "about": about})
     return _lay_out_list("tracking laws", found)
 

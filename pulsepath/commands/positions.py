@@ -19,11 +19,20 @@ SIMULATED = (".csv", ".json", *FIGURE_SUFFIXES)
 
 @dataclass(frozen=True, slots=True)
 class ListFile:
-    """The file that a command is about, whether it prints JSON, and the file as it stood when the command began."""
+    """The file that a command is about, whether it prints JSON, and the file as it stood when the command began.
+
+    bundled  whether it is a list of this package, which nothing changes
+    """
 
     path: Path
     as_json: bool
     destination: "Destination"
+    bundled: bool = False
+
+    @property
+    def name(self) -> str:
+        """Path of the file, or name of a bundled list."""
+        return self.path.stem if self.bundled else str(self.path)
 
     def read(self, machine: str = "tripod") -> "PositionList":
         """The list; machine: that a file of the three-armed machine is of."""
@@ -36,6 +45,8 @@ class ListFile:
         from kinematics import MotionError
         from planner.sources.position_list import positions_csv
 
+        if self.bundled:
+            raise MotionError(f'{self.name} is bundled with this package; "save" it as a CSV file first')
         if self.path.suffix.lower() != ".csv":
             raise MotionError(f'{self.path}: lists are changed as CSV; "save" it as one first')
         self.destination.write(positions_csv(listed))
@@ -45,9 +56,9 @@ class ListFile:
         from pulsepath.output import record, tables
 
         if self.as_json:
-            click.echo(record.as_json(record.of_positions(listed, str(self.path))), nl=False)
+            click.echo(record.as_json(record.of_positions(listed, self.name)), nl=False)
         else:
-            tables.show(tables.of_positions(listed, str(self.path)))
+            tables.show(tables.of_positions(listed, self.name))
 
 
 class ListCommands(Commands):
@@ -65,7 +76,8 @@ class ListCommands(Commands):
 def positions(context: click.Context, file: Path, as_json: bool) -> None:
     """Show or edit the position list in FILE.
 
-    FILE is a CSV file, or a list of the three-armed machine.
+    FILE is a CSV file, a list of the three-armed machine, or "tripod-start-up", the bundled list
+    with which that machine's own program starts.
 
     "arms" shows the arm lengths of a three-armed machine at each pose, rotated poses included.
 
@@ -76,9 +88,21 @@ def positions(context: click.Context, file: Path, as_json: bool) -> None:
     """
     from kinematics.files.atomic_files import Destination
 
-    context.obj = ListFile(file, as_json, Destination(file, force=True))  # what it changes is what it has read
+    bundled = _find_bundled(file)
+    path = bundled or file
+    # a command overwrites the version that it read, nothing newer
+    context.obj = ListFile(path, as_json, Destination(path, force=True), bundled is not None)
     if context.invoked_subcommand is None:
         context.obj.tell(context.obj.read())
+
+
+def _find_bundled(file: Path) -> Path | None:
+    """Return the file of a bundled list, by its name; None for any other file."""
+    from importlib.resources import files
+
+    preset = Path(str(files("planner"))) / "presets" / f"{file.name}.csv"
+    is_name = file.name == str(file) and not file.suffix
+    return preset if is_name and not file.exists() and preset.is_file() else None
 
 
 dwell_option = click.option("--dwell", metavar="TIME", help='Dwell at the pose, as "0.2 s". Default: none.')
@@ -188,7 +212,7 @@ def arms(
             else:
                 found.files()[kind](file)
     if of.as_json:
-        click.echo(record.as_json(record.of_arms(found, str(of.path))), nl=False)
+        click.echo(record.as_json(record.of_arms(found, of.name)), nl=False)
     else:
         tables.show(tables.of_results(found))
 

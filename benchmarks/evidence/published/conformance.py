@@ -106,14 +106,14 @@ def pulse_count() -> NumberComparison:
     )
 
 
-# Table 4.3, as printed (degrees): Rx and Ry of each leg.
+# Table 4.3, as printed (degrees): Rx, Ry and Rz of each leg.
 LEG_ANGLES = (
-    ("-5.27128754", "-2.17930829"),
-    ("-0.746796351", "5.65389711"),
-    ("4.52990963", "-3.46806031"),
-    ("-4.52990963", "-3.46806031"),
-    ("0.746796351", "5.65389711"),
-    ("5.27128754", "-2.17930829"),
+    ("-5.27128754", "-2.17930829", "22.3996672"),
+    ("-0.746796351", "5.65389711", "-82.4631226"),
+    ("4.52990963", "-3.46806031", "142.637208"),
+    ("-4.52990963", "-3.46806031", "37.3627917"),
+    ("0.746796351", "5.65389711", "-97.5368774"),
+    ("5.27128754", "-2.17930829", "157.600333"),
 )
 # Table 6.4 for θ = (6, −7, 0)° (degrees).
 AXIS_ANGLES, THETA = {"α": "97", "β": "95.955", "γ": "9.20972"}, (6, -7, 0)
@@ -127,15 +127,31 @@ def table_4_3() -> Hexapod:
 
 
 def leg_angles() -> list[NumberComparison]:
-    """Rx = atan2(−n_y, n_z), Ry = asin(n_x) of each leg's direction n, the first three columns of the Jacobian."""
+    """Return the angles of each leg, whose direction n is in the first three columns of the Jacobian.
+
+    Rx = atan2(−n_y, n_z) and Ry = asin(n_x) turn the z axis into n. Rz = atan2(−M₂₀, M₂₁), M =
+    Rx·Ry, turns the part about n until its y axis is level; a half turn changes nothing in that,
+    and the table has either.
+    """
     machine = table_4_3()
     x, y, z = machine.jacobian(machine.home)[:, :3].T
-    found = np.rad2deg([np.arctan2(-y, z), np.arcsin(x)]).T
+    angles = np.array([np.arctan2(-y, z), np.arcsin(x)]).T
+    turned = Rotation.from_euler("XY", angles).as_matrix()
+    level = np.arctan2(-turned[:, 2, 0], turned[:, 2, 1])
+    degrees = np.rad2deg(np.column_stack([angles, level]))
+    printed = np.array(LEG_ANGLES, float)
+    degrees[:, 2] += 180 * np.rint((printed[:, 2] - degrees[:, 2]) / 180)
     return [
-        NumberComparison(f"leg {leg + 1}, {name}", "deg", printed, ours)
+        NumberComparison(f"leg {leg + 1}, {name}", "deg", text, ours)
         for leg, row in enumerate(LEG_ANGLES)
-        for name, printed, ours in zip(("Rx", "Ry"), row, found[leg], strict=True)
+        for name, text, ours in zip(("Rx", "Ry", "Rz"), row, degrees[leg], strict=True)
     ]
+
+
+def reference_voltage() -> list[NumberComparison]:
+    """Return V_ref = 0.5 V/A · I, equation (4.1): what sets a driver board to the motor's current."""
+    current = 0.7
+    return [NumberComparison("V_ref at 0.7 A a phase", "V", "0.350", 0.5 * current)]
 
 
 def axis_angles() -> list[NumberComparison]:

@@ -83,8 +83,15 @@ SECTIONS = (
     PageSection(
         "Leg directions [Sahbaz 2007, Table 4.3]",
         COMMAND,
-        "The printed formula in any precision differs from print by up to 1.02e-7°: rounded on the way there.",
+        "The printed formula in any precision differs from print by up to 1.02e-7°: rounded on the way there. Rz is\n"
+        "defined to half a turn; ours is the one next to the table's.",
         lambda: [comparison(conformance.leg_angles())],
+    ),
+    PageSection(
+        "Reference voltage of a driver board [Sahbaz 2007, equation (4.1)]",
+        COMMAND,
+        "A potentiometer is set to it. It is a setting of the hardware, which no other number here depends on.",
+        lambda: [comparison(conformance.reference_voltage())],
     ),
     PageSection(
         "Direction angles of the platform's axis [Sahbaz 2007, Table 6.4]",

@@ -10,7 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.reports.gain.criteria import About, compare_figures, mean_of, weigh
+from benchmarks.reports.gain.criteria import (
+    About,
+    compare_figures,
+    mean_of,
+    measure_ratios,
+    weigh,
+)
 from benchmarks.sweep import RunResult, SavedRuns, Setting, read_setting
 from benchmarks.sweep.result import NOMINAL, figure_unit, setting_columns
 from kinematics.foundation.errors import MotionError
@@ -40,6 +46,33 @@ Pairing = tuple[str, int]
 
 
 @dataclass(frozen=True, slots=True)
+class RunGroup:
+    """The runs of a setting on a path, by rig and seed.
+
+    equal_rigs  variations that were not run, because they equal an earlier one: name -> earlier name
+    random      whether the seed changes the run; if not, one run represents all seeds
+    """
+
+    equal_rigs: Mapping[str, str] = field(default_factory=dict)
+    random: bool = True
+    runs: dict[Pairing, RunResult] = field(default_factory=dict)
+
+    def find(self, pairing: Pairing) -> RunResult | None:
+        """Return the run with this rig and seed, or the equal run that represents it; None if neither exists."""
+        rig, seed = pairing
+        rig = self.equal_rigs.get(rig, rig)
+        if (rig, seed) in self.runs or self.random:
+            return self.runs.get((rig, seed))
+        return next((run for (other, _), run in self.runs.items() if other == rig), None)
+
+
+def make_group(record: Mapping[str, Any], law: str) -> RunGroup:
+    """Return an empty group for the runs of a law; older records do not say which runs are equal."""
+    random = law in record.get("random_laws", [law])
+    return RunGroup(record.get("equal_rigs", {}), random)
+
+
+@dataclass(frozen=True, slots=True)
 class SettingEntry:
     """A setting, and which saved runs it is of: their number among several, from 0."""
 
@@ -51,7 +84,8 @@ class SettingEntry:
 class BaselineRatio:
     """An error over the baseline's on the same rig with the same seed: geometric mean, least and largest.
 
-    ratios  by the criteria of a verdict, the geometric mean of each
+    ratios    by the criteria of a verdict, as they count, the geometric mean of each
+    measured  the same as measured, also below what counts
 
     mark  "better" or "worse" where it is so, by more than 1 %, on every rig and seed that was tried; else "neither".
           The rigs are chosen, no sample of a population, so nothing is said of others.
@@ -61,6 +95,7 @@ class BaselineRatio:
     least: float
     largest: float
     ratios: Mapping[str, float] = field(default_factory=dict)
+    measured: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def mark(self) -> str:
@@ -147,7 +182,7 @@ class Comparison(Result):
         return (Table(f"settings, and their errors over those of {self.baseline.setting.text}", columns),)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """The mean ratio of each setting to the baseline, of those that hold on every path."""
+        """Draw the mean ratio to the baseline of each setting that holds on every ranked path."""
         from kinematics.foundation.figure import draw_bars
 
         ratios = {entry.setting.text: self.mean_ratio(entry) for entry in self.entries}
@@ -171,21 +206,24 @@ class Comparison(Result):
         return [one for one in every if one.cell.setting == entry.setting and one.cell.task == task]
 
     def fault(self, entry: SettingEntry) -> str:
-        """Why a setting is struck out; empty where it holds.
+        """Return why a setting is struck out; empty where it holds.
 
-        It holds where it was run on every path, is stable on every rig and seed, and on no path ends off its goal in
-        a larger share of its runs than the baseline. The verdict, the ranking and the figure all ask here.
+        It holds where it was run on every ranked path, is stable there on every rig and seed, and
+        on none of them ends off its goal in a larger share of its runs than the baseline. A path
+        that is not ranked strikes out nothing; where no path is ranked, all of them count. The
+        verdict, the ranking and the figure all ask here.
         """
-        rows = {row.task: row for row in self.of(entry)}
+        tasks = self.ranked or self.tasks
+        rows = {row.task: row for row in self.of(entry) if row.task in tasks}
         own = {task: row.away / row.runs for task, row in rows.items()}
         base = {row.task: row.away / row.runs for row in self.of(self.baseline)}
-        for why, tasks in (
-            ("not run on", [task for task in self.tasks if task not in rows]),
+        for why, faulty in (
+            ("not run on", [task for task in tasks if task not in rows]),
             ("failed or unstable on", [task for task, row in rows.items() if row.unstable]),
             ("off its goal more often than the baseline on", [task for task in own if own[task] > base.get(task, 1.0)]),
         ):
-            if tasks:
-                return f"{why} {', '.join(tasks)}"
+            if faulty:
+                return f"{why} {', '.join(faulty)}"
         return ""
 
     def mean_ratio(self, entry: SettingEntry) -> float:
@@ -199,6 +237,11 @@ class Comparison(Result):
         """By the criteria of a verdict, over the baseline: geometric means over ranked paths, those that all have."""
         rows = [row for row in self.of(entry) if row.task in self.ranked]
         return mean_of([row.against.ratios for row in rows if row.against is not None])
+
+    def measured(self, entry: SettingEntry) -> dict[str, float]:
+        """Return the same as measured, also where a difference is too small to count."""
+        rows = [row for row in self.of(entry) if row.task in self.ranked]
+        return mean_of([row.against.measured for row in rows if row.against is not None])
 
     def score(self, entry: SettingEntry) -> float:
         """What a verdict ranks by: all criteria weighed, below 1 where it beats the baseline; inf as `mean_ratio`."""
@@ -272,12 +315,14 @@ def compare(sources: Sequence[SavedRuns], baseline: str | None = None) -> Compar
     MotionError
         There are no runs, or not those of the baseline.
     """
-    groups: dict[tuple[SettingEntry, str], dict[Pairing, RunResult]] = {}
+    groups: dict[tuple[SettingEntry, str], RunGroup] = {}
     for n, source in enumerate(sources):
         for result in source.results.values():
             cell = result.cell
-            group = groups.setdefault((SettingEntry(n, cell.setting), cell.task), {})
-            group[cell.variation.name, cell.seed] = result
+            key = SettingEntry(n, cell.setting), cell.task
+            if key not in groups:
+                groups[key] = make_group(source.record, cell.setting.law)
+            groups[key].runs[cell.variation.name, cell.seed] = result
     if not groups:
         raise MotionError("compare: there are no runs")
     entries = list(dict.fromkeys(entry for entry, _ in groups))
@@ -289,9 +334,9 @@ def compare(sources: Sequence[SavedRuns], baseline: str | None = None) -> Compar
         for task in tasks
         if not any(
             result.figures[RANK] < _floor(sources, task)
-            for (_, of), runs in groups.items()
+            for (_, of), group in groups.items()
             if of == task
-            for result in runs.values()
+            for result in group.runs.values()
             if not _is_unstable(result, largest[task])
         )
     )
@@ -345,15 +390,16 @@ def _baseline(entries: Sequence[SettingEntry], text: str | None) -> SettingEntry
 def _row(
     entry: SettingEntry,
     task: str,
-    groups: Mapping[tuple[SettingEntry, str], dict[Pairing, RunResult]],
+    groups: Mapping[tuple[SettingEntry, str], RunGroup],
     baseline: SettingEntry,
     largest: float,
     about: About | None,
 ) -> ComparisonRow:
-    runs = groups[entry, task]
+    group = groups[entry, task]
+    runs = group.runs
     nominal = [result.figures for (rig, _), result in runs.items() if rig == NOMINAL.name]
     errors = [result.figures[RANK] for result in runs.values() if not result.failure]
-    others = groups.get((baseline, task), {})
+    others = groups.get((baseline, task), RunGroup())
     return ComparisonRow(
         entry,
         task,
@@ -363,7 +409,7 @@ def _row(
         tuple((rig, result.failure) for (rig, _), result in runs.items() if result.failure),
         sum(map(is_away, runs.values())),
         sum(_is_unstable(result, largest) for result in runs.values()),
-        None if about is None or entry == baseline else _compare_errors(runs, others, about),
+        None if about is None or entry == baseline else _compare_errors(group, others, about),
     )
 
 
@@ -381,12 +427,19 @@ def _mean(figures: Sequence[Mapping[str, float]]) -> dict[str, float]:
     return {name: fmean(one[name] for one in figures) for name in figures[0] if all(name in one for one in figures)}
 
 
-def _compare_errors(
-    runs: Mapping[Pairing, RunResult], baseline: Mapping[Pairing, RunResult], about: About
-) -> BaselineRatio | None:
-    pairs = [(runs[pair], baseline[pair]) for pair in runs if pair in baseline]
-    if not pairs or len(pairs) < len(runs) or any(one.failure for pair in pairs for one in pair):
+def _compare_errors(own: RunGroup, base: RunGroup, about: About) -> BaselineRatio | None:
+    pairs = []
+    for pairing in dict.fromkeys([*own.runs, *base.runs]):
+        run, other = own.find(pairing), base.find(pairing)
+        if run is None:  # of the baseline alone
+            continue
+        if other is None or run.failure or other.failure:
+            return None
+        pairs.append((run, other))
+    if not pairs:
         return None
-    each = [compare_figures(own.figures, other.figures, about) for own, other in pairs]
+    each = [compare_figures(run.figures, other.figures, about) for run, other in pairs]
     errors = [one["contour error"] for one in each]
-    return BaselineRatio(exp(fmean(map(log, errors))), min(errors), max(errors), mean_of(each))
+    mean = exp(fmean(map(log, errors)))
+    measured = [measure_ratios(run.figures, other.figures, about) for run, other in pairs]
+    return BaselineRatio(mean, min(errors), max(errors), mean_of(each), mean_of(measured))

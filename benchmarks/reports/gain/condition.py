@@ -32,7 +32,7 @@ HELP = 'write FIGURE > VALUE, as "contour_rms > 1.1x" (times the baseline), "con
 
 MOST_NAMED, MIN_LIKENESS = 4, 0.5
 """Names of figures that an unknown one is answered with, and how like it they are at least."""
-NONE_JUDGED = "no setting holds on every path and rig"
+NONE_JUDGED = "no setting holds on every ranked path and rig"
 """Said where there is nothing to judge."""
 COUNTS = ("", "full steps")
 """Units of figures that a plain number is compared with."""
@@ -306,7 +306,7 @@ def read_condition(text: str) -> Condition:
 def find_judged(comparison: Comparison, best: SettingEntry | None) -> SettingEntry | None:
     """The setting that conditions judge: the verdict's best; where the baseline alone was run it is the best there is.
 
-    None where no setting holds on every path and rig.
+    None where no setting holds on every ranked path and rig.
     """
     if best is None and comparison.entries == (comparison.baseline,) and not comparison.fault(comparison.baseline):
         return comparison.baseline

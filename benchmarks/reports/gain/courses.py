@@ -1,6 +1,6 @@
 """How the runs that a report shows went over time, what their paths are, and their ISO-style figures.
 
-The runs are saved ones: the rigs and seeds of the sweep are the cycles.
+The runs are saved ones. The cycles are those of the rig as stated, one for each seed.
 """
 
 from __future__ import annotations
@@ -117,7 +117,10 @@ ISO = ("path accuracy AT", "path repeatability RT", "pose accuracy AP", "pose re
 
 @dataclass(frozen=True, slots=True)
 class IsoRow:
-    """The figures of `ISO` of a setting on a path, m; note: of how many cycles, or why there are none."""
+    """Figures of `ISO` of a setting on a path, m.
+
+    note  of how many cycles they are, or why some are missing
+    """
 
     entry: SettingEntry
     path: str
@@ -148,7 +151,7 @@ def iso_block(comparison: Comparison, entries: Sequence[SettingEntry]) -> IsoBlo
     """Path and pose accuracy and repeatability of each setting, and circular tests where a circle is run both ways."""
     all_runs = {entry: collect_series(comparison, entry) for entry in entries}
     lines = [
-        _iso_row(entry, task, [series for (of, _, _), series in runs.items() if of == task])
+        _iso_row(entry, task, select_cycles(runs, task))
         for task in comparison.tasks
         if comparison.about(task)["space"]
         for entry, runs in all_runs.items()
@@ -161,25 +164,51 @@ def iso_block(comparison: Comparison, entries: Sequence[SettingEntry]) -> IsoBlo
     return IsoBlock(tuple(lines), tuple(_find_circle_pairs(entries, nominal)))
 
 
+def select_cycles(runs: Mapping[tuple[str, str, int], RunSeries], task: str) -> list[RunSeries]:
+    """Return the runs of a path on the rig as stated that are repetitions of one another.
+
+    Those with other inertia or friction are other rigs. Runs without anything random are all alike:
+    one is returned.
+    """
+    cycles: list[RunSeries] = []
+    for (of, rig, _), series in runs.items():
+        if of == task and rig == NOMINAL.name:
+            cycles.append(series)
+    if all(np.array_equal(one.actual, cycles[0].actual) for one in cycles[1:]):
+        return cycles[:1]
+    return cycles
+
+
 def _iso_row(entry: SettingEntry, task: str, runs: Sequence[RunSeries]) -> IsoRow:
     if not runs or len(np.unique(runs[0].s)) < 3:
         return IsoRow(entry, task, {}, "no run that held")
     shortest = min(len(series.t) for series in runs)
     first = runs[0]
-    paths = np.stack([series.actual[:shortest] for series in runs], axis=1)
-    s, keep = np.unique(first.s, return_index=True)
-    points = first.planned[keep]
+    # a path is measured from two cycles on: a single one is measured against itself
+    cycles = runs if len(runs) > 1 else [first, first]
+    paths = np.stack([series.actual[:shortest] for series in cycles], axis=1)
+    try:
+        path = path_accuracy(paths, _choose_stations(first))
+        pose = pose_accuracy(paths[-1], first.planned[-1])
+    except MotionError as error:
+        return IsoRow(entry, task, {}, str(error))
+    values = dict(zip(ISO, (path.at_p, path.rt_p, pose.accuracy, pose.repeatability), strict=True))
+    if len(runs) > 1:
+        return IsoRow(entry, task, values, count_noun(len(runs), "cycle"))
+    accuracies = {name: value for name, value in values.items() if "accuracy" in name}
+    return IsoRow(entry, task, accuracies, "1 run: nothing in it is random, so that it repeats exactly")
+
+
+def _choose_stations(series: RunSeries) -> Stations:
+    """Return `STATIONS` places along the planned path, with the directions there."""
+    s, keep = np.unique(series.s, return_index=True)
+    points = series.planned[keep]
     at = s[0] + (s[-1] - s[0]) * (np.arange(STATIONS) + 0.5) / STATIONS
     after = np.clip(np.searchsorted(s, at), 1, len(s) - 1)
     side = points[after] - points[after - 1]
     share = (at - s[after - 1]) / (s[after] - s[after - 1])
-    stations = Stations(points[after - 1] + share[:, None] * side, side / np.linalg.norm(side, axis=1)[:, None])
-    try:
-        path, pose = path_accuracy(paths, stations), pose_accuracy(paths[-1], first.planned[-1])
-    except MotionError as error:
-        return IsoRow(entry, task, {}, str(error))
-    values = (path.at_p, path.rt_p, pose.accuracy, pose.repeatability)
-    return IsoRow(entry, task, dict(zip(ISO, values, strict=True)), f"{count_noun(len(runs), 'cycle')}")
+    normals = side / np.linalg.norm(side, axis=1)[:, None]
+    return Stations(points[after - 1] + share[:, None] * side, normals)
 
 
 def _find_circle_pairs(

@@ -58,64 +58,106 @@ MIN_LATE, MAX_LATE = 0.01, 0.5
 class Criterion:
     """One thing that is weighed.
 
-    weight  of its logarithm: the weights of all sum to 1. A choice of this project, no measurement
-    figure  of a run that it is; "" where it is made of several
-    value   of a run's figures, never below what makes a difference; None where the run has no such figure
-    shown   a value in words; of the unit of the path's errors, where it is one
+    weight   of its logarithm: the weights of all sum to 1. A choice of this project, no measurement
+    figure   of a run that it is; "" where it is made of several
+    measure  value of a run's figures; None where the run has no such figure
+    floor    value below which a difference does not count, on a path
+    most     value above which it does not count either
+    shown    a value in words; of the unit of the path's errors, where it is one
     """
 
     name: str
     weight: float
     figure: str
-    value: Callable[[Figures, About], float | None]
+    measure: Callable[[Figures, About], float | None]
+    floor: Callable[[About], float]
     shown: Callable[[float, str], str]
+    most: float = inf
+
+    def value(self, figures: Figures, about: About) -> float | None:
+        """Return the value that counts, between floor and most; None where the run has no such figure."""
+        measured = self.measure(figures, about)
+        return None if measured is None else min(max(measured, self.floor(about)), self.most)
 
 
-def _error(name: str) -> Callable[[Figures, About], float | None]:
-    return lambda figures, about: None if name not in figures else max(figures[name], about["floor"])
+def _figure(name: str) -> Callable[[Figures, About], float | None]:
+    return lambda figures, _: figures.get(name)
+
+
+def _error_floor(about: About) -> float:
+    return float(about["floor"])
 
 
 def _vibration(figures: Figures, about: About) -> float | None:
-    """RMS of the shaft that shakes most, in its pulses."""
+    """Return the RMS of the shaft that shakes most, in its pulses."""
     pulses = about["pulses"]
     named = {axis: f"vibration_power.{axis}" for axis in pulses}
     powers = [figures[named[axis]] / pulse**2 for axis, pulse in pulses.items() if named[axis] in figures]
-    return max(sqrt(max(powers)), QUANTIZED) if powers else None
+    return sqrt(max(powers)) if powers else None
 
 
-def _effort(figures: Figures, about: About) -> float | None:
-    return max(figures["torque_rms"], LEAST_TORQUE) if "torque_rms" in figures else None
-
-
-def _end(figures: Figures, about: About) -> float | None:
-    return min(max(figures["late"], MIN_LATE), MAX_LATE) if "late" in figures else None
+def _show_late(value: float, _: str) -> str:
+    return f"{1e3 * value:.3g} ms late" if value < MAX_LATE else "off its goal to the end"
 
 
 CRITERIA = (
-    Criterion("contour error", 0.4, "contour_rms", _error("contour_rms"), format_unit),
-    Criterion("tracking error", 0.2, "tracking_rms", _error("tracking_rms"), format_unit),
-    Criterion("vibration", 0.2, "", _vibration, lambda value, _: f"{count_noun(value, 'pulse', '.3g')} RMS"),
-    Criterion("effort", 0.1, "torque_rms", _effort, lambda value, _: f"{100 * value:.3g} % of the torque limit RMS"),
+    Criterion("contour error", 0.4, "contour_rms", _figure("contour_rms"), _error_floor, format_unit),
+    Criterion("tracking error", 0.2, "tracking_rms", _figure("tracking_rms"), _error_floor, format_unit),
     Criterion(
-        "end",
-        0.1,
-        "late",
-        _end,
-        lambda value, _: f"{1e3 * value:.3g} ms late" if value < MAX_LATE else "off its goal to the end",
+        "vibration",
+        0.2,
+        "",
+        _vibration,
+        lambda _: QUANTIZED,
+        lambda value, _: f"{count_noun(value, 'pulse', '.3g')} RMS",
     ),
+    Criterion(
+        "effort",
+        0.1,
+        "torque_rms",
+        _figure("torque_rms"),
+        lambda _: LEAST_TORQUE,
+        lambda value, _: f"{100 * value:.3g} % of the torque limit RMS",
+    ),
+    Criterion("end", 0.1, "late", _figure("late"), lambda _: MIN_LATE, _show_late, MAX_LATE),
 )
 TRADE_RATIO = 1.25
 """A criterion that is worse by more than this factor is named beside what is gained."""
 
 
 def compare_figures(own: Figures, base: Figures, about: About) -> dict[str, float]:
-    """The ratio of a run to the baseline's by each criterion that both have."""
-    found = {}
+    """Return the ratio of a run to the baseline's by each criterion that both have, as it counts."""
+    return _divide(own, base, about, lambda one: one.value)
+
+
+def measure_ratios(own: Figures, base: Figures, about: About) -> dict[str, float]:
+    """Return the ratios of the measured values, also below the floors, of criteria where both are above zero."""
+    return _divide(own, base, about, lambda one: one.measure)
+
+
+def _divide(
+    own: Figures,
+    base: Figures,
+    about: About,
+    choose: Callable[[Criterion], Callable[[Figures, About], float | None]],
+) -> dict[str, float]:
+    ratios = {}
     for one in CRITERIA:
-        mine, theirs = one.value(own, about), one.value(base, about)
-        if mine is not None and theirs is not None:
-            found[one.name] = mine / theirs
-    return found
+        read = choose(one)
+        mine, theirs = read(own, about), read(base, about)
+        if mine is not None and theirs is not None and 0 < mine < inf and 0 < theirs < inf:
+            ratios[one.name] = mine / theirs
+    return ratios
+
+
+def floors_text(floor: str) -> str:
+    """Say below what the criteria do not count; `floor` is that of errors, with its unit."""
+    return (
+        f"errors below {floor} (a hundredth of the smallest pulse), "
+        f"vibration below {QUANTIZED:g} pulses RMS (what whole pulses alone cause), "
+        f"effort below {100 * LEAST_TORQUE:g} % of the torque limit RMS, "
+        f"and an end less than {1e3 * MIN_LATE:g} ms late"
+    )
 
 
 def mean_of(ratios: Sequence[Mapping[str, float]]) -> dict[str, float]:

@@ -19,7 +19,7 @@ from benchmarks.reports.gain.comparison import (
 )
 from benchmarks.reports.gain.condition import Change, Judgement, describe_unjudged
 from benchmarks.reports.gain.courses import ISO, IsoBlock, iso_block, select_series
-from benchmarks.reports.gain.criteria import CRITERIA, HUMAN, format_unit, number, weigh
+from benchmarks.reports.gain.criteria import CRITERIA, HUMAN, floors_text, format_unit, number, weigh
 from benchmarks.reports.gain.laws_outcome import LawOutcome, find_outcomes, outcome_record
 from benchmarks.reports.gain.run_figures import MOST_BEST, draw, list_best
 from benchmarks.reports.gain.setting_figures import pack_places
@@ -86,6 +86,7 @@ def gain_report(
         rigs=max(len(source.record["variations"]) for source in comparison.sources),
         not_ranked=describe_unranked(comparison),
         criteria=CRITERIA,
+        floors=floors_text(_list_floors(comparison)),
         weighed=list(_weigh_entries(comparison)),
         held=sum(not comparison.fault(entry) for entry in comparison.entries),
         laws=[_outcome_row(comparison, one) for one in find_outcomes(comparison)],
@@ -189,12 +190,30 @@ def _weigh_entries(comparison: Comparison) -> Iterator[tuple[int, str, str, list
         if n == better + 1:
             yield _weigh_baseline(comparison)
         alike = f", {len(others) + 1} settings alike" if others else ""
-        ratios = comparison.ratios(entry)
-        each = [_ratio(ratios[one.name]) if one.name in ratios else "–" for one in CRITERIA]
+        each = [_show_criterion(comparison, entry, one.name) for one in CRITERIA]
         errors = _list_errors(comparison, entry)
         yield n, f"{comparison.label(entry)}{alike}", _ratio(comparison.score(entry)), errors, each
     if better == len(ranked) > 0:
         yield _weigh_baseline(comparison)
+
+
+def _list_floors(comparison: Comparison) -> str:
+    """Return the floors of errors, for each unit of ranked paths the largest."""
+    largest: dict[str, float] = {}
+    for task in comparison.ranked:
+        unit = comparison.unit(RANK, task)
+        largest[unit] = max(largest.get(unit, 0.0), comparison.floor(task))
+    return " or ".join(format_unit(floor, unit) for unit, floor in largest.items())
+
+
+def _show_criterion(comparison: Comparison, entry: SettingEntry, name: str) -> str:
+    """Return the measured ratio by a criterion, and in parentheses what counts of it, where that differs."""
+    counted = comparison.ratios(entry).get(name)
+    if counted is None:
+        return "–"
+    text = _ratio(counted)
+    measured = _ratio(comparison.measured(entry).get(name, counted))
+    return text if measured == text else f"{measured} ({text})"
 
 
 def _weigh_baseline(comparison: Comparison) -> tuple[int, str, str, list[str], list[str]]:
@@ -300,6 +319,7 @@ def comparison_record(
             "score": finite_or_none(verdict.score),
             "weights": {one.name: one.weight for one in CRITERIA},
             "ratios": dict(verdict.ratios),
+            "measured_ratios": {} if verdict.best is None else comparison.measured(verdict.best),
             "ratio": finite_or_none(verdict.ratio),
             "least_contour_error": None if verdict.least is None else _entry(comparison, verdict.least),
             "margins": [

@@ -7,7 +7,7 @@ tells them apart too.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import floor, log10
+from math import floor, inf, log10
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -122,9 +122,21 @@ def _corners(comparison: Comparison, task: str) -> list[dict[str, float]]:
     return list(comparison.about(task)["corners"])
 
 
-def _mark_corners(ax: Axes, places: Sequence[float]) -> None:
+CORNER_ROOM, LINE_ROOM = 0.07, 0.004
+"""Shares of the width between two labels of corners, and between two lines: nearer ones would overprint."""
+
+
+def _mark_corners(ax: Axes, places: Sequence[float], end: float) -> None:
+    """Mark corners at places along an axis that ends at `end`; those with room carry their number."""
+    free = free_line = -inf
     for n, place in enumerate(places):
+        if place < free_line:
+            continue
+        free_line = place + LINE_ROOM * end
         ax.axvline(place, color="#808080", linewidth=0.9, linestyle=(0, (4, 3)), zorder=0)
+        if place < free:
+            continue
+        free = place + CORNER_ROOM * end
         ax.annotate(
             f"corner {n + 1}",
             (place, 1),
@@ -144,8 +156,9 @@ def _draw_over_time(ax: Axes, comparison: Comparison, shown: SettingSeries, task
         every = slice(None, None, max(1, len(series.t) // MAX_POINTS))
         n = shown.entries.index(entry)
         ax.plot(series.t[every], scale * series.contour[every], label=comparison.label(entry), **line_style(n))
-    _mark_corners(ax, [corner["t_s"] for corner in _corners(comparison, task)])
-    ax.set(xlabel="time (s)", ylabel=f"contour error ({unit})", xlim=(0, shown.select_task(task)[0][1].t[-1]))
+    end = float(shown.select_task(task)[0][1].t[-1])
+    _mark_corners(ax, [corner["t_s"] for corner in _corners(comparison, task)], end)
+    ax.set(xlabel="time (s)", ylabel=f"contour error ({unit})", xlim=(0, end))
     ax.set_ylim(bottom=0)
 
 
@@ -157,7 +170,8 @@ def _draw_along_path(ax: Axes, comparison: Comparison, shown: SettingSeries, tas
         every = slice(None, None, max(1, len(one.t) // MAX_POINTS))
         n = shown.entries.index(entry)
         ax.plot(length * one.s[every], scale * one.contour[every], label=comparison.label(entry), **line_style(n))
-    _mark_corners(ax, [length * corner["s_m"] for corner in _corners(comparison, task)])
+    places = [length * corner["s_m"] for corner in _corners(comparison, task)]
+    _mark_corners(ax, places, length * float(series.s[-1]))
     name = "planned place along the path (mm)" if length == 1e3 else "planned place on the curve (s)"
     ax.set(xlabel=name, ylabel=f"contour error ({unit})", xlim=(length * series.s[0], length * series.s[-1]))
     ax.set_ylim(bottom=0)

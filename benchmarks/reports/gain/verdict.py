@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from benchmarks.reports.gain.comparison import RANK, SAME_RATIO, Comparison, SettingEntry, is_away
 from benchmarks.reports.gain.criteria import CRITERIA, TRADE_RATIO, format_unit, weights_text
 from benchmarks.reports.gain.laws_outcome import describe_feedback, describe_outcomes, describe_overload
-from benchmarks.sweep import Setting
+from benchmarks.sweep import Setting, settings_of
 from controllers.metrics.metrics import END_BAND
 from kinematics.foundation.names import count_noun, presets
 from kinematics.foundation.options import check_arguments
@@ -38,9 +38,13 @@ class Margin:
     def __str__(self) -> str:
         name = self.gain.replace("_", " ")
         if self.edge is not None:
-            return f"{name} may rise ×{self.edge / self.value:.3g} until {self.edge:g}, the lowest value found unstable"
+            rise = f"from {self.value:g}"
+            if self.value > 0:
+                rise = f"×{self.edge / self.value:.3g}"
+            return f"{name} may rise {rise} until {self.edge:g}, the lowest value found unstable"
         if self.up_to > self.value:
-            return f"{name} stays stable up to {self.up_to:g} (×{self.up_to / self.value:.3g}), the highest value tried"
+            rise = f" (×{self.up_to / self.value:.3g})" if self.value > 0 else f" (from {self.value:g})"
+            return f"{name} stays stable up to {self.up_to:g}{rise}, the highest value tried"
         return f"{name} {self.value:g} is the highest value tried, so its margin is not known"
 
 
@@ -89,8 +93,9 @@ class Verdict(Result):
         from kinematics.foundation.figure import draw_bars
 
         ends = [margin.up_to if margin.edge is None else margin.edge for margin in self.margins]
-        named = [f"{one.gain}{', tried' if one.edge is None else ', unstable'}" for one in self.margins]
-        shares = [end / margin.value for end, margin in zip(ends, self.margins, strict=True)]
+        pairs = [(margin, end) for margin, end in zip(self.margins, ends, strict=True) if margin.value > 0]
+        named = [f"{one.gain}{', tried' if one.edge is None else ', unstable'}" for one, _ in pairs]
+        shares = [end / margin.value for margin, end in pairs]
         return draw_bars(named, shares, "times the gain", ax, 1.0)
 
     @property
@@ -125,7 +130,7 @@ def verdict_of(comparison: Comparison) -> Verdict:
     ranked = comparison.rank()
     name = comparison.label(comparison.baseline)
     if not ranked:
-        why = "no other setting was run" if not others else "no other setting holds on every path and rig"
+        why = "no other setting was run" if not others else "no other setting holds on every ranked path and rig"
         why = why if comparison.ranked else "no path ranks settings"
         pieces = [f"The baseline {name} is not compared: {why}.", *_describe_faults(comparison, others)]
         pieces += [*describe_feedback(comparison), *describe_outcomes(comparison)]
@@ -175,12 +180,17 @@ def _costs(comparison: Comparison, entry: SettingEntry) -> str:
 
 
 def describe_unranked(comparison: Comparison) -> list[str]:
-    """A sentence for each path that does not count, and why."""
-    return [
-        f"Not ranked: {task}, because some laws track it to less than a hundredth of a pulse at any setting."
-        for task in comparison.tasks
-        if task not in comparison.ranked
-    ]
+    """Say of each path that does not count why, and how many settings failed or were unstable there."""
+    sentences = []
+    for task in comparison.tasks:
+        if task in comparison.ranked:
+            continue
+        unstable = [row.entry for row in comparison.rows if row.task == task and row.unstable]
+        many = count_noun(len(unstable), "setting")
+        faults = f" {many} failed or unstable there: that strikes out none." if unstable else ""
+        why = "some laws track it to less than a hundredth of a pulse at any setting"
+        sentences.append(f"Not ranked: {task}, because {why}.{faults}")
+    return sentences
 
 
 def _margins(comparison: Comparison, best: SettingEntry) -> tuple[Margin, ...]:
@@ -191,7 +201,7 @@ def _margins(comparison: Comparison, best: SettingEntry) -> tuple[Margin, ...]:
             for entry in comparison.entries
             if entry.source == best.source and _differ_in_one_gain(entry.setting, best.setting, gain)
         }
-        if len(alike) > 1 and value > 0:
+        if len(alike) > 1:
             edges = [other for other, stable in alike.items() if other > value and not stable]
             found.append(Margin(gain, value, min(edges, default=None), max(alike)))
     return tuple(found)
@@ -295,17 +305,23 @@ def _describe_verdict(
             )
     pieces += describe_overload(comparison, best)
     pieces += _describe_edges(comparison, best)
-    pieces.append(_describe_margins(best, margins))
+    pieces.append(_describe_margins(comparison, best, margins))
     return (*pieces, *describe_unranked(comparison), *_describe_laws(comparison))
 
 
-def _describe_margins(best: SettingEntry, margins: tuple[Margin, ...]) -> str:
+def _describe_margins(comparison: Comparison, best: SettingEntry, margins: tuple[Margin, ...]) -> str:
     if margins:
         return f"Margin: {'; '.join(map(str, margins))}."
     if not best.setting.gains:
         return "Margin: the law has no gains."
     law = best.setting.law
-    return f"Margin: not known, since no other gains of {law} were run; --law {law} without gains runs them all."
+    run = {entry.setting for entry in comparison.entries if entry.source == best.source}
+    if run.issuperset(settings_of(law)):
+        return f"Margin: not known, since {law} has no other gains in its grid that differ in one alone."
+    alone = (
+        "no other gains" if len([one for one in run if one.law == law]) == 1 else "no gains that differ in one alone"
+    )
+    return f"Margin: not known, since {alone} of {law} were run; --law {law} without gains runs them all."
 
 
 def _describe_setting(comparison: Comparison, entry: SettingEntry) -> str:

@@ -24,9 +24,9 @@ The file is nothing but these bytes: it holds no times, no start counts, and at 
 
 Position list: the poses that the source's program runs through in straight lines.
 
-    Polar1____cex 15.0000
+    Polar1_____cex 15.0000
     …
-    Polar1_____rz 0.00000
+    Polar1______rz 0.00000
     Polar1_mov(1)x 49.6410
     …
     Polar1move(3)z -325.00
@@ -35,9 +35,11 @@ Per pose n, in the source's order: `ce` the end point, `c` the plate's centre, r
 keeps its orientation), `mov` the arms' joints on the plate, `move` the same at the height of the plate's centre. Then
 an empty line. Positions are in units, in the machine's base frame; but z of `ce` and `c` counts from the end point's
 height at home, which is the offset ZOS that the source sets as it starts, takes off here and adds again. The source's
-reader takes columns 15 to 21 of a line, which hold the number as long as n has one digit. ASCII, line ends \\r\\n.
+reader compares the first 14 columns with Polar, n and the key, which has eight characters, and takes columns 15 to 21:
+a blank and six characters of the number, whose seventh is cut off. So it reads poses 1 to 9. ASCII, line ends \\r\\n.
 """
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import ceil
@@ -105,6 +107,21 @@ def number(value: float, what: str) -> str:
         if len(text) <= MAX_DIGITS:
             return "0" + text[2:] if text.startswith("-0") and float(text) == 0 else text
     raise MotionError(f"kmitl: {what} {value:.6g} units needs more than {MAX_DIGITS} characters; choose a longer unit")
+
+
+CUT_DIGITS = 6
+"""Characters of a number that the source's reader of positions takes."""
+
+
+def cut_number(value: float, what: str) -> str:
+    """Return a number whose first six characters are the same number, cut off. Raise MotionError if it has none."""
+    text = number(value, what)
+    if len(text) > CUT_DIGITS and "." not in text[:CUT_DIGITS]:
+        raise MotionError(
+            f"kmitl: {what} {value:.7g} units needs more than {CUT_DIGITS} characters, which the source's "
+            "reader takes; choose a longer unit"
+        )
+    return text
 
 
 def check_numbers(count: int, first: int, what: str) -> None:
@@ -236,7 +253,8 @@ def _counts(steps: NDArray[np.uint8], axes: int) -> Ticks:
 
 
 KEYS = [
-    *(f"____ce{name}" for name in "xyz"), *(f"_____c{name}" for name in "xyz"), *(f"_____r{name}" for name in "xyz"),
+    *(f"_____ce{name}" for name in "xyz"), *(f"______c{name}" for name in "xyz"),
+    *(f"______r{name}" for name in "xyz"),
     *(f"_mov({joint}){name}" for joint in (1, 2, 3) for name in "xyz"),
     *(f"move({joint}){name}" for joint in (1, 2, 3) for name in "xyz"),
 ]  # fmt: skip
@@ -291,7 +309,7 @@ def positions_text(x: Array, angles: Array, machine: Tripod, unit: float) -> str
     values = np.concatenate([x[:, None, :3] - zero, plate - zero, stated, joints, ends], 1).reshape(len(x), -1) / unit
     lines = []
     for n, row in enumerate(values.tolist(), 1):
-        lines += [*(f"Polar{n}{key} {number(v, key)}" for key, v in zip(KEYS, row, strict=True)), ""]
+        lines += [*(f"Polar{n}{key} {cut_number(v, key)}" for key, v in zip(KEYS, row, strict=True)), ""]
     return "".join(f"{line}\r\n" for line in lines)
 
 
@@ -347,10 +365,15 @@ def _numbers(curve: ActuatorPath, s: Array, piece: np.ndarray) -> Array:
     return x
 
 
+KEY = re.compile(r"Polar\d+_____ce[xyz] (?P<number>.{1,6}).?")
+"""A line of an end point: what the source's reader takes of its number."""
+
+
 def _read_list(path: Path) -> Array:
-    """End points (N, 3) in units."""
-    rows = [line.split() for line in path.read_text("ascii").splitlines()]
-    return np.array([float(row[1]) for row in rows if row and "____ce" in row[0]]).reshape(-1, 3)
+    """Return end points (N, 3) in units, as the source's reader takes them."""
+    lines = path.read_text("ascii").splitlines()
+    matches = [KEY.fullmatch(line) for line in lines]
+    return np.array([float(one["number"]) for one in matches if one is not None]).reshape(-1, 3)
 
 
 def _error(source: ExportSource, ends: Array, s: Array, piece: np.ndarray) -> float:

@@ -8,7 +8,8 @@ so many seconds have passed since the start) and then, for every move, each axis
 0, highest speed, times of acceleration and of deceleration). Distances are pulses from where the axis stands, in the
 wiring's signs; speeds pulses/s in steps of a 16-bit register. With T the time of the move and v an axis' highest speed
 in the plan, its ramps last T − D/v, so that all axes start and stop together, as in the thesis. Speeds there are whole
-pulses/s, which lets slow legs end at other times; that is not followed. ASCII, line ends \\r\\n.
+pulses/s, which lets slow legs end at other times; and a leg with fewer pulses than 3000 · 0.01 s runs a triangle of
+two ramps of half the move's time td. Neither is followed: such a leg has ramps as all others. ASCII, line ends \\r\\n.
 
 Exact for synchronised moves at order 2 that no limit of the tool slows: axes run such trapezoids then. A motion of
 another shape between two rests is replaced by these, and by how much they differ is measured; one in which an axis

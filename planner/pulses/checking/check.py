@@ -33,11 +33,15 @@ class Gaps:
 
     1/max_pulse_rate, 1/max_rate and high + low of its drive, whichever is longest; for a reversal DIR has to have held
     after the one pulse and be set up before the other.
+
+    start_stop  time between pulses at which the motor still starts and stops at once; next to a shorter one there is
+                none that is more than twice as long, and so no rest and no turn
     """
 
     one: float
     other: float
     first: float
+    start_stop: float = 0.0
 
     @classmethod
     def from_axis(cls, axis: Axis) -> "Gaps":
@@ -48,7 +52,8 @@ class Gaps:
             levels, turn = drive.high + drive.low, max(drive.high, drive.hold) + drive.setup
             first = drive.setup
         one = max(levels, (1 - SHORTENED_SHARE) / min(rates))
-        return cls(one, max(one, turn), first)
+        start_stop = 0.0 if axis.start_stop_rate is None else 1 / axis.start_stop_rate
+        return cls(one, max(one, turn), first, start_stop)
 
     def check(self, search: Search, ticks: Ticks, direction: Signs, way: int) -> None:
         """Report those of the next pulses (N,) that come too soon; way: of the pulse before them, 0 for none."""
@@ -65,7 +70,40 @@ class Gaps:
             text = f"{{:.6g}} us, and the axis takes {1e6 * least[these[0]]:.6g} us"
             search.report(kind, ticks[these], text, 1e6 * had[these] * search.tick)
 
+    def check_starts(self, search: Search, ticks: Ticks, direction: Signs, way: int) -> None:
+        """Report where the next pulses (N,) jump in rate, beyond the rate at which the motor starts and stops."""
+        if not self.start_stop:
+            return
+        if search.latest is None:
+            search.interval = self._find_interval(search, 0.0)
+        latest = -search.interval if search.latest is None else search.latest
+        turned = np.diff(direction, prepend=way if way else direction[0]) != 0
+        intervals = np.where(turned, inf, np.diff(ticks.astype(float), prepend=latest))
+        self._report_jumps(search, np.concatenate([[search.interval], intervals[:-1]]), intervals, ticks)
+        search.interval = float(intervals[-1])
 
+    def check_stop(self, search: Search) -> None:
+        """Report an axis that stops after its last pulse from beyond the start/stop rate."""
+        if not self.start_stop or search.latest is None:
+            return
+        after = self._find_interval(search, search.motion.duration)
+        self._report_jumps(search, np.array([search.interval]), np.array([after]), np.array([search.latest]))
+
+    def _find_interval(self, search: Search, t: float) -> float:
+        """Return the ticks from pulse to pulse at the speed that the axis has at t (s); ∞ at rest."""
+        speed = abs(float(search.at(np.array([t])).v[0]))
+        return 1 / (speed * search.tick) if speed else inf
+
+    def _report_jumps(self, search: Search, earlier: Array, later: Array, ticks: Ticks) -> None:
+        """Report intervals in turn (ticks) that differ by more than a factor of two beyond the start/stop rate."""
+        shorter, longer = np.minimum(earlier, later), np.maximum(earlier, later)
+        fast = shorter < self.start_stop / search.tick - START_ROUNDING
+        jumps = fast & (longer > 2 * shorter + START_ROUNDING)
+        text = f"{{:.6g}} 1/s next to a rest or to less than half of it; it starts at {1 / self.start_stop:.6g} 1/s"
+        search.report("start/stop rate", ticks[jumps], text, 1 / (shorter[jumps] * search.tick))
+
+
+START_ROUNDING = 2.0  # ticks by which rounding changes the difference of two intervals
 BLOCK_PULSES = 1 << 13  # pulses gone through together: their arrays stay in the processor's cache
 # Instants per knot interval besides the pulses' own: one in each half of a millisecond, and how many at least and most.
 LEAST_INSTANTS, GRID_INSTANTS, INSTANT_PERIOD = 2, 8, 5e-4
@@ -119,6 +157,7 @@ def check_parts(
     for part in parts:
         for search, axis, gap in zip(searches, part.axes, gaps, strict=True):
             _check_part(search, carried.get(search.k), axis, gap)
+    _check_stops(searches, gaps)
     return PulseCheck(tuple(_conclude(search, carried.get(search.k)) for search in searches))
 
 
@@ -158,6 +197,7 @@ def check_motion_parts(
         _advance(motion, searches, motion.end, reach)
     for search in searches:
         _check_duration(search, motion.end)
+    _check_stops(searches, gaps)
     return PulseCheck(tuple(_conclude(search, None) for search in searches))
 
 
@@ -183,6 +223,12 @@ def _begin(
 
 def _list_gaps(searches: Sequence[Search], machine_axes: Sequence[Axis] | None) -> list[Gaps | None]:
     return [None] * len(searches) if machine_axes is None else [Gaps.from_axis(axis) for axis in machine_axes]
+
+
+def _check_stops(searches: Sequence[Search], gaps: Sequence[Gaps | None]) -> None:
+    for search, gap in zip(searches, gaps, strict=True):
+        if gap is not None:
+            gap.check_stop(search)
 
 
 def _load(motion: RollingMotion, searches: Sequence[Search]) -> bool:
@@ -292,6 +338,7 @@ def _check_order(search: Search, part: AxisPulses, gaps: Gaps | None) -> None:
         search.report("direction", ticks[neither], "{} is neither +1 nor -1", direction[neither])
         if gaps is not None:
             gaps.check(search, ticks, direction, way)
+            gaps.check_starts(search, ticks, direction, way)
         turned = np.diff(direction) if search.latest is None else np.diff(direction, prepend=way)
         back_steps = steps[turned != 0]
         search.back = min(search.back, float(back_steps.min()) if len(back_steps) else np.inf)

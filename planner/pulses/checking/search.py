@@ -92,7 +92,8 @@ class Standard(ABC):
 class Search:
     """One axis of a schedule, its motion, and what has been found so far: pulses, the latest, the closest two (ticks).
 
-    back, begun (ticks): the closest two of which the second goes back; the first pulse.
+    back, begun (ticks): the closest two of which the second goes back; the first pulse. interval:
+    the last so far.
 
     grid (s): what is still to be looked at; count, way: after the pulses so far; last: the last sample (1,).
     drift: pulses, the largest s·dx/ds, as which rounding of s shows in x; found once.
@@ -109,6 +110,7 @@ class Search:
     pulses: int = 0
     seen: int = 0
     latest: int | None = None
+    interval: float = np.inf
     closest: float = np.inf
     back: float = np.inf
     begun: float = np.inf

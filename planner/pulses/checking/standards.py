@@ -309,7 +309,7 @@ def find_standard(schedule: PulseSchedule, k: int, motion: AxesMotion) -> Standa
             return Crossings(0.5, late)
     if name == "floor" and abs(bound - 1 + REACHED_SHARE) <= BOUND_TOLERANCE:
         return Crossings(1 - REACHED_SHARE)
-    if name == "timer" and bound >= 0.5:
+    if name == "timer" and not stated.get("step") and bound >= 0.5:
         return Crossings(0.5, grain=round(schedule.clock_hz / stated.get("clock", TIMER_RATE)))
     if name == "sampled" and bound >= 0.5:
         return PeriodStandard(round(stated.get("period", SAMPLED_PERIOD) * schedule.clock_hz))

@@ -34,6 +34,7 @@ from planner.pulses.generation.motion_parts import (
 from planner.pulses.generation.pieces import FIT_TOLERANCE
 from planner.pulses.generation.sent import SentPulses, go_on
 from planner.pulses.generation.spacing import GivenPulse, HeldPulses, LeastGaps, Spaced, space_pulses
+from planner.pulses.generation.start_stop import Pace, begin_pace, follow_pulses, interval_at
 from planner.pulses.motion import AxesMotion, MotorMotion
 from planner.pulses.schedule import AxisPulses, Compensation, MovedPulses, PulseSchedule, refuse_counter
 from planner.trajectory import Trajectory
@@ -141,13 +142,14 @@ class PulseStream:
     first goes on behind what another motion sent, if anything.
     """
 
-    __slots__ = ("_clock_hz", "_gaps", "_machine", "_reached", "_rule")
+    __slots__ = ("_clock_hz", "_gaps", "_machine", "_paces", "_reached", "_rule")
 
     def __init__(self, machine: CountedMachine, clock_hz: int, rule: Rule, sent: Sequence[SentPulses] = ()) -> None:
         """Raises MotionError for a clock that the rule cannot run on."""
         self._machine, self._clock_hz, self._rule = machine, clock_hz, rule
         grain = rule.grain(clock_hz)
         self._gaps = tuple(LeastGaps.from_axis(axis, clock_hz, grain) for axis in machine.axes)
+        self._paces: tuple[Pace, ...] | None = None
         none = HeldPulses(np.empty(0, np.int64), np.empty(0, np.int8))
         width = len(machine.axes)
         reached = _Reached((none,) * width, (None,) * width, (0.0,) * width)
@@ -167,7 +169,7 @@ class PulseStream:
     def copy(self) -> "PulseStream":
         """Another stream that stands where this one does: for the pulses of a stop that the next part replaces."""
         made = PulseStream(self._machine, self._clock_hz, self._rule)
-        made._reached = self._reached
+        made._reached, made._paces = self._reached, self._paces
         return made
 
     def mark(self) -> dict[str, Any]:
@@ -294,6 +296,7 @@ class PulseStream:
         for pulses, axis in zip(axes, machine.axes, strict=True):
             if axis.card is not None:
                 refuse_counter(pulses, axis)
+        self._paces = self._follow_paces(part, axes)
         moves = tuple(one.moved for one in spaced if one.moved is not None)
         reached = replace(
             reached,
@@ -309,6 +312,31 @@ class PulseStream:
         )
         rule, duration = fired.rule or describe_rule(self._rule), float(reached.tick / self._clock_hz)
         return PulseSchedule(self._clock_hz, axes, duration, rule, moves, reached.costs), reached
+
+    def _follow_paces(self, part: MotionPart, pulses: Sequence[AxisPulses]) -> tuple[Pace, ...] | None:
+        """Return the paces after these pulses. Raise Infeasible where an axis starts or stops too fast.
+
+        A stream that goes on from what another motion sent does not know the paces there: it
+        follows none.
+        """
+        axes = self._machine.axes
+        if all(axis.start_stop_rate is None for axis in axes):
+            return None
+        paces = self._paces
+        clock = self._clock_hz
+        first, last = part.motion.at(np.array([0.0, part.motion.duration])).qd
+        if paces is None:
+            if self._reached.given:
+                return None
+            paces = tuple(begin_pace(axis, float(speed), clock) for axis, speed in zip(axes, first, strict=True))
+        ends = [
+            interval_at(axis, float(speed), clock) if part.last else None
+            for axis, speed in zip(axes, last, strict=True)
+        ]
+        return tuple(
+            follow_pulses(pace, train, axis, clock, end)
+            for pace, train, axis, end in zip(paces, pulses, axes, ends, strict=True)
+        )
 
     def _space(
         self, part: MotionPart, k: int, fired: AxisPulses, known: JoinedMotion, until: int | None, end: int | None

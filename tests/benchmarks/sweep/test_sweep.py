@@ -10,12 +10,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.sweep import VARIATIONS, Grid, Setting, load_runs, read_setting, run, settings_of, sweep
+from benchmarks.sweep import (
+    VARIATIONS,
+    Grid,
+    Setting,
+    described,
+    list_cells,
+    load_runs,
+    read_setting,
+    run,
+    settings_of,
+    sweep,
+)
 from benchmarks.sweep.result import CELLS, DamagedRun, RunResult, RunSeries, Store
-from benchmarks.sweep.run import Digests, digest, score
-from controllers.rig import Host, Task, assumed_rig
+from benchmarks.sweep.run import Digests, digest, find_corners, score
+from controllers.rig import Host, Task, assumed_rig, time_path
 from kinematics import MotionError, load_machine
-from planner import Line, Program, plan
+from planner import Blend, Line, Program, Spline, plan
+from planner.path.actuation import actuate
 
 SETTINGS = tuple(map(read_setting, ("3", "6:gain=0.5", "6:gain=0.7")))
 
@@ -312,3 +324,79 @@ def test_a_killed_worker_loses_nothing(tmp_path, rig, grid, monkeypatch):
     assert set(runs.results) == set(here.results)
     for key, result in runs.results.items():
         assert result.figures == pytest.approx(here.results[key].figures, rel=1e-12, abs=1e-15)
+
+
+def without_friction(rig):
+    return tuple(replace(drive, friction=0.0, coulomb=0.0) for drive in rig.drives)
+
+
+@pytest.mark.parametrize(
+    ("host", "friction", "expected"),
+    [
+        # 5 seeds, 5 variations, 2 laws: nothing is drawn where the host polls the card's counter
+        (Host(), True, {"closed-position": 5, "open-velocity-sleep": 5}),
+        (Host(), False, {"closed-position": 3, "open-velocity-sleep": 3}),
+        # law 2 sleeps on whatever host: its timer has a granularity, or wakes late
+        (Host(granularity=0.01), False, {"closed-position": 3, "open-velocity-sleep": 15}),
+        (Host(jitter=0.001), True, {"closed-position": 5, "open-velocity-sleep": 25}),
+        (Host(timer="sleep"), True, {"closed-position": 5, "open-velocity-sleep": 5}),
+        (Host(timer="sleep", jitter=0.001), True, {"closed-position": 25, "open-velocity-sleep": 25}),
+    ],
+)
+def test_equal_runs_are_made_once(rig, host, friction, expected):
+    grid = Grid(tuple(map(read_setting, ("6", "2"))), ("dash",), seeds=tuple(range(5)))
+    drives = rig.drives if friction else without_friction(rig)
+    bench = replace(rig, host=host, drives=drives)
+    cells = list_cells(grid, bench)
+    assert {law: [cell.setting.law for cell in cells].count(law) for law in expected} == expected
+    facts = described(grid, bench)
+    assert len(facts["variations"]) == (5 if friction else 3)
+    assert len(facts["seeds"]) == (5 if max(expected.values()) > 5 else 1)
+
+
+def test_runs_that_are_left_out_equal_those_that_stand_for_them(rig):
+    """Every run of the grid, against the one that is made in its place; the others differ."""
+    bench = replace(rig, host=Host(jitter=0.01), drives=without_friction(rig))
+    grid = Grid(tuple(map(read_setting, ("6", "2"))), ("dash",), seeds=(0, 1, 2))
+    figures = [[], []]
+    for n, cells in enumerate(([*grid], list_cells(grid, bench))):
+        for law in ("closed-position", "open-velocity-sleep"):
+            own = [cell for cell in cells if cell.setting.law == law]
+            figures[n] += [tuple(one.figures.items()) for one in score(own, bench)]
+    assert len(figures[0]) == 30
+    assert len(figures[1]) == 3 + 9
+    assert set(figures[0]) == set(figures[1])
+    assert len(set(figures[1])) == len(figures[1])
+
+
+CORNERS = {
+    # points (m), and the shares of the way and of the time at which corners are
+    "square": (((0.02, 0, 0), (0.02, 0.02, 0), (0, 0.02, 0), (0, 0, 0)), (0.25, 0.5, 0.75)),
+    "straight on": (((0.01, 0, 0), (0.02, 0, 0)), (0.5,)),
+}
+
+
+@pytest.mark.parametrize("name", CORNERS)
+def test_corners_are_where_the_path_turns_or_rests(name):
+    points, shares = CORNERS[name]
+    machine = load_machine("cartesian")
+    path = actuate(Program(tuple(Line(np.array(point)) for point in points)), machine)
+    corners = find_corners(time_path(path, "trapezoid", 0.1, 4.0), machine)
+    assert [one["t_s"] for one in corners] == pytest.approx([4.0 * share for share in shares])
+    length = float(path.breaks[-1])
+    assert [one["s_m"] for one in corners] == pytest.approx([length * share for share in shares])
+
+
+@pytest.mark.parametrize("kind", ["spline", "blend"])
+def test_what_is_smooth_has_no_corners(kind):
+    """Forty points of a spline, and a corner that is rounded."""
+    machine = load_machine("cartesian")
+    angle = np.linspace(0, 2 * np.pi, 41)[1:]
+    points = 0.02 * np.column_stack([np.sin(angle), 1 - np.cos(angle), 0 * angle])
+    segments = {
+        "spline": (Spline(points),),
+        "blend": (Line([0.02, 0, 0], join=Blend(1e-4)), Line([0.02, 0.02, 0])),
+    }
+    path = actuate(Program(segments[kind]), machine)
+    assert len(path.pieces) > 2
+    assert find_corners(time_path(path, "trapezoid", 0.1, 4.0), machine) == []

@@ -15,6 +15,7 @@ from controllers.laws.law import Feedback, Reference, ramp
 from controllers.laws.nominal import NominalAxes, friction_response, nominal_axes, response, usual_axes
 from controllers.laws.open_loop import Feedforward, OpenPosition
 from controllers.laws.predictive import Friction, Horizon, Predictive
+from controllers.simulate import sample, simulate
 from kinematics import MotionError
 from tests.controllers.servos import track
 
@@ -254,3 +255,55 @@ def test_predictive_follows_and_its_runs_do_not_know_each_other(rig, axis_motion
 def test_predictive_refuses_what_has_no_meaning(wrong, reason):
     with pytest.raises(MotionError, match=reason):
         Predictive(**wrong)
+
+
+@pytest.mark.parametrize("speed", [3.9, -3.9, 0.5, 40.0])
+def test_an_axis_too_fast_to_turn_before_a_step_brakes_within_it(speed):
+    """A step that turns is bound to one sign, which the acceleration limit must be able to reach.
+
+    speed  in changes of speed that the limit allows between two ends of steps
+    """
+    limit = 8000.0
+    change = limit * DT**2
+    horizon = Horizon(axes(max_acceleration=[limit] * 3), DT, 3, 1e-4)
+    state = np.zeros((3, 4))
+    state[:, 1] = speed * change / DT
+    wanted = np.full((3, 15), -np.sign(speed) * 1e4)
+    w = horizon.best(state, wanted, np.zeros((3, 6)))
+
+    jumps = np.diff(np.concatenate([state[:, 1:2] * DT, w], 1), axis=1)
+    assert np.abs(jumps).max() <= change * (1 + 1e-9)
+    assert np.all(w[:, 0::2] * w[:, 1::2] >= -1e-6)
+    # it brakes at the limit, as whoever wants the other way does
+    np.testing.assert_allclose(jumps[:, 0], -np.sign(speed) * change, rtol=1e-6)
+
+
+def test_every_state_and_scale_has_a_command_within_the_limits():
+    """A law that is asked for the best always answers: speeds, limits and weights over twelve decades."""
+    rng = np.random.default_rng(7)
+    for _ in range(60):
+        step, size = 10 ** rng.uniform(-3, -0.7), 10 ** rng.uniform(0, 6)
+        top, rate = size * 10 ** rng.uniform(-2, 2), size * 10 ** rng.uniform(-2, 3)
+        horizon = Horizon(axes(max_speed=[top] * 3, max_acceleration=[rate] * 3), step, 4, 10 ** rng.uniform(-4, 1))
+        for _ in range(4):
+            state = rng.normal(size=(3, 4)) * size * [1, 5, 20, 1]
+            w = horizon.best(state, size * rng.normal(size=(3, 20)), size * step * rng.normal(size=(3, 8)))
+            jumps = np.diff(w, axis=1)
+            assert np.abs(w).max() <= (top + rate * step) * step * (1 + 1e-9)
+            assert np.abs(jumps).max() <= rate * step**2 * (1 + 1e-9)
+
+
+def test_predictive_runs_the_whole_sine_of_the_servo_rig():
+    """Its axes start at full speed at once, which the acceleration limit does not allow: they catch up and turn."""
+    stated = load_rig("servo-rig")
+    task = stated.task("sine")
+    weight = np.array([[1e-3], [1e-2], [1e-1], [1.0]])
+    laws = find_law("mpc", stated, weight=weight)
+    runs = simulate(sample(task.motion, stated.machine, task.dt), laws, [stated] * 4)
+    reference = task.motion.at(runs.t).q - stated.machine.home_q
+    pulse = np.array([axis.pulse for axis in stated.machine.axes])
+    # it stops from full speed at the end, which it prepares for
+    middle = (runs.t > 2) & (runs.t < 18)
+    error = runs.actual * pulse - reference[:, None]
+    # by ṙ/K the drive alone lags up to 0.987 rad/s / 30 1/s = 33 mrad
+    assert np.abs(error[middle]).max() < 1e-3

@@ -352,7 +352,7 @@ def test_arms_that_do_not_meet(write):
 
 def test_both_writers_of_the_source_are_read(write):
     """One puts blanks around its underscores, the other does not; joints are read over."""
-    keys = ["____cex", "____cey", "____cez", "_____rx", "_____ry", "_____rz"]
+    keys = ["_____cex", "_____cey", "_____cez", "______rx", "______ry", "______rz"]
     tight = (
         "".join(f"Polar1{key} {k}.5\n" for k, key in enumerate(keys)) + "Polar1_mov(1)x 3\nPolar1move(3)z -1.5E-2\n\n"
     )

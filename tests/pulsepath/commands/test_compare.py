@@ -12,7 +12,7 @@ from benchmarks.sweep import VARIATIONS, Grid, described, load_runs, read_settin
 from benchmarks.sweep.result import DIGESTS, SEAL, Store
 from controllers import load_rig
 from controllers.metrics import FIGURES
-from pulsepath.commands.compare import _make_pace
+from pulsepath.commands.compare import _make_pace, _time_command
 
 
 @pytest.fixture(scope="module")
@@ -111,9 +111,21 @@ def test_what_is_going_to_run_and_for_how_long_is_told_first(tmp_path, call, mon
         said = done.stderr.splitlines()[0]
         runs, *factors = map(int, re.findall(r"\d+", said.partition(")")[0]))
         counts[more] = runs
-        assert runs == np.prod(factors)
-        assert re.search(r": about \d+ (s|min) on 2 idle cores$", said)
-    assert counts["--seeds", "2", "--task", "line"] == 2 * counts[()] / 5
+        assert more or runs == np.prod(factors)
+        assert re.search(r": about \d+ (s|min) on 2 idle cores(; |$)", said)
+    # the seed changes the runs of law 2 alone, on the rig as stated and four others
+    assert counts["--seeds", "2", "--task", "line"] == counts[()] / 5 + 5
+    assert "× up to 2 seeds)" in said
+    assert said.endswith("; 190 more would equal one of these and are not run")
+
+
+def test_a_law_that_solves_a_problem_for_each_run_takes_its_time():
+    """An estimate without it is several times too short."""
+    rig = load_rig("servo-rig")
+    task = rig.task("sine")
+    assert _time_command(read_setting("6"), rig, task) == 0
+    # OSQP takes a tenth of a millisecond at least
+    assert _time_command(read_setting("mpc"), rig, task) > 1e-4
 
 
 def test_the_time_left_is_told_by_the_runs_own_pace():

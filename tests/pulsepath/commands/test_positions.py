@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
@@ -87,7 +88,7 @@ def test_a_list_is_saved_as_the_three_armed_machine_has_it(call, path, tmp_path)
     assert call("positions", path, "save", target).exit_code == 0
     assert call("positions", path, "save", target).exit_code == 2
     lines = target.read_bytes().split(b"\r\n")
-    assert lines[0].startswith(b"Polar1____cex ")
+    assert lines[0].startswith(b"Polar1_____cex ")
     home, back, listed = load_machine("tripod").home, load_positions(target), load_positions(path)
     asked = home * RigidTransform.from_components(listed.poses[:, :3], listed.rotations)
     assert (back.frame, back.order) == ("base", "yzx")
@@ -120,3 +121,45 @@ def test_arms_of_turned_poses_are_shown_and_saved_but_never_in_the_machine_s_own
     refused = call("check", tmp_path / "turned.toml", "--machine", "tripod")
     assert refused.exit_code == 1
     assert "rx" in refused.stderr
+
+
+START_UP = [
+    (0, 0, 0, 0, 0, 0),
+    (100, 0, 0, 0, 0, 0),
+    (50, 100, 0, 0, 0, 0),
+    (0, 0, 0, 0, 0, 0),
+    (0, 0, 50, 0, 0, 0),
+    (0, 0, 50, 30, 0, 0),
+]
+"""What Form_Load of [KMITL 2005] records after its start: mm and degrees."""
+
+
+def test_the_sources_start_up_list_is_bundled_and_within_reach(call, tmp_path):
+    """The longest arm is the third at (50, 100, 0): from (−86.60, −150) to (32.68, 70) mm, 250 mm high."""
+    shown = json.loads(call("positions", "tripod-start-up", "--json").stdout)
+    listed = np.array(shown["poses"]) * [1e3, 1e3, 1e3, *np.rad2deg([1, 1, 1])]
+    np.testing.assert_allclose(listed, START_UP, atol=1e-9)
+
+    machine = load_machine("tripod")
+    places = np.array(START_UP)[:5, :3] * 1e-3
+    poses = machine.home * RigidTransform.from_translation(places)
+    assert machine.check(poses).ok.all()
+    lengths = machine.inverse(poses)
+    assert 1e3 * lengths[2, 2] == pytest.approx(np.sqrt(119.2820**2 + 220**2 + 250**2), abs=1e-3)
+    assert np.abs(lengths - machine.home_q).max() < machine.axes[0].travel[1]
+
+
+def test_the_start_up_list_runs_and_is_not_changed(call, tmp_path):
+    """Saved in the source's own format, which its reader takes; the pure rotation at its end is simulated only."""
+    assert call("positions", "tripod-start-up", "save", tmp_path / "Textbar.txt").exit_code == 0
+    text = (tmp_path / "Textbar.txt").read_text("ascii").splitlines()
+    assert [float(line[14:21]) for line in text if line[:14] == "Polar3_____cey"] == [100]
+    assert [float(line[14:21]) for line in text if line[:14] == "Polar6______rx"] == [30]
+
+    refused = call("positions", "tripod-start-up", "remove", "1")
+    assert refused.exit_code == 2
+    assert 'is bundled with this package; "save" it as a CSV file first' in refused.stderr
+    assert call("positions", "tripod-start-up", "arms").exit_code == 0
+    assert call("positions", "tripod-start-up", "save", tmp_path / "own.csv", "--last", "5").exit_code == 0
+    checked = call("check", tmp_path / "own.csv", "--machine", "tripod")
+    assert checked.exit_code == 0, checked.stderr

@@ -163,6 +163,31 @@ def test_a_path_that_a_law_stays_on_by_its_geometry_ranks_nothing(tmp_path):
     assert read_condition("contour_rms > 1.1x").list_reasons(found, SettingEntry(0, WORSE)) == []
 
 
+@pytest.mark.parametrize("how", ["failed", "unstable", "not run", "off its goal"])
+def test_a_path_that_is_not_ranked_strikes_out_nothing(tmp_path, how):
+    """Where one law stays on the path by its geometry, another may fail there and still be the best elsewhere."""
+    store = saved(tmp_path / "runs", tasks=("there", "axes"), errors={BASE: 100e-6, GOOD: 40e-6, SAME: 100.2e-6})
+    noise = {"contour_rms": 9e-16, "contour_max": 2e-15}
+    runs = {}
+    for key, one in store.results.items():
+        if one.cell.task == "axes" and one.cell.setting == SAME:
+            one = replace(one, figures={**one.figures, **noise})
+        if one.cell.task == "axes" and one.cell.setting == GOOD:
+            if how == "not run":
+                continue
+            figures = {"failed": {}, "unstable": {"tracking_rms": 9.0}, "off its goal": {}}[how]
+            one = replace(one, figures={**one.figures, "end_time": inf, **figures})
+            one = RunResult(one.cell, failure="refused") if how == "failed" else one
+        runs[key] = one
+    comparison = compare([replace(store, results=runs)])
+    verdict = verdict_of(comparison)
+    assert comparison.ranked == ("there",)
+    assert comparison.fault(SettingEntry(0, GOOD)) == ""
+    assert verdict.best == SettingEntry(0, GOOD)
+    told = "1 setting failed or unstable there: that strikes out none." in verdict.text
+    assert told == (how in ("failed", "unstable"))
+
+
 def test_a_run_that_never_leaves_its_start_is_unstable_and_hides_no_path(tmp_path):
     """It is on the path all the time, and not where it should be."""
     store = saved(tmp_path / "runs", errors={BASE: 100e-6, GOOD: 40e-6, WILD: 0.0})
@@ -353,7 +378,7 @@ def test_conditions_that_are_none_are_refused(comparison):
     assert read_condition("contour_rms > 1x").list_reasons(comparison, None)
 
 
-def test_the_circular_test_and_repeatability_of_known_circles(comparison):
+def test_the_circular_test_and_accuracy_of_known_circles(comparison):
     block = iso_block(comparison, [SettingEntry(0, BASE)])
     (turns,) = block.circles
     test = turns.test
@@ -362,13 +387,69 @@ def test_the_circular_test_and_repeatability_of_known_circles(comparison):
     # single precision of 0.1 m: 4 nm
     assert test.mean_radial == pytest.approx(100e-6, abs=1e-8)
     assert test.ccw.circular == pytest.approx(0, abs=2e-8)
-    values = next(line.values for line in block.lines if line.path == "there")
-    # offsets 100 µm × (1, 1.1, 0.9, 1.2, 0.8) along the ray: mean 100 µm, l = 0, 10, 10, 20, 20 µm
-    away = np.array([0, 10, 10, 20, 20]) * 1e-6
+    row = next(row for row in block.lines if row.path == "there")
     # between samples the path is a chord: sagitta R(2π·DT/4)²/8 = 3 µm
-    assert values["path accuracy AT"] == pytest.approx(100e-6, abs=4e-6)
-    assert values["path repeatability RT"] == pytest.approx(away.mean() + 3 * away.std(ddof=1), abs=2e-7)
-    assert values["pose accuracy AP"] == pytest.approx(100e-6, abs=1e-8)
+    assert row.values["path accuracy AT"] == pytest.approx(100e-6, abs=4e-6)
+    assert row.values["pose accuracy AP"] == pytest.approx(100e-6, abs=1e-8)
+    # other inertia and friction are other rigs, no repetitions
+    assert not [name for name in row.values if "repeatability" in name]
+    assert row.note == "1 run: nothing in it is random, so that it repeats exactly"
+
+
+def seeded(folder, errors):
+    """Runs of one setting on the rig as stated, one for each error: (N,) m."""
+    runs = saved(folder, errors={BASE: 100e-6})
+    store, keys = Store(folder), []
+    for seed, error in enumerate(errors):
+        for task in ("there", "back"):
+            one = result(BASE, task, VARIATIONS[0], error)
+            keys.append(f"seed{len(keys):04d}")
+            store.keep(keys[-1], replace(one, cell=replace(one.cell, seed=seed)))
+    known = ("schema", "kind", "cells", "sha256_of_cells", "sha256_of_this")
+    record = {name: value for name, value in runs.record.items() if name not in known}
+    store.record({**record, "random_laws": [BASE.law]}, keys)
+    return load_runs(folder)
+
+
+def test_repeatability_is_of_seeds_on_one_rig(tmp_path):
+    """Offsets of 100, 110, 90, 120 and 80 µm along the ray: mean 100 µm, l = 0, 10, 10, 20 and 20 µm."""
+    found = compare([seeded(tmp_path / "runs", [100e-6, 110e-6, 90e-6, 120e-6, 80e-6])])
+    row = next(row for row in iso_block(found, [SettingEntry(0, BASE)]).lines if row.path == "there")
+    away = np.array([0, 10, 10, 20, 20]) * 1e-6
+    assert row.values["path repeatability RT"] == pytest.approx(away.mean() + 3 * away.std(ddof=1), abs=2e-7)
+    assert row.note == "5 cycles"
+    # saved runs whose seeds changed nothing
+    found = compare([seeded(tmp_path / "alike", [100e-6] * 5)])
+    row = next(row for row in iso_block(found, [SettingEntry(0, BASE)]).lines if row.path == "there")
+    assert set(row.values) == {"path accuracy AT", "pose accuracy AP"}
+
+
+def test_one_run_stands_for_all_seeds_of_a_law_that_draws_nothing(tmp_path):
+    """Against each seed of a baseline that draws, and against the friction that its own rig does not have."""
+    store = saved(tmp_path / "runs", errors={BASE: 100e-6, GOOD: 40e-6})
+    sleeping = Setting("open-velocity-sleep")
+    runs, equal = {}, {VARIATIONS[3].name: VARIATIONS[0].name, VARIATIONS[4].name: VARIATIONS[0].name}
+    for key, one in store.results.items():
+        if one.cell.variation.name not in equal:
+            runs[key] = one
+            for seed in range(3):
+                if one.cell.setting == BASE:
+                    cell = replace(one.cell, setting=sleeping, seed=seed)
+                    error = one.figures["contour_rms"] * (2, 3, 4)[seed]
+                    figures = {**one.figures, "contour_rms": error}
+                    runs[f"{key}-{seed}"] = replace(one, cell=cell, figures=figures)
+    record = {**store.record, "equal_rigs": equal, "random_laws": [sleeping.law]}
+    source = replace(store, results=runs, record=record)
+    for baseline, own in ((None, sleeping), (sleeping.text, BASE)):
+        found = compare([source], baseline)
+        row = found.row(next(entry for entry in found.entries if entry.setting == own), "there")
+        ratio = 24 ** (1 / 3) if own == sleeping else 24 ** (-1 / 3)
+        assert row.against.ratio == pytest.approx(ratio)
+    # against runs of a rig that has friction, and so all variations
+    both = compare([saved(tmp_path / "other", errors={BASE: 100e-6}), source])
+    row = both.row(SettingEntry(1, BASE), "there")
+    assert row.runs == 3
+    assert row.against.ratio == pytest.approx((1.2 * 0.8) ** (-1 / 5))
 
 
 def test_geometry_of_the_figures():

@@ -2,17 +2,19 @@
 
 import re
 from dataclasses import replace
+from itertools import pairwise
 from math import inf, prod
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from benchmarks.reports.gain import SettingEntry, compare, verdict_of
 from benchmarks.reports.gain.courses import select_series
 from benchmarks.reports.gain.criteria import CRITERIA, QUANTIZED, compare_figures, mean_of, weigh
 from benchmarks.reports.gain.gain_report import comparison_record, gain_report
-from benchmarks.reports.gain.run_figures import axes_over_time
+from benchmarks.reports.gain.run_figures import _mark_corners, axes_over_time
 from benchmarks.reports.gain.setting_figures import error_over_effort, find_places
 from benchmarks.sweep import Setting
 from kinematics.foundation.figure import choose_ticks
@@ -334,3 +336,72 @@ def test_gains_are_offered_only_where_they_beat_the_baseline(tmp_path, error, of
     folded = page.index("Costs, margins and what was left out")
     assert all(page.index(sentence[:20]) < folded for sentence in verdict.told[:4])
     assert all(page.index(sentence[:20]) > folded for sentence in verdict.told[4:5])
+
+
+def test_what_does_not_count_is_stated_and_shown_as_measured(tmp_path):
+    """Efforts below 1 % of the limit and vibration below 0.3 pulses: ratios of 1.2 and 5, which count as 1."""
+    costs = {
+        BASE: (0.05, {"torque_rms": 0.005}),
+        GOOD: (0.25, {"torque_rms": 0.006}),
+        SAME: (3.0, {"torque_rms": 0.02}),
+    }
+    errors = {BASE: 100e-6, GOOD: 40e-6, SAME: 100.2e-6}
+    found = compare([with_costs(tmp_path / "runs", costs, errors)])
+    good, same = SettingEntry(0, GOOD), SettingEntry(0, SAME)
+    assert found.measured(good)["effort"] == pytest.approx(1.2)
+    assert found.measured(good)["vibration"] == pytest.approx(5)
+    assert found.ratios(good)["effort"] == found.ratios(good)["vibration"] == 1.0
+    # above the floor against below: what counts is the floor
+    assert found.ratios(same)["effort"] == pytest.approx(2)
+    assert found.measured(same)["effort"] == pytest.approx(4)
+
+    verdict, page = gain_report(found)
+    rows = Page(page).tables["best"]
+    (row,) = [row for row in rows if row[0] == "1"]
+    assert row[-3:-1] == ["5.00 (1.00)", "1.20 (1.00)"]
+    for floor in ("vibration below 0.3 pulses RMS", "effort below 1 % of the torque limit RMS", "10 ms late"):
+        assert floor in page
+    assert "errors below 0.0100 µm" in page
+    assert comparison_record(found, verdict)["verdict"]["measured_ratios"]["vibration"] == pytest.approx(5)
+
+
+def gains_of(values):
+    return Setting("closed-error-speed", tuple(zip(("gain", "speed_gain"), values, strict=True)))
+
+
+@pytest.mark.parametrize(
+    ("others", "told"),
+    [
+        # the best has a gain of 0, of which no multiple is a margin
+        ([(0.1, 0.0), (0.1, 1.0), (0.3, 0.0)], "speed gain stays stable up to 1 (from 0), the highest value tried"),
+        ([(0.1, 1.0)], "no other gains of closed-error-speed were run; --law closed-error-speed without gains"),
+        ([(0.1, 1.0), (0.3, 0.5)], "no gains that differ in one alone of closed-error-speed were run"),
+    ],
+)
+def test_the_margin_says_what_was_run(tmp_path, others, told):
+    errors = {BASE: 100e-6} | {gains_of(pair): 40e-6 * (n + 1) for n, pair in enumerate(others)}
+    text = verdict_of(compare([saved(tmp_path / "runs", errors=errors)])).text
+    assert told in text
+
+
+def test_a_grid_of_one_value_each_is_not_to_be_run_again(tmp_path, monkeypatch):
+    """The command that just ran all of them is no remedy."""
+    monkeypatch.setattr("benchmarks.reports.gain.verdict.settings_of", lambda law: [gains_of((0.1, 1.0))])
+    errors = {BASE: 100e-6, gains_of((0.1, 1.0)): 40e-6}
+    text = verdict_of(compare([saved(tmp_path / "runs", errors=errors)])).text
+    assert "closed-error-speed has no other gains in its grid that differ in one alone" in text
+    assert "runs them all" not in text.partition("Not run:")[0]
+
+
+def test_labels_of_corners_do_not_overprint():
+    figure = Figure(figsize=(11, 3))
+    ax = figure.add_subplot()
+    ax.set_xlim(0, 4)
+    places = [0.1 * n for n in range(39)]
+    _mark_corners(ax, places, 4.0)
+    figure.canvas.draw()
+    boxes = sorted((text.get_window_extent() for text in ax.texts), key=lambda box: box.x0)
+    assert len(boxes) > 5
+    assert all(one.x1 < other.x0 for one, other in pairwise(boxes))
+    assert ax.texts[0].get_text() == "corner 1"
+    assert len(ax.lines) == 39

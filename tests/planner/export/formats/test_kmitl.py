@@ -10,7 +10,7 @@ from kinematics import MotionError, load_machine
 from planner import Arc, Dwell, Line, Program, plan
 from planner.export.format import ExportSource
 from planner.export.formats import kmitl
-from planner.export.formats.kmitl import KEYS, KmitlArms, KmitlByte, KmitlPositions
+from planner.export.formats.kmitl import KEYS, KmitlArms, KmitlByte, KmitlPositions, cut_number
 
 FIXED = np.array([[173.2050808, 0, 0], [-86.6025404, 150, 0], [-86.6025404, -150, 0]])
 MOVED = np.array([[34.6410162, 0, 0], [-17.3205081, 30, 0], [-17.3205081, -30, 0]])
@@ -107,7 +107,7 @@ def test_closer_points_leave_the_counts_alone(source, tmp_path):
 
 
 def read_positions(path):
-    """By key: Polar n, eight columns of key or seven and a space, and the number in the source's columns 15 to 21."""
+    """By key, as the source's reader does: 14 columns are compared, and the number is in columns 15 to 21."""
     poses = [{}]
     for line in path.read_bytes().decode("ascii").split("\r\n"):
         if not line:
@@ -118,7 +118,9 @@ def read_positions(path):
         assert line.startswith(name)
         key, value = line[len(name) :].split(" ")
         if n < 10:
-            assert float(line[14:21]) == float(value[: 21 - line.index(value)])
+            assert line[:14] == f"Polar{n}{key}"
+            # a blank and six characters, cut off
+            assert abs(float(line[14:21]) - float(value)) < 10.0 ** -(5 - value.index("."))
         poses[-1][key] = float(value)
     return [pose for pose in poses if pose]
 
@@ -129,17 +131,17 @@ def test_the_position_list_reads_by_its_keys(source, tmp_path):
     assert f"{len(poses)} poses" in done.notes[0]
     first, last = poses[0], poses[-1]
     assert list(first) == KEYS
-    assert KEYS[0] == "____cex"
-    assert KEYS[3] == "_____cx"
-    assert (KEYS[8], KEYS[9], KEYS[-1]) == ("_____rz", "_mov(1)x", "move(3)z")
+    assert KEYS[0] == "_____cex"
+    assert KEYS[3] == "______cx"
+    assert (KEYS[8], KEYS[9], KEYS[-1]) == ("______rz", "_mov(1)x", "move(3)z")
     # the source takes off the end point's height at its start as it writes, and adds it again; joints are absolute
     zos = np.array([0, 0, -300])
-    assert [first[f"____ce{c}"] for c in "xyz"] == [0, 0, 0]
-    assert [first[f"_____c{c}"] for c in "xyz"] == [0, 0, 50]
-    assert [last[f"____ce{c}"] for c in "xyz"] == [0, 1, 3]
+    assert [first[f"_____ce{c}"] for c in "xyz"] == [0, 0, 0]
+    assert [first[f"______c{c}"] for c in "xyz"] == [0, 0, 50]
+    assert [last[f"_____ce{c}"] for c in "xyz"] == [0, 1, 3]
     for pose in poses:
-        end = np.array([pose[f"____ce{c}"] for c in "xyz"]) + zos
-        assert [pose[f"_____r{c}"] for c in "xyz"] == [0, 0, 0]
+        end = np.array([pose[f"_____ce{c}"] for c in "xyz"]) + zos
+        assert [pose[f"______r{c}"] for c in "xyz"] == [0, 0, 0]
         for joint in (1, 2, 3):
             at = np.array([pose[f"_mov({joint}){c}"] for c in "xyz"])
             # seven characters: 0.005 mm where there are three digits and a sign before the point
@@ -148,7 +150,7 @@ def test_the_position_list_reads_by_its_keys(source, tmp_path):
             # the plate's joints lie in the plate, as `Lengtherror` of the preset is 0
             assert below == pytest.approx(at, abs=0.011)
     # the circle as a polygon: all its corners on it, its sides within the tolerance
-    ends = np.array([[pose[f"____ce{c}"] for c in "xyz"] for pose in poses])[1:-1]
+    ends = np.array([[pose[f"_____ce{c}"] for c in "xyz"] for pose in poses])[1:-1]
     assert np.hypot(*ends[:, :2].T) == pytest.approx(2, abs=1e-3)
     middle = (ends[1:] + ends[:-1]) / 2
     assert 2 - np.hypot(*middle[:, :2].T).min() <= 0.01 + 1e-3
@@ -217,3 +219,31 @@ def test_numbers_fill_seven_characters(value, text):
     assert kmitl.number(value, "it") == text
     assert len(text) <= 7
     assert float(text) == pytest.approx(value, abs=0.5)
+
+
+SOURCE_KEYS = [
+    *("_____cex", "_____cey", "_____cez", "______cx", "______cy", "______cz", "______rx", "______ry", "______rz"),
+    *(f"{kind}({joint}){c}" for kind in ("_mov", "move") for joint in (1, 2, 3) for c in "xyz"),
+]
+
+
+def test_every_line_is_one_that_the_sources_reader_takes(source, tmp_path):
+    """`If Left(rec0, 14) = "Polar" & n & key Then … = CDbl(Trim(Mid(rec0, 15, 7)))` [KMITL 2005, Module3]."""
+    assert {len(key) for key in KEYS} == {8}
+    KmitlPositions().write(source, tmp_path / "positions.txt")
+    lines = (tmp_path / "positions.txt").read_text("ascii").splitlines()
+    for n in range(1, 10):
+        taken = {}
+        for line in lines:
+            for key in SOURCE_KEYS:
+                if line[:14] == f"Polar{n}{key}":
+                    taken[key] = float(line[14:21].strip())
+        assert list(taken) == SOURCE_KEYS, n
+
+
+def test_a_number_without_a_point_in_six_characters_is_refused():
+    """The source's reader would take a tenth of it."""
+    assert cut_number(12345.6, "cex") == "12345.6"
+    assert cut_number(-325.004, "cex") == "-325.00"
+    with pytest.raises(MotionError, match="needs more than 6 characters"):
+        cut_number(1234567, "cex")
