@@ -209,12 +209,21 @@ class Section(Result):
 
     @check_arguments()
     def export(self, format: str, path: str | PathLike[str], *, force: bool = False, **options: Any) -> Exported:
-        """As `planner.Plan.export` writes a plan."""
-        name, sent = f"{self.name}-{self.what}", self.sent.pulses
-        source = ExportSource(
-            name, self.machine, self.trajectory, self.pulses, made=self.counted, since=self.at, sent=sent
+        """Write it in an export format, as `planner.Plan.export` writes a plan."""
+        return write_export(self.export_source, format, path, force, options)
+
+    @property
+    def export_source(self) -> ExportSource:
+        """The motion and the pulses for an export format."""
+        return ExportSource(
+            f"{self.name}-{self.what}",
+            self.machine,
+            self.trajectory,
+            self.pulses,
+            made=self.counted,
+            since=self.at,
+            sent=self.sent.pulses,
         )
-        return write_export(source, format, path, force, options)
 
     def tables(self) -> tuple[Table, ...]:
         """How long it takes and how far it goes; what is proved of it."""
