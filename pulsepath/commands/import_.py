@@ -48,7 +48,7 @@ def import_(
     """
     image = figure or out.with_suffix(".png")
     writes(out, image)
-    from kinematics.files.atomic_files import Destination, stage_files
+    from kinematics.files.atomic_files import Destination, stage_files, write_named
     from kinematics.foundation.errors import MotionError
     from kinematics.foundation.names import count_noun
     from pulsepath.format_options import IMPORTS
@@ -80,7 +80,7 @@ def import_(
         from planner.sources.figures import program_path
 
         told = f"{found.program.name}, imported from {file.name} ({name})"
-        written.write_text(program_toml(found.program, told, source=file.name), encoding="utf-8")
+        write_named(written, program_toml(found.program, told, source=file.name))
         figure_of = program_path(way).get_figure(root=True)
         if figure_of is not None:
             figure_of.savefig(drawn, dpi=150)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from kinematics import Machine, MotionError
+from kinematics.files.atomic_files import name_file
 from planner.certificate.certify import Certificate
 from planner.path.outcome import FitSummary
 from planner.place import Place
@@ -64,7 +65,7 @@ def write_checkpoint(folder: Path, of: Mapping[str, Any], reached: Checkpoint) -
         "waiting": [asdict(crossing) for crossing in reached.mark.waiting],
     }
     new = folder / f"{CHECKPOINT}.new"
-    with new.open("w", encoding="utf-8") as file:
+    with name_file(folder / CHECKPOINT), new.open("w", encoding="utf-8") as file:
         json.dump(record, file)
         file.flush()
         os.fsync(file.fileno())

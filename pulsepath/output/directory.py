@@ -11,6 +11,7 @@ from pathlib import Path
 from shutil import rmtree
 
 from kinematics.files.atomic_files import (
+    DISK_ERRNOS,
     OCCUPIED_ERRNOS,
     Destination,
     Stamp,
@@ -20,11 +21,12 @@ from kinematics.files.atomic_files import (
     stage_directory,
     stage_files,
     stamp,
+    write_named,
 )
 from kinematics.files.leftovers import NEW, OLD, clear, lock
 from kinematics.foundation.errors import BadValue, MotionError
 from pulsepath.options import read_percent, read_quantity
-from pulsepath.process.exits import read_reached
+from pulsepath.process.exits import find_file, read_reached
 from pulsepath.progress import note
 
 RECORD, KIND = "plan.json", "pulsepath plan"
@@ -155,7 +157,7 @@ def write_files(folder: Path, files: Mapping[str, bytes], force: bool) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         with stage_files(destinations) as staged:
             for file, content in zip(staged, files.values(), strict=True):
-                file.write_bytes(content)
+                write_named(file, content)
     except BaseException:
         for each in created:
             with suppress(OSError):
@@ -185,7 +187,8 @@ def replace_directory(
         with stage_directory(place) as made:
             new = made / NEW
             new.mkdir()
-            yield new
+            with _name_files_in(target, new):
+                yield new
             with defer_signals():
                 _put_in_place(new, made / OLD, _Destination(target, place, before))
     except BaseException:
@@ -238,9 +241,10 @@ def fill_directory(
     with _lock(folder):
         if not resume:
             _empty(folder)
-            (folder / BEGUN).write_text(f"{KIND} fills this directory, or did until it was interrupted\n")
+            write_named(folder / BEGUN, f"{KIND} fills this directory, or did until it was interrupted\n")
         try:
-            yield folder
+            with _name_files_in(target, folder):
+                yield folder
         except BaseException as error:  # of the program itself nothing is left; what the system did can be mended
             if not (folder / checkpoint).is_file() or (isinstance(error, MotionError) and not resume):
                 rmtree(folder)
@@ -285,6 +289,23 @@ def _empty(folder: Path) -> None:
             rmtree(path)
         else:
             path.unlink()
+
+
+@contextmanager
+def _name_files_in(target: Path, folder: Path) -> Iterator[None]:
+    """Within, an error of the disk that names a file of a folder names its place in the target.
+
+    A file that cannot be closed, because its disk is full, is named by the error before that.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in DISK_ERRNOS:
+            raise
+        file = Path(find_file(error) or "")
+        if not file.is_relative_to(folder):
+            raise
+        raise OSError(error.errno, error.strerror, str(target / file.relative_to(folder))) from error
 
 
 def list_content(target: Path) -> Content:

@@ -15,6 +15,7 @@ import numpy as np
 
 from controllers.rig_choice import rig_hint
 from kinematics import Machine, MotionError, load_machine
+from kinematics.files.atomic_files import name_file, write_named
 from kinematics.foundation.options import check_arguments
 from planner import Plan, Program, Trajectory, load_program
 from planner.export import plan_files
@@ -69,20 +70,22 @@ def write(folder: Path, job: Job, inputs: Inputs, pulses: str = DEFAULT_PULSES) 
     pulses: the form of their file, "csv", "binary" or "none". Raises Defect where they fail the check.
     """
     plan = job.plan
-    (folder / inputs.program_file).write_bytes(inputs.program_toml)
-    (folder / SOURCES["machine"]).write_bytes(inputs.machine_toml)
+    write_named(folder / inputs.program_file, inputs.program_toml)
+    write_named(folder / SOURCES["machine"], inputs.machine_toml)
     for name, content in inputs.companions.items():
-        (folder / name).write_bytes(content)
-    write_motion(plan.trajectory, folder / MOTION)
+        write_named(folder / name, content)
+    with name_file(folder / MOTION):
+        write_motion(plan.trajectory, folder / MOTION)
     if choice := find_choice(plan.program):
-        (folder / ORIENTATION).write_text(as_json({str(k): chosen.tolist() for k, chosen in choice.items()}))
-    plan_files.write_trajectory_csv(
-        plan.trajectory, folder / TRAJECTORY, None if plan.shaped is None else plan.shaped.motion
-    )
+        record = {str(k): chosen.tolist() for k, chosen in choice.items()}
+        write_named(folder / ORIENTATION, as_json(record))
+    shaped = None if plan.shaped is None else plan.shaped.motion
+    with name_file(folder / TRAJECTORY):
+        plan_files.write_trajectory_csv(plan.trajectory, folder / TRAJECTORY, shaped)
     form = PULSES[pulses]
     file = None if form is None else folder / form
     if file is not None:
-        with step(f"writing {plan.pulses.total} pulses") as tell:
+        with step(f"writing {plan.pulses.total} pulses") as tell, name_file(file):
             _write_pulses(file, plan, tell)
     with step(f"checking {plan.pulses.total} pulses") as tell:
         if file is not None:
@@ -91,15 +94,15 @@ def write(folder: Path, job: Job, inputs: Inputs, pulses: str = DEFAULT_PULSES) 
             verdict = check(plan.pulses, plan.counted, plan.machine.axes, plan.machine.home_q)
     if not verdict.holds:
         raise Defect(f"{verdict.fault_count} faults in the pulses, the first: {verdict.faults[0]}")
-    (folder / CERTIFICATE).write_text(
-        as_json(of_pulse_file(file, plan.pulses, plan.machine, verdict)), encoding="utf-8"
-    )
+    write_named(folder / CERTIFICATE, as_json(of_pulse_file(file, plan.pulses, plan.machine, verdict)))
     if plan.triggers:
-        plan_files.write_trigger_csv(plan.triggers, plan.machine.axes, folder / TRIGGERS)
+        with name_file(folder / TRIGGERS):
+            plan_files.write_trigger_csv(plan.triggers, plan.machine.axes, folder / TRIGGERS)
     if job.stops is not None:
         job.stops.save(folder / STOPS)
-    _write_report(folder / REPORT, job, verdict)
-    (folder / RECORD).write_text(as_json(seal_record(of_plan(job, inputs, verdict), folder)), encoding="utf-8")
+    with name_file(folder / REPORT):
+        _write_report(folder / REPORT, job, verdict)
+    write_named(folder / RECORD, as_json(seal_record(of_plan(job, inputs, verdict), folder)))
     return verdict
 
 
