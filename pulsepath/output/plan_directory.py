@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import cache
+from math import nan
 from os import PathLike
 from pathlib import Path
 
@@ -29,6 +30,7 @@ from planner.pulses import PulseCheck, PulseSchedule, check, check_file
 from planner.pulses.checking.pulse_reader import read_compensation
 from planner.pulses.schedule import AxisPulses, MovedPulses
 from planner.shaping.shaped_motion import shaper_length
+from planner.tradeoffs.objective import TIME, read_objective
 from pulsepath.inputs import Inputs, Origin
 from pulsepath.job import Defect, Job
 from pulsepath.options import LAWS
@@ -36,7 +38,7 @@ from pulsepath.output.directory import MOTION, RECORD, REPORT, TRIGGERS, refuse_
 from pulsepath.output.drive_tables import tabulate_drives
 from pulsepath.output.plan_record import of_plan, of_pulse_file, of_pulses
 from pulsepath.output.record import Record, as_json
-from pulsepath.output.stored_plan import StoredPlan
+from pulsepath.output.stored_plan import StatedSolution, StoredPlan
 from pulsepath.output.verification import (
     changes,
     find_differences,
@@ -175,7 +177,7 @@ def load_plan(folder: str | PathLike[str], unverified: bool = False) -> StoredPl
     Returns
     -------
     StoredPlan
-        Trajectory, machine and program as they were planned; `.pulses` is their schedule.
+        Has all that a plan has which `plan` returns.
 
     Raises
     ------
@@ -221,17 +223,47 @@ def _load(folder: Path, unverified: bool, proving: AbstractContextManager[object
     duration = read_duration(folder / MOTION) + shaper_length(machine.axes)
     stated = _state_pulses(pulses, duration, machine, clock, rule)
     held = next((folder / name for name in (BINARY, PULSES["csv"]) if name and (folder / name).is_file()), None)
-    fastest = record.get("stated_duration_s") is None and record.get("objective") == "time"
-    taken = StoredPlan(program, machine, load, clock, rule, order, follow, digest, stated, held, (), fastest)
+    taken = StoredPlan(
+        program,
+        machine,
+        load,
+        clock,
+        rule,
+        order,
+        follow,
+        digest,
+        stated,
+        held,
+        (),
+        _read_solution(record, folder / RECORD),
+    )
     if unverified:
         return replace(taken, pulse_file=None, doubts=(*doubts, "the motion was not proved again"))
     with proving:
-        proofs = (find_violation(motion, taken.find_limits(motion), machine.axes) for motion in taken.parts())
-        found = next(filter(None, proofs), None)
-    refuse([] if found is None else [f"{folder / MOTION}: {found}"])
+        for motion in taken.parts():
+            violation = find_violation(motion, taken.find_limits(motion), machine.axes)
+            refuse([] if violation is None else [f"{folder / MOTION}: {violation}"])
     if record.get("duration_s") != duration:
         refuse([f"{folder / RECORD} belongs to another motion than {MOTION}"])
     return taken
+
+
+def _read_solution(record: Record, file: Path) -> StatedSolution:
+    """Return what a record states of the solution. Raises MotionError where it states none."""
+    try:
+        solver, bound = record["solver"], record.get("lower_bound") or {}
+        methods, stated = solver["methods"], record.get("stated_duration_s")
+        if isinstance(methods, dict):  # of a plan in parts: how many runs each solved
+            methods = [name for name, count in methods.items() for _ in range(int(count))]
+        return StatedSolution(
+            int(solver["rounds"]),
+            tuple(str(method) for method in methods),
+            float(bound.get("duration_s", nan)),
+            None if stated is None else float(stated),
+            read_objective(str(record.get("objective", TIME))),
+        )
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
+        raise MotionError(f"{file} does not state its solution ({error!r}): plan it again") from None
 
 
 def _find_motion(
