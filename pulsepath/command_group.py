@@ -132,7 +132,7 @@ def _say_error(message: str) -> None:
 
 
 def _is_of_output(error: OSError) -> bool:
-    """Whether it was the text of a command that could not be written, by click, by rich or at its end."""
+    """Return whether an error came from writing to standard output, by click, by rich or when flushing at the end."""
     trace = error.__traceback__
     while trace is not None and trace.tb_next is not None:
         trace = trace.tb_next

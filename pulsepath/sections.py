@@ -42,9 +42,7 @@ def read_pulses(planned: StoredPlan) -> AbstractContextManager[Callable[[int, in
     return step("generating pulses" if file is None or not holds_chunks(file) else f"reading {file.name}")
 
 
-def write_section(
-    made: Section, name: str, destination: Destination, options: Mapping[str, Any]
-) -> dict[str, Any]:
+def write_section(made: Section, name: str, destination: Destination, options: Mapping[str, Any]) -> dict[str, Any]:
     """Write a stop, the way on or a slowed motion in an export format; return its record."""
     exported = write_export_to(destination, made.export_source, name, options)
     return record.of_export(name, str(destination.path), exported)

@@ -166,7 +166,10 @@ class Socket(Transport):
 
 
 KEEP_ALIVE = {"TCP_KEEPIDLE": 60, "TCP_KEEPINTVL": 15, "TCP_KEEPCNT": 4}
-"""s after which a silent connection is tested, s between tests, and how many: then a computer that is gone is noticed."""
+"""s until a silent connection is tested, s between tests, and the number of tests.
+
+Then a computer that is gone is noticed.
+"""
 
 
 def _keep_alive(client: socket.socket) -> None:
@@ -216,7 +219,7 @@ class Partial:
 
     @property
     def is_binary(self) -> bool:
-        """Whether there is a control character in it, as in the first byte of a TLS connection."""
+        """True if it has a control character, as the first byte of a TLS connection is one."""
         return any(byte < 0x20 and byte != 0x09 for byte in self.held)
 
     def broken_off(self) -> tuple[TextLine, ...]:

@@ -378,7 +378,7 @@ class Server:
             self._end(served)
             return
         if len(rest) > MAX_UNREAD_BYTES and len(rest) > len(data):
-            rest = rest[: -len(data)]  # the whole reply is dropped, so that those that arrive are whole
+            rest = rest[: -len(data)]  # only whole replies are dropped
         served.unsent = rest
 
     def _end(self, served: ServedLink) -> None:

@@ -13,8 +13,8 @@
 All numbers have their little end first. The first chunk is the HEAD, a JSON object with `kind` and `schema` of what the
 file holds. A MARK, another JSON object, says that what is in the file so far is whole; the last one of a file that is
 finished has `"complete": true`, and nothing comes after it. Chunks of a kind in lower case are provisional: they count
-from the mark behind them until there is another. A chunk has at most 2²⁸ bytes of contents. So a file that is cut anywhere still holds all that its last whole
-mark stands for, and one that goes on never has to be written over.
+from the next mark until there is another. So a file that is cut anywhere still holds all that its last whole
+mark stands for, and one that goes on never has to be written over. A chunk has at most 2²⁸ bytes of contents.
 """
 
 import json
@@ -188,8 +188,8 @@ def _check_head(head: Mapping[str, Any], kind: str, schema: int, place: Path) ->
     if head.get("kind") != kind:
         raise _refusal(place, f"holds {head.get('kind')!r:.60}, not {kind!r}", "give another file")
     if head.get("schema") != schema:
-        told = f"has {kind} of schema {head.get('schema')!r:.60}, and this pulsepath reads schema {schema}"
-        raise _refusal(place, told, f"read it with the pulsepath that wrote it, or {AGAIN}")
+        message = f"has {kind} of schema {head.get('schema')!r:.60}, and this pulsepath reads schema {schema}"
+        raise _refusal(place, message, f"read it with the pulsepath that wrote it, or {AGAIN}")
 
 
 def _scan(file: BinaryIO, size: int) -> tuple[list[Chunk], str]:

@@ -186,9 +186,7 @@ def write_export(
     return write_export_to(target, source, name, options)
 
 
-def write_export_to(
-    destination: Destination, source: ExportSource, name: str, options: Mapping[str, Any]
-) -> Exported:
+def write_export_to(destination: Destination, source: ExportSource, name: str, options: Mapping[str, Any]) -> Exported:
     """Write a file in the format called `name`, whole or not at all. Raises as `export` and `Destination.stage`."""
     format_ = make_with(find_format(name), f"format {name}", options)
     with destination.stage() as file:

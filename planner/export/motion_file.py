@@ -314,8 +314,8 @@ def follow_motion(
             raise _refusal(path, f"the part from {head.begin} s does not continue the path of the previous part")
         del ahead[: head.step - skipped]
         if head.near is not None and len(head.near) != len(machine.axes):
-            told = f"begins near {len(head.near)} coordinates, and the machine has {len(machine.axes)} axes"
-            raise _refusal(path, f"the part from {head.begin} s {told}")
+            counts = f"{len(head.near)} coordinates, and the machine has {len(machine.axes)} axes"
+            raise _refusal(path, f"the part from {head.begin} s begins near {counts}")
         skipped, after = head.step, head.step + head.steps
         ahead += islice(steps, max(0, head.steps - len(ahead)))
         own = ahead[: head.steps]

@@ -57,7 +57,7 @@ def hold(
 
     The stop is as soon as the limits allow, and has pulses. Reads the plan and proves it again. The stop continues
     the plan's motion and pulses from TIME; its file starts there, at time 0. Constant speeds that segments require
-    are not kept.
+    are not kept. At a rest the stop is empty: it takes no time and has no pulses.
 
     Example: pulsepath hold out/circle --at "1.2 s" --format steps --out stop.bin
     """

@@ -166,9 +166,7 @@ def write_files(folder: Path, files: Mapping[str, bytes], force: bool) -> None:
 
 
 @contextmanager
-def replace_directory(
-    target: Path, force: bool, kind: str = KIND, before: Content | None = None
-) -> Iterator[Path]:
+def replace_directory(target: Path, force: bool, kind: str = KIND, before: Content | None = None) -> Iterator[Path]:
     """A new directory to fill, which becomes `target` when the block ends well.
 
     Whatever else happens, an interruption included, nothing of it remains and what stood there before still does. Where
@@ -215,9 +213,10 @@ def fill_directory(
     """A directory beside the target to fill over a long time, which becomes the target when the block ends well.
 
     Where the block is interrupted or killed the directory stays, if it holds a file of the name `checkpoint`: `resume`
-    yields it again, or, where there is none, says that all begins anew. A MotionError leaves nothing that was not there
-    before. Raises MotionError as `replace_directory`, for a directory that could be resumed where neither `resume` nor
-    `force` is given, and while another process fills it.
+    yields it again, or says that there is nothing to resume. After a MotionError all is as before.
+
+    Raises MotionError as `replace_directory`, for a directory that could be resumed where neither `resume` nor `force`
+    is given, and while another process fills it.
 
     What comes to the target while the block runs, or changes there, is left as it is, and the result is kept under
     another name, as in `replace_directory`.
@@ -309,7 +308,7 @@ def _name_files_in(target: Path, folder: Path) -> Iterator[None]:
 
 
 def list_content(target: Path) -> Content:
-    """All files below a directory with their stamps; empty for an empty directory, and where there is none."""
+    """Return all files below a directory with their stamps; none for an empty or a missing directory."""
     place = target.resolve()
     return frozenset((str(path.relative_to(place)), stamp(path)) for path in place.rglob("*"))
 
@@ -346,10 +345,10 @@ def _put_in_place(new: Path, old: Path, to: _Destination) -> None:
     except OSError as error:
         if error.errno not in (*OCCUPIED_ERRNOS, errno.EACCES) or not os.path.lexists(place):
             raise
-        kept = [_keep(new, to)]
+        results = [_keep(new, to)]
         if old.exists():
-            kept.append(move_aside(old, place))
-        raise conflict_error(to.target, changed, kept) from None
+            results.append(move_aside(old, place))
+        raise conflict_error(to.target, changed, results) from None
     if stood and list_content(old) != to.before:  # changed in the last moment
         place.rename(new)
         old.rename(place)
@@ -358,10 +357,10 @@ def _put_in_place(new: Path, old: Path, to: _Destination) -> None:
 
 
 def _keep(made: Path, to: _Destination) -> Path:
-    """Move a directory to a free name beside the place that it cannot take; return that name."""
-    kept = move_aside(made, to.place)
-    _remove_marks(kept, to)
-    return kept
+    """Move a directory to a free name next to the place that it cannot take. Return its new path."""
+    place = move_aside(made, to.place)
+    _remove_marks(place, to)
+    return place
 
 
 def _remove_marks(folder: Path, to: _Destination) -> None:

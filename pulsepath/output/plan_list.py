@@ -71,7 +71,7 @@ class PlanList:
         return sorted(known.values(), key=lambda one: one.name)
 
     def _read(self, name: str, folder: Path, kind: str, stamp: str) -> Listed | None:
-        """What the record of a folder says; None for a damaged record, and for one of another command."""
+        """Read the record of a folder. Return None for a damaged record, and for one of another command."""
         try:
             record = json.loads(read_below(self.root, folder / RECORDS[kind]))
             if record["kind"] != kind:
@@ -86,7 +86,7 @@ class PlanList:
 def read_below(root: Path, file: Path) -> bytes:
     """Return the content of a regular file below a folder.
 
-    Raises OSError for a link that leads out of the folder, and for what is no regular file, as a pipe.
+    Raises OSError for a link out of the folder, and for a pipe or a device.
     """
     place = os.path.realpath(file, strict=True)
     if not Path(place).is_relative_to(os.path.realpath(root)):

@@ -41,7 +41,9 @@ def usual_place(machine: str) -> Path:
 
 @contextmanager
 def lock_file(path: Path) -> Iterator[None]:
-    """Reserve the file for this process. Raises MotionError while another console has it, and if it cannot be written.
+    """Reserve the file for this process.
+
+    Raises MotionError while another console has it, and if it cannot be written.
     """
     import fcntl
 
@@ -49,8 +51,8 @@ def lock_file(path: Path) -> Iterator[None]:
         path.parent.mkdir(parents=True, exist_ok=True)
         opened = path.with_name(f"{path.name}.lock").open("w")
     except (OSError, ValueError) as error:
-        told = error.strerror if isinstance(error, OSError) else error
-        raise MotionError(f"{path}: position registers cannot be kept there: {told}; {GIVE_STATE}") from None
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise MotionError(f"{path}: position registers cannot be kept there: {reason}; {GIVE_STATE}") from None
     with opened as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -57,7 +57,7 @@ Proofs = tuple[Certificate, ShapedProof | None]
 
 @dataclass(frozen=True, slots=True)
 class StatedSolution:
-    """What plan.json states of a solution.
+    """The solution as plan.json states it.
 
     rounds, methods  of solving, as a `Plan` has them
     lower_estimate   s; NaN: none is stated, as of a plan that was made in parts
@@ -120,7 +120,7 @@ class StoredPlan(Result, Interruptible):
 
     @property
     def plan(self) -> Plan:
-        """The same as `planner.plan` returns it, with its pulses in memory."""
+        """The plan as `planner.plan` returns it, with its pulses in memory."""
         if not self.made:
             axes, motion = self.machine.axes, self.trajectory
             solution = self.solution
@@ -160,7 +160,7 @@ class StoredPlan(Result, Interruptible):
 
     @property
     def shaped(self) -> ShapedProof | None:
-        """The motion behind input shapers and its proof, as of a `Plan`."""
+        """The motion after the input shapers and its proof, as of a `Plan`."""
         return self._prove()[1]
 
     def _prove(self) -> Proofs:
@@ -195,7 +195,7 @@ class StoredPlan(Result, Interruptible):
 
     @property
     def objective(self) -> Objective:
-        """What the motion has least of: time, or a weighed sum with heat."""
+        """The objective of the motion: time, or a weighted sum with heat."""
         return self.solution.objective
 
     @property
@@ -205,7 +205,7 @@ class StoredPlan(Result, Interruptible):
 
     @property
     def fastest(self) -> bool:
-        """Whether the plan was to be as fast as it can, and nothing else."""
+        """True for a plan whose only objective is time, without a stated duration."""
         return self.stated_duration is None and self.objective.heat == 0
 
     @property
@@ -231,7 +231,7 @@ class StoredPlan(Result, Interruptible):
 
     @property
     def worth(self) -> "Worth | None":
-        """What one per cent more of each limit saves, as `Plan.worth`: worked out when asked for.
+        """The time that one per cent more of each limit saves, as `Plan.worth`: computed when asked for.
 
         None if the plan was not to be the fastest, or was made in parts.
         """
@@ -256,12 +256,12 @@ class StoredPlan(Result, Interruptible):
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """What the lower bound leaves out, as of a `Plan`."""
+        """The limits that the lower bound leaves out, as of a `Plan`."""
         return find_left_out(self.path, self.limits)
 
     @property
     def exceeded(self) -> str:
-        """What is said where a tolerance is not proved behind the input shapers, as of a `Plan`."""
+        """The warning about a tolerance that is not proved after the input shapers, as of a `Plan`; else ""."""
         return self.plan.exceeded
 
     @property
@@ -271,7 +271,7 @@ class StoredPlan(Result, Interruptible):
 
     @property
     def triggers(self) -> tuple[Triggered, ...]:
-        """What the program marks by `trigger`, as of a `Plan`."""
+        """The events that the program marks by `trigger`, as of a `Plan`."""
         return self.plan.triggers
 
     @property
@@ -286,11 +286,11 @@ class StoredPlan(Result, Interruptible):
 
     @property
     def axis_bounds(self) -> Table:
-        """What each axis may do at most, as of a `Plan`."""
+        """The bounds of each axis, as of a `Plan`."""
         return tabulate_axis_bounds(self.machine.axes, self.limits, self.order)
 
     def describe_objective(self) -> str:
-        """Describe what it was to be instead of the fastest; nothing if it was."""
+        """Describe the objective of a plan that is not the fastest; "" for one that is."""
         return self.plan.describe_objective()
 
     def realised(self, *, stride: int = 1) -> RealisedPath:

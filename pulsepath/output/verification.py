@@ -97,9 +97,9 @@ def changes(record: Record, folder: Path, name: str, target: Path, made: Path) -
 def prove_motion(
     trajectory: Trajectory, limits: Sequence[Limit], axes: Sequence[Axis]
 ) -> tuple[Certificate, ShapedProof | None]:
-    """Return the certificate of a motion, and the proof behind the input shapers of its axes.
+    """Return the certificate of a motion, and the proof after the input shapers of its axes.
 
-    That is None without shapers, and for a motion whose certificate does not hold.
+    The second is None without shapers, and if the certificate does not hold.
     """
     certificate = certify(trajectory, limits)
     shaped = shape_motion(trajectory, axes) if certificate.holds else None

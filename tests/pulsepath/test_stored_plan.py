@@ -66,10 +66,21 @@ def test_a_loaded_plan_has_all_that_a_fresh_one_has(stored, axes, options, named
     assert public <= set(dir(loaded))
 
     assert loaded.certificate.holds
-    again = certify(fresh.trajectory, fresh.limits)  # the proof of a fresh plan knows what its solver has proved already
+    # Proved without what the solver has proved already, as a loaded plan is.
+    again = certify(fresh.trajectory, fresh.limits)
     assert loaded.certificate.worst == again.worst == pytest.approx(fresh.certificate.worst, rel=1e-6)
     assert loaded.certificate.where == again.where
-    same = ("duration", "fastest", "stated_duration", "objective", "order", "rounds", "methods", "own_limits", "left_out")
+    same = (
+        "duration",
+        "fastest",
+        "stated_duration",
+        "objective",
+        "order",
+        "rounds",
+        "methods",
+        "own_limits",
+        "left_out",
+    )
     for name in (*same, "lower_estimate", "exceeded", "conditioning", "departures"):
         assert getattr(loaded, name) == getattr(fresh, name), name
     assert (loaded.shaped is None) == (fresh.shaped is None)
@@ -117,5 +128,5 @@ def test_one_that_was_planned_in_parts_has_a_certificate_and_a_realised_path(tmp
     assert loaded.plot() is not None
     assert "lower bound" not in str(loaded)
     for ask in (lambda: loaded.bound, lambda: loaded.gap, loaded.trade):
-        with pytest.raises(MotionError, match="was planned in parts, without a .*: use --whole"):
+        with pytest.raises(MotionError, match=r"was planned in parts, without a .*: use --whole"):
             ask()

@@ -77,7 +77,7 @@ class PulseFile:
 
     def read(self, tell: Progress = ignore_progress) -> PulseSchedule:
         """All of it. Raises FileError as `parts` does."""
-        # The arrays grow with what is read: a damaged file may state more pulses than there is memory for.
+        # The arrays grow with the pulses read, as a damaged file may state more than fit into memory.
         ticks = [np.empty(min(number, FIRST_PULSES), np.int64) for number in self.pulses]
         direction = [np.empty(len(each), np.int8) for each in ticks]
         done = [0] * len(ticks)
@@ -130,7 +130,7 @@ class PulseFile:
 
 
 def _decode_axis(content: bytes, at: int, begin: int, most: int) -> tuple[Ticks, Signs, int]:
-    """Return ticks and directions of an axis that has at most so many pulses, and where the next axis begins."""
+    """Return ticks and directions of an axis, and the place of the next. most: pulses that the axis may have."""
     count, width, escaped = AXIS.unpack_from(content, at)
     if width not in ESCAPES:
         raise ValueError(f"its codes have {width} bytes")

@@ -216,7 +216,9 @@ def test_a_crafted_file_is_refused_in_little_memory(tmp_path, make, partial):
 
 @pytest.mark.parametrize("duration", [float("inf"), float("nan"), HUGE, "1", None, -1.0])
 def test_a_stated_duration_that_is_none_is_refused(tmp_path, duration):
-    motion_pieces.store(tmp_path / "m", {"knots": [0.0, 1.0], "s": [0.0], "v": [0.0], "a": [0.0], "j": [0.0], "piece": [0]})
+    motion_pieces.store(
+        tmp_path / "m", {"knots": [0.0, 1.0], "s": [0.0], "v": [0.0], "a": [0.0], "j": [0.0], "piece": [0]}
+    )
     content = (tmp_path / "m").read_bytes()
     (tmp_path / "m").write_bytes(said("MARK", duration=duration)(content))
     with pytest.raises(FileError, match="states no duration"):

@@ -50,10 +50,8 @@ def test_a_home_that_cannot_be_written_is_bad_input_with_a_way_out(home, state):
     run = {"input": "WHERE\n", "capture_output": True, "text": True, "timeout": 60, "env": environment}
     done = subprocess.run(command, check=False, **run)
     assert done.returncode == 2
-    assert re.fullmatch(
-        rf"error: {home}/\S+: position registers cannot be kept there: [\w ]+; give a file for the registers with --state FILE\n",
-        done.stderr,
-    )
+    said = rf"error: {home}/\S+: position registers cannot be kept there: [\w ]+; "
+    assert re.fullmatch(said + r"give a file for the registers with --state FILE\n", done.stderr)
     assert subprocess.run([*command, "--state", str(state)], check=False, **run).returncode == 0
 
 

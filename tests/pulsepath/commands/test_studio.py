@@ -307,7 +307,8 @@ def test_the_script_of_a_report_reads_nothing_and_sends_nothing(two, tmp_path):
             parent: async () => parent.document.body.textContent,
             storage: async () => localStorage.length,
             elsewhere: async () => (await fetch("OTHER", { mode: "no-cors" })).type,
-            image: () => new Promise((done, fail) => Object.assign(new Image(), { onload: done, onerror: fail, src: "OTHERx.png" })),
+            image: () => new Promise((done, fail) => Object.assign(
+              new Image(), { onload: done, onerror: fail, src: "OTHERx.png" })),
             frame: async () => document.body.append(Object.assign(document.createElement("iframe"), { src: "OTHER" })),
             script: () => new Promise((done, fail) => document.body.append(
               Object.assign(document.createElement("script"), { onload: done, onerror: fail, src: "OTHERx.js" }))),

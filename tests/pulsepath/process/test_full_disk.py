@@ -4,12 +4,13 @@ import shutil
 import subprocess
 import sys
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 
 resource = pytest.importorskip("resource", reason="limits of POSIX")
 
-FULL = "/dev/full"
+FULL = Path("/dev/full")
 LINE = 'schema = 1\nlength = "mm"\n[[segment]]\nline = { to = [0, 0, 0.1] }\n'
 
 PRINTING = {
@@ -31,7 +32,7 @@ PRINTING = {
 @pytest.mark.parametrize("unbuffered", [False, True])
 def test_a_full_standard_output_is_bad_input_and_one_line(tmp_path, arguments, before, unbuffered):
     command = [sys.executable, *(["-u"] if unbuffered else []), "-m", "pulsepath", *arguments]
-    with open(FULL, "w") as full:
+    with FULL.open("w") as full:
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
     assert done.returncode == 2, done.stderr
     *lines, last = done.stderr.splitlines()
@@ -44,7 +45,7 @@ def test_a_full_standard_output_is_bad_input_and_one_line(tmp_path, arguments, b
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason=f"{FULL} of Linux")
 @pytest.mark.parametrize("arguments", [["--version"], ["check", "none.toml", "--json"], ["rules", "--nope"]])
 def test_where_both_streams_are_full_the_code_is_right(arguments):
-    with open(FULL, "w") as full:
+    with FULL.open("w") as full:
         done = subprocess.run([sys.executable, "-m", "pulsepath", *arguments], stdout=full, stderr=full, check=False)
     assert done.returncode == 2
 

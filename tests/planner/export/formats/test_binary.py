@@ -327,7 +327,9 @@ def said(content, number, **change):
 def sized(content, size, inflated=None):
     """A file whose first chunk of pulses states a size, and inflates to so many zeros."""
     zeros = None if inflated is None else compress(bytes(inflated), 9)
-    return changed(content, 1, lambda held: held[:16] + struct.pack("<Q", size) + (held[24:] if zeros is None else zeros))
+    return changed(
+        content, 1, lambda held: held[:16] + struct.pack("<Q", size) + (held[24:] if zeros is None else zeros)
+    )
 
 
 def codes(content, count, width, escapes, room):
@@ -380,7 +382,9 @@ CRAFTED = {
         c, -1, moves=[{"axis": "x", "pulses": float("inf"), "time": 0, "error": 0, "t": 0, "length": 0}]
     ),
     "a move of text": lambda c: said(c, -1, moves=["x"]),
-    "a compensation of 10^400": lambda c: said(c, -1, compensations=[{"axis": "x", "kinds": [], "windows": [[0, HUGE]]}]),
+    "a compensation of 10^400": lambda c: said(
+        c, -1, compensations=[{"axis": "x", "kinds": [], "windows": [[0, HUGE]]}]
+    ),
     "a compensation without an end": lambda c: said(
         c, -1, compensations=[{"axis": "x", "kinds": [], "windows": [], "off": float("inf")}]
     ),
