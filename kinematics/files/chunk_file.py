@@ -14,7 +14,9 @@ All numbers have their little end first. The first chunk is the HEAD, a JSON obj
 file holds. A MARK, another JSON object, says that what is in the file so far is whole; the last one of a file that is
 finished has `"complete": true`, and nothing comes after it. Chunks of a kind in lower case are provisional: they count
 from the next mark until there is another. So a file that is cut anywhere still holds all that its last whole
-mark stands for, and one that goes on never has to be written over. A chunk has at most 2²⁸ bytes of contents.
+mark stands for, and one that goes on never has to be written over.
+
+A chunk has at most 2²⁸ bytes of contents.
 """
 
 import json

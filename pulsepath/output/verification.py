@@ -99,7 +99,7 @@ def prove_motion(
 ) -> tuple[Certificate, ShapedProof | None]:
     """Return the certificate of a motion, and the proof after the input shapers of its axes.
 
-    The second is None without shapers, and if the certificate does not hold.
+    The proof is None without shapers, and if the certificate fails.
     """
     certificate = certify(trajectory, limits)
     shaped = shape_motion(trajectory, axes) if certificate.holds else None
