@@ -243,6 +243,7 @@ def read_motion(path: Path, along: ActuatorPath, partial: bool = False) -> Traje
     """The trajectory in a file, along its whole path. Raises FileError where it is damaged or belongs to another."""
     knots: list[Array] = []
     columns: list[list[Array]] = [[] for _ in PIECES]
+    before = Fraction(0)  # s, exactly: the duration is what the file states, to the last bit
     for part in join_parts(motion_parts(path, partial)):
         _check_numbers(part, path)
         begin, first = 0.0, 0
@@ -250,7 +251,8 @@ def read_motion(path: Path, along: ActuatorPath, partial: bool = False) -> Traje
             begin = part.head.begin
             first = int(np.abs(along.breaks - part.head.length).argmin())  # rounding of the sums of lengths apart
         knots.append(begin + part.knots[:-1])
-        end = begin + float(part.knots[-1])
+        before += Fraction(float(part.knots[-1]))
+        end = float(before)
         shift = float(along.breaks[first]) if first else 0.0
         for held, values, by in zip(columns, part.columns, (shift, 0.0, 0.0, 0.0, first), strict=True):
             held.append(values + by if by else values)

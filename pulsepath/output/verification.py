@@ -99,7 +99,7 @@ def prove_motion(
 ) -> tuple[Certificate, ShapedProof | None]:
     """Return the certificate of a motion, and the proof after the input shapers of its axes.
 
-    The proof is None without shapers, and if the certificate fails.
+    There is a second proof only for axes with shapers, and if the certificate holds.
     """
     certificate = certify(trajectory, limits)
     shaped = shape_motion(trajectory, axes) if certificate.holds else None
