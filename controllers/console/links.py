@@ -55,12 +55,17 @@ class Link:
             return b""
 
     def send_bytes(self, data: bytes) -> bytes | None:
-        """What of the data could not be sent yet; None: nobody takes it any more."""
+        """Return the data that could not be sent yet; None: nobody takes it any more.
+
+        Raises OSError where the console's own output cannot be written, as to a full disk.
+        """
         try:
             return data[os.write(self.writes, data) :]
         except BlockingIOError:
             return data
         except OSError:
+            if self.script:
+                raise
             return None
 
 

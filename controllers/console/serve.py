@@ -232,6 +232,7 @@ class Server:
     A pipe is read like a script, each line when what came before is done; STOP, and any line during a jog, at once.
 
     refused  how many of the console's lines did nothing
+    unwritten  why the console's replies cannot be written any more; None: they can
     save  is told of the desk and the time whenever a motion begins or ends, or what is known of home changes
     echo  is told what happens to remote lines: connected, gone
     """
@@ -249,6 +250,7 @@ class Server:
         self.desk, self.clock, self._save, self._echo = desk, clock, save, echo
         self._remote, self._next = tuple(remote), CONSOLE + 1
         self.refused = 0
+        self.unwritten: OSError | None = None
         self._links = [] if console is None else [ServedLink(console, CONSOLE)]
 
     @property
@@ -373,7 +375,10 @@ class Server:
     def _send(self, served: ServedLink, data: bytes) -> None:
         """Send what waits and a reply, as much as the link takes now."""
         waiting = served.unsent + data
-        rest = served.link.send_bytes(waiting) if waiting else b""
+        try:
+            rest = served.link.send_bytes(waiting) if waiting else b""
+        except OSError as error:
+            self.unwritten, rest = error, None
         if rest is None or (served.link.stranger and len(rest) > MAX_UNREAD_BYTES):
             self._end(served)
             return

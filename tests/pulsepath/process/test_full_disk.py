@@ -43,6 +43,22 @@ def test_a_full_standard_output_is_bad_input_and_one_line(tmp_path, arguments, b
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason=f"{FULL} of Linux")
+def test_a_console_whose_replies_cannot_be_written_says_so(tmp_path):
+    command = [sys.executable, "-m", "pulsepath", "console", "--machine", "traverser", "--fast"]
+    with FULL.open("w") as full:
+        done = subprocess.run(
+            [*command, "--state", str(tmp_path / "registers.json")],
+            input="WHERE\n",
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-1] == "error: standard output: No space left on device"
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason=f"{FULL} of Linux")
 @pytest.mark.parametrize("arguments", [["--version"], ["check", "none.toml", "--json"], ["rules", "--nope"]])
 def test_where_both_streams_are_full_the_code_is_right(arguments):
     with FULL.open("w") as full:
