@@ -29,8 +29,8 @@ MAX_PART_PULSES = 1 << 20
 """Pulses of an axis in a chunk, at most: what bounds the memory of those who read a file that somebody else wrote."""
 PULSE_BYTES = 13
 """Bytes of a pulse in a chunk that is inflated, at most: a code of 4, one of 8 apart from it, and its direction."""
-FIRST_PULSES = 1 << 20
-"""Pulses of an axis that there is room for before any are read."""
+PULSES_PER_BYTE = 16
+"""Pulses that there is room for before any are read, for each byte of a file: three times what most files have."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,8 @@ class PulseFile:
     def read(self, tell: Progress = ignore_progress) -> PulseSchedule:
         """All of it. Raises FileError as `parts` does."""
         # The arrays grow with the pulses read, as a damaged file may state more than fit into memory.
-        ticks = [np.empty(min(number, FIRST_PULSES), np.int64) for number in self.pulses]
+        room = PULSES_PER_BYTE * self._chunks.end // max(1, len(self.pulses))
+        ticks = [np.empty(min(number, room), np.int64) for number in self.pulses]
         direction = [np.empty(len(each), np.int8) for each in ticks]
         done = [0] * len(ticks)
         for part in self.parts(tell):
