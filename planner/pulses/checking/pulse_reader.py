@@ -29,8 +29,8 @@ MAX_PART_PULSES = 1 << 20
 """Pulses of an axis in a chunk, at most: what bounds the memory of those who read a file that somebody else wrote."""
 PULSE_BYTES = 13
 """Bytes of a pulse in a chunk that is inflated, at most: a code of 4, one of 8 apart from it, and its direction."""
-PULSES_PER_BYTE = 16
-"""Pulses that there is room for before any are read, for each byte of a file: three times what most files have."""
+PULSES_PER_BYTE = 8
+"""Pulses that there is room for before any are read, for each byte of a file: more than most files have."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -146,7 +146,7 @@ def counted(count, inflated=None):
     """A chunk that states so many pieces, and inflates to so many zeros."""
 
     def change(held):
-        return struct.pack("<Q", count) + (held[8:] if inflated is None else compress(bytes(inflated), 9))
+        return struct.pack("<Q", count) + (held[8:] if inflated is None else compress(bytes(inflated), 1))
 
     return lambda content: crafted(content, "MOTN", change)
 
@@ -168,8 +168,8 @@ CRAFTED = {
     "2^63 pieces": counted(1 << 63),
     "2^60 pieces": counted(1 << 60),
     "10^11 pieces": counted(10**11),
-    "no piece and a bomb": counted(0, 1 << 28),
-    "a bomb of its size": counted((1 << 28) // 48, 1 << 28),
+    "no piece and a bomb": counted(0, 1 << 27),
+    "a bomb of its size": counted((1 << 27) // 48, 1 << 27),
     "more pieces than the mark states": said("MARK", pieces=1),
     "fewer pieces than the mark states": said("MARK", pieces=10**11),
     "infinitely many pieces": said("MARK", pieces=float("inf")),
