@@ -63,7 +63,8 @@ class Plan(Result, Interruptible):
     counted          what the pulses count: the motion, behind its shapers, as motors that compensate make it
     order            2: to acceleration, 3: to jerk
     rounds, methods  of solving until the proof held; the solver of each run
-    lower_estimate   s, about the least within the limits on speed and acceleration, and at constant speeds asked for
+    lower_estimate   s, about the least within the limits on speed and acceleration, and at constant speeds asked for;
+                     NaN: not known, of a loaded plan that was made in parts
     stated_duration  s, what was asked for instead of the fastest, if anything
     objective        what it has least of: time, or a weighed sum with heat
     own_limits       what was asked for beside the machine's and the program's own limits
@@ -180,13 +181,14 @@ class Plan(Result, Interruptible):
     def tables(self) -> tuple[Table, ...]:
         """How long it takes, what is proved of it, what its axes may do, its blends, its pulses and its triggers."""
         stated = None if self.fastest else self.describe_objective()
+        least = None if np.isnan(self.lower_estimate) else self.lower_estimate
         title = f"{self.program.name} on {self.machine.name}, order {self.order}"
         units = {axis.name: axis.unit for axis in self.machine.axes}
         return (
             timing_table(
                 title,
                 self.trajectory.duration,
-                self.lower_estimate,
+                least,
                 self.known[0] if self.known else None,
                 stated,
                 shaped=None if self.shaped is None else self.duration,

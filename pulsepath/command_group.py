@@ -6,16 +6,17 @@ A command whose formats have options of their own takes these too; the formats l
 import os
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from io import StringIO
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, NoReturn
 
 import click
 
 from pulsepath import progress
 from pulsepath.process import supervisor
 from pulsepath.process.ending import EndSignal, raise_on_signal
-from pulsepath.process.exits import INTERRUPTED, JSON, TRACEBACK, describe_error
+from pulsepath.process.exits import BAD_INPUT, INTERRUPTED, JSON, TRACEBACK, describe_error
 from pulsepath.process.intent import ARGUMENTS, describe_interruption
 from pulsepath.progress import say
 
@@ -53,7 +54,13 @@ class Commands(click.Group):
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         ctx.meta[JSON] = ctx.meta.get(JSON, False) or "--json" in args
         ctx.meta.setdefault(ARGUMENTS, tuple(args))
-        return super().parse_args(ctx, args)
+        try:
+            return super().parse_args(ctx, args)
+        except OSError as error:  # of --version and --help, which are printed here
+            try:
+                _end_with_error(ctx, error)
+            finally:
+                _drop_unwritable()
 
     def invoke(self, ctx: click.Context) -> Any:
         if ctx.parent is not None:  # of a group within the group
@@ -68,36 +75,73 @@ class Commands(click.Group):
         except click.exceptions.Exit:
             raise
         except click.ClickException as error:
-            _print_json_error(ctx, error, error.exit_code)
             shown = StringIO()
             error.show(shown)
-            say(shown.getvalue().rstrip("\n"), err=True)
-            ctx.exit(error.exit_code)
+            _report(ctx, error, error.exit_code, shown.getvalue().rstrip("\n"))
         except KeyboardInterrupt as end:
             supervisor.tell(said=True)
-            say(describe_interruption(ctx), err=True)
+            _say_error(describe_interruption(ctx))
             code = end.code if isinstance(end, EndSignal) else INTERRUPTED
             supervisor.leave(code)
             ctx.exit(code)
-        except BrokenPipeError:  # the reader has seen enough
-            ctx.exit(0)
         except Exception as error:  # every kind of failure ends here
-            if os.environ.get(TRACEBACK) == "1":
-                raise
-            code, message = describe_error(error)
-            _print_json_error(ctx, error, code)
-            say(message, err=True)
-            ctx.exit(code)
+            _end_with_error(ctx, error)
         finally:
             _drop_unwritable()
 
 
-def _print_json_error(ctx: click.Context, error: Exception, code: int) -> None:
-    """The error on stdout, where JSON is asked for."""
+def _end_with_error(ctx: click.Context, error: Exception) -> NoReturn:
+    """End a command that failed, with its message and exit code."""
+    if isinstance(error, BrokenPipeError):  # the reader has seen enough
+        ctx.exit(0)
+    if os.environ.get(TRACEBACK) == "1":
+        raise error
+    if isinstance(error, OSError) and _is_of_output(error):
+        _end_unwritten(ctx, error)
+    _report(ctx, error, *describe_error(error))
+
+
+def _report(ctx: click.Context, error: Exception, code: int, message: str) -> NoReturn:
+    """Print an error on stderr, where JSON is asked for on stdout too, and exit."""
+    unwritten = None
     if ctx.meta[JSON]:
         from pulsepath.process.error_record import error_json
 
-        click.echo(error_json(error, code), nl=False)
+        try:
+            click.echo(error_json(error, code), nl=False)
+        except BrokenPipeError:
+            pass
+        except OSError as failure:
+            unwritten = failure
+    _say_error(message)
+    if unwritten is not None:
+        _end_unwritten(ctx, unwritten)
+    ctx.exit(code)
+
+
+def _end_unwritten(ctx: click.Context, error: OSError) -> NoReturn:
+    """End a command whose output could not be written: whatever it has done, who reads that does not get it."""
+    _say_error(f"error: standard output: {error.strerror}")
+    ctx.exit(BAD_INPUT)
+
+
+def _say_error(message: str) -> None:
+    """Print a message on stderr, if that takes it: the exit code says the same."""
+    with suppress(OSError):
+        say(message, err=True)
+
+
+def _is_of_output(error: OSError) -> bool:
+    """Return whether an error came from writing to standard output, by click, by rich or when flushing at the end."""
+    trace = error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    if trace is None:
+        return False
+    frame = trace.tb_frame
+    if frame.f_globals.get("__name__") == "rich.console":
+        return not frame.f_locals["self"].stderr
+    return frame.f_code in (click.echo.__code__, Commands.invoke.__code__)
 
 
 def _drop_unwritable() -> None:

@@ -3,7 +3,7 @@
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from threading import Thread
@@ -22,6 +22,18 @@ LOOPBACK = "127.0.0.1"
 POLL_PERIOD = 0.1
 """s between two looks whether it is to end."""
 PAGE, DATA = "text/html; charset=utf-8", "application/json"
+
+REPORT_PATH = "/report"
+"""Path of reports, which others may have written."""
+REPORT_POLICY = (
+    "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval' blob: data:; "
+    "style-src 'unsafe-inline'; img-src data: blob:; font-src data:; connect-src data: blob:; "
+    "worker-src data: blob:; base-uri 'none'; form-action 'none'"
+)
+"""Content-Security-Policy of a report: its scripts run at an origin of their own, and reach no address.
+
+Reports of pulsepath need no more (benchmarks.animation.animate.POLICY, which takes long to load).
+"""
 
 Query = Mapping[str, Sequence[str]]
 FindPage = Callable[[str, Query], tuple[str, bytes] | None]
@@ -71,25 +83,36 @@ def serve_pages(find: FindPage, port: int = 0) -> Iterator[str]:
             if host not in (LOOPBACK, "localhost"):  # another site's name that leads here
                 self.send_error(HTTPStatus.FORBIDDEN)
                 return
-            url = urlsplit(self.path)
-            found = find(unquote(url.path), parse_qs(url.query))
-            if found is None:
+            try:
+                url = urlsplit(self.path)
+            except ValueError:  # as of "http://[/"
+                self.send_error(HTTPStatus.BAD_REQUEST)
+                return
+            path = unquote(url.path)
+            page = find(path, parse_qs(url.query))
+            if page is None:
                 self.send_error(HTTPStatus.NOT_FOUND)
                 return
-            kind, content = found
+
+            kind, content = page
             self.send_response(HTTPStatus.OK)
             self.send_header("Content-Type", kind)
             self.send_header("Content-Length", str(len(content)))
-            self.send_header("Cache-Control", "no-store")
+            if path == REPORT_PATH:
+                self.send_header("Content-Security-Policy", REPORT_POLICY)
             self.end_headers()
-            with suppress(ConnectionError):  # a browser that has left
-                self.wfile.write(content)
+            self.wfile.write(content)
+
+        def end_headers(self) -> None:
+            self.send_header("Cache-Control", "no-store")
+            self.send_header("X-Content-Type-Options", "nosniff")
+            super().end_headers()
 
         def log_message(self, format: str, *args: object) -> None:
             pass
 
     try:
-        server = ThreadingHTTPServer((LOOPBACK, port), Handler)
+        server = _Server((LOOPBACK, port), Handler)
     except OSError as error:
         raise MotionError(
             f"{LOOPBACK} port {port}: {error.strerror}; give another --port, or 0 for a free one"
@@ -102,3 +125,11 @@ def serve_pages(find: FindPage, port: int = 0) -> Iterator[str]:
         finally:
             server.shutdown()
             thread.join()
+
+
+class _Server(ThreadingHTTPServer):
+    """A server that says nothing about browsers that leave before they have their answer."""
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        if not isinstance(sys.exception(), ConnectionError):
+            super().handle_error(request, client_address)

@@ -6,7 +6,9 @@ from math import degrees
 from pathlib import Path
 from typing import Any
 
+from kinematics.files.atomic_files import Destination
 from kinematics.files.chunk_file import holds_chunks
+from planner.export.format import write_export_to
 from planner.interruption.section import Section, Whole
 from pulsepath.output import plan_directory, record
 from pulsepath.output.stored_plan import StoredPlan
@@ -40,9 +42,10 @@ def read_pulses(planned: StoredPlan) -> AbstractContextManager[Callable[[int, in
     return step("generating pulses" if file is None or not holds_chunks(file) else f"reading {file.name}")
 
 
-def write_section(made: Section, name: str, target: Path, force: bool, options: dict[str, Any]) -> dict[str, Any]:
-    """A stop, the way on or a slowed motion in an export format: its record."""
-    return record.of_export(name, str(target), made.export(name, target, force=force, **options))
+def write_section(made: Section, name: str, destination: Destination, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Write a stop, the way on or a slowed motion in an export format; return its record."""
+    exported = write_export_to(destination, made.export_source, name, options)
+    return record.of_export(name, str(destination.path), exported)
 
 
 def list_triggers(made: Section) -> list[dict[str, Any]]:

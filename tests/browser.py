@@ -3,6 +3,7 @@
 import json
 import shutil
 import subprocess
+from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from queue import Queue
 from threading import Thread
@@ -27,6 +28,17 @@ def browse(folder, page, *options):
     """What a browser prints of a page's file with these options (`--dump-dom`, `--print-to-pdf=…`)."""
     command = [CHROMIUM, *OPTIONS, f"--user-data-dir={folder / 'profile'}", *options, page.as_uri()]
     return subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+
+
+@contextmanager
+def visit(folder, url):
+    """Within, a browser shows the page at an address."""
+    command = [CHROMIUM, *OPTIONS, f"--user-data-dir={folder / 'profile'}", "--window-size=1400,900", url]
+    with (folder / "log").open("w") as log, subprocess.Popen(command, stdout=log, stderr=log) as browser:
+        try:
+            yield
+        finally:
+            browser.terminate()
 
 
 def act_in(folder, page, script, size="1400,900", *options):

@@ -12,6 +12,7 @@ import socket
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -54,12 +55,17 @@ class Link:
             return b""
 
     def send_bytes(self, data: bytes) -> bytes | None:
-        """What of the data could not be sent yet; None: nobody takes it any more."""
+        """Return the data that could not be sent yet; None: nobody takes it any more.
+
+        Raises OSError where the console's own output cannot be written, as to a full disk.
+        """
         try:
             return data[os.write(self.writes, data) :]
         except BlockingIOError:
             return data
         except OSError:
+            if self.script:
+                raise
             return None
 
 
@@ -156,11 +162,27 @@ class Socket(Transport):
                 client.close()
                 continue
             client.setblocking(False)
+            _keep_alive(client)
             self._open.append(client)
             found.append(Link(client.fileno(), client.fileno(), f"{host}:{port}", client.close, stranger=True))
 
     def close(self) -> None:
         self._listener.close()
+
+
+KEEP_ALIVE = {"TCP_KEEPIDLE": 60, "TCP_KEEPINTVL": 15, "TCP_KEEPCNT": 4}
+"""s until a silent connection is tested, s between tests, and the number of tests.
+
+Then a computer that is gone is noticed.
+"""
+
+
+def _keep_alive(client: socket.socket) -> None:
+    """Have the system close a connection whose other end is gone, so that it does not take a place for ever."""
+    client.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for name, value in KEEP_ALIVE.items():
+        if hasattr(socket, name):  # not on every system
+            client.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
 
 
 def require_pollable() -> None:
@@ -200,6 +222,11 @@ class Partial:
                 lines.append(_read(whole))
         return Partial(held + rest[: MAX_LINE_BYTES + 1 - len(held)]), tuple(lines)
 
+    @property
+    def is_binary(self) -> bool:
+        """True if it has a control character, as the first byte of a TLS connection is one."""
+        return any(byte < 0x20 and byte != 0x09 for byte in self.held)
+
     def broken_off(self) -> tuple[TextLine, ...]:
         """What is left when no more comes: a fault, since a line without its end may not be all of it."""
         return (TextLine("", "the input ended within a line"),) if self.held.strip(b" \t") else ()
@@ -227,7 +254,7 @@ class Trust:
     """What a link's lines have shown so far.
 
     known    whether one of them was a command: a computer that knows them may err as often as it likes
-    misread  how many were none before that
+    misread  how many were no commands before that
     shut     why the link is to be closed; "": it is not
     """
 
@@ -236,18 +263,20 @@ class Trust:
     shut: str = ""
 
     def read_line(self, line: TextLine, names: Sequence[str]) -> Trust:
-        """With a line; names: of the axes, in capitals."""
+        """Return the trust after a line; names: of the axes, in capitals.
+
+        A line of other bytes than text, or one that is too long, is of another protocol, whose contents may hold what
+        looks like a command.
+        """
         if self.known or self.shut:
             return self
+        if line.fault:
+            return replace(self, shut=line.fault)
         if not self.misread and HTTP.match(line.text):
             return replace(self, shut="HTTP is not accepted on this line")
-        try:
-            if not line.fault:
-                remote(line.text, names)
-                return replace(self, known=True)
-        except MisreadLine:
-            pass
+        with suppress(MisreadLine):
+            remote(line.text, names)
+            return replace(self, known=True)
         misread = self.misread + 1
-        return replace(
-            self, misread=misread, shut=f"{misread} lines were not commands" if misread >= MAX_MISREAD_LINES else ""
-        )
+        shut = f"{misread} lines were not commands" if misread >= MAX_MISREAD_LINES else ""
+        return replace(self, misread=misread, shut=shut)

@@ -177,7 +177,10 @@ def _prepend_replies(
 MAX_WAIT = 0.05
 """s after which links that have opened are looked for at the latest."""
 MAX_UNREAD_BYTES = 65536
-"""Bytes that wait for a reader at most: one that takes none of them is shut out."""
+"""Bytes that wait for a reader at most. A client that takes none of them is shut out; of a serial line, which cannot be
+opened again, further replies are dropped, and it is read on: its next line may be STOP."""
+FIRST_COMMAND_TIME = 10.0
+"""s that a client has for its first command: there are few places, and a silent client keeps others out."""
 
 
 class Clock:
@@ -210,6 +213,7 @@ class ServedLink:
 
     over   whether it has come to its end: it is still told what becomes of its lines
     trust  what its lines have shown it to be
+    opened  s, by the system's clock
     """
 
     link: Link
@@ -219,6 +223,7 @@ class ServedLink:
     over: bool = False
     trust: Trust = field(default_factory=Trust)
     unsent: bytes = b""
+    opened: float = field(default_factory=lambda: monotonic())
 
 
 class Server:
@@ -227,6 +232,7 @@ class Server:
     A pipe is read like a script, each line when what came before is done; STOP, and any line during a jog, at once.
 
     refused  how many of the console's lines did nothing
+    unwritten  why the console's replies cannot be written any more; None: they can
     save  is told of the desk and the time whenever a motion begins or ends, or what is known of home changes
     echo  is told what happens to remote lines: connected, gone
     """
@@ -244,6 +250,7 @@ class Server:
         self.desk, self.clock, self._save, self._echo = desk, clock, save, echo
         self._remote, self._next = tuple(remote), CONSOLE + 1
         self.refused = 0
+        self.unwritten: OSError | None = None
         self._links = [] if console is None else [ServedLink(console, CONSOLE)]
 
     @property
@@ -281,6 +288,7 @@ class Server:
         self._take(advance_time(self.desk, self.clock.now))
         for served in tuple(self._links):
             self._hear(served)
+            self._close_silent(served)
             if served.over and not (served.link.script or served.unsent or self._owes(served)):
                 self._end(served)
 
@@ -317,6 +325,21 @@ class Server:
             served.over, lines = True, served.partial.broken_off()
         served.held = (*served.held, *lines)
         self._hear(served)
+        if served.link.stranger and not served.trust.known and served.partial.is_binary:
+            self._shut_out(served, "bytes that are no text")
+
+    def _close_silent(self, served: ServedLink) -> None:
+        """Close a client that has given no command for too long."""
+        unknown = served.link.stranger and not (served.trust.known or served.over)
+        if unknown and monotonic() - served.opened > FIRST_COMMAND_TIME:
+            self._shut_out(served, f"no command within {FIRST_COMMAND_TIME:g} s")
+
+    def _shut_out(self, served: ServedLink, reason: str) -> None:
+        """Close a link, and say why on it and on the console."""
+        if served in self._links:
+            self._send(served, f"{ERROR} {reason}; closed{served.link.line_end}".encode())
+            self._echo(f"{served.link.name} shut out: {reason}")
+            self._end(served)
 
     def _hear(self, served: ServedLink) -> None:
         while served.held and served in self._links:
@@ -328,9 +351,7 @@ class Server:
             if served.link.stranger:
                 served.trust = served.trust.read_line(line, self.desk.session.drives.names)
                 if served.trust.shut:
-                    self._send(served, f"{ERROR} {served.trust.shut}; closed{served.link.line_end}".encode())
-                    self._echo(f"{served.link.name} shut out: {served.trust.shut}")
-                    self._end(served)
+                    self._shut_out(served, served.trust.shut)
                     return
             self._take(take_line(self.desk, served.who, line, self.clock.now))
 
@@ -352,11 +373,18 @@ class Server:
                 self._send(served, (text.replace("\n", end) + end).encode("ascii", "replace"))
 
     def _send(self, served: ServedLink, data: bytes) -> None:
-        rest = served.link.send_bytes(served.unsent + data) if served.unsent + data else b""
-        if rest is None or len(rest) > MAX_UNREAD_BYTES:
+        """Send what waits and a reply, as much as the link takes now."""
+        waiting = served.unsent + data
+        try:
+            rest = served.link.send_bytes(waiting) if waiting else b""
+        except OSError as error:
+            self.unwritten, rest = error, None
+        if rest is None or (served.link.stranger and len(rest) > MAX_UNREAD_BYTES):
             self._end(served)
-        else:
-            served.unsent = rest
+            return
+        if len(rest) > MAX_UNREAD_BYTES and len(rest) > len(data):
+            rest = rest[: -len(data)]  # only whole replies are dropped
+        served.unsent = rest
 
     def _end(self, served: ServedLink) -> None:
         if served in self._links:

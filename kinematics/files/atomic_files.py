@@ -92,10 +92,47 @@ def _make_directory(place: Path) -> tuple[Path, int | None]:
         return made, descriptor
 
 
+DISK_ERRNOS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
+"""Numbers of the errors of a disk that takes no more."""
+
+
+@contextmanager
+def name_file(path: Path, *staged: Path) -> Iterator[None]:
+    """Within, an error of the disk that names no file, or a staged one, names this one.
+
+    The system says nothing about the file when a write fails, and a library that then cannot finish its file may raise
+    an error of its own over that of the system.
+    """
+    try:
+        yield
+    except MotionError:
+        raise
+    except Exception as error:
+        failure = _find_disk_error(error)
+        if failure is None or failure.filename not in (None, *map(str, staged)):
+            raise
+        raise OSError(failure.errno, failure.strerror, str(path)) from error
+
+
+def _find_disk_error(error: BaseException | None) -> OSError | None:
+    """Return the first error of the disk among an error and what led to it."""
+    while error is not None:
+        if isinstance(error, OSError) and error.errno in DISK_ERRNOS:
+            return error
+        error = error.__cause__ or error.__context__
+    return None
+
+
+def write_named(path: Path, content: str | bytes) -> None:
+    """Write a file; text in UTF-8. An error of the disk names the file."""
+    with name_file(path):
+        path.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
 def write_whole(path: Path, content: str | bytes) -> None:
     """Write a file so that it is there complete or as it was before; text in UTF-8, its line ends as they are."""
     with stage_file(path) as file:
-        file.write_bytes(content.encode() if isinstance(content, str) else content)
+        write_named(file, content)
 
 
 @contextmanager
@@ -108,8 +145,10 @@ def stage_file(path: Path) -> Iterator[Path]:
     place = path.absolute()
     clear(place.parent)
     with stage_directory(place) as made:
-        yield staged_path(made, place)
-        staged_path(made, place).replace(place)
+        file = staged_path(made, place)
+        with name_file(path, file):
+            yield file
+        file.replace(place)
 
 
 def staged_path(made: Path, place: Path) -> Path:
@@ -159,7 +198,7 @@ class Destination:
     def write(self, content: str | bytes) -> None:
         """Write all of it; text in UTF-8, its line ends as they are. Raises as `stage_files`."""
         with self.stage() as file:
-            file.write_bytes(content.encode() if isinstance(content, str) else content)
+            write_named(file, content)
 
 
 @contextmanager
@@ -174,7 +213,10 @@ def stage_files(destinations: Sequence[Destination]) -> Iterator[list[Path]]:
             clear(folder)  # also where a directory of results stands, in which this one is
         made = [stack.enter_context(stage_directory(destination.place)) for destination in destinations]
         files = [staged_path(each, destination.place) for each, destination in zip(made, destinations, strict=True)]
-        yield files
+        with ExitStack() as naming:
+            for destination, file in zip(destinations, files, strict=True):
+                naming.enter_context(name_file(destination.path, file))
+            yield files
         with defer_signals():
             _put_all(destinations, made, files)
 

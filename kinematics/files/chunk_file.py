@@ -13,8 +13,10 @@
 All numbers have their little end first. The first chunk is the HEAD, a JSON object with `kind` and `schema` of what the
 file holds. A MARK, another JSON object, says that what is in the file so far is whole; the last one of a file that is
 finished has `"complete": true`, and nothing comes after it. Chunks of a kind in lower case are provisional: they count
-from the mark behind them until there is another. So a file that is cut anywhere still holds all that its last whole
+from the next mark until there is another. So a file that is cut anywhere still holds all that its last whole
 mark stands for, and one that goes on never has to be written over.
+
+A chunk has at most 2²⁸ bytes of contents.
 """
 
 import json
@@ -22,13 +24,14 @@ import os
 import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from math import inf, isfinite
 from os import PathLike
 from pathlib import Path
 from typing import Any, BinaryIO
 from zlib import crc32
 
 from kinematics.files.toml_document import unreadable_error
-from kinematics.foundation.errors import Fault, FileError
+from kinematics.foundation.errors import Fault, FileError, MotionError
 
 SIGNATURE = b"\x89PPB\r\n\x1a\n"
 """What such a file begins with; text modes and seven-bit lines would change it."""
@@ -37,6 +40,10 @@ HEAD, MARK = "HEAD", "MARK"
 START = struct.Struct("<8sI")
 HEADER, CHECKSUM = struct.Struct("<4sIQI"), struct.Struct("<I")
 HEADER_BYTES = HEADER.size + CHECKSUM.size
+MAX_CONTENTS = 1 << 28
+"""Bytes of the contents of a chunk, at most: as much is in memory at once."""
+MAX_INTEGER = (1 << 63) - 1
+"""Largest magnitude of an integer in a record: it fits into an int64."""
 AGAIN = "write it again"
 
 
@@ -93,6 +100,8 @@ class ChunkWriter:
             self.add(HEAD, _encode_record(head))
 
     def add(self, kind: str, contents: bytes) -> None:
+        if len(contents) > MAX_CONTENTS:
+            raise MotionError(f"a chunk of {len(contents)} bytes: write parts of at most {MAX_CONTENTS}")
         header = HEADER.pack(kind.encode("ascii"), self.number, len(contents), crc32(contents))
         self.file.write(header + CHECKSUM.pack(crc32(header)))
         self.file.write(contents)
@@ -179,10 +188,10 @@ def _read_start(file: BinaryIO, place: Path) -> None:
 
 def _check_head(head: Mapping[str, Any], kind: str, schema: int, place: Path) -> None:
     if head.get("kind") != kind:
-        raise _refusal(place, f"holds {head.get('kind')!r}, not {kind!r}", "give another file")
+        raise _refusal(place, f"holds {head.get('kind')!r:.60}, not {kind!r}", "give another file")
     if head.get("schema") != schema:
-        told = f"has {kind} of schema {head.get('schema')}, and this pulsepath reads schema {schema}"
-        raise _refusal(place, told, f"read it with the pulsepath that wrote it, or {AGAIN}")
+        message = f"has {kind} of schema {head.get('schema')!r:.60}, and this pulsepath reads schema {schema}"
+        raise _refusal(place, message, f"read it with the pulsepath that wrote it, or {AGAIN}")
 
 
 def _scan(file: BinaryIO, size: int) -> tuple[list[Chunk], str]:
@@ -199,6 +208,8 @@ def _scan(file: BinaryIO, size: int) -> tuple[list[Chunk], str]:
             return chunks, f"is damaged in the header of chunk {len(chunks)}, at byte {at}"
         if number != len(chunks):
             return chunks, f"has chunk {number} at byte {at}, where chunk {len(chunks)} should be"
+        if length > MAX_CONTENTS:
+            return chunks, f"states {length} bytes for chunk {number}, and a chunk has at most {MAX_CONTENTS}"
         chunk = Chunk(kind.decode("ascii", "replace"), number, at + HEADER_BYTES, length, checksum)
         if chunk.end > size:
             return chunks, f"is cut at byte {size}, within chunk {number}, which ends at byte {chunk.end}"
@@ -216,6 +227,29 @@ def _read_contents(file: BinaryIO, chunk: Chunk, place: Path) -> bytes:
     return contents
 
 
+def read_integer(value: object, least: int = -MAX_INTEGER, most: int = MAX_INTEGER) -> int:
+    """Return a whole number of a record, as JSON has it. Raises ValueError for anything else, and out of its range."""
+    if type(value) is not int or not least <= value <= most:
+        raise ValueError(f"{_shorten(value)} is no whole number from {least} to {most}")
+    return value
+
+
+def read_number(value: object, least: float = -inf) -> float:
+    """Return a finite number of a record, as JSON has it. Raises ValueError for anything else, and below `least`."""
+    if type(value) is float or (type(value) is int and abs(value) <= MAX_INTEGER):
+        number = float(value)
+        if isfinite(number) and number >= least:
+            return number
+    raise ValueError(f"{_shorten(value)} is no finite number{f' from {least:g} on' if isfinite(least) else ''}")
+
+
+def _shorten(value: object) -> str:
+    """Return a value for a message: an integer of many digits, and a deep list, have no text that can be read."""
+    if type(value) is int and abs(value) > MAX_INTEGER:
+        return "an integer beyond 63 bits"
+    return f"{value!r:.60}" if isinstance(value, str | int | float | None) else f"a {type(value).__name__}"
+
+
 def _encode_record(record: Mapping[str, Any]) -> bytes:
     return json.dumps(record, ensure_ascii=False, separators=(",", ":")).encode()
 
@@ -223,7 +257,7 @@ def _encode_record(record: Mapping[str, Any]) -> bytes:
 def _read_record(file: BinaryIO, chunk: Chunk, place: Path) -> Mapping[str, Any]:
     try:
         record = json.loads(_read_contents(file, chunk, place))
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise _refusal(place, f"chunk {chunk.number} ({chunk.kind}) is no JSON: {error}", AGAIN) from None
     if not isinstance(record, dict):
         raise _refusal(place, f"chunk {chunk.number} ({chunk.kind}) is not a JSON object", AGAIN)

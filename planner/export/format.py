@@ -180,9 +180,14 @@ def write_export(
     source: ExportSource, name: str, path: str | PathLike[str], force: bool, options: Mapping[str, Any]
 ) -> Exported:
     """What `Plan.export` does; the file is there whole or not at all."""
-    format_ = make_with(find_format(name), f"format {name}", options)
     place = Path(path)
     require_folder(f"export {place}", place)
     target = Destination(place, force=force, remedy="give force=True to replace it, or another path")
-    with target.stage() as file:
+    return write_export_to(target, source, name, options)
+
+
+def write_export_to(destination: Destination, source: ExportSource, name: str, options: Mapping[str, Any]) -> Exported:
+    """Write a file in the format called `name`, whole or not at all. Raises as `export` and `Destination.stage`."""
+    format_ = make_with(find_format(name), f"format {name}", options)
+    with destination.stage() as file:
         return export(format_, name, source, file)

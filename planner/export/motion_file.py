@@ -6,9 +6,9 @@ It is a file of `kinematics.files.chunk_file`, which grows as `planner.export.fo
     PART   JSON: how a part of a motion begins that was planned in parts: begin (s) and length (m) from the start of
            the whole; step: the first of its pieces of the whole path, steps: how many; near: coordinates (m or rad) of
            the axes near which it begins. In what follows time and path length count from there, path pieces likewise.
-    MOTN   uint64 pieces n; deflated (zlib, RFC 1950): the bytes of 6n + 1 numbers, first the lowest byte of all, then
-           the next, up to the eighth; of float64 (little-endian) n + 1 knots, of which the first is the last of the
-           chunk before, n s, n v, n a, n j as `Trajectory` has them, and of int64 n indices of path pieces
+    MOTN   uint64 pieces n, at most 2¹⁴; deflated (zlib, RFC 1950): the bytes of 6n + 1 numbers, first the lowest byte
+           of all, then the next, up to the eighth; of float64 (little-endian) n + 1 knots, of which the first is the
+           last of the chunk before, n s, n v, n a, n j as `Trajectory` has them, and of int64 n indices of path pieces
     part, motn   the same of a stop that the next chunks replace: it counts while the mark behind it is the last
     MARK   JSON: complete, duration (s), pieces (how many)
 
@@ -29,7 +29,15 @@ from zlib import error as ZlibError
 import numpy as np
 
 from kinematics import Fault, FileError, Machine, MotionError, Pose
-from kinematics.files.chunk_file import Chunk, ChunkWriter, open_chunks, resume_chunks
+from kinematics.files.chunk_file import (
+    Chunk,
+    ChunkFile,
+    ChunkWriter,
+    open_chunks,
+    read_integer,
+    read_number,
+    resume_chunks,
+)
 from kinematics.foundation.arrays import Array
 from planner.certificate.continuity import piece_end_lengths
 from planner.path.actuation import ActuatorPath, MachinePath
@@ -41,7 +49,7 @@ PIECES = ("s", "v", "a", "j", "piece")
 KIND, SCHEMA = "pulsepath motion", 1
 UNITS = {"knots": "s", "s": "m", "v": "m/s", "a": "m/s^2", "j": "m/s^3", "piece": ""}
 MAX_CHUNK_PIECES = 1 << 14
-"""What bounds the memory of those who write and read, beside the motion itself."""
+"""Pieces in a chunk, at most: what bounds the memory of those who write and read, beside the motion itself."""
 COUNT = struct.Struct("<Q")
 LEVEL = 1
 """Of zlib: most bytes of such numbers are as good as random."""
@@ -124,7 +132,8 @@ class MotionWriter:
             if chunk.kind == "PART":
                 kept = kept.begin(_decode_head(contents, chunk, path))
             elif not chunk.kind.islower():
-                knots, columns = _decode(contents, chunk, path)
+                left = _count_left(held, kept)
+                knots, columns = _decode(contents, chunk, path, left)
                 kept = replace(kept, pieces=kept.pieces + len(columns[0]), knot=float(knots[-1]))
         return cls(resume_chunks(held, file), kept)
 
@@ -187,7 +196,7 @@ def motion_parts(path: Path, partial: bool = False) -> Iterator[PieceBatch]:
             except MotionError as error:
                 raise _refusal(path, f"chunk {chunk.number}: {error}") from None
             continue
-        knots, columns = _decode(contents, chunk, path)
+        knots, columns = _decode(contents, chunk, path, _count_left(held, reached))
         if reached.knot is not None and knots[0] != reached.knot:
             told = f"begins at {knots[0]} s, where the one before ends at {reached.knot} s"
             raise _refusal(path, f"chunk {chunk.number} {told}")
@@ -198,8 +207,17 @@ def motion_parts(path: Path, partial: bool = False) -> Iterator[PieceBatch]:
 
 
 def read_duration(path: Path) -> float:
-    """s, of the whole motion in a file, as its last mark states it. Raises FileError as `motion_parts`."""
-    return float(open_chunks(path, KIND, SCHEMA).mark.get("duration", 0.0))
+    """Return the duration (s) of the whole motion in a file, as its last mark states it. Raises as `motion_parts`."""
+    try:
+        return read_number(open_chunks(path, KIND, SCHEMA).mark.get("duration"), 0.0)
+    except ValueError as error:
+        raise _refusal(path, f"states no duration: {error}") from None
+
+
+def _count_left(held: ChunkFile, reached: _FileEnd) -> int:
+    """Return how many pieces follow, as the last mark of a file states."""
+    pieces = held.mark.get("pieces")
+    return pieces - reached.pieces if type(pieces) is int else 0
 
 
 def join_parts(parts: Iterable[PieceBatch]) -> Iterator[PieceBatch]:
@@ -225,6 +243,7 @@ def read_motion(path: Path, along: ActuatorPath, partial: bool = False) -> Traje
     """The trajectory in a file, along its whole path. Raises FileError where it is damaged or belongs to another."""
     knots: list[Array] = []
     columns: list[list[Array]] = [[] for _ in PIECES]
+    before = Fraction(0)  # s, exactly: the duration is what the file states, to the last bit
     for part in join_parts(motion_parts(path, partial)):
         _check_numbers(part, path)
         begin, first = 0.0, 0
@@ -232,7 +251,8 @@ def read_motion(path: Path, along: ActuatorPath, partial: bool = False) -> Traje
             begin = part.head.begin
             first = int(np.abs(along.breaks - part.head.length).argmin())  # rounding of the sums of lengths apart
         knots.append(begin + part.knots[:-1])
-        end = begin + float(part.knots[-1])
+        before += Fraction(float(part.knots[-1]))
+        end = float(before)
         shift = float(along.breaks[first]) if first else 0.0
         for held, values, by in zip(columns, part.columns, (shift, 0.0, 0.0, 0.0, first), strict=True):
             held.append(values + by if by else values)
@@ -295,6 +315,9 @@ def follow_motion(
         if head.step not in (skipped, first):
             raise _refusal(path, f"the part from {head.begin} s does not continue the path of the previous part")
         del ahead[: head.step - skipped]
+        if head.near is not None and len(head.near) != len(machine.axes):
+            counts = f"{len(head.near)} coordinates, and the machine has {len(machine.axes)} axes"
+            raise _refusal(path, f"the part from {head.begin} s begins near {counts}")
         skipped, after = head.step, head.step + head.steps
         ahead += islice(steps, max(0, head.steps - len(ahead)))
         own = ahead[: head.steps]
@@ -359,35 +382,44 @@ def _encode(motion: Trajectory, first: int, last: int) -> bytes:
     return COUNT.pack(last - first) + compress(words.reshape(-1, 8).T.tobytes(), LEVEL)
 
 
-def _decode(contents: bytes, chunk: Chunk, path: Path) -> tuple[Array, list[Array]]:
-    """Knots, and s, v, a, j and piece."""
+def _decode(contents: bytes, chunk: Chunk, path: Path, left: int) -> tuple[Array, list[Array]]:
+    """Return knots, and s, v, a, j and piece; left: how many pieces the file has from this chunk on, as it states."""
     try:
         (count,) = COUNT.unpack_from(contents)
+        most = min(left, MAX_CHUNK_PIECES)
+        if not 0 < count <= most:
+            raise ValueError(f"it states {count} pieces, and there are 1 to {most}")
         inflate, size = decompressobj(), 8 * (6 * count + 1)
         planes = inflate.decompress(contents[COUNT.size :], size)
-        if not count or len(planes) != size or not inflate.eof or inflate.unused_data:
+        if len(planes) != size or not inflate.eof or inflate.unused_data:
             raise ValueError(f"{count} pieces do not have {len(planes)} bytes")
     except (struct.error, ZlibError, ValueError) as error:
         raise _chunk_error(path, chunk, error) from None
     words = np.ascontiguousarray(np.frombuffer(planes, np.uint8).reshape(8, -1).T).reshape(-1)
     numbers = words[: 8 * (5 * count + 1)].view("<f8").astype(float)
     piece = words[8 * (5 * count + 1) :].view("<i8").astype(int)
+    if not np.isfinite(numbers).all():
+        raise _chunk_error(path, chunk, ValueError("numbers that are not finite do not make a motion"))
     return numbers[: count + 1], [*np.split(numbers[count + 1 :], 4), piece]
 
 
 def _decode_head(contents: bytes, chunk: Chunk, path: Path) -> PartHead:
     try:
-        told = json.loads(contents)
-        near = told["near"]
-        begin, length, step, steps = (kind(told[name]) for name, kind in HEAD_NUMBERS.items())
-        if not (begin >= 0 and length >= 0 and step >= 0 and steps > 0):
-            raise ValueError(f"{told}")
-        return PartHead(begin, length, step, steps, None if near is None else tuple(map(float, near)))
-    except (ValueError, TypeError, KeyError) as error:
+        record = json.loads(contents)
+        near = record["near"]
+        return PartHead(
+            read_number(record["begin"], 0.0),
+            read_number(record["length"], 0.0),
+            read_integer(record["step"], 0, MAX_STEPS),
+            read_integer(record["steps"], 1, MAX_STEPS),
+            None if near is None else tuple(read_number(value) for value in near),
+        )
+    except (ValueError, TypeError, KeyError, RecursionError) as error:
         raise _chunk_error(path, chunk, error) from None
 
 
-HEAD_NUMBERS = {"begin": float, "length": float, "step": int, "steps": int}
+MAX_STEPS = 1 << 62
+"""Pieces of a path, at most: sums of two such numbers fit into an int64."""
 
 
 def _chunk_error(path: Path, chunk: Chunk, error: Exception) -> FileError:

@@ -4,17 +4,19 @@ The nearest rest is sought to which a motion is found that keeps every limit (`p
 always one: the motion goes on to a rest of its own.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kinematics.foundation.arrays import Array
+from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import count_noun
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
-from planner.certificate.certify import certify
+from planner.certificate.certify import Certificate, certify, find_place, use_at_knots
 from planner.interruption.instant import (
+    REST_SHARE,
     Instant,
     Running,
     cut_motion,
@@ -46,24 +48,18 @@ SAME_STOP = 1e-7
 
 
 def hold(whole: Whole, at: float, during: Section | None = None) -> Section:
-    """The soonest stop along the path from an instant (s) of a plan, on a whole tick of its clock.
+    """Compute the soonest stop along the path from an instant (s) of a plan, on a whole tick of its clock.
 
     during: a section of the plan that runs instead, from whose start on the instant counts.
 
-    Behind input shapers the motion may rest while copies of it still move: the stop is then to let these run out.
-    Constant speeds that segments ask for are left. Raises MotionError for an instant that is none of the motion's, and
-    for one at which it rests.
+    At a rest the stop is empty: a trajectory of zero length, without pulses except one that is due already. After the
+    input shapers the axes may still move while the motion before the shapers rests: the stop then lasts until they
+    rest too. Constant speeds that segments require are not kept. Raises MotionError for an instant outside the motion.
     """
     running = find_running(whole, during)
     refuse_instant("hold", at, running, during)
     t, sent = running.round_to_tick(at)
-    stop = _stop(whole, running, t)
-    if stop is None:
-        of = "plan" if during is None else during.what
-        raise MotionError(
-            f"hold at {t:.6f} s: the {of} rests there, or nearly, so that nothing is to stop; to go on from there, "
-            'override at a share of 1 (pulsepath override --speed "100 %" --at …)'
-        )
+    stop = _stop(whole, running, at, t)
     return make_section(whole, "hold", *stop[:5], sent, t, stop.shaped)
 
 
@@ -76,15 +72,57 @@ def refuse_instant(what: str, at: float, running: Running, during: Section | Non
         )
 
 
-def _stop(whole: Whole, running: Running, t: float) -> Proved | None:
-    """The soonest from an instant on; None where nothing moves."""
+def _stop(whole: Whole, running: Running, at: float, t: float) -> Proved:
+    """The soonest stop from an instant (s), whose tick is at t (s)."""
     motion, copies = running.trajectory, find_copies(whole.machine.axes)
     now = look(motion, running.since + t)
-    rest = find_rest(motion, now) or find_near_rest(motion, now)
+    rest = _find_rest_at(running, at) or find_near_rest(motion, now)
     if rest is None:
         stop = _solve_stop(whole, running, now)
         return stop if copies is None else shape_section(whole, running, now, stop, copies)
-    return None if copies is None else _run_out(whole, running, running.since + t, rest, copies)
+    run_out = None if copies is None else _run_out(whole, running, running.since + t, rest, copies)
+    return run_out or _stand(whole, rest, t)
+
+
+def _find_rest_at(running: Running, at: float) -> Instant | None:
+    """Where a rest begins that the motion is in at an instant (s), or less than a tick from it; None where it moves."""
+    motion = running.trajectory
+    tick = 1 / running.pulses.clock_hz
+    time = running.since + at
+    ending = running.duration - at < tick
+    now = look(motion, motion.duration if ending else time)
+    rest = find_rest(motion, now)
+    if rest is not None:
+        return rest
+    still = np.flatnonzero(motion.v <= REST_SHARE * motion.v.max())
+    near = still[np.abs(motion.knots[still] - time) < tick]
+    return find_rest(motion, look(motion, float(motion.knots[near[0]]))) if len(near) else None
+
+
+def _stand(whole: Whole, rest: Instant, t: float) -> Proved:
+    """An empty stop from an instant t (s) at a rest: a motion of zero length along a path of zero length."""
+    begun = int(np.clip(find_piece(whole.path, rest.s), 0, len(whole.path.pieces) - 1))
+    piece = whole.path.pieces[begun]
+    start = piece.start + rest.s - float(whole.path.breaks[begun])
+    piece = replace(piece, length=0.0, turn=0.0, start=start, constant=False)
+    ends = np.ones(2, int), np.zeros(2)
+    path = MachinePath(whole.machine, [piece], *ends, tool=whole.tool, near=rest.q, origin=(rest.s, t))
+    zero = np.zeros(1)
+    motion = Trajectory(path, np.zeros(2), zero, zero, zero, zero, np.zeros(1, int))
+    limits = whole.limits(path)
+    return Proved(path, limits, motion, _certify_standing(motion, limits), rest.s)
+
+
+def _certify_standing(motion: Trajectory, limits: Sequence[Limit]) -> Certificate:
+    """Certify a motion at rest: it has one state, in which each limit has one value."""
+    use = use_at_knots(motion, limits)
+    return Certificate(
+        holds=all(float(values.max()) <= 1 for values in use.values()),
+        worst={name: float(values.max()) for name, values in use.items()},
+        where={name: find_place(motion, limits, name, 0) for name in use},
+        use={name: freeze_array(values) for name, values in use.items()},
+        attained={name: freeze_array(values) for name, values in use.items()},
+    )
 
 
 def shape_section(whole: Whole, running: Running, now: Instant, made: Proved, copies: Copies) -> Proved:
@@ -210,16 +248,15 @@ def find_stops(whole: Whole, count: int, progress: Progress = ignore_progress) -
     for n, t in enumerate(instants):
         place = look(whole.trajectory, t).s
         try:
-            stop = _stop(whole, running, t)
-            if stop is not None:
+            stop = _stop(whole, running, t, t)
+            if stop.shaped is not None:
                 refuse_unkept(stop.limits, stop.shaped)
-        except MotionError as no:
-            refused.append((t, no))
+        except MotionError as error:
+            refused.append((t, error))
         else:
-            rest = (0.0, 0.0) if stop is None else (stop.duration, measure_way(stop.path, stop.shaped))
-            found.append((t, place, *rest))
+            found.append((t, place, stop.duration, measure_way(stop.path, stop.shaped)))
         progress(n + 1, len(instants))
     if not found:
         raise refused[0][1]
     t_s, places, times, distances = np.array(found).T
-    return Stops(whole.name, t_s, places, times, distances, tuple((t, str(no)) for t, no in refused))
+    return Stops(whole.name, t_s, places, times, distances, tuple((t, str(error)) for t, error in refused))

@@ -85,7 +85,8 @@ def find_running(whole: Whole, during: Section | None) -> Running:
     path = base.path
     assert isinstance(path, MachinePath)
     begin = path.origin[0]
-    motion = replace(shift_motion(base, begin, find_piece(whole.path, begin)), path=whole.path)
+    piece = min(find_piece(whole.path, begin), len(whole.path.pieces) - 1)  # an empty stop may be at the end
+    motion = replace(shift_motion(base, begin, piece), path=whole.path)
     since = 0.0 if shaped is None else shaped.since
     fires = tuple((event, _time(during.fire(event))) for event in during.sent.left)
     own = during.certificate, during.pulses, during.machine, since, during.duration, during.counted

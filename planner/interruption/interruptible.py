@@ -23,11 +23,13 @@ class Interruptible(ABC):
 
     @check_arguments()
     def hold(self, at: Annotated[float, Unit("s")], during: Section | None = None) -> Section:
-        """The soonest stop along the path from an instant `at` (s) on: certified, with pulses behind those sent before.
+        """Compute the soonest certified stop along the path from an instant `at` (s); its pulses continue the plan's.
+
+        At a rest the stop is empty: it takes no time, goes no way and has no pulses.
 
         during: a section that runs instead of the plan, as one that `override` gave; `at` counts from its start.
 
-        Raises MotionError for an instant at which it does not move (`planner.interruption.hold`).
+        Raises MotionError for an instant outside the motion (`planner.interruption.hold`).
         """
         return hold(self.whole(), at, during)
 

@@ -1,6 +1,8 @@
 """A section of a plan's path with a motion of its own: certified, with pulses that go on with those before it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from os import PathLike
 from typing import Any
 
@@ -209,12 +211,21 @@ class Section(Result):
 
     @check_arguments()
     def export(self, format: str, path: str | PathLike[str], *, force: bool = False, **options: Any) -> Exported:
-        """As `planner.Plan.export` writes a plan."""
-        name, sent = f"{self.name}-{self.what}", self.sent.pulses
-        source = ExportSource(
-            name, self.machine, self.trajectory, self.pulses, made=self.counted, since=self.at, sent=sent
+        """Write it in an export format, as `planner.Plan.export` writes a plan."""
+        return write_export(self.export_source, format, path, force, options)
+
+    @property
+    def export_source(self) -> ExportSource:
+        """The motion and the pulses for an export format."""
+        return ExportSource(
+            f"{self.name}-{self.what}",
+            self.machine,
+            self.trajectory,
+            self.pulses,
+            made=self.counted,
+            since=self.at,
+            sent=self.sent.pulses,
         )
-        return write_export(source, format, path, force, options)
 
     def tables(self) -> tuple[Table, ...]:
         """How long it takes and how far it goes; what is proved of it."""
@@ -260,6 +271,11 @@ def make_section(
     """
     axes, home, pulses = whole.machine.axes, whole.machine.home_q, whole.pulses
     moves: AxesMotion = trajectory
+    standing = shaped is None and trajectory.duration == 0
+    if standing:  # for one tick of the rule, in which a pulse that is due can fall
+        tick = find_rule(pulses.rule).grain(pulses.clock_hz) / pulses.clock_hz
+        moves = replace(trajectory, knots=np.array([0.0, tick]))
+        axes = tuple(replace(axis, shaper=None) for axis in axes)
     if shaped is not None:
         refuse_unkept(limits, shaped)
         moves = shaped.motion
@@ -267,7 +283,8 @@ def make_section(
             moves = JoinedMotion.of(MotionSpan(moves, shaped.since, moves.duration))
         axes = tuple(replace(axis, shaper=None) for axis in axes)  # it is shaped
     motors = counted_motion(moves, axes, home, sent.plays)
-    own = generate(motors, axes, home, pulses.clock_hz, pulses.rule, sent=sent.pulses)
+    fire = partial(generate, motors, axes, home, pulses.clock_hz, pulses.rule)
+    fired = replace(_fire_standing(fire, sent), duration=0.0) if standing else fire(sent=sent.pulses)
     return Section(
         what,
         whole.name,
@@ -277,13 +294,31 @@ def make_section(
         trajectory,
         certificate,
         motors,
-        own,
+        fired,
         since,
         at,
         shaped,
         whole.trajectory,
         sent,
     )
+
+
+def _fire_standing(fire: Callable[..., PulseSchedule], sent: Sent) -> PulseSchedule:
+    """Return the pulses of axes that stand: none, but for the last one of their way there if it has not been sent.
+
+    A rule that lags by more is left where it is: the bound says by how much.
+    """
+    standing = fire()
+    if not sent.pulses:
+        return standing
+    missing = [axis.start - one.count for axis, one in zip(standing.axes, sent.pulses, strict=True)]
+    if max(map(abs, missing)) <= 1:
+        return fire(sent=sent.pulses)
+    axes = (
+        replace(axis, start=one.count, bound=axis.bound + abs(pulses))
+        for axis, one, pulses in zip(standing.axes, sent.pulses, missing, strict=True)
+    )
+    return replace(standing, axes=tuple(axes))
 
 
 def refuse_other(whole: Whole, section: Section) -> None:

@@ -50,10 +50,16 @@ def calibrate(
     writes(out)
     refuse_unknown(machine=machine)
     from kinematics.foundation.names import count_noun, find
-    from pulsepath.output.directory import CALIBRATION, CALIBRATION_KIND, REPORT, refuse_overwrite, replace_directory
+    from pulsepath.output.directory import (
+        CALIBRATION,
+        CALIBRATION_KIND,
+        REPORT,
+        list_replaceable,
+        replace_directory,
+    )
     from pulsepath.progress import detail, step
 
-    refuse_overwrite(out, force, CALIBRATION_KIND)
+    before = list_replaceable(out, force, CALIBRATION_KIND)
     find("kinematics.calibration", "measurement file", measurements)  # refuses an unknown name
     from kinematics.calibration.measurement_file import load_measurements
     from kinematics.machine.machine_file import validate_machine_file
@@ -67,9 +73,8 @@ def calibrate(
         "machine": find("kinematics", "machine", machine).read_bytes(),
         "measurements": find("kinematics.calibration", "measurement file", measurements).read_bytes(),
     }
-    with replace_directory(
-        out, force, CALIBRATION_KIND
-    ) as folder:  # where nothing can be written, that is said before the work
+    # Where nothing can be written, that is said before the work.
+    with replace_directory(out, force, CALIBRATION_KIND, before) as folder:
         with step(f"identifying {nominal.name} from {count_noun(len(measured), 'measurement')}"):
             found = calibration.calibrate(nominal, measured, [part.strip() for part in model.split(",")], use=use)
         detail(

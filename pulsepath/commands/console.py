@@ -148,6 +148,8 @@ def console(
                 server.finish()
                 tell(f"interrupted: {server.desk.session.describe(server.clock.now)}, {keeper.describe}")
                 click.get_current_context().exit(end.code)
+        if server.unwritten is not None:
+            raise OSError(server.unwritten.errno, server.unwritten.strerror, "standard output")
         if server.refused and terminal is None:
             click.get_current_context().exit(BAD_INPUT)
 

@@ -57,7 +57,7 @@ def hold(
 
     The stop is as soon as the limits allow, and has pulses. Reads the plan and proves it again. The stop continues
     the plan's motion and pulses from TIME; its file starts there, at time 0. Constant speeds that segments require
-    are not kept.
+    are not kept. At a rest the stop is empty: it takes no time and has no pulses.
 
     Example: pulsepath hold out/circle --at "1.2 s" --format steps --out stop.bin
     """
@@ -84,8 +84,7 @@ def hold(
         raise BadValue(f"{out}: a table of stops is written as {', '.join(TABLE_SUFFIXES)}; give a name that ends so")
     targets = [target for target in (out, resume) if target is not None]
     refuse_no_plan(directory)
-    for target in targets:
-        Destination(target, force=force)  # refuses a file that is there
+    destinations = [Destination(target, force=force) for target in targets]
     writes(*targets)
     instant = None if at is None else read_instant(directory, at)
     from planner.interruption.hold import find_stops
@@ -100,8 +99,9 @@ def hold(
     if stops is not None:
         with step("computing stops") as tell:
             found = find_stops(whole, stops, tell)
-        if out is not None:
-            found.save(out, force=force)
+        for destination in destinations:
+            with destination.stage() as file:
+                found.files()[destination.path.suffix](file)
         if as_json:
             rows = {name: values.tolist() for name, values in (("t_s", found.t), ("s_m", found.place))}
             rests = {"time_to_rest_s": found.time.tolist(), "distance_to_rest_m": found.distance.tolist()}
@@ -117,7 +117,9 @@ def hold(
             made.append(go_on(whole, made[0], share))
     options = {} if name is None else STOPS.options_of(name, given)
     files = [
-        write_section(each, name, target, force, options) for each, target in zip(made, targets, strict=False) if name
+        write_section(each, name, destination, options)
+        for each, destination in zip(made, destinations, strict=False)
+        if name
     ]
     if as_json:
         told = {

@@ -48,7 +48,7 @@ def import_(
     """
     image = figure or out.with_suffix(".png")
     writes(out, image)
-    from kinematics.files.atomic_files import Destination, stage_files
+    from kinematics.files.atomic_files import Destination, name_file, stage_files
     from kinematics.foundation.errors import MotionError
     from kinematics.foundation.names import count_noun
     from pulsepath.format_options import IMPORTS
@@ -94,7 +94,7 @@ def import_(
         title = f"{imported.program.name}, imported from {file.name} ({name})"
         outliner = Outliner(imported.program)
         segments = outliner.follow(imported.program.segments)
-        with written.open("w", encoding="utf-8") as target:
+        with name_file(written), written.open("w", encoding="utf-8") as target:
             lines = program_lines(imported.program, title, source=file.name, segments=segments)
             target.writelines(f"{line}\n" for line in lines)
         way = outliner.finish()

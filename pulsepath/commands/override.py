@@ -58,8 +58,9 @@ def override(
         raise BadValue("--format and --out go together: give both to write the motion, or none to see what it takes")
     share = read_speed_share(speed)
     refuse_no_plan(directory)
+    destination = None
     if out is not None:
-        Destination(out, force=force)  # refuses a file that is there
+        destination = Destination(out, force=force)
         writes(out)
     instant = None if at is None else read_instant(directory, at)
     from planner.interruption.override import override as change_speed
@@ -72,8 +73,8 @@ def override(
     with step("computing the motion"):
         made = change_speed(whole, share, instant)
     files = []
-    if name is not None and out is not None:
-        files.append(write_section(made, name, out, force, EXPORTS.options_of(name, given)))
+    if name is not None and destination is not None:
+        files.append(write_section(made, name, destination, EXPORTS.options_of(name, given)))
     if as_json:
         told = {
             "speed": share,

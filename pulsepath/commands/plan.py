@@ -224,11 +224,11 @@ def plan(
         CHECKPOINT,
         fill_directory,
         find_unfinished,
-        refuse_overwrite,
+        list_replaceable,
         replace_directory,
     )
 
-    refuse_overwrite(out, force)
+    before = list_replaceable(out, force)
     seconds = None if duration is None else read_quantity("--duration", duration, "s", above=0.0)
     if effort is not None and gap is None:
         raise click.UsageError("--effort is of --gap.", click.get_current_context())
@@ -293,7 +293,8 @@ def plan(
         whole["--pulses csv"] = pulses == "csv"
         if choose_parts(stream, inputs, rule, [option for option, asked in whole.items() if asked]):
             writes(out, checkpoint=find_unfinished(out) / CHECKPOINT)
-            with open_helpers(cluster) as helpers, fill_directory(out, force, resume, CHECKPOINT) as folder:
+            filled = fill_directory(out, force, resume, CHECKPOINT, before)
+            with open_helpers(cluster) as helpers, filled as folder:
                 firing = Firing(clock_hz, rule, pulses != "none")
                 standing, no = run_parts(inputs, kind, firing, folder, figures, keep, helpers)
             tables.show_plan(out, as_json, standing.tables, lambda: tables.sum_up_parts(standing))
@@ -301,7 +302,8 @@ def plan(
                 raise no
             return
         _refuse_without_parts(parts)
-        with replace_directory(out, force) as folder:  # where nothing can be written, that is said before the work
+        # Where nothing can be written, that is said before the work.
+        with replace_directory(out, force, before=before) as folder:
             with inputs.tell_lines():
                 job = run(
                     inputs.program,

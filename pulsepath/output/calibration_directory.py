@@ -11,6 +11,7 @@ import numpy as np
 from kinematics.calibration import Calibration
 from kinematics.calibration.checks import axis_checks
 from kinematics.calibration.result import GROUPS, describe_combination, identified_pulses
+from kinematics.files.atomic_files import name_file, write_named
 from kinematics.files.plain_text import finite_or_none
 from kinematics.foundation.arrays import Array
 from kinematics.machine.machine_writer import machine_toml
@@ -28,10 +29,11 @@ def write(folder: Path, calibration: Calibration, sources: dict[str, bytes]) -> 
     from benchmarks.reports.calibration_report import write_calibration_report
 
     for what, name in SOURCES.items():
-        (folder / name).write_bytes(sources[what])
-    (folder / MACHINE).write_text(machine_toml(calibration.machine, _comment(calibration)), encoding="utf-8")
-    write_calibration_report(calibration, folder / REPORT)
-    (folder / CALIBRATION).write_text(as_json(seal_record(record(calibration, sources), folder)), encoding="utf-8")
+        write_named(folder / name, sources[what])
+    write_named(folder / MACHINE, machine_toml(calibration.machine, _comment(calibration)))
+    with name_file(folder / REPORT):
+        write_calibration_report(calibration, folder / REPORT)
+    write_named(folder / CALIBRATION, as_json(seal_record(record(calibration, sources), folder)))
 
 
 def record(calibration: Calibration, sources: dict[str, bytes]) -> Record:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from kinematics import Machine, MotionError
+from kinematics.files.atomic_files import name_file
 from planner.avoidable_stops import AvoidableStops
 from planner.certificate.certify import Certificate
 from planner.path.outcome import FitSummary
@@ -65,7 +66,7 @@ def write_checkpoint(folder: Path, of: Mapping[str, Any], reached: Checkpoint) -
         "waiting": [asdict(crossing) for crossing in reached.mark.waiting],
     }
     new = folder / f"{CHECKPOINT}.new"
-    with new.open("w", encoding="utf-8") as file:
+    with name_file(folder / CHECKPOINT), new.open("w", encoding="utf-8") as file:
         json.dump(record, file)
         file.flush()
         os.fsync(file.fileno())

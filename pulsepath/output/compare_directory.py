@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kinematics.files.atomic_files import Destination, stage_files
+from kinematics.files.atomic_files import Destination, stage_files, write_named
 from kinematics.foundation.errors import MotionError
 from pulsepath.output.directory import CELLS, COMPARISON, COMPARISON_KIND, REPORT
 
@@ -51,4 +51,4 @@ def write(
     to[0].place.parent.mkdir(parents=True, exist_ok=True)
     with stage_files(to) as files:
         for file, content in zip(files, (page, runs_csv(comparison), text), strict=True):
-            file.write_bytes(content.encode())
+            write_named(file, content)

@@ -6,10 +6,12 @@ import os
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from shutil import rmtree
 
 from kinematics.files.atomic_files import (
+    DISK_ERRNOS,
     OCCUPIED_ERRNOS,
     Destination,
     Stamp,
@@ -19,11 +21,12 @@ from kinematics.files.atomic_files import (
     stage_directory,
     stage_files,
     stamp,
+    write_named,
 )
 from kinematics.files.leftovers import NEW, OLD, clear, lock
 from kinematics.foundation.errors import BadValue, MotionError
 from pulsepath.options import read_percent, read_quantity
-from pulsepath.process.exits import read_reached
+from pulsepath.process.exits import find_file, read_reached
 from pulsepath.progress import note
 
 RECORD, KIND = "plan.json", "pulsepath plan"
@@ -45,6 +48,9 @@ TRIGGERS = "triggers.csv"
 """Only where the program of a plan has triggers."""
 
 
+Content = frozenset[tuple[str, Stamp]]
+"""All that is in a directory, by path, with the stamp of each."""
+
 PLAIN_NUMBER = re.compile(r"\s*(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\s*", re.ASCII)
 
 
@@ -61,6 +67,17 @@ def refuse_overwrite(target: Path, force: bool, kind: str = KIND) -> None:
         raise MotionError(f"{target} exists and is not empty; give another --out, or --force to replace it")
     if not is_ours(target, kind):
         raise MotionError(f"{target} was not written by {kind}, so --force does not replace it; give another")
+
+
+def list_replaceable(target: Path, force: bool, kind: str = KIND) -> Content:
+    """Return the content of a target that a result may replace, before the work on that result begins.
+
+    Raises as `refuse_overwrite`.
+    """
+    clear(target.resolve().parent)
+    content = list_content(target)
+    refuse_overwrite(target, force, kind)
+    return content
 
 
 def _refuse_file_above(target: Path) -> None:
@@ -140,7 +157,7 @@ def write_files(folder: Path, files: Mapping[str, bytes], force: bool) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         with stage_files(destinations) as staged:
             for file, content in zip(staged, files.values(), strict=True):
-                file.write_bytes(content)
+                write_named(file, content)
     except BaseException:
         for each in created:
             with suppress(OSError):
@@ -149,27 +166,29 @@ def write_files(folder: Path, files: Mapping[str, bytes], force: bool) -> None:
 
 
 @contextmanager
-def replace_directory(target: Path, force: bool, kind: str = KIND) -> Iterator[Path]:
+def replace_directory(target: Path, force: bool, kind: str = KIND, before: Content | None = None) -> Iterator[Path]:
     """A new directory to fill, which becomes `target` when the block ends well.
 
     Whatever else happens, an interruption included, nothing of it remains and what stood there before still does. Where
     the process is killed, the target is whole or absent, and the next run there clears what is left beside it
     (`kinematics.files.atomic_files`). What comes to the target while the block runs, or changes there, is left as it
-    is: raises MotionError then, and the new directory is kept under a name that the error tells.
+    is: raises MotionError then, and the new directory is kept under a name that the error states.
+
+    before: the content of the target that may be replaced, from `list_replaceable`; None: its content now.
     """
     place = target.resolve()
-    clear(place.parent)
-    refuse_overwrite(target, force, kind)
-    before = _snapshot(place)
+    if before is None:
+        before = list_replaceable(target, force, kind)
     created = [parent for parent in place.parents if not parent.exists()]
     place.parent.mkdir(parents=True, exist_ok=True)
     try:
         with stage_directory(place) as made:
             new = made / NEW
             new.mkdir()
-            yield new
+            with _name_files_in(target, new):
+                yield new
             with defer_signals():
-                _put_in_place(made, target, place, before)
+                _put_in_place(new, made / OLD, _Destination(target, place, before))
     except BaseException:
         for parent in created:
             with suppress(OSError):
@@ -188,43 +207,52 @@ def find_unfinished(target: Path) -> Path:
 
 
 @contextmanager
-def fill_directory(target: Path, force: bool, resume: bool, checkpoint: str) -> Iterator[Path]:
+def fill_directory(
+    target: Path, force: bool, resume: bool, checkpoint: str, before: Content | None = None
+) -> Iterator[Path]:
     """A directory beside the target to fill over a long time, which becomes the target when the block ends well.
 
-    Where the block is interrupted or killed it stays, if there is a checkpoint in it, a file of that name: `resume`
-    gives it again, or, where there is none, says that all begins anew. A MotionError leaves nothing that was not there
-    before. Raises MotionError as `replace_directory`, for what is there to be resumed and not asked for, unless `force`
-    begins anew, and while another process fills it.
+    Where the block is interrupted or killed the directory stays, if it holds a file of the name `checkpoint`: `resume`
+    yields it again, or says that there is nothing to resume. After a MotionError all is as before.
+
+    Raises MotionError as `replace_directory`, for a directory that could be resumed where neither `resume` nor `force`
+    is given, and while another process fills it.
+
+    What comes to the target while the block runs, or changes there, is left as it is, and the result is kept under
+    another name, as in `replace_directory`.
+
+    before: the content of the target that may be replaced, from `list_replaceable`; None: its content now.
     """
-    refuse_overwrite(target, force)
     place, folder = target.resolve(), find_unfinished(target)
-    held = (folder / checkpoint).is_file()
-    if resume and not held:
+    if before is None:
+        before = list_replaceable(target, force)
+
+    resumable = (folder / checkpoint).is_file()
+    if resume and not resumable:
         note(f"note: there is nothing to resume in {folder.name}: planning begins at the first segment")
         resume = False
-    if held and not (resume or force):
+    if resumable and not (resume or force):
         raise MotionError(f"{folder} holds a plan that was not finished: give --resume, or --force to begin anew")
     if folder.exists() and any(folder.iterdir()) and not (folder / BEGUN).is_file():
         raise MotionError(f"{folder} is in the way, and was not written by {KIND}: give another --out")
+
     folder.mkdir(parents=True, exist_ok=True)
     with _lock(folder):
         if not resume:
             _empty(folder)
-            (folder / BEGUN).write_text(f"{KIND} fills this directory, or did until it was interrupted\n")
+            write_named(folder / BEGUN, f"{KIND} fills this directory, or did until it was interrupted\n")
         try:
-            yield folder
+            with _name_files_in(target, folder):
+                yield folder
         except BaseException as error:  # of the program itself nothing is left; what the system did can be mended
             if not (folder / checkpoint).is_file() or (isinstance(error, MotionError) and not resume):
                 rmtree(folder)
             raise
-        if os.path.lexists(place):
-            with replace_directory(target, force) as new:
-                new.rmdir()
-                folder.rename(new)
-        else:
-            folder.rename(place)
-        for name in (checkpoint, BEGUN):
-            (place / name).unlink(missing_ok=True)
+        clear(place.parent)
+        with stage_directory(place) as made, defer_signals():
+            # A finished plan has neither of these files, wherever it is put.
+            marks = (checkpoint, BEGUN)
+            _put_in_place(folder, made / OLD, _Destination(target, place, before, marks))
 
 
 def _is_locked(folder: Path) -> bool:
@@ -262,30 +290,79 @@ def _empty(folder: Path) -> None:
             path.unlink()
 
 
-Content = frozenset[tuple[str, Stamp]]
+@contextmanager
+def _name_files_in(target: Path, folder: Path) -> Iterator[None]:
+    """Within, an error of the disk that names a file of a folder names its place in the target.
+
+    A file that cannot be closed, because its disk is full, is named by the error before that.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in DISK_ERRNOS:
+            raise
+        file = Path(find_file(error) or "")
+        if not file.is_relative_to(folder):
+            raise
+        raise OSError(error.errno, error.strerror, str(target / file.relative_to(folder))) from error
 
 
-def _snapshot(place: Path) -> Content:
-    """All that is in a directory, and as what; nothing where it is empty, or not there."""
+def list_content(target: Path) -> Content:
+    """Return all files below a directory with their stamps; none for an empty or a missing directory."""
+    place = target.resolve()
     return frozenset((str(path.relative_to(place)), stamp(path)) for path in place.rglob("*"))
 
 
-def _put_in_place(made: Path, target: Path, place: Path, before: Content) -> None:
-    """The new directory into its place, where still stands what stood there; else raises MotionError."""
-    new, old = made / NEW, made / OLD
-    stood = bool(before) and os.path.lexists(place)
+@dataclass(frozen=True, slots=True)
+class _Destination:
+    """The place of a new directory.
+
+    target  the place as the user names it; place: its absolute path
+    before  the content that may be replaced
+    marks   names of files of the new directory that are removed when it has been put somewhere
+    """
+
+    target: Path
+    place: Path
+    before: Content
+    marks: tuple[str, ...] = ()
+
+
+def _put_in_place(new: Path, old: Path, to: _Destination) -> None:
+    """Move a new directory to its place, if the content of that is as it was before.
+
+    Else raise MotionError, and keep the new directory under a name that the error states.
+    old: where the replaced directory goes.
+    """
+    place, changed = to.place, bool(to.before)
+    stood = changed and os.path.lexists(place)
     if stood:
-        if _snapshot(place) != before:
-            raise conflict_error(target, True, [move_aside(new, place)])
+        if list_content(place) != to.before:
+            raise conflict_error(to.target, changed, [_keep(new, to)])
         place.rename(old)  # until the new one is there, a moment: else it returns
     try:
         new.rename(place)  # which replaces no file, and no directory but an empty one
     except OSError as error:
         if error.errno not in (*OCCUPIED_ERRNOS, errno.EACCES) or not os.path.lexists(place):
             raise
-        kept = [move_aside(each, place) for each in (new, old) if each.exists()]
-        raise conflict_error(target, bool(before), kept) from None
-    if stood and _snapshot(old) != before:  # changed in the last moment
+        results = [_keep(new, to)]
+        if old.exists():
+            results.append(move_aside(old, place))
+        raise conflict_error(to.target, changed, results) from None
+    if stood and list_content(old) != to.before:  # changed in the last moment
         place.rename(new)
         old.rename(place)
-        raise conflict_error(target, True, [move_aside(new, place)])
+        raise conflict_error(to.target, changed, [_keep(new, to)])
+    _remove_marks(place, to)
+
+
+def _keep(made: Path, to: _Destination) -> Path:
+    """Move a directory to a free name next to the place that it cannot take. Return its new path."""
+    place = move_aside(made, to.place)
+    _remove_marks(place, to)
+    return place
+
+
+def _remove_marks(folder: Path, to: _Destination) -> None:
+    for name in to.marks:
+        (folder / name).unlink(missing_ok=True)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from kinematics import MotionError
+from kinematics.files.atomic_files import name_file, write_named
 from kinematics.foundation.names import count_noun
 from planner.activity import Activity
 from planner.export.formats.binary import PulseWriter, find_end
@@ -41,6 +42,7 @@ class PartsWriter:
         self, folder: Path, pulses: bool, triggers: bool, sizes: Mapping[str, int] | None, files: ExitStack
     ) -> None:
         """pulses, triggers: whether they are written. sizes: bytes of files to be gone on with. files: closes them."""
+        self._folder = folder
         names = [MOTION, *([BINARY] if pulses else []), *([TRIGGERS] if triggers else [])]
         self._files = {
             name: files.enter_context((folder / name).open("wb" if sizes is None else "r+b")) for name in names
@@ -75,25 +77,29 @@ class PartsWriter:
 
     def secure(self) -> dict[str, int]:
         """The same, once all of it is on the disk."""
-        for file in self._files.values():
-            file.flush()
-            os.fsync(file.fileno())
+        for name, file in self._files.items():
+            with name_file(self._folder / name):
+                file.flush()
+                os.fsync(file.fileno())
         return self.sizes
 
     def add(self, part: PlanPart) -> None:
         """What stays of a part, and its stop."""
         start, onward = part.start, part.standing.start
         head = PartHead(start.begin, start.length, start.steps, onward.steps - start.steps, _near(part))
-        self._motion.add(part.motion, head)
+        with name_file(self._folder / MOTION):
+            self._motion.add(part.motion, head)
         if BINARY in self._files and self._pulses is None:
             units = {axis.name: axis.unit for axis in part.standing.machine.axes}
             self._pulses = PulseWriter.begin(self._files[BINARY], part.pulses, units)
         if self._pulses is not None:
-            self._pulses.add(part.pulses, part.until)
+            with name_file(self._folder / BINARY):
+                self._pulses.add(part.pulses, part.until)
         if TRIGGERS in self._files and self._triggers is None:
             self._triggers = TriggerWriter.begin(self._files[TRIGGERS], part.standing.machine.axes)
         if self._triggers is not None:
-            self._triggers.add(part.triggers, part.rest_triggers)
+            with name_file(self._folder / TRIGGERS):
+                self._triggers.add(part.triggers, part.rest_triggers)
         self._stop(part, stop=True)
 
     def end(self, part: PlanPart) -> None:
@@ -103,15 +109,19 @@ class PartsWriter:
     def _stop(self, part: PlanPart, *, stop: bool) -> None:
         """stop: until another part takes its place."""
         last = part.rest_pulses is None
-        if part.rest is not None:
-            begin, start = part.standing.start.begin, part.start
-            self._motion.add(part.rest, PartHead(begin, start.length, start.steps, part.steps, _near(part)), stop=stop)
-        self._motion.mark(complete=last or not stop)
+        with name_file(self._folder / MOTION):
+            if part.rest is not None:
+                begin, start = part.standing.start.begin, part.start
+                head = PartHead(begin, start.length, start.steps, part.steps, _near(part))
+                self._motion.add(part.rest, head, stop=stop)
+            self._motion.mark(complete=last or not stop)
         if self._pulses is None:
             return
-        if part.rest_pulses is not None:
-            self._pulses.add(part.rest_pulses, max(part.until, find_end(part.rest_pulses)), stop=stop)
-        self._pulses.mark(part.rest_pulses or part.pulses, complete=last or not stop)
+        with name_file(self._folder / BINARY):
+            if part.rest_pulses is not None:
+                until = max(part.until, find_end(part.rest_pulses))
+                self._pulses.add(part.rest_pulses, until, stop=stop)
+            self._pulses.mark(part.rest_pulses or part.pulses, complete=last or not stop)
 
 
 def _near(part: PlanPart) -> tuple[float, ...] | None:
@@ -195,10 +205,10 @@ def _describe_reached(standing: PlanStanding, segments: int, program: Program) -
 
 
 def _write_inputs(folder: Path, inputs: Inputs) -> None:
-    (folder / inputs.program_file).write_bytes(inputs.program_toml)
-    (folder / SOURCES["machine"]).write_bytes(inputs.machine_toml)
+    write_named(folder / inputs.program_file, inputs.program_toml)
+    write_named(folder / SOURCES["machine"], inputs.machine_toml)
     for name, content in inputs.companions.items():
-        (folder / name).write_bytes(content)
+        write_named(folder / name, content)
 
 
 def _look_again(
@@ -241,12 +251,12 @@ def _finish(
             raise Defect(f"{count_noun(verdict.fault_count, 'fault')} in the pulses, the first: {verdict.faults[0]}")
         digest = digest_pulses(open_pulses(file).parts())
         proof = of_pulse_file(file, standing.pulses, standing.machine, verdict, standing.counted)
-        (folder / CERTIFICATE).write_text(as_json(proof), encoding="utf-8")
+        write_named(folder / CERTIFICATE, as_json(proof))
     from benchmarks.reports.parts_report import write_report  # which takes matplotlib along
 
     told = of_pulses(standing.pulses, standing.machine, standing.counted, digest, verdict)
     triggers = [tabulate_trigger_csv(folder / TRIGGERS, standing.triggers)] if standing.triggers else []
-    with step("writing the report"):
+    with step("writing the report"), name_file(folder / REPORT):
         write_report(
             standing,
             seen,
@@ -259,4 +269,4 @@ def _finish(
             triggers=triggers,
         )
     record = of_parts(standing, inputs, digest, verdict, ending)
-    (folder / RECORD).write_text(as_json(seal_record(record, folder, (BEGUN, CHECKPOINT))), encoding="utf-8")
+    write_named(folder / RECORD, as_json(seal_record(record, folder, (BEGUN, CHECKPOINT))))

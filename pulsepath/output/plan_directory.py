@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import cache
+from math import nan
 from os import PathLike
 from pathlib import Path
 
@@ -15,6 +16,7 @@ import numpy as np
 
 from controllers.rig_choice import rig_hint
 from kinematics import Machine, MotionError, load_machine
+from kinematics.files.atomic_files import name_file, write_named
 from kinematics.foundation.options import check_arguments
 from planner import Plan, Program, Trajectory, load_program
 from planner.export import plan_files
@@ -28,6 +30,7 @@ from planner.pulses import PulseCheck, PulseSchedule, check, check_file
 from planner.pulses.checking.pulse_reader import read_compensation
 from planner.pulses.schedule import AxisPulses, MovedPulses
 from planner.shaping.shaped_motion import shaper_length
+from planner.tradeoffs.objective import TIME, read_objective
 from pulsepath.inputs import Inputs, Origin
 from pulsepath.job import Defect, Job
 from pulsepath.options import LAWS
@@ -35,7 +38,7 @@ from pulsepath.output.directory import MOTION, RECORD, REPORT, TRIGGERS, refuse_
 from pulsepath.output.drive_tables import tabulate_drives
 from pulsepath.output.plan_record import of_plan, of_pulse_file, of_pulses
 from pulsepath.output.record import Record, as_json
-from pulsepath.output.stored_plan import StoredPlan
+from pulsepath.output.stored_plan import StatedSolution, StoredPlan
 from pulsepath.output.verification import (
     changes,
     find_differences,
@@ -69,20 +72,22 @@ def write(folder: Path, job: Job, inputs: Inputs, pulses: str = DEFAULT_PULSES) 
     pulses: the form of their file, "csv", "binary" or "none". Raises Defect where they fail the check.
     """
     plan = job.plan
-    (folder / inputs.program_file).write_bytes(inputs.program_toml)
-    (folder / SOURCES["machine"]).write_bytes(inputs.machine_toml)
+    write_named(folder / inputs.program_file, inputs.program_toml)
+    write_named(folder / SOURCES["machine"], inputs.machine_toml)
     for name, content in inputs.companions.items():
-        (folder / name).write_bytes(content)
-    write_motion(plan.trajectory, folder / MOTION)
+        write_named(folder / name, content)
+    with name_file(folder / MOTION):
+        write_motion(plan.trajectory, folder / MOTION)
     if choice := find_choice(plan.program):
-        (folder / ORIENTATION).write_text(as_json({str(k): chosen.tolist() for k, chosen in choice.items()}))
-    plan_files.write_trajectory_csv(
-        plan.trajectory, folder / TRAJECTORY, None if plan.shaped is None else plan.shaped.motion
-    )
+        record = {str(k): chosen.tolist() for k, chosen in choice.items()}
+        write_named(folder / ORIENTATION, as_json(record))
+    shaped = None if plan.shaped is None else plan.shaped.motion
+    with name_file(folder / TRAJECTORY):
+        plan_files.write_trajectory_csv(plan.trajectory, folder / TRAJECTORY, shaped)
     form = PULSES[pulses]
     file = None if form is None else folder / form
     if file is not None:
-        with step(f"writing {plan.pulses.total} pulses") as tell:
+        with step(f"writing {plan.pulses.total} pulses") as tell, name_file(file):
             _write_pulses(file, plan, tell)
     with step(f"checking {plan.pulses.total} pulses") as tell:
         if file is not None:
@@ -91,15 +96,15 @@ def write(folder: Path, job: Job, inputs: Inputs, pulses: str = DEFAULT_PULSES) 
             verdict = check(plan.pulses, plan.counted, plan.machine.axes, plan.machine.home_q)
     if not verdict.holds:
         raise Defect(f"{verdict.fault_count} faults in the pulses, the first: {verdict.faults[0]}")
-    (folder / CERTIFICATE).write_text(
-        as_json(of_pulse_file(file, plan.pulses, plan.machine, verdict)), encoding="utf-8"
-    )
+    write_named(folder / CERTIFICATE, as_json(of_pulse_file(file, plan.pulses, plan.machine, verdict)))
     if plan.triggers:
-        plan_files.write_trigger_csv(plan.triggers, plan.machine.axes, folder / TRIGGERS)
+        with name_file(folder / TRIGGERS):
+            plan_files.write_trigger_csv(plan.triggers, plan.machine.axes, folder / TRIGGERS)
     if job.stops is not None:
         job.stops.save(folder / STOPS)
-    _write_report(folder / REPORT, job, verdict)
-    (folder / RECORD).write_text(as_json(seal_record(of_plan(job, inputs, verdict), folder)), encoding="utf-8")
+    with name_file(folder / REPORT):
+        _write_report(folder / REPORT, job, verdict)
+    write_named(folder / RECORD, as_json(seal_record(of_plan(job, inputs, verdict), folder)))
     return verdict
 
 
@@ -173,7 +178,7 @@ def load_plan(folder: str | PathLike[str], unverified: bool = False) -> StoredPl
     Returns
     -------
     StoredPlan
-        Trajectory, machine and program as they were planned; `.pulses` is their schedule.
+        Has all that a plan has which `plan` returns.
 
     Raises
     ------
@@ -219,17 +224,47 @@ def _load(folder: Path, unverified: bool, proving: AbstractContextManager[object
     duration = read_duration(folder / MOTION) + shaper_length(machine.axes)
     stated = _state_pulses(pulses, duration, machine, clock, rule)
     held = next((folder / name for name in (BINARY, PULSES["csv"]) if name and (folder / name).is_file()), None)
-    fastest = record.get("stated_duration_s") is None and record.get("objective") == "time"
-    taken = StoredPlan(program, machine, load, clock, rule, order, follow, digest, stated, held, (), fastest)
+    taken = StoredPlan(
+        program,
+        machine,
+        load,
+        clock,
+        rule,
+        order,
+        follow,
+        digest,
+        stated,
+        held,
+        (),
+        _read_solution(record, folder / RECORD),
+    )
     if unverified:
         return replace(taken, pulse_file=None, doubts=(*doubts, "the motion was not proved again"))
     with proving:
-        proofs = (find_violation(motion, taken.find_limits(motion), machine.axes) for motion in taken.parts())
-        found = next(filter(None, proofs), None)
-    refuse([] if found is None else [f"{folder / MOTION}: {found}"])
+        for motion in taken.parts():
+            violation = find_violation(motion, taken.find_limits(motion), machine.axes)
+            refuse([] if violation is None else [f"{folder / MOTION}: {violation}"])
     if record.get("duration_s") != duration:
         refuse([f"{folder / RECORD} belongs to another motion than {MOTION}"])
     return taken
+
+
+def _read_solution(record: Record, file: Path) -> StatedSolution:
+    """Return what a record states of the solution. Raises MotionError where it states none."""
+    try:
+        solver, bound = record["solver"], record.get("lower_bound") or {}
+        methods, stated = solver["methods"], record.get("stated_duration_s")
+        if isinstance(methods, dict):  # of a plan in parts: how many runs each solved
+            methods = [name for name, count in methods.items() for _ in range(int(count))]
+        return StatedSolution(
+            int(solver["rounds"]),
+            tuple(str(method) for method in methods),
+            float(bound.get("duration_s", nan)),
+            None if stated is None else float(stated),
+            read_objective(str(record.get("objective", TIME))),
+        )
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
+        raise MotionError(f"{file} does not state its solution ({error!r}): plan it again") from None
 
 
 def _find_motion(

@@ -1,9 +1,12 @@
 """The plans, comparisons and calibrations below a folder, with what their records say on one line each."""
 
+import errno
 import json
 import os
+import stat
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +19,8 @@ MAX_DEPTH = 4
 MAX_LISTED = 500
 MAX_RECORD_SIZE = 1 << 26
 """Bytes of a record that is read: one of a program of a million blends has as many."""
+MAX_FIGURE = 1e18
+"""A larger figure is damage: differences and shares of it could not be written as numbers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,13 +62,42 @@ class PlanList:
         known: dict[tuple[str, str], Listed] = {}
         for folder, kind, stamp in _look(self.root):
             name = folder.relative_to(self.root).as_posix()
-            listed = self._known.get((name, stamp)) or _read(name, folder, kind, stamp)
+            listed = self._known.get((name, stamp)) or self._read(name, folder, kind, stamp)
             if listed is not None:
                 known[name, stamp] = listed
             if len(known) == MAX_LISTED:
                 break
         self._known = known
         return sorted(known.values(), key=lambda one: one.name)
+
+    def _read(self, name: str, folder: Path, kind: str, stamp: str) -> Listed | None:
+        """Read the record of a folder. Return None for a damaged record, and for one of another command."""
+        try:
+            record = json.loads(read_below(self.root, folder / RECORDS[kind]))
+            if record["kind"] != kind:
+                return None
+            plan = kind == KIND
+            figures, facts = (_figures(record), _facts(record)) if plan else ({}, {})
+            return Listed(name, folder, kind, stamp, _title(record), figures, facts)
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, ArithmeticError, RecursionError):
+            return None
+
+
+def read_below(root: Path, file: Path) -> bytes:
+    """Return the content of a regular file below a folder.
+
+    Raises OSError for a link out of the folder, and for a pipe or a device.
+    """
+    place = os.path.realpath(file, strict=True)
+    if not Path(place).is_relative_to(os.path.realpath(root)):
+        raise OSError(errno.EACCES, "leads out of the folder", str(file))
+
+    # The last part of the path is no link any more, and opening a pipe must not wait for its writer.
+    flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+    with open(place, "rb", opener=lambda path, _: os.open(path, flags | getattr(os, "O_BINARY", 0))) as opened:
+        if not stat.S_ISREG(os.fstat(opened.fileno()).st_mode):
+            raise OSError(errno.EINVAL, "is no regular file", str(file))
+        return opened.read()
 
 
 def find_folder_name(folder: Path) -> str:
@@ -91,19 +125,6 @@ def _look(root: Path) -> Iterator[tuple[Path, str, str]]:
                     yield folder, kind, f"{seen.st_mtime_ns}-{seen.st_size}"
                 below.clear()
                 break
-
-
-def _read(name: str, folder: Path, kind: str, stamp: str) -> Listed | None:
-    """None: it is damaged, or of something else."""
-    try:
-        record = json.loads((folder / RECORDS[kind]).read_bytes())
-        if record["kind"] != kind:
-            return None
-        plan = kind == KIND
-        figures, facts = (_figures(record), _facts(record)) if plan else ({}, {})
-        return Listed(name, folder, kind, stamp, _title(record), figures, facts)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        return None
 
 
 def _title(record: Mapping[str, Any]) -> str:
@@ -174,6 +195,7 @@ def _figures(record: Mapping[str, Any]) -> dict[str, float | None]:
     figures |= {f"use of {name}, behind the shapers": entry["worst_ratio"] for name, entry in behind.items()}
     contours = {law: of.get("contour") or {} for law, of in laws.items()}
     figures |= {f"contour error RMS, {law}": one["rms"] for law, one in contours.items() if one.get("unit") == "m"}
-    if not all(isinstance(value, int | float | None) for value in figures.values()):
-        raise TypeError("a figure that is no number")
+    for name, value in figures.items():
+        if value is not None and not (isfinite(value) and abs(value) <= MAX_FIGURE):
+            raise ValueError(f"{name} is {value}")
     return figures

@@ -17,27 +17,43 @@ KIND = "pulsepath console"
 SCHEMA = 2
 EARLIER_SCHEMA = 1
 """Of files whose registers counted from travel's zero, which they can be told from."""
+GIVE_STATE = "give a file for the registers with --state FILE"
+"""The remedy where the file cannot be read or written."""
 
 
 def usual_place(machine: str) -> Path:
-    """The file of a machine in the user's directory for such things."""
+    """Return the file of a machine in the user's directory for such things.
+
+    Raises MotionError where the system knows no such directory.
+    """
     name = f"{re.sub(r'[^A-Za-z0-9_-]', '_', machine)}.registers.json"
-    if sys.platform == "win32":
-        base = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
-    elif sys.platform == "darwin":
-        base = Path.home() / "Library" / "Application Support"
-    else:
-        base = Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state")
+    try:
+        if sys.platform == "win32":
+            base = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+        elif sys.platform == "darwin":
+            base = Path.home() / "Library" / "Application Support"
+        else:
+            base = Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state")
+    except RuntimeError as error:  # no HOME, and a user that the system does not know
+        raise MotionError(f"position registers: {error}; {GIVE_STATE}") from None
     return base / "pulsepath" / name
 
 
 @contextmanager
 def lock_file(path: Path) -> Iterator[None]:
-    """The file for this process alone. Raises MotionError while another console has it."""
+    """Reserve the file for this process.
+
+    Raises MotionError while another console has it, and if it cannot be written.
+    """
     import fcntl
 
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.with_name(f"{path.name}.lock").open("w") as lock:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        opened = path.with_name(f"{path.name}.lock").open("w")
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise MotionError(f"{path}: position registers cannot be kept there: {reason}; {GIVE_STATE}") from None
+    with opened as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
@@ -86,11 +102,13 @@ class Keeper:
 
 
 def read(path: Path) -> SavedSession | None:
-    """What was saved; None where nothing was. Raises MotionError for a file that is not whole, or not ours."""
+    """Return what was saved; None where nothing was. Raises MotionError for a file that is not whole, or not ours."""
     try:
         record = json.loads(path.read_bytes())
     except FileNotFoundError:
         return None
+    except OSError as error:
+        raise MotionError(f"{path}: {error.strerror}; {GIVE_STATE}") from None
     except ValueError as error:
         raise MotionError(f"{path}: {error}; remove it (positions are then unknown), or give another --state") from None
     schema = record.pop("schema", None) if isinstance(record, dict) and record.pop("kind", None) == KIND else None

@@ -1,41 +1,87 @@
-"""A plan taken up again from its directory, as `pulsepath.load_plan` gives it."""
+"""A plan loaded from its directory, as `pulsepath.load_plan` returns it."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from math import nan
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from kinematics import Machine, MotionError
 from kinematics.files.chunk_file import holds_chunks
-from planner import Program, Trajectory
-from planner.certificate.certify import certify
+from kinematics.foundation.result import Result
+from kinematics.foundation.table import Table
+from planner import Plan, Program, Trajectory
+from planner.certificate.certify import Certificate
+from planner.certificate.conditioning import Conditioning, find_poorest
+from planner.certificate.constant_speed import Stretch
+from planner.certificate.lower_bound import find_left_out
 from planner.interruption.interruptible import Interruptible
 from planner.interruption.section import Whole
-from planner.limits import Limit, limits_of
+from planner.limits import Limit, OwnLimit, limits_of
+from planner.limits.registry import tabulate_axis_bounds
 from planner.parallel import Progress, ignore_progress
 from planner.path.actuation import MachinePath
-from planner.pulses import PulseCheck, PulseFile, PulseSchedule, check, check_file, generate, open_pulses, pace_axes
+from planner.path.point_to_point import Departure, departures
+from planner.pulses import (
+    PulseCheck,
+    PulseFile,
+    PulseSchedule,
+    RealisedPath,
+    check,
+    check_file,
+    generate,
+    open_pulses,
+    pace_axes,
+)
 from planner.pulses.checking.edge_reader import check_file_parts
 from planner.pulses.checking.pulse_reader import list_statements
 from planner.pulses.compensation.compensate import counted_motion
 from planner.pulses.motion import AxesMotion
-from planner.pulses.triggers import find_triggers
+from planner.pulses.triggers import Triggered, find_triggers
 from planner.shaping.shaped_motion import find_delays
+from planner.shaping.shaped_proof import ShapedProof
 from planner.timing.duration_bound import DurationBound, bound_duration
+from planner.tradeoffs.objective import TIME, Objective
+from planner.tradeoffs.pareto import WEIGHTS, Tradeoff
 from pulsepath.output.directory import MOTION
-from pulsepath.output.verification import digest_pulses, refuse
+from pulsepath.output.verification import digest_pulses, prove_motion, refuse
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from planner.tradeoffs.limit_worth import Worth
+
+Proofs = tuple[Certificate, ShapedProof | None]
+"""The certificate of a motion, and the proof behind input shapers."""
 
 
 @dataclass(frozen=True, slots=True)
-class StoredPlan(Interruptible):
-    """A plan taken up again: its motion, exactly as proved; clock and rule of its pulses, order of its limits.
+class StatedSolution:
+    """The solution as plan.json states it.
+
+    rounds, methods  of solving, as a `Plan` has them
+    lower_estimate   s; NaN: none is stated, as of a plan that was made in parts
+    stated_duration  s, what was asked for instead of the fastest, if anything
+    objective        what the motion has least of
+    """
+
+    rounds: int
+    methods: tuple[str, ...]
+    lower_estimate: float = nan
+    stated_duration: float | None = None
+    objective: Objective = TIME
+
+
+@Plan.register  # so that whatever takes a plan takes this one
+@dataclass(frozen=True, slots=True)
+class StoredPlan(Result, Interruptible):
+    """A loaded plan: its motion, exactly as proved; clock and rule of its pulses, order of its limits.
+
+    It has all that a `Plan` has. What takes long is worked out when it is first asked for.
 
     load: its whole motion, once it is asked for; follow: the same part by part, where it was planned so
-    stated: what was stated of its pulses, without them; pulse_file: where they are; fastest: as `Whole` has it
-    known: its lower bound, once that was worked out; held: its pulses, once they were asked for
+    stated: what was stated of its pulses, without them; pulse_file: where they are; solution: how it was found
+    known: its lower bound, once that was worked out; made: the plan, once it was asked for
     doubts: why it is not known to be what was proved; nothing but where that was asked for
     """
 
@@ -50,9 +96,11 @@ class StoredPlan(Interruptible):
     stated: PulseSchedule | None = None
     pulse_file: Path | None = None
     doubts: tuple[str, ...] = ()
-    fastest: bool = True
+    solution: StatedSolution = field(default=StatedSolution(0, ()), repr=False)
     known: list[DurationBound] = field(default_factory=list, repr=False, compare=False)
     held: list[PulseSchedule] = field(default_factory=list, init=False, repr=False, compare=False)
+    proofs: list[Proofs] = field(default_factory=list, init=False, repr=False, compare=False)
+    made: list[Plan] = field(default_factory=list, init=False, repr=False, compare=False)
 
     def __repr__(self) -> str:
         lasts = "" if self.stated is None else f"{self.stated.duration:.6g} s, "  # the motion is not read for this
@@ -71,29 +119,195 @@ class StoredPlan(Interruptible):
         return self.trajectory.duration if self.stated is None else self.stated.duration
 
     @property
+    def plan(self) -> Plan:
+        """The plan as `planner.plan` returns it, with its pulses in memory."""
+        if not self.made:
+            axes, motion = self.machine.axes, self.trajectory
+            solution = self.solution
+            self.made.append(
+                Plan(
+                    self.program,
+                    self.machine,
+                    self.path,
+                    self.limits,
+                    motion,
+                    self.certificate,
+                    counted_motion(motion, axes, self.machine.home_q),
+                    self.pulses,
+                    self.order,
+                    solution.rounds,
+                    solution.methods,
+                    solution.lower_estimate,
+                    solution.stated_duration,
+                    solution.objective,
+                    known=self.known,
+                    shaped=self.shaped,
+                )
+            )
+        return self.made[0]
+
+    @property
+    def path(self) -> MachinePath:
+        """The path in actuator coordinates."""
+        path = self.trajectory.path
+        assert isinstance(path, MachinePath)  # as every plan's
+        return path
+
+    @property
+    def certificate(self) -> Certificate:
+        """The proof that the motion keeps every limit, made again when first asked for."""
+        return self._prove()[0]
+
+    @property
+    def shaped(self) -> ShapedProof | None:
+        """The motion after the input shapers and its proof, as of a `Plan`."""
+        return self._prove()[1]
+
+    def _prove(self) -> Proofs:
+        if not self.proofs:
+            self.proofs.append(prove_motion(self.trajectory, self.limits, self.machine.axes))
+        return self.proofs[0]
+
+    @property
+    def counted(self) -> AxesMotion:
+        """The motion that the pulses count, as of a `Plan`."""
+        return self.plan.counted
+
+    @property
+    def rounds(self) -> int:
+        """The rounds of solving until the proof held."""
+        return self.solution.rounds
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """The solver of each run."""
+        return self.solution.methods
+
+    @property
+    def lower_estimate(self) -> float:
+        """s, as of a `Plan`; NaN for one that was made in parts."""
+        return self.solution.lower_estimate
+
+    @property
+    def stated_duration(self) -> float | None:
+        """s, what was asked for instead of the fastest, if anything."""
+        return self.solution.stated_duration
+
+    @property
+    def objective(self) -> Objective:
+        """The objective of the motion: time, or a weighted sum with heat."""
+        return self.solution.objective
+
+    @property
+    def own_limits(self) -> tuple[OwnLimit, ...]:
+        """No limit: plans on disk keep those of machine and program alone."""
+        return ()
+
+    @property
+    def fastest(self) -> bool:
+        """True for a plan whose only objective is time, without a stated duration."""
+        return self.stated_duration is None and self.objective.heat == 0
+
+    @property
     def bound(self) -> DurationBound:
-        """What is proved of the least time, as `Plan.bound`: worked out when first asked for.
+        """The proved lower bound of the duration, as of a `Plan`: worked out when first asked for.
 
         Raises MotionError for a plan that was made in parts.
         """
-        if self.follow is not None:
-            raise MotionError(f"{self.program.name} was planned in parts, without a lower bound: use --whole")
+        self._refuse_parts("lower bound")
         if not self.known:
             self.known.append(bound_duration(self.trajectory, self.limits, self.order))
         return self.known[0]
 
     @property
-    def worth(self) -> "Worth | None":
-        """What one per cent more of each limit saves, as `Plan.worth`: worked out when asked for.
+    def lower_bound(self) -> float:
+        """s; no motion along this path that keeps the limits takes less. Raises as `bound`."""
+        return self.bound.value
 
-        None if it was not to be the fastest, or was planned in parts.
+    @property
+    def gap(self) -> float | None:
+        """How far the duration is above the proven lower bound, as of a `Plan`. Raises as `bound`."""
+        return self.bound.gap if self.fastest else None
+
+    @property
+    def worth(self) -> "Worth | None":
+        """The time that one per cent more of each limit saves, as `Plan.worth`: computed when asked for.
+
+        None if the plan was not to be the fastest, or was made in parts.
         """
         if not self.fastest or self.follow is not None:
             return None
         from planner.tradeoffs.limit_worth import find_worth
 
-        motion, limits = self.trajectory, self.limits
-        return find_worth(motion, limits, self.order, certify(motion, limits), self.bound)
+        return find_worth(self.trajectory, self.limits, self.order, self.certificate, self.bound)
+
+    def trade(self, weights: Sequence[float] = WEIGHTS) -> Tradeoff:
+        """Trade duration against heat along this path, as `Plan.trade`.
+
+        Raises MotionError for a plan that was made in parts.
+        """
+        self._refuse_parts("trade of time against heat")
+        return self.plan.trade(weights)
+
+    def _refuse_parts(self, what: str) -> None:
+        """Raise MotionError for a plan that was made in parts, where something needs all of it at once."""
+        if self.follow is not None:
+            raise MotionError(f"{self.program.name} was planned in parts, without a {what}: use --whole")
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """The limits that the lower bound leaves out, as of a `Plan`."""
+        return find_left_out(self.path, self.limits)
+
+    @property
+    def exceeded(self) -> str:
+        """The warning about a tolerance that is not proved after the input shapers, as of a `Plan`; else ""."""
+        return self.plan.exceeded
+
+    @property
+    def conditioning(self) -> Conditioning:
+        """The poorest of the Jacobian along the path, as of a `Plan`."""
+        return find_poorest(self.path)
+
+    @property
+    def triggers(self) -> tuple[Triggered, ...]:
+        """The events that the program marks by `trigger`, as of a `Plan`."""
+        return self.plan.triggers
+
+    @property
+    def departures(self) -> tuple[Departure, ...]:
+        """How far the tool leaves the straight line in each synchronised move, as of a `Plan`."""
+        return departures(self.path)
+
+    @property
+    def constant_speeds(self) -> tuple[Stretch, ...]:
+        """Where the tool runs at exactly the speeds that segments ask for, as of a `Plan`."""
+        return self.plan.constant_speeds
+
+    @property
+    def axis_bounds(self) -> Table:
+        """The bounds of each axis, as of a `Plan`."""
+        return tabulate_axis_bounds(self.machine.axes, self.limits, self.order)
+
+    def describe_objective(self) -> str:
+        """Describe the objective of a plan that is not the fastest; "" for one that is."""
+        return self.plan.describe_objective()
+
+    def realised(self, *, stride: int = 1) -> RealisedPath:
+        """Compare the pose that the pulses stand for with the planned one, as `Plan.realised`."""
+        return self.plan.realised(stride=stride)
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return the tables of a `Plan`."""
+        return self.plan.tables()
+
+    def data(self) -> Table:
+        """Return the motion over time, as a `Plan`."""
+        return self.trajectory.data()
+
+    def plot(self, ax: "Axes | None" = None, *args: Any, **options: Any) -> "Axes":
+        """Draw the path in space, as a `Plan`."""
+        return self.plan.plot(ax, *args, **options)
 
     def parts(self) -> Iterator[Trajectory]:
         """The same part by part, each on its own path, with a time from 0."""
@@ -110,9 +324,10 @@ class StoredPlan(Interruptible):
 
     def whole(self, progress: Progress = ignore_progress) -> Whole:
         """What sections of it are made of, with its pulses, and its motion proved once more."""
-        motion, pulses = self.trajectory, self.read_pulses(progress)
-        proof, path, tool = certify(motion, self.limits), motion.path, self.program.tool
-        assert isinstance(path, MachinePath)  # as every plan's
+        if not self.held:
+            self.held.append(self.read_pulses(progress))
+        motion, pulses = self.trajectory, self.pulses
+        proof, path, tool = self.certificate, self.path, self.program.tool
         fired = find_triggers(self.program, path, motion, pulses, *find_delays(self.machine.axes))
         own = path, motion, proof, pulses, self.order, tool, (), self.fastest, fired
         return Whole(self.program.name, self.machine, *own)

@@ -11,8 +11,8 @@ from types import TracebackType
 from typing import Self
 
 from benchmarks.reports.page import render
-from pulsepath.output.plan_list import Listed, PlanList, find_folder_name
-from pulsepath.page_server import DATA, PAGE, Query
+from pulsepath.output.plan_list import Listed, PlanList, find_folder_name, read_below
+from pulsepath.page_server import DATA, PAGE, REPORT_PATH, Query
 
 SAVED_PERIOD = 0.3
 """s between two looks whether a file was saved."""
@@ -55,7 +55,7 @@ class Replanner:
     def _plan(self) -> None:
         self.state, self.refused = f"planning {self._program.name} …", False
         with subprocess.Popen(
-            self._command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, encoding="utf-8"
+            self._command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, encoding="utf-8", errors="replace"
         ) as process:
             while True:
                 try:
@@ -113,12 +113,12 @@ class Studio:
             return PAGE, self._draw(listed, [*query.get("left", ())[:1], *query.get("right", ())[:1]]).encode()
         if path == "/stamp":
             return DATA, f'"{self._digest(listed)}"'.encode()
-        if path == "/report":
+        if path == REPORT_PATH:
             names = query.get("of", ())
             for one in listed:  # nothing but what is listed can be asked for
                 if [one.name] == list(names):
                     try:
-                        return PAGE, one.report.read_bytes()
+                        return PAGE, read_below(self._folder, one.report)
                     except OSError:
                         return None
         return None

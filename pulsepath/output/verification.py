@@ -94,15 +94,29 @@ def changes(record: Record, folder: Path, name: str, target: Path, made: Path) -
     return any(place == (folder / file).resolve() and digest(made) != known[file] for file in known)
 
 
+def prove_motion(
+    trajectory: Trajectory, limits: Sequence[Limit], axes: Sequence[Axis]
+) -> tuple[Certificate, ShapedProof | None]:
+    """Return the certificate of a motion, and the proof after the input shapers of its axes.
+
+    There is a second proof only for axes with shapers, and if the certificate holds.
+    """
+    certificate = certify(trajectory, limits)
+    shaped = shape_motion(trajectory, axes) if certificate.holds else None
+    if shaped is None:
+        return certificate, None
+    return certificate, prove_shaped(shaped, trajectory, axes, limits, certificate)
+
+
 def find_violation(trajectory: Trajectory, limits: Sequence[Limit], axes: Sequence[Axis] = ()) -> str | None:
-    """Why a motion does not keep its limits, of several the worst; None where it is proved that it does.
+    """Return why a motion does not keep its limits, of several the worst; None where it is proved that it does.
 
     axes: behind whose input shapers it has to keep them as well
     """
-    certificate = certify(trajectory, limits)
+    certificate, shaped = prove_motion(trajectory, limits, axes)
     proofs: list[tuple[str, Certificate | ShapedProof]] = [("", certificate)]
-    if certificate.holds and (shaped := shape_motion(trajectory, axes)) is not None:
-        proofs.append((" behind its input shapers", prove_shaped(shaped, trajectory, axes, limits, certificate)))
+    if shaped is not None:
+        proofs.append((" behind its input shapers", shaped))
     for where, proof in proofs:
         if not proof.holds:
             name = max(proof.worst, key=lambda each: proof.worst[each])

@@ -32,9 +32,18 @@ def describe_error(error: Exception) -> tuple[int, str]:
     if is_of(error, ERRORS, "MotionError"):
         return BAD_INPUT, f"error: {error}"
     if isinstance(error, OSError) and isinstance(error.strerror, str):
-        return BAD_INPUT, f"error: {error.filename or 'a file'}: {error.strerror}"
+        return BAD_INPUT, f"error: {find_file(error) or 'a file or an output stream'}: {error.strerror}"
     hint = f"please report it, with the traceback that {TRACEBACK}=1 shows"
     return INTERNAL, f"internal error: {type(error).__name__}: {error}; {hint}"
+
+
+def find_file(error: BaseException | None) -> str | None:
+    """Return the file that an error of the system names, or an error that led to it; None: none does."""
+    while error is not None:
+        if isinstance(error, OSError) and error.filename:
+            return str(error.filename)
+        error = error.__cause__ or error.__context__
+    return None
 
 
 ERRORS = "kinematics.foundation.errors"

@@ -8,7 +8,7 @@ first.
     PULS   int64 begin, int64 end: the span of ticks, from begin to before end, of which it has the pulses of all axes;
            uint64 length of what follows once it is inflated; that, deflated (zlib, RFC 1950). In there, of each axis:
                uint32 pulses n, uint8 width w (1, 2, 4), uint32 escapes e
-               n codes of w bytes, e codes of 8 bytes, ⌈n/8⌉ bytes of directions
+               n codes of w bytes, e codes of 8 bytes, ⌈n/8⌉ bytes of directions; n is at most 2²⁰
     puls   the same of a stop that the next chunks replace: it counts while the mark behind it is the last
     MARK   JSON: complete, until (tick before which nothing will change), duration (s), of each axis: bound (pulses),
            pulses (how many), final (count); moves, compensations
@@ -37,6 +37,7 @@ from kinematics.foundation.options import option
 from planner.export.format import Exported, ExportSource
 from planner.parallel import Progress, ignore_progress, share_progress
 from planner.pulses.checking.pulse_reader import AXIS, ESCAPES, KIND, SCHEMA, SPAN, PulseFile, open_pulses
+from planner.pulses.checking.pulse_reader import MAX_PART_PULSES as LARGEST_PART
 from planner.pulses.schedule import UNKNOWN_UNIT, PulseSchedule, Signs, Ticks, holds_same_pulses
 
 MAX_PART_PULSES = 1 << 16
@@ -90,8 +91,8 @@ class PulseWriter:
     __slots__ = ("_chunks", "_counts", "_names", "_part", "_pulses", "_stop", "until")
 
     def __init__(self, chunks: ChunkWriter, names: tuple[str, ...], part: int) -> None:
-        if part < 1:
-            raise MotionError(f"parts of {part} pulses: give 1 or more")
+        if not 1 <= part <= LARGEST_PART:
+            raise MotionError(f"parts of {part} pulses: give 1 to {LARGEST_PART}")
         self._chunks, self._names, self._part = chunks, names, part
         self.until = 0
         self._counts, self._pulses = [0] * len(names), [0] * len(names)

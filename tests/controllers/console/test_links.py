@@ -235,6 +235,103 @@ def test_a_web_page_moves_nothing(server, page):
     listener.close()
 
 
+HELLO = b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03"
+"""The beginning of a TLS 1.3 connection [RFC 8446, 5.1 and 4.1.2]: its server name and session are chosen freely."""
+FOREIGN = {
+    "TLS": HELLO + b"\rP X + 1111\r",
+    "TLS with line feeds": HELLO + b"\nP X + 1111\n",
+    "TLS behind empty lines": b"\r\n \r\n" + HELLO + b"\rP X + 1111\r",
+    "SSH": b"SSH-2.0-client\r\n\x00\x00\x05\xdc\x06\x14\rP X + 1111\r",
+    "a database": b"\x00\x00\x00\x08\x04\xd2\x16\x2f\rP X + 1111\r",
+    "letters beyond ASCII": "größer\rP X + 1111\r".encode(),
+    "a long line": b"x" * 121 + b"\rP X + 1111\r",
+    "a delete": b"\x7f\rP X + 1111\r",
+}
+
+
+@pytest.mark.parametrize("sent", FOREIGN.values(), ids=FOREIGN)
+@pytest.mark.parametrize("size", [1, 7, 4096])
+def test_another_protocol_moves_nothing_whatever_it_carries(server, sent, size):
+    listener = Socket(0)
+    remote = server(listener)
+    with socket.create_connection(listener.address) as client:
+        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        with suppress(ConnectionError):
+            for first in range(0, len(sent), size):
+                client.sendall(sent[first : first + size])
+                remote.step()
+        with suppress(ConnectionError):
+            heard_back(remote, client)
+    assert remote.desk.session.registers(0.0).tolist() == [0, 0, 0, 0]
+    assert remote.is_idle
+    listener.close()
+
+
+def test_a_hello_is_shut_out_before_its_line_ends(server):
+    listener = Socket(0)
+    remote = server(listener)
+    with socket.create_connection(listener.address) as client:
+        client.sendall(HELLO)
+        assert heard_back(remote, client) == b"ERROR bytes that are no text; closed\r\n"
+    listener.close()
+
+
+@pytest.mark.parametrize("sent", [b"", b"P X", b"Q\r", b"\r\n\r\n"])
+def test_clients_without_a_command_make_way_for_others(server, monkeypatch, sent):
+    """One that has given a command may be silent from then on."""
+    wall = Hands()
+    monkeypatch.setattr("controllers.console.serve.monotonic", wall)
+    listener = Socket(0)
+    remote = server(listener, wall=lambda: 0.0)
+    known = socket.create_connection(listener.address)
+    known.sendall(b"WHERE\r")
+    answered(remote, known.fileno(), 1)
+    silent = [socket.create_connection(listener.address) for _ in range(MAX_CLIENTS - 1)]
+    for client in silent:
+        client.sendall(sent)
+        remote.step()
+    wall.t = 9.9
+    remote.step()
+    with socket.create_connection(listener.address) as turned_away:
+        assert heard_back(remote, turned_away) == b""
+    wall.t = 10.1
+    for client in silent:
+        assert heard_back(remote, client).endswith(b"ERROR no command within 10 s; closed\r\n")
+    wall.t = 1000.0
+    with socket.create_connection(listener.address) as client:
+        client.sendall(b"P X + 10\r")
+        serve_until(remote, lambda: remote.desk.end is not None)
+    known.sendall(b"WHERE\r")
+    assert answered(remote, known.fileno(), 1).startswith(b"X 0 Y 0")
+    for client in (known, *silent):
+        client.close()
+    listener.close()
+
+
+def test_a_serial_line_whose_replies_nobody_reads_can_still_stop_a_motion(server, wire):
+    here, name = wire
+    remote = server(serial_line(name, 115200), wall=lambda: 0.0)
+    remote.step()
+    for _ in range(400):  # 64 000 bytes of commands, some 300 000 of replies
+        os.write(here, b"WHERE\r\rQ\r" * 16)
+        remote.step()
+    os.write(here, b"P X + 1000\r")
+    serve_until(remote, lambda: remote.desk.end is not None)
+    os.write(here, b"STOP\r")
+    serve_until(remote, lambda: remote.desk.stopped)
+    replies = b""
+    while not replies.endswith(b"again\r\n"):
+        replies += answered(remote, here, 1)
+        if not remote._links[0].unsent:
+            break
+    lines = replies.split(b"\r\n")
+    whole = (b"X 0 Y 0 Z 0 R 0", b"ERROR Q is not")
+    assert len(lines) > 100
+    assert all(line.startswith(whole) for line in lines[:-1])  # what arrives is whole
+    os.write(here, b"WHERE\r")
+    assert answered(remote, here, 1).startswith(b"X 0 Y 0 Z 0 R 0")
+
+
 def test_one_that_has_said_a_command_may_err_and_a_serial_line_is_never_shut(server, wire):
     here, name = wire
     listener = Socket(0)

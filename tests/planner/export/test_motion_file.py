@@ -1,9 +1,12 @@
 """motion.bin: the same floats to the last bit, in a file that grows; cut or damaged it has no wrong piece."""
 
+import json
 import os
 import struct
+import tracemalloc
 from itertools import pairwise
 from types import SimpleNamespace
+from zlib import compress, crc32
 
 import numpy as np
 import pytest
@@ -120,6 +123,106 @@ def test_a_file_that_was_cut_goes_on_to_the_same_bytes(grown):
     assert path.read_bytes() == content
     with path.open("r+b") as file, pytest.raises(MotionError, match="is finished"):
         MotionWriter.resume(path, file)
+
+
+def crafted(content, kind, change):
+    """A file whose last chunk of a kind has other contents, with checksums that are right."""
+    at, places = 12, {}
+    while at < len(content):
+        name, _, length = struct.unpack_from("<4sIQ", content, at)
+        places[name.decode()] = at, at + 24 + length
+        at += 24 + length
+    begin, end = places[kind]
+    held = change(content[begin + 24 : end])
+    header = content[begin : begin + 8] + struct.pack("<QI", len(held), crc32(held))
+    return content[:begin] + header + struct.pack("<I", crc32(header)) + held + content[end:]
+
+
+def said(kind, **change):
+    return lambda content: crafted(content, kind, lambda held: json.dumps(json.loads(held) | change).encode())
+
+
+def counted(count, inflated=None):
+    """A chunk that states so many pieces, and inflates to so many zeros."""
+
+    def change(held):
+        return struct.pack("<Q", count) + (held[8:] if inflated is None else compress(bytes(inflated), 1))
+
+    return lambda content: crafted(content, "MOTN", change)
+
+
+def numbered(value):
+    """A chunk of the right pieces, all of whose numbers are this one."""
+
+    def change(held):
+        (count,) = struct.unpack_from("<Q", held)
+        words = np.full(6 * count + 1, value).view(np.uint8).reshape(-1, 8)
+        return held[:8] + compress(words.T.tobytes())
+
+    return lambda content: crafted(content, "MOTN", change)
+
+
+HUGE = 10**400
+CRAFTED = {
+    "2^64 - 1 pieces": counted((1 << 64) - 1),
+    "2^63 pieces": counted(1 << 63),
+    "2^60 pieces": counted(1 << 60),
+    "10^11 pieces": counted(10**11),
+    "no piece and a bomb": counted(0, 1 << 27),
+    "a bomb of its size": counted((1 << 27) // 48, 1 << 27),
+    "more pieces than the mark states": said("MARK", pieces=1),
+    "fewer pieces than the mark states": said("MARK", pieces=10**11),
+    "infinitely many pieces": said("MARK", pieces=float("inf")),
+    "pieces in words": said("MARK", pieces="5"),
+    "a duration of infinity": said("MARK", duration=float("inf")),
+    "a duration of 10^400": said("MARK", duration=HUGE),
+    "numbers that are infinite": numbered(np.inf),
+    "numbers that are none": numbered(np.nan),
+    "a part at infinity": said("PART", begin=float("inf")),
+    "a part at 10^400": said("PART", begin=HUGE),
+    "a part of infinite length": said("PART", length=float("inf")),
+    "a part at step infinity": said("PART", step=float("inf")),
+    "a part at step 10^400": said("PART", step=HUGE),
+    "a part of 2^64 steps": said("PART", steps=1 << 64),
+    "a part of steps in words": said("PART", steps="1"),
+    "a part near infinity": said("PART", near=[float("inf")]),
+    "a part near 10^400": said("PART", near=[HUGE]),
+    "a part near words": said("PART", near="here"),
+    "a deep part": lambda content: crafted(content, "PART", lambda _: b'{"begin":' * 100_000),
+}
+
+
+@pytest.mark.parametrize("make", CRAFTED.values(), ids=CRAFTED)
+@pytest.mark.parametrize("partial", [False, True], ids=["whole", "partial"])
+def test_a_crafted_file_is_refused_in_little_memory(tmp_path, make, partial):
+    """Whoever passes a file on may have written anything into it, with checksums that are right."""
+    path, motion = tmp_path / "motion.bin", motion_of([(0.0, 0.0, 1.0, 0.0, 0), (1.0, 1.0, -1.0, 0.0, 0)])
+    with path.open("wb") as file:
+        writer = MotionWriter.begin(file)
+        writer.add(motion, motion_file.PartHead(0.0, 0.0, 0, 1))
+        writer.mark(complete=True)
+    assert bits(read_motion(path, ALONG, partial)) == bits(motion)
+    path.write_bytes(make(path.read_bytes()))
+    tracemalloc.start()
+    try:
+        with pytest.raises(FileError) as refused:
+            read_motion(path, ALONG, partial)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert len(str(refused.value)) < 1000
+    assert peak < 64e6
+
+
+@pytest.mark.parametrize("duration", [float("inf"), float("nan"), HUGE, "1", None, -1.0])
+def test_a_stated_duration_that_is_none_is_refused(tmp_path, duration):
+    motion_pieces.store(
+        tmp_path / "m", {"knots": [0.0, 1.0], "s": [0.0], "v": [0.0], "a": [0.0], "j": [0.0], "piece": [0]}
+    )
+    content = (tmp_path / "m").read_bytes()
+    (tmp_path / "m").write_bytes(said("MARK", duration=duration)(content))
+    with pytest.raises(FileError, match="states no duration"):
+        motion_file.read_duration(tmp_path / "m")
 
 
 def test_it_is_read_by_what_is_written_of_it(tmp_path):

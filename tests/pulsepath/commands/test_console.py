@@ -42,6 +42,26 @@ def wait_until_x_moves(port):
             assert time.monotonic() < end
 
 
+@pytest.mark.parametrize("home", ["/dev/null", "/proc/nothing"])
+def test_a_home_that_cannot_be_written_is_bad_input_with_a_way_out(home, state):
+    """As of a service's user, or on a computer whose disk is read-only."""
+    environment = {key: value for key, value in os.environ.items() if key != "XDG_STATE_HOME"} | {"HOME": home}
+    command = [sys.executable, "-m", "pulsepath", "console", "--machine", "traverser", "--fast"]
+    run = {"input": "WHERE\n", "capture_output": True, "text": True, "timeout": 60, "env": environment}
+    done = subprocess.run(command, check=False, **run)
+    assert done.returncode == 2
+    said = rf"error: {home}/\S+: position registers cannot be kept there: [\w ]+; "
+    assert re.fullmatch(said + r"give a file for the registers with --state FILE\n", done.stderr)
+    assert subprocess.run([*command, "--state", str(state)], check=False, **run).returncode == 0
+
+
+def test_a_register_file_that_is_a_directory_is_bad_input_with_a_way_out(state):
+    state.mkdir(parents=True)
+    done = console(state, "WHERE\n")
+    assert done.returncode == 2
+    assert done.stderr == f"error: {state}: Is a directory; give a file for the registers with --state FILE\n"
+
+
 def test_a_script_runs_line_by_line_and_the_registers_survive(state):
     done = console(state, "HOME X Y Z R\nPOS X CW 100 Z CW 20\nWHERE\nPOS X CCW 101\nPOS Y", "--fast")
     assert done.returncode == 2  # a line was refused

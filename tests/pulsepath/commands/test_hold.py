@@ -2,12 +2,14 @@
 
 import json
 import re
+from itertools import pairwise
 
+import numpy as np
 import pytest
 
 from kinematics import MotionError
 from planner.export.format import FORMATS, find_format, takes_stop
-from pulsepath import load_plan
+from pulsepath import load_plan, read_pulses
 from tests import read_lines
 
 
@@ -30,9 +32,9 @@ def test_a_stop_and_the_way_on_in_files(call, plan, job):
 def test_an_instant_is_a_time_or_a_share_and_0_is_both(call, plan):
     """Of the motion's beginning either says the same; of a plain number both are proposed."""
     said = [call("hold", plan, "--at", text) for text in ("0 s", "0 %")]
-    assert [done.exit_code for done in said] == [2, 2]
-    assert said[0].stderr.splitlines()[-1] == said[1].stderr.splitlines()[-1]
-    assert "hold at 0.000000 s: the plan rests there" in said[1].stderr
+    assert [done.exit_code for done in said] == [0, 0]
+    assert said[0].stdout == said[1].stdout
+    assert "from 0.000000 s on" in said[1].stdout
     done = call("hold", plan, "--at", "40")
     assert done.exit_code == 2
     assert 'write "40 s", or "40 %" of the motion' in done.stderr
@@ -73,6 +75,39 @@ def test_a_loaded_plan_is_held_and_exported_as_a_fresh_one(plan, job, tmp_path):
     assert files[0].read_bytes() == files[1].read_bytes()
     with pytest.raises(MotionError, match="expected a number in s"):
         taken.hold("0.6 s")
+
+
+@pytest.mark.parametrize("parts", [False, True])
+def test_at_every_rest_of_a_plan_on_disk_the_stop_is_empty(call, tmp_path, parts):
+    """Of one that was planned as a whole, and of one in parts: at both ends, at a corner and in a dwell."""
+    program, out = tmp_path / "corners.nc", tmp_path / "out"
+    program.write_text("G21 G90 F1200\nG1 X5 Y5\nX10 Y0\nG4 P0.1\nX20 Y3\n", encoding="utf-8")
+    way = "--stream" if parts else "--whole"
+    asked = ("plan", program, "--machine", "corexy", "--order", "2", "--no-figures", way, "--out", out)
+    assert call(*asked).exit_code == 0
+    taken = load_plan(out)
+    motion = taken.trajectory
+    still = np.flatnonzero(motion.v <= 1e-12 * motion.v.max())
+    rests = sorted({0.0, motion.duration, *motion.knots[still].tolist()})
+    inside = [(low + high) / 2 for low, high in pairwise(rests) if motion.at((low + high) / 2).sd[0] == 0]
+    assert len(rests) >= 5
+    assert len(inside) == 1
+    for at in (*rests, *inside):
+        stop = taken.hold(at)
+        assert stop.certificate.holds
+        assert (stop.duration, stop.distance, stop.pulses.total) == (0, 0, 0)
+    for at in ("0 s", "100 %", f"{inside[0]} s"):
+        stop, rest = tmp_path / "stop.bin", tmp_path / "rest.bin"
+        onward = ("--resume", rest) if at != "100 %" else ()
+        asked = ("hold", out, "--at", at, "--format", "binary", "--out", stop, *onward, "--force", "--json")
+        done = call(*asked)
+        assert done.exit_code == 0, done.stderr
+        told = json.loads(done.stdout)
+        assert (told["duration_s"], told["distance_m"], told["certified"]) == (0, 0, True)
+        assert read_pulses(stop).total == 0
+        if onward:
+            ends = [[axis.final for axis in pulses.axes] for pulses in (read_pulses(rest), taken.pulses)]
+            assert ends[0] == ends[1]
 
 
 def test_the_way_on_at_a_share_of_the_speed(call, plan, tmp_path):
@@ -144,7 +179,7 @@ def test_a_plan_with_its_stops(call, tmp_path):
     [
         ([], "--at TIME, or --stops"),
         (["--at", "99 s"], "give an instant of it"),
-        (["--at", "0 s"], "rests there"),
+        (["--at", "100 %", "--format", "steps", "--out", "x", "--resume", "y"], "nothing to resume"),
         (["--at", "1.2 s", "--format", "steps", "--out", "x", "--resume", "y"], "nothing to resume"),
         (["--at", "1 s", "--out", "x.bin"], "give --format"),
         (["--at", "1 s", "--format", "steps"], "--out FILE"),

@@ -3,11 +3,14 @@
 import json
 import os
 import signal
+import socket
+import struct
 import subprocess
 import sys
 import time
 from html import unescape
 from pathlib import Path
+from queue import Queue
 from re import findall, search
 from shutil import copytree
 from urllib.error import HTTPError
@@ -16,9 +19,11 @@ from urllib.request import Request, urlopen
 
 import pytest
 
+from benchmarks.animation.animate import POLICY
 from pulsepath.output.plan_list import PlanList
 from pulsepath.output.studio import Replanner, Studio
-from tests.browser import act_in, needs_browser
+from pulsepath.page_server import PAGE, REPORT_POLICY, serve_pages
+from tests.browser import act_in, needs_browser, visit
 
 
 @pytest.fixture
@@ -159,6 +164,194 @@ def test_a_report_is_given_and_no_other_file(two):
         assert studio.answer("/report", {"of": [name]}) is None
     assert studio.answer("/first/plan.json", {}) is None
     assert studio.answer("/report", {}) is None
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="links and pipes of POSIX")
+@pytest.mark.parametrize("lead", ["link", "link to a link", "relative link", "pipe", "endless"])
+@pytest.mark.parametrize("name", ["report.html", "plan.json"])
+def test_no_file_outside_the_folder_is_given(two, tmp_path, lead, name):
+    """Somebody else's folder may have links to any file that its reader can read, and files that never end."""
+    place, secret = two / "first" / name, tmp_path / "secret"
+    secret.write_bytes(place.read_bytes())
+    place.unlink()
+    if lead == "pipe":
+        os.mkfifo(place)
+    elif lead == "link to a link":
+        (two / "first/between").symlink_to(secret)
+        place.symlink_to("between")
+    else:
+        place.symlink_to({"link": secret, "relative link": "../../secret", "endless": "/dev/zero"}[lead])
+    studio = Studio(two)
+    assert studio.answer("/report", {"of": ["first"]}) is None
+    assert studio.answer("/report", {"of": ["deep/er/second <b>"]}) is not None
+    assert "second &lt;b&gt;" in page_of(studio)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="links of POSIX")
+def test_a_link_inside_the_folder_is_followed_and_so_is_one_to_the_folder(two, tmp_path):
+    (two / "first/report.html").rename(two / "kept.html")
+    (two / "first/report.html").symlink_to("../kept.html")
+    (tmp_path / "linked").symlink_to(two)
+    assert Studio(tmp_path / "linked").answer("/report", {"of": ["first"]}) is not None
+
+
+DAMAGE = {
+    "a duration beyond floats": lambda record: record.update(duration_s=10**400),
+    "a duration of infinity": lambda record: record.update(duration_s=float("inf")),
+    "a duration in words": lambda record: record.update(duration_s="long"),
+    "pulses that are no number": lambda record: record["pulses"].update(total=float("nan")),
+    "pulses beyond all differences": lambda record: record["pulses"].update(total=10**308),
+    "pulses as a list": lambda record: record["pulses"].update(total=[1]),
+    "a clock beyond floats": lambda record: record["pulses"].update(clock_hz=10**400),
+    "a stated duration beyond floats": lambda record: record.update(stated_duration_s=10**400),
+    "a share beyond floats": lambda record: record.update(lower_bound={"duration_s": 1.0, "gap": 10**400}),
+    "a fit beyond floats": lambda record: record["inputs"].update(fit_m=10**400),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE.values(), ids=DAMAGE)
+def test_a_damaged_record_is_left_out_and_the_others_are_listed(two, directory, damage):
+    copytree(directory, two / "third")
+    path = two / "first/plan.json"
+    record = json.loads(path.read_text(encoding="utf-8"))
+    damage(record)
+    path.write_text(json.dumps(record), encoding="utf-8")
+    assert [one.name for one in PlanList(two).find()] == ["deep/er/second <b>", "third"]
+    studio = Studio(two)
+    assert page_of(studio, "third", "deep/er/second <b>").count("<iframe") == 2
+    assert "Not here: first." in page_of(studio, "first")
+
+
+def ask(address, request):
+    """All that comes back for the bytes of a request."""
+    port = int(address.rstrip("/").rsplit(":", 1)[1])
+    with socket.create_connection(("127.0.0.1", port), timeout=10) as visitor:
+        visitor.sendall(request)
+        answer = b""
+        while data := visitor.recv(1 << 16):
+            answer += data
+    return answer
+
+
+@pytest.mark.parametrize("target", ["http://[/", "http://[::1/report"])
+def test_an_address_that_is_none_is_refused_quietly(two, capsys, target):
+    with serve_pages(Studio(two).answer) as address:
+        answer = ask(address, f"GET {target} HTTP/1.0\r\nHost: localhost\r\n\r\n".encode())
+    assert answer.split(b"\r\n")[0].split()[1] == b"400"
+    assert capsys.readouterr().err == ""
+
+
+def test_a_browser_that_resets_the_connection_leaves_no_traceback(two, capsys):
+    """Before its request is whole, and before the answer has come."""
+    with serve_pages(Studio(two).answer) as address:
+        port = int(address.rstrip("/").rsplit(":", 1)[1])
+        for request in (b"GET /", b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n", b"GET http://[/ HTTP/1.1\r\n\r\n"):
+            for _ in range(5):
+                with socket.create_connection(("127.0.0.1", port)) as visitor:
+                    visitor.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+                    visitor.sendall(request)
+        assert b" 200 " in ask(address, b"GET / HTTP/1.0\r\nHost: localhost\r\n\r\n").split(b"\r\n")[0]
+        time.sleep(0.2)
+    assert capsys.readouterr().err == ""
+
+
+def test_headers_keep_reports_to_themselves(two):
+    with serve_pages(Studio(two).answer) as address:
+        with urlopen(address + "report?of=first", timeout=10) as answer:
+            policy = answer.headers["Content-Security-Policy"]
+            assert answer.headers["X-Content-Type-Options"] == "nosniff"
+        with urlopen(address, timeout=10) as answer:
+            assert answer.headers["X-Content-Type-Options"] == "nosniff"
+        with pytest.raises(HTTPError) as refused:
+            urlopen(address + "report?of=none", timeout=10)
+        assert refused.value.headers["X-Content-Type-Options"] == "nosniff"
+        refused.value.close()
+    assert policy == REPORT_POLICY
+    rules = [rule.strip() for rule in policy.split(";")]
+    assert rules[0] == "sandbox allow-scripts"
+    assert set(rules) >= {rule.strip() for rule in POLICY.split(";")}  # what the player of a report needs
+
+
+class Visited:
+    """A studio whose pages have scripts of the test; those in its own page say things by asking for /said."""
+
+    def __init__(self, studio, in_studio="", in_report=""):
+        self.said, self._studio = Queue(), studio
+        self.added = {"/": in_studio, "/report": in_report}
+
+    def answer(self, path, query):
+        if path == "/said":
+            self.said.put(query["text"][0])
+            return PAGE, b""
+        answer = self._studio.answer(path, query)
+        if answer is None or path not in self.added:
+            return answer
+        kind, content = answer
+        script = f"<script>{self.added[path]}</script></body>".encode()
+        return kind, content.replace(b"</body>", script)
+
+
+PASS_ON = 'addEventListener("message", event => { if (event.data?.said) fetch("/said?text=" + event.data.said); });'
+"""In the studio's page: what a report says to it."""
+
+
+@needs_browser
+def test_the_script_of_a_report_reads_nothing_and_sends_nothing(two, tmp_path):
+    (two / "deep/er/second <b>/report.html").write_text("<body>secret", encoding="utf-8")
+    elsewhere = Queue()
+    with serve_pages(lambda path, query: elsewhere.put(path)) as other:
+        report = """<body><script>(async () => {
+          const tries = {
+            report: async () => (await fetch("/report?of=" + encodeURIComponent("deep/er/second <b>"))).text(),
+            list: async () => (await fetch("/")).text(),
+            parent: async () => parent.document.body.textContent,
+            storage: async () => localStorage.length,
+            elsewhere: async () => (await fetch("OTHER", { mode: "no-cors" })).type,
+            image: () => new Promise((done, fail) => Object.assign(
+              new Image(), { onload: done, onerror: fail, src: "OTHERx.png" })),
+            frame: async () => document.body.append(Object.assign(document.createElement("iframe"), { src: "OTHER" })),
+            script: () => new Promise((done, fail) => document.body.append(
+              Object.assign(document.createElement("script"), { onload: done, onerror: fail, src: "OTHERx.js" }))),
+            popup: async () => open("OTHER").name,
+          };
+          const through = [];
+          for (const [name, attempt] of Object.entries(tries)) try { await attempt(); through.push(name); } catch {}
+          setTimeout(() => parent.postMessage({ said: "through " + through }, "*"), 500);
+        })();</script></body>""".replace("OTHER", other)
+        (two / "first/report.html").write_text(report, encoding="utf-8")
+        visited = Visited(Studio(two), PASS_ON)
+        with serve_pages(visited.answer) as address, visit(tmp_path, address + "?show=first"):
+            assert visited.said.get(timeout=60) == "through frame"  # of which nothing is loaded, as is seen next
+    assert elsewhere.empty()
+
+
+@needs_browser
+def test_a_report_reloads_where_it_was_read_and_its_machine_is_drawn(drawn, call, tmp_path):
+    """In the sandbox, too: the player of the machine, and the place when the report is written again."""
+    line = tmp_path / "line.toml"
+    line.write_text('schema = 1\nlength = "mm"\n[[segment]]\nline = { to = [0, 0, 0.1] }\n', encoding="utf-8")
+    out = tmp_path / "plans/line"
+    assert call("plan", line, "--machine", "hexapod", "--out", out, "--order", 2).exit_code == 0
+    in_report = """
+      const say = said => parent.postMessage({ said }, "*");
+      let state = FIRST;
+      addEventListener("scroll", () => { if (state !== "playing") say("at " + Math.round(scrollY)); });
+      addEventListener("message", event => {
+        if (state !== "playing" || event.source === parent || typeof event.data?.time !== "number") return;
+        state = "played";
+        say(state);
+        scrollTo(0, 700);
+      });
+      const button = document.querySelector("#space button");
+      if (state === "playing") setTimeout(() => { button.scrollIntoView(); button.click(); }, 500);
+    """
+    visited = Visited(Studio(tmp_path / "plans"), PASS_ON, in_report.replace("FIRST", '"playing"'))
+    with serve_pages(visited.answer) as address, visit(tmp_path, address + "?show=line"):
+        assert visited.said.get(timeout=60) == "played"
+        assert visited.said.get(timeout=60) == "at 700"
+        visited.added["/report"] = in_report.replace("FIRST", '"rewritten"')
+        os.utime(out / "plan.json", ns=(10**18, 10**18))
+        assert visited.said.get(timeout=60) == "at 700"
 
 
 def test_the_stamp_changes_when_a_plan_is_written_again_and_only_then(two):

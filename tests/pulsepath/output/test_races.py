@@ -1,14 +1,19 @@
 """What comes to the place of a result while that is made is never replaced, by any command."""
 
 import shutil
+from contextlib import contextmanager
 
 import pytest
 
 import kinematics.files.atomic_files
+import pulsepath.commands.plan
+import pulsepath.job
 import pulsepath.output.directory
+import pulsepath.parts_job
+import pulsepath.sections
 from kinematics import MotionError
 from kinematics.files.atomic_files import stage_directory
-from pulsepath.output.directory import KIND, replace_directory
+from pulsepath.output.directory import CHECKPOINT, KIND, fill_directory, replace_directory
 
 LINE = 'schema = 1\nlength = "mm"\n[[segment]]\nline = { to = [0, 0, 0.1] }\n'
 COMMANDS = {
@@ -56,14 +61,27 @@ def fill(folder, text):
     (folder / "plan.json").write_text(f'{{"kind": "{KIND}", "text": "{text}"}}')
 
 
+def fill_long(target, force):
+    """Fill a directory as a plan in parts does, with its checkpoint."""
+
+    @contextmanager
+    def filled():
+        with fill_directory(target, force, False, CHECKPOINT) as folder:
+            (folder / CHECKPOINT).write_text("{}")
+            yield folder
+
+    return filled()
+
+
+@pytest.mark.parametrize("write", [replace_directory, fill_long], ids=["whole", "in parts"])
 @pytest.mark.parametrize("come", ["file", "directory", "another plan", "into it", "changed"])
-def test_force_replaces_what_was_there_alone(tmp_path, come):
+def test_force_replaces_what_was_there_alone(tmp_path, write, come):
     out = tmp_path / "out"
     out.mkdir()
     fill(out, "old")
 
     def replace():
-        with replace_directory(out, force=True) as folder:
+        with write(out, force=True) as folder:
             fill(folder, "new")
             if come in ("into it", "changed"):
                 (out / ("thesis" if come == "into it" else "plan.json")).write_text("thesis")
@@ -78,7 +96,94 @@ def test_force_replaces_what_was_there_alone(tmp_path, come):
     with pytest.raises(MotionError, match=r"is left as it is; the result is kept in .*out\.kept"):
         replace()
     assert "new" in (tmp_path / "out.kept" / "plan.json").read_text()
+    assert [path.name for path in (tmp_path / "out.kept").iterdir()] == ["plan.json"]
     texts = [path.read_text() for path in ([out] if out.is_file() else out.iterdir())]
     assert any("thesis" in text or "another" in text for text in texts)
     assert len(texts) == (2 if come == "into it" else 1)
     assert {path.name for path in tmp_path.iterdir()} <= {"out", "out.kept", "moved"}
+
+
+@pytest.mark.parametrize("write", [replace_directory, fill_long], ids=["whole", "in parts"])
+@pytest.mark.parametrize("force", [False, True])
+def test_a_plan_that_another_run_finishes_meanwhile_stays(tmp_path, write, force):
+    out = tmp_path / "out"
+
+    def run():
+        with write(out, force=force) as folder:
+            fill(folder, "new")
+            out.mkdir()
+            fill(out, "another")
+
+    with pytest.raises(MotionError, match=r"put there by something else .* kept in .*out\.kept"):
+        run()
+    assert "another" in (out / "plan.json").read_text()
+    assert "new" in (tmp_path / "out.kept" / "plan.json").read_text()
+    assert {path.name for path in tmp_path.iterdir()} == {"out", "out.kept"}
+
+
+@pytest.mark.parametrize("way", ["--stream", "--whole"])
+@pytest.mark.parametrize("when", ["reading", "planning"])
+@pytest.mark.parametrize("come", ["file", "plan"])
+def test_plan_with_force_leaves_what_comes_while_it_runs(tmp_path, call, monkeypatch, way, when, come):
+    out, line = tmp_path / "out", tmp_path / "line.toml"
+    line.write_text(LINE)
+    asked = ("plan", line, "--machine", "hexapod", "--no-figures", "--no-baselines", "--order", "2", "--force", way)
+    assert call(*asked, "--out", out).exit_code == 0
+
+    def interfere(do):
+        def work(*given, **named):
+            if come == "file":
+                (out / "thesis.txt").write_text("mine")
+            else:
+                shutil.rmtree(out)
+                out.mkdir()
+                fill(out, "another")
+            return do(*given, **named)
+
+        return work
+
+    module, name = {
+        "reading": (pulsepath.commands.plan, "_read"),
+        "planning": (pulsepath.parts_job, "plan_parts") if way == "--stream" else (pulsepath.job, "plan"),
+    }[when]
+    monkeypatch.setattr(module, name, interfere(getattr(module, name)))
+    done = call(*asked, "--out", out)
+    assert done.exit_code == 2, done.stderr
+    assert "was changed or replaced while this ran, and is left as it is; the result is kept in" in done.stderr
+    left = out / ("thesis.txt" if come == "file" else "plan.json")
+    assert left.read_text() == "mine" if come == "file" else "another" in left.read_text()
+    assert (tmp_path / "out.kept" / "motion.bin").exists()
+    assert {path.name for path in tmp_path.iterdir()} == {"out", "out.kept", "line.toml"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "names"),
+    [
+        (("hold", "plan", "--at", "40 %", "--format", "npz", "--out", "a.npz"), ["a.npz"]),
+        (
+            ("hold", "plan", "--at", "40 %", "--format", "npz", "--out", "a.npz", "--resume", "b.npz"),
+            ["b.npz"],
+        ),
+        (("hold", "plan", "--stops", "1", "--out", "a.csv"), ["a.csv"]),
+        (("override", "plan", "--speed", "50 %", "--format", "npz", "--out", "a.npz"), ["a.npz"]),
+    ],
+    ids=["stop", "way on", "table", "override"],
+)
+def test_sections_replace_no_file_that_comes_while_they_are_made(
+    tmp_path, call, directory, monkeypatch, arguments, names
+):
+    shutil.copytree(directory, tmp_path / "plan")
+    monkeypatch.chdir(tmp_path)
+
+    def come(*given):
+        for name in names:
+            (tmp_path / name).write_text("thesis")
+        return read_whole(*given)
+
+    read_whole = pulsepath.sections.read_whole
+    monkeypatch.setattr(pulsepath.sections, "read_whole", come)
+    done = call(*arguments, "--force")
+    assert done.exit_code == 2, done.stdout
+    assert "was put there by something else while this ran, and is left as it is" in done.stderr
+    for name in names:
+        assert (tmp_path / name).read_text() == "thesis"

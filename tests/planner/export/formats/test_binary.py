@@ -9,7 +9,7 @@ import tracemalloc
 from dataclasses import replace
 from itertools import pairwise
 from types import SimpleNamespace
-from zlib import crc32, decompress
+from zlib import compress, crc32, decompress
 
 import numpy as np
 import pytest
@@ -317,6 +317,129 @@ def test_what_it_cannot_read_is_refused_with_the_place_and_a_remedy(tmp_path, ch
     path.write_bytes(change(path.read_bytes()))
     with pytest.raises(FileError, match=told):
         read_pulses(path)
+
+
+def said(content, number, **change):
+    """A file whose HEAD or MARK says something else, with a checksum that is right."""
+    return changed(content, number, lambda held: json.dumps(json.loads(held) | change).encode())
+
+
+def sized(content, size, inflated=None):
+    """A file whose first chunk of pulses states a size, and inflates to so many zeros."""
+    zeros = None if inflated is None else compress(bytes(inflated), 1)
+    return changed(
+        content, 1, lambda held: held[:16] + struct.pack("<Q", size) + (held[24:] if zeros is None else zeros)
+    )
+
+
+def codes(content, count, width, escapes, room):
+    """A file whose first chunk states so many pulses of its axis, in so many bytes."""
+    held = struct.pack("<IBI", count, width, escapes) + bytes(room)
+    new = struct.pack("<Q", len(held)) + compress(held)
+    return changed(said(content, -1, pulses=[1 << 40]), 1, lambda old: old[:16] + new)
+
+
+def long_chunk(content, length):
+    """A file whose first chunk of pulses states a length, with a header that is right."""
+    _, _, begin, _ = chunks_of(content)[1]
+    header = content[begin : begin + 8] + struct.pack("<Q", length) + content[begin + 16 : begin + 20]
+    return content[:begin] + header + struct.pack("<I", crc32(header)) + content[begin + 24 :]
+
+
+HUGE = 10**400
+CRAFTED = {
+    "a chunk longer than files are": lambda c: long_chunk(c, (1 << 64) - 1),
+    "a chunk of 2^63 bytes": lambda c: long_chunk(c, 1 << 63),
+    "a chunk longer than the file": lambda c: long_chunk(c, 1000),
+    "a stated size of 2^64 - 1": lambda c: sized(c, (1 << 64) - 1),
+    "a stated size of 2^63": lambda c: sized(c, 1 << 63),
+    "a stated size of 10^11": lambda c: sized(c, 10**11),
+    "a bomb of stated size 0": lambda c: sized(c, 0, 1 << 27),
+    "a bomb of its stated size": lambda c: sized(c, 1 << 27, 1 << 27),
+    "a bomb that the mark allows": lambda c: said(sized(c, 1 << 27, 1 << 27), -1, pulses=[10**11]),
+    "more pulses than bytes": lambda c: codes(c, (1 << 32) - 1, 1, 0, 100),
+    "more pulses apart than pulses": lambda c: codes(c, 4, 1, (1 << 32) - 1, 100),
+    "more pulses than a chunk may have": lambda c: codes(c, (1 << 20) + 1, 1, 0, (1 << 20) + 1 + (1 << 17) + 1),
+    "10^11 pulses of a thousand axes": lambda c: said(
+        said(c, -1, pulses=[10**11] * 1000, final=[0] * 1000, bound=[0.5] * 1000),
+        0,
+        axes=[{"name": f"x{k}", "start": 0, "pulse": 1e-6, "home": 0.0, "unit": "m"} for k in range(1000)],
+    ),
+    "10^11 pulses": lambda c: said(c, -1, pulses=[10**11]),
+    "2^64 pulses": lambda c: said(c, -1, pulses=[1 << 64]),
+    "fewer pulses than there are": lambda c: said(c, -1, pulses=[1]),
+    "no number of pulses": lambda c: said(c, -1, pulses=[-4]),
+    "infinitely many pulses": lambda c: said(c, -1, pulses=[float("inf")]),
+    "pulses in words": lambda c: said(c, -1, pulses=["4"]),
+    "pulses of another number of axes": lambda c: said(c, -1, pulses=[4, 4]),
+    "an infinite final count": lambda c: said(c, -1, final=[float("-inf")]),
+    "a final count of 10^400": lambda c: said(c, -1, final=[HUGE]),
+    "a duration of infinity": lambda c: said(c, -1, duration=float("inf")),
+    "a duration of 10^400": lambda c: said(c, -1, duration=HUGE),
+    "a duration of 10^300 s": lambda c: said(c, -1, duration=1e300),
+    "a duration before the start": lambda c: said(c, -1, duration=-1.0),
+    "a duration in words": lambda c: said(c, -1, duration="1.5"),
+    "an end that is no tick": lambda c: said(c, -1, until="15000001"),
+    "an end beyond 64 bits": lambda c: said(c, -1, until=HUGE),
+    "a bound that is no number": lambda c: said(c, -1, bound=[float("nan")]),
+    "a bound in words": lambda c: said(c, -1, bound=[[0.5]]),
+    "moves of an infinite number": lambda c: said(
+        c, -1, moves=[{"axis": "x", "pulses": float("inf"), "time": 0, "error": 0, "t": 0, "length": 0}]
+    ),
+    "a move of text": lambda c: said(c, -1, moves=["x"]),
+    "a compensation of 10^400": lambda c: said(
+        c, -1, compensations=[{"axis": "x", "kinds": [], "windows": [[0, HUGE]]}]
+    ),
+    "a compensation without an end": lambda c: said(
+        c, -1, compensations=[{"axis": "x", "kinds": [], "windows": [], "off": float("inf")}]
+    ),
+    "a clock of infinity": lambda c: said(c, 0, clock_hz=float("inf")),
+    "a clock of 10^400": lambda c: said(c, 0, clock_hz=HUGE),
+    "a clock of half a tick": lambda c: said(c, 0, clock_hz=0.5),
+    "a clock that stands": lambda c: said(c, 0, clock_hz=0),
+    "a start beyond 64 bits": lambda c: said(
+        c, 0, axes=[{"name": "x", "start": 1 << 64, "pulse": 1e-6, "home": 0.0, "unit": "m"}]
+    ),
+    "a pulse that is no number": lambda c: said(
+        c, 0, axes=[{"name": "x", "start": 0, "pulse": float("nan"), "home": 0.0, "unit": "m"}]
+    ),
+    "a deep head": lambda c: changed(c, 0, lambda _: b"[" * 100_000),
+    "a deep mark": lambda c: changed(c, -1, lambda _: b'{"a":' * 100_000),
+    "a number of many digits": lambda c: changed(c, -1, lambda _: b'{"until":' + b"9" * 10_000 + b"}"),
+}
+
+
+@pytest.mark.parametrize("make", CRAFTED.values(), ids=CRAFTED)
+@pytest.mark.parametrize("partial", [False, True], ids=["whole", "partial"])
+def test_a_crafted_file_is_refused_in_little_memory(tmp_path, make, partial):
+    """Whoever passes a file on may have written anything into it, with checksums that are right."""
+    path = tmp_path / "pulses.bin"
+    binary.write(schedule_of([[(5, 1), (7, -1), (6, 1), (9, 1)]]), path)
+    path.write_bytes(make(path.read_bytes()))
+    tracemalloc.start()
+    try:
+        with pytest.raises(FileError) as refused:
+            read_pulses(path, partial=partial)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert len(str(refused.value)) < 1000
+    assert peak < 64e6
+
+
+def test_parts_have_at_most_a_million_pulses_of_an_axis(tmp_path):
+    schedule = schedule_of([[(5, 1)]])
+    with pytest.raises(MotionError, match="parts of 1048577 pulses: give 1 to 1048576"):
+        binary.write(schedule, tmp_path / "p", part=(1 << 20) + 1)
+
+
+def test_a_file_of_more_pulses_than_there_is_room_for_at_first_is_read_whole(tmp_path):
+    ticks = 250 * np.arange(1, 2_500_001)  # at one rate they take next to no room in the file
+    axis = AxisPulses("x", ticks, np.ones(len(ticks), np.int8), 0, PULSE, 0.0)
+    schedule = PulseSchedule(10_000_000, (axis,), float(ticks[-1] / 1e7))
+    binary.write(schedule, tmp_path / "p", part=1 << 20)
+    assert 8 * (tmp_path / "p").stat().st_size < len(ticks)
+    assert is_same(read_pulses(tmp_path / "p"), schedule)
 
 
 @pytest.mark.parametrize(
