@@ -15,7 +15,7 @@
     1!
 
 - The levels are those of the pulse CSV: a rising STEP is a pulse, DIR 1 a positive count of the wiring, and DIR changes
-  when the pulse before falls. The last time is the end of the motion.
+  when the pulse before falls, or after the hold of the drive. The last time is the end of the motion.
 - The time unit is the coarsest, from 1 ns down to 1 fs by tens, of which a tick is a whole number: 1 ns at 10 MHz.
   Where there is none, times are rounded to the finest that 63 bits hold, at least a twentieth of a tick.
 - Names are printable ASCII without white space: every character but letters, digits, _ and - is written as % and two
@@ -34,7 +34,14 @@ from numpy.typing import NDArray
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import option
 from planner.export.format import Exported, ExportSource
-from planner.export.formats.pulse_csv import describe_high, edge_rows, high_ticks, measure_spacing, refuse_high
+from planner.export.formats.pulse_csv import (
+    describe_high,
+    edge_rows,
+    high_ticks,
+    measure_spacing,
+    refuse_high,
+    turn_ticks,
+)
 from planner.pulses.schedule import PulseSchedule, Ticks
 
 SUFFIXES = {9: "1 ns", 10: "100 ps", 11: "10 ps", 12: "1 ps", 13: "100 fs", 14: "10 fs", 15: "1 fs"}
@@ -55,13 +62,15 @@ class Vcd:
         if 2 * len(axes) > len(IDS):
             raise MotionError(f"{len(axes)} axes, but a dump has at most {len(IDS) // 2}; choose another format")
         spacing = measure_spacing([pulses])
-        high = high_ticks(spacing, self.width, [axis.timing for axis in axes])
+        timing = [axis.timing for axis in axes]
+        high = high_ticks(spacing, self.width, timing)
+        turns = turn_ticks(spacing, high, timing)
         refuse_high(source, high)
         wiring, digits = [axis.direction for axis in axes], _digits(pulses)
         with path.open("wb") as file:
             file.write(_head(source, digits))
             before, last = None, 0
-            for ticks, levels in edge_rows(pulses, wiring, high):
+            for ticks, levels in edge_rows(pulses, wiring, high, turns=turns):
                 times = _times(ticks, pulses.clock_hz, digits)
                 if before is None:
                     file.write(_start(levels[0]))
@@ -71,8 +80,8 @@ class Vcd:
                     before, last = levels[-1:], int(times[-1])
             end = round(pulses.duration * 10**digits)
             file.write(b"#%d\n" % end if end > last else b"")
-        told = describe_high(spacing, self.width, [axis.timing for axis in axes])
-        return replace(_compare(pulses, wiring, path, digits), notes=(told, f"times in units of {SUFFIXES[digits]}"))
+        width = describe_high(spacing, self.width, timing)
+        return replace(_compare(pulses, wiring, path, digits), notes=(width, f"times in units of {SUFFIXES[digits]}"))
 
 
 def plain(name: str) -> str:
