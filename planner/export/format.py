@@ -4,7 +4,7 @@ Each is one line of `FORMATS`, loaded when it is asked for.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
@@ -15,11 +15,13 @@ from kinematics.files.atomic_files import Destination, require_folder
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import load_plugin, make_with
 from kinematics.machine.machine import Machine
+from planner.export.trigger_lines import describe_lost
 from planner.parallel import Progress, ignore_progress
 from planner.pulses.compensation.compensate import counted_motion
 from planner.pulses.generation.sent import SentPulses
 from planner.pulses.motion import AxesMotion
 from planner.pulses.schedule import PulseSchedule
+from planner.pulses.triggers import Triggered
 from planner.trajectory import Trajectory
 
 PHASE_ROUNDING = 1e-9
@@ -35,6 +37,7 @@ class ExportSource:
     made     the motion behind shapers and compensation, where it is known; None: it is made here
     since    s of the motion that was sent before at which it goes on with that; None: it begins at rest
     sent     the last pulses of what was sent before
+    triggers of the program, at times from the start of what is exported
     counted  what a controller of the axes has to be told: the motion, or of axes that compensate what their motors do
     """
 
@@ -46,6 +49,7 @@ class ExportSource:
     made: AxesMotion | None = field(default=None, repr=False)
     since: float | None = None
     sent: tuple[SentPulses, ...] = ()
+    triggers: tuple[Triggered, ...] = ()
     counted: AxesMotion = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -83,9 +87,10 @@ class Exported:
 
 
 def export(format_: "Format", name: str, source: ExportSource, path: Path) -> Exported:
-    """Write a file in a format called `name`, and what its decoded contents are from the plan.
+    """Write a file in a format called `name`. Return the error of its decoded contents against the plan, and notes.
 
-    Raises MotionError where they are another motion's, or no motion's while the plan's moves; else as the format does.
+    Triggers are named in a warning if the format does not hold them. Raises MotionError for contents of another motion,
+    or of no motion where the plan moves; else as the format does.
     """
     done = format_.write(source, path)
     if not done.error < np.inf:
@@ -97,6 +102,8 @@ def export(format_: "Format", name: str, source: ExportSource, path: Path) -> Ex
         few = "stays within half a pulse of its start: use a shorter pulse, or a longer motion"
         told = few if not source.pulses.total else "cannot be expressed in it: choose another format"
         raise MotionError(f"format {name}: the file would hold no move, and the plan's motion {told}")
+    if not holds_triggers(type(format_)):
+        done = replace(done, notes=(*done.notes, *describe_lost(source.triggers)))
     return done
 
 
@@ -131,7 +138,7 @@ class Format(Protocol):
 
     The first line of its docstring is what the command's help says of it; the rest states units, line ends and limits.
     One that starts and ends at rest, so that it cannot hold a stop, which begins in motion, states `from_rest`: what
-    messages call it.
+    messages call it. One that writes the source's triggers states `triggered = True`; for others a warning names them.
     """
 
     suffix: ClassVar[str]
@@ -168,6 +175,11 @@ FORMATS = {
 def takes_stop(kind: type[Format]) -> bool:
     """Whether a format can hold a stop, which begins in motion."""
     return not getattr(kind, "from_rest", "")
+
+
+def holds_triggers(kind: type[Format]) -> bool:
+    """Return True for formats whose files hold the triggers of a program."""
+    return bool(getattr(kind, "triggered", False))
 
 
 def find_format(name: str) -> type[Format]:

@@ -1,8 +1,8 @@
 """Least times on the lines of STEP and DIR, for pulses that have been checked and have no lines yet.
 
 Pulses state when STEP rises. How long it stays high depends on the program that makes the lines: here, the pulse CSV.
-STEP is high for one width on all axes. DIR changes when STEP falls or the hold of the drive is over, whichever is later,
-and for the first pulse at time 0.
+STEP is high for one width on all axes. DIR changes when STEP falls or the hold of the drive is over, whichever is
+later, and for the first pulse at time 0.
 """
 
 from collections.abc import Sequence
@@ -17,8 +17,8 @@ from planner.pulses.checking.verdict import LineTimes, PulseCheck
 def time_lines(found: PulseCheck, clock_hz: int, axes: Sequence[Axis]) -> tuple[LineTimes | None, ...]:
     """Return the least times on the lines of each axis: as its file was read, else from the check's figures.
 
-    With the width w of STEP and the delay d of DIR after a pulse: high = w, low = interval - w, and where the axis turns
-    back setup = min(reversal - d, first) and hold = d. None where no width fits between the pulses.
+    With the width w of STEP and the delay d of DIR after a pulse: high = w, low = interval - w, and where the axis
+    turns back setup = min(reversal - d, first) and hold = d. None where no width fits between the pulses.
     """
     if all(axis.lines is not None for axis in found.axes):
         return tuple(axis.lines for axis in found.axes)

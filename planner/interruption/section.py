@@ -212,7 +212,14 @@ class Section(Result):
         """As `planner.Plan.export` writes a plan."""
         name, sent = f"{self.name}-{self.what}", self.sent.pulses
         source = ExportSource(
-            name, self.machine, self.trajectory, self.pulses, made=self.counted, since=self.at, sent=sent
+            name,
+            self.machine,
+            self.trajectory,
+            self.pulses,
+            made=self.counted,
+            since=self.at,
+            sent=sent,
+            triggers=self.triggers,
         )
         return write_export(source, format, path, force, options)
 

@@ -19,7 +19,7 @@ from planner.pulses.checking.edge_reader import check_file_parts
 from planner.pulses.checking.pulse_reader import list_statements
 from planner.pulses.compensation.compensate import counted_motion
 from planner.pulses.motion import AxesMotion
-from planner.pulses.triggers import find_triggers
+from planner.pulses.triggers import Triggered, find_triggers, holds_triggers
 from planner.shaping.shaped_motion import find_delays
 from planner.timing.duration_bound import DurationBound, bound_duration
 from pulsepath.output.directory import MOTION
@@ -113,9 +113,16 @@ class StoredPlan(Interruptible):
         motion, pulses = self.trajectory, self.read_pulses(progress)
         proof, path, tool = certify(motion, self.limits), motion.path, self.program.tool
         assert isinstance(path, MachinePath)  # as every plan's
-        fired = find_triggers(self.program, path, motion, pulses, *find_delays(self.machine.axes))
-        own = path, motion, proof, pulses, self.order, tool, (), self.fastest, fired
+        own = path, motion, proof, pulses, self.order, tool, (), self.fastest, self.find_triggers(pulses)
         return Whole(self.program.name, self.machine, *own)
+
+    def find_triggers(self, pulses: PulseSchedule) -> tuple[Triggered, ...]:
+        """Return the program's triggers, with the counts of these pulses."""
+        if not holds_triggers(self.program):
+            return ()
+        motion = self.trajectory
+        assert isinstance(motion.path, MachinePath)  # as every plan's
+        return find_triggers(self.program, motion.path, motion, pulses, *find_delays(self.machine.axes))
 
     def open_pulses(self) -> PulseFile | None:
         """Their binary file, to be read part by part; None where there is none that has and states what was proved."""

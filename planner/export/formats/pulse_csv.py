@@ -9,6 +9,8 @@
   axes wired +1 that is +1 in q. DIR changes when the pulse before falls, or when the drive's hold after that pulse's
   rise is over, if that is later. It is right for the first pulse from time 0 on. So its set-up is as long as it can be.
 - The first row, at time 0, states the level of every line; the last is the last edge.
+- Of a program with triggers an exported file has a column for each name, `trigger photo`. It rises at the tick of every
+  trigger and falls like STEP, or half-way to the next one of its name. Above 16 names all share `trigger all`.
 - Times are exact decimals of the tick where the clock allows (10 MHz: 7 of the 9 digits), else rounded to 1/20 tick.
 - UTF-8, line ends \\n, decimal points whatever the locale. The file holds no start counts: keep them beside it.
 """
@@ -28,6 +30,7 @@ from kinematics.foundation.names import count_noun
 from kinematics.foundation.options import option
 from kinematics.machine.axis import StepTiming, ceil_ticks
 from planner.export.format import Exported, ExportSource
+from planner.export.trigger_lines import TriggerLine, describe_lines, join_lines, list_lines
 from planner.parallel import Progress, ignore_progress, share_progress
 from planner.pulses.checking import edge_reader
 from planner.pulses.checking.pulse_reader import PulseFile
@@ -43,17 +46,31 @@ class PulseCsv:
     """Every edge of the step and direction lines, as a logic analyser records them."""
 
     suffix: ClassVar[str] = ".csv"
+    triggered: ClassVar[bool] = True
     width: float | None = option(None, "pulse width of STEP. Default 2 us, or half the smallest interval if less", "s")
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         axes, pulses = source.machine.axes, source.pulses
         wiring, timing = [axis.direction for axis in axes], [axis.timing for axis in axes]
         refuse_high(source, high_ticks(measure_spacing([pulses]), self.width, timing))
-        write(pulses, path, wiring, width=self.width, timing=timing, tell=share_progress(source.tell, 0, 2))
+        lines = list_lines(source.triggers, pulses)
+        tell = share_progress(source.tell, 0, 2)
+        write(pulses, path, wiring, width=self.width, timing=timing, tell=tell, triggers=lines)
         tell = share_progress(source.tell, 1, 2)
-        held = edge_reader.parts(path, pulses.clock_hz, axes, source.machine.home_q, tell=tell)
-        exact = holds_same_pulses(pulses, (part.schedule for part in held))
-        notes = (describe_high(measure_spacing([pulses]), self.width, timing),)
+        marks: list[list[Ticks]] = [[] for _ in lines]
+
+        def read() -> Iterator[PulseSchedule]:
+            for part in edge_reader.parts(path, pulses.clock_hz, axes, source.machine.home_q, tell=tell):
+                for own, new in zip(marks, part.marks, strict=True):
+                    own.append(new)
+                yield part.schedule
+
+        exact = holds_same_pulses(pulses, read())
+        exact &= all(np.array_equal(np.concatenate(own), line.ticks) for own, line in zip(marks, lines, strict=True))
+        notes = (
+            describe_high(measure_spacing([pulses]), self.width, timing),
+            *describe_lines(source.triggers, lines),
+        )
         return Exported(0.0 if exact else np.inf, "the pulses, edge by edge", notes, pulses.total)
 
 
@@ -65,14 +82,16 @@ def write(
     width: float | None = None,
     timing: Sequence[StepTiming | None] = (),
     tell: Progress = ignore_progress,
+    triggers: Sequence[TriggerLine] = (),
 ) -> None:
-    """Write the edges of every axis, in pieces of bounded memory; the pulses of a file are gone through twice.
+    """Write the edges of every axis, in pieces of bounded memory; the pulses of a file are read twice.
 
     wiring  (n,) +1/-1, the `direction` of each machine axis
     width   s that STEP stays high, rounded to ticks; None: 2 µs, or half the smallest pulse interval if that is less,
             or else what the drives allow
     timing  (n,) what each drive asks of its inputs
-    tell    told up to which tick the file is written, of how many
+    tell    receives the tick up to which the file is written, and the last one
+    triggers  further lines, with the edges of triggers
     Raises MotionError where the width leaves STEP no time to be low or a drive another, or the wiring does not match.
     """
     stated = schedule.stated if isinstance(schedule, PulseFile) else schedule
@@ -83,10 +102,12 @@ def write(
     spacing = measure_spacing(_parts(schedule))
     high = high_ticks(spacing, width, timing)
     names = [f"{axis.name} {line}" for axis in stated.axes for line in ("STEP", "DIR")]
+    names += [f"{edge_reader.TRIGGER}{line.name}" for line in triggers]
     with Path(path).open("wb") as file:
         file.write((", ".join(["Time[s]", *map(_quote, names)]) + "\n").encode())
         turns = turn_ticks(spacing, high, timing)
-        for ticks, levels in _join_rows(_parts(schedule), spacing, wiring, high, turns):
+        rows = _join_rows(_parts(schedule), spacing, wiring, high, turns)
+        for ticks, levels in join_lines(rows, triggers, high):
             file.write(_text(ticks, levels, stated.clock_hz))
             tell(int(ticks[-1]), spacing.last + high)
 

@@ -208,6 +208,20 @@ def test_files_name_the_machine_as_it_was_planned(call, plan):
     assert (plan / "bare-circle.adlink.c").read_text().startswith('/* "bare-circle" on "hexapod"\n')
 
 
+def test_triggers_that_a_format_does_not_hold_are_named(call, tmp_path):
+    (tmp_path / "p.toml").write_text(
+        'schema = 1\nlength = "mm"\n[[segment]]\nline = { to = [0, 0, 10] }\ntrigger = { name = "photo", at = 0.5 }\n'
+    )
+    out = tmp_path / "o"
+    made = call("plan", tmp_path / "p.toml", "--machine", "hexapod", "--order", "2", "--out", out, "--no-figures")
+    assert made.exit_code == 0, made.stderr
+    for name, held in (("steps", False), ("ros", False), ("g93", True), ("pulses", True)):
+        done = call("export", out, "--format", name)
+        assert done.exit_code == 0, done.stderr
+        assert ('WARNING: the file does not hold the program\'s triggers: "photo" at 0.' in done.stdout) != held
+        assert ("triggers: 1" in done.stdout) == held
+
+
 def test_what_compensates_is_exported_as_its_motors_run(call, tmp_path):
     """The points of a PVT file end where the pulses do: where the screws have been made up for."""
     machine = (files("kinematics") / "presets" / "traverser.toml").read_text()
