@@ -78,12 +78,14 @@ class Exported:
     against  what it is measured against, and how, in words: "the pulses, edge by edge"
     notes    what its user has to know: a spacing that was chosen, what the format cannot hold
     moves    how many pulses, calls, lines or segments of the decoded file move an axis
+    by_axis  pulses by which each axis is off at most: 0 for one that does not move
     """
 
     error: float
     against: str
     notes: tuple[str, ...] = ()
     moves: int | None = None
+    by_axis: tuple[float, ...] = ()
 
 
 def export(format_: "Format", name: str, source: ExportSource, path: Path) -> Exported:
@@ -102,9 +104,9 @@ def export(format_: "Format", name: str, source: ExportSource, path: Path) -> Ex
         few = "stays within half a pulse of its start: use a shorter pulse, or a longer motion"
         told = few if not source.pulses.total else "cannot be expressed in it: choose another format"
         raise MotionError(f"format {name}: the file would hold no move, and the plan's motion {told}")
-    if not holds_triggers(type(format_)):
-        done = replace(done, notes=(*done.notes, *describe_lost(source.triggers)))
-    return done
+    lost = () if holds_triggers(type(format_)) else describe_lost(source.triggers)
+    by_axis = done.by_axis or tuple(done.error if len(axis) else 0.0 for axis in source.pulses.axes)
+    return replace(done, notes=(*done.notes, *lost), by_axis=by_axis)
 
 
 def is_moving(source: ExportSource) -> bool:
