@@ -118,7 +118,7 @@ def read(source: Path | Traversable) -> Document:
     refuse_utf16(file, raw)
     text = ""
     try:
-        text = raw.decode("utf-8-sig").replace("\r\n", "\n")
+        text = _LINE_END.sub("\n", raw.decode("utf-8-sig"))
         document = Document(file, _to_tuples(tomllib.loads(text)), _Scanner(text).scan())
     except UnicodeDecodeError as error:
         fault = utf8_fault(raw, error)
@@ -182,6 +182,8 @@ def _to_tuples(value: Any) -> Any:
     return tuple(map(_to_tuples, value)) if isinstance(value, list) else value
 
 
+_LINE_END = re.compile(r"\r+\n")
+"""A line end, also one that a program has converted twice: CR CR LF. The parser and the scanner see the same text."""
 _SPACE = re.compile(r"(?:[ \t\n]|#[^\n]*)*")
 _STRING = re.compile(r'"""(?:\\.|[^\\])*?"{3,5}|\'\'\'.*?\'{3,5}|"(?:\\.|[^"\\])*"|\'[^\']*\'', re.DOTALL)
 _SCALAR = re.compile(r"[^,\]}\n#]+")

@@ -122,7 +122,10 @@ Gear = Annotated[float, Field(ge=1 / MAX_RATIO, le=MAX_RATIO), AllowInfNan(False
 
 
 class LinearDrive(TableSchema):
-    """A stepper with a gear and a screw: one pulse moves lead / (steps · gear). [Motion 2-D] writes N = 200 R n (l - l0)."""
+    """A stepper with a gear and a screw: one pulse moves lead / (steps · gear).
+
+    [Motion 2-D] writes N = 200 R n (l - l0), with the gear ratio R and n = 1 / lead.
+    """
 
     steps: Steps = key("pulses for one turn of the motor")
     lead: Annotated[float, Unit("m", above=0)] = key("travel for one turn of the screw")

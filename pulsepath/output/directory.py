@@ -20,7 +20,7 @@ from kinematics.files.atomic_files import (
     stage_files,
     stamp,
 )
-from kinematics.files.leftovers import NEW, OLD, clear, lock
+from kinematics.files.leftovers import NEW, OLD, clear, lock, shorten_name
 from kinematics.foundation.errors import BadValue, MotionError
 from pulsepath.options import read_percent, read_quantity
 from pulsepath.process.exits import read_reached
@@ -184,7 +184,7 @@ UNFINISHED, BEGUN = ".unfinished", "begun"
 def find_unfinished(target: Path) -> Path:
     """The directory beside a target in which that grows."""
     place = target.resolve()
-    return place.with_name(place.name + UNFINISHED)
+    return place.with_name(shorten_name(place.name, len(UNFINISHED)) + UNFINISHED)
 
 
 @contextmanager

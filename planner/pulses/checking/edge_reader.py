@@ -76,7 +76,10 @@ def parts(
         first = file.readline()
         while first.count(b'"') % 2 and (more := file.readline()):  # a name may hold a line feed
             first += more
-        header = next(csv.reader([first.decode("utf-8-sig", errors="replace")], skipinitialspace=True), [])
+        try:
+            header = next(csv.reader([first.decode("utf-8-sig", errors="replace")], skipinitialspace=True), [])
+        except csv.Error as error:  # such as a name of more than 131072 characters
+            raise FileError(name, [Fault("header", f"not CSV: {error}", 1)]) from None
         columns = len(header)
         marked = range(len(expected), columns)
         if header[: len(expected)] != expected or not all(header[k].startswith(TRIGGER) for k in marked):

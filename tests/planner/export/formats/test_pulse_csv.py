@@ -230,6 +230,13 @@ def test_names_with_commas_and_quotes_survive(tmp_path):
     assert_same(read_back(tmp_path / "p.csv", schedule), schedule)
 
 
+def test_a_header_longer_than_a_csv_reader_takes_is_a_fault(tmp_path):
+    schedule = schedule_of([100])
+    (tmp_path / "p.csv").write_text(f"Time[s], {'l' * 140_000} STEP, leg1 DIR\n0.000000000, 0, 0\n")
+    with pytest.raises(FileError, match=r"p\.csv:1: header: not CSV"):
+        read_back(tmp_path / "p.csv", schedule)
+
+
 def test_many_pulses_are_written_and_read_in_pieces(tmp_path, monkeypatch):
     """Six axes in 400 000 rows, through windows that cut pulses in two and parts that cut rows in two."""
     rng, count = np.random.default_rng(0), 34_000
