@@ -25,6 +25,7 @@ from kinematics.calibration.parameters import (
 )
 from kinematics.calibration.result import Calibration, Estimate, Observability, error_scale, observe
 from kinematics.calibration.search import frame_start, minimize_errors
+from kinematics.calibration.unseen import find_unseen
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import count_noun
@@ -158,6 +159,7 @@ def calibrate(
 
     degrees = int(chosen.sum()) - found.rank
     scale = _weighted_norm(after, weights, chosen) / sqrt(degrees) if degrees else nan
+    unseen = find_unseen(prediction, theta, found, (weights, chosen.any(0), select))
     widened = error_scale(measured.noise, scale)
     known = np.where(measured.seen, 1.0, np.nan)
     return Calibration(
@@ -177,6 +179,7 @@ def calibrate(
         scale=scale,
         degrees=degrees,
         skipped=skipped,
+        unseen="" if unseen is None else unseen.describe([parameter.name for parameter in parameters]),
     )
 
 
