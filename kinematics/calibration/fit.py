@@ -104,6 +104,7 @@ def calibrate(
     parts: Sequence[str] = DEFAULT,
     *,
     use: Use | None = None,
+    other_machine: bool = False,
 ) -> Calibration:
     """Identify a machine's parameters by maximum likelihood under the measurements' noise.
 
@@ -121,6 +122,8 @@ def calibrate(
     use
         "position" or "all" that was measured. None: positions and rotations, not the direction of an axis alone, since
         that asks for a model of how the measuring frame is tilted.
+    other_machine
+        Fit measurements that state another machine's name, as of the same machine in a file of another name.
 
     Returns
     -------
@@ -132,9 +135,11 @@ def calibrate(
     ------
     MotionError
         A part is unknown, there are fewer values than parameters, the machine cannot be sent to fitted poses, the
-        search does not converge, or measurements contradict the machine.
+        search does not converge, or measurements contradict the machine or are of another one.
     """
     machine, measured = load_machine(machine), load_measurements(measured)
+    if not other_machine:
+        _refuse_other(machine, measured)
     if use not in tuple(USES):  # which may be a list
         raise MotionError(f'calibrate: use {use!r} must be "position", "all" or None')
     vector = full_vector(machine)
@@ -181,6 +186,16 @@ def calibrate(
         skipped=skipped,
         unseen="" if unseen is None else unseen.describe([parameter.name for parameter in parameters]),
     )
+
+
+def _refuse_other(machine: Machine, measured: Measurements) -> None:
+    """Raise MotionError for measurements that state another machine."""
+    stated = measured.machine
+    if stated and machine.name not in (stated, f"{stated}-calibrated"):
+        raise MotionError(
+            f'{measured.name} was measured on the machine "{stated}", and this is "{machine.name}"; give that machine, '
+            "or, if it is the same one under another name, --other-machine (in Python: other_machine=True)"
+        )
 
 
 def _find_best(prediction: Prediction, starts: list[Array], weights: Array, chosen: np.ndarray, select: Array) -> Array:
