@@ -164,7 +164,7 @@ def calibrate(
 
     degrees = int(chosen.sum()) - found.rank
     scale = _weighted_norm(after, weights, chosen) / sqrt(degrees) if degrees else nan
-    unseen = find_unseen(prediction, theta, found, (weights, chosen.any(0), select))
+    unseen = find_unseen(prediction, theta, found, (weights, np.asarray(chosen.any(0), float), select))
     widened = error_scale(measured.noise, scale)
     known = np.where(measured.seen, 1.0, np.nan)
     return Calibration(

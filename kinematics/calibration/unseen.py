@@ -83,7 +83,7 @@ def find_unseen(
 ) -> Unseen | None:
     """Find the combinations that the fitted poses do not show; None if they show all, or all that have an effect.
 
-    rows: weights (8,) of the components, those that are used (8,), and the selection of the parameters (k, m)
+    rows: weights (8,) of the components, their use (8,), and the selection of the parameters (k, m)
     """
     count = len(observed.singular) - observed.rank
     if not count:

@@ -239,19 +239,19 @@ def move_aside(made: Path, place: Path) -> Path:
     """Move a file or directory that cannot take its place to a free name beside it, which is returned."""
     for n in count():
         added = f".kept{n or ''}{place.suffix}"
-        kept = place.with_name(shorten_name(place.stem, len(os.fsencode(added))) + added)
-        if os.path.lexists(kept):
+        aside = place.with_name(shorten_name(place.stem, len(os.fsencode(added))) + added)
+        if os.path.lexists(aside):
             continue
         try:
             if made.is_dir():
-                made.rename(kept)
+                made.rename(aside)
             else:
-                put_new(made, kept)
+                put_new(made, aside)
         except OSError as error:
             if error.errno not in OCCUPIED_ERRNOS:
                 raise
             continue
-        return kept
+        return aside
     raise AssertionError  # no end of numbers
 
 

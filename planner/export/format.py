@@ -30,15 +30,15 @@ PHASE_ROUNDING = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class ExportSource:
-    """What is exported: a certified motion of a machine, and its checked pulses.
+    """A certified motion of a machine and its checked pulses, to be exported.
 
-    name  of the program, for formats that hold one
-    tell  told how much is written, of how much, by formats that write in parts
-    made     the motion behind shapers and compensation, where it is known; None: it is made here
-    since    s of the motion that was sent before at which it goes on with that; None: it begins at rest
-    sent     the last pulses of what was sent before
-    triggers of the program, at times from the start of what is exported
-    counted  what a controller of the axes has to be told: the motion, or of axes that compensate what their motors do
+    name      of the program, for formats that state one
+    tell      receives how much is written, and of how much, from formats that write in parts
+    made      the motion after shaping and compensation, where it is known; None: it is made here
+    since     s of the motion sent before, at which this one continues it; None: it begins at rest
+    sent      the last pulses of the motion sent before
+    triggers  of the program, at times from the start of this motion
+    counted   the motion for a controller of the axes: that of the motors for axes that compensate
     """
 
     name: str

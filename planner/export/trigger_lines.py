@@ -1,4 +1,4 @@
-"""Triggers of a motion as formats write them: an output line for each name, or a note of those that are left out."""
+"""Triggers of a motion as formats write them: an output line for each name, or a note of the triggers left out."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -66,11 +66,11 @@ def list_lines(triggers: Sequence[Triggered], pulses: PulseSchedule, most: int =
         names.setdefault(event.name, []).append(tick)
     if len(names) > most:
         return (TriggerLine(ALL, np.unique(ticks)),)
-    return tuple(TriggerLine(name, np.unique(own)) for name, own in names.items())
+    return tuple(TriggerLine(name, np.unique(rises)) for name, rises in names.items())
 
 
 def describe_lines(triggers: Sequence[Triggered], lines: Sequence[TriggerLine]) -> tuple[str, ...]:
-    """Return a note of how many triggers the lines hold, and of those that share an edge."""
+    """Return a note with the number of triggers on the lines, and of triggers that share an edge."""
     if not triggers:
         return ()
     edges = sum(len(line.ticks) for line in lines)
@@ -105,5 +105,5 @@ def _join(
     whole = np.union1d(instants, extra)
     given = levels[np.searchsorted(instants, whole, side="right")]
     # a line is high after an odd number of its edges
-    own = [np.searchsorted(line, whole, side="right") % 2 for line in edges]
-    return whole, np.column_stack([given, *own]).astype(np.uint8)
+    levels_of_lines = [np.searchsorted(line, whole, side="right") % 2 for line in edges]
+    return whole, np.column_stack([given, *levels_of_lines]).astype(np.uint8)

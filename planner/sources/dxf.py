@@ -41,7 +41,7 @@ from planner.sources.stroke import Chain
 
 
 def find_line(path: Path, code: int, value: str, section: str = "") -> int | None:
-    """Return the first line with this group code and value, None where there is none, as in a binary file.
+    """Return the first line with this group code and value, None if no line has them, as in a binary file.
 
     section: name of a section, to search only from its beginning on. The code of a handle is 5, that of a variable's
     name 9, that of an entity's kind 0.
@@ -86,7 +86,7 @@ class DxfDrawing:
 def read_drawing(path: Path, options: "Dxf") -> DxfDrawing:
     """Read the entities of model space that the options select.
 
-    Raises FileError for a file that is no DXF, is broken or has no unit; NotInstalled where ezdxf is missing.
+    Raises FileError for a file that is not DXF, is broken or has no unit; NotInstalled where ezdxf is missing.
     """
     try:
         from ezdxf.filemanagement import readfile

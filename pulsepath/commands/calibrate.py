@@ -76,17 +76,17 @@ def calibrate(
     ) as folder:  # where nothing can be written, that is said before the work
         with step(f"identifying {nominal.name} from {count_noun(len(measured), 'measurement')}"):
             parts = [part.strip() for part in model.split(",")]
-            found = calibration.calibrate(nominal, measured, parts, use=use, other_machine=other_machine)
+            result = calibration.calibrate(nominal, measured, parts, use=use, other_machine=other_machine)
         detail(
-            f"{count_noun(len(found.parameters), 'parameter')}, {found.observability.rank} "
+            f"{count_noun(len(result.parameters), 'parameter')}, {result.observability.rank} "
             "combinations of them identifiable"
         )
         with step("writing files"):
-            calibration_directory.write(folder, found, sources)
+            calibration_directory.write(folder, result, sources)
     report = str(out / REPORT)
     if as_json:
         written = json.loads((out / CALIBRATION).read_bytes())
         click.echo(record.as_json({**written, "report": report}), nl=False)
     else:
-        tables.show(tables.of_results(found))
+        tables.show(tables.of_results(result))
         say(f"machine: {out / calibration_directory.MACHINE}\nreport: {report}")

@@ -113,8 +113,9 @@ class StoredPlan(Interruptible):
         motion, pulses = self.trajectory, self.read_pulses(progress)
         proof, path, tool = certify(motion, self.limits), motion.path, self.program.tool
         assert isinstance(path, MachinePath)  # as every plan's
-        own = path, motion, proof, pulses, self.order, tool, (), self.fastest, self.find_triggers(pulses)
-        return Whole(self.program.name, self.machine, *own)
+        triggers = self.find_triggers(pulses)
+        parts = path, motion, proof, pulses, self.order, tool, (), self.fastest, triggers
+        return Whole(self.program.name, self.machine, *parts)
 
     def find_triggers(self, pulses: PulseSchedule) -> tuple[Triggered, ...]:
         """Return the program's triggers, with the counts of these pulses."""

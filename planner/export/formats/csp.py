@@ -224,7 +224,7 @@ def _find_rows(triggers: Sequence[Triggered], each: float, last: int) -> dict[st
     for event in triggers:
         row = min(int(np.ceil(event.time / each * (1 - ROUNDING))), last)
         rows.setdefault(ALL if together else event.name, []).append(row)
-    return {name: np.array(own, np.int64) for name, own in rows.items()}
+    return {name: np.array(numbers, np.int64) for name, numbers in rows.items()}
 
 
 def _read(path: Path, layout: Layout) -> Iterator[tuple[int, Whole]]:

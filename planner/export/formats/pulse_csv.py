@@ -61,12 +61,14 @@ class PulseCsv:
 
         def read() -> Iterator[PulseSchedule]:
             for part in edge_reader.parts(path, pulses.clock_hz, axes, source.machine.home_q, tell=tell):
-                for own, new in zip(marks, part.marks, strict=True):
-                    own.append(new)
+                for ticks, new in zip(marks, part.marks, strict=True):
+                    ticks.append(new)
                 yield part.schedule
 
         exact = holds_same_pulses(pulses, read())
-        exact &= all(np.array_equal(np.concatenate(own), line.ticks) for own, line in zip(marks, lines, strict=True))
+        exact &= all(
+            np.array_equal(np.concatenate(ticks), line.ticks) for ticks, line in zip(marks, lines, strict=True)
+        )
         notes = (
             describe_high(measure_spacing([pulses]), self.width, timing),
             *describe_lines(source.triggers, lines),

@@ -2,7 +2,7 @@
 by forward kinematics of the machine that it is for.
 
 The way is taken over: a straight line from point to point, the rests, and the M codes as triggers. The times are not:
-what is made of it is a program, which is planned as any other.
+the program is planned as any other.
 """
 
 import re
