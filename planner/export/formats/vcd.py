@@ -168,7 +168,8 @@ def _compare(
 def _find_rises(changes: tuple[Ticks, NDArray[np.uint8]]) -> Ticks:
     """Return the times at which a line rises, of its changes; before the first it is low."""
     at, level = changes
-    return at[(level == 1) & (np.concatenate([[0], level[:-1]]) == 0)]
+    rises = (level == 1) & (np.concatenate([[0], level[:-1]]) == 0)
+    return np.asarray(at[rises])
 
 
 def _ticks(times: Ticks, clock_hz: int, digits: int) -> Ticks:

@@ -161,7 +161,8 @@ def _points(text: str, header: Header, faults: Faults) -> Points:
     """
     start = WORD.findall(header.stand or "")
     numbers, rows, rests = [header.line], [_row(header, start, header.line, faults)], [0.0]
-    outputs = dict(match.groups() for line in text.split("\n") if (match := _OUTPUT.fullmatch(line.strip())))
+    stated = (_OUTPUT.fullmatch(line.strip()) for line in text.split("\n"))
+    outputs = {match[1]: match[2] for match in stated if match is not None}
     events: list[list[str]] = [[]]
     for number, _, found, _ in blocks(text, faults):
         said = [(letter.upper(), value) for letter, value in found]
