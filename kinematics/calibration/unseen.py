@@ -11,11 +11,11 @@ combination is shown evenly enough. Columns are scaled to unit length, so that u
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kinematics.calibration.measurements import Measurements, whole_poses
+from kinematics.calibration.measurements import Measurements, select_rows, whole_poses
 from kinematics.calibration.parameters import Prediction
 from kinematics.calibration.result import MIN_EVENNESS, Observability, describe_combination
 from kinematics.foundation.arrays import Array, freeze_array
@@ -155,8 +155,16 @@ def _find_rows(prediction: Prediction, theta: Array, poses: Array, rows: tuple[A
     weights, used, select = rows
     machine, vector = prediction.machine, prediction.vector
     further = whole_poses(_pose(poses), _pose(poses), name="proposed poses")
-    jacobian = Prediction.from_measurements(machine, vector, further).at(theta)[1]
+    whole = Prediction.from_measurements(machine, vector, further)
+    jacobian = whole.at(theta)[1]
+    if not np.isfinite(jacobian).all():  # one pose that does not close spoils all: find it
+        jacobian = np.concatenate([_select_pose(whole, k).at(theta)[1] for k in range(len(poses))])
     return np.nan_to_num((jacobian * weights[:, None])[:, used.astype(bool)] @ select)
+
+
+def _select_pose(whole: Prediction, k: int) -> Prediction:
+    measurements = select_rows(whole.measurements, [k])
+    return replace(whole, measurements=measurements, sent=whole.sent[k : k + 1], _commanded=whole._commanded[k : k + 1])
 
 
 def _choose_poses(known: Array, shown: Array) -> list[int]:

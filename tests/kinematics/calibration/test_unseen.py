@@ -85,6 +85,24 @@ def test_a_named_combination_moves_the_machine_elsewhere_and_not_at_the_fitted_p
     assert abs(elsewhere).max() > 2e-6
 
 
+def test_candidates_that_cannot_be_closed_spoil_no_others(drawn, monkeypatch):
+    from kinematics.calibration.parameters import Prediction
+
+    whole = Prediction.at
+
+    def at(self, theta):
+        errors, jacobian = whole(self, theta)
+        spoiled = len(self.sent) > 100 or self._commanded[0, 0] > 0.02
+        return (errors, jacobian * np.nan) if spoiled else (errors, jacobian)
+
+    monkeypatch.setattr(Prediction, "at", at)
+    poses = along_z()
+    found = calibrate(drawn.nominal, whole_poses(poses, drawn.poses(poses), noise=NOISE), ["offsets", "joints"])
+    (warning,) = [text for text in found.warnings if "do not show" in text]
+    assert len(proposed(warning)) > 2
+    assert (proposed(warning).translation[:, 0] <= 0.02).all()
+
+
 @pytest.mark.parametrize(
     ("parts", "count"), [(["factor", "frame-yaw"], 0), (["factors", "offsets"], 0), (["joints", "frame"], 6)]
 )
