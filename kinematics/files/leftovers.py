@@ -53,8 +53,12 @@ def clear(folder: Path) -> None:
 
 
 def write_mark(made: Path, place: Path) -> None:
-    """Mark a staged directory as ours, with the name of its place, which is shortened in the directory's own name."""
-    (made / MARK).write_bytes(os.fsencode(place.name))
+    """Mark a staged directory as ours. The mark has the name of its place if the directory's own name shortens it."""
+    mark = made / MARK
+    mark.touch()
+    if not made.name.startswith(f".{place.name}-"):
+        with suppress(OSError):  # on a full disk what stood in the place would return under the short name
+            mark.write_bytes(os.fsencode(place.name))
 
 
 def _read_place(made: Path) -> str:
