@@ -13,9 +13,10 @@ author = "the pulsepath authors"
 copyright = author
 release = version = __version__
 
-extensions = ["myst_parser", "docstrings", "drawn_math", "file_keys", "command_line", "extras", "notebook_pages"]
+extensions = ["myst_parser", "docstrings", "drawn_math", "command_line", "extras", "notebook_pages"]
 myst_enable_extensions = ["attrs_inline", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
+smartquotes = False  # options and quoted arguments are there to be copied
 exclude_patterns = ["examples"]
 
 html_theme = "pydata_sphinx_theme"

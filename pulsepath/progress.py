@@ -6,7 +6,7 @@ plain where NO_COLOR or a dumb terminal asks for it.
 
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from time import perf_counter
 from typing import IO, Any
@@ -152,19 +152,22 @@ def detail(text: str) -> None:
 Layout = dict[str, Any]
 """A table as text: its title, columns (title, numeric, whole: never broken over lines), rows of cells, and notes."""
 WIDTH = 112
-"""Columns where the output is no terminal, which would say."""
-LONG_WORD, COLUMN_GAP = 14, 3
-"""Characters up to which a word is not broken; those between two columns."""
+"""Characters of a line where the output is no terminal and COLUMNS is not set."""
+LONG_WORD, COLUMN_GAP, EDGES = 14, 3, 2
+"""Characters up to which a word is not broken; those between two columns; those of both edges of a table."""
 
 
 def draw(layouts: Iterable[Layout]) -> None:
-    """Print tables. Names in them come from files, so nothing is taken for markup."""
+    """Print tables. Names in them come from files, so nothing is taken for markup.
+
+    A table that is wider than the line continues below, with its first column repeated, so that no number is broken.
+    """
     from rich.box import SIMPLE_HEAD
-    from rich.console import Console
+    from rich.console import Console, JustifyMethod
     from rich.table import Table
 
     console = Console(
-        width=None if sys.stdout.isatty() else WIDTH,
+        width=_find_width(),
         markup=False,
         emoji=False,
         highlight=False,
@@ -172,35 +175,78 @@ def draw(layouts: Iterable[Layout]) -> None:
     )
     with console.capture() as printed:
         for layout in layouts:
-            drawn = Table(box=SIMPLE_HEAD, pad_edge=False)
-            widths = _find_least_widths(layout)
-            fits = sum(widths) + COLUMN_GAP * (len(widths) - 1) <= console.width  # else words are broken, not cells cut
-            for (title, numeric, whole), width in zip(layout["columns"], widths, strict=True):
-                drawn.add_column(
-                    title,
-                    justify="right" if numeric else "left",
-                    no_wrap=whole,
-                    overflow="fold",
-                    min_width=width if fits else None,
-                )
-            for row in layout["rows"]:
-                drawn.add_row(*row)
+            widths, full = _find_widths(layout)
             console.print(layout["title"], style="table.title")  # rich's own title would be as narrow as the table
-            console.print(drawn)
+            for part in _split_columns(widths, console.width):
+                drawn = Table(box=SIMPLE_HEAD, pad_edge=False)
+                shares = _share_room([widths[k] for k in part], [full[k] for k in part], console.width)
+                for k, width in zip(part, shares, strict=True):
+                    title, numeric, whole = layout["columns"][k]
+                    justify: JustifyMethod = "right" if numeric else "left"
+                    drawn.add_column(title, justify=justify, no_wrap=whole, overflow="fold", width=width)
+                for row in layout["rows"]:
+                    drawn.add_row(*(row[k] for k in part))
+                console.print(drawn)
             if layout["notes"]:
                 console.print("\n".join(layout["notes"]), style="table.caption")
     click.echo("\n".join(line.rstrip() for line in printed.get().splitlines()))
 
 
-def _find_least_widths(layout: Layout) -> list[int]:
-    """Of each column, characters that break no word."""
+def _find_width() -> int | None:
+    """Return the characters of a line: COLUMNS if it is set, as other programs take it; None: as the terminal has."""
+    stated = os.environ.get("COLUMNS", "")
+    if stated.isascii() and stated.isdigit() and int(stated) > 0:
+        return int(stated)
+    return None if sys.stdout.isatty() else WIDTH
+
+
+def _find_widths(layout: Layout) -> tuple[list[int], list[int]]:
+    """Return two widths of each column: one that breaks no number and no word but long ones of texts, and the full."""
     rows = [[title for title, _, _ in layout["columns"]], *layout["rows"]]
-    widths = []
-    for k, (_, _, whole) in enumerate(layout["columns"]):
-        parts = [part for row in rows for part in ([row[k]] if whole else row[k].split())]
-        longest = max(map(len, parts), default=0)
-        widths.append(longest if whole else min(longest, LONG_WORD))
-    return widths
+    least, full = [], []
+    for k, (_, numeric, whole) in enumerate(layout["columns"]):
+        cells = [row[k] for row in rows]
+        words = cells if whole else [word for cell in cells for word in cell.split()]
+        longest = max(map(len, words), default=0)
+        least.append(longest if whole or numeric else min(longest, LONG_WORD))
+        full.append(max(map(len, cells), default=0))
+    return least, full
+
+
+def _share_room(least: Sequence[int], full: Sequence[int], room: int) -> list[int | None]:
+    """Return the width of each column, between its least and its full one; None if the least ones do not fit.
+
+    The rest of the room is shared evenly, by the columns that need little first. (rich alone would take from all
+    columns alike, and drop the last one where their least widths then do not fit.)
+    """
+    spare = room - _join_widths(least)
+    if spare < 0:
+        return [None] * len(least)
+    widths = [*least]
+    needs = sorted(range(len(least)), key=lambda k: full[k] - least[k])
+    for done, k in enumerate(needs):
+        given = min(full[k] - least[k], spare // (len(needs) - done))
+        widths[k] += given
+        spare -= given
+    return [*widths]
+
+
+def _join_widths(widths: Sequence[int]) -> int:
+    return sum(widths) + COLUMN_GAP * (len(widths) - 1) + EDGES
+
+
+def _split_columns(widths: Sequence[int], room: int) -> list[list[int]]:
+    """Return the columns of each part of a table that fits into the room; every part begins with the first column."""
+    if _join_widths(widths) <= room:
+        return [list(range(len(widths)))]
+    parts = [[0]]
+    for k in range(1, len(widths)):
+        part = parts[-1]
+        if len(part) > 1 and _join_widths([widths[n] for n in [*part, k]]) > room:
+            part = [0]
+            parts.append(part)
+        part.append(k)
+    return parts
 
 
 def is_styled(stream: IO[str]) -> bool:

@@ -18,15 +18,16 @@ FINE = {"m": ("µm", 1e6), "rad": ("m°", 1e3 * degrees(1))}
 """What errors of axes are told in, and how many of it make an SI unit."""
 
 
-def _measure(planned: StoredPlan, pulses: float) -> str:
-    """What so many pulses are of an axis at most, in its unit."""
-    if pulses == 0:
-        return ""
+def _measure(planned: StoredPlan, by_axis: Sequence[float]) -> str:
+    """Convert the errors of axes in pulses to their units, and return the largest of each unit."""
     largest = dict[str, float]()
-    for axis in planned.machine.axes:
-        largest[axis.unit] = max(largest.get(axis.unit, 0.0), pulses * axis.pulse)
-    told = [f"{value * factor:.3g} {name}" for unit, value in largest.items() for name, factor in [FINE[unit]]]
-    return f" (at most {', '.join(told)} of an axis)"
+    for axis, pulses in zip(planned.machine.axes, by_axis, strict=True):
+        if pulses > 0:
+            largest[axis.unit] = max(largest.get(axis.unit, 0.0), pulses * axis.pulse)
+    if not largest:
+        return ""
+    shown = [f"{value * factor:.3g} {name}" for unit, value in largest.items() for name, factor in [FINE[unit]]]
+    return f" (at most {', '.join(shown)} of an axis)"
 
 
 def read_whole(directory: Path, unverified: bool) -> tuple[StoredPlan, Whole]:
@@ -65,8 +66,8 @@ def say_errors(files: Sequence[Mapping[str, Any]], planned: StoredPlan) -> None:
     """How far what each file holds is from its motion, and what its user has to know, of files by their records."""
     made_up = sorted({kind for axis in planned.machine.axes for kind in axis.compensate})
     for file in files:
-        pulses = file["error_pulses"]
-        say(f"{file['file']}: error {pulses:.3g} pulses against {file['against']}{_measure(planned, pulses)}")
+        off = _measure(planned, file["error_pulses_by_axis"])
+        say(f"{file['file']}: error {file['error_pulses']:.3g} pulses against {file['against']}{off}")
         if made_up:
             say(f"  positions are the motors': {' and '.join(made_up)} made up for")
         for note in (*file["notes"], *(f"NOT VERIFIED: {doubt}" for doubt in planned.doubts)):

@@ -18,16 +18,23 @@ def markdown(command: click.Command, path: str) -> str:
     command.format_epilog(context, ending)
     parts = [
         f"```text\n{path} {' '.join(command.collect_usage_pieces(context))}\n```",
-        *(as_typed(part) if part.startswith("\b") else part for part in cleandoc(command.help or "").split("\n\n")),
+        *(as_typed(part) for part in cleandoc(command.help or "").split("\n\n")),
         "\n".join(["| option | what it does |", "| --- | --- |", *rows]),
         f"```text\n{ending.getvalue().strip()}\n```" if ending.getvalue().strip() else "",
     ]
     return "\n\n".join(parts) + "\n"
 
 
+EXAMPLE = "Example: "
+
+
 def as_typed(paragraph: str) -> str:
-    """A paragraph whose lines click is told to leave as they are."""
-    return f"```text{paragraph.removeprefix(chr(8))}\n```"
+    """Return a paragraph of help; lines that click leaves as they are, and an example, as code to be copied."""
+    if paragraph.startswith("\b"):
+        return f"```text{paragraph.removeprefix(chr(8))}\n```"
+    if paragraph.startswith(EXAMPLE):
+        return f"{EXAMPLE.strip()}\n\n```text\n{' '.join(paragraph.removeprefix(EXAMPLE).split())}\n```"
+    return paragraph
 
 
 def cell(text: str) -> str:

@@ -1,23 +1,28 @@
-"""Tables of a file's keys, made from its schema: {file-keys} module:Table, with :told: a class that explains them.
+"""Tables of a file's keys, made from its schema and written into the page docs/reference/files.md.
 
-What a key takes comes from its annotation, what it means from its declaration (`kinematics.files.keys`); or, of a table
-that sets the fields of another class, from the docstring of that class, in which a line reads `key  meaning`. A key
-that nothing explains ends the build. {kind-keys}: the tables of every kind of machine, so that a new one needs no line.
-{drive-times}: the known drives.
+    python docs/_ext/file_keys.py
+
+A table stands between two comments, so that a code host shows it as well as the site:
+
+    <!-- file-keys module:Table [module:Class] -->     keys of a table; Class: its docstring explains them
+    <!-- kind-keys -->                                  [geometry] of every kind of machine
+    <!-- drive-times -->                                the known drives
+    <!-- end -->
+
+The values that a key takes come from its annotation, its meaning from its declaration (`kinematics.files.keys`); or, of
+a table that sets the fields of another class, from the docstring of that class, in which a line reads `key  meaning`. A
+key that nothing explains raises KeyError.
 """
 
 import re
 from collections.abc import Collection, Iterator
 from importlib import import_module
 from inspect import cleandoc
+from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
-from docutils import nodes
-from docutils.parsers.rst import directives
 from pydantic_core import PydanticUndefined
-from sphinx.application import Sphinx
-from sphinx.util.docutils import SphinxDirective
 
 from kinematics.files.keys import Chosen
 from kinematics.files.schema import TableSchema
@@ -130,47 +135,50 @@ def about(field: Any) -> str:
     return str(field.description)
 
 
-class FileKeys(SphinxDirective):
-    """The table of one schema."""
-
-    required_arguments = 1
-    option_spec = {"told": directives.unchanged}  # noqa: RUF012  as docutils declares it
-
-    def run(self) -> list[nodes.Node]:
-        told = meanings(named(self.options["told"])) if "told" in self.options else {}
-        return self.parse_text_to_nodes("\n".join(rows(named(self.arguments[0]), told)))
+def file_keys(table: str, told: str = "") -> list[str]:
+    """Return the lines of the table of one schema, by its name."""
+    return list(rows(named(table), meanings(named(told)) if told else {}))
 
 
-class KindKeys(SphinxDirective):
-    """The [geometry] of each kind of machine, one after the other."""
-
-    def run(self) -> list[nodes.Node]:
-        lines: list[str] = []
-        for kind, (schema, *_) in KINDS.items():
-            lines += [f"### geometry of {'an' if kind[0] in 'aeiou' else 'a'} {kind}", ""]
-            first, *others = schema.tables_of("geometry")
-            lines += [cleandoc(first.__doc__ or ""), "", *rows(first, {}), ""]
-            for table in others:
-                shared = first.model_fields.keys() & table.model_fields.keys()
-                lines += [f"or: {cleandoc(table.__doc__ or '')} The other keys are the same.", ""]
-                lines += [*rows(table, {}, shared), ""]
-        return self.parse_text_to_nodes("\n".join(lines), allow_section_headings=True)
+def kind_keys() -> list[str]:
+    """Return the [geometry] of each kind of machine, one after the other."""
+    lines: list[str] = []
+    for kind, (schema, *_) in KINDS.items():
+        lines += [f"### geometry of {'an' if kind[0] in 'aeiou' else 'a'} {kind}", ""]
+        first, *others = schema.tables_of("geometry")
+        lines += [cleandoc(first.__doc__ or ""), "", *rows(first, {}), ""]
+        for table in others:
+            shared = first.model_fields.keys() & table.model_fields.keys()
+            lines += [f"or: {cleandoc(table.__doc__ or '')} The other keys are the same.", ""]
+            lines += [*rows(table, {}, shared), ""]
+    return lines[:-1]
 
 
-class DriveTimes(SphinxDirective):
-    """The drives that machine files may name, and what each needs of its pulses."""
-
-    def run(self) -> list[nodes.Node]:
-        lines = ["| drive | STEP high, at least | STEP low | DIR set-up | DIR hold | pulse rate, at most |"]
-        lines.append("|" + " --- |" * 6)
-        for name, drive in DRIVES.items():
-            times = [f"{1e6 * time:g} us" for time in (drive.high, drive.low, drive.setup, drive.hold)]
-            lines.append(f"| {' | '.join([f'`{name}`', *times, f'{drive.rate / 1e3:.4g} kHz'])} |")
-        return self.parse_text_to_nodes("\n".join(lines))
+def drive_times() -> list[str]:
+    """Return the table of the drives that machine files may name, with the times that each needs."""
+    lines = ["| drive | STEP high, at least | STEP low | DIR set-up | DIR hold | pulse rate, at most |"]
+    lines.append("|" + " --- |" * 6)
+    for name, drive in DRIVES.items():
+        times = [f"{1e6 * time:g} us" for time in (drive.high, drive.low, drive.setup, drive.hold)]
+        lines.append(f"| {' | '.join([f'`{name}`', *times, f'{drive.rate / 1e3:.4g} kHz'])} |")
+    return lines
 
 
-def setup(app: Sphinx) -> dict[str, bool]:
-    app.add_directive("drive-times", DriveTimes)
-    app.add_directive("kind-keys", KindKeys)
-    app.add_directive("file-keys", FileKeys)
-    return {"parallel_read_safe": True, "parallel_write_safe": True}
+TABLES = {"file-keys": file_keys, "kind-keys": kind_keys, "drive-times": drive_times}
+BLOCK = re.compile(rf"<!-- ({'|'.join(TABLES)})((?: \S+)*) -->\n.*?<!-- end -->", re.DOTALL)
+PAGE = Path(__file__).parents[1] / "reference" / "files.md"
+
+
+def fill(text: str) -> str:
+    """Return the text of a page with its tables made anew."""
+
+    def make(block: re.Match[str]) -> str:
+        begin = block[0].partition("\n")[0]
+        lines = TABLES[block[1]](*block[2].split())
+        return "\n".join([begin, "", *lines, "", "<!-- end -->"])
+
+    return BLOCK.sub(make, text)
+
+
+if __name__ == "__main__":
+    PAGE.write_text(fill(PAGE.read_text(encoding="utf-8")), encoding="utf-8")

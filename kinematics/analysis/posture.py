@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from kinematics.analysis.margins import USE_ROUNDING, Margins
 from kinematics.foundation.arrays import Array, finite_array, freeze_fields
 from kinematics.foundation.errors import MotionError, OutOfReach
+from kinematics.foundation.names import count_noun
 from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import SCALES, Column, Table
@@ -148,12 +149,21 @@ class Posture(Result):
             *(Column(name, _tidy(places[:, k]), "m", "human", ".9g") for k, name in enumerate("xyz")),
             *(Column(f"θ{name}", _tidy(angles[:, k]), "rad", "human", ".9g") for k, name in enumerate("xyz")),
         )
-        proof = (
-            "certified: the straight motion from home arrives in this pose and no other"
-            if self.certified
-            else f"NOT CERTIFIED: {self.doubt}"
-        )
-        return Table(f"{self.machine.name}: {type(self.machine).__name__.lower()}", columns, (proof,))
+        return Table(f"{self.machine.name}: {type(self.machine).__name__.lower()}", columns, tuple(self._verdict()))
+
+    def _verdict(self) -> Iterator[str]:
+        """Yield whether the machine may take the pose: limits that it violates first, then the proof of the pose."""
+        violations = self.violations
+        if violations:
+            rest = f" and {count_noun(len(violations) - 1, 'more limit')}" if violations[1:] else ""
+            yield f"NOT PERMITTED: {violations[0].partition(';')[0]}{rest}"
+        arrives = "the straight motion from home arrives in this pose and no other"
+        if not self.certified:
+            yield f"NOT CERTIFIED: {self.doubt}"
+        elif violations:
+            yield f"without regard to limits {arrives}"
+        else:
+            yield f"certified: {arrives}"
 
     def _directions(self) -> Table:
         columns = (

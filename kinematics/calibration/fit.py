@@ -25,6 +25,7 @@ from kinematics.calibration.parameters import (
 )
 from kinematics.calibration.result import Calibration, Estimate, Observability, error_scale, observe
 from kinematics.calibration.search import frame_start, minimize_errors
+from kinematics.calibration.unseen import find_unseen
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import count_noun
@@ -103,6 +104,7 @@ def calibrate(
     parts: Sequence[str] = DEFAULT,
     *,
     use: Use | None = None,
+    other_machine: bool = False,
 ) -> Calibration:
     """Identify a machine's parameters by maximum likelihood under the measurements' noise.
 
@@ -120,6 +122,8 @@ def calibrate(
     use
         "position" or "all" that was measured. None: positions and rotations, not the direction of an axis alone, since
         that asks for a model of how the measuring frame is tilted.
+    other_machine
+        Fit measurements that state another machine's name, as of the same machine in a file of another name.
 
     Returns
     -------
@@ -131,9 +135,11 @@ def calibrate(
     ------
     MotionError
         A part is unknown, there are fewer values than parameters, the machine cannot be sent to fitted poses, the
-        search does not converge, or measurements contradict the machine.
+        search does not converge, or measurements contradict the machine or are of another one.
     """
     machine, measured = load_machine(machine), load_measurements(measured)
+    if not other_machine:
+        _refuse_other(machine, measured)
     if use not in tuple(USES):  # which may be a list
         raise MotionError(f'calibrate: use {use!r} must be "position", "all" or None')
     vector = full_vector(machine)
@@ -158,6 +164,7 @@ def calibrate(
 
     degrees = int(chosen.sum()) - found.rank
     scale = _weighted_norm(after, weights, chosen) / sqrt(degrees) if degrees else nan
+    unseen = find_unseen(prediction, theta, found, (weights, np.asarray(chosen.any(0), float), select))
     widened = error_scale(measured.noise, scale)
     known = np.where(measured.seen, 1.0, np.nan)
     return Calibration(
@@ -177,7 +184,18 @@ def calibrate(
         scale=scale,
         degrees=degrees,
         skipped=skipped,
+        unseen="" if unseen is None else unseen.describe([parameter.name for parameter in parameters]),
     )
+
+
+def _refuse_other(machine: Machine, measured: Measurements) -> None:
+    """Raise MotionError for measurements that state another machine."""
+    stated = measured.machine
+    if stated and machine.name not in (stated, f"{stated}-calibrated"):
+        raise MotionError(
+            f'{measured.name} was measured on the machine "{stated}", and this is "{machine.name}"; give that machine, '
+            "or, if it is the same one under another name, --other-machine (in Python: other_machine=True)"
+        )
 
 
 def _find_best(prediction: Prediction, starts: list[Array], weights: Array, chosen: np.ndarray, select: Array) -> Array:

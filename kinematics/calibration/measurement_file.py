@@ -89,6 +89,7 @@ def load_measurements(name_or_path: MeasurementSource) -> Measurements:
         lines=tuple(
             document.line((kind, k)) for kind in ("pose", "rotation") for k in range(len(getattr(model, kind)))
         ),
+        machine=model.machine or "",
     )
 
 
@@ -271,6 +272,7 @@ class MeasurementFile(File):
     error: Annotated[str, unit_validator("m")] | None = key(
         "unit of plain lengths in errors; um if not stated", default=None
     )
+    machine: str | None = key("name of the machine that was measured; for another one it is refused", default=None)
     noise: NoiseTable | None = key("standard deviation; estimated if not stated", default=None)
     initial: InitialPose | None = key("what was measured at home", default=None)
     pose: Annotated[tuple[PoseTable, ...], AfterValidator(_require_poses)] = key(

@@ -57,6 +57,7 @@ class Measurements(Result):
     spread  (N, 8) m and rad, largest deviation of repetitions from their mean; NaN: not stated
     notes   what the file leaves open, and what was taken for it
     lines   of the file, for messages: where each pose stands in it; empty: of no file
+    machine  name of the machine that was measured; "": not stated
     """
 
     commanded: Pose = field(repr=False)
@@ -69,6 +70,7 @@ class Measurements(Result):
     name: str = "measurements"
     notes: tuple[str, ...] = ()
     lines: tuple[int | None, ...] = ()
+    machine: str = ""
 
     def __post_init__(self) -> None:
         for pose, what in ((self.commanded, "commanded"), (self.measured, "measured")):

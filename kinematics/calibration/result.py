@@ -158,6 +158,7 @@ class Calibration(Result):
     scale       √(χ² / degrees of freedom): root of residuals over stated noise; NaN without degrees of freedom
     degrees     of freedom
     skipped     why each check was left out that the machine cannot be sent to
+    unseen      warning of combinations of parameters that the fitted poses do not show but others do; "" if none
     """
 
     machine: Machine
@@ -174,6 +175,7 @@ class Calibration(Result):
     scale: float
     degrees: int
     skipped: tuple[str, ...] = ()
+    unseen: str = ""
 
     @property
     def stages(self) -> dict[str, Array]:
@@ -215,14 +217,16 @@ class Calibration(Result):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What speaks against the estimates, a sentence each; empty where nothing does.
+        """Reasons not to trust the estimates, a sentence each.
 
         - The residuals exceed the stated noise by more than chance: √(χ²/ν) scatters by 1/√(2ν) about 1.
         - A group of errors that was fitted is larger than with the nominal parameters.
         - There are fewer values to spare than parameters, so that a wrong model would not show.
+        - The fitted poses do not show combinations of parameters that have an effect at other poses.
         - The columns of the Jacobian are nearly dependent, σ_m / σ_1 < 1/30 [Belsley, Kuh and Welsch 1980].
         """
-        found, spare = [], self.degrees
+        spare = self.degrees
+        reasons = [self.unseen] if self.unseen else []
         limit = 1 + MAX_CHANCE_SIGMAS / np.sqrt(2 * max(spare, 1))
         faults = []
         if self.measurements.noise is not None and self.scale > limit:
@@ -234,21 +238,21 @@ class Calibration(Result):
                 faults.append(f"the errors of the {group} got worse, {1e6 * before:.3g} to {1e6 * after:.3g} {unit}")
         if faults:
             remedy = "identify other parameters (--model), or check the stated noise"
-            found.append(f"the model does not explain the data: {', and '.join(faults)}; {remedy}")
+            reasons.append(f"the model does not explain the data: {', and '.join(faults)}; {remedy}")
         count, poses = len(self.parameters), int(self.measurements.fit.sum())
         if spare < count:
-            found.append(
+            reasons.append(
                 f"{int(self.used.sum())} values of {poses} pose{'s' if poses > 1 else ''} leave {spare} to spare for "
                 f"{count} parameters, so a wrong model would not show; measure more poses"
             )
         evenness = self.observability.indices["O2"]
         if 0 < evenness < MIN_EVENNESS:
             weakest = describe_combination(self.observability.weakest, self.names)
-            found.append(
+            reasons.append(
                 f"the parameters are hardly told apart (O2 {evenness:.2g}, below 1/30), least {weakest}; "
                 "measure poses farther apart, or identify fewer parameters"
             )
-        return tuple(found)
+        return tuple(reasons)
 
     def _noise_of(self, group: str) -> float:
         """Stated noise of a component of a group; 0 where none is stated."""

@@ -18,9 +18,11 @@ from threading import current_thread, main_thread
 from types import FrameType
 from typing import Any
 
-from kinematics.files.leftovers import MARK, NEW, OLD, SUFFIX, clear, end, lock
+from kinematics.files.leftovers import NEW, OLD, SUFFIX, clear, end, lock, shorten_name, write_mark
 from kinematics.foundation.errors import MotionError
 
+RANDOM_CHARACTERS = 8
+"""Characters that mkdtemp adds to a name."""
 SIGNAL_NAMES = ("SIGINT", "SIGTERM", "SIGHUP")
 """Signals that end a program in good order, of which a system may not know all."""
 
@@ -79,7 +81,8 @@ def _make_directory(place: Path) -> tuple[Path, int | None]:
     """A new hidden directory beside a place, and its lock; None where this system has none: no run will clear it."""
     while True:
         try:
-            made = Path(mkdtemp(prefix=f".{place.name}-", suffix=SUFFIX, dir=place.parent))
+            name = shorten_name(place.name, RANDOM_CHARACTERS + len(f".-{SUFFIX}"))
+            made = Path(mkdtemp(prefix=f".{name}-", suffix=SUFFIX, dir=place.parent))
         except OSError as error:  # told of the place that was asked for
             raise OSError(error.errno, error.strerror, str(place)) from None
         try:
@@ -88,7 +91,7 @@ def _make_directory(place: Path) -> tuple[Path, int | None]:
             continue  # another run took it for a dead one's before it was locked
         except OSError:
             descriptor = None
-        (made / MARK).touch()
+        write_mark(made, place)
         return made, descriptor
 
 
@@ -277,19 +280,20 @@ def put_new(file: Path, place: Path) -> None:
 def move_aside(made: Path, place: Path) -> Path:
     """Move a file or directory that cannot take its place to a free name beside it, which is returned."""
     for n in count():
-        kept = place.with_name(f"{place.stem}.kept{n or ''}{place.suffix}")
-        if os.path.lexists(kept):
+        added = f".kept{n or ''}{place.suffix}"
+        aside = place.with_name(shorten_name(place.stem, len(os.fsencode(added))) + added)
+        if os.path.lexists(aside):
             continue
         try:
             if made.is_dir():
-                made.rename(kept)
+                made.rename(aside)
             else:
-                put_new(made, kept)
+                put_new(made, aside)
         except OSError as error:
             if error.errno not in OCCUPIED_ERRNOS:
                 raise
             continue
-        return kept
+        return aside
     raise AssertionError  # no end of numbers
 
 

@@ -110,9 +110,10 @@ class FileError(MotionError):
             group = many.get(id(fault), [fault])
             if fault is group[0]:
                 more = f" (and {len(group) - 1} more like it, the last in line {group[-1].line})" if group[1:] else ""
-                yield self._describe(fault) + more.replace(", the last in line None", "")
+                yield self.describe(fault) + more.replace(", the last in line None", "")
 
-    def _describe(self, fault: Fault) -> str:
+    def describe(self, fault: Fault) -> str:
+        """Return one line: file, line, key and message of a fault."""
         place = self.file if fault.line is None else f"{self.file}:{fault.line}"
         return f"{place}: {fault.key}: {fault.message}" if fault.key else f"{place}: {fault.message}"
 

@@ -26,7 +26,7 @@ from kinematics.foundation.units import Angle, describe_value
 from kinematics.kinds.axis_keys import AXES, GEOMETRY, KIND, OWN_AXES, RotaryAxis, axes
 from kinematics.kinds.load_keys import LoadedFile
 from kinematics.kinds.traverser import nearest_turn
-from kinematics.kinds.urdf import MAX_BASE_DISTANCE, Joints, parse_urdf, read_joints
+from kinematics.kinds.urdf import MAX_BASE_DISTANCE, Joints, faults_of, parse_urdf, read_joints, refuse_other_motion
 from kinematics.machine.axis import Axis
 from kinematics.machine.kind import Bar, Pivot, Skeleton, side
 from kinematics.machine.load import Body, Load
@@ -222,7 +222,9 @@ def read_urdf(path: Path, joints: Sequence[str], tool: str) -> Joints:
         pin = pinocchio("an arm's URDF")
     except NotInstalled:
         return read_joints(path, joints, tool)
-    parse_urdf(path)
+    root = parse_urdf(path)
+    with faults_of(path):
+        refuse_other_motion(root, list(joints))
     try:
         model = pin.buildModelFromUrdf(str(path))
     except (ValueError, RuntimeError) as failure:

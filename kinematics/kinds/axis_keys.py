@@ -13,8 +13,12 @@ from kinematics.foundation.units import Length, Unit
 from kinematics.kinds.shaper_keys import NO_SHAPER, StatedShaper, VibrationTable
 from kinematics.machine.axis import Axis, AxisKind, Magnitude, StepTiming, find_drive
 
-MICROSTEPS = tuple(sorted({200, 400, 1000, 2000, 5000, 10_000, 25_000, 50_000} | {400 << k for k in range(8)}))
-"""Steps per revolution that microstepping drives make of a 1.8° motor: decimal, and binary to 51 200 [KMITL 2005]."""
+MOTOR_STEPS = (24, 48, 93, 96, 100, 200, 400)
+"""Full steps per revolution of motors [KMITL 2005, table 2.1]. The table prints 93 for 3.75°; 360/3.75 is 96."""
+DIVISIONS = (*(1 << k for k in range(9)), 5, 10, 25, 50, 125, 250)
+"""Microsteps that drives make of a full step: binary and decimal."""
+MICROSTEPS = frozenset(steps * division for steps in MOTOR_STEPS for division in DIVISIONS)
+"""Steps per revolution of a motor with its drive."""
 
 
 def _check_direction(direction: int) -> int:
@@ -38,7 +42,8 @@ def check_rising(curve: tuple[tuple[float, float], ...]) -> tuple[tuple[float, f
 def _check_steps(count: int) -> int:
     if count not in MICROSTEPS:
         raise validation_error(
-            f"{count} is no drive's number of steps per revolution; drives have {', '.join(map(str, MICROSTEPS))}"
+            f"{count} is no drive's number of steps per revolution; motors have {', '.join(map(str, MOTOR_STEPS))}, "
+            f"and drives make {', '.join(map(str, sorted(DIVISIONS)))} of each"
         )
     return count
 
@@ -113,24 +118,29 @@ def _timing(stated: str | TimingTable) -> StepTiming:
 Timing = Annotated[Any, Chosen(lambda value: str if isinstance(value, str) else TimingTable), AfterValidator(_timing)]
 
 
+Gear = Annotated[float, Field(ge=1 / MAX_RATIO, le=MAX_RATIO), AllowInfNan(False)]
+
+
 class LinearDrive(TableSchema):
-    """A stepper on a screw: one pulse moves lead / steps."""
+    """A stepper with a gear and a screw: one pulse moves lead / (steps · gear).
+
+    [Motion 2-D] writes N = 200 R n (l - l0), with the gear ratio R and n = 1 / lead.
+    """
 
     steps: Steps = key("pulses for one turn of the motor")
     lead: Annotated[float, Unit("m", above=0)] = key("travel for one turn of the screw")
+    gear: Gear = key("turns of the motor for one of the screw", default=1.0)
 
     @property
     def pulse(self) -> float:
-        return self.lead / self.steps
+        return self.lead / (self.steps * self.gear)
 
 
 class RotaryDrive(TableSchema):
-    """A stepper behind a gear: one pulse turns 1/(steps · gear) of a revolution."""
+    """A stepper with a gear: one pulse turns 1/(steps · gear) of a revolution."""
 
     steps: Steps = key("pulses for one turn of the motor")
-    gear: Annotated[float, Field(ge=1 / MAX_RATIO, le=MAX_RATIO), AllowInfNan(False)] = key(
-        "turns of the motor for one of the axis", default=1.0
-    )
+    gear: Gear = key("turns of the motor for one of the axis", default=1.0)
 
     @property
     def pulse(self) -> float:
@@ -166,8 +176,8 @@ def declares_keys(table: type[Table]) -> type[Table]:
         )
         drive: Annotated[Any, Chosen(lambda _: LinearDrive if linear else RotaryDrive)] = key(
             choose(
-                "a screw: steps of a revolution, and the way of one",
-                "steps of a revolution; behind a gear: gear = 74.0",
+                "a screw: steps and travel of one revolution; with a gear: gear = 2.0",
+                "steps of one revolution; with a gear: gear = 74.0",
             ),
             choose('{ steps = 400, lead = "0.5 mm" }', "{ steps = 400, gear = 1.0 }"),
             None,

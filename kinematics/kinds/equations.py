@@ -237,10 +237,15 @@ def _turn(about: str, angle: ca.SX) -> ca.SX:
     return turned
 
 
-def _read_number(value: object) -> object:
-    """A plain number, a length or an angle, SI; of an array each."""
+def _read_constant(value: object) -> object:
+    """Return a number in SI units, or of an array the tuple of its numbers."""
     if isinstance(value, (tuple, list)):
         return tuple(_read_number(entry) for entry in value)
+    return _read_number(value)
+
+
+def _read_number(value: object) -> float:
+    """Return a plain number, a length or an angle in SI units."""
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         return float(value)
     for unit in ("m", "rad"):
@@ -248,11 +253,11 @@ def _read_number(value: object) -> object:
             return quantity(value, unit)
         except MotionError:
             continue
-    told = f'{describe_value(value)} is neither a number nor a length or an angle: write 2, "20 mm" or "30 deg"'
-    raise validation_error(told)
+    remedy = 'write 2, "20 mm" or "30 deg"'
+    raise validation_error(f"{describe_value(value)} is neither a number nor a length or an angle: {remedy}")
 
 
-Constant = Annotated[Any, BeforeValidator(_read_number)]
+Constant = Annotated[Any, BeforeValidator(_read_constant)]
 Place = tuple[str, str, str]
 
 

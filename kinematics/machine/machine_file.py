@@ -116,8 +116,8 @@ def _make_machine(source: Path | Traversable, document: Document, model: Machine
     except FileError as error:  # of a file that this one names
         geometry = document.data["geometry"]
         faults = [
-            document.fault(("geometry", fault.key if fault.key in geometry else "urdf"), told)
-            for fault, told in zip(error.faults, str(error).split("\n"), strict=True)
+            document.fault(("geometry", fault.key if fault.key in geometry else "urdf"), error.describe(fault))
+            for fault in error.faults
         ]
         raise FileError(document.file, faults) from error
     except NotInstalled:  # which is no fault of the file

@@ -4,7 +4,7 @@ Each is one line of `FORMATS`, loaded when it is asked for.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
@@ -15,11 +15,13 @@ from kinematics.files.atomic_files import Destination, require_folder
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import load_plugin, make_with
 from kinematics.machine.machine import Machine
+from planner.export.trigger_lines import describe_lost
 from planner.parallel import Progress, ignore_progress
 from planner.pulses.compensation.compensate import counted_motion
 from planner.pulses.generation.sent import SentPulses
 from planner.pulses.motion import AxesMotion
 from planner.pulses.schedule import PulseSchedule
+from planner.pulses.triggers import Triggered
 from planner.trajectory import Trajectory
 
 PHASE_ROUNDING = 1e-9
@@ -28,14 +30,15 @@ PHASE_ROUNDING = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class ExportSource:
-    """What is exported: a certified motion of a machine, and its checked pulses.
+    """A certified motion of a machine and its checked pulses, to be exported.
 
-    name  of the program, for formats that hold one
-    tell  told how much is written, of how much, by formats that write in parts
-    made     the motion behind shapers and compensation, where it is known; None: it is made here
-    since    s of the motion that was sent before at which it goes on with that; None: it begins at rest
-    sent     the last pulses of what was sent before
-    counted  what a controller of the axes has to be told: the motion, or of axes that compensate what their motors do
+    name      of the program, for formats that state one
+    tell      receives how much is written, and of how much, from formats that write in parts
+    made      the motion after shaping and compensation, where it is known; None: it is made here
+    since     s of the motion sent before, at which this one continues it; None: it begins at rest
+    sent      the last pulses of the motion sent before
+    triggers  of the program, at times from the start of this motion
+    counted   the motion for a controller of the axes: that of the motors for axes that compensate
     """
 
     name: str
@@ -46,6 +49,7 @@ class ExportSource:
     made: AxesMotion | None = field(default=None, repr=False)
     since: float | None = None
     sent: tuple[SentPulses, ...] = ()
+    triggers: tuple[Triggered, ...] = ()
     counted: AxesMotion = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -74,18 +78,21 @@ class Exported:
     against  what it is measured against, and how, in words: "the pulses, edge by edge"
     notes    what its user has to know: a spacing that was chosen, what the format cannot hold
     moves    how many pulses, calls, lines or segments of the decoded file move an axis
+    by_axis  pulses by which each axis is off at most: 0 for one that does not move
     """
 
     error: float
     against: str
     notes: tuple[str, ...] = ()
     moves: int | None = None
+    by_axis: tuple[float, ...] = ()
 
 
 def export(format_: "Format", name: str, source: ExportSource, path: Path) -> Exported:
-    """Write a file in a format called `name`, and what its decoded contents are from the plan.
+    """Write a file in a format called `name`. Return the error of its decoded contents against the plan, and notes.
 
-    Raises MotionError where they are another motion's, or no motion's while the plan's moves; else as the format does.
+    Triggers are named in a warning if the format does not hold them. Raises MotionError for contents of another motion,
+    or of no motion where the plan moves; else as the format does.
     """
     done = format_.write(source, path)
     if not done.error < np.inf:
@@ -97,7 +104,9 @@ def export(format_: "Format", name: str, source: ExportSource, path: Path) -> Ex
         few = "stays within half a pulse of its start: use a shorter pulse, or a longer motion"
         told = few if not source.pulses.total else "cannot be expressed in it: choose another format"
         raise MotionError(f"format {name}: the file would hold no move, and the plan's motion {told}")
-    return done
+    lost = () if holds_triggers(type(format_)) else describe_lost(source.triggers)
+    by_axis = done.by_axis or tuple(done.error if len(axis) else 0.0 for axis in source.pulses.axes)
+    return replace(done, notes=(*done.notes, *lost), by_axis=by_axis)
 
 
 def is_moving(source: ExportSource) -> bool:
@@ -131,7 +140,7 @@ class Format(Protocol):
 
     The first line of its docstring is what the command's help says of it; the rest states units, line ends and limits.
     One that starts and ends at rest, so that it cannot hold a stop, which begins in motion, states `from_rest`: what
-    messages call it.
+    messages call it. One that writes the source's triggers states `triggered = True`; for others a warning names them.
     """
 
     suffix: ClassVar[str]
@@ -168,6 +177,11 @@ FORMATS = {
 def takes_stop(kind: type[Format]) -> bool:
     """Whether a format can hold a stop, which begins in motion."""
     return not getattr(kind, "from_rest", "")
+
+
+def holds_triggers(kind: type[Format]) -> bool:
+    """Return True for formats whose files hold the triggers of a program."""
+    return bool(getattr(kind, "triggered", False))
 
 
 def find_format(name: str) -> type[Format]:

@@ -253,12 +253,14 @@ def _is_resting(motion: AxesMotion, t: Array, pulse: Array) -> NDArray[np.bool_]
 
 
 def _cut_long_segments(starts: Steps, longest: int) -> Steps:
-    """The segments with those longer than `longest` cut into equal parts."""
+    """Cut segments longer than `longest` into equal parts."""
     length = np.diff(starts)
     parts = -(-length // longest)
     which = np.repeat(np.arange(len(length)), parts)
     nth = np.arange(len(which)) - np.repeat(np.cumsum(parts) - parts, parts)
-    return np.append(starts[which] + length[which] * nth // parts[which], starts[-1])
+    # length · nth // parts, of which the product would overflow: 84 h in ns, cut into 30 000 parts
+    each, rest = np.divmod(length, parts)
+    return np.append(starts[which] + each[which] * nth + rest[which] * nth // parts[which], starts[-1])
 
 
 def _refine_segments(

@@ -1,7 +1,8 @@
-"""The least times on the lines of STEP and DIR, of pulses that have been checked and have no lines yet.
+"""Least times on the lines of STEP and DIR, for pulses that have been checked and have no lines yet.
 
-Pulses state when STEP rises. How long it stays high is for whoever makes the lines: here, as the pulse CSV has them.
-STEP is high for one width on all axes, and DIR changes when STEP falls, for the first pulse at time 0.
+Pulses state when STEP rises. How long it stays high depends on the program that makes the lines: here, the pulse CSV.
+STEP is high for one width on all axes. DIR changes when STEP falls or the hold of the drive is over, whichever is
+later, and for the first pulse at time 0.
 """
 
 from collections.abc import Sequence
@@ -9,15 +10,15 @@ from math import inf, isfinite
 
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import Axis
-from planner.export.formats.pulse_csv import Spacing, high_ticks
+from planner.export.formats.pulse_csv import Spacing, high_ticks, turn_ticks
 from planner.pulses.checking.verdict import LineTimes, PulseCheck
 
 
 def time_lines(found: PulseCheck, clock_hz: int, axes: Sequence[Axis]) -> tuple[LineTimes | None, ...]:
-    """The least times on the lines of each axis: as its file was read, else as they follow from the check's figures.
+    """Return the least times on the lines of each axis: as its file was read, else from the check's figures.
 
-    high = w, low = interval - w, setup = min(reversal - w, first), hold = w where the axis turns back, with the least
-    interval, the least interval at a reversal and the time of the first pulse. None where no width fits between them.
+    With the width w of STEP and the delay d of DIR after a pulse: high = w, low = interval - w, and where the axis
+    turns back setup = min(reversal - d, first) and hold = d. None where no width fits between the pulses.
     """
     if all(axis.lines is not None for axis in found.axes):
         return tuple(axis.lines for axis in found.axes)
@@ -26,17 +27,19 @@ def time_lines(found: PulseCheck, clock_hz: int, axes: Sequence[Axis]) -> tuple[
     known = [ticks for ticks in closest if ticks is not None]
     spacing = Spacing(clock_hz, min(known, default=None), tuple(back), 0, (), ())
     try:
-        width = high_ticks(spacing, None, [axis.timing for axis in axes])
+        timing = [axis.timing for axis in axes]
+        width = high_ticks(spacing, None, timing)
+        delays = turn_ticks(spacing, width, timing)
     except MotionError:
         return (None,) * len(found.axes)
     times = []
-    for axis, least, turn in zip(found.axes, closest, back, strict=True):
+    for axis, least, turn, delay in zip(found.axes, closest, back, delays, strict=True):
         first = _ticks(axis.first, clock_hz)
         low = inf if least is None else least - width
-        setup = min(inf if turn is None else turn - width, inf if first is None else first)
+        setup = min(inf if turn is None else turn - delay, inf if first is None else first)
         high, hold, interval = (
             inf if none else each
-            for none, each in ((axis.pulses == 0, width), (turn is None, width), (least is None, least or 0))
+            for none, each in ((axis.pulses == 0, width), (turn is None, delay), (least is None, least or 0))
         )
         times.append(LineTimes(axis.name, *(ticks / clock_hz for ticks in (high, low, setup, hold, interval))))
     return tuple(axis.lines or made for axis, made in zip(found.axes, times, strict=True))

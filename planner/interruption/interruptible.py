@@ -68,5 +68,5 @@ class Interruptible(ABC):
         Raises MotionError for an unknown format or option, a file that is there, and what the format cannot hold.
         """
         whole = self.whole()
-        source = ExportSource(whole.name, whole.machine, whole.trajectory, whole.pulses)
+        source = ExportSource(whole.name, whole.machine, whole.trajectory, whole.pulses, triggers=whole.triggers)
         return write_export(source, format, path, force, options)

@@ -225,6 +225,7 @@ class Section(Result):
             made=self.counted,
             since=self.at,
             sent=self.sent.pulses,
+            triggers=self.triggers,
         )
 
     def tables(self) -> tuple[Table, ...]:

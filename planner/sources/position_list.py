@@ -174,9 +174,13 @@ def read_csv(path: Path, text: str, length: str | None, angle: str | None) -> tu
     poses = []
     for number, line in enumerate(lines[begin + 1 :], begin + 2):
         if line.strip():
-            cells = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
+            try:
+                cells = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
+            except csv.Error as error:  # such as a cell of more than 131072 characters
+                faults.add(f"not CSV: {error}", number)
+                continue
             poses.append(_row(number, cells, columns, faults))
-    if not poses:
+    if not poses and not faults:
         faults.add("no pose: a header, and nothing below it")
     faults.refuse()
     missing = [name for name in ("x", "y", "z") if COLUMNS[name] not in {place for place, _ in columns}]

@@ -29,6 +29,9 @@ from pulsepath.progress import say
     type=click.Choice(["position", "all"]),
     help="Measurements to fit. Default: positions and rotations, without axis directions.",
 )
+@click.option(
+    "--other-machine", is_flag=True, help="Fit measurements although they state another machine's name than MACHINE's."
+)
 @click.option("--force", is_flag=True, help="Replace DIR if it holds an earlier calibration.")
 @json_option
 def calibrate(
@@ -37,13 +40,14 @@ def calibrate(
     out: Path,
     model: str,
     use: Literal["position", "all"] | None,
+    other_machine: bool,
     force: bool,
     as_json: bool,
 ) -> None:
     """Identify the parameters of MACHINE from MEASUREMENTS.
 
-    MEASUREMENTS are measured poses: a TOML file, or the bundled set cmm. Writes the calibrated machine and a report to
-    DIR.
+    MEASUREMENTS are measured poses: a TOML file, or the bundled set cmm. They are refused if they state the name of
+    another machine. Writes the calibrated machine and a report to DIR.
 
     Example: pulsepath calibrate hexapod cmm --out out/calibrated
     """
@@ -76,17 +80,18 @@ def calibrate(
     # Where nothing can be written, that is said before the work.
     with replace_directory(out, force, CALIBRATION_KIND, before) as folder:
         with step(f"identifying {nominal.name} from {count_noun(len(measured), 'measurement')}"):
-            found = calibration.calibrate(nominal, measured, [part.strip() for part in model.split(",")], use=use)
+            parts = [part.strip() for part in model.split(",")]
+            result = calibration.calibrate(nominal, measured, parts, use=use, other_machine=other_machine)
         detail(
-            f"{count_noun(len(found.parameters), 'parameter')}, {found.observability.rank} "
+            f"{count_noun(len(result.parameters), 'parameter')}, {result.observability.rank} "
             "combinations of them identifiable"
         )
         with step("writing files"):
-            calibration_directory.write(folder, found, sources)
+            calibration_directory.write(folder, result, sources)
     report = str(out / REPORT)
     if as_json:
         written = json.loads((out / CALIBRATION).read_bytes())
         click.echo(record.as_json({**written, "report": report}), nl=False)
     else:
-        tables.show(tables.of_results(found))
+        tables.show(tables.of_results(result))
         say(f"machine: {out / calibration_directory.MACHINE}\nreport: {report}")

@@ -68,7 +68,14 @@ def export(
     with read_pulses(planned) as tell:
         pulses = planned.read_pulses(tell)
     with step(f"writing {target}") as tell, destination.stage() as file:
-        source = ExportSource(planned.program.name, planned.machine, planned.trajectory, pulses, tell)
+        source = ExportSource(
+            planned.program.name,
+            planned.machine,
+            planned.trajectory,
+            pulses,
+            tell,
+            triggers=planned.find_triggers(pulses),
+        )
         done = export(format_, name, source, file)
         plan_directory.refuse_own(directory, target, file)
     written = record.of_export(name, str(target), done, planned.doubts)

@@ -23,7 +23,7 @@ from kinematics.files.atomic_files import (
     stamp,
     write_named,
 )
-from kinematics.files.leftovers import NEW, OLD, clear, lock
+from kinematics.files.leftovers import NEW, OLD, clear, lock, shorten_name
 from kinematics.foundation.errors import BadValue, MotionError
 from pulsepath.options import read_percent, read_quantity
 from pulsepath.process.exits import find_file, read_reached
@@ -203,7 +203,7 @@ UNFINISHED, BEGUN = ".unfinished", "begun"
 def find_unfinished(target: Path) -> Path:
     """The directory beside a target in which that grows."""
     place = target.resolve()
-    return place.with_name(place.name + UNFINISHED)
+    return place.with_name(shorten_name(place.name, len(UNFINISHED)) + UNFINISHED)
 
 
 @contextmanager

@@ -74,6 +74,7 @@ def of_export(name: str, file: str, done: Exported, doubts: Sequence[str] = ()) 
         "file": file,
         "error_pulses": done.error,
         "against": done.against,
+        "error_pulses_by_axis": list(done.by_axis),
         "notes": list(done.notes),
         **of_doubts(doubts),
     }

@@ -19,6 +19,10 @@ EARLIER_SCHEMA = 1
 """Of files whose registers counted from travel's zero, which they can be told from."""
 GIVE_STATE = "give a file for the registers with --state FILE"
 """The remedy where the file cannot be read or written."""
+MAX_DIGITS = 40
+"""Digits of a wrong value in a message."""
+MAX_REGISTER = 2**53
+"""Largest count in a file. No axis comes near it, and sums and floats are exact up to there."""
 
 
 def usual_place(machine: str) -> Path:
@@ -124,6 +128,12 @@ def read(path: Path) -> SavedSession | None:
             raise MotionError(f"{path}: {key}: give a value for every axis; remove the file, or give another --state")
         if any(type(value) not in kinds for value in table.values()):
             raise MotionError(f"{path}: {key}: {table} has wrong values; remove the file, or give another --state")
+        for name, value in table.items():
+            if not abs(value) <= MAX_REGISTER:  # true for NaN as well
+                shown = str(value)[:MAX_DIGITS]
+                raise MotionError(
+                    f"{path}: {key}: {name} is {shown}, limit {MAX_REGISTER}; remove the file, or give another --state"
+                )
     if set(record) != {"machine", *tables} or not isinstance(record["machine"], str):
         raise MotionError(f"{path}: keys {', '.join(sorted(record))} are not those of a register file")
     if schema == EARLIER_SCHEMA:

@@ -37,7 +37,7 @@ from planner.pulses.checking.edge_reader import check_file_parts
 from planner.pulses.checking.pulse_reader import list_statements
 from planner.pulses.compensation.compensate import counted_motion
 from planner.pulses.motion import AxesMotion
-from planner.pulses.triggers import Triggered, find_triggers
+from planner.pulses.triggers import Triggered, find_triggers, holds_triggers
 from planner.shaping.shaped_motion import find_delays
 from planner.shaping.shaped_proof import ShapedProof
 from planner.timing.duration_bound import DurationBound, bound_duration
@@ -328,9 +328,16 @@ class StoredPlan(Result, Interruptible):
             self.held.append(self.read_pulses(progress))
         motion, pulses = self.trajectory, self.pulses
         proof, path, tool = self.certificate, self.path, self.program.tool
-        fired = find_triggers(self.program, path, motion, pulses, *find_delays(self.machine.axes))
+        fired = self.find_triggers(pulses)
         own = path, motion, proof, pulses, self.order, tool, (), self.fastest, fired
         return Whole(self.program.name, self.machine, *own)
+
+    def find_triggers(self, pulses: PulseSchedule) -> tuple[Triggered, ...]:
+        """Return the program's triggers, with the counts of these pulses."""
+        if not holds_triggers(self.program):
+            return ()
+        delays = find_delays(self.machine.axes)
+        return find_triggers(self.program, self.path, self.trajectory, pulses, *delays)
 
     def open_pulses(self) -> PulseFile | None:
         """Their binary file, to be read part by part; None where there is none that has and states what was proved."""

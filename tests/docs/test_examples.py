@@ -87,7 +87,7 @@ def planned(tmp_path):
     schedule = schedule_of([[(100, 1)] * 50 + [(500, -1)] * 20, [(130, -1)] * 40])
     axes = tuple(Axis(axis.name, pulse=1e-6, direction=sign) for axis, sign in zip(schedule.axes, (1, -1), strict=True))
     source = SimpleNamespace(
-        pulses=schedule, name="made up", machine=SimpleNamespace(axes=axes), goes_on=False, sent=()
+        pulses=schedule, name="made up", machine=SimpleNamespace(axes=axes), goes_on=False, sent=(), triggers=()
     )
     find_format("vcd")().write(source, tmp_path / "planned.vcd")
     return tmp_path / "planned.vcd"

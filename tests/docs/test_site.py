@@ -73,6 +73,13 @@ def test_the_known_drives_are_listed_with_their_times(site):
         )
 
 
+def test_options_and_examples_can_be_copied(site):
+    page = (site / "reference" / "commands.html").read_text(encoding="utf-8")
+    article = unescape(page.partition("<article")[2].partition("</article>")[0])
+    assert "pulsepath pose hexapod 5,5,35 --turn 3,-4,2" in re.sub(r"<[^>]+>", "", article)
+    assert not re.findall("[\u2013\u2014\u2018\u2019\u201c\u201d]", article)
+
+
 def test_every_command_and_every_key_is_there(site):
     from kinematics.kinds.axis_keys import LinearDefaults
     from planner.program.program_file import ProgramFile

@@ -20,7 +20,7 @@
 """
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
@@ -37,6 +37,8 @@ from kinematics.machine.axis import directional_bounds
 from planner.export.columns import Columns, line_blocks, make_columns
 from planner.export.format import Exported, ExportSource, refuse_shaped
 from planner.export.knots import CHECK_PROBES, Knots, choose_knots, compare, refuse_moving_ends, steps_to_seconds
+from planner.export.trigger_lines import ALL, MAX_LINES
+from planner.pulses.triggers import Triggered
 
 SHORTEST_CYCLE, LONGEST_CYCLE = 0.25e-3, 4e-3
 """s"""
@@ -60,6 +62,7 @@ class CyclicPosition:
     """EtherCAT (CiA 402) cyclic synchronous position: increments, velocity and torque offsets, a row per cycle."""
 
     suffix: ClassVar[str] = ".csv"
+    triggered: ClassVar[bool] = True
     cycle: float = option(1e-3, "cycle time of the fieldbus, 0.25 to 4 ms. Default 1 ms", "s")
     increments: int = option(1, "increments of the drive per pulse of the machine. Default 1")
     rated: str | None = option(
@@ -79,15 +82,20 @@ class CyclicPosition:
         form = replace(form, factor=form.factor * self.increments)
         kinds = tuple(OBJECTS)[: 2 if rated is None else 3]
         allowed = self._bound_differences(source)
+        marks = _find_rows(source.triggers, each, int(knots.steps[-1]))
         with path.open("w", encoding="ascii", newline="") as file:
             file.write(f"# pulsepath {json.dumps(source.name)}: cyclic synchronous position (CiA 402, mode 8), ")
-            told = ", ".join(f"{kind} in {OBJECTS[kind][1]}" for kind in kinds)
-            file.write(f"a row every {1e3 * each:.6g} ms; set 0x60C2 to it; {told}\n")
+            units_of_kinds = ", ".join(f"{kind} in {OBJECTS[kind][1]}" for kind in kinds)
+            file.write(f"a row every {1e3 * each:.6g} ms; set 0x60C2 to it; {units_of_kinds}\n")
             start = next(iter(form.blocks(source, knots, 1)))[1][0, 0]
             for k, axis in enumerate(axes):
                 most = "" if np.isinf(allowed[k]) else f", second difference at most {_floor(allowed[k])} increments"
                 file.write(f"# axis {k} = {json.dumps(axis.name)}: starts at {start[k]:.0f}{most}\n")
-            file.write(",".join(["cycle", *(f"{kind}:{k}" for k in range(len(axes)) for kind in kinds)]) + "\n")
+            for k, name in enumerate(marks):
+                file.write(f"# trigger {k} = {json.dumps(name)}\n")
+            columns = [f"{kind}:{k}" for k in range(len(axes)) for kind in kinds]
+            columns += [f"trigger:{k}" for k in range(len(marks))]
+            file.write(",".join(["cycle", *columns]) + "\n")
             first = 0
             for _, units in form.blocks(source, knots, 2, rest=not source.goes_on):
                 nth = np.arange(first, first + units.shape[1])
@@ -96,9 +104,12 @@ class CyclicPosition:
                     parts.append(_find_torques(source, steps_to_seconds(nth, each), rated))
                 _refuse_large(source, kinds, parts, nth, each)
                 table = np.stack(parts, 2).reshape(len(nth), -1).astype(np.int64)
+                counts = [np.bincount(rows, minlength=first + len(nth))[first : nth[-1] + 1] for rows in marks.values()]
+                table = np.column_stack([table, *counts])
                 file.writelines(f"{k},{','.join(map(str, row))}\n" for k, row in zip(nth, table.tolist(), strict=True))
                 first += len(nth)
-        return self._compare(source, form, knots, path, len(kinds), allowed)
+        layout = Layout(len(axes), len(kinds), marks)
+        return self._compare(source, form, knots, path, layout, allowed)
 
     def _find_cycle(self) -> float:
         each = float(finite_array(self.cycle, "cycle", (), unit="s"))
@@ -135,18 +146,19 @@ class CyclicPosition:
         return np.asarray(np.array(most) * self.cycle**2 * per_meter + ROUNDED_DIFFERENCE)
 
     def _compare(
-        self, source: ExportSource, form: Columns, knots: Knots, path: Path, width: int, allowed: Array
+        self, source: ExportSource, form: Columns, knots: Knots, path: Path, layout: "Layout", allowed: Array
     ) -> Exported:
         axes = source.machine.axes
-        skip = len(axes) + 2
         notes = [
             f"a row every {1e3 * knots.step:.6g} ms; {count_noun(self.increments, 'increment')} a "
             "pulse, from home, as wired"
         ]
-        differences, parabola = _measure(source, form, knots, _read(path, skip, width))
+        differences, parabola = _measure(source, form, knots, _read(path, layout))
         k = int(differences.argmax())
-        told = "" if np.isinf(allowed[k]) else f"; its limits allow {_floor(allowed[k])}"
-        notes.append(f"second difference: at most {differences[k]:.0f} increments a cycle² (axis {axes[k].name}){told}")
+        limit = "" if np.isinf(allowed[k]) else f"; its limits allow {_floor(allowed[k])}"
+        notes.append(
+            f"second difference: at most {differences[k]:.0f} increments a cycle² (axis {axes[k].name}){limit}"
+        )
         room = (allowed - ROUNDED_DIFFERENCE).max()
         if np.isfinite(room):
             notes.append(
@@ -155,9 +167,12 @@ class CyclicPosition:
             )
         notes.append(f"between rows, measured along parabolas: within {parabola.max():.3g} increments")
         notes += source.describe_phase(knots.step)
+        if layout.marks:
+            fired = sum(map(len, layout.marks.values()))
+            notes.append(f"triggers: {fired}, each in the first row at or after it")
         points = (
             (steps_to_seconds(first + np.arange(len(rows)), knots.step), form.natural(rows[None].astype(float)))
-            for first, rows in _read(path, skip, width)
+            for first, rows in _read(path, layout)
         )
         return compare(source.counted, axes, knots, points, tuple(notes))
 
@@ -188,11 +203,36 @@ def _refuse_large(source: ExportSource, kinds: tuple[str, ...], parts: list[Arra
             )
 
 
-def _read(path: Path, skip: int, width: int) -> Iterator[tuple[int, Whole]]:
-    """The number of the first row and the positions (K, n), in blocks."""
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Columns of a file.
+
+    axes   number of axes
+    width  number of columns of each
+    marks  for each column of triggers, by its name, the rows at which they fire
+    """
+
+    axes: int
+    width: int
+    marks: dict[str, Whole]
+
+
+def _find_rows(triggers: Sequence[Triggered], each: float, last: int) -> dict[str, Whole]:
+    """Return for each name the first rows at or after its triggers; all names as one if there are many."""
+    together = len({event.name for event in triggers}) > MAX_LINES
+    rows: dict[str, list[int]] = {}
+    for event in triggers:
+        row = min(int(np.ceil(event.time / each * (1 - ROUNDING))), last)
+        rows.setdefault(ALL if together else event.name, []).append(row)
+    return {name: np.array(numbers, np.int64) for name, numbers in rows.items()}
+
+
+def _read(path: Path, layout: Layout) -> Iterator[tuple[int, Whole]]:
+    """Yield the number of the first row and the positions (K, n), in blocks."""
+    skip = layout.axes + len(layout.marks) + 2
     for lines in line_blocks(path, skip):
         table = np.array([line.split(",") for line in lines]).astype(np.int64)
-        yield int(table[0, 0]), table[:, 1::width]
+        yield int(table[0, 0]), table[:, 1 : 1 + layout.axes * layout.width : layout.width]
 
 
 def _measure(

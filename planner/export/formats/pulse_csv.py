@@ -6,9 +6,11 @@
 
 - A rising STEP is a pulse, at its tick; STEP falls one pulse width later. Before the first row every STEP is low.
 - DIR 1 is a positive count of the wiring: the pulse moves q by +axis.direction pulses; DIR 0 is a negative one. For
-  axes wired +1 that is +1 in q. DIR changes when the pulse before falls, and is right for the first pulse from time 0
-  on, so its set-up time is as long as it can be.
-- The first row, at time 0, states the level of every line; the last is the last falling edge.
+  axes wired +1 that is +1 in q. DIR changes when the pulse before falls, or when the drive's hold after that pulse's
+  rise is over, if that is later. It is right for the first pulse from time 0 on. So its set-up is as long as it can be.
+- The first row, at time 0, states the level of every line; the last is the last edge.
+- Of a program with triggers an exported file has a column for each name, `trigger photo`. It rises at the tick of every
+  trigger and falls like STEP, or half-way to the next one of its name. Above 16 names all share `trigger all`.
 - Times are exact decimals of the tick where the clock allows (10 MHz: 7 of the 9 digits), else rounded to 1/20 tick.
 - UTF-8, line ends \\n, decimal points whatever the locale. The file holds no start counts: keep them beside it.
 """
@@ -28,6 +30,7 @@ from kinematics.foundation.names import count_noun
 from kinematics.foundation.options import option
 from kinematics.machine.axis import StepTiming, ceil_ticks
 from planner.export.format import Exported, ExportSource
+from planner.export.trigger_lines import TriggerLine, describe_lines, join_lines, list_lines
 from planner.parallel import Progress, ignore_progress, share_progress
 from planner.pulses.checking import edge_reader
 from planner.pulses.checking.pulse_reader import PulseFile
@@ -43,17 +46,33 @@ class PulseCsv:
     """Every edge of the step and direction lines, as a logic analyser records them."""
 
     suffix: ClassVar[str] = ".csv"
+    triggered: ClassVar[bool] = True
     width: float | None = option(None, "pulse width of STEP. Default 2 us, or half the smallest interval if less", "s")
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         axes, pulses = source.machine.axes, source.pulses
         wiring, timing = [axis.direction for axis in axes], [axis.timing for axis in axes]
         refuse_high(source, high_ticks(measure_spacing([pulses]), self.width, timing))
-        write(pulses, path, wiring, width=self.width, timing=timing, tell=share_progress(source.tell, 0, 2))
+        lines = list_lines(source.triggers, pulses)
+        tell = share_progress(source.tell, 0, 2)
+        write(pulses, path, wiring, width=self.width, timing=timing, tell=tell, triggers=lines)
         tell = share_progress(source.tell, 1, 2)
-        held = edge_reader.parts(path, pulses.clock_hz, axes, source.machine.home_q, tell=tell)
-        exact = holds_same_pulses(pulses, (part.schedule for part in held))
-        notes = (describe_high(measure_spacing([pulses]), self.width, timing),)
+        marks: list[list[Ticks]] = [[] for _ in lines]
+
+        def read() -> Iterator[PulseSchedule]:
+            for part in edge_reader.parts(path, pulses.clock_hz, axes, source.machine.home_q, tell=tell):
+                for ticks, new in zip(marks, part.marks, strict=True):
+                    ticks.append(new)
+                yield part.schedule
+
+        exact = holds_same_pulses(pulses, read())
+        exact &= all(
+            np.array_equal(np.concatenate(ticks), line.ticks) for ticks, line in zip(marks, lines, strict=True)
+        )
+        notes = (
+            describe_high(measure_spacing([pulses]), self.width, timing),
+            *describe_lines(source.triggers, lines),
+        )
         return Exported(0.0 if exact else np.inf, "the pulses, edge by edge", notes, pulses.total)
 
 
@@ -65,14 +84,16 @@ def write(
     width: float | None = None,
     timing: Sequence[StepTiming | None] = (),
     tell: Progress = ignore_progress,
+    triggers: Sequence[TriggerLine] = (),
 ) -> None:
-    """Write the edges of every axis, in pieces of bounded memory; the pulses of a file are gone through twice.
+    """Write the edges of every axis, in pieces of bounded memory; the pulses of a file are read twice.
 
     wiring  (n,) +1/-1, the `direction` of each machine axis
     width   s that STEP stays high, rounded to ticks; None: 2 µs, or half the smallest pulse interval if that is less,
             or else what the drives allow
     timing  (n,) what each drive asks of its inputs
-    tell    told up to which tick the file is written, of how many
+    tell    receives the tick up to which the file is written, and the last one
+    triggers  further lines, with the edges of triggers
     Raises MotionError where the width leaves STEP no time to be low or a drive another, or the wiring does not match.
     """
     stated = schedule.stated if isinstance(schedule, PulseFile) else schedule
@@ -83,9 +104,12 @@ def write(
     spacing = measure_spacing(_parts(schedule))
     high = high_ticks(spacing, width, timing)
     names = [f"{axis.name} {line}" for axis in stated.axes for line in ("STEP", "DIR")]
+    names += [f"{edge_reader.TRIGGER}{line.name}" for line in triggers]
     with Path(path).open("wb") as file:
         file.write((", ".join(["Time[s]", *map(_quote, names)]) + "\n").encode())
-        for ticks, levels in _join_rows(_parts(schedule), spacing, wiring, high):
+        turns = turn_ticks(spacing, high, timing)
+        rows = _join_rows(_parts(schedule), spacing, wiring, high, turns)
+        for ticks, levels in join_lines(rows, triggers, high):
             file.write(_text(ticks, levels, stated.clock_hz))
             tell(int(ticks[-1]), spacing.last + high)
 
@@ -148,9 +172,10 @@ def measure_spacing(parts: Iterable[PulseSchedule]) -> Spacing:
 
 
 def high_ticks(spacing: Spacing, width: float | None, timing: Sequence[StepTiming | None]) -> int:
-    """Ticks that STEP stays high: as the drives ask, and leaving the closest pulses what these need of a low one.
+    """Return the ticks that STEP stays high: as the drives ask, with room for the low level between the closest pulses.
 
-    DIR changes when STEP falls, so that a reversal has to leave the set-up of its drive as well.
+    DIR changes when STEP falls or later, so that a reversal has to leave room for the set-up of its drive as well.
+    Raises MotionError if no width, or not the given one (s), does so.
     """
     clock, closest = spacing.clock_hz, spacing.closest
     least, room = _bound_high(spacing, timing)
@@ -159,7 +184,7 @@ def high_ticks(spacing: Spacing, width: float | None, timing: Sequence[StepTimin
     if least.ticks <= high <= room.ticks:
         return high
     given = high / clock if width is None else width
-    told = f"{given:.6g} s" if given >= 0.1 else f"{1e6 * given:.6g} us"
+    shown = f"{given:.6g} s" if given >= 0.1 else f"{1e6 * given:.6g} us"
     broken = [
         f"at {side} {bound.describe(clock)}"
         for side, bound, holds in (
@@ -169,12 +194,34 @@ def high_ticks(spacing: Spacing, width: float | None, timing: Sequence[StepTimin
         if not holds
     ]
     remedy = "choose another width" if least.ticks <= room.ticks else "choose a faster clock, or a slower motion"
-    raise MotionError(f"pulse width {told}: must be {' and '.join(broken)}; {remedy}")
+    raise MotionError(f"pulse width {shown}: must be {' and '.join(broken)}; {remedy}")
+
+
+def turn_ticks(spacing: Spacing, high: int, timing: Sequence[StepTiming | None]) -> tuple[int, ...]:
+    """Return for each axis the ticks from a pulse to the change of DIR after it, where the next one goes back.
+
+    The hold of a drive counts only there: between pulses of one direction DIR does not change, however close they are.
+    Raises MotionError for a reversal that is too short for hold and set-up.
+    """
+    clock = spacing.clock_hz
+    drives = [*timing, *[None] * (len(spacing.back) - len(timing))]
+    names = [*spacing.names, *[""] * (len(spacing.back) - len(spacing.names))]
+    turns = []
+    for back, drive, name in zip(spacing.back, drives, names, strict=True):
+        hold, setup = (0, 0) if drive is None else (ceil_ticks(t, clock) for t in (drive.hold, drive.setup))
+        if back is not None and hold + setup > back:
+            raise MotionError(
+                f"{name} reverses within {1e6 * back / clock:.6g} us, and its drive needs DIR "
+                f"{1e6 * hold / clock:.6g} us after STEP rises and {1e6 * setup / clock:.6g} us before it rises again; "
+                "slow the motion at the reversal, or take another drive"
+            )
+        turns.append(max(high, hold))
+    return tuple(turns)
 
 
 @dataclass(frozen=True, slots=True)
 class _Bound:
-    """Of the ticks that STEP stays high, and why."""
+    """A bound of the ticks that STEP stays high, and its reason."""
 
     ticks: float
     reason: str
@@ -190,9 +237,6 @@ def _bound_high(spacing: Spacing, timing: Sequence[StepTiming | None]) -> tuple[
     drives = [(f"the drive of {name}", drive) for name, drive in zip(names, timing, strict=False) if drive is not None]
     lows = [_Bound(1, "a tick of the clock")]
     lows += [_Bound(ceil_ticks(drive.high, clock), f"{who} needs STEP high so long") for who, drive in drives]
-    lows += [
-        _Bound(ceil_ticks(drive.hold, clock), f"{who} needs DIR so long after STEP rises") for who, drive in drives
-    ]
     rooms = [_Bound(np.inf, "")]
     if closest is not None:
         apart = f"the closest pulses are {1e6 * closest / clock:.6g} us apart, and"
@@ -238,46 +282,74 @@ def _quote(name: str) -> str:
 Rows = Iterator[tuple[Ticks, NDArray[np.uint8]]]
 
 
-def _join_rows(parts: Iterable[PulseSchedule], spacing: Spacing, wiring: Sequence[int], high: int) -> Rows:
-    """The rows of all parts: each is told of the pulse before it, whose STEP may fall in it, and of the way ahead."""
+def _join_rows(
+    parts: Iterable[PulseSchedule], spacing: Spacing, wiring: Sequence[int], high: int, turns: Sequence[int]
+) -> Rows:
+    """Yield the rows of all parts.
+
+    Each part also gets the pulse before it, whose STEP or DIR may change in it, and the direction of the next pulse.
+    """
     begin = 0
-    held = [AxisPulses("", np.empty(0, np.int64), np.empty(0, np.int8), 0, 1.0, 0.0)] * len(wiring)
+    last = [AxisPulses("", np.empty(0, np.int64), np.empty(0, np.int8), 0, 1.0, 0.0)] * len(wiring)
     for part, end, ahead in zip(parts, spacing.ends, spacing.ahead, strict=True):
         axes = []
-        for before, axis, way in zip(held, part.axes, ahead, strict=True):
-            behind = np.array([FOREVER // 2] * int(way != 0), np.int64)
-            ticks = np.concatenate([before.ticks[-1:], axis.ticks, behind])
-            signs = np.concatenate([before.direction[-1:], axis.direction, np.full(len(behind), way, np.int8)])
+        for before, axis, way in zip(last, part.axes, ahead, strict=True):
+            after = np.array([FOREVER // 2] * int(way != 0), np.int64)
+            ticks = np.concatenate([before.ticks[-1:], axis.ticks, after])
+            signs = np.concatenate([before.direction[-1:], axis.direction, np.full(len(after), way, np.int8)])
             axes.append(replace(axis, ticks=ticks, direction=signs))
         if begin < end:
-            yield from edge_rows(replace(part, axes=tuple(axes)), wiring, high, begin, end)
-        held = [axis if len(axis) else before for before, axis in zip(held, part.axes, strict=True)]
+            yield from edge_rows(replace(part, axes=tuple(axes)), wiring, high, (begin, end), turns)
+        last = [axis if len(axis) else before for before, axis in zip(last, part.axes, strict=True)]
         begin = end
 
 
-def edge_rows(schedule: PulseSchedule, wiring: Sequence[int], high: int, begin: int = 0, end: int = FOREVER) -> Rows:
-    """Edge instants (N,) from a tick to before another, and the levels of all lines there (N, 2 n), in windows."""
+def edge_rows(
+    schedule: PulseSchedule,
+    wiring: Sequence[int],
+    high: int,
+    span: tuple[int, int] = (0, FOREVER),
+    turns: Sequence[int] = (),
+) -> Rows:
+    """Yield, in windows, the instants (N,) of edges within a span of ticks and the levels of all lines there (N, 2 n).
+
+    turns: ticks from a pulse of each axis to the change of DIR (`turn_ticks`); if not given, DIR changes with STEP
+    """
+    begin, end = span
+    turns = turns or [high] * len(schedule.axes)
     inside = [axis.ticks[WINDOW::WINDOW] for axis in schedule.axes]
     marks = np.unique(np.concatenate([[begin], *(each[(each > begin) & (each < end)] for each in inside)]))
     ends = [*marks[1:].tolist(), end]
     for lo, hi in zip(marks.tolist(), ends, strict=True):
-        # Pulses that rise or fall from lo on, before hi.
-        spans = [np.searchsorted(axis.ticks, (lo - high, lo, hi - high, hi)).tolist() for axis in schedule.axes]
         edges = [np.zeros(int(lo == 0), np.int64)]
-        for axis, (falling, rising, fallen, risen) in zip(schedule.axes, spans, strict=True):
-            edges += [axis.ticks[rising:risen], axis.ticks[falling:fallen] + high]
+        for axis, turn in zip(schedule.axes, turns, strict=True):
+            edges += _find_edges(axis, high, turn, (lo, hi))
         instants = merge_rising(*edges)
         levels = np.zeros((len(instants), 2 * len(wiring)), np.uint8)
-        for k, (axis, (falling, _, _, risen)) in enumerate(zip(schedule.axes, spans, strict=True)):
+        for k, (axis, turn) in enumerate(zip(schedule.axes, turns, strict=True)):
             if not len(axis):
                 continue
-            near = axis.ticks[falling:risen]
+            first = int(np.searchsorted(axis.ticks, lo - turn))
+            near = axis.ticks[first : int(np.searchsorted(axis.ticks, hi))]
             up = np.searchsorted(near, instants, side="right")
             down = np.searchsorted(near, instants - high, side="right")
+            turned = np.searchsorted(near, instants - turn, side="right")
             levels[:, 2 * k] = up - down
-            following = np.minimum(falling + down, len(axis) - 1)
+            following = np.minimum(first + turned, len(axis) - 1)
             levels[:, 2 * k + 1] = axis.direction[following] == wiring[k]
         yield instants, levels
+
+
+def _find_edges(axis: AxisPulses, high: int, turn: int, span: tuple[int, int]) -> list[Ticks]:
+    """Return the instants at which STEP rises, STEP falls and, where it turns later, DIR changes, within a span."""
+    lo, hi = span
+    falling, rising, fallen, risen = np.searchsorted(axis.ticks, (lo - high, lo, hi - high, hi)).tolist()
+    edges = [axis.ticks[rising:risen], axis.ticks[falling:fallen] + high]
+    if turn > high:
+        first, last = np.searchsorted(axis.ticks, (lo - turn, hi - turn)).tolist()
+        back = np.flatnonzero(np.diff(axis.direction[first : last + 1]) != 0)
+        edges.append(axis.ticks[first + back] + turn)
+    return edges
 
 
 def _decimals(clock_hz: int) -> tuple[int, int]:
@@ -294,7 +366,7 @@ def _decimals(clock_hz: int) -> tuple[int, int]:
 
 
 def _text(ticks: Ticks, levels: NDArray[np.uint8], clock_hz: int) -> bytes:
-    """The rows as text, in whole numbers throughout: float formatting could move an edge."""
+    """Write the rows as text. Only whole numbers are used: float formatting could move an edge."""
     digits, scale = _decimals(clock_hz)
     second, rest = np.divmod(ticks, clock_hz)
     fraction = rest * (scale // clock_hz) if scale % clock_hz == 0 else (rest * scale + clock_hz // 2) // clock_hz

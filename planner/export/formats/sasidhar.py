@@ -25,7 +25,7 @@ from planner.baselines.moves import deviation, distance_to_curve, independent_ra
 from planner.export.format import Exported, ExportSource, refuse_compensated
 from planner.export.knots import refuse_moving_ends
 from planner.path.actuation import MachinePath
-from planner.pulses.schedule import Ticks
+from planner.pulses.schedule import AxisPulses, Ticks
 
 REST_SHARE = 1e-9
 """Share of the highest speed along the path under which the motion is at rest."""
@@ -80,12 +80,21 @@ class Sasidhar:
             *_describe_deviation(source, ends),
             f"counters stand at {', '.join(map(str, counts[0].tolist()))} before it",
         ]
+        error = max((_deviation(source, q[n : n + 2], ends[n : n + 2]) for n in range(len(ends) - 1)), default=0.0)
         return Exported(
-            max((_deviation(source, q[n : n + 2], ends[n : n + 2]) for n in range(len(ends) - 1)), default=0.0),
+            error,
             "the path, each move by independent trapezoids at the machine's limits",
             (*notes, f"{rests:g} s of rests have no line") if rests else tuple(notes),
             len(held) - 1,
+            # path and moves stay within the counts of an axis, which may be far fewer than the error of all
+            tuple(min(error, _count_range(axis)) for axis in pulses.axes),
         )
+
+
+def _count_range(axis: AxisPulses) -> float:
+    """Return the number of pulses between the smallest and the largest count of an axis, and one for rounding."""
+    counts = np.cumsum(axis.direction, dtype=np.int64)
+    return float(max(counts.max(), 0) - min(counts.min(), 0) + 1) if len(counts) else 0.0
 
 
 def _find_stops(source: ExportSource) -> tuple[np.ndarray, np.ndarray]:

@@ -15,9 +15,10 @@
     1!
 
 - The levels are those of the pulse CSV: a rising STEP is a pulse, DIR 1 a positive count of the wiring, and DIR changes
-  when the pulse before falls. The last time is the end of the motion.
+  when the pulse before falls, or after the hold of the drive. The last time is the end of the motion.
 - The time unit is the coarsest, from 1 ns down to 1 fs by tens, of which a tick is a whole number: 1 ns at 10 MHz.
   Where there is none, times are rounded to the finest that 63 bits hold, at least a twentieth of a tick.
+- Of a program with triggers there is a wire for each name, trigger_photo, with the edges of the pulse CSV.
 - Names are printable ASCII without white space: every character but letters, digits, _ and - is written as % and two
   hexadecimal digits for each of its UTF-8 bytes. Line ends \\n.
 """
@@ -34,7 +35,15 @@ from numpy.typing import NDArray
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import option
 from planner.export.format import Exported, ExportSource
-from planner.export.formats.pulse_csv import describe_high, edge_rows, high_ticks, measure_spacing, refuse_high
+from planner.export.formats.pulse_csv import (
+    describe_high,
+    edge_rows,
+    high_ticks,
+    measure_spacing,
+    refuse_high,
+    turn_ticks,
+)
+from planner.export.trigger_lines import MAX_LINES, TriggerLine, describe_lines, join_lines, list_lines
 from planner.pulses.schedule import PulseSchedule, Ticks
 
 SUFFIXES = {9: "1 ns", 10: "100 ps", 11: "10 ps", 12: "1 ps", 13: "100 fs", 14: "10 fs", 15: "1 fs"}
@@ -48,6 +57,7 @@ class Vcd:
     """Value change dump of the step and direction lines, for GTKWave and PulseView."""
 
     suffix: ClassVar[str] = ".vcd"
+    triggered: ClassVar[bool] = True
     width: float | None = option(None, "pulse width of STEP. Default 2 us, or half the smallest interval if less", "s")
 
     def write(self, source: ExportSource, path: Path) -> Exported:
@@ -55,13 +65,16 @@ class Vcd:
         if 2 * len(axes) > len(IDS):
             raise MotionError(f"{len(axes)} axes, but a dump has at most {len(IDS) // 2}; choose another format")
         spacing = measure_spacing([pulses])
-        high = high_ticks(spacing, self.width, [axis.timing for axis in axes])
+        timing = [axis.timing for axis in axes]
+        high = high_ticks(spacing, self.width, timing)
+        turns = turn_ticks(spacing, high, timing)
         refuse_high(source, high)
         wiring, digits = [axis.direction for axis in axes], _digits(pulses)
+        lines = list_lines(source.triggers, pulses, min(MAX_LINES, len(IDS) - 2 * len(axes)))
         with path.open("wb") as file:
-            file.write(_head(source, digits))
+            file.write(_head(source, digits, lines))
             before, last = None, 0
-            for ticks, levels in edge_rows(pulses, wiring, high):
+            for ticks, levels in join_lines(edge_rows(pulses, wiring, high, turns=turns), lines, high):
                 times = _times(ticks, pulses.clock_hz, digits)
                 if before is None:
                     file.write(_start(levels[0]))
@@ -71,8 +84,9 @@ class Vcd:
                     before, last = levels[-1:], int(times[-1])
             end = round(pulses.duration * 10**digits)
             file.write(b"#%d\n" % end if end > last else b"")
-        told = describe_high(spacing, self.width, [axis.timing for axis in axes])
-        return replace(_compare(pulses, wiring, path, digits), notes=(told, f"times in units of {SUFFIXES[digits]}"))
+        width = describe_high(spacing, self.width, timing)
+        notes = (width, f"times in units of {SUFFIXES[digits]}", *describe_lines(source.triggers, lines))
+        return replace(_compare(pulses, wiring, path, digits, lines), notes=notes)
 
 
 def plain(name: str) -> str:
@@ -80,8 +94,9 @@ def plain(name: str) -> str:
     return quote(name, safe="").replace(".", "%2E").replace("~", "%7E")
 
 
-def _head(source: ExportSource, digits: int) -> bytes:
+def _head(source: ExportSource, digits: int, triggers: Sequence[TriggerLine]) -> bytes:
     names = [f"{plain(axis.name)}_{line}" for axis in source.pulses.axes for line in ("STEP", "DIR")]
+    names += [f"trigger_{plain(line.name)}" for line in triggers]
     lines = [f"$comment pulsepath {plain(source.name)} $end", f"$timescale {SUFFIXES[digits]} $end"]
     lines += ["$scope module pulsepath $end"]
     lines += [f"$var wire 1 {chr(IDS[k])} {name} $end" for k, name in enumerate(names)]
@@ -134,17 +149,33 @@ def _text(times: Ticks, levels: NDArray[np.uint8], before: NDArray[np.uint8]) ->
     return table[table > 0].tobytes()
 
 
-def _compare(pulses: PulseSchedule, wiring: Sequence[int], path: Path, digits: int) -> Exported:
-    held = _read(path, 2 * len(wiring))
-    scale, same = 10**digits, True
+def _compare(
+    pulses: PulseSchedule, wiring: Sequence[int], path: Path, digits: int, triggers: Sequence[TriggerLine]
+) -> Exported:
+    read = _read(path, 2 * len(wiring) + len(triggers))
+    same = True
     for k, (axis, sign) in enumerate(zip(pulses.axes, wiring, strict=True)):
-        (at, step), (turned, way) = held[2 * k], held[2 * k + 1]
-        rising = at[(step == 1) & (np.concatenate([[0], step[:-1]]) == 0)]
-        exact = scale % pulses.clock_hz == 0
-        ticks = rising // (scale // pulses.clock_hz) if exact else np.rint(rising / scale * pulses.clock_hz)
-        direction = np.where(way[np.searchsorted(turned, rising, side="right") - 1] == 1, sign, -sign)
-        same &= np.array_equal(ticks, axis.ticks) and np.array_equal(direction, axis.direction)
+        turned, way = read[2 * k + 1]
+        times = _find_rises(read[2 * k])
+        direction = np.where(way[np.searchsorted(turned, times, side="right") - 1] == 1, sign, -sign)
+        same &= np.array_equal(_ticks(times, pulses.clock_hz, digits), axis.ticks)
+        same &= np.array_equal(direction, axis.direction)
+    for changes, line in zip(read[2 * len(wiring) :], triggers, strict=True):
+        same &= np.array_equal(_ticks(_find_rises(changes), pulses.clock_hz, digits), line.ticks)
     return Exported(0.0 if same else np.inf, "the pulses, edge by edge", moves=pulses.total)
+
+
+def _find_rises(changes: tuple[Ticks, NDArray[np.uint8]]) -> Ticks:
+    """Return the times at which a line rises, of its changes; before the first it is low."""
+    at, level = changes
+    rises = (level == 1) & (np.concatenate([[0], level[:-1]]) == 0)
+    return np.asarray(at[rises])
+
+
+def _ticks(times: Ticks, clock_hz: int, digits: int) -> Ticks:
+    scale = 10**digits
+    exact = scale % clock_hz == 0
+    return np.asarray(times // (scale // clock_hz) if exact else np.rint(times / scale * clock_hz))
 
 
 def _read(path: Path, lines: int) -> list[tuple[Ticks, NDArray[np.uint8]]]:

@@ -36,14 +36,20 @@ OFF_TICK = 0.1  # a time further from every tick was written for another clock
 MAX_FAULTS = 20  # of one kind told of at once
 EXACT_DIGITS = 15  # digits that floats hold, whatever they are
 TIMES = ("high", "low", "setup", "hold", "interval")
+TRIGGER = "trigger "
+"""Beginning of the names of columns that hold triggers, which may follow those of the axes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Lines:
-    """What a file of edges holds, or a part of it: its pulses, and the least times from the file's beginning on."""
+    """Contents of a file of edges, or of a part of it: pulses, and the least times from the file's beginning on.
+
+    marks: ticks at which each column of triggers rises
+    """
 
     schedule: PulseSchedule
     times: tuple[LineTimes, ...]
+    marks: tuple[Ticks, ...] = ()
 
 
 def parts(
@@ -70,11 +76,16 @@ def parts(
         first = file.readline()
         while first.count(b'"') % 2 and (more := file.readline()):  # a name may hold a line feed
             first += more
-        header = next(csv.reader([first.decode("utf-8-sig", errors="replace")], skipinitialspace=True), [])
-        if header != expected:
+        try:
+            header = next(csv.reader([first.decode("utf-8-sig", errors="replace")], skipinitialspace=True), [])
+        except csv.Error as error:  # such as a name of more than 131072 characters
+            raise FileError(name, [Fault("header", f"not CSV: {error}", 1)]) from None
+        columns = len(header)
+        marked = range(len(expected), columns)
+        if header[: len(expected)] != expected or not all(header[k].startswith(TRIGGER) for k in marked):
             raise FileError(name, [Fault("header", f"{header} should be {expected}", 1)])
         last, before = -0.5 / clock_hz, None  # the first row may be at time 0
-        for line, table in _tables(file, name, len(expected), first.count(b"\n") + 1):
+        for line, table in _tables(file, name, columns, first.count(b"\n") + 1):
             ticks = _ticks(table[:, 0], last, clock_hz, name, line)
             levels = table[:, 1:].astype(np.uint8)
             if len(table):
@@ -86,15 +97,28 @@ def parts(
                 )
                 pulses.append(AxisPulses(axis.name, rises, signs, count[k], axis.pulse, float(home[k])))
                 count[k] = pulses[k].final
+            marks = tuple(
+                _find_rises(ticks, levels[:, k - 1], None if before is None else before[k - 1]) for k in marked
+            )
             before = levels[-1] if len(table) else before
             rows = line + len(table) - 1
             times = (one.times(axis.name, clock_hz) for axis, one in zip(axes, found, strict=True))
-            yield Lines(PulseSchedule(clock_hz, tuple(pulses), max(last, 0.0)), tuple(times))
+            yield Lines(PulseSchedule(clock_hz, tuple(pulses), max(last, 0.0)), tuple(times), marks)
             tell(file.tell(), size)
-        high = [] if before is None else [axis.name for axis, level in zip(axes, before[::2], strict=True) if level]
+        high = (
+            []
+            if before is None
+            else [axis.name for axis, level in zip(axes, before[: 2 * len(axes) : 2], strict=True) if level]
+        )
         if high:
             message = f"leaves STEP of {', '.join(high)} high: the file has been cut; write it again"
             raise FileError(name, [Fault("row", message, rows)])
+
+
+def _find_rises(ticks: Ticks, levels: NDArray[np.uint8], before: np.uint8 | None) -> Ticks:
+    """Return the ticks at which a line rises; before: its level ahead of them, None: low."""
+    first = 0 if before is None else int(before)
+    return ticks[np.diff(levels.astype(np.int8), prepend=np.int8(first)) > 0]
 
 
 @dataclass(slots=True)

@@ -1,8 +1,8 @@
 """G-code of joint axes, as `planner.export.formats.g93` writes it: its words are actuators, so its places are found
 by forward kinematics of the machine that it is for.
 
-The way is taken over: a straight line from point to point, and the rests. The times are not: what is made of it is a
-program, which is planned as any other.
+The way is taken over: a straight line from point to point, the rests, and the M codes as triggers. The times are not:
+the program is planned as any other.
 """
 
 import re
@@ -17,7 +17,7 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from planner.program.model import MIN_MOVE, Dwell, Line, Program, Segment, Turn
-from planner.program.modifiers import Join, Stop
+from planner.program.modifiers import Join, Stop, Trigger
 from planner.sources.rs274.words import WORD, Words, blocks
 from planner.sources.source import Faults, Imported
 
@@ -29,6 +29,8 @@ _AXIS = re.compile(r"\(([A-Z]) = (.+) in (mm|deg): a joint axis, not Cartesian\)
 _ORIGIN = re.compile(r"\(positions from (home|natural), in the sense of the axes\)")
 _STAND = re.compile(r"\(the axes must stand at (.+)\)")
 UNIT_FACTORS = {"mm": 1e3, "deg": 180 / pi}
+_OUTPUT = re.compile(r"\(output (\d+) = trigger (.*)\)")
+_ON, _OFF = ("62", "64"), ("63", "65")
 MODES = {("G", "21"), ("G", "90"), ("G", "93"), ("G", "94"), ("M", "2")}
 POSE_RESIDUAL = 1e-6
 """m or rad: residual of a pose that has been found, of coordinates with six decimals or more."""
@@ -83,7 +85,7 @@ def read_joints(path: Path, text: str, header: Header, machine: str | None, join
 
     of = load_machine(machine or "")
     _refuse_other(of, header, said, faults)
-    numbers, rows, rests = _points(text, header, faults)
+    numbers, rows, rests, events = _points(text, header, faults)
     faults.refuse()
     factors = np.array([UNIT_FACTORS[unit] for unit in header.units])
     q = np.array(rows) / factors + (of.home_q if header.origin == "home" else 0.0)
@@ -110,6 +112,12 @@ def read_joints(path: Path, text: str, header: Header, machine: str | None, join
             if segments and not isinstance(segments[-1], Dwell):
                 segments[-1] = replace(segments[-1], join=Stop())
             segments.append(Dwell(rests[k], line_number=numbers[k]))
+        if segments and events[k]:
+            segments[-1] = replace(segments[-1], trigger=Trigger(" ".join(events[k])))
+    if segments and events[0]:
+        before = segments[0].trigger
+        names = events[0] if before is None else [*events[0], before.name]
+        segments[0] = replace(segments[0], trigger=Trigger(" ".join(names), 0.0))
     if all(isinstance(segment, Dwell) for segment in segments):
         faults.add("nothing moves: all its points are the same")
     faults.refuse()
@@ -146,15 +154,28 @@ def _refuse_other(machine: "Machine", header: Header, said: str, faults: Faults)
     faults.refuse()
 
 
-def _points(text: str, header: Header, faults: Faults) -> tuple[list[int], list[list[float]], list[float]]:
-    """Line, positions in the file's units and s of rest of each point, the first where the axes stand."""
+Points = tuple[list[int], list[list[float]], list[float], list[list[str]]]
+
+
+def _points(text: str, header: Header, faults: Faults) -> Points:
+    """Return line, positions in the file's units, s of rest and names of triggers of each point.
+
+    The first point is where the axes stand. A trigger belongs to the point before its line.
+    """
     start = WORD.findall(header.stand or "")
     numbers, rows, rests = [header.line], [_row(header, start, header.line, faults)], [0.0]
+    stated = (_OUTPUT.fullmatch(line.strip()) for line in text.split("\n"))
+    outputs = {match[1]: match[2] for match in stated if match is not None}
+    events: list[list[str]] = [[]]
     for number, _, found, _ in blocks(text, faults):
         said = [(letter.upper(), value) for letter, value in found]
         if set(said) <= MODES:
             continue
         letters = [letter for letter, _ in said]
+        if said[0][0] == "M" and set(letters) <= {"M", "P", "S", "T"}:
+            name = _find_trigger(said, outputs)
+            events[-1] += [name] if name else []
+            continue
         if said[0] == ("G", "1") and letters[1:] == [*header.letters, "F"]:
             rows.append(_row(header, said[1:-1], number, faults))
             rests.append(0.0)
@@ -167,7 +188,18 @@ def _points(text: str, header: Header, faults: Faults) -> tuple[list[int], list[
             )
             continue
         numbers.append(number)
-    return numbers, rows, rests
+        events.append([])
+    return numbers, rows, rests, events
+
+
+def _find_trigger(words: Words, outputs: dict[str, str]) -> str:
+    """Return the name of the trigger of an M code, "" where it switches an output off."""
+    code = words[0][1]
+    if code in _OFF:
+        return ""
+    if code in _ON and len(words) == 2:
+        return outputs.get(words[1][1], f"output {words[1][1]}")
+    return " ".join(f"{letter}{value}" for letter, value in words)
 
 
 def _row(header: Header, said: Words, number: int, faults: Faults) -> list[float]:

@@ -7,7 +7,15 @@ from threading import Thread
 
 import pytest
 
-from kinematics.files.atomic_files import SIGNAL_NAMES, defer_signals, stage_file
+from kinematics.files.atomic_files import (
+    SIGNAL_NAMES,
+    Destination,
+    defer_signals,
+    move_aside,
+    stage_directory,
+    stage_file,
+)
+from kinematics.files.leftovers import MARK, NEW, OLD, clear, shorten_name
 from pulsepath.process import ending
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="a process there cannot send itself these signals")
@@ -88,3 +96,53 @@ def test_nothing_staged_is_left_where_making_or_removing_it_is_broken_off(tmp_pa
         file.write_text("new")
     # where the signal came while it was removed, the file was in its place already
     assert [path.name for path in tmp_path.iterdir()] == ([] if broken == "_make_directory" else ["file"])
+
+
+LONG_NAMES = ["d" * 240, "d" * 255, "é" * 127, "d" * 250 + ".yaml"]
+"""Of 240 to 255 bytes, which is what file systems take."""
+
+
+@pytest.mark.parametrize("name", LONG_NAMES)
+def test_names_as_long_as_the_system_takes_them_are_written(tmp_path, name):
+    place = tmp_path / name
+    Destination(place).write("first")
+    with stage_file(place) as file:
+        file.write_text("second")
+    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [(name, "second")]
+    (tmp_path / "new").write_text("third")
+    aside = move_aside(tmp_path / "new", place)
+    assert aside.read_text() == "third"
+    assert len(os.fsencode(aside.name)) <= 255
+    assert aside.name.endswith(f".kept{place.suffix}")
+
+
+@pytest.mark.parametrize("name", [*LONG_NAMES, "short"])
+def test_what_a_killed_run_had_set_aside_returns_under_its_whole_name(tmp_path, name):
+    place = tmp_path / name
+    with stage_directory(place) as made:
+        left = tmp_path / made.name
+        (made / NEW).mkdir()
+        mark = (made / MARK).read_bytes()
+    left.mkdir()  # as if the run had been killed where it had moved the old result aside
+    (left / OLD).write_text("old")
+    (left / MARK).write_bytes(mark)
+    clear(tmp_path)
+    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [(name, "old")]
+
+
+def test_a_mark_leads_nowhere_else(tmp_path):
+    folder = tmp_path / "in"
+    left = folder / ".out-12345678.staged"
+    left.mkdir(parents=True)
+    (left / OLD).write_text("old")
+    (left / MARK).write_bytes(b"../out")
+    clear(folder)
+    assert [path.name for path in folder.iterdir()] == ["out"]
+    assert [path.name for path in tmp_path.iterdir()] == ["in"]
+
+
+def test_shortened_names_differ_where_their_names_do():
+    one, other = (shorten_name("d" * 250 + end, 20) for end in "ab")
+    assert one != other
+    assert len(one) == len(other) == 235
+    assert shorten_name("d" * 235, 20) == "d" * 235

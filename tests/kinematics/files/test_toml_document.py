@@ -192,6 +192,17 @@ def test_unreadable_text_is_a_fault_with_its_line(document, text, line, reason):
     assert reason in fault.message
 
 
+@pytest.mark.parametrize("end", ["\r\n", "\r\r\n", "\r\r\r\n"])
+def test_line_ends_that_were_converted_twice_are_line_ends(document, end):
+    """A program that turns LF into CR LF makes CR CR LF of CR LF."""
+    text = document(end.join(["a = 1", "", "[b]", "c = [1,", "2]", "d = 3", ""]))
+    assert text.data == {"a": 1, "b": {"c": (1, 2), "d": 3}}
+    assert [text.line(key) for key in (("a",), ("b",), ("b", "c"), ("b", "c", 1), ("b", "d"))] == [1, 3, 4, 5, 6]
+    with pytest.raises(FileError) as refusal:
+        document(end.join(["a = 1", "b = ", ""]))
+    assert refusal.value.faults[0].line == 2
+
+
 def test_unreadable_files_are_faults(tmp_path):
     for path in (tmp_path / "none.toml", tmp_path, tmp_path / "nul\0.toml"):
         with pytest.raises(FileError) as refusal:

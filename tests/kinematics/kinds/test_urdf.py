@@ -84,3 +84,71 @@ def test_what_is_no_arm_is_refused(change, names, tool, told, tmp_path):
     with pytest.raises(FileError) as no:
         read_joints(path, names, tool)
     assert told in str(no.value)
+
+
+GRIPPER = """<link name="left"/><link name="right"/>
+<joint name="grip" type="prismatic"><parent link="tool"/><child link="left"/><axis xyz="0 1 0"/>
+<limit lower="0" upper="0.04" effort="1" velocity="1"/></joint>
+<joint name="follower" type="revolute"><parent link="column"/><child link="right"/><axis xyz="0 1 0"/>
+<limit lower="0" upper="0.04" effort="1" velocity="1"/></joint></robot>"""
+
+
+def _readers():
+    try:
+        import pinocchio  # noqa: F401
+    except ImportError:
+        return [read_joints]
+    return [read_joints, read_urdf]
+
+
+@pytest.mark.parametrize("reader", _readers())
+def test_joints_that_move_besides_the_arms_are_named_with_the_remedy(reader, tmp_path):
+    path = tmp_path / "gripper.urdf"
+    path.write_text(ARM.read_text().replace("</robot>", GRIPPER))
+    with pytest.raises(FileError) as refused:
+        reader(path, NAMES, "tool")
+    text = str(refused.value)
+    assert "besides yaw, shoulder, elbow the file has 2 joints that move" in text
+    assert '"grip" (prismatic), "follower" (revolute); give them type="fixed"' in text
+    fixed = GRIPPER.replace('type="prismatic"', 'type="fixed"').replace('type="revolute"', 'type="fixed"')
+    path.write_text(ARM.read_text().replace("</robot>", fixed))
+    np.testing.assert_allclose(reader(path, NAMES, "tool").tool, reader(ARM, NAMES, "tool").tool, atol=1e-15)
+
+
+@pytest.mark.parametrize("reader", _readers())
+def test_joints_that_follow_others_are_refused(reader, tmp_path):
+    path = tmp_path / "mimic.urdf"
+    joint = '<joint name="elbow" type="revolute">'
+    changed = ARM.read_text().replace(joint, joint + '<mimic joint="shoulder" multiplier="-1"/>')
+    assert changed != ARM.read_text()
+    path.write_text(changed)
+    with pytest.raises(FileError, match='joint "elbow" follows "shoulder"'):
+        reader(path, NAMES, "tool")
+
+
+@pytest.mark.parametrize("reader", _readers())
+@pytest.mark.parametrize(
+    ("place", "name", "line"),
+    [
+        ('"elbow"', b'"el\rbow"', True), ('"tool"', b'"to&#13;ol"', False), ('"upper"', b'"up\nper"', True),
+        ('"fore"', b'"fo\tre"', True), ('<robot name="', b'<robot name="a&#10;', False),
+        ('"yaw"', '"y\u202eaw"'.encode(), True),
+    ],
+)  # fmt: skip
+def test_names_that_cannot_be_shown_are_refused(reader, place, name, line, tmp_path):
+    """XML turns a line end in a name into a blank, and pinocchio does not: the names would not be found."""
+    raw = ARM.read_bytes()
+    first = 1 + raw[: raw.index(place.encode())].count(b"\n")
+    path = tmp_path / "odd.urdf"
+    path.write_bytes(raw.replace(place.encode(), name))
+    with pytest.raises(FileError, match="controls how text is shown") as refused:
+        reader(path, NAMES, "tool")
+    assert str(refused.value).startswith(f"{path}:{first}: ") == line
+
+
+def test_a_machine_file_names_its_urdf_with_any_number_of_faults(tmp_path):
+    raw = ARM.read_bytes().replace(b'"elbow"', b'"el\rbow"').replace(b'"upper"', b'"up\rper"')
+    (tmp_path / "arm.urdf").write_bytes(raw)
+    (tmp_path / "arm.toml").write_text((ARM.parent / "arm.toml").read_text())
+    with pytest.raises(FileError, match=r"geometry\.urdf: .*arm\.urdf:\d+: name "):
+        load_machine(tmp_path / "arm.toml")

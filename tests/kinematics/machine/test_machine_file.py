@@ -122,6 +122,29 @@ def test_a_pulse_of_all_axes_is_needed_only_where_an_axis_has_none_of_its_own(lo
         load(f"{slides}\n[rotary]{rest}" + own_pulses("XY"))
 
 
+@pytest.mark.parametrize("steps", [24, 48, 93, 100, 200, 400, 96, 768, 4800, 51_200])
+def test_drives_have_the_steps_of_the_motors_in_the_source(load, steps):
+    """[KMITL 2005, table 2.1]: 400, 200, 100, 93, 48 and 24 steps per revolution, here also divided by a drive."""
+    (pulse,) = [line for line in PRESET.splitlines() if line.startswith(("pulse =", "drive ="))]
+    machine = load(PRESET.replace(pulse, f'drive = {{ steps = {steps}, lead = "6 mm" }}'))
+    assert machine.axes[0].pulse == pytest.approx(6e-3 / steps, rel=1e-15)
+    arm = (files("kinematics") / "presets" / "traverser.toml").read_text(encoding="utf-8")
+    head, rotary = arm.split("[rotary]")
+    turning = load(head + "[rotary]" + rotary.replace("steps = 400", f"steps = {steps}"))
+    assert turning.axes[3].pulse == pytest.approx(2 * np.pi / steps, rel=1e-15)
+
+
+def test_a_gear_of_a_screw_divides_its_pulse(load):
+    """[Motion 2-D]: N = 200 R n (l - l0), with the gear ratio R and n threads per unit of length."""
+    (pulse,) = [line for line in PRESET.splitlines() if line.startswith(("pulse =", "drive ="))]
+    ratio, threads = 3.5, 500.0  # per m
+    machine = load(PRESET.replace(pulse, f'drive = {{ steps = 200, lead = "2 mm", gear = {ratio} }}'))
+    assert 1e-3 / machine.axes[0].pulse == pytest.approx(200 * ratio * threads * 1e-3, rel=1e-14)
+    for wrong in ("0.0", "-2.0", "inf", '"two"', "1e7"):
+        with pytest.raises(FileError, match=r"axes\.drive\.gear"):
+            load(PRESET.replace(pulse, f'drive = {{ steps = 200, lead = "2 mm", gear = {wrong} }}'))
+
+
 def test_a_bound_may_differ_towards_smaller_and_greater_positions(load):
     sided = PRESET.replace('max_speed = "20 mm/s"', 'max_speed = ["18 mm/s", "20 mm/s"]')
     own = '[[axis]]\nname = "leg2"\nmax_jerk = ["2 m/s^3", "3 m/s^3"]\n'

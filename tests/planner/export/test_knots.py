@@ -165,3 +165,23 @@ def test_chosen_points_leave_no_cubic_that_runs_back():
     q = cubic(np.linspace(0, 1, 100_001)).ravel()
     assert (np.maximum.accumulate(q) - q).max() <= MAX_BACKWARD_PULSES * pulse
     assert long.deviation(motion, 8)[0, 0] < 100 * pulse
+
+
+@pytest.mark.parametrize("hours", [20, 100])
+def test_a_rest_of_days_is_cut_in_whole_nanoseconds(hours):
+    """At rest for days after one second of motion: 100 h are 3.6e14 ns, times 36 000 parts more than 63 bits hold."""
+    duration = 3600.0 * hours
+    ramp = np.array([[0.0], [0.0], [3e-3], [-2e-3]])  # 3 t² − 2 t³, from rest to rest
+
+    class Resting(Polynomial):
+        def at(self, t):
+            state = Polynomial(self.c, 1.0, self.knots).at(np.minimum(t, 1.0))
+            still = np.asarray(t)[..., None] >= 1.0
+            return _State(state.q, *(np.where(still, 0.0, rate) for rate in (state.qd, state.qdd, state.qddd)))
+
+    motion = Resting(ramp, duration, np.array([0.0, 1.0, duration]))
+    knots = choose_knots(motion, UM, 3, step=1e-9, tolerance=None, spacing=None)
+    gaps = np.diff(knots.steps)
+    assert gaps.min() > 0
+    assert gaps.max() <= 10e9
+    assert knots.steps[[0, -1]].tolist() == [0, hours * 3600 * 10**9]

@@ -231,6 +231,335 @@ def test_splines_of_fit_points_pass_through_them(sheet):
     assert stroke[[0, -1]] == pytest.approx(through[[0, -1]])
 
 
+# --- full turns -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("first", "last"),
+    [
+        (0, 360), (90, 450), (-180, 180), (180, -180), (360, 0), (0, 360.0000001), (0, 360.00001), (12.5, 372.5),
+        (1e-9, 360), (0, 720), (30, 390.001), (-45, 315),
+    ],
+)  # fmt: skip
+def test_arcs_between_different_angles_of_one_place_are_full_turns(sheet, first, last):
+    space, read = sheet
+    space.add_arc((10, 5), 3, first, last)
+    found = read(order="file", speed=1)
+    ((start, arc),) = contours(found.program)[0]
+    assert arc.angle == tau
+    assert start == pytest.approx([10 + 3 * cos(np.radians(first)), 5 + 3 * sin(np.radians(first)), 0])
+    assert found.entities == {"ARC": 1}
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "turn"),
+    [(0, 370, 10), (0, 0.001, 0.001), (359.999, 0, 0.001), (0, 359.99, 359.99), (350, 370, 20)],
+)
+def test_arcs_of_less_or_more_than_a_full_turn_end_where_they_are_stored_to_end(sheet, first, last, turn):
+    space, read = sheet
+    space.add_arc((10, 5), 300, first, last)
+    ((_, arc),) = contours(read(order="file", speed=1).program)[0]
+    assert arc.angle == pytest.approx(np.radians(turn), rel=1e-9)
+
+
+@pytest.mark.parametrize("last", [tau, 6.28319, 6.2831855, 6.2832, 6.283186, 2 * tau])
+@pytest.mark.parametrize("ratio", [0.4, 1.0])
+def test_ellipses_to_a_rounded_full_turn_are_full_turns(sheet, last, ratio):
+    """The circumference of an ellipse is 4 a E(1 − ratio²)."""
+    from scipy.special import ellipe
+
+    space, read = sheet
+    space.add_ellipse((3, 2), (8, 0), ratio, 0, last)
+    found = read(order="file", deviation=1e-8)
+    way_there = hypot(11, 2)
+    assert found.outline.length * 1e3 == pytest.approx(way_there + 4 * 8 * ellipe(1 - ratio**2), rel=1e-9)
+    assert found.outline.strokes[-1][-1] == pytest.approx(found.outline.strokes[-1][0], abs=1e-12)
+
+
+def test_curves_between_equal_stored_angles_are_points(sheet):
+    space, read = sheet
+    space.add_line((0, 0), (9, 0))
+    space.add_arc((3, 3), 2, 90, 90)
+    space.add_ellipse((3, 3), (8, 0), 0.4, 1.5, 1.5)
+    found = read()
+    assert len(found.program.segments) == 1
+    assert any("skipped 2 shapes without length" in line for line in found.warnings)
+
+
+# --- bulges and knots ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("heavy", [True, False])
+@pytest.mark.parametrize("bulge", [1e-8, -1e-8, 3e-10, -1e-12, 1e-15, 5e-324])
+@pytest.mark.parametrize("side", [0.5, 40.0, 5000.0])
+def test_sides_with_a_bulge_of_rounding_are_straight(sheet, heavy, bulge, side):
+    """The arc rises bulge/2 of its side above it: 25 nm of 5 m."""
+    space, read = sheet
+    rows = [(0, 0, 0), (side, 0, bulge), (side, side, 0.5), (0, side, 0)]
+    (space.add_polyline2d if heavy else space.add_lwpolyline)(rows, format="xyb")
+    kinds = [type(part) for _, part in contours(read(order="file", speed=1).program)[0]]
+    assert kinds == [Line, Line, Arc]
+
+
+def test_a_small_bulge_that_matters_is_an_arc(sheet):
+    space, read = sheet
+    space.add_lwpolyline([(0, 0, 1e-3), (10, 0, 0)], format="xyb")
+    ((_, part),) = contours(read(order="file", speed=1).program)[0]
+    assert part.angle == pytest.approx(4e-3, rel=1e-6)
+
+
+def _spline(space, degree, knots, points):
+    made = space.add_spline(degree=degree)
+    made.control_points, made.knots = points, knots
+
+
+def _fill_in(points):
+    """Points of a polygon that lie at most 0.2 mm apart."""
+    shares = [np.linspace(0, 1, 2 + int(np.linalg.norm(b - a) / 0.2))[:, None] for a, b in pairwise(points)]
+    return np.concatenate([a + share * (b - a) for (a, b), share in zip(pairwise(points), shares, strict=True)])
+
+
+def _dense(found):
+    """Points of all contours in mm, at most 0.2 mm apart."""
+    drawn = zip(found.program.segments, found.outline.strokes, strict=True)
+    return np.concatenate([_fill_in(stroke * 1e3) for part, stroke in drawn if part.speed is not None])
+
+
+def _de_boor(degree, knots, points, t, from_left):
+    """A point of a B-spline by the recursion of de Boor, in the span on the side of t that is asked for."""
+    knots = np.array(knots, float)
+    k = int(np.searchsorted(knots, t, "left" if from_left else "right")) - 1
+    d = [np.array(points[j + k - degree], float) for j in range(degree + 1)]
+    for r in range(1, degree + 1):
+        for j in range(degree, r - 1, -1):
+            low, high = knots[j + k - degree], knots[j + 1 + k - r]
+            share = (t - low) / (high - low)
+            d[j] = (1 - share) * d[j - 1] + share * d[j]
+    return d[degree]
+
+
+@pytest.mark.parametrize("gap", [0.0, 7.0])
+@pytest.mark.parametrize("degree", [1, 2, 3, 4])
+def test_a_knot_repeated_once_more_than_the_degree_splits_a_spline(sheet, degree, gap):
+    space, read = sheet
+    rng = np.random.default_rng(degree)
+    n = degree + 3
+    points = np.cumsum(rng.uniform(1, 5, (2 * n, 2)) * [1, -0.4], 0)
+    points[n:] += points[n - 1] - points[n] + [0, gap]
+    inner = [1.0, 2.0]
+    half = [*[0.0] * (degree + 1), *inner, *[3.0] * (degree + 1)]
+    knots = [*half, *[3 + x for x in inner], *[6.0] * (degree + 1)]
+    _spline(space, degree, knots, points.tolist())
+    program = read(order="file", speed=1).program
+    parts = contours(program)
+    assert len(parts) == (2 if gap else 1)
+    begins = [start for start, _ in parts[0]] + ([start for start, _ in parts[1]] if gap else [])
+    after = _de_boor(degree, knots, points, 3.0, from_left=False)
+    assert any(np.linalg.norm(start[:2] - after) < 1e-9 for start in begins)
+    everything = _dense(read(order="file", speed=1))
+    for t in np.linspace(0.01, 5.99, 40):
+        exact = [*_de_boor(degree, knots, points, t, from_left=True), 0]
+        assert np.linalg.norm(everything - exact, axis=1).min() < 0.13  # points of the figure lie 0.2 mm apart
+    assert ends(program)[-1][:2] == pytest.approx(points[-1])
+
+
+def test_knots_of_a_corner_may_differ_by_rounding(sheet):
+    space, read = sheet
+    points = [(0, 0), (5, 5), (10, 0), (15, 5), (20, 0)]
+    _spline(space, 2, [0, 0, 0, 0.333333333, 0.3333333333, 1, 1, 1], points)
+    (parts,) = contours(read(order="file", speed=1).program)
+    assert len(parts) == 2
+    assert parts[1][0] == pytest.approx([10, 0, 0], abs=1e-6)
+
+
+# --- blocks ---------------------------------------------------------------------------------------------------------
+
+
+def _fill(block):
+    """One entity of each kind that is traced, some of them seen from below."""
+    block.add_line((0, 0), (10, 1))
+    block.add_arc((10, 5), 4, 270, 60)
+    block.add_arc((-8, 5), 3, 20, 200, dxfattribs={"extrusion": (0, 0, -1)})
+    block.add_circle((4, 12), 2)
+    block.add_lwpolyline([(0, 20, 0.5), (6, 20, -1.5), (6, 26, 0), (0, 27, 0)], format="xyb", close=True)
+    block.add_ellipse((3, 32), (5, 1), 0.4, 0.3, 4)
+    block.add_open_spline([(0, 40), (5, 48), (9, 36), (14, 44)])
+    block.add_polyline3d([(0, 50, 0), (3, 52, 2), (6, 50, 1)])
+
+
+def _flat_points(entities):
+    """Points of ezdxf's own disassembly of the entities, at most 0.001 mm off them."""
+    from ezdxf.disassemble import recursive_decompose
+    from ezdxf.path import make_path
+
+    found = []
+    for entity in recursive_decompose(entities):
+        found.append(_fill_in(np.array([list(point) for point in make_path(entity).flattening(1e-3, segments=16)])))
+    return np.concatenate(found)
+
+
+def _assert_same_curves(found, exact, apart=0.2):
+    """Each drawn point lies on an exact curve, and each of those is drawn; exact points lie `apart` mm apart."""
+    drawn = _dense(found)
+    assert cKDTree(exact).query(drawn)[0].max() < 0.6 * apart
+    assert cKDTree(drawn).query(exact)[0].max() < 0.13
+
+
+PLACED = {
+    "moved": {}, "turned": {"rotation": 37}, "scaled": {"xscale": 1.5, "yscale": 1.5, "zscale": 1.5},
+    "mirrored": {"xscale": -1}, "mirrored twice": {"xscale": -1, "yscale": -1, "rotation": 20},
+    "stretched": {"xscale": 2, "yscale": 0.5, "rotation": -70}, "stretched and mirrored": {"xscale": 2, "yscale": -0.7},
+    "from below": {"extrusion": (0, 0, -1), "rotation": 15}, "upright": {"extrusion": (1, 2, 2), "yscale": -1.2},
+    "array": {"row_count": 2, "column_count": 3, "row_spacing": 70, "column_spacing": 40, "rotation": 10, "xscale": -1},
+    "array on one place": {"row_count": 3, "column_count": 2, "column_spacing": 40},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("placed", PLACED)
+def test_blocks_are_what_ezdxf_takes_apart(sheet, placed):
+    space, read = sheet
+    block = space.doc.blocks.new("PART", base_point=(3, 4, 1))
+    _fill(block)
+    space.add_blockref("PART", (20, -10, 5), dxfattribs=PLACED[placed])
+    found = read(speed=1)
+    _assert_same_curves(found, _flat_points(space))
+    copies = {"array": 6, "array on one place": 2}.get(placed, 1)
+    assert found.entities == {
+        "ARC": 2 * copies, "CIRCLE": copies, "ELLIPSE": copies, "LINE": copies, "LWPOLYLINE": copies,
+        "POLYLINE": copies, "SPLINE": copies,
+    }  # fmt: skip
+
+
+def test_nested_blocks_are_sheared_where_an_outer_one_is_stretched(sheet):
+    """Held against the product of the maps: ezdxf's own way to take such blocks apart has no shear."""
+    space, read = sheet
+    inner = space.doc.blocks.new("INNER", base_point=(1, 1))
+    _fill(inner)
+    outer = space.doc.blocks.new("OUTER", base_point=(-5, 2))
+    outer.add_blockref("INNER", (0, 0), dxfattribs={"rotation": 30, "xscale": 2})
+    array = {"column_count": 2, "column_spacing": 30, "rotation": -10}
+    outer.add_blockref("INNER", (60, 0), dxfattribs={"xscale": -1, **array})
+    space.add_blockref("OUTER", (7, 8), dxfattribs={"rotation": 45, "xscale": 0.5, "yscale": 1.5, "zscale": 1})
+
+    def turn(degrees):
+        return Rotation.from_euler("z", degrees, degrees=True).as_matrix()
+
+    points = _flat_points(inner) - [1, 1, 0]
+    first = points @ (turn(30) @ np.diag([2, 1, 1])).T
+    mirrored = points @ (turn(-10) @ np.diag([-1, 1, 1])).T + [60, 0, 0]
+    both = np.concatenate([first, mirrored, mirrored + turn(-10) @ [30, 0, 0]])
+    exact = (both - [-5, 2, 0]) @ (turn(45) @ np.diag([0.5, 1.5, 1])).T + [7, 8, 0]
+    _assert_same_curves(read(speed=1), exact, 0.2 * 2 * 1.5)
+
+
+def test_arcs_and_full_turns_of_blocks_remain_exact(sheet):
+    """A mirrored quarter from (4, 0) to (0, 4) runs from (-4, 0) to (0, 4), clockwise; a full turn remains one."""
+    space, read = sheet
+    block = space.doc.blocks.new("B")
+    block.add_arc((0, 0), 4, 0, 90)
+    block.add_arc((20, 0), 3, 90, 450)
+    space.add_blockref("B", (0, 0), dxfattribs={"xscale": -1})
+    quarter, whole = contours(read(order="file", speed=1).program)
+    ((start, arc),) = quarter
+    assert start == pytest.approx([-4, 0, 0])
+    assert arc.angle * arc.normal[2] == pytest.approx(-pi / 2, abs=1e-12)
+    ((start, arc),) = whole
+    assert (abs(arc.angle), arc.centre[0]) == (tau, pytest.approx(-0.02))
+    assert start == pytest.approx([-20, 3, 0])
+
+
+def test_layers_of_blocks(sheet):
+    """Entities on layer 0 lie on the layer of their INSERT; a frozen one hides all of it, one that is off its own."""
+    space, read = sheet
+    for name in ("CUT", "MARK", "NOTES"):
+        space.doc.layers.add(name)
+    inner, outer = space.doc.blocks.new("INNER"), space.doc.blocks.new("OUTER")
+    inner.add_line((0, 0), (5, 0))
+    inner.add_circle((2, 2), 1, dxfattribs={"layer": "MARK"})
+    inner.add_text("here", dxfattribs={"layer": "NOTES"})
+    outer.add_blockref("INNER", (0, 0))
+    outer.add_arc((9, 9), 1, 0, 90, dxfattribs={"invisible": 1})
+    made = space.add_blockref("OUTER", (0, 0), dxfattribs={"layer": "CUT"})
+    assert read().entities == {"CIRCLE": 1, "LINE": 1}
+    assert any("skipped TEXT (1×)" in line for line in read().warnings)
+    assert any("1 entity marked invisible" in line for line in read().warnings)
+    assert read(layers="cut").entities == {"LINE": 1}
+    assert read(layers="mark").entities == {"CIRCLE": 1}
+    assert read(skip="mark").entities == {"LINE": 1}
+    with pytest.raises(FileError, match="nothing to run"):
+        read(skip="cut")
+    cut = space.doc.layers.get("CUT")
+    cut.off()
+    assert read().entities == {"CIRCLE": 1}
+    cut.on()
+    cut.freeze()
+    with pytest.raises(FileError, match="nothing to run"):
+        read()
+    cut.thaw()
+    made.dxf.invisible = 1
+    with pytest.raises(FileError, match="nothing to run"):
+        read()
+
+
+def test_blocks_that_cannot_be_taken_apart_are_refused_by_name(sheet):
+    from ezdxf.xclip import XClip
+
+    space, read = sheet
+    space.doc.layers.add("X")
+    blocks = space.doc.blocks
+    space.add_line((0, 0), (9, 0))
+    blocks.new("CLIPPED").add_line((0, 0), (1, 1))
+    for name in ("ONE", "TWO"):
+        blocks.new(name)
+    blocks.get("ONE").add_blockref("TWO", (0, 0))
+    blocks.get("TWO").add_blockref("ONE", (0, 0))
+    space.doc.add_xref_def("other.dxf", "OTHER")
+    made = {
+        words: space.add_blockref(name, (0, 0), dxfattribs={"layer": "X"})
+        for name, words in (
+            ("GONE", 'the drawing has no block "GONE"'), ("OTHER", 'block "OTHER" is in another drawing'),
+            ("CLIPPED", 'block "CLIPPED" is clipped'),
+        )
+    }  # fmt: skip
+    space.add_blockref("ONE", (0, 0), dxfattribs={"layer": "X"})
+    XClip(made['block "CLIPPED" is clipped']).set_block_clipping_path([(0, 0), (1, 1)])
+    with pytest.raises(FileError) as refused:
+        read()
+    lines = str(refused.value).splitlines()
+    assert len(lines) == 4
+    for words, insert in made.items():
+        assert any(words in line and line.endswith(f"handle {insert.dxf.handle}") for line in lines)
+    assert 'block "ONE" contains itself' in str(refused.value)
+    assert read(skip="x").entities == {"LINE": 1}
+
+
+def test_faults_of_blocks_are_named_once(sheet):
+    space, read = sheet
+    block = space.doc.blocks.new("B")
+    block.add_solid([(0, 0), (1, 0), (0, 1)])
+    bad = block.add_circle((0, 0), -1)
+    for k in range(3):
+        space.add_blockref("B", (k, 0))
+    with pytest.raises(FileError) as refused:
+        read()
+    lines = str(refused.value).splitlines()
+    assert len(lines) == 2
+    assert any(f"CIRCLE {bad.dxf.handle}: radius -1" in line for line in lines)
+
+
+def test_blocks_that_multiply_without_end_are_refused(sheet, monkeypatch):
+    """Ten nested arrays of a hundred copies would be 1e20 lines."""
+    monkeypatch.setattr("planner.sources.dxf_blocks.MAX_COPIES", 1000)
+    space, read = sheet
+    space.doc.blocks.new("B0").add_line((0, 0), (1, 0))
+    array = {"row_count": 10, "column_count": 10, "row_spacing": 2, "column_spacing": 2}
+    for k in range(1, 10):
+        space.doc.blocks.new(f"B{k}").add_blockref(f"B{k - 1}", (0, 0), dxfattribs=array)
+    space.add_blockref("B9", (0, 0), dxfattribs=array)
+    with pytest.raises(FileError, match="blocks make more than"):
+        read()
+
+
 # --- chaining -------------------------------------------------------------------------------------------------------
 
 ROUNDED = [
@@ -506,19 +835,18 @@ def test_what_is_not_supported_is_listed_and_the_drawing_refused(sheet):
     space.add_line((0, 0), (9, 0))
     texts = [space.add_text("here", dxfattribs={"layer": "NOTES"}) for _ in range(150)]
     hatch = space.add_hatch()
-    insert = space.add_blockref("B", (0, 0), dxfattribs={"layer": "NOTES"})
+    space.add_blockref("B", (0, 0), dxfattribs={"layer": "NOTES"})
     mesh = space.add_polymesh((3, 3))
     point = space.add_point((1, 1))
     with pytest.raises(FileError) as refused:
         read(strict=True)
     told = [str(line) for line in str(refused.value).splitlines()]
-    assert len(told) == 5
+    assert len(told) == 4
     (line,) = [line for line in told if "TEXT" in line]
     assert 'layer "NOTES": TEXT is not supported' in line
     assert all(f" {text.dxf.handle}" in line for text in texts)
     for entity, words in (
         (hatch, "HATCH"),
-        (insert, "INSERT is not supported: explode"),
         (mesh, "POLYLINE"),
         (point, "POINT"),
     ):
@@ -606,6 +934,24 @@ def test_broken_files_are_refused_with_their_name(tmp_path, change):
         import_program(tmp_path / "bad.dxf", length="mm")
 
 
+@pytest.mark.parametrize("version", ["R12", "R2000", "R2018"])
+@pytest.mark.parametrize(
+    "kind", ["DICTIONARY", "LAYER", "XRECORD", "MATERIAL", "GROUP", "BLOCK_RECORD", "ENDBLK", "FOO"]
+)
+def test_objects_among_entities_are_refused_at_their_line(tmp_path, version, kind):
+    document = ezdxf.new(version, units=4)
+    document.modelspace().add_line((0, 0), (5, 5))
+    document.saveas(tmp_path / "part.dxf")
+    text = (tmp_path / "part.dxf").read_text()
+    at = text.index("  0\nENDSEC", text.index("ENTITIES"))
+    text = text[:at] + f"  0\n{kind}\n  5\nFFFF\n" + text[at:]
+    (tmp_path / "bad.dxf").write_text(text)
+    with pytest.raises(FileError) as refused:
+        import_program(tmp_path / "bad.dxf", length="mm")
+    line = text[:at].count("\n") + 2
+    assert str(refused.value).startswith((f"{tmp_path / 'bad.dxf'}:{line}: ", f"{tmp_path / 'bad.dxf'}:{line + 2}: "))
+
+
 @pytest.mark.parametrize(
     ("make", "words"),
     [
@@ -615,7 +961,8 @@ def test_broken_files_are_refused_with_their_name(tmp_path, change):
         (lambda space: space.add_circle((0, 0), float("inf")), "radius inf"),
         (lambda space: space.add_arc((0, 0), 1, float("nan"), 3), "must be finite"),
         (lambda space: space.add_lwpolyline([(0, 0, float("nan")), (1, 0, 0)], format="xyb"), "bulge nan"),
-        (lambda space: space.add_lwpolyline([(0, 0, 1e-300), (1, 0, 0)], format="xyb"), "bulge 1e-300"),
+        (lambda space: space.add_lwpolyline([(0, 0, 1e-6), (9e5, 0, 0)], format="xyb"), "bulge 1e-06"),
+        (lambda space: space.add_lwpolyline([(0, 0, 1e200), (1, 0, 0)], format="xyb"), r"bulge 1e\+200"),
         (lambda space: space.add_ellipse((0, 0), (1, 0), 0.5, float("nan"), 1), "must be finite"),
         (lambda space: space.add_open_spline([(0, 0), (1, 1), (float("nan"), 1), (2, 2)]), "is not a place"),
         (lambda space: space.add_rational_spline([(0, 0), (1, 1), (3, 1), (2, 2)], [1, -1, 1, 1]), "weights"),

@@ -361,3 +361,14 @@ def test_both_writers_of_the_source_are_read(write):
         listed, _ = Positions(unit_length=2e-3).load(write(text, "list.txt"))
         # z counts from the end point's height at home, 300 mm below the base
         assert listed.poses[0] == pytest.approx([1e-3, 3e-3, -0.3 + 5e-3, *np.radians([3.5, 4.5, 5.5])])
+
+
+@pytest.mark.parametrize("cell", ["1" * 140_000, '"' + "1" * 140_000])
+def test_cells_longer_than_a_csv_reader_takes_are_faults_with_their_line(tmp_path, cell):
+    """Python's reader takes 131 072 characters."""
+    (tmp_path / "long.csv").write_text(f"x [mm], y [mm], z [mm]\n0,0,1\n0,0,{cell}\n0,0,x\n")
+    with pytest.raises(FileError) as refused:
+        import_program(tmp_path / "long.csv")
+    lines = str(refused.value).splitlines()
+    assert [line.partition("long.csv:")[2].partition(":")[0] for line in lines] == ["3", "4"]
+    assert "not CSV: field larger than field limit (131072)" in lines[0]

@@ -2,6 +2,7 @@
 
 import json
 import re
+from importlib.resources import files
 
 import numpy as np
 import pytest
@@ -190,11 +191,11 @@ def test_what_the_machine_cannot_be_sent_to_is_bad_input(call, tmp_path):
     assert far.exit_code == 2
     for number, line in ((1, 2), (2, 5), (3, 8)):
         assert f"metres.toml:{line}: pose {number}: leg1 would stand" in far.stderr
-    held = call("calibrate", "linkage", "cmm", "--out", tmp_path / "o")
+    held = call("calibrate", "linkage", "cmm", "--other-machine", "--out", tmp_path / "o")
     assert held.exit_code == 2
     assert "pose 1 (6.2): machine linkage holds z" in held.stderr
     assert not (tmp_path / "o").exists()
-    assert call("calibrate", "tripod", "cmm", "--out", tmp_path / "o").exit_code == 0
+    assert call("calibrate", "tripod", "cmm", "--other-machine", "--out", tmp_path / "o").exit_code == 0
     (skipped,) = json.loads((tmp_path / "o" / "calibration.json").read_text())["skipped_checks"]
     assert skipped.startswith("rotation 1 (6.4): machine tripod holds ry")
     assert skipped in (tmp_path / "o" / "report.html").read_text()
@@ -229,3 +230,32 @@ def test_one_cause_at_every_pose_is_told_once(tmp_path, drawn, call):
     assert sum("travel is 0 mm to 50.8 mm" in line for line in lines) == 1
     assert "(and 11 more like it, the last in line " in lines[-1]
     assert len(json.loads(done.stdout)["error"]["faults"]) == 12
+
+
+@pytest.mark.parametrize("name", ["tripod", "hexapod-initial", "hexapod-rotary", "cartesian", "linkage"])
+def test_measurements_of_another_machine_are_refused(call, tmp_path, name):
+    refused = call("calibrate", name, "cmm", "--out", tmp_path / "o")
+    assert refused.exit_code == 2
+    assert f'cmm.toml was measured on the machine "hexapod", and this is "{name}"' in refused.stderr
+    assert "--other-machine" in refused.stderr
+    assert not (tmp_path / "o").exists()
+
+
+def test_a_file_states_its_machine_or_fits_any(call, tmp_path):
+    """A calibrated machine may be calibrated again; a file of another name asks for the option."""
+    poses = "".join(
+        f"[[pose]]\ncommanded = [{x}, {y}, 10, 0, 0, 0]\nmeasured = [{x}, {y}, 10.01, 0, 0, 0]\n"
+        for x, y in ((0, 0), (5, 0), (0, 5), (-5, 2))
+    )
+    machine = (files("kinematics") / "presets" / "hexapod.toml").read_text(encoding="utf-8")
+    for name in ("hexapod", "hexapod-calibrated", "mine"):
+        (tmp_path / f"{name}.toml").write_text(machine)
+    (tmp_path / "any.toml").write_text(poses)
+    (tmp_path / "own.toml").write_text('machine = "hexapod"\n' + poses)
+    for name, measured, options, code in (
+        ("mine", "any", (), 0), ("hexapod", "own", (), 0), ("hexapod-calibrated", "own", (), 0), ("mine", "own", (), 2),
+        ("mine", "own", ("--other-machine",), 0),
+    ):  # fmt: skip
+        files_of = (tmp_path / f"{name}.toml", tmp_path / f"{measured}.toml")
+        done = call("calibrate", *files_of, "--out", tmp_path / "o", "--force", *options)
+        assert done.exit_code == code, done.stderr

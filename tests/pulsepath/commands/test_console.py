@@ -118,6 +118,16 @@ def test_wrong_values_in_a_state_file_are_refused(state):
             register_file.read(state)
 
 
+@pytest.mark.parametrize("value", [2**64, -(2**63), 10**400, 2**53 + 1])
+@pytest.mark.parametrize("key", ["registers", "counters", "pulses"])
+def test_counts_beyond_a_register_are_refused(state, key, value):
+    assert console(state, "HOME X\n").returncode == 0
+    good = json.loads(state.read_text())
+    state.write_text(json.dumps({**good, key: {**good[key], "X": value}}))
+    with pytest.raises(MotionError, match=rf"{key}: X is .*, limit {2**53}; remove the file"):
+        register_file.read(state)
+
+
 def test_killed_in_a_motion_it_does_not_offer_what_moved(state):
     process = subprocess.Popen(
         [sys.executable, "-m", "pulsepath", "console", "--machine", "traverser", "--state", str(state), "--tcp", "0"],

@@ -208,6 +208,39 @@ def test_files_name_the_machine_as_it_was_planned(call, plan):
     assert (plan / "bare-circle.adlink.c").read_text().startswith('/* "bare-circle" on "hexapod"\n')
 
 
+def test_triggers_that_a_format_does_not_hold_are_named(call, tmp_path):
+    (tmp_path / "p.toml").write_text(
+        'schema = 1\nlength = "mm"\n[[segment]]\nline = { to = [0, 0, 10] }\ntrigger = { name = "photo", at = 0.5 }\n'
+    )
+    out = tmp_path / "o"
+    made = call("plan", tmp_path / "p.toml", "--machine", "hexapod", "--order", "2", "--out", out, "--no-figures")
+    assert made.exit_code == 0, made.stderr
+    for name, held in (("steps", False), ("ros", False), ("g93", True), ("pulses", True)):
+        done = call("export", out, "--format", name)
+        assert done.exit_code == 0, done.stderr
+        assert ('WARNING: the file does not hold the program\'s triggers: "photo" at 0.' in done.stdout) != held
+        assert ("triggers: 1" in done.stdout) == held
+
+
+def test_an_error_is_told_in_the_units_of_axes_that_move(call, tmp_path):
+    """The slides are off by up to 29 mm between stops, as they do not follow the path. R turns by 9 deg, or not."""
+    text = 'schema = 1\nlength = "mm"\nangle = "deg"\n[[segment]]\nline = {{ to = [100, 0, 0]{} }}\n'
+    text += "[[segment]]\nline = {{ to = [100, 200, 50] }}\n"
+    for turn, known in (("", None), (", rotate = [0, 0, 9]", 9.9e3)):
+        (tmp_path / "p.toml").write_text(text.format(turn))
+        out = tmp_path / f"o{len(turn)}"
+        made = call("plan", tmp_path / "p.toml", "--machine", "traverser", "--out", out, "--no-figures")
+        assert made.exit_code == 0, made.stderr
+        done = call("export", out, "--format", "sasidhar")
+        assert done.exit_code == 0, done.stderr
+        told = dict(
+            re.findall(r"([\d.e+]+) (µm|m°)", done.stdout.partition("at most ")[2].partition(" of an axis")[0])[::1]
+        )
+        units = {unit: float(number) for number, unit in told.items()}
+        assert units["µm"] == pytest.approx(29e3, rel=0.05)
+        assert units.get("m°") == (None if known is None else pytest.approx(known))
+
+
 def test_what_compensates_is_exported_as_its_motors_run(call, tmp_path):
     """The points of a PVT file end where the pulses do: where the screws have been made up for."""
     machine = (files("kinematics") / "presets" / "traverser.toml").read_text()

@@ -37,6 +37,26 @@ def test_what_it_prints(call):
         assert part in printed
 
 
+@pytest.mark.parametrize(
+    ("arguments", "first"),
+    [
+        (("hexapod", "500,0,0"), "NOT PERMITTED: leg2–leg3 clearance: they overlap by 8.909 mm and 31 more limits"),
+        (("traverser", "0,0,5000"), "NOT PERMITTED: Z travel: 5000 mm from home, outside"),
+        (("hexapod", "0,0,20"), "certified: the straight motion from home arrives in this pose and no other"),
+    ],
+)
+def test_what_is_said_first_is_whether_the_machine_may_take_the_pose(call, arguments, first):
+    done = call("pose", *arguments)
+    words = " ".join(done.stdout.split())
+    assert " ".join(first.split()) in words
+    assert words.index(first.split(":")[0]) < words.index("the axes")
+    permitted = first.startswith("certified")
+    assert done.exit_code == (0 if permitted else 1)
+    assert ("certified:" in words) == permitted
+    assert "limits kept" in words
+    assert words.endswith("NO") != permitted
+
+
 @pytest.mark.parametrize("name", ["hexapod", "hexapod-initial", "tripod", "linkage", "traverser", "arm"])
 def test_every_machine_has_its_home(call, name):
     if name == "arm":
