@@ -11,6 +11,7 @@ from kinematics.files.chunk_file import holds_chunks
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Table
 from planner import Plan, Program, Trajectory
+from planner.avoidable_stops import AvoidableStops
 from planner.certificate.certify import Certificate
 from planner.certificate.conditioning import Conditioning, find_poorest
 from planner.certificate.constant_speed import Stretch
@@ -273,6 +274,11 @@ class StoredPlan(Result, Interruptible):
     def triggers(self) -> tuple[Triggered, ...]:
         """The events that the program marks by `trigger`, as of a `Plan`."""
         return self.plan.triggers
+
+    @property
+    def avoidable_stops(self) -> AvoidableStops:
+        """The stops that nobody asked for, and about what they cost, as of a `Plan`."""
+        return self.plan.avoidable_stops
 
     @property
     def departures(self) -> tuple[Departure, ...]:
