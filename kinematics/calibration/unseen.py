@@ -1,13 +1,15 @@
 """Combinations of parameters that the fitted poses do not show, and poses that would show them.
 
-The null space of the identification Jacobian J (rows: errors at the fitted poses) has two parts. Some of its
-combinations have no effect at any pose: they only exchange, say, a turn of all base joints for one of the frame, and
-do no harm. The others have an effect at poses that were not measured, where the calibrated machine is then off by
-unknown amounts. With the rows J_c of candidate poses in the machine's workspace and a basis Z of the null space, the
-second part is the row space of J_c Z.
+The null space of the identification Jacobian J (rows: errors at the fitted poses) has two parts.
+Some of its combinations have no effect at any pose: they only exchange, say, a turn of all base
+joints for one of the frame, and do no harm. The others have an effect at poses that were not
+measured, where the calibrated machine is then off by unknown amounts. With the rows J_c of
+candidate poses in the machine's workspace and a basis Z of the null space, the second part is
+the row space of J_c Z.
 
-Poses are proposed one after the other, each the one that raises det(JᵀJ) most (D-optimal design), until the weakest
-combination is shown evenly enough. Columns are scaled to unit length, so that units drop out.
+Poses are proposed one after the other, each the one that raises det(JᵀJ) most (D-optimal
+design), until the weakest combination is shown evenly enough. Columns are scaled to unit length,
+so that units drop out.
 """
 
 from collections.abc import Sequence
@@ -28,7 +30,7 @@ COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
 RANDOM_CANDIDATES = 60
 """Candidate poses besides two along every component: a few times as many as parameters need."""
 REACHES = (0.2, 0.1, 0.05, 0.02, 0.01, 5e-3, 2e-3, 1e-3)
-"""Distances from the measured poses that are tried, the largest first: m, or rad times `ANGLE_SHARE`."""
+"""Distances from the measured poses, the largest first: m, or times `ANGLE_SHARE` rad."""
 ANGLE_SHARE = 2.5
 """rad that are tried together with 1 m: half a radian is the most."""
 LENGTH_STEP, ANGLE_STEP = 1e-3, np.deg2rad(0.5)
@@ -48,7 +50,8 @@ class Unseen:
     """Combinations that the fitted poses do not show.
 
     count     number of all of them
-    changes   (u, m) changes of the parameters, in their own units, with an effect at other poses, the strongest first
+    changes   (u, m) changes of the parameters, in their own units, with an effect at other poses,
+              the strongest first
     proposed  (k, 6) poses that show these: x, y, z (m) and θx, θy, θz (rad) from home
     """
 
@@ -81,7 +84,7 @@ def _describe_pose(pose: Sequence[float]) -> str:
 def find_unseen(
     prediction: Prediction, theta: Array, observed: Observability, rows: tuple[Array, Array, Array]
 ) -> Unseen | None:
-    """Find the combinations that the fitted poses do not show; None if they show all, or all that have an effect.
+    """Find the combinations that the fitted poses do not show; None if they show all with an effect.
 
     rows: weights (8,) of the components, their use (8,), and the selection of the parameters (k, m)
     """
@@ -90,10 +93,12 @@ def find_unseen(
         return None
     poses = _find_candidates(prediction.machine, prediction.measurements)
     if not len(poses):
-        return Unseen(count, freeze_array(observed.unobservable_changes), freeze_array(np.empty((0, 6))))
+        nothing = freeze_array(np.empty((0, 6)))
+        return Unseen(count, freeze_array(observed.unobservable_changes), nothing)
     shown = _find_rows(prediction, theta, poses, rows)
     # scaled like the columns of all poses, so that units drop out
-    known = observed.singular[: observed.rank, None] * observed.combinations[: observed.rank] / observed.scale
+    sigma = observed.singular[: observed.rank, None]
+    known = sigma * observed.combinations[: observed.rank] / observed.scale
     length = np.sqrt((known**2).sum(0) + (shown**2).sum((0, 1)))
     scale = np.divide(1.0, length, out=np.ones_like(length), where=length > 0)
     known, shown = known * scale, shown * scale
@@ -108,12 +113,12 @@ def find_unseen(
 
 
 def _null_space(rows: Array) -> Array:
-    """Return an orthonormal basis (m, u) of the changes that rows (r, m) of full rank do not show."""
+    """Return an orthonormal basis (m, u) of the changes not shown by rows (r, m) of full rank."""
     return np.asarray(np.linalg.svd(rows, full_matrices=True)[2][len(rows) :].T)
 
 
 def _find_candidates(machine: Machine, measured: Measurements) -> Array:
-    """Return candidate poses (N, 6) around the fitted ones: within the machine's limits, rounded."""
+    """Return candidate poses (N, 6) around the fitted ones, within the limits, rounded."""
     fitted = measured.commanded[measured.fit]
     centre = np.concatenate([fitted.translation.mean(0), fitted.rotation.mean().as_euler("XYZ")])
     free = [COMPONENTS.index(name) for name in machine.freedom]
@@ -121,7 +126,8 @@ def _find_candidates(machine: Machine, measured: Measurements) -> Array:
     for k in free:
         for side, sign in enumerate((-1.0, 1.0)):
             sizes = (sign * size * (1 if k < 3 else ANGLE_SHARE) for size in REACHES)
-            reach[side, k] = next((size for size in sizes if _is_permitted(machine, _move(centre, k, size))), 0.0)
+            permitted = (size for size in sizes if _is_permitted(machine, _move(centre, k, size)))
+            reach[side, k] = next(permitted, 0.0)
     random = np.random.default_rng(0)
     shares = random.uniform(-1, 1, (RANDOM_CANDIDATES, 6))
     tried = [_move(centre, k, reach[side, k]) for k in free for side in (0, 1)]
@@ -151,7 +157,7 @@ def _is_permitted(machine: Machine, values: Array) -> bool:
 
 
 def _find_rows(prediction: Prediction, theta: Array, poses: Array, rows: tuple[Array, Array, Array]) -> Array:
-    """Return the rows (N, c, m) of the identification Jacobian at poses (N, 6); none of poses that do not close."""
+    """Return rows (N, c, m) of the identification Jacobian at poses (N, 6); 0 if not closed."""
     weights, used, select = rows
     machine, vector = prediction.machine, prediction.vector
     further = whole_poses(_pose(poses), _pose(poses), name="proposed poses")
@@ -163,12 +169,13 @@ def _find_rows(prediction: Prediction, theta: Array, poses: Array, rows: tuple[A
 
 
 def _select_pose(whole: Prediction, k: int) -> Prediction:
-    measurements = select_rows(whole.measurements, [k])
-    return replace(whole, measurements=measurements, sent=whole.sent[k : k + 1], _commanded=whole._commanded[k : k + 1])
+    measurements, part = select_rows(whole.measurements, [k]), slice(k, k + 1)
+    commanded = whole._commanded[part]
+    return replace(whole, measurements=measurements, sent=whole.sent[part], _commanded=commanded)
 
 
 def _choose_poses(known: Array, shown: Array) -> list[int]:
-    """Choose poses by their rows (N, c, m), next to rows (r, m) that are known; MAX_PROPOSED at most."""
+    """Choose poses by their rows (N, c, m), next to known rows (r, m); MAX_PROPOSED at most."""
     # without combinations that no pose shows, which would leave the determinant zero
     sizes, combinations = np.linalg.svd(np.concatenate([known, shown.reshape(-1, known.shape[1])]))[1:]
     basis = combinations[sizes > MIN_SHARE * sizes[0]].T
@@ -186,7 +193,7 @@ def _choose_poses(known: Array, shown: Array) -> list[int]:
 
 
 def _evenness(information: Array, rank: int) -> float:
-    """Return O2 of the Jacobian J, of JᵀJ = information: among the `rank` combinations that poses can show."""
+    """Return O2 of a Jacobian J with JᵀJ = information, among the `rank` visible combinations."""
     length = np.sqrt(np.maximum(np.diag(information), LEAST_INFORMATION))
     sizes = np.linalg.eigvalsh(information / np.outer(length, length))[-rank:]
     return float(np.sqrt(max(sizes[0], 0.0) / sizes[-1]))

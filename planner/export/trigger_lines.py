@@ -1,4 +1,6 @@
-"""Triggers of a motion as formats write them: an output line for each name, or a note of the triggers left out."""
+"""Triggers of a motion as formats write them: an output line for each name, or a note of the
+triggers left out.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -22,7 +24,7 @@ Rows = Iterator[tuple[Ticks, NDArray[np.uint8]]]
 
 
 def describe_lost(triggers: Sequence[Triggered]) -> tuple[str, ...]:
-    """Return a warning that names the triggers that a file does not hold; nothing if there are none."""
+    """Return a warning that names the triggers missing in a file; nothing without triggers."""
     if not triggers:
         return ()
     names: dict[str, list[float]] = {}
@@ -38,7 +40,7 @@ def describe_lost(triggers: Sequence[Triggered]) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True)
 class TriggerLine:
-    """An output line: its name, and the clock ticks (N,) of its rising edges, each of which is a trigger."""
+    """An output line: its name, and the clock ticks (N,) of its rising edges, the triggers."""
 
     name: str
     ticks: Ticks
@@ -54,7 +56,7 @@ class TriggerLine:
 
 
 def list_lines(triggers: Sequence[Triggered], pulses: PulseSchedule, most: int = MAX_LINES) -> tuple[TriggerLine, ...]:
-    """Return a line for each name, in the order of time; one for all names if there would be more than `most`.
+    """Return a line for each name, in the order of time; one for all if there are more than `most`.
 
     Triggers of one line in one tick are one edge.
     """
@@ -70,7 +72,7 @@ def list_lines(triggers: Sequence[Triggered], pulses: PulseSchedule, most: int =
 
 
 def describe_lines(triggers: Sequence[Triggered], lines: Sequence[TriggerLine]) -> tuple[str, ...]:
-    """Return a note with the number of triggers on the lines, and of triggers that share an edge."""
+    """Return a note with the number of triggers, and of triggers that share an edge."""
     if not triggers:
         return ()
     edges = sum(len(line.ticks) for line in lines)
@@ -80,7 +82,7 @@ def describe_lines(triggers: Sequence[Triggered], lines: Sequence[TriggerLine]) 
 
 
 def join_lines(rows: Rows, lines: Sequence[TriggerLine], high: int) -> Rows:
-    """Add trigger lines, as further columns of levels, to rows of instants (N,) and levels (N, lines)."""
+    """Add trigger lines, as columns of levels, to rows of instants (N,) and levels (N, lines)."""
     if not lines:
         yield from rows
         return
@@ -101,7 +103,7 @@ def join_lines(rows: Rows, lines: Sequence[TriggerLine], high: int) -> Rows:
 def _join(
     instants: Ticks, levels: NDArray[np.uint8], extra: Ticks, edges: Sequence[Ticks]
 ) -> tuple[Ticks, NDArray[np.uint8]]:
-    """Join instants (N,) and further ones; levels (N + 1, lines): the first row is that before all instants."""
+    """Join instants (N,) and further ones; levels (N + 1, lines): the first row is before all."""
     whole = np.union1d(instants, extra)
     given = levels[np.searchsorted(instants, whole, side="right")]
     # a line is high after an odd number of its edges

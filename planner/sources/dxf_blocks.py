@@ -1,11 +1,14 @@
-"""Blocks of DXF drawings: each INSERT expanded into the entities of its block, with the place of every copy.
+"""Blocks of DXF drawings: each INSERT expanded into the entities of its block, with the place of
+every copy.
 
-A copy maps a point p of the block to M p + t. M contains the scale factors, which may differ or be negative, the
-rotation and the extrusion; t contains the insertion point and the block's base point. A nested INSERT multiplies the
-maps. An array (MINSERT) adds its spacing, rotated but not scaled, to the insertion point of every copy.
+A copy maps a point p of the block to M p + t. M contains the scale factors, which may differ or
+be negative, the rotation and the extrusion; t contains the insertion point and the block's base
+point. A nested INSERT multiplies the maps. An array (MINSERT) adds its spacing, rotated but not
+scaled, to the insertion point of every copy.
 
-Layers follow the rules of the drawing program. An entity on layer 0 of a block lies on the layer of the INSERT. A
-frozen layer hides an INSERT with all of its contents; a layer that is off hides only the entities on it.
+Layers follow the rules of the drawing program. An entity on layer 0 of a block lies on the layer
+of the INSERT. A frozen layer hides an INSERT with all of its contents; a layer that is off hides
+only the entities on it.
 """
 
 from collections.abc import Iterable, Iterator
@@ -19,12 +22,12 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.units import describe_value
 
 MAX_COPIES = 1_000_000
-"""Entities and copies of blocks in a drawing. More would not fit into the memory of a small computer."""
+"""Entities and copies of blocks in a drawing. More would not fit into a small memory."""
 
 
 @dataclass(frozen=True, slots=True)
 class Placement:
-    """Map of a block's coordinates to the drawing's: p ↦ linear @ p + shift, in units of the drawing."""
+    """Map of a block's coordinates to the drawing's: p ↦ linear @ p + shift, in its units."""
 
     linear: Array
     shift: Array
@@ -54,7 +57,7 @@ class PlacedEntity:
 
 
 def layer_of(entity: Any) -> str:
-    """Return the name of an entity's layer, "0" where it states none; also for kinds that ezdxf does not know."""
+    """Return the name of an entity's layer, "0" if it states none; also for unknown kinds."""
     if entity.dxf.hasattr("layer"):
         return str(entity.dxf.layer)
     if hasattr(entity, "graphic_properties"):
@@ -63,7 +66,7 @@ def layer_of(entity: Any) -> str:
 
 
 def expand_blocks(entities: Iterable[Any]) -> list[PlacedEntity]:
-    """List all entities, each INSERT replaced by copies of its block's entities, in the order of the drawing.
+    """List all entities in their order, each INSERT replaced by copies of its block's entities.
 
     Raises MotionError where there would be more than MAX_COPIES.
     """
@@ -119,7 +122,7 @@ def _find_fault(insert: Any, open_blocks: list[str]) -> str:
 
 
 def _copy_block(parent: PlacedEntity) -> Iterator[PlacedEntity]:
-    """Yield the entities of the block of an INSERT, for every cell of its array, then its attributes."""
+    """Yield the entities of an INSERT's block, for every cell of its array, then its attributes."""
     insert = parent.entity
     for placement in _cells(insert):
         whole = placement if parent.placement is None else parent.placement @ placement
@@ -137,7 +140,7 @@ def _place(entity: Any, parent: PlacedEntity, placement: Placement | None) -> Pl
 
 
 def _cells(insert: Any) -> Iterator[Placement]:
-    """Yield the map of each cell of an INSERT's array, row by row; of one without an array its only map."""
+    """Yield the map of each cell of an INSERT's array, row by row; one without an array."""
     matrix = np.array(list(insert.matrix44().rows()))  # ezdxf multiplies rows by it from the left
     linear, shift = matrix[:3, :3].T, matrix[3, :3]
 
