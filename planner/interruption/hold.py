@@ -6,6 +6,7 @@ always one: the motion goes on to a rest of its own.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 
@@ -45,6 +46,8 @@ from planner.trajectory import Trajectory
 # Share of a path's length up to which what copies still move along is none: of less, the rounding of places (10⁻¹⁶ of
 # the length) is more than ends may be apart (10⁻⁹).
 SAME_STOP = 1e-7
+# Instants at which the motion is left whose stops are compared: each takes as long to try.
+MOST_COMPARED = 2
 
 
 def hold(whole: Whole, at: float, during: Section | None = None) -> Section:
@@ -179,13 +182,21 @@ def _draw_from(whole: Whole, motion: Trajectory, now: Instant, until: float, las
 
 
 def _solve_stop(whole: Whole, running: Running, now: Instant) -> Proved:
-    """The soonest before any shapers: the motion's own, where it goes on to a rest of its own."""
+    """Find the soonest stop before any shapers.
+
+    The better of those from the first two instants at which the motion can be left: a rough search
+    may miss the nearest place from one of them. Where there is none, the motion's own next rest.
+    """
     motion = running.trajectory
     last = next_rest(motion, now)
     end = find_rest_place(motion, last)
-    for stop in find_ramps(whole, motion, now, end, rest_anywhere):
-        if stop.certificate.holds:
-            return stop
+    stops: list[Proved] = []
+    for ways in find_ramps(whole, motion, now, end, rest_anywhere):
+        stops += islice((way for way in ways if way.certificate.holds), 1)
+        if len(stops) == MOST_COMPARED:
+            break
+    if stops:
+        return min(stops, key=lambda stop: stop.trajectory.duration)
     ahead = _draw_from(whole, motion, now, end)
     own = cut_motion(motion, now, None, last)
     own = replace(own, path=ahead, piece=own.piece - own.piece[0])

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain
 
 import numpy as np
 
@@ -133,7 +134,8 @@ class _Change:
 
     def ramp(self, motion: Trajectory | None, end: float) -> Proved | None:
         """The soonest way from the motion, or from rest, to the plan at its share, before a place (m)."""
-        for ramp in find_ramps(self.whole, motion, self.now, end, self.reach, self.whole.trajectory.s):
+        knots = self.whole.trajectory.s
+        for ramp in chain.from_iterable(find_ramps(self.whole, motion, self.now, end, self.reach, knots)):
             there = find_passage(self.whole.trajectory, self.now.s + float(ramp.path.breaks[-1]))
             made = self.follow(ramp.trajectory, there)
             if made is not None:

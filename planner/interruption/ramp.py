@@ -78,34 +78,49 @@ def rest_anywhere(place: float) -> tuple[float, float]:
 
 
 def find_ramps(
-    whole: Whole, motion: Trajectory | None, now: Instant, end: float, target: Target, knots: Array = NO_KNOTS
-) -> Iterator[Proved]:
-    """From an instant of a motion, or from rest (None), to what a target has before `end` (m): the soonest first.
+    whole: Whole,
+    motion: Trajectory | None,
+    now: Instant,
+    end: float,
+    target: Target,
+    knots: Array = NO_KNOTS,
+) -> Iterator[Iterator[Proved]]:
+    """Find ways from an instant of a motion, or from rest (None), to what a target has before `end`.
 
-    knots: places (m) where s⃛ of what is taken up may step. On a grid that holds them, and those of the motion that is
-    left, to follow either for a while is among the motions of the problem.
+    They come by the instant at which the motion is left, the earliest first; the ways from each
+    instant, the soonest first.
+
+    end    m
+    knots  places (m) where s⃛ of what is taken up may step. On a grid that holds them, and those of
+           the motion that is left, following either for a while is among the motions of the problem.
     """
     if motion is not None:
         knots = np.union1d(motion.s, knots)
     least = LEAST_WAY * float(whole.path.breaks[-1])
-    for leave in _find_leaves(whole, motion, now):
-        if end - leave.s <= least:
-            continue
-        left = Continuation(np.zeros(1), np.zeros((4, 0)), {}, leave.a, knots[knots > leave.s] - leave.s)
+
+    def find_ways(leave: Instant) -> Iterator[Proved]:
+        ahead = knots[knots > leave.s] - leave.s
+        left = Continuation(np.zeros(1), np.zeros((4, 0)), {}, leave.a, ahead)
         way = _find_way(whole, leave, end, target, left, least)
         for farther in FARTHER:
             until = leave.s + farther * way
             if until >= end:
                 break
-            path = whole.draw(leave.s, until, leave.v, leave.a, leave.t, leave.q, target(until))
+            ends = target(until)
+            path = whole.draw(leave.s, until, leave.v, leave.a, leave.t, leave.q, ends)
             limits = whole.limits(path)
-            found = attempt(partial(certified_solve, path, limits, whole.order, continuation=left))
-            if isinstance(found, MotionError):
+            solve = partial(certified_solve, path, limits, whole.order, continuation=left)
+            solution = attempt(solve)
+            if isinstance(solution, MotionError):
                 continue
             if motion is None or leave is now:
-                yield Proved(path, limits, found.trajectory, found.certificate, now.s)
+                yield Proved(path, limits, solution.trajectory, solution.certificate, now.s)
             else:
-                yield _follow_first(whole, motion, now, leave, found.trajectory, target(until))
+                yield _follow_first(whole, motion, now, leave, solution.trajectory, ends)
+
+    for leave in _find_leaves(whole, motion, now):
+        if end - leave.s > least:
+            yield find_ways(leave)
 
 
 def _find_leaves(whole: Whole, motion: Trajectory | None, now: Instant) -> Iterator[Instant]:
