@@ -26,6 +26,7 @@ from planner.orientation.orient import orient_open
 from planner.parallel import Progress, ignore_progress
 from planner.path.actuation import MachinePath, actuate
 from planner.path.outcome import blend_tables, fit_tables
+from planner.path.overshoot import overshoot_tables
 from planner.path.point_to_point import Departure, departure_tables, departures
 from planner.place import Infeasible, LostPath
 from planner.program.model import Program
@@ -191,6 +192,7 @@ class Plan(Result, Interruptible):
             *fit_tables(self.path.fit),
             *blend_tables(self.path.blends),
             *departure_tables(self.departures),
+            *overshoot_tables(self.path.overshoots),
             *schedule_tables(self.pulses, units),
             *trigger_tables(self.triggers, self.path.names),
         )
@@ -384,7 +386,14 @@ def check(program: ProgramSource, machine: MachineSource, *, limits: Sequence[Ow
     found = prove_feasibility(path, (*limits_of(path, machine.axes, 2), *own))
     worst = tuple(_add_advice(no, program, machine, 2) for no in found.violations[:1])
     violations = (*worst, *found.violations[1:])
-    found = replace(found, violations=violations, blends=path.blends, fit=path.fit, departures=departures(path))
+    found = replace(
+        found,
+        violations=violations,
+        blends=path.blends,
+        fit=path.fit,
+        departures=departures(path),
+        overshoots=path.overshoots,
+    )
     return found if violations else replace(found, conditioning=find_poorest(path))
 
 

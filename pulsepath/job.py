@@ -25,6 +25,7 @@ from planner.interruption.hold import Stops
 from planner.limits import find_unkept_limits, usual_order
 from planner.orientation.orient import orient_open
 from planner.parallel import NO_PROCESS, SideProcess
+from planner.path.overshoot import overshoot_warnings
 from planner.pulses import RealisedPath
 from planner.timing.certified_solve import EFFORT
 from planner.tradeoffs.objective import read_objective
@@ -211,6 +212,8 @@ def run(
         )
     if near := planned.conditioning.warning:
         note(f"warning: {near}")
+    for warning in overshoot_warnings(planned.path.overshoots):
+        note(f"warning: {warning}")
     if planned.exceeded:
         note(f"warning: {planned.exceeded}")
     if gap is not None and planned.bound.gap > gap:

@@ -21,7 +21,9 @@ from planner.certificate.limit_use import round_reached_use
 from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath, MachinePath
 from planner.path.outcome import Blended, FitSummary, blend_tables, fit_tables
+from planner.path.overshoot import overshoot_tables, overshoot_warnings
 from planner.path.point_to_point import Departure, departure_tables
+from planner.path.shape import Overshoot
 from planner.place import Infeasible, Place, where_columns
 from planner.trajectory import State, Trajectory, unit_speed_trajectory
 
@@ -87,6 +89,7 @@ class Standing(Result):
 
     blends: what became of the program's joins that ask for one; fit: of its chains that became curves
     departures: how far its synchronised moves leave the straight line
+    overshoots: how far its splines leave the polygon of their points
     conditioning: the poorest that was found along the path; None where it breaks a limit
     """
 
@@ -95,6 +98,7 @@ class Standing(Result):
     blends: tuple[Blended, ...] = ()
     fit: FitSummary | None = None
     departures: tuple[Departure, ...] = ()
+    overshoots: tuple[Overshoot, ...] = ()
     conditioning: Conditioning | None = None
 
     def tables(self) -> tuple[Table, ...]:
@@ -108,13 +112,19 @@ class Standing(Result):
             ),
             (*map(str, self.violations), *self.warnings),
         )
-        return uses, *fit_tables(self.fit), *blend_tables(self.blends), *departure_tables(self.departures)
+        return (
+            uses,
+            *fit_tables(self.fit),
+            *blend_tables(self.blends),
+            *departure_tables(self.departures),
+            *overshoot_tables(self.overshoots),
+        )
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What breaks no limit and is to be known all the same: a pose near a singular one."""
-        told = "" if self.conditioning is None else self.conditioning.warning
-        return (told,) if told else ()
+        """Texts of what breaks no limit but matters: a pose near a singular one, a spline far from its points."""
+        near = "" if self.conditioning is None else self.conditioning.warning
+        return (*((near,) if near else ()), *overshoot_warnings(self.overshoots))
 
 
 TIE_DIGITS = 9

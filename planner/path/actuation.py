@@ -19,7 +19,7 @@ from kinematics.machine.machine import Machine
 from kinematics.machine.pose import Pose, column
 from planner.path.chain import chain_pieces
 from planner.path.outcome import Blended, summarise_fits
-from planner.path.shape import Fitted, Piece, Shape, differentiate, pose_map, tool_map
+from planner.path.shape import Fitted, Overshoot, Piece, Shape, differentiate, pose_map, tool_map
 from planner.place import Place
 from planner.program.model import Program
 
@@ -231,6 +231,7 @@ class MachinePath:
         dwells: Array,
         blends: Sequence[Blended] = (),
         fits: Sequence[Fitted] = (),
+        overshoots: Sequence[Overshoot] = (),
         *,
         tool: Pose | None = None,
         end_speeds: tuple[float, float] = (0.0, 0.0),
@@ -242,6 +243,7 @@ class MachinePath:
 
         0: it never needs to, 1: it always does; the first and the last end are stops.
         blends, fits  what became of the joins that ask for one, and of chains whose joins ask for curves
+        overshoots  how far splines leave their polygons
         tool        its frame in the platform's, whose path length the pieces have; None: the platform's own
         end_speeds  ṡ with which a motion begins and ends; end_accelerations: s̈ likewise
         near        (n,) coordinates near which it starts; None: near home's
@@ -253,6 +255,7 @@ class MachinePath:
         parts, meant = split_turns(machine, pieces, machine.home_q if near is None else near)
         self.machine, self.pieces = machine, tuple(part for each in parts for part in each)
         self.blends, self.fit = tuple(blends), summarise_fits(fits, blends)
+        self.overshoots = tuple(overshoots)
         self.breaks: Array = freeze_array(np.concatenate([[0.0], np.cumsum([piece.length for piece in self.pieces])]))
         self.ends = ends = np.concatenate([[0], np.cumsum([len(each) for each in parts])])
         self._stops, self.dwells = freeze_array(_pad_part_ends(ends, stops)), freeze_array(_pad_part_ends(ends, dwells))
@@ -390,7 +393,8 @@ def _pad_part_ends(ends: np.ndarray, values: np.ndarray) -> np.ndarray:
 def actuate(program: Program, machine: Machine) -> MachinePath:
     """The program's path in the machine's actuators. Raises MotionError naming the segment that cannot be drawn."""
     own = chain_pieces(program, machine)
-    path = MachinePath(machine, own.pieces, own.stops, own.dwells, own.blends, own.fits, tool=program.tool)
+    outcomes = own.blends, own.fits, own.overshoots
+    path = MachinePath(machine, own.pieces, own.stops, own.dwells, *outcomes, tool=program.tool)
     stated = np.array([program.start_speed, program.end_speed])
     if stated.any():  # of the tool, whose way is not everywhere the path's parameter
         ends = make_points(path, path.breaks[[0, -1]], np.array([0, len(path.pieces) - 1]), 2)

@@ -18,11 +18,13 @@ from planner.path.curve import curve, ends
 from planner.path.fit import fit_chains, is_plain
 from planner.path.join_and_blend import ALWAYS_REST, PathStep, link
 from planner.path.outcome import Blended
+from planner.path.overshoot import measure_overshoot
 from planner.path.shape import (
     DEGREE,
     LINE,
     Drawn,
     Fitted,
+    Overshoot,
     Piece,
     arc,
     carry_tool,
@@ -49,6 +51,7 @@ class Chain:
     """Pieces of the platform's path in the base frame; stops (P+1,), dwells (P+1,) s at their ends, as of MachinePath.
 
     blends: what became of every join that asks for one; fits: of every chain that was fitted
+    overshoots: how far each spline leaves its polygon
     """
 
     pieces: tuple[Piece, ...]
@@ -56,6 +59,7 @@ class Chain:
     dwells: Array
     blends: tuple[Blended, ...]
     fits: tuple[Fitted, ...]
+    overshoots: tuple[Overshoot, ...]
 
 
 def chain_pieces(program: Program, machine: Machine) -> Chain:
@@ -69,7 +73,9 @@ def chain_pieces(program: Program, machine: Machine) -> Chain:
     if program.tool is not None:
         pieces = tuple(carry_tool(piece, program.tool) for piece in pieces)
     blends = tuple(step.blend for step in steps if step.blend is not None)
-    return Chain(pieces, stops, rests, blends, tuple(step.fitted for step in steps if step.fitted is not None))
+    fits = tuple(step.fitted for step in steps if step.fitted is not None)
+    overshoots = tuple(step.overshoot for step in steps if step.overshoot is not None)
+    return Chain(pieces, stops, rests, blends, fits, overshoots)
 
 
 def walk_path(program: Program, machine: Machine) -> Iterator[PathStep]:
@@ -104,6 +110,11 @@ class _Stand:
     def pose(self) -> Pose:
         return RigidTransform.from_components(self._position, self._rotation)
 
+    @property
+    def place(self) -> Array:
+        """(3,) m in the base frame."""
+        return np.asarray(self._turned @ self._position + self._moved)
+
     def draw_line(self, to: Array, number: int) -> Piece | None:
         """The piece to a position, at which it stands then; None where it is there already."""
         start, end = (self._turned @ place + self._moved for place in (self._position, to))
@@ -136,6 +147,7 @@ def draw_segments(program: Program, machine: Machine) -> Iterator[Drawn]:
             if isinstance(segment, Dwell):
                 held = replace(held, dwell=held.dwell + segment.duration)
                 continue
+            begin = stand.place if isinstance(segment, Spline) else None
             try:
                 own = _draw(segment, number, stand, machine, program.tool)
                 turned += sum(piece.turn for piece in own)
@@ -150,7 +162,11 @@ def draw_segments(program: Program, machine: Machine) -> Iterator[Drawn]:
             if not faults and (held.pieces or held.dwell):
                 yield held
             pieces = [_cap_piece(piece, segment, program, repetition) for piece in _free_pieces(own, segment)]
-            held = Drawn(pieces, segment.join, plain=segment.trigger is None and is_plain(pieces))
+            overshoot = None
+            if begin is not None and isinstance(segment, Spline):
+                overshoot = measure_overshoot(np.concatenate([begin[None], frame.apply(segment.through)]), own)
+            plain = segment.trigger is None and is_plain(pieces)
+            held = Drawn(pieces, segment.join, plain=plain, overshoot=overshoot)
             moves = True
         if faults:
             raise _segments_error(program, faults)

@@ -14,7 +14,7 @@ import numpy as np
 from kinematics.foundation.arrays import Array, freeze_array
 from planner.path.closeness import bound_distance
 from planner.path.outcome import Blended
-from planner.path.shape import LINE, Derived, Drawn, Fitted, Piece, Shape, turning_angle
+from planner.path.shape import LINE, Derived, Drawn, Fitted, Overshoot, Piece, Shape, turning_angle
 from planner.program.modifiers import Blend, Fit, Stop
 
 # Where the deviation may lie, as a share of the tolerance, and where the search aims: under 1 by more than what the
@@ -190,6 +190,7 @@ class PathStep:
     wait    s of rest before it; of a path's first piece alone
     blend   what became of the join at its end, where that asks for one
     fitted  the curve that ends with it
+    overshoot  how far the spline that ends with it leaves its polygon
     """
 
     piece: Piece
@@ -198,6 +199,7 @@ class PathStep:
     wait: float = 0.0
     blend: Blended | None = None
     fitted: Fitted | None = None
+    overshoot: Overshoot | None = None
 
 
 def link(drawn: Iterable[Drawn], characteristic: float) -> Iterator[PathStep]:
@@ -226,12 +228,15 @@ def link(drawn: Iterable[Drawn], characteristic: float) -> Iterator[PathStep]:
         fitted = own.fitted
         if fitted is not None:
             fitted = replace(fitted, s=min(begin + max(fitted.s - before, 0.0), way))
+        overshoot = own.overshoot
+        if overshoot is not None:
+            overshoot = replace(overshoot, s=min(begin + max(overshoot.s - before, 0.0), way))
         if told is not None:
             told = replace(told, s=way - (made[-1].length if made else 0.0))
         for piece in inner:
             yield PathStep(piece, wait=wait)
             wait = 0.0
-        yield PathStep(last, rest, own.dwell, wait, told, fitted)
+        yield PathStep(last, rest, own.dwell, wait, told, fitted, overshoot)
         before, wait = reach, 0.0
 
 

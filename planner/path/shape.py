@@ -60,8 +60,8 @@ class Derived:
 class Piece:
     """A curve of a shape over a path length (m), from the shape's own s = start, of the program's segment `segment`.
 
-    Path length is the path's parameter: the way of the platform's origin on lines and arcs, the length of the chords
-    on splines, never less than the way on blends, and angle times a length on turns. Where a constant speed is asked
+    Path length is the path's parameter: the way of the platform's origin on lines and arcs, nearly so on
+    splines, never less than the way on blends, and angle times a length on turns. Where a constant speed is asked
     for it is the way on all of them (planner.path.arc_length).
 
     turn        rad by which its direction or the platform turns in all: how finely it must be looked at
@@ -129,12 +129,30 @@ class Fitted:
 
 
 @dataclass(frozen=True, slots=True)
+class Overshoot:
+    """How far a spline leaves the polygon of its points.
+
+    distance, s    m, the largest distance, and where: along the spline as it is drawn, along the path as it is linked
+    point          number of the point at the end of the span that is farthest off beside the chords nearby
+    beyond, chord  m, the largest distance there, and the shortest of that span's chord and its neighbours'
+    """
+
+    segment: int
+    distance: float
+    s: float
+    point: int
+    beyond: float
+    chord: float
+
+
+@dataclass(frozen=True, slots=True)
 class Drawn:
     """A segment as it is drawn: its pieces, smooth inside; the join at its end, and s of rest there.
 
     pieces  none: a rest before the path begins
     plain   whether it may become part of a curve (planner.path.fit)
     fitted  what was fitted there, if it is a curve
+    overshoot  how far it leaves its polygon, if it is a spline
     """
 
     pieces: Sequence[Piece]
@@ -142,6 +160,7 @@ class Drawn:
     dwell: float = 0.0
     plain: bool = False
     fitted: Fitted | None = None
+    overshoot: Overshoot | None = None
 
 
 @cache

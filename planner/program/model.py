@@ -114,7 +114,7 @@ class Arc(MovingSegment):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Spline(MovingSegment):
-    """A smooth curve from the current point through points, four times continuously differentiable, without stops.
+    """A smooth curve from the current point through points, three times continuously differentiable, without stops.
 
     through  (N, 3) m, no two neighbours the same (the path's shape: planner.path.spline)
     rotate   N orientations, one at each point; None: kept
