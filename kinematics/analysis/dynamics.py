@@ -288,7 +288,7 @@ def forces(
     wrench
         (6,) or (N, 6) N and N·m that act on the platform from outside at its origin, in the base frame.
     gravity
-        (3,) m/s² in the base frame.
+        (3,) m/s² in the base frame; None: as the machine states it, else down its vertical.
     legs
         A hexapod's leg, or six: then they have inertia, in closed loops.
     reflected
@@ -317,7 +317,7 @@ def forces(
     push = stated.wrench if wrench is None else wrench
     load = finite_array(push, f"{name}: wrench", (6,), (1, 6), (count, 6), unit="N and N·m")
     load = np.broadcast_to(load, (count, 6))
-    down = finite_array(stated.gravity if gravity is None else gravity, f"{name}: gravity", (3,), unit="m/s²")
+    down = finite_array(machine.gravity if gravity is None else gravity, f"{name}: gravity", (3,), unit="m/s²")
     own = finite_array(inertias if reflected is None else reflected, f"{name}: reflected", (), (n,), unit="kg or kg·m²")
     own = np.broadcast_to(own, (n,))
     if (own < 0).any():

@@ -249,7 +249,7 @@ def _load_forces(machine: MachineModel, x: _Rates, q: _Rates) -> tuple[ca.SX, ca
         if body.mass > 0:
             rate = ca.jtimes(frame, state, first)
             acceleration = ca.jtimes(rate, state, first) + ca.jtimes(frame, state, second)
-            work += ca.jtimes(frame, state, _inertial_force(body, acceleration, machine.load.gravity), True)
+            work += ca.jtimes(frame, state, _inertial_force(body, acceleration, machine.gravity), True)
     if machine.load.wrench.any():
         platform = moved[0][1]
         work -= ca.jtimes(platform, state, _wrench_force(machine.load.wrench, split_pose_symbols(platform)[1]), True)

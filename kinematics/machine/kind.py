@@ -21,7 +21,7 @@ from kinematics.analysis.clearance import Bodies
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import BadValue, NotFree
 from kinematics.machine.axis import Axis
-from kinematics.machine.load import Body, Load
+from kinematics.machine.load import STANDARD_GRAVITY, Body, Load
 from kinematics.machine.pose import COMPONENTS, column, to_numbers
 
 if TYPE_CHECKING:
@@ -116,6 +116,17 @@ class Kind(ABC):
 
     load: Load
     """What it carries: its platform's masses, tool and wrench."""
+
+    @property
+    def vertical(self) -> Array:
+        """(3,) unit vector that points up, in the base frame: z unless the kind says otherwise."""
+        return freeze_array([0.0, 0.0, 1.0])
+
+    @property
+    def gravity(self) -> Array:
+        """(3,) m/s² in the base frame: as the load states it, else down the vertical."""
+        stated = self.load.gravity
+        return freeze_array(0.0 - STANDARD_GRAVITY * self.vertical) if stated is None else stated
 
     @abstractmethod
     def expression(self, position: ca.SX, rotation: ca.SX, near: ca.SX) -> ca.SX:
