@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.casadi_function import Expression
+from kinematics.foundation.errors import MotionError
 from kinematics.machine.pose import (
     STRAIGHT_SIZE,
     Pose,
@@ -194,12 +195,26 @@ def turning_angle(piece: Piece, points: int = 33) -> float:
     return float((turned + bent).sum())
 
 
+# A turn so near (rad) to half a turn goes one way or the other by rounding: that of numbers with eight digits.
+HALF_TURN_ROUNDING = 1e-7
+
+
+def refuse_half_turn(angle: float) -> None:
+    """Raise MotionError where an angle (rad) of the shorter way between two orientations leaves its direction open."""
+    if angle >= np.pi - HALF_TURN_ROUNDING:
+        raise MotionError(
+            f"it turns by half a turn, {np.degrees(angle):.9g}°, which both directions do alike: lead it through an "
+            "orientation in between, or turn on the spot by a signed angle, with turn = { about = …, angle = 180 }"
+        )
+
+
 LINE = Shape("line", STRAIGHT_SIZE, straight_pose)
 
 
 def line(start: Pose, end: Pose, length: float, segment: int) -> Piece:
     """The straight motion from start to end over a length, turning the shorter way in proportion to the path."""
     turn = turn_angle(start, end)
+    refuse_half_turn(turn)
     return Piece(LINE, freeze_array(straight_parameters(start, end, length)[0]), length, segment, turn=turn)
 
 
@@ -249,6 +264,7 @@ def arc(
     u = start.translation - centre
     length = float(np.hypot(np.linalg.norm(u) * angle, rise))
     axis, turn = axis_angle(start.rotation, end_rotation)
+    refuse_half_turn(float(turn[0]))
     numbers = [
         centre,
         u,
