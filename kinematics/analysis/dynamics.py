@@ -25,7 +25,7 @@ from kinematics.foundation.table import Column, Table
 from kinematics.kinds.arm import Arm, inertia, pinocchio
 from kinematics.kinds.hexapod import Hexapod
 from kinematics.kinds.legged import MIN_AXIS_SINE, home_frames
-from kinematics.machine.kind import columns
+from kinematics.machine.kind import controlled_twists
 from kinematics.machine.load import Body, Leg
 from kinematics.machine.machine import Machine
 from kinematics.machine.machine_file import MachineSource, load_machine
@@ -192,9 +192,8 @@ def massless_forces(machine: Machine, motion: Motion, platform: Body, wrench: Ar
 
 def _twists(machine: Machine, motion: Motion) -> Array:
     """S (N, 6, n): the platform's twist of a unit of each controlled component, with what follows."""
-    count, n, free = len(motion), len(machine.axes), columns(machine)
-    unit = np.zeros((count, 6, n))
-    unit[:, free, np.arange(n)] = 1.0
+    count, n = len(motion), len(machine.axes)
+    unit = controlled_twists(machine, to_numbers(motion.pose))
     if not machine.follows:
         return unit
     inputs = machine.inputs(to_numbers(motion.pose), motion.q)

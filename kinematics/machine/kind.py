@@ -191,6 +191,39 @@ def columns(machine: Kind) -> np.ndarray:
     return np.array([COMPONENTS.index(name) for name in machine.freedom])
 
 
+def spin_follows(machine: Kind) -> bool:
+    """Return whether rx and ry are controlled and rz follows: a tool whose direction counts and whose spin does not."""
+    return {"rx", "ry"} <= set(machine.freedom) and "rz" in machine.follows
+
+
+def controlled_twists(machine: Kind, x: Array) -> Array:
+    """Unit twists (N, 6, n) [v, ω] in the base frame of what the machine controls, at pose numbers x (N, 12).
+
+    Along and about the base axes. Where the spin follows, turns are about the tool's own x and y instead: about the
+    base axes alone, none turns a tool that lies along one of them.
+    """
+    twists = np.zeros((len(x), 6, len(machine.freedom)))
+    free = columns(machine)
+    twists[:, free, np.arange(len(free))] = 1.0
+    if spin_follows(machine):
+        rotation = x[:, 3:].reshape(-1, 3, 3)
+        for own, k in ((0, 3), (1, 4)):
+            twists[:, 3:, free == k] = rotation[:, :, own, None]
+    return twists
+
+
+def controlled_twist_symbols(machine: Kind, rotation: ca.SX) -> ca.SX:
+    """The same (6, n) in symbols, at a rotation (3, 3)."""
+    free = columns(machine).tolist()
+    twists = ca.SX(6, len(free))
+    for k, component in enumerate(free):
+        if spin_follows(machine) and component in (3, 4):
+            twists[3:, k] = rotation[:, component - 3]
+        else:
+            twists[component, k] = 1
+    return twists
+
+
 def deviations(machine: Kind, x: Array) -> Array:
     """(N, 6) of pose numbers x (N, 12) from home: position, and the vector of the turn, in the base frame."""
     from scipy.spatial.transform import Rotation

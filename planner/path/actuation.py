@@ -351,11 +351,9 @@ class MachinePath:
 
     def jacobian(self, s: Series, piece: np.ndarray) -> Series:
         """The square Jacobian (order+1, N, n · n), row by row; columns of rotation by the characteristic length."""
-        entries = self.machine.jacobian_map.enclose_columns(self.enclose_inputs(s, piece))
-        free = columns(self.machine)
-        scale = np.where(free < 3, 1.0, 1 / self.machine.characteristic_length)
-        chosen = (6 * np.arange(len(self.names))[:, None] + free).ravel()
-        return entries[:, chosen] * np.tile(scale, len(self.names))
+        entries = self.machine.controlled_map.enclose_columns(self.enclose_inputs(s, piece))
+        scale = np.where(columns(self.machine) < 3, 1.0, 1 / self.machine.characteristic_length)
+        return entries * np.tile(scale, len(self.names))
 
     def enclose_inputs(self, s: Series, piece: np.ndarray) -> Series:
         """What the machine's maps take along the path (`inputs`): (order+1, N, k); the last is kept."""
