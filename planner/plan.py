@@ -284,7 +284,7 @@ def plan(
     program = program if isinstance(program, Program) else load_program(program)
     machine = machine if isinstance(machine, Machine) else load_machine(machine)
     if order is None:
-        order = usual_order(machine.axes)
+        order = usual_order(machine.axes, program)
     if order not in (2, 3):
         raise MotionError(f"order {order} is not known; 2 limits speed and acceleration, 3 jerk too")
     if not 0 < clock_hz <= MAX_CLOCK_HZ:
@@ -377,7 +377,7 @@ def check(program: ProgramSource, machine: MachineSource, *, limits: Sequence[Ow
         The path cannot be drawn.
     """
     program, machine = load_program(program), load_machine(machine)
-    program = orient_open(program, machine, usual_order(machine.axes))
+    program = orient_open(program, machine, usual_order(machine.axes, program))
     try:
         path = actuate(program, machine)
     except OutOfReach as no:

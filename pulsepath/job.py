@@ -196,7 +196,7 @@ def run(
         note(f"note: {machine.name} states {field} but no masses, so no plan can respect it")
     aim = read_objective(objective)  # refused before the work
     with step(f"planning {program.name} on {machine.name}") as tell:
-        program = orient_open(program, machine, usual_order(machine.axes) if order is None else order)
+        program = orient_open(program, machine, usual_order(machine.axes, program) if order is None else order)
         timing = other.start(partial(time_baselines_ahead, program, machine)) if baselines else None
         planned = plan(
             program,

@@ -13,6 +13,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.casadi_function import Expression
+from kinematics.foundation.errors import MotionError
 from kinematics.foundation.taylor_model import Series
 from kinematics.machine.kind import columns, refuse_uncontrolled
 from kinematics.machine.machine import Machine
@@ -89,6 +90,17 @@ Derivatives = tuple[Array, ...]
 """q, q′, q″, q‴ with respect to path length, up to the highest that was asked for, each (N, n)."""
 
 
+HIGHEST_RATE = 3
+"""Of derivatives of a pose: what a limit on jerk needs."""
+
+
+def check_rate(times: int) -> int:
+    """Return the order of a derivative of the pose. Raises MotionError for one that is not supported."""
+    if isinstance(times, bool) or times not in range(HIGHEST_RATE + 1):
+        raise MotionError(f"derivative {times!r:.20} of a pose is not supported: give 0, 1, 2 or 3")
+    return int(times)
+
+
 @dataclass(frozen=True, slots=True)
 class Points:
     """N points of a path, s (N,) on pieces (N,), as the limits' rows see them: in the actuators and in space.
@@ -103,10 +115,10 @@ class Points:
 
     @property
     def pose_derivatives(self) -> Derivatives:
-        """The pose's numbers and their first two derivatives with respect to path length, each (N, 12)."""
-        found = self.path.pose_derivatives(self.s, self.piece, 2)
-        assert found is not None  # only machines have limits on their pose
-        return found
+        """The pose's numbers and their first two derivatives by path length, each (N, 12)."""
+        every = self.path.pose_derivatives(self.s, self.piece, 2)
+        assert every is not None  # only machines have limits on their pose
+        return every
 
     @property
     def tool_derivatives(self) -> Derivatives:
@@ -115,6 +127,21 @@ class Points:
         if tool is None:
             return self.pose_derivatives
         return tuple(tool(values) for values in self.pose_derivatives)
+
+    def pose_derivative(self, times: int) -> Array:
+        """The pose's numbers (N, 12), differentiated so many times by path length: 0, 1, 2 or 3.
+
+        Raises MotionError for another order.
+        """
+        times = check_rate(times)
+        every = self.path.pose_derivatives(self.s, self.piece, times)
+        assert every is not None  # only machines have limits on their pose
+        return every[times]
+
+    def tool_derivative(self, times: int) -> Array:
+        """The same of the tool."""
+        own, tool = self.pose_derivative(times), self.path.tool
+        return own if tool is None else tool(own)
 
 
 def make_points(path: "ActuatorPath", s: Array, piece: np.ndarray, highest: int = 3) -> Points:

@@ -238,12 +238,13 @@ def _free_pieces(pieces: list[Piece], segment: Moving) -> list[Piece]:
 
 def _cap_piece(piece: Piece, segment: Moving, program: Program, repetition: int) -> Piece:
     """The piece with what every kind of segment may say."""
-    speed, acceleration, angular = (program.cap(segment, name) for name in CAPS)
+    speed, acceleration, angular, jerk = (program.cap(segment, name) for name in CAPS)
     return replace(
         piece,
         tool_speed=speed,
         tool_acceleration=acceleration,
         angular_speed=angular,
+        tool_jerk=jerk,
         constant=not isinstance(segment, Turn | Synchronised) and segment.speed_constant,
         repetition=repetition if program.repeat > 1 else None,
     )

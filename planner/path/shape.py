@@ -66,7 +66,7 @@ class Piece:
     for it is the way on all of them (planner.path.arc_length).
 
     turn        rad by which its direction or the platform turns in all: how finely it must be looked at
-    tool_speed, tool_acceleration  caps of the tool, m/s and m/s² (None: none, or it does not move)
+    tool_speed, tool_acceleration, tool_jerk  caps of the tool, m/s, m/s², m/s³ (None: none, or it does not move)
     angular_speed  cap on the platform's turning, rad/s
     constant    the tool has exactly that speed, outside the ramps at the ends of the segment
     repetition  of the program, from 1; None: it runs once
@@ -83,6 +83,7 @@ class Piece:
     angular_speed: float | None = None
     constant: bool = False
     repetition: int | None = None
+    tool_jerk: float | None = None
 
     def cut(self, count: int) -> "list[Piece]":
         """The same curve in equal parts."""
