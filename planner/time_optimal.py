@@ -157,12 +157,19 @@ def _pieces(path: Any) -> tuple[Array, Array]:
 
 
 def polynomials(spline: Any) -> Any:
-    """A B-spline of any degree as a PPoly: SciPy's own conversion reads beyond its memory above degree 5."""
-    from scipy.interpolate import PPoly
+    """Convert a B-spline of any degree to a PPoly: SciPy's own conversion reads beyond its memory above degree 5.
 
+    Its derivatives come from differences of coefficients, which round by their size: so a common offset is left out.
+    """
+    from scipy.interpolate import BSpline, PPoly
+
+    offset = spline.c.mean(0)
+    near = BSpline(spline.t, spline.c - offset, spline.k)
     starts = spline.t[:-1]
     powers = range(spline.k, -1, -1)
-    return PPoly(np.stack([spline(starts, nu=power) / factorial(power) for power in powers]), spline.t)
+    coefficients = np.stack([near(starts, nu=power) / factorial(power) for power in powers])
+    coefficients[-1] += offset
+    return PPoly(coefficients, spline.t)
 
 
 def _check(path: PolynomialPath) -> None:

@@ -11,6 +11,7 @@ both are given.
 
 from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -24,6 +25,10 @@ from planner.place import Place
 
 # A jump of a derivative at a break up to this share of its axis' largest value is rounding, or of any axis' largest.
 MAX_JUMP, VALUE_ROUNDING = 1e-9, 1e-13
+# Roundings of a derivative by those that it is computed from: up to 250 were found at knots of SciPy's splines.
+ROUNDINGS = 256 * float(np.finfo(float).eps)
+# Share of what a path has of q′, and of q″ and q′ by its length, up to which rounding may explain a jump of them.
+MOST_ROUNDING = np.array([0.0, 1e-8, 1e-6])
 # Halvings that find a parameter: to rounding.
 BISECTIONS_OF_PARAMETER = 54
 # Places that are evaluated without loading the compiler.
@@ -59,8 +64,29 @@ class PolynomialPath:
         self.lines = freeze_array(np.zeros(len(breaks) - 1, bool) if lines is None else lines)
         self.turns: Array = freeze_array(np.zeros(len(breaks) - 1))  # a piece of low degree bends little
 
+    @cached_property
+    def rounding(self) -> Array:
+        """(3, P, n) of q, q′ and q″ at the ends of each piece, as far as its coefficients leave them open; 0 of q.
+
+        Splines compute coefficients of a piece of length h from values and slopes, q″ from q/h² and q′/h. So an axis
+        that is linear in the parameter has a q″ of rounding alone, and jumps of it at every knot.
+        """
+        pieces = np.arange(len(self.breaks) - 1)
+        h = np.diff(self.breaks)[:, None]
+        ends = [self.derivatives(s, pieces, 2) for s in (self.breaks[:-1], self.breaks[1:])]
+        q, q1, q2 = (np.maximum(np.abs(one), np.abs(other)) for one, other in zip(*ends, strict=True))
+        with np.errstate(over="ignore"):
+            first = ROUNDINGS * np.maximum(q1, q / h)
+            second = ROUNDINGS * np.maximum(np.maximum(q2, q1 / h), q / h**2)
+        # rounding beside what the whole path has says nothing of a corner beside a very short piece
+        _, slope, bend = MOST_ROUNDING
+        whole = self.breaks[-1] - self.breaks[0]
+        first = np.minimum(first, slope * q1.max(initial=0.0))
+        second = np.minimum(second, bend * max(q2.max(initial=0.0), q1.max(initial=0.0) / whole))
+        return freeze_array(np.stack([np.zeros_like(first), first, second]))
+
     def stops(self, order: int) -> np.ndarray:
-        """At corners (q′ jumps), and under jerk limits where the curvature q″ jumps."""
+        """Return where a motion rests: at corners (q′ jumps), under jerk limits also where q″ jumps."""
         inner = np.arange(1, len(self.breaks) - 1)
         left, right = self.derivatives(self.breaks[inner], inner - 1), self.derivatives(self.breaks[inner], inner)
         stops = np.ones(len(self.breaks), bool)
@@ -73,7 +99,8 @@ class PolynomialPath:
         slow = np.where(turning[:, None], 1.0, (size / most).max(1, keepdims=True, initial=0.0))
         for k in range(1, order):
             gap, size = np.abs(left[k] - right[k]), np.maximum(np.abs(left[k]), np.abs(right[k])).max(0, initial=0.0)
-            jumps = (gap > MAX_JUMP * size * slow**k + VALUE_ROUNDING * size.max(initial=0.0)).any(1)
+            rounding = np.maximum(self.rounding[k, inner - 1], self.rounding[k, inner])
+            jumps = (gap > MAX_JUMP * size * slow**k + VALUE_ROUNDING * size.max(initial=0.0) + rounding).any(1)
             stops[inner] |= jumps & ~turning if k == 1 else jumps
         return stops
 
