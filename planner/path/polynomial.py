@@ -20,15 +20,12 @@ from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.kernels import call_light, kernel
 from kinematics.foundation.taylor_model import Series
 from planner.path.actuation import Derivatives
-from planner.path.stands import count_zero_derivatives, cut_at_stands
+from planner.path.rounding import bound_rounding
+from planner.path.stands import count_zero_derivatives, cut_at_slow_places, cut_at_stands
 from planner.place import Place
 
 # A jump of a derivative at a break up to this share of its axis' largest value is rounding, or of any axis' largest.
 MAX_JUMP, VALUE_ROUNDING = 1e-9, 1e-13
-# Roundings of a derivative by those that it is computed from: up to 250 were found at knots of SciPy's splines.
-ROUNDINGS = 256 * float(np.finfo(float).eps)
-# Share of what a path has of q′, and of q″ and q′ by its length, up to which rounding may explain a jump of them.
-MOST_ROUNDING = np.array([0.0, 1e-8, 1e-6])
 # Halvings that find a parameter: to rounding.
 BISECTIONS_OF_PARAMETER = 54
 # Places that are evaluated without loading the compiler.
@@ -66,24 +63,8 @@ class PolynomialPath:
 
     @cached_property
     def rounding(self) -> Array:
-        """(3, P, n) of q, q′ and q″ at the ends of each piece, as far as its coefficients leave them open; 0 of q.
-
-        Splines compute coefficients of a piece of length h from values and slopes, q″ from q/h² and q′/h. So an axis
-        that is linear in the parameter has a q″ of rounding alone, and jumps of it at every knot.
-        """
-        pieces = np.arange(len(self.breaks) - 1)
-        h = np.diff(self.breaks)[:, None]
-        ends = [self.derivatives(s, pieces, 2) for s in (self.breaks[:-1], self.breaks[1:])]
-        q, q1, q2 = (np.maximum(np.abs(one), np.abs(other)) for one, other in zip(*ends, strict=True))
-        with np.errstate(over="ignore"):
-            first = ROUNDINGS * np.maximum(q1, q / h)
-            second = ROUNDINGS * np.maximum(np.maximum(q2, q1 / h), q / h**2)
-        # rounding beside what the whole path has says nothing of a corner beside a very short piece
-        _, slope, bend = MOST_ROUNDING
-        whole = self.breaks[-1] - self.breaks[0]
-        first = np.minimum(first, slope * q1.max(initial=0.0))
-        second = np.minimum(second, bend * max(q2.max(initial=0.0), q1.max(initial=0.0) / whole))
-        return freeze_array(np.stack([np.zeros_like(first), first, second]))
+        """(3, P, n) of q, q′ and q″ at the ends of each piece: see `bound_rounding`."""
+        return freeze_array(bound_rounding(self.breaks, self.coefficients))
 
     def stops(self, order: int) -> np.ndarray:
         """Return where a motion rests: at corners (q′ jumps), under jerk limits also where q″ jumps."""
@@ -200,16 +181,19 @@ STRAIGHTNESS_SHARE, COEFFICIENT_ROUNDING = 1e-12, 4e-16
 class PathSection:
     """Pieces between two places at which every motion rests: resting inside where the path stands, or passing that.
 
-    passing: None where nothing is to be passed
+    passing: ways of passing some of these places, or all; none where nothing is to be passed
     """
 
     resting: PolynomialPath
-    passing: PolynomialPath | None
+    passing: tuple[PolynomialPath, ...]
 
 
 def cut_sections(path: PolynomialPath, order: int) -> list[PathSection]:
     """The path in sections, one after the other, drawn for a motion of an order."""
-    drawn = PolynomialPath(*cut_at_stands(path.breaks, path.coefficients), path.names, path.end_speeds, origin=path)
+    cut = cut_at_stands(path.breaks, path.coefficients)
+    if order == 2:
+        cut = cut_at_slow_places(*cut, SLOW_SHARE)
+    drawn = PolynomialPath(*cut, path.names, path.end_speeds, origin=path)
     still = count_zero_derivatives(drawn)
     both = np.concatenate([[0], np.minimum(still[1, :-1], still[0, 1:]), [0]])
     corner = drawn.stops(order)
@@ -224,11 +208,69 @@ def cut_sections(path: PolynomialPath, order: int) -> list[PathSection]:
         covered = {k for a, b in own for k in range(a, b)}
         parts = sorted([*own, *((k, k + 1) for k in range(first, last) if k not in covered)])
         resting = _draw_path(drawn, parts, {a for a, b in own}, both > 0)
-        turns = any(both[k] == 1 for k in range(first + 1, last) if k not in inner)
-        alike = [(k, k + 1) for k in range(first, last)]
-        passing = _draw_path(drawn, alike, set(), both > 1) if turns and order == 3 else None
-        found.append(PathSection(resting, passing))
+        turns = [k for k in range(first + 1, last) if both[k] == 1 and k not in inner]
+        passing = []
+        if order == 3 and last - first <= MOST_PIECES:
+            numbers = [len(turns)] if turns and (last - first <= FEW_PIECES or len(turns) <= MOST_PASSED) else []
+            numbers += [MOST_PASSED] if len(turns) > MOST_PASSED else []
+            passing = [_draw_passing(drawn, (first, last), own, both, turns, count) for count in numbers]
+        slow = _find_slow_places(drawn, first, last) if order == 2 else []
+        if slow:
+            passing.append(
+                _draw_path(drawn, parts, {a for a, b in own}, (both > 0) | np.isin(np.arange(len(both)), slow))
+            )
+        found.append(PathSection(resting, tuple(passing)))
     return found
+
+
+# Turns that a motion passes in a section of more than so many pieces: those beside the longest ways. At the others it
+# rests, which costs little; recorded samples with a pause have dozens, each a quarter of the one before, in which a
+# solver loses itself.
+MOST_PASSED, FEW_PIECES = 6, 100
+# Pieces of a section above which no way of passing turns is tried: a solver takes minutes in so many, and gains little.
+MOST_PIECES = 300
+# Share of the largest q′ of a section below which a place is nearly a stand: a motion that passes it has a ṡ for which
+# no grid is fine enough.
+SLOW_SHARE = 1e-6
+
+
+def _find_slow_places(path: PolynomialPath, first: int, last: int) -> list[int]:
+    """Find breaks inside a section at which q′ is next to nothing, and less than at the breaks beside them."""
+    inner = np.arange(first, last + 1)
+    size = np.abs(path.derivatives(path.breaks[inner], np.minimum(inner, last - 1), 1)[1]).max(1)
+    least = (size[1:-1] <= size[:-2]) & (size[1:-1] <= size[2:]) & (size[1:-1] < SLOW_SHARE * size.max())
+    return inner[1:-1][least].tolist()
+
+
+def _draw_passing(
+    path: PolynomialPath,
+    section: tuple[int, int],
+    stretches: Sequence[tuple[int, int]],
+    still: np.ndarray,
+    turns: Sequence[int],
+    count: int,
+) -> PolynomialPath:
+    """Draw a section for motions that pass so many turns, those beside the longest ways, and rest at all others.
+
+    section: first break and last; stretches of it that are straight from rest to rest
+    still (P+1,)  how many derivatives are nothing on both sides of a break; turns: breaks at which q′ alone is
+    """
+    first, last = section
+    ends = [first, *(k for k in range(first + 1, last) if still[k] > 0), last]
+    values = np.concatenate([path.coefficients[-1], path.derivatives(path.breaks[-1:], _last_piece(path), 0)[0]])
+    way = {k: float(np.abs(values[k] - values[at]).max()) for at, k in pairwise(ends)}
+    after = {at: way[k] for at, k in pairwise(ends)}
+    passed = set(sorted(turns, key=lambda k: -min(way[k], after[k]))[:count])
+    lines = [(a, b) for a, b in stretches if not passed & {a, b}] if len(passed) < len(turns) else []
+    covered = {k for a, b in lines for k in range(a, b)}
+    parts = sorted([*lines, *((k, k + 1) for k in range(first, last) if k not in covered)])
+    rests = still > 0
+    rests[list(passed)] = False
+    return _draw_path(path, parts, {a for a, _ in lines}, rests)
+
+
+def _last_piece(path: PolynomialPath) -> np.ndarray:
+    return np.array([len(path.breaks) - 2])
 
 
 def join_sections(parts: Sequence[PolynomialPath]) -> PolynomialPath:
