@@ -380,21 +380,21 @@ def check(program: ProgramSource, machine: MachineSource, *, limits: Sequence[Ow
     program = orient_open(program, machine, usual_order(machine.axes, program))
     try:
         path = actuate(program, machine)
-    except OutOfReach as no:
-        raise _add_advice(no, program, machine, 2) from None
+    except OutOfReach as error:
+        raise _add_advice(error, program, machine, 2) from None
     own = (each for each in make_own_limits(path, limits) if each.geometric)
-    found = prove_feasibility(path, (*limits_of(path, machine.axes, 2), *own))
-    worst = tuple(_add_advice(no, program, machine, 2) for no in found.violations[:1])
-    violations = (*worst, *found.violations[1:])
-    found = replace(
-        found,
+    standing = prove_feasibility(path, (*limits_of(path, machine.axes, 2), *own))
+    worst = tuple(_add_advice(error, program, machine, 2) for error in standing.violations[:1])
+    violations = (*worst, *standing.violations[1:])
+    standing = replace(
+        standing,
         violations=violations,
         blends=path.blends,
         fit=path.fit,
         departures=departures(path),
         overshoots=path.overshoots,
     )
-    return found if violations else replace(found, conditioning=find_poorest(path))
+    return standing if violations else replace(standing, conditioning=find_poorest(path))
 
 
 def _add_advice(no: MotionError, program: Program, machine: Machine, order: int) -> MotionError:

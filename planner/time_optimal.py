@@ -79,7 +79,7 @@ def time_optimal(
 
 
 def _choose_faster(part: PathSection, axes: Sequence[Axis], order: int) -> PolynomialPath:
-    """A section of the path with rests where it stands, or without some, whichever leads to the fastest motion."""
+    """Choose the fastest of a section's ways: all rests, or some of them passed."""
     if not part.passing:
         return part.resting
     ways = (part.resting, *part.passing)
@@ -147,12 +147,12 @@ def _pieces(path: Any) -> tuple[Array, Array]:
     if not inside.any():
         raise MotionError("the path has no length: all its breaks are the same")
     coefficients = path.c.reshape(*path.c.shape[:2], -1)
-    stands = inside & _find_still(np.diff(path.x), coefficients)
-    if stands.any() and not (stands == inside).all():  # a repeated point: the path goes on from there
-        inside &= ~stands
+    still = inside & _find_still(np.diff(path.x), coefficients)
+    if still.any() and not (still == inside).all():  # a repeated point: the path goes on from there
+        inside &= ~still
     else:
-        stands[:] = False
-    left_out = np.append(0.0, np.cumsum(np.where(stands, np.diff(path.x), 0.0)))
+        still[:] = False
+    left_out = np.append(0.0, np.cumsum(np.where(still, np.diff(path.x), 0.0)))
     s = path.x - left_out
     return np.append(s[:-1][inside], s[1:][inside][-1]), coefficients[:, inside]
 
@@ -162,9 +162,10 @@ STILL_SHARE = 1e-10
 
 
 def _find_still(lengths: Array, coefficients: Array) -> np.ndarray:
-    """Whether each piece (P,) is one where nothing moves, by itself or together with those about it.
+    """Return whether nothing moves on each piece (P,), nor on all such pieces in a row together.
 
-    Splines through equal points do not stand quite still: they swing about them, less and less down to rounding.
+    Splines through equal points do not stand quite still: they swing about them, less and less, down
+    to rounding.
     """
     powers = np.arange(len(coefficients) - 1, 0, -1)[:, None, None]
     way = np.abs(coefficients[:-1] * lengths[:, None] ** powers).sum(0)

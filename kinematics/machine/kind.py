@@ -197,23 +197,24 @@ def spin_follows(machine: Kind) -> bool:
 
 
 def controlled_twists(machine: Kind, x: Array) -> Array:
-    """Unit twists (N, 6, n) [v, ω] in the base frame of what the machine controls, at pose numbers x (N, 12).
+    """Return the unit twists (N, 6, n) [v, ω] that the machine controls, in the base frame.
 
-    Along and about the base axes. Where the spin follows, turns are about the tool's own x and y instead: about the
-    base axes alone, none turns a tool that lies along one of them.
+    They are along and about the base axes. Where the tool's spin follows, turns are about the tool's
+    x and y axes instead, because no turn about an axis moves a tool that lies along it.
+    x (N, 12): pose numbers.
     """
     twists = np.zeros((len(x), 6, len(machine.freedom)))
     free = columns(machine)
     twists[:, free, np.arange(len(free))] = 1.0
     if spin_follows(machine):
         rotation = x[:, 3:].reshape(-1, 3, 3)
-        for own, k in ((0, 3), (1, 4)):
-            twists[:, 3:, free == k] = rotation[:, :, own, None]
+        for axis, component in ((0, 3), (1, 4)):
+            twists[:, 3:, free == component] = rotation[:, :, axis, None]
     return twists
 
 
 def controlled_twist_symbols(machine: Kind, rotation: ca.SX) -> ca.SX:
-    """The same (6, n) in symbols, at a rotation (3, 3)."""
+    """Return the unit twists (6, n) that the machine controls, as symbols at a rotation (3, 3)."""
     free = columns(machine).tolist()
     twists = ca.SX(6, len(free))
     for k, component in enumerate(free):

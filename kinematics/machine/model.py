@@ -241,7 +241,7 @@ class MachineModel(Kind):
 
     @cached_property
     def controlled_map(self) -> Expression:
-        """The same -> the square Jacobian (n, n) row by row, by the twists that the machine controls."""
+        """Map the inputs of `inverse_map` to the square Jacobian (n, n), row by row, of controlled twists."""
         x, near = self._symbols()
         rotation = split_pose_symbols(x)[1]
         inputs = self._inputs(x, near)

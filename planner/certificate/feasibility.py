@@ -122,7 +122,7 @@ class Standing(Result):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Texts of what breaks no limit but matters: a pose near a singular one, a spline far from its points."""
+        """Warnings that break no limit: a pose near a singular one, a spline far from its points."""
         near = "" if self.conditioning is None else self.conditioning.warning
         return (*((near,) if near else ()), *overshoot_warnings(self.overshoots))
 

@@ -54,7 +54,7 @@ class Ranges:
 
     @cached_property
     def _pose_to_jerk(self) -> Array:
-        """The same with the third derivative, which few limits need."""
+        """Balls of the pose up to the third derivative, which few limits need."""
         return self.find_pose(3)
 
     def __getitem__(self, rows: np.ndarray) -> "Ranges":

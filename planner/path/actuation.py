@@ -129,7 +129,7 @@ class Points:
         return tuple(tool(values) for values in self.pose_derivatives)
 
     def pose_derivative(self, times: int) -> Array:
-        """The pose's numbers (N, 12), differentiated so many times by path length: 0, 1, 2 or 3.
+        """Return a derivative (N, 12) of the pose's numbers by path length, of order 0, 1, 2 or 3.
 
         Raises MotionError for another order.
         """
@@ -139,9 +139,10 @@ class Points:
         return every[times]
 
     def tool_derivative(self, times: int) -> Array:
-        """The same of the tool."""
-        own, tool = self.pose_derivative(times), self.path.tool
-        return own if tool is None else tool(own)
+        """Return this derivative of the tool's numbers: the platform's where there is no tool."""
+        numbers = self.pose_derivative(times)
+        tool = self.path.tool
+        return numbers if tool is None else tool(numbers)
 
 
 def make_points(path: "ActuatorPath", s: Array, piece: np.ndarray, highest: int = 3) -> Points:

@@ -141,11 +141,11 @@ def draw_segments(program: Program, machine: Machine) -> Iterator[Drawn]:
         frame = frame * program.work
     stand = _Stand(program.start if program.start is not None else default_start(program, machine), frame)
     faults: list[tuple[int, Moving, MotionError]] = []
-    held, moves, turned = Drawn([], STOP), False, 0.0
+    pending, moves, turned = Drawn([], STOP), False, 0.0
     for repetition in range(1, program.repeat + 1):
         for number, segment in enumerate(program.segments, 1):
             if isinstance(segment, Dwell):
-                held = replace(held, dwell=held.dwell + segment.duration)
+                pending = replace(pending, dwell=pending.dwell + segment.duration)
                 continue
             begin = stand.place if isinstance(segment, Spline) else None
             try:
@@ -159,21 +159,21 @@ def draw_segments(program: Program, machine: Machine) -> Iterator[Drawn]:
                     raise _segments_error(program, faults) from None
                 stand.move(onward)
                 continue
-            if not faults and (held.pieces or held.dwell):
-                yield held
+            if not faults and (pending.pieces or pending.dwell):
+                yield pending
             pieces = [_cap_piece(piece, segment, program, repetition) for piece in _free_pieces(own, segment)]
             overshoot = None
             if begin is not None and isinstance(segment, Spline):
                 overshoot = measure_overshoot(np.concatenate([begin[None], frame.apply(segment.through)]), own)
             plain = segment.trigger is None and is_plain(pieces)
-            held = Drawn(pieces, segment.join, plain=plain, overshoot=overshoot)
+            pending = Drawn(pieces, segment.join, plain=plain, overshoot=overshoot)
             moves = True
         if faults:
             raise _segments_error(program, faults)
     if not moves:
         told = f"program {program.name}: nothing moves; add a line, an arc, a spline, a turn or a synchronised move"
         raise FileError(program.file, [Fault("segment", told, 1)]) if program.file else MotionError(told)
-    yield held
+    yield pending
 
 
 def _draw(segment: Moving, number: int, stand: _Stand, machine: Machine, tool: Pose | None) -> list[Piece]:

@@ -24,9 +24,9 @@ def measure_overshoot(points: Array, pieces: Sequence[Piece]) -> Overshoot:
     x = np.stack([piece.poses(share * piece.length)[:, :3] for piece in pieces])
     span = _find_spans(points, x[:, -1])
     chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    beside = np.clip(span[:, None] + [-1, 0, 1], 0, len(chords) - 1)
-    away = np.min([_distance(x, points[k], points[k + 1]) for k in beside.T], 0)
-    shortest = chords[beside].min(1)
+    nearby = np.clip(span[:, None] + [-1, 0, 1], 0, len(chords) - 1)
+    away = np.min([_distance(x, points[k], points[k + 1]) for k in nearby.T], 0)
+    shortest = chords[nearby].min(1)
     farthest, place = np.unravel_index(int(away.argmax()), away.shape)
     worst = int((away.max(1) / shortest).argmax())
     lengths = np.array([piece.length for piece in pieces])
@@ -60,7 +60,7 @@ def _distance(x: Array, begin: Array, end: Array) -> Array:
 
 
 def overshoot_warnings(overshoots: Sequence[Overshoot]) -> tuple[str, ...]:
-    """Warnings of splines that leave their points far, beside the shortest chord nearby."""
+    """Return warnings of splines whose overshoot is large against the shortest chord nearby."""
     return tuple(
         f"segment {one.segment}, spline: between points {one.point - 1} and {one.point} the curve is up to "
         f"{1e3 * one.beyond:.4g} mm off the straight lines through its points, {one.beyond / one.chord:.2g} of the "
@@ -71,13 +71,13 @@ def overshoot_warnings(overshoots: Sequence[Overshoot]) -> tuple[str, ...]:
 
 
 def describe_overshoot(overshoots: Sequence[Overshoot]) -> str:
-    """How far the worst spline leaves its polygon, and where."""
+    """Return the largest overshoot of all splines, and where it is."""
     worst = max(overshoots, key=lambda one: one.distance)
     return f"up to {1e3 * worst.distance:.3g} mm, at {1e3 * worst.s:.3f} mm, segment {worst.segment}"
 
 
 def overshoot_tables(overshoots: Sequence[Overshoot]) -> tuple[Table, ...]:
-    """How far each spline leaves the polygon of its points; no table where there is none."""
+    """Return a table of the overshoot of each spline; none where there is no spline."""
     if not overshoots:
         return ()
     columns = (

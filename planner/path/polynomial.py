@@ -223,19 +223,18 @@ def cut_sections(path: PolynomialPath, order: int) -> list[PathSection]:
     return found
 
 
-# Turns that a motion passes in a section of more than so many pieces: those beside the longest ways. At the others it
-# rests, which costs little; recorded samples with a pause have dozens, each a quarter of the one before, in which a
-# solver loses itself.
+# Turns that a motion passes in a section of more than FEW_PIECES pieces: those between the longest
+# ways. It rests at the others, which costs little. Recorded samples with a pause have dozens of
+# turns, each a quarter of the one before; passing them all takes the solver minutes.
 MOST_PASSED, FEW_PIECES = 6, 100
-# Pieces of a section above which no way of passing turns is tried: a solver takes minutes in so many, and gains little.
+# Pieces of a section above which no passing is tried: it takes minutes and gains little.
 MOST_PIECES = 300
-# Share of the largest q′ of a section below which a place is nearly a stand: a motion that passes it has a ṡ for which
-# no grid is fine enough.
+# Share of the largest q′ of a section below which a rest is tried: no grid resolves ṡ there.
 SLOW_SHARE = 1e-6
 
 
 def _find_slow_places(path: PolynomialPath, first: int, last: int) -> list[int]:
-    """Find breaks inside a section at which q′ is next to nothing, and less than at the breaks beside them."""
+    """Find breaks inside a section at which q′ is almost 0, and less than at the breaks on both sides."""
     inner = np.arange(first, last + 1)
     size = np.abs(path.derivatives(path.breaks[inner], np.minimum(inner, last - 1), 1)[1]).max(1)
     least = (size[1:-1] <= size[:-2]) & (size[1:-1] <= size[2:]) & (size[1:-1] < SLOW_SHARE * size.max())
@@ -250,7 +249,7 @@ def _draw_passing(
     turns: Sequence[int],
     count: int,
 ) -> PolynomialPath:
-    """Draw a section for motions that pass so many turns, those beside the longest ways, and rest at all others.
+    """Draw a section for motions that pass `count` turns, between the longest ways, and rest at the others.
 
     section: first break and last; stretches of it that are straight from rest to rest
     still (P+1,)  how many derivatives are nothing on both sides of a break; turns: breaks at which q′ alone is

@@ -4,9 +4,10 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 
-# Roundings of a derivative by those that it is computed from: up to 250 were found at knots of SciPy's splines.
+# Units in the last place that a derivative may be off, of the quantities that it is computed from.
+# Up to 250 were measured at knots of SciPy's splines.
 ROUNDINGS = 256 * float(np.finfo(float).eps)
-# Share of what a path has of q′, and of q″ and q′ by its length, up to which rounding may explain a jump of them.
+# Largest rounding, as a share of the path's largest q′, and of its largest q″ or q′ by its length.
 MOST_ROUNDING = np.array([0.0, 1e-8, 1e-6])
 
 
@@ -25,7 +26,7 @@ def bound_rounding(breaks: Array, coefficients: Array) -> Array:
     with np.errstate(over="ignore"):
         first = ROUNDINGS * np.maximum(q1, q / h)
         second = ROUNDINGS * np.maximum(np.maximum(q2, q1 / h), q / h**2)
-    # beside what the whole path has it says nothing: a corner beside a very short piece is one
+    # a very short piece must not hide a corner next to it
     _, slope, bend = MOST_ROUNDING
     whole = breaks[-1] - breaks[0]
     first = np.minimum(first, slope * q1.max(initial=0.0))

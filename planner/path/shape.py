@@ -135,7 +135,7 @@ class Overshoot:
     """How far a spline leaves the polygon of its points.
 
     distance, s    m, the largest distance, and where: along the spline as it is drawn, along the path as it is linked
-    point          number of the point at the end of the span that is farthest off beside the chords nearby
+    point          number of the point at the end of the span with the largest distance per chord nearby
     beyond, chord  m, the largest distance there, and the shortest of that span's chord and its neighbours'
     """
 

@@ -26,11 +26,12 @@ DEGREE = 5
 HERMITE_DEGREE = 7
 # Places of a span at which its speed is sampled.
 SPAN_POINTS = 201
-# Least |dp/du|, as a share of what the shortest chord nearby has: less is a cusp.
+# Least |dp/du|, as a share of its mean over the shortest chord nearby: less is a cusp.
 MIN_SPEED = 0.05
 # Least product of two unit quaternions that follow each other: 120°.
 MIN_QUATERNION_PRODUCT = 0.5
-# Two points are near-duplicates up to this share of the shorter of the chords beside them, or of the longest chord.
+# Two points are near-duplicates if their chord is within this share of the shorter neighbouring
+# chord, or of the longest chord.
 DUPLICATE_SHARES = 1e-4, 1e-6
 # How far the quintic may be from the cubic, as a share of the chord; and of the angle, for orientations. A change of
 # slope counts over the whole span, so that the curve itself moves by about a sixth of it.
@@ -88,8 +89,8 @@ def spline(start: Pose, through: Array, rotate: Rotation | None, segment: int) -
     turning = _draw_spans(quaternions, lengths, _find_turning(quaternions, lengths))
     powers = np.concatenate([parts.powers, _cut_spans(turning, parts)], 2)
     pieces = [
-        Piece(HERMITE, freeze_array(own.ravel()), length, segment)
-        for own, length in zip(powers, parts.lengths.tolist(), strict=True)
+        Piece(HERMITE, freeze_array(coefficients.ravel()), length, segment)
+        for coefficients, length in zip(powers, parts.lengths.tolist(), strict=True)
     ]
     return [replace(piece, turn=turning_angle(piece)) for piece in pieces]
 
@@ -99,12 +100,12 @@ def _name(point: int) -> str:
 
 
 def _refuse_duplicates(chords: Array) -> None:
-    """Two points so near to each other, beside the chords around them, that their direction means nothing."""
-    beside = np.full(len(chords) + 2, np.inf)
-    beside[1:-1] = chords
-    shorter = np.minimum(beside[:-2], beside[2:])
+    """Raise MotionError for two points too near to each other to give the curve a direction."""
     if len(chords) == 1:
         return
+    neighbours = np.full(len(chords) + 2, np.inf)
+    neighbours[1:-1] = chords
+    shorter = np.minimum(neighbours[:-2], neighbours[2:])
     share, of_longest = DUPLICATE_SHARES
     near = (chords <= share * shorter) | (chords <= of_longest * chords.max())
     if near.any():
@@ -190,18 +191,19 @@ def _find_derivatives(points: Array, spans: Array) -> Array:
     base = _cubic_derivatives(points, spans)
     fair = _quintic_derivatives(points, spans)
     chords = np.linalg.norm(np.diff(points, axis=-2), axis=-1)
-    beside = np.concatenate([chords[..., :1], chords, chords[..., -1:]], -1)
-    shorter = np.minimum(beside[..., :-1], beside[..., 1:])
+    padded = np.concatenate([chords[..., :1], chords, chords[..., -1:]], -1)
+    shorter = np.minimum(padded[..., :-1], padded[..., 1:])
     # an end has one chord only: the next point's other chord counts there too
     shorter[..., [0, -1]] = np.minimum(shorter[..., [0, -1]], shorter[..., [1, -2]])
     return _limit_change(base, fair, spans, FAIRNESS * shorter)
 
 
 def _find_turning(quaternions: Array, spans: Array) -> Array:
-    """(N+1, 3, 4) the same of quaternions, whose steps need not be in proportion to the chords.
+    """Find derivatives (N+1, 3, 4) of quaternions, whose steps need not be in proportion to the chords.
 
-    Instead of the cubic's slope there is a mean of the slopes on both sides that is at most twice the smaller one: it
-    turns each span in proportion to its own angle. The quintic may add a share of the larger of the two angles.
+    A mean of the slopes on both sides replaces the cubic's slope. It is at most twice the smaller
+    one, so each span turns in proportion to its own angle. The quintic may add a share of the
+    larger of the two angles.
     """
     steps = np.diff(quaternions, axis=0)
     slopes = steps / spans[:, None]
@@ -212,13 +214,16 @@ def _find_turning(quaternions: Array, spans: Array) -> Array:
     )
     base[[0, -1], 0] = slopes[[0, -1]]
     angles = np.linalg.norm(steps, axis=1)
-    beside = np.concatenate([angles[:1], angles, angles[-1:]])
-    larger = np.maximum(beside[:-1], beside[1:])
+    padded = np.concatenate([angles[:1], angles, angles[-1:]])
+    larger = np.maximum(padded[:-1], padded[1:])
     return _limit_change(base, _quintic_derivatives(quaternions, spans), spans, TURNING_FAIRNESS * larger)
 
 
 def _limit_change(base: Array, fair: Array, spans: Array, most: Array) -> Array:
-    """(…, N+1, 3, k) derivatives from `base` towards `fair`, until a span beside the knot is moved by most (…, N+1)."""
+    """Move derivatives (…, N+1, 3, k) from `base` towards `fair` while no span moves by more than `most`.
+
+    most (…, N+1): largest change of a span at either side of each knot.
+    """
     change = fair - base
     longer = np.maximum(
         np.concatenate([spans[..., :1], spans], -1),
@@ -358,8 +363,8 @@ def _draw_by_length(curve: Array, spans: Array, chords: Array) -> _Parts:
     low, high = np.zeros(len(spans)), spans.copy()
     drawn: list[tuple[np.ndarray, Array, Array, Array]] = []
     for halving in range(MAX_HALVINGS + 1):
-        own, lengths, good = _draw_parts(curve[span], low, high, chords[span])
-        drawn.append((span[good], low[good], own[good], lengths[good]))
+        powers, lengths, good = _draw_parts(curve[span], low, high, chords[span])
+        drawn.append((span[good], low[good], powers[good], lengths[good]))
         if good.all():
             break
         if halving == MAX_HALVINGS:
@@ -395,11 +400,11 @@ def _draw_parts(powers: Array, low: Array, high: Array, chords: Array) -> tuple[
     ends = np.stack([low, high], 1)
     by_u = np.stack([_evaluate_powers(powers, ends, k) for k in range(4)], 2)  # (M, 2, 4, 3)
     by_length = _change_to_length(by_u)
-    own = _hermite_powers(by_length[:, 0], by_length[:, 1], lengths)
+    part = _hermite_powers(by_length[:, 0], by_length[:, 1], lengths)
     s = lengths[:, None] * _PART_SHARES
-    slope = np.linalg.norm(_evaluate_powers(own, s, 1), axis=-1)
+    slope = np.linalg.norm(_evaluate_powers(part, s, 1), axis=-1)
     # the place of the curve that corresponds to the piece's middle is looked for near it
-    x = _evaluate_powers(own, s, 0)
+    x = _evaluate_powers(part, s, 0)
     u = low[:, None] + (high - low)[:, None] * _PART_SHARES
     for _ in range(4):
         away = x - _evaluate_powers(powers, u, 0)
@@ -409,7 +414,7 @@ def _draw_parts(powers: Array, low: Array, high: Array, chords: Array) -> tuple[
     away = np.linalg.norm(x - _evaluate_powers(powers, u, 0), axis=-1)
     near = (away <= LENGTH_TOLERANCE * chords[:, None]).all(1)
     even = (np.abs(slope - 1) <= SPEED_TOLERANCE).all(1)
-    return own, lengths, near & even
+    return part, lengths, near & even
 
 
 def _evaluate_powers(powers: Array, u: Array, order: int) -> Array:

@@ -92,7 +92,7 @@ def cut_at_slow_places(breaks: Array, coefficients: Array, share: float) -> tupl
     largest = float(size.max(initial=0.0))
     places, parts = [breaks[:-1]], [coefficients]
     for piece in suspects.tolist():
-        square = sum(np.convolve(own, own) for own in slope[:, piece].T)
+        square = sum(np.convolve(axis, axis) for axis in slope[:, piece].T)
         zeros = np.roots(np.polyder(square))
         inside = (np.abs(zeros.imag) < END_SHARE * lengths[piece]) & (zeros.real > END_SHARE * lengths[piece])
         inside &= zeros.real < (1 - END_SHARE) * lengths[piece]

@@ -384,7 +384,7 @@ class Program(Result):
 
     @property
     def caps_jerk(self) -> bool:
-        """Whether it caps the tool's jerk anywhere, as far as its segments are known before they are run."""
+        """True if the program or a segment caps the tool's jerk; segments of a stream do not count."""
         if self.max_tool_jerk is not None:
             return True
         known = () if isinstance(self.segments, SegmentStream) else self.segments

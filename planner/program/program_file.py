@@ -231,12 +231,12 @@ class SynchronisedEntry(MovingEntry):
 
     def segment(self, line_number: int | None) -> Segment:
         to, turned = freeze_array(self.synchronised.to), _rotation(self.synchronised.rotate)
-        said: dict[str, Any] = {
+        caps: dict[str, Any] = {
             "acceleration": self.acceleration,
             "angular_speed": self.angular_speed,
             "max_tool_jerk": self.max_tool_jerk,
         }
-        return Synchronised(to, turned, self.speed, self.next_join, **said, trigger=self.event, line_number=line_number)
+        return Synchronised(to, turned, self.speed, self.next_join, **caps, trigger=self.event, line_number=line_number)
 
 
 class DwellEntry(TableSchema):

@@ -59,7 +59,7 @@ def _curve_deviation(curve: Curve, t: Array, points: Array) -> Array:
 
 
 def _drawn_deviation(curve: Curve, t: Array, points: Array) -> Array:
-    """The same of the pieces as they are run, which follow the sampled curve to a thousandth of a chord."""
+    """Measure the largest distance (m) of each span from the curve, on the pieces as they are run."""
     places, span = draw_through(points)
     away = _measure_places(curve, t, places, span)
     worst = np.zeros(len(t) - 1)

@@ -244,7 +244,7 @@ def departure_records(departures: Sequence[Departure]) -> list[Record]:
 
 
 def overshoot_records(overshoots: Sequence[Overshoot]) -> list[Record]:
-    """How far splines leave the polygon of their points; and, beside the chords nearby, the span that does so most."""
+    """Return the overshoot of each spline, and its worst span against the shortest chord nearby."""
     return [
         {
             "segment": one.segment,
