@@ -82,7 +82,8 @@ class State:
         if along is None:
             raise MotionError("this motion has no machine, so it has no pose")
         if times == 3:
-            return _third_derivative(*along[1:], self.sd, self.sdd, self.sddd)
+            _, x1, x2, x3 = along
+            return _third_derivative(x1, x2, x3, self.sd, self.sdd, self.sddd)
         v, a = self.sd[:, None], self.sdd[:, None]
         return along[1] * v if times == 1 else along[1] * a + along[2] * v**2
 

@@ -129,9 +129,11 @@ class ToolJerk(ToolLimit):
     def __init__(self, caps: Iterable[float | None], *, flat: bool = False) -> None:
         """flat: every piece of the path lies in a plane (`lies_in_planes`), so that a polygon serves."""
         super().__init__(caps)
-        cosine, sine, near = _facet_normals()
-        polygon = np.stack([cosine, sine, np.zeros(FACETS)], 1), near
-        self._normals, self._near = polygon if flat else _sphere_normals()
+        cosine, sine, distance = _facet_normals()
+        normals: Array = np.stack([cosine, sine, np.zeros(FACETS)], 1)
+        if not flat:
+            normals, distance = _sphere_normals()
+        self._normals, self._near = normals, distance
 
     def value(self, motion: LimitState) -> Quantity:
         return squared_norm(motion.tool_rate(3), range(3))

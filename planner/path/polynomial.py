@@ -238,7 +238,7 @@ def _find_slow_places(path: PolynomialPath, first: int, last: int) -> list[int]:
     inner = np.arange(first, last + 1)
     size = np.abs(path.derivatives(path.breaks[inner], np.minimum(inner, last - 1), 1)[1]).max(1)
     least = (size[1:-1] <= size[:-2]) & (size[1:-1] <= size[2:]) & (size[1:-1] < SLOW_SHARE * size.max())
-    return inner[1:-1][least].tolist()
+    return [int(k) for k in inner[1:-1][least]]
 
 
 def _draw_passing(

@@ -85,7 +85,7 @@ def spline(start: Pose, through: Array, rotate: Rotation | None, segment: int) -
     _refuse_cusps(curve, spans)
     parts = _draw_by_length(curve, spans, chords)
     quaternions = _quaternions(start, rotate, len(through))
-    lengths = np.bincount(parts.span, parts.lengths)
+    lengths = np.asarray(np.bincount(parts.span, parts.lengths), float)
     turning = _draw_spans(quaternions, lengths, _find_turning(quaternions, lengths))
     powers = np.concatenate([parts.powers, _cut_spans(turning, parts)], 2)
     pieces = [
@@ -330,7 +330,7 @@ def _draw_spans(values: Array, spans: Array, derivatives: Array) -> Array:
 
 # Coefficients c₄ … c₇ of the polynomial of degree 7 on [0, 1] whose value and derivatives at 1 exceed those of its
 # first four terms by given ones.
-_UPPER = np.linalg.inv([[1.0, 1, 1, 1], [4, 5, 6, 7], [12, 20, 30, 42], [24, 60, 120, 210]])
+_UPPER = np.linalg.inv(np.array([[1.0, 1, 1, 1], [4, 5, 6, 7], [12, 20, 30, 42], [24, 60, 120, 210]]))
 _TAYLOR = np.array([1.0, 1, 1 / 2, 1 / 6])
 # Rows: what c₀ … c₃ give value and derivatives at 1.
 _LOWER = np.array([[1.0, 1, 1, 1], [0, 1, 2, 3], [0, 0, 2, 6], [0, 0, 0, 6]])
