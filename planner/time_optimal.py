@@ -172,7 +172,7 @@ def _find_still(lengths: Array, coefficients: Array) -> np.ndarray:
     values = coefficients[-1]
     most = STILL_SHARE * np.maximum(np.ptp(values, axis=0), way.max(0))
     least = (way <= most / 8).all(1)  # each swing is about a quarter of the one before, on both sides
-    still = ~coefficients[:-1].any((0, 2))
+    still = np.asarray(~coefficients[:-1].any((0, 2)), bool)
     # of pieces one after the other that hardly move: none where together they come to more
     begins = np.flatnonzero(np.diff(least.astype(int), prepend=0) == 1)
     stops = np.flatnonzero(np.diff(least.astype(int), append=0) == -1) + 1
