@@ -153,7 +153,7 @@ def test_the_tool_of_a_hexapod_is_at_its_speed(hexapod, order, segments):
 
 
 def test_a_speed_that_is_claimed_but_not_had_is_found_out(hexapod):
-    """A spline at constant ṡ of its chords: the tool is faster, by what its own derivative says."""
+    """A spline at constant ṡ, which is the tool's speed to 2 % only: it is off by what its own derivative says."""
     drawn = actuate(Program([replace(CURVE, speed_constant=False)], start=START), hexapod)
     pieces = [replace(piece, constant=True) for piece in drawn.pieces]
     path = MachinePath(hexapod, pieces, np.array([1, 0, 1]), np.zeros(3))
@@ -165,7 +165,7 @@ def test_a_speed_that_is_claimed_but_not_had_is_found_out(hexapod):
     certificate = certify(claimed, limits_of(path, hexapod.axes, 2))
     dense = np.concatenate([piece.derivatives(np.linspace(0, piece.length, 4001))[1][:, :3] for piece in pieces])
     off = np.abs(np.linalg.norm(dense, axis=1) - 1).max()
-    assert off > 0.01
+    assert off > 1e-3
     assert not certificate.holds
     assert certificate.worst[CONSTANT_SPEED] * SPEED_TOLERANCE == pytest.approx(
         off, rel=1e-3
@@ -217,12 +217,14 @@ def test_a_refused_constant_speed_is_told_with_one_that_holds(hexapod):
     def asked(speed):
         return Program((BENT, Line([0, 0, 0.025], speed=speed, speed_constant=True)), start=start)
 
-    with pytest.raises(Infeasible, match="was found to hold") as refusal:
+    remedy = r"(?:there it could be ([\d.]+) mm/s|([\d.]+) mm/s was found to hold)"
+    with pytest.raises(Infeasible, match=remedy) as refusal:
         plan(asked(0.006), hexapod, order=3)
-    found = float(re.search(r"([\d.]+) mm/s was found to hold", str(refusal.value))[1]) / 1e3
-    assert plan(asked(0.999 * found), hexapod, order=3).certificate.holds
-    with pytest.raises(Infeasible, match="was found to hold"):
-        plan(asked(1.01 * found), hexapod, order=3)
+    stated = max(re.search(remedy, str(refusal.value)).groups(default="0"), key=float)
+    speed = float(stated) / 1e3
+    assert plan(asked(0.999 * speed), hexapod, order=3).certificate.holds
+    with pytest.raises(Infeasible, match=remedy):
+        plan(asked(1.01 * speed), hexapod, order=3)
 
 
 @pytest.mark.parametrize("order", [2, 3])
