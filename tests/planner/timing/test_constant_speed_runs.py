@@ -206,7 +206,7 @@ def test_a_constant_speed_too_long_in_a_band_names_what_would_do(order):
 BENT = Spline(
     [[0.0, 0.008, 0.027], [-0.005, 0, 0.025]],
     Rotation.from_euler("xyz", [[1, 0, 1], [0, 0, 0]], degrees=True),
-    join=Blend(5e-5),
+    join=Blend(1e-5),
 )
 
 
@@ -217,14 +217,12 @@ def test_a_refused_constant_speed_is_told_with_one_that_holds(hexapod):
     def asked(speed):
         return Program((BENT, Line([0, 0, 0.025], speed=speed, speed_constant=True)), start=start)
 
-    remedy = r"(?:there it could be ([\d.]+) mm/s|([\d.]+) mm/s was found to hold)"
-    with pytest.raises(Infeasible, match=remedy) as refusal:
+    with pytest.raises(Infeasible, match="was found to hold") as refusal:
         plan(asked(0.006), hexapod, order=3)
-    stated = max(re.search(remedy, str(refusal.value)).groups(default="0"), key=float)
-    speed = float(stated) / 1e3
-    assert plan(asked(0.999 * speed), hexapod, order=3).certificate.holds
-    with pytest.raises(Infeasible, match=remedy):
-        plan(asked(1.01 * speed), hexapod, order=3)
+    found = float(re.search(r"([\d.]+) mm/s was found to hold", str(refusal.value))[1]) / 1e3
+    assert plan(asked(0.999 * found), hexapod, order=3).certificate.holds
+    with pytest.raises(Infeasible, match="was found to hold"):
+        plan(asked(1.01 * found), hexapod, order=3)
 
 
 @pytest.mark.parametrize("order", [2, 3])
