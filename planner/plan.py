@@ -27,6 +27,7 @@ from planner.orientation.orient import orient_open
 from planner.parallel import Progress, ignore_progress
 from planner.path.actuation import MachinePath, actuate
 from planner.path.outcome import blend_tables, fit_tables
+from planner.path.overshoot import overshoot_tables
 from planner.path.point_to_point import Departure, departure_tables, departures
 from planner.place import Infeasible, LostPath
 from planner.program.model import Program
@@ -199,6 +200,7 @@ class Plan(Result, Interruptible):
             *fit_tables(self.path.fit),
             *blend_tables(self.path.blends),
             *departure_tables(self.departures),
+            *overshoot_tables(self.path.overshoots),
             *schedule_tables(self.pulses, units),
             *trigger_tables(self.triggers, self.path.names),
         )
@@ -290,7 +292,7 @@ def plan(
     program = program if isinstance(program, Program) else load_program(program)
     machine = machine if isinstance(machine, Machine) else load_machine(machine)
     if order is None:
-        order = usual_order(machine.axes)
+        order = usual_order(machine.axes, program)
     if order not in (2, 3):
         raise MotionError(f"order {order} is not known; 2 limits speed and acceleration, 3 jerk too")
     if not 0 < clock_hz <= MAX_CLOCK_HZ:
@@ -383,21 +385,28 @@ def check(program: ProgramSource, machine: MachineSource, *, limits: Sequence[Ow
         The path cannot be drawn.
     """
     program, machine = load_program(program), load_machine(machine)
-    program = orient_open(program, machine, usual_order(machine.axes))
+    program = orient_open(program, machine, usual_order(machine.axes, program))
     try:
         path = actuate(program, machine)
-    except OutOfReach as no:
-        raise _add_advice(no, program, machine, 2) from None
+    except OutOfReach as error:
+        raise _add_advice(error, program, machine, 2) from None
     own = (each for each in make_own_limits(path, limits) if each.geometric)
-    found = prove_feasibility(path, (*limits_of(path, machine.axes, 2), *own))
-    worst = tuple(_add_advice(no, program, machine, 2) for no in found.violations[:1])
-    violations = (*worst, *found.violations[1:])
-    found = replace(found, violations=violations, blends=path.blends, fit=path.fit, departures=departures(path))
+    standing = prove_feasibility(path, (*limits_of(path, machine.axes, 2), *own))
+    worst = tuple(_add_advice(error, program, machine, 2) for error in standing.violations[:1])
+    violations = (*worst, *standing.violations[1:])
+    standing = replace(
+        standing,
+        violations=violations,
+        blends=path.blends,
+        fit=path.fit,
+        departures=departures(path),
+        overshoots=path.overshoots,
+    )
     if violations:
-        return found
-    kind = usual_order(machine.axes)
+        return standing
+    kind = usual_order(machine.axes, program)
     stops = find_avoidable_stops(program, path, limits_of(path, machine.axes, kind, limits), kind)
-    return replace(found, conditioning=find_poorest(path), avoidable=stops)
+    return replace(standing, conditioning=find_poorest(path), avoidable=stops)
 
 
 def _add_advice(no: MotionError, program: Program, machine: Machine, order: int) -> MotionError:

@@ -180,7 +180,7 @@ def plan_parts(
     if (why := find_whole_reason(program, machine, rule)) is not None:
         of = f"program {program.name} on {machine.name}"
         raise MotionError(f"{of} is planned as a whole only, because {why}, or call plan")
-    order = usual_order(machine.axes) if order is None else order
+    order = usual_order(machine.axes, program) if order is None else order
     paced = pace_axes(machine.axes, clock_hz, rule)
     find_limits = partial(limits_of, axes=paced, order=order, own=limits)
     planner = WindowPlanner(machine, find_limits, order, program.tool, pieces)

@@ -79,14 +79,15 @@ def time_optimal(
 
 
 def _choose_faster(part: PathSection, axes: Sequence[Axis], order: int) -> PolynomialPath:
-    """A section of the path with rests where it stands, or without, whichever leads to the faster motion."""
-    if part.passing is None:
+    """Choose the fastest of a section's ways: all rests, or some of them passed."""
+    if not part.passing:
         return part.resting
+    ways = (part.resting, *part.passing)
     times = []
-    for way in (part.resting, part.passing):
-        found = attempt(partial(certified_solve, way, limits_of(way, axes, order), order))
-        times.append(np.inf if isinstance(found, MotionError) else found.trajectory.duration)
-    return part.resting if times[0] <= times[1] else part.passing
+    for way in ways:
+        motion = attempt(partial(certified_solve, way, limits_of(way, axes, order), order))
+        times.append(np.inf if isinstance(motion, MotionError) else motion.trajectory.duration)
+    return ways[int(np.argmin(times))]
 
 
 def _check_end_speeds(start_speed: float, end_speed: float) -> tuple[float, float]:
@@ -146,23 +147,55 @@ def _pieces(path: Any) -> tuple[Array, Array]:
     if not inside.any():
         raise MotionError("the path has no length: all its breaks are the same")
     coefficients = path.c.reshape(*path.c.shape[:2], -1)
-    stands = inside & ~coefficients[:-1].any((0, 2))
-    if stands.any() and not (stands == inside).all():  # a repeated point: the path goes on from there
-        inside &= ~stands
+    still = inside & _find_still(np.diff(path.x), coefficients)
+    if still.any() and not (still == inside).all():  # a repeated point: the path goes on from there
+        inside &= ~still
     else:
-        stands[:] = False
-    left_out = np.append(0.0, np.cumsum(np.where(stands, np.diff(path.x), 0.0)))
+        still[:] = False
+    left_out = np.append(0.0, np.cumsum(np.where(still, np.diff(path.x), 0.0)))
     s = path.x - left_out
     return np.append(s[:-1][inside], s[1:][inside][-1]), coefficients[:, inside]
 
 
-def polynomials(spline: Any) -> Any:
-    """A B-spline of any degree as a PPoly: SciPy's own conversion reads beyond its memory above degree 5."""
-    from scipy.interpolate import PPoly
+STILL_SHARE = 1e-10
+"""Of an axis' range, the way of pieces one after the other that is nothing: a tenth of a jump that is rounding."""
 
+
+def _find_still(lengths: Array, coefficients: Array) -> np.ndarray:
+    """Return whether nothing moves on each piece (P,), nor on all such pieces in a row together.
+
+    Splines through equal points do not stand quite still: they swing about them, less and less, down
+    to rounding.
+    """
+    powers = np.arange(len(coefficients) - 1, 0, -1)[:, None, None]
+    way = np.abs(coefficients[:-1] * lengths[:, None] ** powers).sum(0)
+    values = coefficients[-1]
+    most = STILL_SHARE * np.maximum(np.ptp(values, axis=0), way.max(0))
+    least = (way <= most / 8).all(1)  # each swing is about a quarter of the one before, on both sides
+    still = np.asarray(~coefficients[:-1].any((0, 2)), bool)
+    # of pieces one after the other that hardly move: none where together they come to more
+    begins = np.flatnonzero(np.diff(least.astype(int), prepend=0) == 1)
+    stops = np.flatnonzero(np.diff(least.astype(int), append=0) == -1) + 1
+    for first, last in zip(begins.tolist(), stops.tolist(), strict=True):
+        if (way[first:last].sum(0) <= most).all():
+            still[first:last] = True
+    return still
+
+
+def polynomials(spline: Any) -> Any:
+    """Convert a B-spline of any degree to a PPoly: SciPy's own conversion reads beyond its memory above degree 5.
+
+    Its derivatives come from differences of coefficients, which round by their size: so a common offset is left out.
+    """
+    from scipy.interpolate import BSpline, PPoly
+
+    offset = spline.c.mean(0)
+    near = BSpline(spline.t, spline.c - offset, spline.k)
     starts = spline.t[:-1]
     powers = range(spline.k, -1, -1)
-    return PPoly(np.stack([spline(starts, nu=power) / factorial(power) for power in powers]), spline.t)
+    coefficients = np.stack([near(starts, nu=power) / factorial(power) for power in powers])
+    coefficients[-1] += offset
+    return PPoly(coefficients, spline.t)
 
 
 def _check(path: PolynomialPath) -> None:

@@ -21,7 +21,7 @@ from kinematics.foundation.short_repr import short_repr
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.motion import AxesState
 from kinematics.machine.pose import Pose, from_numbers
-from planner.path.actuation import ActuatorPath, MachinePath
+from planner.path.actuation import ActuatorPath, MachinePath, check_rate
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,13 +70,20 @@ class State:
         return np.asarray(self.tool_rate(1)[:, :3])
 
     def pose_rate(self, times: int) -> Array:
-        """The pose's twelve numbers (N, 12), differentiated by time: ẋ = x′ ṡ, ẍ = x′ s̈ + x″ ṡ²."""
+        """The pose's twelve numbers (N, 12), differentiated by time: ẋ = x′ ṡ, ẍ = x′ s̈ + x″ ṡ², and x⃛ as q⃛.
+
+        Raises MotionError for another order than 0, 1, 2 or 3.
+        """
+        times = check_rate(times)
         numbers = self.path.pose_numbers(self.along, self.piece) if times == 0 else None
         if numbers is not None:
             return numbers
         along = self.path.pose_derivatives(self.along, self.piece, times)
         if along is None:
             raise MotionError("this motion has no machine, so it has no pose")
+        if times == 3:
+            _, x1, x2, x3 = along
+            return _third_derivative(x1, x2, x3, self.sd, self.sdd, self.sddd)
         v, a = self.sd[:, None], self.sdd[:, None]
         return along[1] * v if times == 1 else along[1] * a + along[2] * v**2
 

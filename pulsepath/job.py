@@ -25,6 +25,7 @@ from planner.interruption.hold import Stops
 from planner.limits import find_unkept_limits, usual_order
 from planner.orientation.orient import orient_open
 from planner.parallel import NO_PROCESS, SideProcess
+from planner.path.overshoot import overshoot_warnings
 from planner.pulses import RealisedPath
 from planner.timing.certified_solve import EFFORT
 from planner.timing.duration_bound import LEAST_SHARED_CELLS, bound_duration
@@ -227,8 +228,8 @@ def run(
         note(f"note: {machine.name} states {field} but no masses, so no plan can respect it")
     aim = read_objective(objective)  # refused before the work
     with step(f"planning {program.name} on {machine.name}") as tell:
-        program = orient_open(program, machine, usual_order(machine.axes) if order is None else order)
-        kind = usual_order(machine.axes) if order is None else order
+        kind = usual_order(machine.axes, program) if order is None else order
+        program = orient_open(program, machine, kind)
         like = kind if baselines is None else None
         ahead = partial(time_baselines_ahead, program, machine, like)
         timing = None if baselines is False else other.start(ahead)
@@ -246,6 +247,8 @@ def run(
         )
     if near := planned.conditioning.warning:
         note(f"warning: {near}")
+    for warning in overshoot_warnings(planned.path.overshoots):
+        note(f"warning: {warning}")
     if planned.exceeded:
         note(f"warning: {planned.exceeded}")
     if gap is not None and planned.bound.gap > gap:

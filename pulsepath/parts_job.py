@@ -117,7 +117,7 @@ def run_parts(
             if first is None:
                 tell(0, of)
 
-        kind = usual_order(machine.axes) if order is None else order
+        kind = usual_order(machine.axes, program) if order is None else order
         plan = partial(
             plan_parts,
             program,

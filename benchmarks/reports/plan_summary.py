@@ -9,6 +9,7 @@ from kinematics.analysis.residual_vibration import find_residuals
 from kinematics.foundation.names import count_noun
 from planner.baselines import Classical, describe_differences, missing_limits
 from planner.path.arc_length import measure_travel
+from planner.path.overshoot import describe_overshoot
 from planner.plan import Plan
 from planner.pulses import PulseCheck
 from planner.timing.certified_solve import BEFORE_SHAPERS
@@ -37,6 +38,7 @@ def summary(
         "Length of the path": f"{1e3 * way:.3f} mm ({unlike}{radian})",
         **({} if plan.path.fit is None else {"Fit": plan.path.fit.describe()}),
         **_departures(plan),
+        **_overshoots(plan),
         "Order": f"{plan.order} ({kept})",
         "Solved by": f"{', '.join(sorted(set(plan.methods)))}; certified in round {plan.rounds}",
         "Pulses": f"{group_digits(plan.pulses.total)} on a clock of {group_digits(plan.pulses.clock_hz)} Hz",
@@ -86,6 +88,12 @@ def _departures(plan: Plan) -> dict[str, str]:
     turned = np.rad2deg(max(one.turned for one in found))
     told = f"up to {1e3 * worst.distance:.4g} mm off the straight line, at {worst.where}; up to {turned:.4g}° in angle"
     return {"Synchronised moves": f"{len(found)}, straight in the axes: {told}"}
+
+
+def _overshoots(plan: Plan) -> dict[str, str]:
+    """How far splines leave the polygon of their points at most, where there are any."""
+    overshoots = plan.path.overshoots
+    return {"Splines off their polygons": describe_overshoot(overshoots)} if overshoots else {}
 
 
 def _exactness(plan: Plan, verdict: PulseCheck) -> str:

@@ -25,7 +25,7 @@ from kinematics.foundation.table import Column, Table
 from kinematics.kinds.arm import Arm, inertia, pinocchio
 from kinematics.kinds.hexapod import Hexapod
 from kinematics.kinds.legged import MIN_AXIS_SINE, home_frames
-from kinematics.machine.kind import columns
+from kinematics.machine.kind import controlled_twists
 from kinematics.machine.load import Body, Leg
 from kinematics.machine.machine import Machine
 from kinematics.machine.machine_file import MachineSource, load_machine
@@ -192,9 +192,8 @@ def massless_forces(machine: Machine, motion: Motion, platform: Body, wrench: Ar
 
 def _twists(machine: Machine, motion: Motion) -> Array:
     """S (N, 6, n): the platform's twist of a unit of each controlled component, with what follows."""
-    count, n, free = len(motion), len(machine.axes), columns(machine)
-    unit = np.zeros((count, 6, n))
-    unit[:, free, np.arange(n)] = 1.0
+    count, n = len(motion), len(machine.axes)
+    unit = controlled_twists(machine, to_numbers(motion.pose))
     if not machine.follows:
         return unit
     inputs = machine.inputs(to_numbers(motion.pose), motion.q)
@@ -288,7 +287,7 @@ def forces(
     wrench
         (6,) or (N, 6) N and N·m that act on the platform from outside at its origin, in the base frame.
     gravity
-        (3,) m/s² in the base frame.
+        (3,) m/s² in the base frame; None: as the machine states it, else down its vertical.
     legs
         A hexapod's leg, or six: then they have inertia, in closed loops.
     reflected
@@ -317,7 +316,7 @@ def forces(
     push = stated.wrench if wrench is None else wrench
     load = finite_array(push, f"{name}: wrench", (6,), (1, 6), (count, 6), unit="N and N·m")
     load = np.broadcast_to(load, (count, 6))
-    down = finite_array(stated.gravity if gravity is None else gravity, f"{name}: gravity", (3,), unit="m/s²")
+    down = finite_array(machine.gravity if gravity is None else gravity, f"{name}: gravity", (3,), unit="m/s²")
     own = finite_array(inertias if reflected is None else reflected, f"{name}: reflected", (), (n,), unit="kg or kg·m²")
     own = np.broadcast_to(own, (n,))
     if (own < 0).any():

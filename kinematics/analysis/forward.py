@@ -14,7 +14,7 @@ from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.foundation.names import count_noun
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
-from kinematics.machine.kind import HELD_TOLERANCE, columns, refuse_uncontrolled
+from kinematics.machine.kind import HELD_TOLERANCE, controlled_twists, refuse_uncontrolled
 from kinematics.machine.model import MachineModel, square_jacobian
 from kinematics.machine.pose import check_pose, from_numbers, to_numbers
 
@@ -160,7 +160,6 @@ def _newton(machine: MachineModel, q: Array, x: Array) -> Array:
 
     δ moves what the machine controls; what is held or follows stays.
     """
-    free = columns(machine)
     error = q - machine.inverse_map(machine.inputs(x, q))
     active, floor = np.arange(len(q)), max(1.0, np.abs(q).max(initial=0.0))
     damping = np.ones(len(q))
@@ -170,8 +169,8 @@ def _newton(machine: MachineModel, q: Array, x: Array) -> Array:
         active = active[(size > STEP_ROUNDING * floor) & (damping[active] > 1e-6)]
         if not len(active):
             break
-        step = np.zeros((len(active), 6))
-        step[:, free] = _newton_step(square_jacobian(machine, x[active], q[active]), error[active])
+        newton = _newton_step(square_jacobian(machine, x[active], q[active]), error[active])
+        step = (controlled_twists(machine, x[active]) @ newton[:, :, None])[:, :, 0]
         turn = np.linalg.norm(step[:, 3:], axis=1)
         step *= (damping[active] / np.maximum(turn, 1.0))[:, None]
         trial = _apply_twist(x[active], step)

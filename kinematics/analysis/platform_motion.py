@@ -7,7 +7,7 @@ from kinematics.foundation.arrays import Array, finite_array
 from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.foundation.names import count_noun
 from kinematics.foundation.options import check_arguments
-from kinematics.machine.kind import columns
+from kinematics.machine.kind import controlled_twists
 from kinematics.machine.machine import Machine
 from kinematics.machine.machine_file import MachineSource, load_machine
 from kinematics.machine.motion import AxesAndPose, Motion, controlled_jacobian
@@ -94,7 +94,7 @@ def motion_of_axes(machine: MachineSource, state: AxesAndPose) -> Motion:
         raise MotionError(f"{type(state).__name__} is not a motion; motion_of_poses makes one from poses")
     if state.pose is None:
         raise MotionError("forces need a pose; this motion has no machine")
-    free, n, x = columns(machine), len(machine.axes), to_numbers(state.pose)
+    n, x = len(machine.axes), to_numbers(state.pose)
     q, qd, qdd = (np.atleast_2d(np.asarray(each, float)) for each in (state.q, state.qd, state.qdd))
     for what, rows in (("q", q), ("qd", qd), ("qdd", qdd)):
         if rows.shape != (len(x), n) or not np.isfinite(rows).all():
@@ -105,10 +105,11 @@ def motion_of_axes(machine: MachineSource, state: AxesAndPose) -> Motion:
             )
     inputs = machine.inputs(x, q)
     jacobian = controlled_jacobian(machine, x, q)
-    twist, acceleration = np.zeros((2, len(q), 6))
-    twist[:, free] = np.linalg.solve(jacobian, qd[:, :, None])[:, :, 0]
-    bias = machine.rates_map(np.concatenate([inputs, twist, acceleration], 1))[:, n : 2 * n]
-    acceleration[:, free] = np.linalg.solve(jacobian, (qdd - bias)[:, :, None])[:, :, 0]
+    controlled = controlled_twists(machine, x)
+    twist = (controlled @ np.linalg.solve(jacobian, qd[:, :, None]))[:, :, 0]
+    still = np.zeros_like(twist)
+    bias = machine.rates_map(np.concatenate([inputs, twist, still], 1))[:, n : 2 * n]
+    acceleration = (controlled @ np.linalg.solve(jacobian, (qdd - bias)[:, :, None]))[:, :, 0]
     return _complete_motion(machine, x, q, twist, acceleration)
 
 

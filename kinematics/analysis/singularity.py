@@ -17,7 +17,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.casadi_function import Expression
-from kinematics.machine.kind import columns
+from kinematics.machine.kind import columns, controlled_twists
 from kinematics.machine.model import MachineModel, square_jacobian
 from kinematics.machine.motion import controlled_jacobian
 from kinematics.machine.pose import (
@@ -169,7 +169,7 @@ def cell_map(machine: MachineModel) -> Expression:
     s, half, motion = ca.SX.sym("s"), ca.SX.sym("half"), ca.SX.sym("motion", STRAIGHT_SIZE)
     near = ca.SX.sym("near", len(machine.axes) if machine.branched else 0)
     x = column(*straight_pose(s, motion))
-    entries = ca.reshape(machine.jacobian_map.function(ca.vertcat(x, near)), 6, -1).T[:, columns(machine).tolist()]
+    entries = ca.reshape(machine.controlled_map.function(ca.vertcat(x, near)), len(machine.axes), -1).T
     lengths = np.where(columns(machine) < 3, 1.0, 1 / machine.characteristic_length)
     j = ca.vec((entries * ca.repmat(ca.DM(lengths).T, len(machine.axes), 1)).T)
     inputs = ca.vertcat(s, motion, near)
@@ -208,9 +208,7 @@ def sensitivity(machine: MachineModel, x: Array, q: Array) -> Array:
     J⁻¹ of the columns that the machine controls at pose numbers x (N, 12) and their coordinates q (N, n); zero for what
     it holds; for what follows, the derivative of the pose that is carried along. Raises MotionError at a singular pose.
     """
-    free, count = columns(machine), len(machine.axes)
-    twist = np.zeros((len(x), 6, count))
-    twist[:, free] = np.linalg.inv(controlled_jacobian(machine, x, q))
+    twist = controlled_twists(machine, x) @ np.linalg.inv(controlled_jacobian(machine, x, q))
     return np.asarray(_complete_twists(machine, machine.inputs(x, q)) @ twist) if machine.follows else twist
 
 

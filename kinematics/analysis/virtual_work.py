@@ -27,7 +27,7 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.kernels import kernel
 from kinematics.foundation.taylor_model import EPS, Series
-from kinematics.machine.kind import columns
+from kinematics.machine.kind import controlled_twist_symbols
 from kinematics.machine.load import Body
 from kinematics.machine.model import MachineModel
 from kinematics.machine.pose import column, split_pose_symbols
@@ -249,14 +249,14 @@ def _load_forces(machine: MachineModel, x: _Rates, q: _Rates) -> tuple[ca.SX, ca
         if body.mass > 0:
             rate = ca.jtimes(frame, state, first)
             acceleration = ca.jtimes(rate, state, first) + ca.jtimes(frame, state, second)
-            work += ca.jtimes(frame, state, _inertial_force(body, acceleration, machine.load.gravity), True)
+            work += ca.jtimes(frame, state, _inertial_force(body, acceleration, machine.gravity), True)
     if machine.load.wrench.any():
         platform = moved[0][1]
         work -= ca.jtimes(platform, state, _wrench_force(machine.load.wrench, split_pose_symbols(platform)[1]), True)
     on_pose, on_axes = work[:12], work[12:]
     push, turns = split_pose_symbols(on_pose)
     moment = sum((ca.cross(rotation[:, k], turns[:, k]) for k in range(3)), ca.SX.zeros(3))
-    generalized = ca.vertcat(push, moment)[columns(machine).tolist()]
+    generalized = controlled_twist_symbols(machine, rotation).T @ ca.vertcat(push, moment)
     if generalized.is_zero():
         return on_axes, ca.SX(0, 1)
     return on_axes, ca.vertcat(generalized, ca.vec(_square_jacobian(machine, position, rotation, q.value)))
@@ -283,4 +283,4 @@ def _square_jacobian(machine: MachineModel, position: ca.SX, rotation: ca.SX, ne
     twist = ca.SX.sym("twist", 6)
     moved = machine.expression(position + twist[:3], rotation + ca.skew(twist[3:]) @ rotation, near)
     jacobian = ca.substitute(ca.jacobian(moved, twist), twist, ca.SX.zeros(6))
-    return jacobian[:, columns(machine).tolist()]
+    return jacobian @ controlled_twist_symbols(machine, rotation)

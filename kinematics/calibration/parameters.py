@@ -17,7 +17,7 @@ from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import nearest
 from kinematics.kinds.hexapod import Hexapod
-from kinematics.machine.kind import columns
+from kinematics.machine.kind import controlled_twist_symbols, controlled_twists
 from kinematics.machine.machine import Machine
 from kinematics.machine.pose import Pose, from_numbers, make_pose, split_pose_symbols, to_numbers
 
@@ -191,7 +191,6 @@ class Prediction:
     def poses(self, theta: Array, sent: Array, start: Array) -> Array:
         """Pose numbers (N, 12) at displacements sent (N, n), by Newton from start; NaN where it does not get there."""
         x = start.copy()
-        free = columns(self.machine)
         rows = np.concatenate([sent, np.broadcast_to(theta, (len(x), len(theta)))], 1)
         n = len(self.vector.axes)
         for _ in range(MAX_ITERATIONS):
@@ -199,8 +198,7 @@ class Prediction:
             gap, jacobian = out[:, :n], out[:, n : n + n * n].reshape(-1, n, n)
             if not np.isfinite(out).all() or np.abs(gap).max() < CLOSURE_TOLERANCE * max(1.0, np.abs(sent).max()):
                 break
-            step = np.zeros((len(x), 6))
-            step[:, free] = _solve(jacobian, -gap[..., None])[..., 0]
+            step = (controlled_twists(self.machine, x) @ _solve(jacobian, -gap[..., None]))[..., 0]
             # a step of more than a radian says nothing: the machine is far from where it started, or singular
             step /= np.maximum(1.0, np.linalg.norm(step[:, 3:], axis=1))[:, None]
             x[:, :3] += step[:, :3]
@@ -254,24 +252,26 @@ def _solve(matrix: Array, right: Array) -> Array:
 
 def _expressions(machine: Machine, vector: FullVector) -> tuple[Expression, Expression]:
     """(x, sent, θ) -> closure h (n), ∂h/∂pose (n, n), ∂h/∂θ (n, k); (x, θ, measured) -> errors, and both of theirs."""
-    n, free = len(machine.axes), columns(machine).tolist()
+    n = len(machine.axes)
     x, sent, theta = ca.SX.sym("x", 12), ca.SX.sym("sent", n), ca.SX.sym("theta", vector.size)
-    measured, twist = ca.SX.sym("measured", 12), ca.SX.sym("twist", 6)
+    measured, move = ca.SX.sym("measured", 12), ca.SX.sym("move", n)
     position, rotation = split_pose_symbols(x)
+    twist = controlled_twist_symbols(machine, rotation) @ move
     moved = position + twist[:3], rotation + ca.skew(twist[3:]) @ rotation
     opened = _symbolic_machine(machine, theta[vector.joints()])
     nominal = ca.DM(machine.home_q)
     lengths = opened.expression(*moved, nominal + sent)
     gap = lengths - (nominal + theta[vector.offsets()] + theta[vector.factors()] * sent)
     error = _errors(machine, moved, theta[vector.frame()], measured)
-    closure = Expression("closure", ca.vertcat(x, sent, theta), _with_derivatives(gap, twist, free, theta))
-    return closure, Expression("error", ca.vertcat(x, theta, measured), _with_derivatives(error, twist, free, theta))
+    closure = Expression("closure", ca.vertcat(x, sent, theta), _with_derivatives(gap, move, theta))
+    return closure, Expression("error", ca.vertcat(x, theta, measured), _with_derivatives(error, move, theta))
 
 
-def _with_derivatives(value: ca.SX, twist: ca.SX, free: list[int], theta: ca.SX) -> ca.SX:
-    by_pose, by_theta = ca.jacobian(value, twist)[:, free], ca.jacobian(value, theta)
+def _with_derivatives(value: ca.SX, move: ca.SX, theta: ca.SX) -> ca.SX:
+    """A value and its derivatives by a move in what the machine controls, from none, and by θ."""
+    by_pose, by_theta = ca.jacobian(value, move), ca.jacobian(value, theta)
     column = ca.vertcat(value, ca.vec(ca.densify(by_pose).T), ca.vec(ca.densify(by_theta).T))
-    return ca.substitute(column, twist, ca.SX.zeros(6))
+    return ca.substitute(column, move, ca.SX.zeros(move.numel()))
 
 
 def _symbolic_machine(machine: Machine, joints: ca.SX) -> Machine:

@@ -320,6 +320,7 @@ Angle = Annotated[float, Unit("rad")]
 Duration = Annotated[float, Unit("s")]
 Speed = Annotated[float, Unit("m/s")]
 Acceleration = Annotated[float, Unit("m/s^2")]
+Jerk = Annotated[float, Unit("m/s^3")]
 AngularSpeed = Annotated[float, Unit("rad/s")]
 
 

@@ -110,12 +110,12 @@ LEG_MASSES = key("the two parts of every leg", default=None)
 
 
 class LoadedFile(MachineFile):
-    """What every machine's file may say of its masses; gravity points down a base that stands upright."""
+    """Keys of masses that every machine's file may have; gravity points down the kind's vertical, −z of most."""
 
     platform: Annotated[Carried, AfterValidator(_check_body)] | None = key(
         "masses: with them max_force and torque_speed are kept", default=None
     )
-    gravity: tuple[Pull, Pull, Pull] = key(
+    gravity: tuple[Pull, Pull, Pull] | None = key(
         "in the base frame; this one where nothing is said", '["0 m/s^2", "0 m/s^2", "-9.80665 m/s^2"]', GRAVITY
     )
 
@@ -126,4 +126,5 @@ class LoadedFile(MachineFile):
             axis = None if legs.first_axis is None else np.asarray(legs.first_axis)
             parts = (Leg(legs.barrel.body("barrel"), legs.rod.body("rod"), axis),)
         wrench = np.array([*platform.force, *platform.moment])
-        return Load(platform.body("platform"), parts, np.asarray(self.gravity), wrench)
+        gravity = None if self.gravity is None else np.asarray(self.gravity)
+        return Load(platform.body("platform"), parts, gravity, wrench)

@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike
 
 from kinematics.files.keys import Chosen, key
 from kinematics.files.schema import Direction, TableSchema
-from kinematics.foundation.arrays import LEAST_POSITIVE, finite_array, freeze_array, unit_vectors
+from kinematics.foundation.arrays import LEAST_POSITIVE, Array, finite_array, freeze_array, unit_vectors
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.units import Unit
 from kinematics.kinds.axis_keys import GEOMETRY, KIND, OWN_AXES, LinearAxis, LinearDefaults, RotaryAxis, axes
-from kinematics.kinds.load_keys import HOME, HomeTable, LoadedFile, home_entries
+from kinematics.kinds.load_keys import HOME, HomeTable, LoadedFile, Pull, home_entries
 from kinematics.machine.axis import Axis
 from kinematics.machine.kind import Bar, Pivot, Skeleton, Sort
 from kinematics.machine.load import Load
@@ -32,7 +32,7 @@ class Traverser(Machine):
     directions  (3, 3) unit vectors of the X, Y and Z slides in the base frame, one per row; the base axes by default
     length      m that count as one radian (the lever at which a turn is felt)
 
-    Source: [Sasidhar 1981].
+    X is vertical, so gravity points down along it unless the load states another. Source: [Sasidhar 1981].
     """
 
     freedom = ("x", "y", "z", "rz")
@@ -59,6 +59,10 @@ class Traverser(Machine):
         home = read_pose(f"machine {name}: home", home)
         self._held = check_pose(name, "home", home, single=True)[0, 3:].reshape(3, 3)
         super().__init__(name, axes, home, load=load)
+
+    @property
+    def vertical(self) -> Array:
+        return freeze_array(self.directions[0])
 
     def expression(self, position: ca.SX, rotation: ca.SX, near: ca.SX) -> ca.SX:
         turn = rotation @ self._held.T
@@ -119,6 +123,9 @@ class TraverserFile(LoadedFile):
     """A traverser, key by key: `axes` is what the slides have, `rotary` what the turning axis has."""
 
     first_place = (20, 20, 20)
+    gravity: tuple[Pull, Pull, Pull] | None = key(
+        "in the base frame; down along X where nothing is said", '["-9.80665 m/s^2", "0 m/s^2", "0 m/s^2"]', None
+    )
     kind: Literal["traverser"] = KIND
     geometry: TraverserGeometry = GEOMETRY
     axes: LinearDefaults = key("what all slides have")

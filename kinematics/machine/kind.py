@@ -21,7 +21,7 @@ from kinematics.analysis.clearance import Bodies
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import BadValue, NotFree
 from kinematics.machine.axis import Axis
-from kinematics.machine.load import Body, Load
+from kinematics.machine.load import STANDARD_GRAVITY, Body, Load
 from kinematics.machine.pose import COMPONENTS, column, to_numbers
 
 if TYPE_CHECKING:
@@ -117,6 +117,17 @@ class Kind(ABC):
     load: Load
     """What it carries: its platform's masses, tool and wrench."""
 
+    @property
+    def vertical(self) -> Array:
+        """(3,) unit vector that points up, in the base frame: z unless the kind says otherwise."""
+        return freeze_array([0.0, 0.0, 1.0])
+
+    @property
+    def gravity(self) -> Array:
+        """(3,) m/s² in the base frame: as the load states it, else down the vertical."""
+        stated = self.load.gravity
+        return freeze_array(0.0 - STANDARD_GRAVITY * self.vertical) if stated is None else stated
+
     @abstractmethod
     def expression(self, position: ca.SX, rotation: ca.SX, near: ca.SX) -> ca.SX:
         """Actuator coordinates (n,) at position (3) and rotation (3, 3) of the platform frame in the base frame.
@@ -178,6 +189,40 @@ HELD_TOLERANCE = 1e-9
 def columns(machine: Kind) -> np.ndarray:
     """Indices of the components that the machine controls: the columns of its Jacobian that count."""
     return np.array([COMPONENTS.index(name) for name in machine.freedom])
+
+
+def spin_follows(machine: Kind) -> bool:
+    """Return whether rx and ry are controlled and rz follows: a tool whose direction counts and whose spin does not."""
+    return {"rx", "ry"} <= set(machine.freedom) and "rz" in machine.follows
+
+
+def controlled_twists(machine: Kind, x: Array) -> Array:
+    """Return the unit twists (N, 6, n) [v, ω] that the machine controls, in the base frame.
+
+    They are along and about the base axes. Where the tool's spin follows, turns are about the tool's
+    x and y axes instead, because no turn about an axis moves a tool that lies along it.
+    x (N, 12): pose numbers.
+    """
+    twists = np.zeros((len(x), 6, len(machine.freedom)))
+    free = columns(machine)
+    twists[:, free, np.arange(len(free))] = 1.0
+    if spin_follows(machine):
+        rotation = x[:, 3:].reshape(-1, 3, 3)
+        for axis, component in ((0, 3), (1, 4)):
+            twists[:, 3:, free == component] = rotation[:, :, axis, None]
+    return twists
+
+
+def controlled_twist_symbols(machine: Kind, rotation: ca.SX) -> ca.SX:
+    """Return the unit twists (6, n) that the machine controls, as symbols at a rotation (3, 3)."""
+    free = columns(machine).tolist()
+    twists = ca.SX(6, len(free))
+    for k, component in enumerate(free):
+        if spin_follows(machine) and component in (3, 4):
+            twists[3:, k] = rotation[:, component - 3]
+        else:
+            twists[component, k] = 1
+    return twists
 
 
 def deviations(machine: Kind, x: Array) -> Array:

@@ -127,8 +127,10 @@ class Leg:
         object.__setattr__(self, "first_axis", freeze_array(axis))
 
 
-GRAVITY = (0.0, 0.0, -9.80665)
-"""m/s², where the base stands upright."""
+STANDARD_GRAVITY = 9.80665
+"""m/s²."""
+GRAVITY = (0.0, 0.0, -STANDARD_GRAVITY)
+"""m/s², where z of the base is up."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +139,7 @@ class Load:
 
     platform  what moves with the platform's (tool's) frame, in that frame
     legs      of machines with legs: one for each, or one for all; none: legs without mass
-    gravity   (3,) m/s² in the base frame; that of a base that stands upright by default
+    gravity   (3,) m/s² in the base frame; None: down the vertical of the machine that carries it (`Kind.vertical`)
     wrench    (6,) N and N·m that act on the platform from outside at its origin, in the base frame
 
     What an axis carries by itself (`friction`, `reflected`) is the axis' own.
@@ -146,7 +148,7 @@ class Load:
     __repr__ = short_repr
     platform: Body = field(default_factory=Body)
     legs: tuple[Leg, ...] = ()
-    gravity: Array = field(default_factory=lambda: freeze_array(GRAVITY))
+    gravity: Array | None = None
     wrench: Array = field(default_factory=lambda: freeze_array(np.zeros(6)))
 
     def __post_init__(self) -> None:
@@ -158,5 +160,7 @@ class Load:
         legs = tuple(legs)
         object.__setattr__(self, "legs", legs)
         for name, size, unit in (("gravity", 3, "m/s²"), ("wrench", 6, "N and N·m")):
+            if name == "gravity" and self.gravity is None:
+                continue
             values = finite_array(getattr(self, name), f"load: {name}", (size,), unit=unit)
             object.__setattr__(self, name, freeze_array(values))

@@ -26,7 +26,7 @@ from kinematics.kinds.axis_keys import LinearAxis, MachineFile, RotaryAxis, Timi
 from kinematics.kinds.load_keys import Carried, LegsTable
 from kinematics.kinds.tripod import ASSUMED, is_basic_lengths
 from kinematics.machine.axis import DRIVES, Axis, StepTiming
-from kinematics.machine.load import GRAVITY, Body, Load
+from kinematics.machine.load import STANDARD_GRAVITY, Body, Load
 from kinematics.machine.machine import Machine
 from kinematics.machine.machine_file import KINDS, load_machine, read_machine
 from kinematics.machine.shaper import Shaper, ShaperSeries
@@ -66,7 +66,8 @@ def machine_toml(machine: Machine, comment: str = "", *, complete: bool = False)
     """
     kind, schema, names = _file_of(machine)
     given = machine.load
-    gravity = {"gravity": given.gravity if complete or tuple(given.gravity) != GRAVITY else None}
+    usual = np.array_equal(machine.gravity, -STANDARD_GRAVITY * machine.vertical)
+    gravity = {"gravity": machine.gravity if complete or not usual else None}
     lines = [f"# {line}".rstrip() for line in comment.splitlines()]
     lines += ["schema = 1", f"kind = {quote(kind)}", *_lines(schema, gravity)]
     geometry = schema.geometry_of(machine, complete) or {}

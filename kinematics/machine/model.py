@@ -22,7 +22,16 @@ from kinematics.foundation.names import add_article, count_noun
 from kinematics.foundation.operations import refuse_unknown
 from kinematics.foundation.options import check_arguments, fits
 from kinematics.machine.axis import Axis
-from kinematics.machine.kind import Kind, PlacedSkeleton, Skeleton, columns, describe_pose, refuse_uncontrolled
+from kinematics.machine.kind import (
+    Kind,
+    PlacedSkeleton,
+    Skeleton,
+    columns,
+    controlled_twist_symbols,
+    controlled_twists,
+    describe_pose,
+    refuse_uncontrolled,
+)
 from kinematics.machine.load import Load
 from kinematics.machine.pose import PoseLike, check_pose, column, read_pose, split_pose_symbols, to_numbers
 from kinematics.machine.shaper import Shaper, ShaperSeries
@@ -190,7 +199,8 @@ class MachineModel(Kind):
             turned = Rotation.from_rotvec(moved[3:]) * self.home.rotation
             try:
                 beside = RigidTransform.from_components(self.home.translation + moved[:3], turned)
-                twists = np.linalg.inv(self.jacobian(beside, self.home_q)[:, free])
+                controlled = controlled_twists(self, to_numbers(beside))[0]
+                twists = np.linalg.inv(self.jacobian(beside, self.home_q) @ controlled)
             except (MotionError, np.linalg.LinAlgError):  # out of reach, or singular
                 continue
             size = np.linalg.norm(twists * lengths[:, None], axis=0)
@@ -228,6 +238,16 @@ class MachineModel(Kind):
         moved = self.expression(position + twist[:3], rotation + ca.skew(twist[3:]) @ rotation, near)
         jacobian = ca.substitute(ca.jacobian(moved, twist), twist, ca.SX.zeros(6))
         return Expression("jacobian", self._inputs(x, near), ca.vec(jacobian.T))
+
+    @cached_property
+    def controlled_map(self) -> Expression:
+        """Map the inputs of `inverse_map` to the square Jacobian (n, n), row by row, of controlled twists."""
+        x, near = self._symbols()
+        rotation = split_pose_symbols(x)[1]
+        inputs = self._inputs(x, near)
+        full = ca.reshape(self.jacobian_map.function(inputs), 6, -1).T
+        square = full @ controlled_twist_symbols(self, rotation)
+        return Expression("controlled", inputs, ca.vec(square.T))
 
     @cached_property
     def carried_map(self) -> Expression:
@@ -382,9 +402,9 @@ class MachineModel(Kind):
 
 
 def square_jacobian(machine: MachineModel, x: Array, near: Array) -> Array:
-    """(N, n, n) of pose numbers x (N, 12): the columns that the machine controls."""
-    full = machine.jacobian_map(machine.inputs(x, near)).reshape(len(x), len(machine.axes), 6)
-    return full[:, :, columns(machine)]
+    """(N, n, n) of pose numbers x (N, 12): ∂q by the twists that the machine controls (`controlled_twists`)."""
+    entries = machine.controlled_map(machine.inputs(x, near))
+    return entries.reshape(len(x), len(machine.axes), len(machine.axes))
 
 
 def scaled_jacobian(machine: MachineModel, x: Array, near: Array) -> Array:

@@ -11,6 +11,8 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.kernels import kernel
+from planner.path.actuation import ActuatorPath
+from planner.path.polynomial import PolynomialPath
 from planner.place import Place
 from planner.trajectory import Trajectory
 
@@ -40,6 +42,7 @@ def find_jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
     for side, n in ((before, 0), (final, 1)):
         (q, q1, q2), speed, push = (each[n] for each in derivatives), path.end_speeds[n], path.end_accelerations[n]
         side[0] = [q, q1 * speed, q1 * push + q2 * speed**2][:order]
+    open_ = find_rounding(path)
     worst, at = np.full((order, len(path.names)), -np.inf), np.zeros((order, len(path.names)), int)
     least, largest = -worst, worst.copy()
     for first, stop in _batches(trajectory.piece):
@@ -50,7 +53,7 @@ def find_jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
         h, v, a, j = np.diff(trajectory.knots)[own], trajectory.v[own], trajectory.a[own], trajectory.j[own]
         motion = np.array([[v, a, j], [v + h * (a + h * j / 2), a + h * j, j]])
         blur = INSTANT_ROUNDING * trajectory.knots[own]
-        look_for_jumps(start, end, motion, blur, trajectory.piece[own], before, worst, at, least, largest, first)
+        look_for_jumps(start, end, motion, blur, trajectory.piece[own], open_, before, worst, at, least, largest, first)
     least, largest = np.minimum(least, before[0]), np.maximum(largest, before[0])  # where it ends is met too
     final[0, 0] = before[0, 0]
     _, goes, rounded = np.maximum(np.abs(before), np.abs(final))
@@ -66,6 +69,13 @@ def find_jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
         if not beyond[n, axis] <= 0:
             found[name] = place_at(trajectory, float(trajectory.knots[at[n, axis]]), path.names[axis])
     return found
+
+
+def find_rounding(path: ActuatorPath) -> Array:
+    """(3, P, n) rounding of q, q′ and q″ that a path of polynomials has in its coefficients; none of other paths."""
+    if isinstance(path, PolynomialPath):
+        return path.rounding
+    return np.zeros((3, len(path.breaks) - 1, len(path.names)))
 
 
 def _batches(piece: np.ndarray) -> Iterator[tuple[int, int]]:
@@ -84,6 +94,7 @@ def look_for_jumps(
     motion: Array,
     blur: Array,
     piece: np.ndarray,
+    open_: Array,
     before: Array,
     worst: Array,
     at: np.ndarray,
@@ -94,6 +105,7 @@ def look_for_jumps(
     """What jumps most between time pieces one after the other, on from those before.
 
     start, end (order + 1, M, n)  q, q′, … where time pieces start and end; motion (2, 3, M): ṡ, s̈ and s⃛ there
+    open_ (3, P, n)  rounding of q, q′ and q″ on each path piece, as far as its own numbers leave it open
     blur (M,)  of instants, in which a value goes on by its derivative; piece (M,) of path
     before (3, order, n)  q, q̇ (and q̈ at order 3) at the end of the last; their derivatives by time; what rounding of
                           q, q′ and q″, to a share of the largest on their path piece, makes of them: a motion near rest
@@ -104,7 +116,9 @@ def look_for_jumps(
     rounding, state, rounded = np.zeros((3, width)), np.zeros(4), np.zeros(3)
     for k in range(len(piece)):
         if k == 0 or piece[k] != piece[k - 1]:
-            rounding[:] = 0.0
+            for i in range(3):
+                for c in range(width):
+                    rounding[i, c] = open_[i, piece[k], c]
             last = k
             while last < len(piece) and piece[last] == piece[k]:
                 for i in range(3):

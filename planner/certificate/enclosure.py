@@ -15,7 +15,7 @@ from kinematics.analysis.clearance import Bodies
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.taylor_model import EPS, Series
-from planner.path.actuation import ActuatorPath
+from planner.path.actuation import ActuatorPath, check_rate
 from planner.trajectory import Trajectory
 
 # Places at which a polynomial's value is worked out: a parabola of height h is then over-estimated by h/4096.
@@ -81,7 +81,7 @@ class Enclosure:
         return self._differentiate(self.q, 3)
 
     def pose_rate(self, times: int) -> Series:
-        return self._differentiate(self.pose, times)
+        return self._differentiate(self.pose, check_rate(times))
 
     def distances(self, bodies: Bodies) -> Series:
         """Between those at either end of a cell, less what they can fall below both: see `Bodies`.

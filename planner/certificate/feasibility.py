@@ -22,7 +22,9 @@ from planner.certificate.limit_use import round_reached_use
 from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath, MachinePath
 from planner.path.outcome import Blended, FitSummary, blend_tables, fit_tables
+from planner.path.overshoot import overshoot_tables, overshoot_warnings
 from planner.path.point_to_point import Departure, departure_tables
+from planner.path.shape import Overshoot
 from planner.place import Infeasible, Place, where_columns
 from planner.trajectory import State, Trajectory, unit_speed_trajectory
 
@@ -88,6 +90,7 @@ class Standing(Result):
 
     blends: what became of the program's joins that ask for one; fit: of its chains that became curves
     departures: how far its synchronised moves leave the straight line
+    overshoots: how far its splines leave the polygon of their points
     conditioning: the poorest that was found along the path; None where it breaks a limit
     avoidable: its stops at joins that nobody asked for, at the machine's usual order; None likewise
     """
@@ -97,6 +100,7 @@ class Standing(Result):
     blends: tuple[Blended, ...] = ()
     fit: FitSummary | None = None
     departures: tuple[Departure, ...] = ()
+    overshoots: tuple[Overshoot, ...] = ()
     conditioning: Conditioning | None = None
     avoidable: AvoidableStops | None = None
 
@@ -111,7 +115,13 @@ class Standing(Result):
             ),
             (*map(str, self.violations), *self.warnings, *self._describe_stops()),
         )
-        return uses, *fit_tables(self.fit), *blend_tables(self.blends), *departure_tables(self.departures)
+        return (
+            uses,
+            *fit_tables(self.fit),
+            *blend_tables(self.blends),
+            *departure_tables(self.departures),
+            *overshoot_tables(self.overshoots),
+        )
 
     def _describe_stops(self) -> tuple[str, ...]:
         stops = "" if self.avoidable is None else self.avoidable.describe()
@@ -119,9 +129,9 @@ class Standing(Result):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What breaks no limit and is to be known all the same: a pose near a singular one."""
-        told = "" if self.conditioning is None else self.conditioning.warning
-        return (told,) if told else ()
+        """Warnings that break no limit: a pose near a singular one, a spline far from its points."""
+        near = "" if self.conditioning is None else self.conditioning.warning
+        return (*((near,) if near else ()), *overshoot_warnings(self.overshoots))
 
 
 TIE_DIGITS = 9

@@ -19,7 +19,7 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.kernels import kernel
 from kinematics.foundation.taylor_model import EPS, Series
 from planner.certificate.enclosure import Cells, expand_motion
-from planner.path.actuation import ActuatorPath, MachinePath
+from planner.path.actuation import ActuatorPath, MachinePath, check_rate
 from planner.trajectory import MIN_PARTS, PER_RADIAN, Trajectory
 
 # Order of the series along the path, and how many stretches of it there are to one of `unit_speed_trajectory`.
@@ -40,17 +40,22 @@ class Ranges:
 
     piece (N,) of path
     axes  (4, highest + 1, N, n) of q and its derivatives: middles, radii, and what is met for certain (`bound_motion`)
-    find_pose  the same of the pose's numbers, of which what is met is not told
+    find_pose  balls of the pose's numbers and their derivatives up to an order, 2 or 3
     """
 
     stretches: "_Stretches"
     piece: np.ndarray
     axes: Array
-    find_pose: Callable[[], Array]
+    find_pose: Callable[[int], Array]
 
     @cached_property
     def _pose(self) -> Array:
-        return self.find_pose()
+        return self.find_pose(2)
+
+    @cached_property
+    def _pose_to_jerk(self) -> Array:
+        """Balls of the pose up to the third derivative, which few limits need."""
+        return self.find_pose(3)
 
     def __getitem__(self, rows: np.ndarray) -> "Ranges":
         """Of some cells."""
@@ -67,7 +72,7 @@ class Ranges:
             self.stretches,
             self.piece[first],
             _merge_balls(self.axes[0], self.axes[1], first),
-            lambda: self.stretches.bound_pose_of_groups(first),
+            lambda highest: self.stretches.bound_pose_of_groups(first, highest),
         )
 
     @property
@@ -95,7 +100,7 @@ class Ranges:
         return _make_ball(self.axes, 3)
 
     def pose_rate(self, times: int) -> Series:
-        return _make_ball(self._pose, times)
+        return _make_ball(self._pose if check_rate(times) < 3 else self._pose_to_jerk, times)
 
     def tool_rate(self, times: int) -> Series:
         rate, tool = self.pose_rate(times), self.stretches.path.tool
@@ -151,21 +156,26 @@ class _Stretches:
         """Of the axes and their derivatives by time: what `bound_motion` finds, (4, highest + 1, N, n)."""
         return self._bound(False, self.highest, 4)
 
-    def bound_pose(self) -> Array:
-        """Of the pose's numbers and their derivatives: balls, (2, 3, N, 12)."""
-        return self._bound(True, 2, 2)
+    def bound_pose(self, highest: int) -> Array:
+        """Bound the pose's numbers and their derivatives: balls, (2, highest + 1, N, 12)."""
+        return self._bound(True, highest, 2)
 
-    def bound_pose_of_groups(self, first: np.ndarray) -> Array:
-        """The same of groups of cells of one stretch, from the `first` of each: ẋ = x′ σ̇, ẍ = x′ σ̈ + x″ σ̇²."""
+    def bound_pose_of_groups(self, first: np.ndarray, highest: int) -> Array:
+        """Bound the same over groups of cells of one stretch, from the `first` of each.
+
+        ẋ = x′ σ̇,  ẍ = x′ σ̈ + x″ σ̇²,  x⃛ = x′ σ⃛ + 3 x″ σ̇ σ̈ + x‴ σ̇³.
+        """
         (s0, s1, s2, s3), (e0, e1, e2, e3) = self.motion, self.error
         reach = np.abs(s1) + np.abs(s2) + np.abs(s3) + e0 + e1 + e2 + e3
-        speed, push = s1 * self.rate, 2 * s2 * self.rate**2
+        speed, push, jerk = s1 * self.rate, 2 * s2 * self.rate**2, 6 * s3 * self.rate**3
         faster = (2 * np.abs(s2) + 3 * np.abs(s3) + e1 + 2 * e2 + 3 * e3) * self.rate
         harder = (6 * np.abs(s3) + 2 * e2 + 6 * e3) * self.rate**2
-        size = np.stack([np.abs(s0), np.abs(speed), np.abs(push)])
-        spread = np.stack([reach, faster, harder])
-        balls = np.stack([s0, speed, push]), spread * (1 + 16 * EPS) + 16 * EPS * size
-        (place, speed, push), (far, faster, harder) = _merge_balls(balls[0][..., None], balls[1][..., None], first)
+        jerkier = 6 * e3 * self.rate**3
+        size = np.stack([np.abs(s0), np.abs(speed), np.abs(push), np.abs(jerk)])
+        spread = np.stack([reach, faster, harder, jerkier])
+        balls = np.stack([s0, speed, push, jerk]), spread * (1 + 16 * EPS) + 16 * EPS * size
+        merged = _merge_balls(balls[0][..., None], balls[1][..., None], first)
+        (place, speed, push, jerk), (far, faster, harder, jerkier) = merged
         # a place where the motion rests is one of no extent
         low = np.minimum(place - far, 1 - LEAST_EXTENT)
         half = (np.maximum(place + far, low + LEAST_EXTENT) - low) / 2
@@ -173,13 +183,16 @@ class _Stretches:
         way, error = np.stack([(low + half)[:, 0], half[:, 0], none, none]), np.zeros((4, len(none)))
         error[0] = 8 * EPS * (np.abs(low) + half)[:, 0]
         along = replace(self, stretch=self.stretch[first], motion=way, error=error, rate=1 / half[:, 0])
-        found = along.bound_pose()
-        x1, x2 = _make_ball(found, 1), _make_ball(found, 2)
+        pose = along.bound_pose(highest)
+        x1, x2 = _make_ball(pose, 1), _make_ball(pose, 2)
         rate, growth = Series(speed[None], faster[None], 0), Series(push[None], harder[None], 0)
-        rates = x1 * rate, x1 * growth + x2 * (rate * rate)
+        rates = [x1 * rate, x1 * growth + x2 * (rate * rate)]
+        if highest == 3:
+            third = Series(jerk[None], jerkier[None], 0)
+            rates.append(x1 * third + x2 * (rate * growth) * 3.0 + _make_ball(pose, 3) * (rate * rate * rate))
         for n, each in enumerate(rates, 1):
-            found[0, n], found[1, n] = each.mid[0], each.rad[0]
-        return found
+            pose[0, n], pose[1, n] = each.mid[0], each.rad[0]
+        return pose
 
     def _bound(self, pose: bool, highest: int, kinds: int) -> Array:
         mid, rad = self._enclose(pose)

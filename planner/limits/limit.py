@@ -88,9 +88,9 @@ class LimitState(Protocol):
         """(N,) which piece of the path it is on, from 0."""
 
     def pose_rate(self, times: int) -> Quantity:
-        """The pose's twelve numbers (N, 12), differentiated so many times by time: 0, 1 or 2.
+        """Return a derivative (N, 12) of the pose's numbers by time, of order 0, 1, 2 or 3.
 
-        x, y, z in the base frame, m, and the rotation matrix row by row.
+        x, y, z in the base frame, m, and the rotation matrix row by row. Raises MotionError for another order.
         """
 
     def distances(self, bodies: Bodies) -> Quantity:

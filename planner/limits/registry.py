@@ -17,8 +17,9 @@ from planner.limits.force import Force, Holding, TorqueSpeed
 from planner.limits.geometric import Clearance, Room, Tilt, Travel
 from planner.limits.limit import Limit, Term
 from planner.limits.resonance import Resonance
-from planner.limits.tool import AngularSpeed, ToolAcceleration, ToolSpeed
+from planner.limits.tool import AngularSpeed, ToolAcceleration, ToolJerk, ToolSpeed, make_tool_jerk
 from planner.path.actuation import ActuatorPath, MachinePath, make_points
+from planner.program.model import Program
 from planner.trajectory import unit_speed_trajectory
 
 # Of the axes alone, with the order of motion that they belong to.
@@ -38,6 +39,7 @@ MACHINE_LIMITS: dict[type[Limit], Callable[[Machine, MachinePath], Limit]] = {
     Clearance: lambda machine, path: Clearance(machine),
     ToolSpeed: lambda machine, path: ToolSpeed(piece.tool_speed for piece in path.pieces),
     ToolAcceleration: lambda machine, path: ToolAcceleration(piece.tool_acceleration for piece in path.pieces),
+    ToolJerk: lambda machine, path: make_tool_jerk(path),
     AngularSpeed: lambda machine, path: AngularSpeed(piece.angular_speed for piece in path.pieces),
     Holding: lambda machine, path: Holding(machine),
     Force: Force,
@@ -60,7 +62,8 @@ def limits_of(
     """
     limits = [make(axes) for least, make in AXIS_LIMITS.values() if least <= order]
     if isinstance(path, MachinePath):
-        limits += [make(path.machine, path) for make in MACHINE_LIMITS.values()]
+        makers = [make for kind, make in MACHINE_LIMITS.items() if order == 3 or Term.SDDD not in kind.terms]
+        limits += [make(path.machine, path) for make in makers]
     found = [limit for limit in limits if limit.binds]
     for limit in () if own is NO_LIMITS else make_own_limits(path, own):
         if any(limit.name == other.name for other in found):
@@ -217,9 +220,10 @@ def _list_bounds(k: int, axis: Axis, bounds: Sequence[AxisBounds], order: int) -
             yield f"{what}{way}", most, unit, said if most < np.inf else ""
 
 
-def usual_order(axes: Sequence[Axis]) -> int:
-    """3 where some axis states a limit of jerk, else 2."""
-    return 3 if any(axis.max_jerk is not None for axis in axes) else 2
+def usual_order(axes: Sequence[Axis], program: Program | None = None) -> int:
+    """Return 3 where an axis states a limit of jerk or the program caps the tool's, else 2."""
+    jerk = any(axis.max_jerk is not None for axis in axes)
+    return 3 if jerk or (program is not None and program.caps_jerk) else 2
 
 
 # What an axis may state that says nothing where the machine states no masses, friction or wrench.

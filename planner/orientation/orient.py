@@ -70,7 +70,7 @@ def orient(
         _refuse(each, k + 1, machine)
     if not free:
         return program
-    order = usual_order(machine.axes) if order is None else order
+    order = usual_order(machine.axes, program) if order is None else order
     held = {k: np.zeros((3, DEGREE + 1)) for k in free}
     moving = _find_moving_ends(apply_choice(program, held), machine, order)
     known, motion = held, _solve_motion(apply_choice(program, held), machine, order) if objective == "time" else None

@@ -14,13 +14,14 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.casadi_function import Expression
+from kinematics.foundation.errors import MotionError
 from kinematics.foundation.taylor_model import Series
 from kinematics.machine.kind import columns, refuse_uncontrolled
 from kinematics.machine.machine import Machine
 from kinematics.machine.pose import Pose, column
 from planner.path.chain import chain_pieces
 from planner.path.outcome import Blended, summarise_fits
-from planner.path.shape import Fitted, Piece, Shape, differentiate, pose_map, tool_map
+from planner.path.shape import Fitted, Overshoot, Piece, Shape, differentiate, pose_map, tool_map
 from planner.place import Place
 from planner.program.model import Program
 
@@ -90,6 +91,17 @@ Derivatives = tuple[Array, ...]
 """q, q′, q″, q‴ with respect to path length, up to the highest that was asked for, each (N, n)."""
 
 
+HIGHEST_RATE = 3
+"""Of derivatives of a pose: what a limit on jerk needs."""
+
+
+def check_rate(times: int) -> int:
+    """Return the order of a derivative of the pose. Raises MotionError for one that is not supported."""
+    if isinstance(times, bool) or times not in range(HIGHEST_RATE + 1):
+        raise MotionError(f"derivative {times!r:.20} of a pose is not supported: give 0, 1, 2 or 3")
+    return int(times)
+
+
 @dataclass(frozen=True, slots=True)
 class Points:
     """N points of a path, s (N,) on pieces (N,), as the limits' rows see them: in the actuators and in space.
@@ -104,10 +116,10 @@ class Points:
 
     @property
     def pose_derivatives(self) -> Derivatives:
-        """The pose's numbers and their first two derivatives with respect to path length, each (N, 12)."""
-        found = self.path.pose_derivatives(self.s, self.piece, 2)
-        assert found is not None  # only machines have limits on their pose
-        return found
+        """The pose's numbers and their first two derivatives by path length, each (N, 12)."""
+        every = self.path.pose_derivatives(self.s, self.piece, 2)
+        assert every is not None  # only machines have limits on their pose
+        return every
 
     @property
     def tool_derivatives(self) -> Derivatives:
@@ -116,6 +128,22 @@ class Points:
         if tool is None:
             return self.pose_derivatives
         return tuple(tool(values) for values in self.pose_derivatives)
+
+    def pose_derivative(self, times: int) -> Array:
+        """Return a derivative (N, 12) of the pose's numbers by path length, of order 0, 1, 2 or 3.
+
+        Raises MotionError for another order.
+        """
+        times = check_rate(times)
+        every = self.path.pose_derivatives(self.s, self.piece, times)
+        assert every is not None  # only machines have limits on their pose
+        return every[times]
+
+    def tool_derivative(self, times: int) -> Array:
+        """Return this derivative of the tool's numbers: the platform's where there is no tool."""
+        numbers = self.pose_derivative(times)
+        tool = self.path.tool
+        return numbers if tool is None else tool(numbers)
 
 
 def make_points(path: "ActuatorPath", s: Array, piece: np.ndarray, highest: int = 3) -> Points:
@@ -232,6 +260,7 @@ class MachinePath:
         dwells: Array,
         blends: Sequence[Blended] = (),
         fits: Sequence[Fitted] = (),
+        overshoots: Sequence[Overshoot] = (),
         *,
         tool: Pose | None = None,
         end_speeds: tuple[float, float] = (0.0, 0.0),
@@ -244,6 +273,7 @@ class MachinePath:
 
         0: it never needs to, 1: it always does; the first and the last end are stops.
         blends, fits  what became of the joins that ask for one, and of chains whose joins ask for curves
+        overshoots  how far splines leave their polygons
         tool        its frame in the platform's, whose path length the pieces have; None: the platform's own
         end_speeds  ṡ with which a motion begins and ends; end_accelerations: s̈ likewise
         near        (n,) coordinates near which it starts; None: near home's
@@ -256,6 +286,7 @@ class MachinePath:
         parts, meant = split_turns(machine, pieces, machine.home_q if near is None else near)
         self.machine, self.pieces = machine, tuple(part for each in parts for part in each)
         self.blends, self.fit = tuple(blends), summarise_fits(fits, blends)
+        self.overshoots = tuple(overshoots)
         self.breaks: Array = freeze_array(np.concatenate([[0.0], np.cumsum([piece.length for piece in self.pieces])]))
         self.ends = ends = np.concatenate([[0], np.cumsum([len(each) for each in parts])])
         self._stops, self.dwells = freeze_array(_pad_part_ends(ends, stops)), freeze_array(_pad_part_ends(ends, dwells))
@@ -361,11 +392,9 @@ class MachinePath:
 
     def jacobian(self, s: Series, piece: np.ndarray) -> Series:
         """The square Jacobian (order+1, N, n · n), row by row; columns of rotation by the characteristic length."""
-        entries = self.machine.jacobian_map.enclose_columns(self.enclose_inputs(s, piece))
-        free = columns(self.machine)
-        scale = np.where(free < 3, 1.0, 1 / self.machine.characteristic_length)
-        chosen = (6 * np.arange(len(self.names))[:, None] + free).ravel()
-        return entries[:, chosen] * np.tile(scale, len(self.names))
+        entries = self.machine.controlled_map.enclose_columns(self.enclose_inputs(s, piece))
+        scale = np.where(columns(self.machine) < 3, 1.0, 1 / self.machine.characteristic_length)
+        return entries * np.tile(scale, len(self.names))
 
     def enclose_inputs(self, s: Series, piece: np.ndarray) -> Series:
         """What the machine's maps take along the path (`inputs`): (order+1, N, k); the last is kept."""
@@ -410,6 +439,7 @@ def actuate(program: Program, machine: Machine) -> MachinePath:
         own.dwells,
         own.blends,
         own.fits,
+        own.overshoots,
         tool=program.tool,
         avoidable=own.avoidable,
     )

@@ -19,11 +19,13 @@ from planner.path.fit import fit_chains, is_plain
 from planner.path.followed_angles import begin_turn, refuse_lost_turn
 from planner.path.join_and_blend import ALWAYS_REST, PathStep, link, list_avoidable
 from planner.path.outcome import Blended
+from planner.path.overshoot import measure_overshoot
 from planner.path.shape import (
     DEGREE,
     LINE,
     Drawn,
     Fitted,
+    Overshoot,
     Piece,
     arc,
     carry_tool,
@@ -51,6 +53,7 @@ class Chain:
 
     blends: what became of every join that asks for one; fits: of every chain that was fitted
     avoidable: numbers and repetitions of the segments at whose ends nobody asked for the stop
+    overshoots: how far each spline leaves its polygon
     """
 
     pieces: tuple[Piece, ...]
@@ -58,6 +61,7 @@ class Chain:
     dwells: Array
     blends: tuple[Blended, ...]
     fits: tuple[Fitted, ...]
+    overshoots: tuple[Overshoot, ...]
     avoidable: frozenset[tuple[int, int | None]] = frozenset()
 
 
@@ -73,7 +77,8 @@ def chain_pieces(program: Program, machine: Machine) -> Chain:
         pieces = tuple(carry_tool(piece, program.tool) for piece in pieces)
     blends = tuple(step.blend for step in steps if step.blend is not None)
     fits = tuple(step.fitted for step in steps if step.fitted is not None)
-    return Chain(pieces, stops, rests, blends, fits, list_avoidable(steps))
+    overshoots = tuple(step.overshoot for step in steps if step.overshoot is not None)
+    return Chain(pieces, stops, rests, blends, fits, overshoots, list_avoidable(steps))
 
 
 def walk_path(program: Program, machine: Machine) -> Iterator[PathStep]:
@@ -108,6 +113,11 @@ class _Stand:
     def pose(self) -> Pose:
         return RigidTransform.from_components(self._position, self._rotation)
 
+    @property
+    def place(self) -> Array:
+        """(3,) m in the base frame."""
+        return np.asarray(self._turned @ self._position + self._moved)
+
     def draw_line(self, to: Array, number: int) -> Piece | None:
         """The piece to a position, at which it stands then; None where it is there already."""
         start, end = (self._turned @ place + self._moved for place in (self._position, to))
@@ -134,12 +144,13 @@ def draw_segments(program: Program, machine: Machine) -> Iterator[Drawn]:
         frame = frame * program.work
     stand = _Stand(program.start if program.start is not None else default_start(program, machine), frame)
     faults: list[tuple[int, Moving, MotionError]] = []
-    drawn, moves, turned = Drawn([], STOP), False, 0.0
+    pending, moves, turned = Drawn([], STOP), False, 0.0
     for repetition in range(1, program.repeat + 1):
         for number, segment in enumerate(program.segments, 1):
             if isinstance(segment, Dwell):
-                drawn = replace(drawn, dwell=drawn.dwell + segment.duration)
+                pending = replace(pending, dwell=pending.dwell + segment.duration)
                 continue
+            begin = stand.place if isinstance(segment, Spline) else None
             try:
                 own = _draw(segment, number, stand, machine, program.tool)
                 turned += sum(piece.turn for piece in own)
@@ -151,18 +162,23 @@ def draw_segments(program: Program, machine: Machine) -> Iterator[Drawn]:
                     raise _segments_error(program, faults) from None
                 stand.move(onward)
                 continue
-            if not faults and (drawn.pieces or drawn.dwell):
-                yield drawn
+            if not faults and (pending.pieces or pending.dwell):
+                yield pending
             pieces = [_cap_piece(piece, segment, program, repetition) for piece in _free_pieces(own, segment)]
             marks = () if segment.trigger is None else (segment.trigger.at,)
-            drawn = Drawn(pieces, segment.join, plain=not marks and is_plain(pieces), marks=marks)
+            overshoot = None
+            if begin is not None and isinstance(segment, Spline):
+                polygon = np.concatenate([begin[None], frame.apply(segment.through)])
+                overshoot = measure_overshoot(polygon, own)
+            plain = not marks and is_plain(pieces)
+            pending = Drawn(pieces, segment.join, plain=plain, marks=marks, overshoot=overshoot)
             moves = True
         if faults:
             raise _segments_error(program, faults)
     if not moves:
         told = f"program {program.name}: nothing moves; add a line, an arc, a spline, a turn or a synchronised move"
         raise FileError(program.file, [Fault("segment", told, 1)]) if program.file else MotionError(told)
-    yield drawn
+    yield pending
 
 
 def _draw(segment: Moving, number: int, stand: _Stand, machine: Machine, tool: Pose | None) -> list[Piece]:
@@ -227,12 +243,13 @@ def _free_pieces(pieces: list[Piece], segment: Moving) -> list[Piece]:
 
 def _cap_piece(piece: Piece, segment: Moving, program: Program, repetition: int) -> Piece:
     """The piece with what every kind of segment may say."""
-    speed, acceleration, angular = (program.cap(segment, name) for name in CAPS)
+    speed, acceleration, angular, jerk = (program.cap(segment, name) for name in CAPS)
     return replace(
         piece,
         tool_speed=speed,
         tool_acceleration=acceleration,
         angular_speed=angular,
+        tool_jerk=jerk,
         constant=not isinstance(segment, Turn | Synchronised) and segment.speed_constant,
         repetition=repetition if program.repeat > 1 else None,
     )

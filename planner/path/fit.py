@@ -267,7 +267,7 @@ class _Spline:
 
 
 def _caps(link: Piece) -> tuple[object, ...]:
-    return link.tool_speed, link.tool_acceleration, link.angular_speed, link.repetition
+    return link.tool_speed, link.tool_acceleration, link.tool_jerk, link.angular_speed, link.repetition
 
 
 def _fit(unit: _Unit, end: Array | None, spans: int, *, whole: bool) -> _Spline:

@@ -14,7 +14,7 @@ import numpy as np
 from kinematics.foundation.arrays import Array, freeze_array
 from planner.path.closeness import bound_distance
 from planner.path.outcome import Blended
-from planner.path.shape import LINE, Derived, Drawn, Fitted, Piece, Shape, turning_angle
+from planner.path.shape import LINE, Derived, Drawn, Fitted, Overshoot, Piece, Shape, turning_angle
 from planner.program.modifiers import Blend, Fit, Stop
 
 # Where the deviation may lie, as a share of the tolerance, and where the search aims: under 1 by more than what the
@@ -191,6 +191,7 @@ class PathStep:
     blend   what became of the join at its end, where that asks for one
     fitted  the curve that ends with it
     avoidable  whether nobody asked for the stop at its end: it is there since the join is not smooth enough
+    overshoot  how far the spline that ends with it leaves its polygon
     """
 
     piece: Piece
@@ -200,6 +201,7 @@ class PathStep:
     blend: Blended | None = None
     fitted: Fitted | None = None
     avoidable: bool = False
+    overshoot: Overshoot | None = None
 
 
 def list_avoidable(steps: Iterable[PathStep]) -> frozenset[tuple[int, int | None]]:
@@ -234,12 +236,15 @@ def link(drawn: Iterable[Drawn], characteristic: float) -> Iterator[PathStep]:
         fitted = own.fitted
         if fitted is not None:
             fitted = replace(fitted, s=min(begin + max(fitted.s - before, 0.0), way))
+        overshoot = own.overshoot
+        if overshoot is not None:
+            overshoot = replace(overshoot, s=min(begin + max(overshoot.s - before, 0.0), way))
         if told is not None:
             told = replace(told, s=way - (made[-1].length if made else 0.0))
         for piece in inner:
             yield PathStep(piece, wait=wait)
             wait = 0.0
-        yield PathStep(last, rest, own.dwell, wait, told, fitted, avoidable)
+        yield PathStep(last, rest, own.dwell, wait, told, fitted, avoidable, overshoot)
         before, wait = reach, 0.0
 
 

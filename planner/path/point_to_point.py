@@ -102,6 +102,7 @@ def _move(segment: Moving, start: Pose, end: Pose, last: bool) -> Synchronised:
         getattr(segment, "speed", None),
         acceleration=getattr(segment, "acceleration", None),
         angular_speed=segment.angular_speed,
+        max_tool_jerk=getattr(segment, "max_tool_jerk", None),
         trigger=segment.trigger if last else None,
         line_number=segment.line_number,
     )

@@ -11,6 +11,7 @@ both are given.
 
 from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -19,7 +20,8 @@ from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.kernels import call_light, kernel
 from kinematics.foundation.taylor_model import Series
 from planner.path.actuation import Derivatives
-from planner.path.stands import count_zero_derivatives, cut_at_stands
+from planner.path.rounding import bound_rounding
+from planner.path.stands import count_zero_derivatives, cut_at_slow_places, cut_at_stands
 from planner.place import Place
 
 # A jump of a derivative at a break up to this share of its axis' largest value is rounding, or of any axis' largest.
@@ -59,8 +61,13 @@ class PolynomialPath:
         self.lines = freeze_array(np.zeros(len(breaks) - 1, bool) if lines is None else lines)
         self.turns: Array = freeze_array(np.zeros(len(breaks) - 1))  # a piece of low degree bends little
 
+    @cached_property
+    def rounding(self) -> Array:
+        """(3, P, n) of q, q′ and q″ at the ends of each piece: see `bound_rounding`."""
+        return freeze_array(bound_rounding(self.breaks, self.coefficients))
+
     def stops(self, order: int) -> np.ndarray:
-        """At corners (q′ jumps), and under jerk limits where the curvature q″ jumps."""
+        """Return where a motion rests: at corners (q′ jumps), under jerk limits also where q″ jumps."""
         inner = np.arange(1, len(self.breaks) - 1)
         left, right = self.derivatives(self.breaks[inner], inner - 1), self.derivatives(self.breaks[inner], inner)
         stops = np.ones(len(self.breaks), bool)
@@ -73,7 +80,8 @@ class PolynomialPath:
         slow = np.where(turning[:, None], 1.0, (size / most).max(1, keepdims=True, initial=0.0))
         for k in range(1, order):
             gap, size = np.abs(left[k] - right[k]), np.maximum(np.abs(left[k]), np.abs(right[k])).max(0, initial=0.0)
-            jumps = (gap > MAX_JUMP * size * slow**k + VALUE_ROUNDING * size.max(initial=0.0)).any(1)
+            rounding = np.maximum(self.rounding[k, inner - 1], self.rounding[k, inner])
+            jumps = (gap > MAX_JUMP * size * slow**k + VALUE_ROUNDING * size.max(initial=0.0) + rounding).any(1)
             stops[inner] |= jumps & ~turning if k == 1 else jumps
         return stops
 
@@ -173,16 +181,19 @@ STRAIGHTNESS_SHARE, COEFFICIENT_ROUNDING = 1e-12, 4e-16
 class PathSection:
     """Pieces between two places at which every motion rests: resting inside where the path stands, or passing that.
 
-    passing: None where nothing is to be passed
+    passing: ways of passing some of these places, or all; none where nothing is to be passed
     """
 
     resting: PolynomialPath
-    passing: PolynomialPath | None
+    passing: tuple[PolynomialPath, ...]
 
 
 def cut_sections(path: PolynomialPath, order: int) -> list[PathSection]:
     """The path in sections, one after the other, drawn for a motion of an order."""
-    drawn = PolynomialPath(*cut_at_stands(path.breaks, path.coefficients), path.names, path.end_speeds, origin=path)
+    cut = cut_at_stands(path.breaks, path.coefficients)
+    if order == 2:
+        cut = cut_at_slow_places(*cut, SLOW_SHARE)
+    drawn = PolynomialPath(*cut, path.names, path.end_speeds, origin=path)
     still = count_zero_derivatives(drawn)
     both = np.concatenate([[0], np.minimum(still[1, :-1], still[0, 1:]), [0]])
     corner = drawn.stops(order)
@@ -197,11 +208,68 @@ def cut_sections(path: PolynomialPath, order: int) -> list[PathSection]:
         covered = {k for a, b in own for k in range(a, b)}
         parts = sorted([*own, *((k, k + 1) for k in range(first, last) if k not in covered)])
         resting = _draw_path(drawn, parts, {a for a, b in own}, both > 0)
-        turns = any(both[k] == 1 for k in range(first + 1, last) if k not in inner)
-        alike = [(k, k + 1) for k in range(first, last)]
-        passing = _draw_path(drawn, alike, set(), both > 1) if turns and order == 3 else None
-        found.append(PathSection(resting, passing))
+        turns = [k for k in range(first + 1, last) if both[k] == 1 and k not in inner]
+        passing = []
+        if order == 3 and last - first <= MOST_PIECES:
+            numbers = [len(turns)] if turns and (last - first <= FEW_PIECES or len(turns) <= MOST_PASSED) else []
+            numbers += [MOST_PASSED] if len(turns) > MOST_PASSED else []
+            passing = [_draw_passing(drawn, (first, last), own, both, turns, count) for count in numbers]
+        slow = _find_slow_places(drawn, first, last) if order == 2 else []
+        if slow:
+            passing.append(
+                _draw_path(drawn, parts, {a for a, b in own}, (both > 0) | np.isin(np.arange(len(both)), slow))
+            )
+        found.append(PathSection(resting, tuple(passing)))
     return found
+
+
+# Turns that a motion passes in a section of more than FEW_PIECES pieces: those between the longest
+# ways. It rests at the others, which costs little. Recorded samples with a pause have dozens of
+# turns, each a quarter of the one before; passing them all takes the solver minutes.
+MOST_PASSED, FEW_PIECES = 6, 100
+# Pieces of a section above which no passing is tried: it takes minutes and gains little.
+MOST_PIECES = 300
+# Share of the largest q′ of a section below which a rest is tried: no grid resolves ṡ there.
+SLOW_SHARE = 1e-6
+
+
+def _find_slow_places(path: PolynomialPath, first: int, last: int) -> list[int]:
+    """Find breaks inside a section at which q′ is almost 0, and less than at the breaks on both sides."""
+    inner = np.arange(first, last + 1)
+    size = np.abs(path.derivatives(path.breaks[inner], np.minimum(inner, last - 1), 1)[1]).max(1)
+    least = (size[1:-1] <= size[:-2]) & (size[1:-1] <= size[2:]) & (size[1:-1] < SLOW_SHARE * size.max())
+    return [int(k) for k in inner[1:-1][least]]
+
+
+def _draw_passing(
+    path: PolynomialPath,
+    section: tuple[int, int],
+    stretches: Sequence[tuple[int, int]],
+    still: np.ndarray,
+    turns: Sequence[int],
+    count: int,
+) -> PolynomialPath:
+    """Draw a section for motions that pass `count` turns, between the longest ways, and rest at the others.
+
+    section: first break and last; stretches of it that are straight from rest to rest
+    still (P+1,)  how many derivatives are nothing on both sides of a break; turns: breaks at which q′ alone is
+    """
+    first, last = section
+    ends = [first, *(k for k in range(first + 1, last) if still[k] > 0), last]
+    values = np.concatenate([path.coefficients[-1], path.derivatives(path.breaks[-1:], _last_piece(path), 0)[0]])
+    way = {k: float(np.abs(values[k] - values[at]).max()) for at, k in pairwise(ends)}
+    after = {at: way[k] for at, k in pairwise(ends)}
+    passed = set(sorted(turns, key=lambda k: -min(way[k], after[k]))[:count])
+    lines = [(a, b) for a, b in stretches if not passed & {a, b}] if len(passed) < len(turns) else []
+    covered = {k for a, b in lines for k in range(a, b)}
+    parts = sorted([*lines, *((k, k + 1) for k in range(first, last) if k not in covered)])
+    rests = still > 0
+    rests[list(passed)] = False
+    return _draw_path(path, parts, {a for a, _ in lines}, rests)
+
+
+def _last_piece(path: PolynomialPath) -> np.ndarray:
+    return np.array([len(path.breaks) - 2])
 
 
 def join_sections(parts: Sequence[PolynomialPath]) -> PolynomialPath:

@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.casadi_function import Expression
+from kinematics.foundation.errors import MotionError
 from kinematics.machine.pose import (
     STRAIGHT_SIZE,
     Pose,
@@ -61,12 +62,12 @@ class Derived:
 class Piece:
     """A curve of a shape over a path length (m), from the shape's own s = start, of the program's segment `segment`.
 
-    Path length is the path's parameter: the way of the platform's origin on lines and arcs, the length of the chords
-    on splines, never less than the way on blends, and angle times a length on turns. Where a constant speed is asked
+    Path length is the path's parameter: the way of the platform's origin on lines and arcs, nearly so on
+    splines, never less than the way on blends, and angle times a length on turns. Where a constant speed is asked
     for it is the way on all of them (planner.path.arc_length).
 
     turn        rad by which its direction or the platform turns in all: how finely it must be looked at
-    tool_speed, tool_acceleration  caps of the tool, m/s and m/s² (None: none, or it does not move)
+    tool_speed, tool_acceleration, tool_jerk  caps of the tool, m/s, m/s², m/s³ (None: none, or it does not move)
     angular_speed  cap on the platform's turning, rad/s
     constant    the tool has exactly that speed, outside the ramps at the ends of the segment
     repetition  of the program, from 1; None: it runs once
@@ -83,6 +84,7 @@ class Piece:
     angular_speed: float | None = None
     constant: bool = False
     repetition: int | None = None
+    tool_jerk: float | None = None
 
     def cut(self, count: int) -> "list[Piece]":
         """The same curve in equal parts."""
@@ -130,6 +132,23 @@ class Fitted:
 
 
 @dataclass(frozen=True, slots=True)
+class Overshoot:
+    """How far a spline leaves the polygon of its points.
+
+    distance, s    m, the largest distance, and where: along the spline as it is drawn, along the path as it is linked
+    point          number of the point at the end of the span with the largest distance per chord nearby
+    beyond, chord  m, the largest distance there, and the shortest of that span's chord and its neighbours'
+    """
+
+    segment: int
+    distance: float
+    s: float
+    point: int
+    beyond: float
+    chord: float
+
+
+@dataclass(frozen=True, slots=True)
 class Drawn:
     """A segment as it is drawn: its pieces, smooth inside; the join at its end, and s of rest there.
 
@@ -137,6 +156,7 @@ class Drawn:
     plain   whether it may become part of a curve (planner.path.fit)
     fitted  what was fitted there, if it is a curve
     marks   the shares of the segment at which it has a trigger
+    overshoot  how far it leaves its polygon, if it is a spline
     """
 
     pieces: Sequence[Piece]
@@ -145,6 +165,7 @@ class Drawn:
     plain: bool = False
     fitted: Fitted | None = None
     marks: tuple[float, ...] = ()
+    overshoot: Overshoot | None = None
 
 
 @cache
@@ -178,12 +199,26 @@ def turning_angle(piece: Piece, points: int = 33) -> float:
     return float((turned + bent).sum())
 
 
+# A turn so near (rad) to half a turn goes one way or the other by rounding: that of numbers with eight digits.
+HALF_TURN_ROUNDING = 1e-7
+
+
+def refuse_half_turn(angle: float) -> None:
+    """Raise MotionError where an angle (rad) of the shorter way between two orientations leaves its direction open."""
+    if angle >= np.pi - HALF_TURN_ROUNDING:
+        raise MotionError(
+            f"it turns by half a turn, {np.degrees(angle):.9g}°, which both directions do alike: lead it through an "
+            "orientation in between, or turn on the spot by a signed angle, with turn = { about = …, angle = 180 }"
+        )
+
+
 LINE = Shape("line", STRAIGHT_SIZE, straight_pose)
 
 
 def line(start: Pose, end: Pose, length: float, segment: int) -> Piece:
     """The straight motion from start to end over a length, turning the shorter way in proportion to the path."""
     turn = turn_angle(start, end)
+    refuse_half_turn(turn)
     return Piece(LINE, freeze_array(straight_parameters(start, end, length)[0]), length, segment, turn=turn)
 
 
@@ -233,6 +268,7 @@ def arc(
     u = start.translation - centre
     length = float(np.hypot(np.linalg.norm(u) * angle, rise))
     axis, turn = axis_angle(start.rotation, end_rotation)
+    refuse_half_turn(float(turn[0]))
     numbers = [
         centre,
         u,

@@ -1,6 +1,15 @@
-"""Splines through points: quintic in position and orientation, with four continuous derivatives, one piece per span."""
+"""Splines: curves through points with three continuous derivatives by their length, which stay near the polygon.
+
+The curve is drawn over the square roots of its chords, u (centripetal; E. Lee, Choosing nodes in parametric curve
+interpolation, 1989). There the natural cubic spline leaves no chord by more than three quarters of its length: its
+second derivative is nowhere above 6, so that a span h = √d leaves its chord by 6 h²/8 at most (M. Floater, On the
+deviation of a parametric cubic spline interpolant from its data polygon, 2008). The natural quintic spline is fairer
+but has no such bound; each knot takes its derivatives as far as they are near the cubic's.
+"""
 
 from dataclasses import replace
+from functools import partial
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -11,13 +20,29 @@ from kinematics.foundation.errors import MotionError
 from kinematics.machine.pose import Pose
 from planner.path.shape import Piece, Shape, turning_angle
 
+# Degree of curves that are fitted to chains.
 DEGREE = 5
-# Places of a span at which its speed is looked at.
+# Degree of curves through points: a value and three derivatives are given at both ends of each piece.
+HERMITE_DEGREE = 7
+# Places of a span at which its speed is sampled.
 SPAN_POINTS = 201
-# Least |dp/ds|, which is about 1: less is a cusp.
+# Least |dp/du|, as a share of its mean over the shortest chord nearby: less is a cusp.
 MIN_SPEED = 0.05
 # Least product of two unit quaternions that follow each other: 120°.
 MIN_QUATERNION_PRODUCT = 0.5
+# Two points are near-duplicates if their chord is within this share of the shorter neighbouring
+# chord, or of the longest chord.
+DUPLICATE_SHARES = 1e-4, 1e-6
+# How far the quintic may be from the cubic, as a share of the chord; and of the angle, for orientations. A change of
+# slope counts over the whole span, so that the curve itself moves by about a sixth of it.
+FAIRNESS, TURNING_FAIRNESS = 0.05, 0.5
+# Weights of changes of the first three derivatives: each moves the curve by about as much.
+DERIVATIVE_WEIGHTS = np.array([1.0, 1 / 8, 1 / 48])
+# A piece by length may leave the curve by this share of its chord, and its speed may differ from 1 by so much.
+LENGTH_TOLERANCE, SPEED_TOLERANCE = 1e-3, 0.02
+# Halvings of a span at most, where it bends too sharply for one piece.
+MAX_HALVINGS = 16
+
 # Third and fourth derivative of a quintic at its start and its end, by v, a, w, b there: factors, and powers of h.
 _START = np.array([[-36.0, -9, -24, 3], [192, 36, 168, -24]])
 _END = np.array([[-24.0, -3, -36, 9], [-168, -24, -192, 36]])
@@ -26,11 +51,11 @@ _SCALES = np.array([[-2.0, -1, -2, -1], [-3, -2, -3, -2]])
 _JUMP, _SIDES = np.array([[60.0], [-360]]), np.array([[-3.0], [-4]])
 
 
-def _motion(s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """p and q polynomials of degree 5;  R = the rotation of the quaternion q = (x, y, z, w), of any length."""
-    rows = ca.reshape(parameters, 7, DEGREE + 1)
-    value: ca.SX = rows[:, DEGREE]
-    for k in reversed(range(DEGREE)):
+def _motion(s: ca.SX, parameters: ca.SX, degree: int) -> tuple[ca.SX, ca.SX]:
+    """p and q are polynomials;  R = the rotation of the quaternion q = (x, y, z, w), of any length."""
+    rows = ca.reshape(parameters, 7, degree + 1)
+    value: ca.SX = rows[:, degree]
+    for k in reversed(range(degree)):
         value = value * s + rows[:, k]
     vector, w = value[3:6], value[6]
     square = ca.dot(vector, vector)
@@ -39,29 +64,34 @@ def _motion(s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
     return value[:3], turned
 
 
-SPLINE = Shape("spline", 7 * (DEGREE + 1), _motion)
+SPLINE = Shape("spline", 7 * (DEGREE + 1), partial(_motion, degree=DEGREE))
+HERMITE = Shape("hermite", 7 * (HERMITE_DEGREE + 1), partial(_motion, degree=HERMITE_DEGREE))
 
 
 def spline(start: Pose, through: Array, rotate: Rotation | None, segment: int) -> list[Piece]:
-    """The curve from start through points (N, 3), in orientations `rotate` (N) there; one piece per span.
+    """Draw the curve from start through points (N, 3), in orientations `rotate` (N) there.
 
-    The interpolating quintic spline over the length of its chords, straight at both ends (no second and fourth
-    derivative there). So |dp/ds| is not quite 1: on a span that bends by θ evenly it is θ/2 / sin(θ/2), 1.001 for 10°.
-    Orientation is the quaternion's own quintic spline, divided by its length: it turns alike in every frame. Raises
-    MotionError where the curve turns back on the spot, or an orientation is more than 120° from the one before.
+    The pieces' parameter is the curve's length, to SPEED_TOLERANCE. A span is one piece; it is halved where the curve
+    bends too sharply for that. Both ends are straight: no second derivative by u there. The orientation follows the
+    unit quaternions in the same way; it turns alike in every frame. Raises MotionError where two points are
+    near-duplicates, where the curve turns back on the spot, or where an orientation is more than 120° from the one
+    before.
     """
     points = np.concatenate([start.translation[None], through])
-    values = np.concatenate([points, _quaternions(start, rotate, len(through))], 1)
-    spans = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    numbers = _span_coefficients(values, spans)
-    speed = _span_speeds(numbers, spans)
-    slowest = int(np.argmin(speed.min(1)))
-    if speed[slowest].min() < MIN_SPEED:
-        raise MotionError(
-            f"the curve turns back between {_name(slowest)} and {_name(slowest + 1)}; "
-            "add points around the reversal, or end the spline there and start another"
-        )
-    pieces = [Piece(SPLINE, own, length, segment) for own, length in zip(numbers, spans.tolist(), strict=True)]
+    chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    _refuse_duplicates(chords)
+    spans = np.sqrt(chords)
+    curve = _draw_spans(points, spans, _find_derivatives(points, spans))
+    _refuse_cusps(curve, spans)
+    parts = _draw_by_length(curve, spans, chords)
+    quaternions = _quaternions(start, rotate, len(through))
+    lengths = np.asarray(np.bincount(parts.span, parts.lengths), float)
+    turning = _draw_spans(quaternions, lengths, _find_turning(quaternions, lengths))
+    powers = np.concatenate([parts.powers, _cut_spans(turning, parts)], 2)
+    pieces = [
+        Piece(HERMITE, freeze_array(coefficients.ravel()), length, segment)
+        for coefficients, length in zip(powers, parts.lengths.tolist(), strict=True)
+    ]
     return [replace(piece, turn=turning_angle(piece)) for piece in pieces]
 
 
@@ -69,24 +99,59 @@ def _name(point: int) -> str:
     return f"point {point}" if point else "its start"
 
 
+def _refuse_duplicates(chords: Array) -> None:
+    """Raise MotionError for two points too near to each other to give the curve a direction."""
+    if len(chords) == 1:
+        return
+    neighbours = np.full(len(chords) + 2, np.inf)
+    neighbours[1:-1] = chords
+    shorter = np.minimum(neighbours[:-2], neighbours[2:])
+    share, of_longest = DUPLICATE_SHARES
+    near = (chords <= share * shorter) | (chords <= of_longest * chords.max())
+    if near.any():
+        k = int(np.argmax(near))
+        raise MotionError(
+            f"{_name(k)} and {_name(k + 1)} are {chords[k] * 1e3:.4g} mm apart, where the chords beside them have "
+            f"{min(shorter[k], chords.max()) * 1e3:.4g} mm: points so near to each other give the curve no direction; "
+            "omit one of them"
+        )
+
+
+def _refuse_cusps(curve: Array, spans: Array) -> None:
+    speed = _span_speeds(curve, spans)
+    around = np.concatenate([spans[:1], spans, spans[-1:]])
+    least = np.minimum(np.minimum(around[:-2], around[2:]), spans)
+    share = speed.min(1) / least
+    slowest = int(np.argmin(share))
+    if share[slowest] < MIN_SPEED:
+        raise _cusp_error(slowest)
+
+
+def _cusp_error(span: int) -> MotionError:
+    return MotionError(
+        f"the curve turns back between {_name(span)} and {_name(span + 1)}; "
+        "add points around the reversal, or end the spline there and start another"
+    )
+
+
 def _quaternions(start: Pose, rotate: Rotation | None, count: int) -> Array:
     """(N+1, 4) unit quaternions x, y, z, w, each on the side of the one before it."""
     first = start.rotation.as_quat()[None]
     if rotate is None:
         return np.repeat(first, count + 1, 0)
-    found = np.concatenate([first, rotate.as_quat()])
-    nearness = (found[1:] * found[:-1]).sum(1)
+    quaternions = np.concatenate([first, rotate.as_quat()])
+    nearness = (quaternions[1:] * quaternions[:-1]).sum(1)
     far = int(np.argmin(np.abs(nearness)))
     if abs(nearness[far]) < MIN_QUATERNION_PRODUCT:
         raise MotionError(
             f"{_name(far + 1)} turns by {np.degrees(2 * np.arccos(abs(nearness[far]))):.4g}° from {_name(far)}; "
             f"at most {np.degrees(2 * np.arccos(MIN_QUATERNION_PRODUCT)):.4g}° lie between two points: add some"
         )
-    return align_signs(found)
+    return align_signs(quaternions)
 
 
 def align_signs(quaternions: Array) -> Array:
-    """(N, 4) each on the side of the one before it."""
+    """Return quaternions (N, 4), each on the side of the one before it."""
     nearness = (quaternions[1:] * quaternions[:-1]).sum(1)
     sides = np.cumprod(np.concatenate([[1.0], np.where(nearness < 0, -1.0, 1.0)]))
     return np.asarray(quaternions * sides[:, None])
@@ -95,22 +160,120 @@ def align_signs(quaternions: Array) -> Array:
 def sample_splines(points: Array, share: Array) -> tuple[Array, Array]:
     """Points (…, N, k, 3) of splines through points (…, N+1, 3), at k shares of every span; and slopes by its chords.
 
-    Splines of as many points each are worked out all at once, which is many times faster than one by one.
+    Splines of as many points each are worked out all at once, which is many times faster than one by one. Pieces by
+    length leave these points by LENGTH_TOLERANCE of a chord at most.
     """
-    spans = np.linalg.norm(np.diff(points, axis=-2), axis=-1)
-    k = np.arange(DEGREE + 1)
-    powers = _span_powers(points, spans) * (spans[..., None] ** k)[..., None]
+    chords = np.linalg.norm(np.diff(points, axis=-2), axis=-1)
+    spans = np.sqrt(chords)
+    k = np.arange(HERMITE_DEGREE + 1)
+    powers = _draw_spans(points, spans, _find_derivatives(points, spans)) * (spans[..., None] ** k)[..., None]
     slopes = (k[1:] * share[:, None] ** k[:-1]) @ powers[..., 1:, :]
-    return share[:, None] ** k @ powers, slopes / spans[..., None, None]
+    return share[:, None] ** k @ powers, slopes / chords[..., None, None]
 
 
-def _span_coefficients(values: Array, spans: Array) -> Array:
-    """(N, 6 k) coefficients of every span through k values (N+1, k), by powers of s from its start."""
-    return freeze_array(_span_powers(values, spans).reshape(len(spans), -1))
+def draw_through(points: Array) -> tuple[Array, np.ndarray]:
+    """Places (M, K, 3) of the pieces of the spline through points (N+1, 3), and the span (M,) of each piece.
+
+    Unlike those of `sample_splines` they lie on the pieces as they are run. Raises MotionError as `spline`.
+    """
+    chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    spans = np.sqrt(chords)
+    curve = _draw_spans(points, spans, _find_derivatives(points, spans))
+    parts = _draw_by_length(curve, spans, chords)
+    return _evaluate_powers(parts.powers, parts.lengths[:, None] * _PART_SHARES, 0), parts.span
 
 
-def _span_powers(values: Array, spans: Array) -> Array:
-    """(…, N, 6, k) coefficients of every span through values (…, N+1, k), by powers of s from its start.
+def _find_derivatives(points: Array, spans: Array) -> Array:
+    """(…, N+1, 3, k) p′, p″, p‴ by u at points (…, N+1, k): the quintic's, as far as they are near the cubic's.
+
+    The quintic may move the curve in proportion to the shorter of the two chords at each point.
+    """
+    base = _cubic_derivatives(points, spans)
+    fair = _quintic_derivatives(points, spans)
+    chords = np.linalg.norm(np.diff(points, axis=-2), axis=-1)
+    padded = np.concatenate([chords[..., :1], chords, chords[..., -1:]], -1)
+    shorter = np.minimum(padded[..., :-1], padded[..., 1:])
+    # an end has one chord only: the next point's other chord counts there too
+    shorter[..., [0, -1]] = np.minimum(shorter[..., [0, -1]], shorter[..., [1, -2]])
+    return _limit_change(base, fair, spans, FAIRNESS * shorter)
+
+
+def _find_turning(quaternions: Array, spans: Array) -> Array:
+    """Find derivatives (N+1, 3, 4) of quaternions, whose steps need not be in proportion to the chords.
+
+    A mean of the slopes on both sides replaces the cubic's slope. It is at most twice the smaller
+    one, so each span turns in proportion to its own angle. The quintic may add a share of the
+    larger of the two angles.
+    """
+    steps = np.diff(quaternions, axis=0)
+    slopes = steps / spans[:, None]
+    rates = np.linalg.norm(slopes, axis=1)
+    base = np.zeros((len(quaternions), 3, 4))
+    base[1:-1, 0] = _divide(
+        rates[1:, None] * slopes[:-1] + rates[:-1, None] * slopes[1:], (rates[:-1] + rates[1:])[:, None]
+    )
+    base[[0, -1], 0] = slopes[[0, -1]]
+    angles = np.linalg.norm(steps, axis=1)
+    padded = np.concatenate([angles[:1], angles, angles[-1:]])
+    larger = np.maximum(padded[:-1], padded[1:])
+    return _limit_change(base, _quintic_derivatives(quaternions, spans), spans, TURNING_FAIRNESS * larger)
+
+
+def _limit_change(base: Array, fair: Array, spans: Array, most: Array) -> Array:
+    """Move derivatives (…, N+1, 3, k) from `base` towards `fair` while no span moves by more than `most`.
+
+    most (…, N+1): largest change of a span at either side of each knot.
+    """
+    change = fair - base
+    longer = np.maximum(
+        np.concatenate([spans[..., :1], spans], -1),
+        np.concatenate([spans, spans[..., -1:]], -1),
+    )
+    effect = longer[..., None] ** np.arange(1, 4) * DERIVATIVE_WEIGHTS
+    moved = (np.linalg.norm(change, axis=-1) * effect).max(-1)
+    share = np.where(moved > most, _divide(most, moved), 1.0)
+    return np.asarray(base + change * share[..., None, None])
+
+
+def _divide(values: Array, by: Array) -> Array:
+    """values / by, and 0 where that is 0 / 0."""
+    by = np.broadcast_to(by, values.shape)
+    return np.divide(values, by, out=np.zeros_like(values), where=by > 0)
+
+
+def _cubic_derivatives(values: Array, spans: Array) -> Array:
+    """(…, N+1, 3, k) of the natural cubic spline; its third derivative jumps, and the knots have a mean of both sides.
+
+    The second derivatives a solve  h₋ a₋ + 2 (h₋ + h₊) a + h₊ a₊ = 6 (d₊/h₊ − d₋/h₋),  with a = 0 at both ends.
+    Splines of a batch are blocks of one such system.
+    """
+    from scipy.linalg import solve_banded
+
+    count, width = spans.shape[-1], values.shape[-1]
+    unit = spans.mean()
+    h = spans.reshape(-1, count) / unit
+    slopes = np.diff(values, axis=-2).reshape(-1, count, width) / h[..., None]
+    bands = np.zeros((3, len(h), count + 1))  # above, on and below the diagonal, by column
+    bands[1] = 1.0
+    bands[1, :, 1:-1] = 2 * (h[:, :-1] + h[:, 1:])
+    bands[0, :, 2:] = h[:, 1:]
+    bands[2, :, :-2] = h[:, :-1]
+    right = np.zeros((len(h), count + 1, width))
+    right[:, 1:-1] = 6 * np.diff(slopes, axis=1)
+    a = solve_banded((1, 1), bands.reshape(3, -1), right.reshape(-1, width)).reshape(right.shape)
+    third = np.diff(a, axis=1) / h[..., None]
+    knots = np.empty((len(h), count + 1, 3, width))
+    knots[:, :-1, 0] = slopes - h[..., None] * (2 * a[:, :-1] + a[:, 1:]) / 6
+    knots[:, -1, 0] = slopes[:, -1] + h[:, -1:] * (a[:, -2] + 2 * a[:, -1]) / 6
+    knots[:, :, 1] = a
+    knots[:, [0, -1], 2] = third[:, [0, -1]]
+    before, after = h[:, :-1, None], h[:, 1:, None]
+    knots[:, 1:-1, 2] = (before * third[:, :-1] + after * third[:, 1:]) / (before + after)
+    return np.asarray(knots.reshape(*values.shape[:-1], 3, width) / unit ** np.arange(1, 4)[:, None])
+
+
+def _quintic_derivatives(values: Array, spans: Array) -> Array:
+    """(…, N+1, 3, k) of the natural quintic spline, which has four continuous derivatives.
 
     A span h from p to q = p + d, with first derivatives v, w and second ones a, b at its ends, is the quintic of these;
     its third and fourth derivatives at its start are
@@ -123,7 +286,8 @@ def _span_powers(values: Array, spans: Array) -> Array:
     from scipy.linalg.lapack import dgbsv
 
     count, width = spans.shape[-1], values.shape[-1]
-    h = spans.reshape(-1, count) / spans.mean()
+    unit = spans.mean()
+    h = spans.reshape(-1, count) / unit
     d = np.diff(values, axis=-2).reshape(-1, count, width)
     knots = np.zeros((len(h), count + 1, 2, 6))  # rows of a knot by v, a of the one before, of itself, of the next
     right = np.zeros((len(h), count + 1, 2, width))
@@ -146,28 +310,142 @@ def _span_powers(values: Array, spans: Array) -> Array:
                 to[:] = own
             else:
                 to[1:] = own[:-1]
-    found = dgbsv(3, 3, bands, right.reshape(-1, width), overwrite_ab=True, overwrite_b=True)[2]
-    found = found.reshape(len(h), count + 1, 2, width)
-    v, w = found[:, :-1, 0] * h[..., None], found[:, 1:, 0] * h[..., None]
-    a, b = found[:, :-1, 1] * h[..., None] ** 2, found[:, 1:, 1] * h[..., None] ** 2
-    powers = np.empty((len(h), count, DEGREE + 1, width))
-    powers[:, :, 0] = values[..., :-1, :].reshape(d.shape)
-    powers[:, :, 1] = v
-    powers[:, :, 2] = a / 2
-    powers[:, :, 3] = 10 * d - 6 * v - 4 * w - (3 * a - b) / 2
-    powers[:, :, 4] = -15 * d + 8 * v + 7 * w + (3 * a - 2 * b) / 2
-    powers[:, :, 5] = 6 * d - 3 * (v + w) - (a - b) / 2
-    powers = powers.reshape(*spans.shape, DEGREE + 1, width)
-    powers /= (spans[..., None] ** np.arange(DEGREE + 1))[..., None]
-    return np.asarray(powers)
+    solution = dgbsv(3, 3, bands, right.reshape(-1, width), overwrite_ab=True, overwrite_b=True)[2]
+    solution = solution.reshape(len(h), count + 1, 2, width)
+    both = np.empty((len(h), count + 1, 3, width))
+    both[:, :, :2] = solution
+    v, w = solution[:, :-1, 0] * h[..., None], solution[:, 1:, 0] * h[..., None]
+    a, b = solution[:, :-1, 1] * h[..., None] ** 2, solution[:, 1:, 1] * h[..., None] ** 2
+    cube = h[..., None] ** 3
+    both[:, :-1, 2] = (60 * d - 36 * v - 24 * w - 9 * a + 3 * b) / cube
+    both[:, -1, 2] = ((60 * d - 24 * v - 36 * w + 3 * a - 9 * b) / cube)[:, -1]
+    return np.asarray(both.reshape(*values.shape[:-1], 3, width) / unit ** np.arange(1, 4)[:, None])
 
 
-def _span_speeds(numbers: Array, spans: Array) -> Array:
-    """|dp/ds| (N, SPAN_POINTS) over every span."""
-    s = spans[:, None] * np.linspace(0.0, 1.0, SPAN_POINTS)
-    powers = numbers.reshape(len(spans), DEGREE + 1, 7)[:, None, :, :3]
-    slope = sum(k * powers[:, :, k] * s[..., None] ** (k - 1) for k in range(1, DEGREE + 1))
-    return np.asarray(np.linalg.norm(slope, axis=2))
+def _draw_spans(values: Array, spans: Array, derivatives: Array) -> Array:
+    """(…, N, 8, k) coefficients of every span by powers of u from its start, for derivatives (…, N+1, 3, k) there."""
+    known = np.concatenate([values[..., None, :], derivatives], -2)
+    return _hermite_powers(known[..., :-1, :, :], known[..., 1:, :, :], spans)
+
+
+# Coefficients c₄ … c₇ of the polynomial of degree 7 on [0, 1] whose value and derivatives at 1 exceed those of its
+# first four terms by given ones.
+_UPPER = np.linalg.inv(np.array([[1.0, 1, 1, 1], [4, 5, 6, 7], [12, 20, 30, 42], [24, 60, 120, 210]]))
+_TAYLOR = np.array([1.0, 1, 1 / 2, 1 / 6])
+# Rows: what c₀ … c₃ give value and derivatives at 1.
+_LOWER = np.array([[1.0, 1, 1, 1], [0, 1, 2, 3], [0, 0, 2, 6], [0, 0, 0, 6]])
+
+
+def _hermite_powers(first: Array, last: Array, length: Array) -> Array:
+    """(…, 8, k) powers of the polynomial with given values and three derivatives (…, 4, k) at 0 and length (…)."""
+    scale = length[..., None] ** np.arange(4)
+    low = first * (scale * _TAYLOR)[..., None]
+    high = _UPPER @ (last * scale[..., None] - _LOWER @ low)
+    powers = np.concatenate([low, high], -2)
+    return np.asarray(powers / (length[..., None] ** np.arange(HERMITE_DEGREE + 1))[..., None])
+
+
+class _Parts(NamedTuple):
+    """Parts of the spans of a curve, in order: the span (M,) of each, powers (M, 8, 3) by length, and lengths (M,)."""
+
+    span: np.ndarray
+    powers: Array
+    lengths: Array
+
+
+def _draw_by_length(curve: Array, spans: Array, chords: Array) -> _Parts:
+    """Parts by their own length of a curve whose spans (N, 8, 3) are polynomials of u.
+
+    A part has the derivatives of the curve by its length at both ends, so the parts meet with three continuous
+    derivatives; between, it is the polynomial of these, within LENGTH_TOLERANCE of the curve.
+    """
+    span = np.arange(len(spans))
+    low, high = np.zeros(len(spans)), spans.copy()
+    drawn: list[tuple[np.ndarray, Array, Array, Array]] = []
+    for halving in range(MAX_HALVINGS + 1):
+        powers, lengths, good = _draw_parts(curve[span], low, high, chords[span])
+        drawn.append((span[good], low[good], powers[good], lengths[good]))
+        if good.all():
+            break
+        if halving == MAX_HALVINGS:
+            raise _cusp_error(int(span[np.argmin(good)]))
+        span, low, high = span[~good], low[~good], high[~good]
+        middle = (low + high) / 2
+        span, low, high = np.tile(span, 2), np.concatenate([low, middle]), np.concatenate([middle, high])
+    span, begin, powers, lengths = (np.concatenate(part) for part in zip(*drawn, strict=True))
+    order = np.lexsort((begin, span))
+    return _Parts(span[order], powers[order], lengths[order])
+
+
+def _cut_spans(turning: Array, parts: _Parts) -> Array:
+    """(M, 8, k) of each part, from the polynomials (N, 8, k) of whole spans by their length."""
+    before = np.cumsum(parts.lengths) - parts.lengths
+    first = np.searchsorted(parts.span, parts.span)
+    low = before - before[first]
+    ends = np.stack([low, low + parts.lengths], 1)
+    known = np.stack([_evaluate_powers(turning[parts.span], ends, k) for k in range(4)], 2)
+    return _hermite_powers(known[:, 0], known[:, 1], parts.lengths)
+
+
+# Places of a part at which it is held against the curve.
+_PART_SHARES = np.linspace(0.0, 1.0, 17)
+
+
+def _draw_parts(powers: Array, low: Array, high: Array, chords: Array) -> tuple[Array, Array, np.ndarray]:
+    """Parts (M, 8, 3) from u = low to high (M,) of their spans, their lengths, and whether each is near the curve."""
+    nodes, weights = np.polynomial.legendre.leggauss(16)
+    middle, half = (low + high)[:, None] / 2, (high - low)[:, None] / 2
+    speed = np.linalg.norm(_evaluate_powers(powers, middle + half * nodes, 1), axis=-1)
+    lengths = (speed @ weights) * half[:, 0]
+    ends = np.stack([low, high], 1)
+    by_u = np.stack([_evaluate_powers(powers, ends, k) for k in range(4)], 2)  # (M, 2, 4, 3)
+    by_length = _change_to_length(by_u)
+    part = _hermite_powers(by_length[:, 0], by_length[:, 1], lengths)
+    s = lengths[:, None] * _PART_SHARES
+    slope = np.linalg.norm(_evaluate_powers(part, s, 1), axis=-1)
+    # the place of the curve that corresponds to the piece's middle is looked for near it
+    x = _evaluate_powers(part, s, 0)
+    u = low[:, None] + (high - low)[:, None] * _PART_SHARES
+    for _ in range(4):
+        away = x - _evaluate_powers(powers, u, 0)
+        tangent = _evaluate_powers(powers, u, 1)
+        square = np.maximum((tangent**2).sum(-1), np.finfo(float).tiny)
+        u = np.clip(u + (away * tangent).sum(-1) / square, low[:, None], high[:, None])
+    away = np.linalg.norm(x - _evaluate_powers(powers, u, 0), axis=-1)
+    near = (away <= LENGTH_TOLERANCE * chords[:, None]).all(1)
+    even = (np.abs(slope - 1) <= SPEED_TOLERANCE).all(1)
+    return part, lengths, near & even
+
+
+def _evaluate_powers(powers: Array, u: Array, order: int) -> Array:
+    """(M, K, k) the derivative of an order of polynomials (M, degree + 1, k) at places (M, K)."""
+    coefficients = powers
+    for _ in range(order):
+        coefficients = coefficients[:, 1:] * np.arange(1, coefficients.shape[1])[:, None]
+    value = np.zeros((*u.shape, powers.shape[2]))
+    for k in reversed(range(coefficients.shape[1])):
+        value = value * u[..., None] + coefficients[:, None, k]
+    return value
+
+
+def _change_to_length(by_u: Array) -> Array:
+    """A position and its derivatives (…, 4, 3) by the curve's length instead of u.
+
+    With ds = f du, f = |p′|:  u′ = 1/f,  u″ = −f′/f³,  u‴ = 3 f′²/f⁵ − f″/f⁴.
+    """
+    x, p1, p2, p3 = (by_u[..., k, :] for k in range(4))
+    f = np.linalg.norm(p1, axis=-1)
+    f1 = (p1 * p2).sum(-1) / f
+    f2 = ((p2 * p2).sum(-1) + (p1 * p3).sum(-1) - f1**2) / f
+    u1, u2, u3 = (each[..., None] for each in (1 / f, -f1 / f**3, 3 * f1**2 / f**5 - f2 / f**4))
+    return np.stack([x, p1 * u1, p2 * u1**2 + p1 * u2, p3 * u1**3 + 3 * p2 * u1 * u2 + p1 * u3], -2)
+
+
+def _span_speeds(curve: Array, spans: Array) -> Array:
+    """|dp/du| (N, SPAN_POINTS) over every span."""
+    return np.asarray(
+        np.linalg.norm(_evaluate_powers(curve, spans[:, None] * np.linspace(0.0, 1.0, SPAN_POINTS), 1), axis=2)
+    )
 
 
 # Of a spline that smooths: shorter than this share of a span, what bends is noise. Points of a span for its ∫|p‴|².

@@ -63,7 +63,7 @@ def cut_at_stands(breaks: Array, coefficients: Array) -> tuple[Array, Array]:
     for piece, (start, length) in enumerate(zip(breaks[:-1].tolist(), lengths.tolist(), strict=True)):
         inside = _inner_stands(slope[:, piece], size[piece]) if piece in suspects else []
         own = coefficients[:, piece].copy()
-        if starts[piece]:
+        if starts[piece] and own[:-2].any():
             own[-2] = 0.0
         places.append(start)
         parts.append(own)
@@ -73,6 +73,41 @@ def cut_at_stands(breaks: Array, coefficients: Array) -> tuple[Array, Array]:
             places.append(start + share * length)
             parts.append(moved)
     return np.append(places, breaks[-1]), np.stack(parts, 1)
+
+
+def cut_at_slow_places(breaks: Array, coefficients: Array, share: float) -> tuple[Array, Array]:
+    """Cut pieces inside of which q′ comes down to a share of its largest on the path, or to less: where it is least.
+
+    |q′|² is a polynomial, least at an end or at a zero of its derivative.
+    """
+    if len(coefficients) < 3:
+        return breaks, coefficients
+    lengths = np.diff(breaks)
+    powers = np.arange(len(coefficients) - 1, 0, -1)[:, None, None]
+    slope = coefficients[:-1] * powers  # by s
+    at = np.linspace(0.0, 1.0, SLOPE_POINTS)[:, None, None] * lengths[:, None]
+    size = np.abs(np.stack([_evaluate(slope, s) for s in at])).max(2)
+    # between places that are looked at it falls as a square does, by no more than this
+    suspects = np.flatnonzero(size.min(0) < SUSPECT_SHARE * size.max(0))
+    largest = float(size.max(initial=0.0))
+    places, parts = [breaks[:-1]], [coefficients]
+    for piece in suspects.tolist():
+        square = sum(np.convolve(axis, axis) for axis in slope[:, piece].T)
+        zeros = np.roots(np.polyder(square))
+        inside = (np.abs(zeros.imag) < END_SHARE * lengths[piece]) & (zeros.real > END_SHARE * lengths[piece])
+        inside &= zeros.real < (1 - END_SHARE) * lengths[piece]
+        for s in sorted(zeros[inside].real.tolist()):
+            # a zero at an end is a multiple one, which rounding spreads into the piece
+            if np.abs(_evaluate(slope[:, piece], s)).max() < min(share * largest, *size[[0, -1], piece].tolist()):
+                places.append(np.array([breaks[piece] + s]))
+                parts.append(_shift_polynomials(coefficients[:, piece], s)[:, None])
+    starts = np.concatenate(places)
+    order = np.argsort(starts, kind="stable")
+    return np.append(starts[order], breaks[-1]), np.concatenate(parts, 1)[:, order]
+
+
+# Share of a piece's largest q′ below which some place that is looked at must lie, where it may be next to nothing.
+SUSPECT_SHARE = 0.1
 
 
 def _slope(coefficients: Array, lengths: Array) -> tuple[Array, Array]:

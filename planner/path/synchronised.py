@@ -19,7 +19,7 @@ from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.machine.machine import Machine
 from kinematics.machine.pose import Pose, from_numbers, to_numbers
-from planner.path.shape import Derived, Piece, Shape, line, turn_angle, turning_angle
+from planner.path.shape import Derived, Piece, Shape, line, refuse_half_turn, turn_angle, turning_angle
 from planner.path.spline import align_signs
 
 NAME, DEGREES = "synchronised", (8, 16, 24)
@@ -60,7 +60,9 @@ def draw_synchronised(machine: Machine, start: Pose, end: Pose, tool: Pose | Non
     """
     back = RigidTransform.identity() if tool is None else tool.inv()
     chord = float(np.linalg.norm(end.translation - start.translation))
-    length = max(chord, turn_angle(start, end) * machine.characteristic_length)
+    angle = turn_angle(start, end)
+    refuse_half_turn(angle)
+    length = max(chord, angle * machine.characteristic_length)
     try:
         first = machine.inverse(start * back, machine.home_q)
         last = machine.inverse(end * back, first)

@@ -17,7 +17,7 @@ from kinematics.foundation.options import check_fields, fits
 from kinematics.foundation.result import Result
 from kinematics.foundation.short_repr import short_repr
 from kinematics.foundation.table import Column, Table
-from kinematics.foundation.units import Acceleration, Angle, AngularSpeed, Duration, Length, Speed
+from kinematics.foundation.units import Acceleration, Angle, AngularSpeed, Duration, Jerk, Length, Speed
 from planner.program.modifiers import STOP, Free, Join, Trigger
 from planner.program.validation import (
     MOST_SEGMENTS,
@@ -47,6 +47,7 @@ class MovingSegment:
     """What every segment that moves the tool may state, besides where to.
 
     acceleration, angular_speed  caps of the tool's acceleration, m/s², and of the platform's turning, rad/s
+    max_tool_jerk  cap of the tool's jerk, m/s³
     speed_constant  exactly this speed, outside the shortest ramps where it is begun from rest or left to rest
                 (planner.timing.parts: where the ramps lie at other joins)
     trigger      an event along it
@@ -56,6 +57,7 @@ class MovingSegment:
 
     acceleration: Acceleration | None = None
     angular_speed: AngularSpeed | None = None
+    max_tool_jerk: Jerk | None = None
     speed_constant: bool = False
     trigger: Trigger | None = None
     free: Free | None = None
@@ -114,7 +116,7 @@ class Arc(MovingSegment):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Spline(MovingSegment):
-    """A smooth curve from the current point through points, four times continuously differentiable, without stops.
+    """A smooth curve from the current point through points, three times continuously differentiable, without stops.
 
     through  (N, 3) m, no two neighbours the same (the path's shape: planner.path.spline)
     rotate   N orientations, one at each point; None: kept
@@ -215,7 +217,7 @@ class Synchronised:
     its ramps: it then runs a triangle of two ramps of half the move's time. Its ends are the same;
     its course between them is not followed here.
     to      (3,) m, and the orientation there: None: kept
-    speed, acceleration, angular_speed, trigger, join, line_number  as of a line
+    speed, acceleration, angular_speed, max_tool_jerk, trigger, join, line_number  as of a line
     """
 
     __repr__ = short_repr
@@ -225,6 +227,7 @@ class Synchronised:
     join: Join = STOP
     acceleration: Acceleration | None = field(default=None, kw_only=True)
     angular_speed: AngularSpeed | None = field(default=None, kw_only=True)
+    max_tool_jerk: Jerk | None = field(default=None, kw_only=True)
     trigger: Trigger | None = field(default=None, kw_only=True)
     line_number: int | None = field(default=None, kw_only=True)
 
@@ -292,7 +295,7 @@ class Program(Result):
     frame    "home": relative to the machine's home pose, or "base": in the machine's base frame
     start    first pose, in the program's frame; None: where the machine's home pose has it
     machine  name or path of the machine it is meant for, if it says so
-    speed, acceleration, angular_speed  caps of every segment that moves and states none of its own
+    speed, acceleration, angular_speed, max_tool_jerk  caps of every segment that moves and states none of its own
     tool     the tool's frame in the platform's: coordinates say where it goes, speeds are its own; None: the platform's
     work     the frame, in the program's, in which coordinates are given; None: the program's frame itself
     repeat   how often the segments are run, one time after the other, each from where the path stands
@@ -312,6 +315,7 @@ class Program(Result):
     speed: Speed | None = field(default=None, kw_only=True)
     acceleration: Acceleration | None = field(default=None, kw_only=True)
     angular_speed: AngularSpeed | None = field(default=None, kw_only=True)
+    max_tool_jerk: Jerk | None = field(default=None, kw_only=True)
     tool: "Pose | None" = field(default=None, kw_only=True)
     work: "Pose | None" = field(default=None, kw_only=True)
     repeat: int = field(default=1, kw_only=True)
@@ -355,7 +359,12 @@ class Program(Result):
         """Its segments, one a row: where each leads as far as it says so itself, its caps, join and trigger."""
         segments = self.segments
         ends = [_end(segment) for segment in segments]
-        caps = (("speed", "m/s"), ("acceleration", "m/s^2"), ("angular_speed", "rad/s"))
+        caps = (
+            ("speed", "m/s"),
+            ("acceleration", "m/s^2"),
+            ("angular_speed", "rad/s"),
+            ("max_tool_jerk", "m/s^3"),
+        )
         columns = (
             Column("segment", range(1, len(segments) + 1)),
             Column("kind", [type(segment).__name__.lower() for segment in segments]),
@@ -375,6 +384,14 @@ class Program(Result):
         told = tuple(column for column in columns if any(value is not None for value in column.values))
         again = "" if self.repeat == 1 else f", {self.repeat} times"
         return (Table(f"{self.name}: {count_noun(len(segments), 'segment')}{again}, from {self.frame}", told),)
+
+    @property
+    def caps_jerk(self) -> bool:
+        """True if the program or a segment caps the tool's jerk; segments of a stream do not count."""
+        if self.max_tool_jerk is not None:
+            return True
+        known = () if isinstance(self.segments, SegmentStream) else self.segments
+        return any(getattr(segment, "max_tool_jerk", None) is not None for segment in known)
 
     def cap(self, segment: Segment, name: str) -> float | None:
         """A segment's own cap, or the program's; None where neither says one, or the segment cannot have it."""

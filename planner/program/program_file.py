@@ -27,6 +27,7 @@ from kinematics.foundation.units import Unit
 from planner.program.model import MIN_MOVE, Arc, Dwell, Frame, Line, Program, Segment, Spline, Synchronised, Turn
 from planner.program.segment_tables import (
     ACCELERATION,
+    JERK,
     SPEED,
     AngularSpeed,
     CurveEntry,
@@ -34,6 +35,7 @@ from planner.program.segment_tables import (
     MovingEntry,
     PathEntry,
     ToolAcceleration,
+    ToolJerk,
     ToolSpeed,
     read_trigger,
 )
@@ -225,11 +227,16 @@ class SynchronisedEntry(MovingEntry):
     )
     speed: ToolSpeed | None = SPEED
     acceleration: ToolAcceleration | None = ACCELERATION
+    max_tool_jerk: ToolJerk | None = JERK
 
     def segment(self, line_number: int | None) -> Segment:
         to, turned = freeze_array(self.synchronised.to), _rotation(self.synchronised.rotate)
-        said: dict[str, Any] = {"acceleration": self.acceleration, "angular_speed": self.angular_speed}
-        return Synchronised(to, turned, self.speed, self.next_join, **said, trigger=self.event, line_number=line_number)
+        caps: dict[str, Any] = {
+            "acceleration": self.acceleration,
+            "angular_speed": self.angular_speed,
+            "max_tool_jerk": self.max_tool_jerk,
+        }
+        return Synchronised(to, turned, self.speed, self.next_join, **caps, trigger=self.event, line_number=line_number)
 
 
 class DwellEntry(TableSchema):
@@ -274,6 +281,7 @@ class ProgramFile(File):
     speed: ToolSpeed | None = key("most of the tool, for segments that state none", '"100 mm/s"', None)
     acceleration: ToolAcceleration | None = key("likewise", '"1000 mm/s^2"', None)
     angular_speed: AngularSpeed | None = key("likewise, of its turning", '"30 deg/s"', None)
+    max_tool_jerk: ToolJerk | None = key("likewise, of its jerk, which makes plans limit jerk", '"50 m/s^3"', None)
     tool: PoseTable | None = key(
         "what is moved, in the platform's frame",
         '{ to = ["0 mm", "0 mm", "10 mm"], rotate = ["0 deg", "0 deg", "0 deg"] }',
@@ -345,6 +353,7 @@ def make_program(document: Document, model: ProgramFile) -> Program:
         speed=model.speed,
         acceleration=model.acceleration,
         angular_speed=model.angular_speed,
+        max_tool_jerk=model.max_tool_jerk,
         tool=None if model.tool is None else model.tool.pose,
         work=None if model.work is None else model.work.pose,
         repeat=model.repeat,

@@ -173,7 +173,7 @@ def _angles(rotation: Rotation | None) -> Array | None:
 HEAD = [one for one in keys_of(ProgramFile) if one.name != "segment"]
 SHAPES = {one.name: one for entry in SEGMENTS for one in keys_of(entry) if one.name not in PathEntry.model_fields}
 """What a segment is: one of these."""
-_ORDER = ("speed", "acceleration", "angular_speed", "speed_constant", "join", "trigger")
+_ORDER = ("speed", "acceleration", "angular_speed", "max_tool_jerk", "speed_constant", "join", "trigger")
 MODIFIERS = sorted(keys_of(PathEntry), key=lambda one: _ORDER.index(one.name) if one.name in _ORDER else len(_ORDER))
 """What a segment may say beside."""
 EXAMPLE_RADIUS = 10

@@ -57,6 +57,7 @@ def _join_type(value: object) -> Any:
 
 ToolSpeed = Annotated[float, Unit("m/s", above=0)]
 ToolAcceleration = Annotated[float, Unit("m/s^2", above=0)]
+ToolJerk = Annotated[float, Unit("m/s^3", above=0)]
 AngularSpeed = Annotated[float, Unit("rad/s", above=0)]
 Name = Annotated[str, AfterValidator(_check_name)]
 
@@ -136,6 +137,7 @@ def read_trigger(entry: Name | TriggerTable | None) -> Trigger | None:
 
 SPEED = key("most of the tool along it", '"20 mm/s"', None)
 ACCELERATION = key("likewise", '"500 mm/s^2"', None)
+JERK = key("most of the tool's jerk along it, in plans that limit jerk", '"50 m/s^3"', None)
 
 
 class MovingEntry(TableSchema):
@@ -176,6 +178,7 @@ class PathEntry(MovingEntry):
 
     speed: ToolSpeed | None = SPEED
     acceleration: ToolAcceleration | None = ACCELERATION
+    max_tool_jerk: ToolJerk | None = JERK
     speed_constant: Annotated[bool, AfterValidator(_check_has_speed)] = key(
         "exactly that speed, between ramps", "true", False, needs=["speed"]
     )
@@ -197,6 +200,7 @@ class PathEntry(MovingEntry):
             "join": self.next_join,
             "acceleration": self.acceleration,
             "angular_speed": self.angular_speed,
+            "max_tool_jerk": self.max_tool_jerk,
             "speed_constant": self.speed_constant,
             "trigger": self.event,
             "free": self.freedom,

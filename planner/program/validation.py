@@ -15,7 +15,7 @@ from kinematics.foundation.options import check_fields, fits
 if TYPE_CHECKING:
     from kinematics.machine.pose import Pose
 
-CAPS = {"speed": "m/s", "acceleration": "m/s²", "angular_speed": "rad/s"}
+CAPS = {"speed": "m/s", "acceleration": "m/s²", "angular_speed": "rad/s", "max_tool_jerk": "m/s³"}
 """What segments may cap, as far as they have it, and its unit."""
 MAX_REPEATS, MOST_SEGMENTS = 1_000_000, 1_000_000
 """Of a program: how often it may be run, and the segments that this comes to."""

@@ -17,10 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
 from kinematics.foundation.taylor_model import EPS, Series
 from kinematics.machine.kind import columns
 from planner.certificate.enclosure import Cells, Enclosure, bound_series
-from planner.path.actuation import MachinePath
+from planner.path.actuation import MachinePath, check_rate
 from planner.shaping.shaped_motion import ShapedMotion
 from planner.trajectory import Trajectory
 
@@ -75,6 +76,11 @@ class ShapedEnclosure(Enclosure):
         return self._fill(velocity, self.reached.solve(self.qdd - bent))[1]
 
     def pose_rate(self, times: int) -> Series:
+        if check_rate(times) == 3:
+            raise MotionError(
+                "the third derivative of the pose is not bounded after input shapers: leave out max_tool_jerk and own "
+                "limits of it, or the shapers"
+            )
         if times == 0:
             return self.pose
         rotation = self.pose[:, 3:12]

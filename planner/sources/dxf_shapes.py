@@ -15,7 +15,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
-from planner.path.spline import sample_splines
+from planner.path.spline import draw_through, sample_splines
 from planner.program.model import MIN_MOVE
 from planner.sources.dxf_blocks import Placement
 from planner.sources.stroke import Chain, Stroke, arc, cross_product, curve, line
@@ -47,6 +47,9 @@ def fit_spline(curve: Curve, low: float, high: float, tolerance: float) -> tuple
         off = _curve_deviation(curve, t, points)
         bad = off > tolerance
         if not bad.any():
+            off = _drawn_deviation(curve, t, points)
+            bad = off > tolerance
+        if not bad.any():
             return points, float(off.max())
         bad[1:] |= bad[:-1].copy()
         bad[:-1] |= bad[1:].copy()
@@ -55,14 +58,29 @@ def fit_spline(curve: Curve, low: float, high: float, tolerance: float) -> tuple
 
 
 def _curve_deviation(curve: Curve, t: Array, points: Array) -> Array:
-    """Return the largest distance (m) of each span from the curve."""
-    x = sample_splines(points, SPAN_SHARES)[0].reshape(-1, 3)
-    near = (t[:-1, None] + np.diff(t)[:, None] * SPAN_SHARES).ravel()
+    """m, the largest distance of each span from the curve."""
+    return _measure_places(curve, t, sample_splines(points, SPAN_SHARES)[0], np.arange(len(t) - 1))
+
+
+def _drawn_deviation(curve: Curve, t: Array, points: Array) -> Array:
+    """Measure the largest distance (m) of each span from the curve, on the pieces as they are run."""
+    places, span = draw_through(points)
+    away = _measure_places(curve, t, places, span)
+    worst = np.zeros(len(t) - 1)
+    np.maximum.at(worst, span, away)
+    return worst
+
+
+def _measure_places(curve: Curve, t: Array, places: Array, span: np.ndarray) -> Array:
+    """m, the largest distance from the curve of places (M, K, 3), each row of them on a span (M,) between t (N+1,)."""
+    x = places.reshape(-1, 3)
+    share = np.linspace(0.0, 1.0, places.shape[1])
+    near = (t[span][:, None] + np.diff(t)[span][:, None] * share).ravel()
     for _ in range(NEWTON_STEPS):
         p, slope = curve(near)
         steep = np.maximum((slope**2).sum(1), np.finfo(float).tiny)
         near = np.clip(near + ((x - p) * slope).sum(1) / steep, t[0], t[-1])
-    return np.asarray(np.linalg.norm(x - curve(near)[0], axis=1).reshape(len(t) - 1, -1).max(1))
+    return np.asarray(np.linalg.norm(x - curve(near)[0], axis=1).reshape(places.shape[:2]).max(1))
 
 
 MAX_EXCESS = 1e-3

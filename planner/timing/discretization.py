@@ -10,6 +10,7 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import count_noun
 from planner.limits.limit import Limit, Term
 from planner.path.actuation import ActuatorPath
+from planner.path.polynomial import PolynomialPath
 from planner.timing.initial_guess import MAX_BRIEF_SHARE, WINDOW_GROWTH, Smoothed, pass_breaks, slow_breaks
 from planner.timing.problem import (
     Block,
@@ -31,6 +32,9 @@ Rule = tuple[int, int, int]
 SECOND_ORDER, THIRD_ORDER, COARSE, ROUGH_GRID = (1000, 50, 40), (240, 24, 15), (400, 20, 20), (120, 8, 6)
 # Intervals of a run at most, at order 2 and 3: these hold some 5 kB each, and 0.15 MB.
 MAX_INTERVALS = (1_000_000, 50_000)
+# Pieces of a path without a machine in one run at most. The more it has, the fewer intervals has each, so that all are
+# within MAX_INTERVALS: so dense a spline bends little from knot to knot.
+MAX_DENSE_PIECES = 100_000
 # Of a grid whose intervals have the same weight each: the share of the weight that goes with time, the least number of
 # intervals of a piece, and in how many parts a motion's pieces are taken.
 TIME_SHARE, MIN_PER_PIECE, PLACE_PARTS = 0.4, 4, 8
@@ -183,7 +187,8 @@ def place_problem(
     s = np.clip(np.maximum.accumulate(s), breaks[0], breaks[-1])
     passed = np.concatenate([[0.0], np.cumsum(share[owner]) / PLACE_PARTS])
     at = PLACE_PARTS * np.append(np.searchsorted(motion.piece, np.arange(run.first, run.last + 1)), len(motion.h))
-    least = np.maximum(MIN_PER_PIECE, rule[2] * path.turns[run.first : run.last + 1] / 2)
+    fewest = min(MIN_PER_PIECE, _per_piece(rule, path, run))
+    least = np.maximum(fewest, rule[2] * path.turns[run.first : run.last + 1] / 2)
     intervals = count_intervals(rule, path, run, on_top=True)
     count = np.ceil(np.maximum(least, np.diff(passed[at]) * intervals) - ROUNDING).astype(int)
     first = np.repeat(np.cumsum(count) - count, count)
@@ -204,7 +209,7 @@ def grade_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run, shares:
 
 def _grid(rule: Rule, path: ActuatorPath, run: Run, spread: Array | None = None) -> tuple[Array, np.ndarray]:
     """A run's grid by a rule, of which every piece by itself has its share."""
-    least = np.maximum(rule[1], rule[2] * path.turns[run.first : run.last + 1])
+    least = np.maximum(_per_piece(rule, path, run), rule[2] * path.turns[run.first : run.last + 1])
     return make_grid(path, run, count_intervals(rule, path, run), spread, least=least)
 
 
@@ -214,15 +219,26 @@ def _graded_shares(intervals: int) -> Array:
     return np.asarray(even**2 * (3 - 2 * even))
 
 
+def _per_piece(rule: Rule, path: ActuatorPath, run: Run) -> int:
+    """Intervals of each piece by a rule; fewer where a path without a machine has very many of them."""
+    if not isinstance(path, PolynomialPath):
+        return rule[1]
+    most = MAX_INTERVALS[rule != SECOND_ORDER]
+    return min(rule[1], max(1, most // (run.last - run.first + 1)))
+
+
 def count_intervals(rule: Rule, path: ActuatorPath, run: Run, on_top: bool = False) -> int:
     """By a rule; on_top: pieces after the first come on top of the least number."""
-    least, per_piece, per_radian = rule
+    least, _, per_radian = rule
+    per_piece = _per_piece(rule, path, run)
     turn = float(path.turns[run.first : run.last + 1].sum())
     pieces = run.last - run.first + 1
     size = max(least + per_piece * (pieces - 1) if on_top else least, per_piece * pieces, int(per_radian * turn))
     size *= run.fineness
     most = MAX_INTERVALS[rule != SECOND_ORDER]
-    if size > most:
+    if isinstance(path, PolynomialPath):
+        _refuse_dense(path, pieces)
+    elif size > most:
         since, until = (
             path.place(float(s), k)
             for s, k in zip(path.breaks[[run.first, run.last + 1]], (run.first, run.last), strict=True)
@@ -233,6 +249,14 @@ def count_intervals(rule: Rule, path: ActuatorPath, run: Run, on_top: bool = Fal
             f'at most {most}: write join = "stop" on the way, or split a segment that turns many times{order}'
         )
     return size
+
+
+def _refuse_dense(path: PolynomialPath, pieces: int) -> None:
+    if pieces > MAX_DENSE_PIECES:
+        raise MotionError(
+            f"the path has {pieces} pieces without a stop, at most {MAX_DENSE_PIECES} are timed at once: give a spline "
+            "of fewer knots, or parts of it one by one with start_speed and end_speed"
+        )
 
 
 def _few_intervals(path: ActuatorPath, run: Run) -> int | None:

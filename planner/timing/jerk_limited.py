@@ -15,6 +15,7 @@ from planner.limits.limit import Limit, Term
 from planner.path.actuation import ActuatorPath
 from planner.timing.certified_run import SOLVER_MARGIN, required_slowness, tighten_until_kept
 from planner.timing.discretization import (
+    MAX_INTERVALS,
     ROUGH_GRID,
     START_GRID,
     THIRD_ORDER,
@@ -192,7 +193,8 @@ def place_by_loss(
     weight = np.sqrt(lost)
     needed = float(weight.sum()) ** 2 / (MAX_LOSS * motion.duration)
     usual = count_intervals(rule, path, run, on_top=True)
-    run = replace(run, fineness=run.fineness * int(np.clip(np.ceil(needed / usual), 1, MAX_FINENESS)))
+    finer = min(int(np.ceil(needed / usual)), MAX_FINENESS, MAX_INTERVALS[1] // usual)
+    run = replace(run, fineness=run.fineness * max(finer, 1))
     beside = np.maximum(np.append(weight[1:], 0.0), np.append(0.0, weight[:-1]))  # what binds may move a little
     return place_problem(path, limits, run, motion, np.maximum(weight, beside / 2), rule), motion
 

@@ -385,7 +385,7 @@ def _dump(
 
     read_rig(chosen["rig"], inputs.machine)  # refuses one that does not fit
     find_rule(rule)  # refuses what is none
-    kind = usual_order(inputs.machine.axes) if order is None else int(order)
+    kind = usual_order(inputs.machine.axes, inputs.program) if order is None else int(order)
     options: dict[str, int | str] = {"order": kind, "clock-hz": clock_hz, "rule": rule, "pulses": pulses}
     if duration is not None:
         read_quantity("--duration", duration, "s", above=0.0)

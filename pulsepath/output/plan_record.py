@@ -31,6 +31,7 @@ from pulsepath.output.record import (
     departure_records,
     fit_record,
     of_tracking,
+    overshoot_records,
     place_record,
     pose_record,
     realised_record,
@@ -59,6 +60,7 @@ def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
         "blends": blend_records(plan.path.blends),
         "avoidable_stops": plan.avoidable_stops.record(),
         "synchronised_moves": departure_records(plan.departures),
+        "splines": overshoot_records(plan.path.overshoots),
         "stated_but_not_kept": list(find_unkept_limits(plan.machine)),
         "lower_bound": {
             "kind": "proved" if plan.known else "estimate",

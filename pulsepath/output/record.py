@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from planner.export.format import Exported
     from planner.path.outcome import Blended, FitSummary
     from planner.path.point_to_point import Departure
+    from planner.path.shape import Overshoot
     from planner.pulses import RealisedPath
     from planner.sources.arm_simulation import ArmSimulation
     from planner.sources.outline import Outline
@@ -59,6 +60,7 @@ def of_check(found: Standing) -> Record:
         "blends": blend_records(found.blends),
         "avoidable_stops": None if found.avoidable is None else found.avoidable.record(),
         "synchronised_moves": departure_records(found.departures),
+        "splines": overshoot_records(found.overshoots),
         "violations": [violation_record(violation) for violation in found.violations],
         "conditioning": None
         if found.conditioning is None
@@ -240,6 +242,21 @@ def departure_records(departures: Sequence[Departure]) -> list[Record]:
             "axes_uneven_pulses": one.uneven,
         }
         for one in departures
+    ]
+
+
+def overshoot_records(overshoots: Sequence[Overshoot]) -> list[Record]:
+    """Return the overshoot of each spline, and its worst span against the shortest chord nearby."""
+    return [
+        {
+            "segment": one.segment,
+            "off_the_polygon_m": one.distance,
+            "at_m": one.s,
+            "worst_span_to_point": one.point,
+            "worst_span_off_m": one.beyond,
+            "shortest_chord_nearby_m": one.chord,
+        }
+        for one in overshoots
     ]
 
 

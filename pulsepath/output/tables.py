@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from planner import Classical, Plan, Standing
     from planner.path.outcome import Blended, FitSummary
     from planner.path.point_to_point import Departure
+    from planner.path.shape import Overshoot
     from planner.plan_parts import PlanStanding
     from planner.shaping.shaped_proof import ShapedProof
     from planner.sources.position_list import PositionList
@@ -159,6 +160,8 @@ def sum_up(job: Job) -> list[Table]:
         rows.append(("fit", _sum_up_fit(plan.path.fit)))
     if plan.departures:
         rows.append(("off the line", _sum_up_departures(plan.departures)))
+    if plan.path.overshoots:
+        rows.append(("splines off their polygons", _sum_up_overshoots(plan.path.overshoots)))
     if plan.path.blends:
         rows.append(("blends", _sum_up_blends(plan.path.blends)))
     asked = [blend.tolerance for blend in plan.path.blends]
@@ -213,6 +216,8 @@ def sum_up_check(found: Standing) -> list[Table]:
         told.append(("fit", _sum_up_fit(found.fit)))
     if found.departures:
         told.append(("off the line", _sum_up_departures(found.departures)))
+    if found.overshoots:
+        told.append(("splines off their polygons", _sum_up_overshoots(found.overshoots)))
     more = ["with -v: a table of each"] if rest else []
     return [replace(uses, notes=(*uses.notes, *(f"{what}: {text}" for what, text in told), *more))]
 
@@ -233,6 +238,12 @@ def _sum_up_fit(fit: FitSummary) -> str:
 
 def _sum_up_departures(departures: Sequence[Departure]) -> str:
     return f"up to {1e3 * max(one.distance for one in departures):.3f} mm, as moves are synchronised"
+
+
+def _sum_up_overshoots(overshoots: Sequence[Overshoot]) -> str:
+    from planner.path.overshoot import describe_overshoot
+
+    return describe_overshoot(overshoots)
 
 
 def _describe_timing(plan: Plan, timing: Classical, *first: str) -> str:

@@ -8,6 +8,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.spatial.transform import RigidTransform
 
 from kinematics import Axis, Body, Load, Traverser, load_machine
+from kinematics.machine.load import GRAVITY
 from planner import load_program, plan
 
 
@@ -88,12 +89,12 @@ def seven_segments():
 
 @pytest.fixture(scope="session")
 def slide():
-    """(mass, **what the axis states) -> a machine whose upright slide alone has masses and limits that bind."""
+    """(mass, **what the axis states) -> a machine whose upright slide Z alone has masses and limits that bind."""
 
     def make(mass, **own):
         free = {"max_speed": 1e3, "max_acceleration": 1e5, "max_jerk": 1e9}
         axes = [Axis("X", **free), Axis("Y", **free), Axis("Z", **own), Axis("R", "rotary", **free)]
-        return Traverser(axes=axes, home=RigidTransform.identity(), load=Load(Body(mass)))
+        return Traverser(axes=axes, home=RigidTransform.identity(), load=Load(Body(mass), gravity=GRAVITY))
 
     return make
 

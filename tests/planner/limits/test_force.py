@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kinematics import Body, Leg, Load, MotionError, Traverser, forces, load_machine, machine_names
 from kinematics.kinds.hexapod import PLATE
 from kinematics.machine.load import GRAVITY, combine_bodies
-from planner import Arc, Infeasible, Line, Program, Trajectory, classical, plan
+from planner import Arc, Infeasible, Line, Program, Trajectory, check, classical, plan
 from planner.certificate.certify import certify
 from planner.certificate.enclosure import Cells, bound_series, enclose
 from planner.limits import find_unkept_limits, limits_of
@@ -274,3 +274,16 @@ def test_the_preset_weighs_what_its_comments_say(laden):
     assert laden.load.platform.mass == pytest.approx(whole.mass, abs=5e-4)
     assert laden.load.platform.centre == pytest.approx(whole.centre, abs=5e-6)
     assert laden.load.platform.inertia == pytest.approx(whole.inertia, abs=5e-6)
+
+
+@pytest.mark.parametrize(("newtons", "holds"), [(222.0, False), (223.0, True)])
+def test_a_traverser_s_vertical_slide_has_to_hold_its_weight(newtons, holds):
+    """50 lb on X, which is vertical: 222.4 N [Sasidhar 1981]; the other slides need next to nothing."""
+    machine = load_machine("traverser").carrying(Load(Body(50 * 0.45359237)))
+    machine = machine.driven_by([replace(axis, max_force=newtons) for axis in machine.axes])
+    standing = check(Program([Line([0.1, 0.1, 0.1])]), machine)
+    assert bool(standing.violations) != holds
+    if not holds:
+        assert "X" in str(standing.violations[0])
+    else:
+        assert standing.largest["holding force"][0] == pytest.approx(222.411 / newtons, rel=1e-5)

@@ -15,7 +15,7 @@ from planner.limits.force import Force, Holding, TorqueSpeed
 from planner.limits.geometric import Clearance, Room, Tilt, Travel
 from planner.limits.registry import AXIS_LIMITS, MACHINE_LIMITS, tabulate_axis_bounds
 from planner.limits.resonance import Resonance
-from planner.limits.tool import FACETS, AngularSpeed, ToolAcceleration, ToolLimit, ToolSpeed
+from planner.limits.tool import FACETS, AngularSpeed, ToolAcceleration, ToolJerk, ToolLimit, ToolSpeed, _sphere_normals
 from planner.path.actuation import actuate, make_points
 from planner.path.polynomial import PolynomialPath
 from planner.pulses import pace_axes
@@ -59,6 +59,8 @@ ZOO = {
     AngularSpeed: Case(squares, row=np.sqrt),
     # a polygon inscribed in a circle: of the facets, the nearest uses at most so much more
     ToolAcceleration: Case(squares, row=np.sqrt, loss=1 / np.cos(np.pi / 2 / FACETS) - 1),
+    # likewise a polyhedron inscribed in a ball, where the path leaves its plane
+    ToolJerk: Case(squares, row=np.sqrt, loss=1 / _sphere_normals()[1] - 1),
     Holding: Case(bounds),
     Force: Case(bounds, row=lambda value: value),
     TorqueSpeed: Case(bounds, row=lambda value: value),
@@ -104,6 +106,7 @@ def path(machine):
         start=RigidTransform.from_components([0, 0, 0.025], Rotation.identity()),
         acceleration=0.03,
         angular_speed=0.1,
+        max_tool_jerk=2.0,
     )
     return actuate(program, machine)
 

@@ -51,7 +51,7 @@ def test_splines_at_constant_speed_have_their_length_as_parameter(hexapod, walk,
     try:
         plain = drawn(hexapod, Spline(through)).pieces
     except MotionError as refusal:
-        assume("turns back" not in str(refusal))
+        assume("turns back" not in str(refusal) and "no direction" not in str(refusal))
         raise
     even = drawn(hexapod, Spline(through, **SAID)).pieces
     for piece in even:
@@ -60,7 +60,7 @@ def test_splines_at_constant_speed_have_their_length_as_parameter(hexapod, walk,
     assert sum(piece.length for piece in even) == pytest.approx(whole, rel=1e-9)
     ends = np.concatenate([[0.0], np.cumsum([piece.length for piece in even])])
     assert even[-1].poses(np.array([even[-1].length]))[0, :3] - even[0].poses(np.zeros(1))[0, :3] == pytest.approx(
-        through[-1] - START.translation, abs=1e-15
+        through[-1] - START.translation, abs=1e-14
     )
     # a place in the middle of the plain curve's last span, by its own length
     rest = quad(lambda s: slopes_at(plain[-1], s), plain[-1].length / 2, plain[-1].length, epsabs=1e-13)[0]
@@ -101,13 +101,9 @@ def test_where_parameters_change_the_pose_stays_smooth(hexapod, segments):
 
 def test_only_what_needs_it_is_drawn_anew(hexapod):
     lines = (Line([0.01, 0, 0.03], **SAID), Arc([0, 0, 0.03], [0, 0, 1], 1.0, **SAID), BENT)
-    assert [piece.shape.name for piece in drawn(hexapod, *lines).pieces] == [
-        "line",
-        "arc",
-        "spline",
-        "spline",
-        "spline",
-    ]
+    first, second, *bent = (piece.shape.name for piece in drawn(hexapod, *lines).pieces)
+    assert (first, second) == ("line", "arc")
+    assert set(bent) == {"hermite"}
     plain = drawn(hexapod, Line([0.01, 0, 0.03], join=Blend(2e-4)), Line([0.01, 0.01, 0.03]))
     assert not any("even" in piece.shape.name for piece in plain.pieces)
 

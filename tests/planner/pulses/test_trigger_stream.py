@@ -101,7 +101,8 @@ def test_what_there_is_at_any_instant_has_those_up_to_its_rest(parts):
         found = [*(event for one in parts[: n + 1] for event in one.triggers), *part.rest_triggers]
         assert standing.triggers == len(found)
         assert [event.name for event in found] == (2 * ALL)[: len(found)]
-        assert all(0 <= event.time <= standing.duration for event in found)
+        # an event at the end of the rest is summed up in another order: one unit in the last place
+        assert all(0 <= event.time <= standing.duration * (1 + 1e-15) for event in found)
         pulses = [one.pulses for one in parts[: n + 1]] + [part.rest_pulses] * (part.rest_pulses is not None)
         every = join_schedules(pulses)
         for event in part.rest_triggers:

@@ -242,7 +242,7 @@ def test_a_torque_speed_curve_that_shaping_breaks_is_kept_by_planning_again():
     """Means of quick and strong moments lie beyond a curve that bends inwards; by f = m q̈ of a copy-wise sum."""
     curve, machine = ((0.0, 4.0), (0.03, 2.0), (0.3, 1.5)), gantry("zv")
     axes = [replace(machine.axes[0], torque_speed=curve, max_acceleration=10.0), *machine.axes[1:]]
-    machine = machine.driven_by(axes).carrying(Load(Body(1.0)))
+    machine = machine.driven_by(axes).carrying(Load(Body(1.0), gravity=[0, 0, -9.80665]))
     made = plan(Program((Line([0.1, 0.05, 0]),)), machine)
     assert made.shaped.cost.lowered["torque-speed"].least < 0.97  # less of it in places, so that
     assert 0.99 < made.shaped.worst["torque-speed"] <= 1  # all of it

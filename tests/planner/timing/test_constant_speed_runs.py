@@ -153,7 +153,7 @@ def test_the_tool_of_a_hexapod_is_at_its_speed(hexapod, order, segments):
 
 
 def test_a_speed_that_is_claimed_but_not_had_is_found_out(hexapod):
-    """A spline at constant ṡ of its chords: the tool is faster, by what its own derivative says."""
+    """A spline at constant ṡ, which is the tool's speed to 2 % only: it is off by what its own derivative says."""
     drawn = actuate(Program([replace(CURVE, speed_constant=False)], start=START), hexapod)
     pieces = [replace(piece, constant=True) for piece in drawn.pieces]
     path = MachinePath(hexapod, pieces, np.array([1, 0, 1]), np.zeros(3))
@@ -165,7 +165,7 @@ def test_a_speed_that_is_claimed_but_not_had_is_found_out(hexapod):
     certificate = certify(claimed, limits_of(path, hexapod.axes, 2))
     dense = np.concatenate([piece.derivatives(np.linspace(0, piece.length, 4001))[1][:, :3] for piece in pieces])
     off = np.abs(np.linalg.norm(dense, axis=1) - 1).max()
-    assert off > 0.01
+    assert off > 1e-3
     assert not certificate.holds
     assert certificate.worst[CONSTANT_SPEED] * SPEED_TOLERANCE == pytest.approx(
         off, rel=1e-3
@@ -206,7 +206,7 @@ def test_a_constant_speed_too_long_in_a_band_names_what_would_do(order):
 BENT = Spline(
     [[0.0, 0.008, 0.027], [-0.005, 0, 0.025]],
     Rotation.from_euler("xyz", [[1, 0, 1], [0, 0, 0]], degrees=True),
-    join=Blend(5e-5),
+    join=Blend(1e-5),
 )
 
 

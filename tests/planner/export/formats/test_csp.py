@@ -91,18 +91,18 @@ def test_csp_states_the_second_difference_and_the_way_between_rows(tmp_path):
 def test_csp_torque_offsets_are_the_forces_of_the_motion(tmp_path):
     """Against m q̈: a level slide with 3 kg, in 0.1 % of the 50 mN that its motor is rated for."""
     machine = load_machine("traverser").carrying(Load(platform=Body(3.0)))
-    made = plan(Program([Line([0.01, 0, 0])]), machine, order=2)
+    made = plan(Program([Line([0, 0.01, 0])]), machine, order=2)
     source = ExportSource("line", machine, made.trajectory, made.pulses)
-    with pytest.raises(MotionError, match=r"axis Z: torque offset 0x60B2 of \d+ at 0 s, limit 32767 .* a larger rated"):
+    with pytest.raises(MotionError, match=r"axis X: torque offset 0x60B2 of \d+ at 0 s, limit 32767 .* a larger rated"):
         find_format("csp")(rated="0.05").write(source, tmp_path / "p.csv")
-    find_format("csp")(rated="0.05,50,50,50").write(source, tmp_path / "p.csv")
+    find_format("csp")(rated="50,0.05,50,50").write(source, tmp_path / "p.csv")
     each, q, _, torque = cycles_of(tmp_path / "p.csv")
     t = np.minimum(each * np.arange(len(q)), made.trajectory.duration)
-    x = machine.axes[0]
-    wanted = x.direction * 3.0 * made.trajectory.at(t).qdd[:, 0] / 0.05 * 1000
+    y = machine.axes[1]
+    wanted = y.direction * 3.0 * made.trajectory.at(t).qdd[:, 1] / 0.05 * 1000
     assert abs(wanted).max() > 200
-    assert abs(torque[:, 0] - wanted).max() <= 0.5 + 1e-6
-    assert abs(abs(torque[:, 2]) - 3.0 * 9.80665 / 50 * 1000).max() <= 0.5 + 1e-6  # it holds the weight
+    assert abs(torque[:, 1] - wanted).max() <= 0.5 + 1e-6
+    assert abs(abs(torque[:, 0]) - 3.0 * 9.80665 / 50 * 1000).max() <= 0.5 + 1e-6  # it holds the weight
 
 
 @pytest.mark.parametrize(
