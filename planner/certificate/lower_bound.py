@@ -387,7 +387,7 @@ def bound_cells(
         y = min(rows.speed[k, 0], rows.speed[k, 1]) - rows.speed_off[k]  # speeds let no more than 1/y pass
         cap = 1 / y * (1 + ROUNDINGS) if y > 0 else np.inf
         if nodes[k, 0] == 0 and nodes[k, 1] == 0 and nodes[k + 1, 0] == 0 and nodes[k + 1, 1] == 0 and bulge[k] == 0:
-            # the square root of what lies above a chord lies above its own chord
+            # y lies above its chord, and the square root of a chord lies above the chord of the square root
             first, last = rows.speed[k, 0] - rows.speed_off[k], rows.speed[k, 1] - rows.speed_off[k]
             slowness = (np.sqrt(first) + np.sqrt(last)) / 2 if y > 0 else 0.0
             out[k] = rows.width[k] * slowness * (1 - ROUNDINGS)

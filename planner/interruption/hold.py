@@ -185,7 +185,7 @@ def _solve_stop(whole: Whole, running: Running, now: Instant) -> Proved:
     """Find the soonest stop before any shapers.
 
     The better of those from the first two instants at which the motion can be left: a rough search
-    may miss the nearest place from one of them. Where there is none, the motion's own next rest.
+    may miss the nearest place from one of them. If neither has one, the motion's own next rest.
     """
     motion = running.trajectory
     last = next_rest(motion, now)

@@ -91,7 +91,7 @@ def find_ramps(
     instant, the soonest first.
 
     end    m
-    knots  places (m) where s⃛ of what is taken up may step. On a grid that holds them, and those of
+    knots  places (m) where s⃛ of the plan may step. On a grid that has them, and those of
            the motion that is left, following either for a while is among the motions of the problem.
     """
     if motion is not None:

@@ -21,7 +21,7 @@ from planner.timing.profile import CRUISE, Profile, RunSolution, close_profile, 
 
 # Share of f up to which it counts as constant on a piece: rounding of arc lengths.
 SAME_SPEED = 1e-8
-# Use of the limits on axis speeds, beside the tool's, up to which the tool's cap surely binds.
+# Use of the limits on axis speeds, as a share of the tool's, up to which the tool's cap surely binds.
 MAX_OTHER_SPEED = 0.98
 # Intervals of a piece on which f varies: COUNT · (variation of f)^POWER, which keeps the tool
 # within some 3e-5 of its cap: a right angle that is rounded takes 2 × 90 intervals at order 3, and
@@ -55,7 +55,7 @@ class Caps:
 
     @property
     def capped(self) -> np.ndarray:
-        """Whether a cruise may lie on each piece."""
+        """Pieces (P,) on which a cruise may lie."""
         return np.isfinite(self.tool) | np.isfinite(self.along)
 
     def at(self, s: Array, piece: np.ndarray) -> tuple[Array, Array]:
@@ -63,15 +63,15 @@ class Caps:
 
         ṡ = c/f and s̈ = −c² f′/f³, with f′ = p′·p″/f.
         """
-        own = piece - self.first
-        speed = self.along[own]
+        local = piece - self.first
+        speed = self.along[local]
         acceleration = np.zeros(len(s))
         curved = np.flatnonzero(np.isinf(speed))
         if len(curved):
             points = Points(self.path, s[curved], piece[curved], ())
             _, p1, p2 = (derivative[:, :3] for derivative in points.tool_derivatives)
             f = np.linalg.norm(p1, axis=1)
-            cap = EXACT_AIM * self.tool[own[curved]]
+            cap = EXACT_AIM * self.tool[local[curved]]
             speed[curved] = cap / f
             acceleration[curved] = -(cap**2) * (p1 * p2).sum(1) / f**4
         return speed, acceleration
@@ -106,7 +106,7 @@ def find_caps(
     """
     if not sketch.is_unconditional:
         return None
-    own = sketch.piece - run.first
+    pieces = sketch.piece - run.first
     tool, other = np.zeros((2, sketch.intervals)), np.zeros((2, sketch.intervals))
     for block in sketch.blocks:
         if is_of_speed(block):
@@ -114,12 +114,12 @@ def find_caps(
             for k, side in enumerate((block.start, block.end)):
                 slopes[k] = np.maximum(slopes[k], block.share(side[Term.SD]).max(1, initial=0.0))
     slope = np.maximum(tool, other)
-    most, least = _extremes(slope, own)
-    most_f, least_f = _extremes(tool, own)
+    most, least = _extremes(slope, pieces)
+    most_f, least_f = _extremes(tool, pieces)
     with np.errstate(divide="ignore", invalid="ignore"):
         even = (most > 0) & (most - least <= SAME_SPEED * most)
         along = _level(np.where(even, EXACT_AIM / most, np.inf))
-        binds = _extremes(other - MAX_OTHER_SPEED * tool, own)[0] < 0
+        binds = _extremes(other - MAX_OTHER_SPEED * tool, pieces)[0] < 0
         uneven = np.where(least_f > 0, most_f / least_f - 1, 0.0)
         tool_caps = np.where(binds & (least_f > 0), _tool_caps(limits, run), np.inf)
         caps = Caps(path, run.first, tool_caps, along, 1 / least, uneven)
@@ -131,12 +131,12 @@ def is_of_speed(block: Block) -> bool:
     return set(block.start) == {Term.SD}
 
 
-def _extremes(values: Array, own: np.ndarray) -> tuple[Array, Array]:
-    """Return the largest and the least of values (2, N) on each piece, own (N,) being the pieces."""
-    most = np.full(own[-1] + 1, -np.inf)
-    least = np.full(own[-1] + 1, np.inf)
-    np.maximum.at(most, own, values.max(0))
-    np.minimum.at(least, own, values.min(0))
+def _extremes(values: Array, pieces: np.ndarray) -> tuple[Array, Array]:
+    """Return the largest and the least of values (2, N) on each of the pieces that are given (N,)."""
+    most = np.full(pieces[-1] + 1, -np.inf)
+    least = np.full(pieces[-1] + 1, np.inf)
+    np.maximum.at(most, pieces, values.max(0))
+    np.minimum.at(least, pieces, values.min(0))
     return most, least
 
 
@@ -171,13 +171,13 @@ def follow_cap(
     breaks = stretch.breaks(path)
     profiles = []
     for a, b in pairwise([0, *changes.tolist(), len(pieces)]):
-        own = breaks[a : b + 1]
+        group = breaks[a : b + 1], pieces[a:b]
         if not curved[a]:
-            profiles.append(_keep_speed(path, caps, (own, pieces[a:b])))
+            profiles.append(_keep_speed(path, caps, group))
             continue
         before = None if a == 0 else float(caps.along[pieces[a - 1] - caps.first])
         after = None if b == len(pieces) else float(caps.along[pieces[b] - caps.first])
-        grid = _place_grid(caps, (own, pieces[a:b]), order, (before, after))
+        grid = _place_grid(caps, group, order, (before, after))
         profile = grid.follow_exactly() if order == 2 else grid.follow_smoothly(path, limits, caps)
         if profile is None:
             return None
@@ -244,18 +244,18 @@ def _place_grid(
     caps: Caps,
     pieces: tuple[Array, np.ndarray],
     order: int,
-    beside: tuple[float | None, float | None],
+    neighbours: tuple[float | None, float | None],
 ) -> _Grid:
     """Place a grid on pieces on which f varies.
 
-    beside  ṡ of the stretches of constant ṡ that the motion meets at both ends, if it meets any
+    neighbours  ṡ of the stretches of constant ṡ before and after, if there are any
     """
     breaks, numbers = pieces
     uneven = caps.uneven[numbers - caps.first]
     count = np.ceil(INTERVAL_COUNT[order] * uneven ** INTERVAL_POWER[order]).astype(int)
     s, piece = spread_points(breaks, np.maximum(count, MIN_INTERVALS), int(numbers[0]))
     v, a = caps.at(s, np.append(piece, piece[-1]))
-    for end, speed in zip((0, -1), beside, strict=True):
+    for end, speed in zip((0, -1), neighbours, strict=True):
         if speed is not None:
             v[end], a[end] = speed, 0.0
     return _Grid(s, piece, v, a)

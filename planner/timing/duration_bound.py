@@ -119,7 +119,7 @@ class _Nodes:
 class _Span:
     """A stretch of a run between two instants, which is bounded by itself.
 
-    own       the trajectory's time pieces (K,)
+    pieces    the trajectory's time pieces (K,)
     begin, end  s, of the trajectory
     breaks    path lengths at its start, at the path's breaks inside, and at its end
     first     the path piece at its start
@@ -127,7 +127,7 @@ class _Span:
     cruising  whether the motion keeps a capped speed over all of it
     """
 
-    own: np.ndarray
+    pieces: np.ndarray
     begin: float
     end: float
     breaks: Array
@@ -183,7 +183,7 @@ def _bound_quickly(trajectory: Trajectory, limits: Sequence[Limit], order: int, 
     """Share the cells out by time pieces; each span between cruises has LEAST_SHARED_CELLS at least."""
     stops = np.flatnonzero(trajectory.path.stops(order))
     runs = [split_run(trajectory, limits, ends) for ends in pairwise(stops.tolist())]
-    pieces = sum(len(span.own) for spans in runs for span in spans if not span.cruising)
+    pieces = sum(len(span.pieces) for spans in runs for span in spans if not span.cruising)
     bounds = []
     for spans in runs:
         parts = []
@@ -191,7 +191,7 @@ def _bound_quickly(trajectory: Trajectory, limits: Sequence[Limit], order: int, 
             if span.cruising:
                 parts.append(_bound_cruise(trajectory, limits, order, span))
             else:
-                most = max(most_cells * len(span.own) // pieces, LEAST_SHARED_CELLS)
+                most = max(most_cells * len(span.pieces) // pieces, LEAST_SHARED_CELLS)
                 parts.append(_bound_span_quickly(trajectory, limits, order, span, most))
         bounds.append(_join(parts))
     return _sum_runs(trajectory, limits, bounds)
@@ -291,7 +291,7 @@ def split_run(trajectory: Trajectory, limits: Sequence[Limit], ends: tuple[int, 
     own = np.arange(own[0], own[-1] + 1)
     knots = trajectory.knots[own[0] : own[-1] + 2]
     cruising = _find_cruising(trajectory, limits, own)
-    # pieces of the same kind in a row; short cruises belong to what is solved around them
+    # time pieces of the same kind in a row; a short cruise is bounded together with its neighbours
     edges = np.flatnonzero(np.diff(cruising, prepend=~cruising[:1], append=~cruising[-1:]))
     kinds = [
         (a, b, bool(cruising[a]) and knots[b] - knots[a] > LEAST_CRUISE * (knots[-1] - knots[0]))
@@ -371,7 +371,7 @@ def _make_span(
 
 def _bound_cruise(trajectory: Trajectory, limits: Sequence[Limit], order: int, span: _Span) -> _RunBound:
     """Bound a cruise by the limits on speed alone: T ≥ ∫ ds / ṡ_max."""
-    nodes = _look_at_nodes(trajectory, span, trajectory.knots[np.append(span.own, span.own[-1] + 1)])
+    nodes = _look_at_nodes(trajectory, span, trajectory.knots[np.append(span.pieces, span.pieces[-1] + 1)])
     rows = enclose_rows(trajectory.path, limits, nodes.s, nodes.piece)
     count, axes = len(nodes.piece), rows.acceleration.shape[1]
     still, nothing = np.zeros((count + 1, 2)), np.zeros(count)
@@ -443,7 +443,7 @@ def _bound_without_jerk(
 
 def _place_nodes(trajectory: Trajectory, span: _Span) -> _Nodes:
     """At the motion's knots, and more near rests."""
-    knots = trajectory.knots[span.own[0] : span.own[-1] + 2]
+    knots = trajectory.knots[span.pieces[0] : span.pieces[-1] + 2]
     begin, took = knots[0], knots[-1] - knots[0]
     growing = FIRST_CELL * (1 + CELL_GROWTH) ** np.arange(1 + int(np.log(0.3 / FIRST_CELL) / np.log(1 + CELL_GROWTH)))
     growing *= took
@@ -464,7 +464,7 @@ def _place_nodes(trajectory: Trajectory, span: _Span) -> _Nodes:
 
 def _look_at_nodes(trajectory: Trajectory, span: _Span, t: Array) -> _Nodes:
     """The motion at instants t, with a node at every break of the path in between."""
-    own = span.own
+    own = span.pieces
     k = np.clip(trajectory.locate(t), own[0], own[-1])
     tau = t - trajectory.knots[k]
     s = trajectory.s[k] + tau * (trajectory.v[k] + tau * (trajectory.a[k] / 2 + tau * trajectory.j[k] / 6))

@@ -9,7 +9,7 @@ into parts whose shortest times add up exactly:
 
 A ramp lies at each end of the run, at each change of the cap, and around each stretch on which
 another limit does not allow the cap. A grid over the whole run would have to resolve ramps of
-microseconds beside cruises of minutes; each ramp by itself is an ordinary problem.
+microseconds next to cruises of minutes; each ramp by itself is an ordinary problem.
 """
 
 from collections.abc import Callable, Sequence
@@ -107,11 +107,11 @@ def _find_cruises(
 
     A ramp to or from a cap lies within the stretch of path that has this cap.
     """
-    own = sketch.piece - run.first
-    acceleration = _least_on_pieces(bound_term(sketch, Term.SDD), own)
-    jerk = _least_on_pieces(bound_term(sketch, Term.SDDD), own)
+    pieces = sketch.piece - run.first
+    acceleration = _least_on_pieces(bound_term(sketch, Term.SDD), pieces)
+    jerk = _least_on_pieces(bound_term(sketch, Term.SDDD), pieces)
     ramps = _bound_ramps(caps.fastest, RAMP_SHARE * acceleration, RAMP_SHARE * jerk)
-    busy = _find_cruising_use(sketch, caps) > MAX_CRUISING_USE
+    busy = np.flatnonzero(_find_cruising_use(sketch, caps) > MAX_CRUISING_USE)
     changes = caps.find_changes(breaks, order, acceleration)
     cruises = []
     for first, after in pairwise([0, *changes.tolist(), len(breaks) - 1]):
@@ -120,15 +120,16 @@ def _find_cruises(
         ramp = float(ramps[first:after].max())
         begin, end = float(breaks[first]), float(breaks[after])
         ends = first == 0, after == len(breaks) - 1
-        goes_on = ends[0] and _cruises_at(run.start_speed, run.start_acceleration, caps.along[0])
-        blocked = [(begin, begin if goes_on else begin + ramp)]
-        for interval in np.flatnonzero(busy & (first <= own) & (own < after)):
+        continues = ends[0] and _cruises_at(run.start_speed, run.start_acceleration, caps.along[0])
+        blocked = [(begin, begin if continues else begin + ramp)]
+        low, high = np.searchsorted(pieces[busy], [first, after])
+        for interval in busy[low:high]:
             blocked.append((float(sketch.s[interval]) - ramp, float(sketch.s[interval + 1]) + ramp))
-        goes_on = ends[1] and _cruises_at(run.end_speed, run.end_acceleration, caps.along[-1])
-        blocked.append((end if goes_on else end - ramp, end))
-        for (_, low), (high, _) in pairwise(_join_overlapping(blocked)):
-            if high - low > ramp:
-                cruises.append((low, high))
+        continues = ends[1] and _cruises_at(run.end_speed, run.end_acceleration, caps.along[-1])
+        blocked.append((end if continues else end - ramp, end))
+        for (_, since), (until, _) in pairwise(_join_overlapping(blocked)):
+            if until - since > ramp:
+                cruises.append((since, until))
     return cruises
 
 
@@ -137,10 +138,10 @@ def _cruises_at(speed: float, acceleration: float, cap: float) -> bool:
     return acceleration == 0 and cap < np.inf and abs(speed - cap) <= SPEED_ROUNDING * cap
 
 
-def _least_on_pieces(values: Array, own: np.ndarray) -> Array:
-    """Return the least of values (N,) on each piece, own (N,) being the pieces."""
-    least = np.full(own[-1] + 1, np.inf)
-    np.minimum.at(least, own, values)
+def _least_on_pieces(values: Array, pieces: np.ndarray) -> Array:
+    """Return the least of values (N,) on each of some pieces, which are given for each value (N,)."""
+    least = np.full(pieces[-1] + 1, np.inf)
+    np.minimum.at(least, pieces, values)
     return least
 
 
@@ -151,8 +152,8 @@ def _bound_ramps(speed: Array, acceleration: Array, jerk: Array) -> Array:
     where A is not reached.
     """
     with np.errstate(invalid="ignore"):
-        reached = np.minimum(acceleration, np.sqrt(speed * jerk))
-        length = speed / 2 * (speed / reached + np.where(jerk < np.inf, reached / jerk, 0.0))
+        peak = np.minimum(acceleration, np.sqrt(speed * jerk))
+        length = speed / 2 * (speed / peak + np.where(jerk < np.inf, peak / jerk, 0.0))
     return np.where(np.isnan(length), np.inf, length)
 
 
@@ -177,7 +178,7 @@ def _find_cruising_use(sketch: Problem, caps: Caps) -> Array:
 
 
 def _join_overlapping(stretches: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return the same stretches in order, with those that overlap joined."""
+    """Join the stretches that overlap, and put them in order."""
     joined: list[tuple[float, float]] = []
     for first, last in sorted(stretches):
         if joined and first <= joined[-1][1]:
@@ -228,10 +229,10 @@ def _meets(ramp: RunSolution, part: Run, end: int, order: int) -> bool:
     profile = ramp.profile
     v = profile.last_speed if end else float(profile.v[0])
     a = profile.last_acceleration if end else float(profile.a[0])
-    wanted = part.end_acceleration if end else part.start_acceleration
+    acceleration = part.end_acceleration if end else part.start_acceleration
     if abs(v - part.speeds[end]) > SAME_STATE * float(profile.v.max()):
         return False
-    return order == 2 or abs(a - wanted) <= SAME_STATE * float(np.abs(profile.a).max())
+    return order == 2 or abs(a - acceleration) <= SAME_STATE * float(np.abs(profile.a).max())
 
 
 def _solve_ramp(

@@ -277,7 +277,7 @@ class StoredPlan(Result, Interruptible):
 
     @property
     def avoidable_stops(self) -> AvoidableStops:
-        """The stops that nobody asked for, and about what they cost, as of a `Plan`."""
+        """Stops that nobody asked for, and their approximate cost."""
         return self.plan.avoidable_stops
 
     @property

@@ -128,7 +128,7 @@ def test_a_quick_bound_holds_and_takes_about_as_long_as_planning(order):
     # cruises at the capped speed have a cell for each time piece, which costs next to nothing
     stops = np.flatnonzero(made.path.stops(order)).tolist()
     spans = [span for ends in pairwise(stops) for span in split_run(made.trajectory, made.limits, ends)]
-    cruising = sum(len(span.own) for span in spans if span.cruising)
+    cruising = sum(len(span.pieces) for span in spans if span.cruising)
     assert len(quick.s) - cruising <= cells + LEAST_SHARED_CELLS * len(spans)
     # the machine takes so long at least, and the fine bound is a bound too
     assert 0.97 * made.duration < quick.value < made.duration
