@@ -35,7 +35,7 @@ from planner.timing.run import solve_run
 from planner.trajectory import Trajectory
 
 # Share of its way by which a ramp may be longer than the nearest that is found; and how often it is halved at most.
-NEAR_SHARE, HALVINGS = 0.002, 24
+NEAR_SHARE, HALVINGS = 0.01, 24
 # By how much farther it is tried to end in turn, where what a solve was promised is not proved.
 FARTHER = (1.0, 1.02, 1.1, 1.3)
 # The nearest end is sought from a share of the way ahead on: along short ways grids are fine, and a grid that is not
