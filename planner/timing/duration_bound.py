@@ -234,10 +234,13 @@ def split_run(trajectory: Trajectory, limits: Sequence[Limit], ends: tuple[int, 
     cruising = _find_cruising(trajectory, limits, own)
     # pieces of the same kind in a row; short cruises belong to what is solved around them
     edges = np.flatnonzero(np.diff(cruising, prepend=~cruising[:1], append=~cruising[-1:]))
-    kinds = [
-        (a, b, bool(cruising[a]) and knots[b] - knots[a] > LEAST_CRUISE * (knots[-1] - knots[0]))
-        for a, b in pairwise(edges.tolist())
-    ]
+    kinds: list[tuple[int, int, bool]] = []
+    for a, b in pairwise(edges.tolist()):
+        long_enough = knots[b] - knots[a] > LEAST_CRUISE * (knots[-1] - knots[0])
+        if bool(cruising[a]) and long_enough:
+            kinds += _leave_cap(trajectory.piece[own], a, b)
+        else:
+            kinds.append((a, b, False))
     turns = _find_turns(trajectory, own)
     merged: list[tuple[int, int, bool]] = []
     for a, b, cruise in kinds:
@@ -251,6 +254,21 @@ def split_run(trajectory: Trajectory, limits: Sequence[Limit], ends: tuple[int, 
         for first, last in pairwise([a, *(turn for turn in turns if a < turn < b), b])
     ]
     return [_make_span(trajectory, own, ends, part, turns) for part in parts]
+
+
+def _leave_cap(piece: np.ndarray, a: int, b: int) -> list[tuple[int, int, bool]]:
+    """Split a cruise (time pieces a to b) so that its neighbours know its cap.
+
+    piece (K,): path piece of each time piece of the run. A cap that begins or ends at a break of the
+    path holds inside the cruise only: a neighbour that ends at the break would be bounded as if it
+    could pass there at any speed. It takes the time piece of the cruise next to the break.
+    """
+    first = a + 1 if a > 0 and piece[a] != piece[a - 1] else a
+    last = b - 1 if b < len(piece) and piece[b] != piece[b - 1] else b
+    if first >= last:
+        return [(a, b, False)]
+    parts = [(a, first, False), (first, last, True), (last, b, False)]
+    return [part for part in parts if part[0] < part[1]]
 
 
 def _find_turns(trajectory: Trajectory, own: np.ndarray) -> list[int]:
