@@ -238,7 +238,7 @@ def split_run(trajectory: Trajectory, limits: Sequence[Limit], ends: tuple[int, 
     for a, b in pairwise(edges.tolist()):
         long_enough = knots[b] - knots[a] > LEAST_CRUISE * (knots[-1] - knots[0])
         if bool(cruising[a]) and long_enough:
-            kinds += _leave_cap(trajectory.piece[own], a, b)
+            kinds += _leave_cap(trajectory.piece[own], knots, a, b)
         else:
             kinds.append((a, b, False))
     turns = _find_turns(trajectory, own)
@@ -256,15 +256,20 @@ def split_run(trajectory: Trajectory, limits: Sequence[Limit], ends: tuple[int, 
     return [_make_span(trajectory, own, ends, part, turns) for part in parts]
 
 
-def _leave_cap(piece: np.ndarray, a: int, b: int) -> list[tuple[int, int, bool]]:
+def _leave_cap(piece: np.ndarray, knots: Array, a: int, b: int) -> list[tuple[int, int, bool]]:
     """Split a cruise (time pieces a to b) so that its neighbours know its cap.
 
-    piece (K,): path piece of each time piece of the run. A cap that begins or ends at a break of the
-    path holds inside the cruise only: a neighbour that ends at the break would be bounded as if it
-    could pass there at any speed. It takes the time piece of the cruise next to the break.
+    piece (K,): path piece of each time piece of the run; knots (K+1,): s. A cap that begins or ends at
+    a break of the path holds inside the cruise only: a neighbour that ends at the break would be
+    bounded as if it could pass there at any speed. It takes time pieces of the cruise next to the
+    break, for a time that is not lost in the rounding of its cells.
     """
-    first = a + 1 if a > 0 and piece[a] != piece[a - 1] else a
-    last = b - 1 if b < len(piece) and piece[b] != piece[b - 1] else b
+    least = LEAST_CRUISE * (knots[-1] - knots[0])
+    first, last = a, b
+    if a > 0 and piece[a] != piece[a - 1]:
+        first = int(np.searchsorted(knots, knots[a] + least))
+    if b < len(piece) and piece[b] != piece[b - 1]:
+        last = int(np.searchsorted(knots, knots[b] - least, side="right")) - 1
     if first >= last:
         return [(a, b, False)]
     parts = [(a, first, False), (first, last, True), (last, b, False)]

@@ -68,7 +68,7 @@ def cut_contour(rng: np.random.Generator) -> Iterator[Move]:
     feed = draw_feed(rng)
     yield "G0", {"X": radius, "Y": 0.0}
     for depth in range(1, int(rng.integers(2, 4))):
-        yield "G1", {"Z": -float(depth), "F": feed * rng.uniform(0.1, 1.0)}
+        yield "G1", {"Z": -float(depth), "F": feed * rng.uniform(0.2, 1.0)}
         yield "G1", {"X": width - radius, "Y": 0.0, "F": feed}
         yield "G3", {"X": width, "Y": radius, "I": 0.0, "J": radius}
         yield "G1", {"X": width, "Y": height - radius}
