@@ -47,7 +47,7 @@ CLEARANCE, REACH = 5.0, 300.0
 MAX_FEATURES = 5
 # The baseline of each order: it has the limits of the plan.
 BASELINES = {2: "trapezoid", 3: "s-curve"}
-# Planning is late beyond this share of the motion plus so many seconds.
+# Planning is late if it takes more than this share of the motion plus so many seconds.
 LATE_SHARE, LATE_SECONDS = 0.25, 5.0
 # s of processor time for the plan of a file, and again for its bound, unless the command says
 # otherwise.
@@ -236,12 +236,12 @@ class CamRun:
 
     @property
     def slower(self) -> bool:
-        """Whether the motion takes longer than the baseline."""
+        """Return whether the motion takes longer than the baseline."""
         return self.motion > self.baseline
 
     @property
     def late(self) -> bool:
-        """Whether planning took too long for the motion."""
+        """Return whether planning took too long for the motion."""
         return self.processor > LATE_SHARE * self.motion + LATE_SECONDS
 
     @property

@@ -100,7 +100,7 @@ def ratio_program(seed: int) -> Program:
         length = LARGEST_LENGTH * MAX_RATIO ** -rng.uniform(0, 1)
         feed = LARGEST_FEED * MAX_RATIO ** -rng.uniform(0, 1)
         speed = feed if rng.random() < 0.7 else None
-        # a blend within a share of what it joins
+        # the tolerance of a blend is a share of the length
         join = (Stop(), Through(), Blend(length * 10.0 ** rng.uniform(-3, -1)))[rng.integers(3)]
         way = rng.normal(size=3) if rng.random() < 0.5 else np.eye(3)[rng.integers(3)]
         there = here + length * way / np.linalg.norm(way)
@@ -122,10 +122,10 @@ def plan_ratios(seed: int, order: int) -> ProgramAnswer:
         return answer
     made = plan(program, machine, order=order)
     baseline = classical(made, BASELINES[order])
-    own = made.trajectory.duration
-    if own <= baseline.duration:
+    duration = made.trajectory.duration
+    if duration <= baseline.duration:
         return answer
-    fault = f"takes {own:.9g} s, and {baseline.duration:.9g} s as {baseline.kind}"
+    fault = f"takes {duration:.9g} s, and {baseline.duration:.9g} s as {baseline.kind}"
     return replace(answer, fault=fault)
 
 
