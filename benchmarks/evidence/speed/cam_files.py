@@ -47,7 +47,7 @@ CLEARANCE, REACH = 5.0, 300.0
 MAX_FEATURES = 5
 # The baseline of each order: it has the limits of the plan.
 BASELINES = {2: "trapezoid", 3: "s-curve"}
-# Planning is late if it takes more than this share of the motion plus so many seconds.
+# Largest share of the motion that planning may take, and seconds on top of it.
 LATE_SHARE, LATE_SECONDS = 0.25, 5.0
 # s of processor time for the plan of a file, and again for its bound, unless the command says
 # otherwise.
