@@ -293,10 +293,13 @@ def split_run(trajectory: Trajectory, limits: Sequence[Limit], ends: tuple[int, 
     cruising = _find_cruising(trajectory, limits, own)
     # time pieces of the same kind in a row; a short cruise is bounded together with its neighbours
     edges = np.flatnonzero(np.diff(cruising, prepend=~cruising[:1], append=~cruising[-1:]))
-    kinds = [
-        (a, b, bool(cruising[a]) and knots[b] - knots[a] > LEAST_CRUISE * (knots[-1] - knots[0]))
-        for a, b in pairwise(edges.tolist())
-    ]
+    kinds: list[tuple[int, int, bool]] = []
+    for a, b in pairwise(edges.tolist()):
+        long_enough = knots[b] - knots[a] > LEAST_CRUISE * (knots[-1] - knots[0])
+        if bool(cruising[a]) and long_enough:
+            kinds += _leave_cap(trajectory.piece[own], knots, a, b)
+        else:
+            kinds.append((a, b, False))
     turns = _find_turns(trajectory, own)
     merged: list[tuple[int, int, bool]] = []
     for a, b, cruise in kinds:
@@ -310,6 +313,26 @@ def split_run(trajectory: Trajectory, limits: Sequence[Limit], ends: tuple[int, 
         for first, last in pairwise([a, *(turn for turn in turns if a < turn < b), b])
     ]
     return [_make_span(trajectory, own, ends, part, turns) for part in parts]
+
+
+def _leave_cap(piece: np.ndarray, knots: Array, a: int, b: int) -> list[tuple[int, int, bool]]:
+    """Split a cruise (time pieces a to b) so that its neighbours know its cap.
+
+    piece (K,): path piece of each time piece of the run; knots (K+1,): s. A cap that begins or ends at
+    a break of the path holds inside the cruise only: a neighbour that ends at the break would be
+    bounded as if it could pass there at any speed. It takes time pieces of the cruise next to the
+    break, for a time that is not lost in the rounding of its cells.
+    """
+    least = LEAST_CRUISE * (knots[-1] - knots[0])
+    first, last = a, b
+    if a > 0 and piece[a] != piece[a - 1]:
+        first = int(np.searchsorted(knots, knots[a] + least))
+    if b < len(piece) and piece[b] != piece[b - 1]:
+        last = int(np.searchsorted(knots, knots[b] - least, side="right")) - 1
+    if first >= last:
+        return [(a, b, False)]
+    parts = [(a, first, False), (first, last, True), (last, b, False)]
+    return [part for part in parts if part[0] < part[1]]
 
 
 def _find_turns(trajectory: Trajectory, own: np.ndarray) -> list[int]:

@@ -9,6 +9,12 @@ from scipy.interpolate import CubicSpline, PPoly
 from scipy.spatial.transform import RigidTransform
 
 from benchmarks.evidence.trials import robustness
+from benchmarks.evidence.trials.robust_programs import (
+    MAX_RATIO,
+    plan_ratios,
+    ratio_machine,
+    ratio_program,
+)
 from benchmarks.evidence.trials.robustness import (
     EXACT,
     check_scaling,
@@ -161,3 +167,20 @@ def test_what_peaks_a_little_between_grid_points_is_not_slowed(seed, duration):
     assert found is not None, why
     assert not any(is_slow(method) for method in found.methods)
     assert found.trajectory.duration < duration
+
+
+@pytest.mark.parametrize("order", [2, 3])
+@pytest.mark.parametrize("seed", [0, 1, 3, 5, 10])
+def test_ratios_of_ten_thousand_within_a_program(seed, order):
+    """Lengths, feeds and limits differ by up to 10 000: certified, and as quick as the classical timing."""
+    assert plan_ratios(seed, order).fault == ""
+
+
+def test_programs_of_ratios_use_the_whole_range():
+    """Over some seeds, limits of one kind and the feeds of one program differ by more than 1000."""
+    speeds = [[axis.max_speed for axis in ratio_machine(seed).axes] for seed in range(20)]
+    feeds = [[part.speed for part in ratio_program(seed).segments if part.speed] for seed in range(20)]
+    limits_ratio = max(max(one) / min(one) for one in speeds)
+    feeds_ratio = max(max(one) / min(one) for one in feeds if one)
+    assert 1e3 < limits_ratio <= MAX_RATIO
+    assert 1e3 < feeds_ratio <= MAX_RATIO
