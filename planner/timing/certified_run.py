@@ -62,12 +62,17 @@ def tighten_run(
     joined = solution.maker if solution.maker == FEED_LIMITED else WITH_RESTS
     for part in solution.parts or (solution,):
         last = first + len(part.profile.h)
-        own = part.aimed({name: values[first:last] for name, values in use.items()})
+        proved = {name: values[first:last] for name, values in use.items()}
+        own = part.aimed(proved)
         slowness, first = required_slowness(limits, own), last
         exceeds = slowness > 1 + SOLVER_MARGIN or not solution.parts
         if exceeds and part.maker == CRUISE:
             return RunSolution.refused(MotionError("the capped tool speed exceeds another limit"))
-        parts.append(tighten_leg(path, limits, part, own, slowness) if exceeds else part)
+        if exceeds and part.parts:
+            part = tighten_run(path, limits, part, proved)
+        elif exceeds:
+            part = tighten_leg(path, limits, part, own, slowness)
+        parts.append(part)
     return RunSolution.joined(parts, joined)
 
 
@@ -125,8 +130,8 @@ def tighten_leg(
             return replace(found, bound=leg.bound, tries=leg.tries + 1)
         if leg.has_end_speed:
             return found
-    if problem is not None and leg.has_end_speed:
-        start, end = problem.speeds
+    if leg.has_end_speed:
+        start, end = float(leg.profile.v[0]), leg.profile.last_speed
         return RunSolution.refused(
             MotionError(
                 f"no motion from {start:.6g} to {end:.6g} along the path was found "

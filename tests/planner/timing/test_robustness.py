@@ -176,6 +176,11 @@ def test_ratios_of_ten_thousand_within_a_program(seed, order):
     assert plan_ratios(seed, order).fault == ""
 
 
+def test_ramps_with_rests_keep_the_speeds_of_the_cruises_beside_them():
+    """Such a ramp was slowed as a whole until its proof held: its speed jumped where a cruise begins."""
+    assert plan_ratios(83, 3).fault == ""
+
+
 def test_programs_of_ratios_use_the_whole_range():
     """Over some seeds, limits of one kind and the feeds of one program differ by more than 1000."""
     speeds = [[axis.max_speed for axis in ratio_machine(seed).axes] for seed in range(20)]
