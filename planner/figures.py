@@ -189,6 +189,7 @@ def list_levels(axes: Sequence[Axis], quantity: Quantity, kind: str) -> list[tup
 TIMED_COLOURS = (
     "#0072B2", "#E69F00", "#56B4E9", "#CC79A7", "#009E73",
     "#D55E00", "#5D3A9B", "#8A5A00", "#882255", "#004D40",
+    "#7F7F7F",
 )  # fmt: skip
 """One for each limit that depends on timing, in the order of the tables: the band of active limits shows no more."""
 

@@ -316,7 +316,17 @@ def plan(
     try:
         path = actuate(program, machine)
         kept = limits_of(path, pace_axes(machine.axes, int(clock_hz), rule), order, limits)
-        axes, fastest = machine.axes, partial(certified_solve, path, order=order, progress=progress, solver=solver)
+        axes = machine.axes
+        # shaping looks at the motion piece by piece: those of a grid tell where a limit is exceeded
+        shaped_axes = any(axis.shaper for axis in axes)
+        fastest = partial(
+            certified_solve,
+            path,
+            order=order,
+            progress=progress,
+            solver=solver,
+            cruising=not shaped_axes,
+        )
         solve: Solve[Solution] = fastest
         if objective.heat > 0:
             solve = partial(solve_objective, path, axes=axes, order=order, objective=objective, progress=progress)
@@ -325,7 +335,7 @@ def plan(
         elif duration is not None:
             before = shorten_duration(duration, axes)
             solve = partial(solve_stated, path, axes=axes, order=order, duration=before, progress=progress)
-        if any(axis.shaper for axis in axes):
+        if shaped_axes:
             solution, certificate, shaped, first = solve_shaped(solve, path, kept, axes, fastest)
         else:
             first = solution = solve(kept)

@@ -123,6 +123,7 @@ def certified_solve(
     proving: bool = True,
     continuation: Continuation | None = None,
     fineness: int = 1,
+    cruising: bool = True,
 ) -> Solution:
     """The motion of every run between stops, discretized, solved, certified and tightened until it holds, as a whole.
 
@@ -136,13 +137,14 @@ def certified_solve(
     proving   else a motion of which no round holds is returned, its certificate as it is
     continuation  what the first run goes on with
     fineness  times as many intervals as usual
+    cruising  whether cruises at the capped tool speed are in closed form (planner.timing.feed_limited)
     """
     if timing is None:
         for worst in prove_feasibility(path, limits).violations:
             raise worst
         timing = _fastest_timing(path, order)
     stops = np.flatnonzero(path.stops(order))
-    runs = [replace(run, solver=solver, fineness=fineness) for run in _split_runs(path, stops)]
+    runs = [replace(run, solver=solver, fineness=fineness, whole=not cruising) for run in _split_runs(path, stops)]
     runs[0] = replace(runs[0], continuation=continuation)
     size = max(PART_RUNS, -(-len(runs) // MANY_PARTS))
     parts = [runs[first : first + size] for first in range(0, len(runs), size)]

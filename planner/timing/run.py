@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 
 from kinematics.foundation.errors import MotionError
 from planner.limits.limit import Limit
@@ -72,12 +71,11 @@ def _solve_in_closed_form(path: ActuatorPath, limits: Sequence[Limit], run: Run,
         run = replace(run, continuation=None, start_acceleration=acceleration)
     if run.whole:
         return None
-    solve = partial(_solve_part, path, limits, order=order)
+
+    def solve(part: Run) -> RunSolution:
+        return solve_run(path, limits, part, order)
+
     return solve_feed_limited(path, limits, run, sketch, solve, order=order)
-
-
-def _solve_part(path: ActuatorPath, limits: Sequence[Limit], part: Run, order: int) -> RunSolution:
-    return solve_run(path, limits, part, order)
 
 
 def _place_refusal(path: ActuatorPath, run: Run, found: RunSolution) -> RunSolution:

@@ -228,7 +228,7 @@ def test_names_are_escaped(tmp_path, planned, baseline, verdict):
     write_report(renamed, baseline, [], tmp_path / "report.html", verdict=verdict)
     text = (tmp_path / "report.html").read_text()
     assert "<script>alert" not in text
-    assert text.count("<script") == 3  # the page's data, uPlot and what draws with it
+    assert text.count("<script") == 4  # the data, uPlot, what draws with it, and what says how far it is read
     assert text.count("&lt;script&gt;alert(&#39;x&#39;)&lt;/script&gt; &amp; &#34;quoted&#34;") == 2
     # and without the pulses' path there is no part about it; without laws no table, but how to come by one
     assert {"tracking", "realised"}.isdisjoint(Page(text).tables)
