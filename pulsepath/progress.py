@@ -188,7 +188,13 @@ def draw(layouts: Iterable[Layout]) -> None:
                     drawn.add_row(*(row[k] for k in part))
                 console.print(drawn)
             if layout["notes"]:
-                console.print("\n".join(layout["notes"]), style="table.caption")
+                # a path that is longer than the line stays whole, so that it can be copied
+                console.print(
+                    "\n".join(layout["notes"]),
+                    style="table.caption",
+                    overflow="ignore",
+                    crop=False,
+                )
     click.echo("\n".join(line.rstrip() for line in printed.get().splitlines()))
 
 

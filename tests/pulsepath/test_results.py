@@ -7,10 +7,12 @@ from dataclasses import replace
 from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pandas as pd
 import pytest
+from click.testing import CliRunner
 from scipy.interpolate import CubicSpline
 
 import pulsepath as pp
@@ -24,6 +26,7 @@ from kinematics.machine.shaper import Shaper
 from planner.cross_check import CrossCheck
 from planner.interruption import hold as _hold  # noqa: F401  # so that the walk meets what it makes
 from planner.sources.source import Imported
+from pulsepath.cli import main
 
 NAME = "<b>"
 """Of the machine: nothing of it may reach a page as markup."""
@@ -42,6 +45,21 @@ def plan():
 def shaped():
     axes = [replace(axis, shaper=Shaper("zv", 35.0)) for axis in machine().axes]
     return pp.plan(pp.load_program("bare-circle"), machine().driven_by(axes)).shaped
+
+
+@cache
+def folder():
+    """Where a stored plan lies as long as the tests run."""
+    return TemporaryDirectory()
+
+
+def stored():
+    place = Path(folder().name)
+    machine().save(place / f"{NAME}.toml", force=True)
+    given = ["--machine", str(place / f"{NAME}.toml"), "--no-figures", "--no-baselines", "--no-worth"]
+    done = CliRunner().invoke(main, ["plan", "bare-circle", *given, "--out", str(place / "out"), "--force"])
+    assert done.exit_code == 0, done.stderr
+    return pp.load_plan(place / "out")
 
 
 @cache
@@ -99,6 +117,7 @@ POSE = PoseAccuracy(3, 1e-6, 2e-6)
 SPEED = VelocityAccuracy(3, 0.02, 0.1, 0.2, 1e-4)
 MAKERS = {
     "Plan": plan,
+    "StoredPlan": stored,
     "Trajectory": lambda: plan().trajectory,
     "Certificate": lambda: plan().certificate,
     "DurationBound": lambda: plan().bound,

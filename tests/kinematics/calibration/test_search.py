@@ -188,18 +188,18 @@ def test_a_pose_beyond_travel_is_a_slip_of_units_and_told_by_axis(preset):
 def test_poses_off_the_machine_are_told_by_file_and_label_and_only_if_fitted():
     """[Sahbaz 2007, Table 6.4] turns the platform, which a tripod does not; it is a check, and no reason to stop."""
     data, tripod = load_measurements("cmm"), load_machine("tripod")
-    found = calibrate(tripod, data)
+    found = calibrate(tripod, data, other_machine=True)
     assert len(found.after) == len(found.measurements) == 8
     (skipped,) = found.skipped
     assert "rotation 1 (6.4): machine tripod holds ry: it has ry -6.99" in skipped
     with pytest.raises(
-        MotionError, match=r"cmm\.toml:13: pose 1 \(6\.2\): machine linkage holds z: it has z 10 mm"
+        MotionError, match=r"cmm\.toml:15: pose 1 \(6\.2\): machine linkage holds z: it has z 10 mm"
     ) as raised:
-        calibrate(load_machine("linkage"), data)
+        calibrate(load_machine("linkage"), data, other_machine=True)
     assert not isinstance(raised.value, OutOfReach)  # bad input, not an infeasible job
     assert len(raised.value.faults) == int(data.fit.sum())  # every table of theirs leads up
     with pytest.raises(MotionError, match=r"rotation 1 \(6\.4\): machine tripod holds ry"):
-        calibrate(tripod, replace(data, fit=np.ones(9, bool)))
+        calibrate(tripod, replace(data, fit=np.ones(9, bool)), other_machine=True)
 
 
 def test_rotations_count_wherever_they_were_measured(preset):

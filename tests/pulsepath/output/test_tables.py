@@ -67,13 +67,16 @@ def test_without_columns_lines_are_as_long_as_stated(capsys, monkeypatch):
 
 
 def test_a_long_list_says_how_much_more_there_is_and_where(tmp_path, capsys):
-    (tmp_path / "plan.json").write_text(json.dumps({"pulses": {"axes": {}}}))
+    """And the path of the rest is whole, even if it is longer than a line."""
+    folder = tmp_path / ("long" * 30)
+    folder.mkdir()
+    (folder / "plan.json").write_text(json.dumps({"pulses": {"axes": {}}}))
     rows = Column("segment", np.arange(300)), Column("length", np.arange(300.0), ["m", "rad"] * 150)
     with click.Context(click.Command("plan")) as context:
         context.meta["pulsepath.progress"] = VERBOSE
-        show_plan(tmp_path, False, lambda: [Table("segments", rows), Table("few", (Column("a", [1, 2]),))], list)
+        show_plan(folder, False, lambda: [Table("segments", rows), Table("few", (Column("a", [1, 2]),))], list)
     printed = capsys.readouterr().out
-    assert f"{MAX_SHOWN_ROWS} of 300 rows: all are in {tmp_path / 'plan.json'}" in " ".join(printed.split())
+    assert f"{MAX_SHOWN_ROWS} of 300 rows: all are in {folder / 'plan.json'}" in " ".join(printed.split())
     half = MAX_SHOWN_ROWS // 2
     assert all(f"\n     {row} " in printed or f" {row}   " in printed for row in (half - 1, 300 - half))
     assert not any(f" {row}   " in printed for row in (half + 1, 150))
