@@ -131,7 +131,7 @@ def tighten_leg(
         if leg.has_end_speed:
             return found
     if leg.has_end_speed:
-        start, end = float(leg.profile.v[0]), leg.profile.last_speed
+        start, end = float(leg.profile.v[0]), max(leg.profile.last_speed, 0.0)
         return RunSolution.refused(
             MotionError(
                 f"no motion from {start:.6g} to {end:.6g} along the path was found "

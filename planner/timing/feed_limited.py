@@ -26,7 +26,7 @@ from planner.timing.cruise import Caps, cut_run, find_caps, follow_cap, is_of_sp
 from planner.timing.initial_guess import bound_term
 from planner.timing.problem import POWERS, Problem, Run, pose_problem
 from planner.timing.profile import FEED_LIMITED, RunSolution
-from planner.timing.solvers.closed_form import straight_ramp
+from planner.timing.solvers.closed_form import least_ramp, straight_ramp
 
 # Intervals of a piece, and for each radian that it turns, at whose ends the limits are evaluated.
 # Too few would miss a peak of a limit's use; the proof finds such a peak, and the run is then
@@ -45,7 +45,7 @@ SPEED_ROUNDING = 1e-13
 SAME_STATE = 1e-9
 # A closed form may lengthen a run by this share of its duration, and leave unused up to this share
 # of the limits on its ramps.
-CLOSED_FORM_LOSS, MAX_UNUSED_SHARE = 1e-6, 0.02
+CLOSED_FORM_LOSS, MAX_UNUSED_SHARE = 1e-7, 0.02
 
 
 def sketch_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Problem:
@@ -111,6 +111,7 @@ def _find_cruises(
     acceleration = _least_on_pieces(bound_term(sketch, Term.SDD), pieces)
     jerk = _least_on_pieces(bound_term(sketch, Term.SDDD), pieces)
     ramps = _bound_ramps(caps.fastest, RAMP_SHARE * acceleration, RAMP_SHARE * jerk)
+    ramps = np.maximum(ramps, 2 * least_ramp(float(breaks[-1])))
     busy = np.flatnonzero(_find_cruising_use(sketch, caps) > MAX_CRUISING_USE)
     changes = caps.find_changes(breaks, order, acceleration)
     cruises = []

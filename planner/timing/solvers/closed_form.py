@@ -29,6 +29,9 @@ MAX_HALVINGS, MAX_DOUBLINGS = 60, 2000
 # Share of the duration that ramps of ṡ and s̈ take at least: briefer ones are lost in the rounding
 # of instants, and longer ones would lengthen the motion by as much.
 MIN_RAMP_SHARE = 1e-9
+# Roundings of path lengths that a ramp between cruises takes at least: the proof of the tool's speed
+# is off by about the inverse. A ramp to 10 µm/s at 60 mm takes 1.3 nm and 0.3 ms for it.
+MIN_RAMP_ROUNDINGS = 1e8
 # Share of the duration below which a piece of the motion is none.
 MIN_PIECE_SHARE = 1e-20
 
@@ -69,6 +72,19 @@ class _Limits:
         sharpest = max(up, down) / brief
         return _Limits(self.speed, up, down, min(self.jerk, sharpest), min(self.back, sharpest))
 
+    def stretch_ramp(self, speeds: tuple[float, float], least: float) -> "_Limits":
+        """Lower s̈ and s⃛ so that the ramp between two speeds takes at least some length.
+
+        With s̈ k times and s⃛ k² times as large, a ramp is 1/k times as long.
+        """
+        low, high = min(speeds), max(speeds)
+        length = self.way(low, high, self.up if speeds[1] > speeds[0] else self.down)
+        if length >= least or length == 0:
+            return self
+        k = length / least
+        jerk, back = k**2 * self.jerk, k**2 * self.back
+        return _Limits(self.speed, k * self.up, k * self.down, jerk, back)
+
     def way(self, low: float, high: float, most: float) -> float:
         """How far a ramp up goes."""
         rise, held, fall = self.ramp(high - low, most)
@@ -92,6 +108,14 @@ def straight(problem: Problem) -> RunSolution | None:
     return _find_fastest(problem, limits)
 
 
+def least_ramp(place: float) -> float:
+    """Return the length (m) of a ramp at a path length that the rounding of path lengths spares.
+
+    Along a shorter one the proof cannot tell the path's direction, nor so the tool's speed.
+    """
+    return MIN_RAMP_ROUNDINGS * float(np.finfo(float).eps) * abs(place)
+
+
 def straight_ramp(problem: Problem, share: float) -> RunSolution | None:
     """Find a ramp between the problem's speeds that is at most about a share longer than the fastest.
 
@@ -102,6 +126,7 @@ def straight_ramp(problem: Problem, share: float) -> RunSolution | None:
     limits = _aimed_limits(problem, share, max(problem.speeds))
     if limits is None:
         return None
+    limits = limits.stretch_ramp(problem.speeds, least_ramp(float(np.abs(problem.s).max())))
     ramp = _find_fastest(problem, limits)
     return ramp if ramp.solved else None
 

@@ -110,3 +110,34 @@ def test_it_is_never_slower_than_the_classical_timing(machine, order, kind, feed
     ]
     made = plan(Program(segments), machine, order=order)
     assert made.trajectory.duration <= classical(made, kind).duration
+
+
+def test_ramps_far_from_the_start_of_a_path_are_longer_than_rounding():
+    """At 11 µm/s and s = 60 mm the shortest ramp is 1e7 roundings of s: its proof exceeded the cap by 5e-7."""
+    hexapod = load_machine("hexapod")
+    segments = [
+        Line([0, 0, 0.025]),
+        Arc([0.002, 0, 0.025], [0, 0, 1], 6.2),
+        Line([-0.00304679, 0.00435033, 0.025], speed=1.11968e-5),
+    ]
+    made = plan(Program(segments), hexapod, order=2)
+    assert any("cruise" in method or method == "straight" for method in made.methods)
+    assert made.trajectory.duration <= classical(made).duration
+
+
+def test_a_closed_form_loses_less_than_the_classical_timing_does(machine):
+    """A ramp along an arc whose curvature takes a part of a low acceleration."""
+    program = Program([Arc([0, RADIUS, 0], [0, 0, 1], 6.0, speed=1e-3)], acceleration=0.05)
+    made = plan(program, machine, order=2)
+    assert made.trajectory.duration == pytest.approx(60.02, rel=1e-7)
+    assert made.trajectory.duration <= classical(made).duration
+
+
+def test_the_bound_knows_the_feed_at_a_join_to_a_slower_segment(machine):
+    """T = 0.35833 s in closed form; the bound let the tool pass the join at the faster feed, and lost 2 %."""
+    lines = [Line([0.02, 0, 0], speed=0.2, join=Through()), Line([0.04, 0, 0], speed=0.1)]
+    made = plan(Program(lines), machine, order=2)
+    exact = 0.2 / (2 * ACCELERATION) + 0.1 / (2 * ACCELERATION) + 0.02 / 0.2 + 0.02 / 0.1
+    exact += (0.2 - 0.1) ** 2 / (2 * ACCELERATION * 0.2)
+    assert made.trajectory.duration == pytest.approx(exact, rel=2e-6)
+    assert made.gap <= 1e-3
