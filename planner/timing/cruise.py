@@ -124,6 +124,8 @@ def find_caps(
         binds = _extremes(other - MAX_OTHER_SPEED * tool, pieces)[0] < 0
         uneven = np.where(least_f > 0, most_f / least_f - 1, 0.0)
         tool_caps = np.where(binds & (least_f > 0), _tool_caps(limits, run), np.inf)
+        lowered = _find_lowered(path, limits, run)
+        tool_caps[lowered] = along[lowered] = np.inf
         caps = Caps(path, run.first, tool_caps, along, 1 / least, uneven)
     return caps if caps.capped.any() else None
 
@@ -148,6 +150,16 @@ def _tool_caps(limits: Sequence[Limit], run: Run) -> Array:
         if isinstance(limit, ToolSpeed):
             return np.asarray(limit.caps[run.first : run.last + 1])
     return np.full(run.last + 1 - run.first, np.inf)
+
+
+def _find_lowered(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> np.ndarray:
+    """Return which pieces (P,) of a run have a place where a limit is lowered: no one speed is right there."""
+    breaks = run.breaks(path)
+    lowered = np.zeros(len(breaks) - 1, bool)
+    for limit in limits:
+        if len(limit.shares.values):
+            lowered |= limit.shares.least_over(breaks[:-1], breaks[1:]) < 1
+    return lowered
 
 
 def _level(speeds: Array) -> Array:

@@ -100,7 +100,7 @@ def _cap_tool_speed(limits: Sequence[Limit], pieces: Sequence[int], speed: float
         if isinstance(limit, ToolSpeed):
             caps = np.array(limit.caps)
             caps[pieces] = np.minimum(caps[pieces], speed)
-            slower.append(ToolSpeed(caps))
+            slower.append(ToolSpeed(caps).lower(limit.shares))
         else:
             slower.append(limit)
     return tuple(slower)
