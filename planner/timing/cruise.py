@@ -102,11 +102,9 @@ def find_caps(
 ) -> Caps | None:
     """Find the caps of a run's pieces from its rows at a few places.
 
-    None where rows depend on the motion itself, where a limit is lowered along stretches (for
-    input shapers), or where nothing is capped.
+    None where rows depend on the motion itself, or where nothing is capped.
     """
-    lowered = any(len(limit.shares.values) for limit in limits)
-    if lowered or not sketch.is_unconditional:
+    if not sketch.is_unconditional:
         return None
     pieces = sketch.piece - run.first
     tool, other = np.zeros((2, sketch.intervals)), np.zeros((2, sketch.intervals))
