@@ -88,7 +88,8 @@ def test_the_cost_of_the_shapers_is_told(call, tmp_path):
         took.append(record["duration_s"])
     shaping, text = record["shaping"], " ".join(done.stdout.split())
     cost = shaping["cost"]
-    assert cost["total_s"] == pytest.approx(took[1] - took[0], abs=1e-6)
+    # behind shapers motions are solved on a grid, which loses less than a ten-thousandth
+    assert cost["total_s"] == pytest.approx(took[1] - took[0], abs=1e-4 * took[0])
     assert cost["total_s"] == cost["length_s"] + cost["lowering_s"]
     assert cost["length_s"] == pytest.approx(0.1)
     assert f"cost of the shapers {1e3 * cost['total_s']:.2f} ms more than without them" in text
