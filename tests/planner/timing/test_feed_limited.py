@@ -8,7 +8,11 @@ import pytest
 from kinematics import load_machine
 from planner import Arc, Line, Program, plan
 from planner.baselines.classical import classical
+from planner.limits import limits_of
+from planner.limits.lowered import Shares
+from planner.path.actuation import actuate
 from planner.program.modifiers import Blend, Fit, Through
+from planner.timing.certified_solve import certified_solve
 
 # of the bundled cartesian machine, per axis: m/s, m/s², m/s³
 SPEED, ACCELERATION, JERK = 0.3, 3.0, 100.0
@@ -60,6 +64,36 @@ def test_a_change_of_the_feed_is_a_ramp_in_the_faster_segment(machine):
     exact += (fast - slow) / ACCELERATION + fast / ACCELERATION
     exact += (length - sum(ramps)) / fast
     assert made.trajectory.duration == pytest.approx(exact, rel=2e-6)
+
+
+@pytest.mark.parametrize("order", [2, 3])
+@pytest.mark.parametrize(
+    "program",
+    [
+        Program([Line([0.02, 0, 0], speed=1e-2)]),
+        Program([Arc([0, 0.01, 0], [0, 0, 1], 2.0, speed=1e-2)]),
+        Program([Line([0.009, 0, 0], speed=1e-2, join=Through()), Line([0.02, 0, 0], speed=1e-2)]),
+    ],
+    ids=["line", "arc", "two lines"],
+)
+def test_where_the_cap_is_lowered_in_places_a_cruise_is_slower_there(machine, program, order):
+    """As input shapers need it: 0.8 of the cap c over a stretch l costs l/0.8c − l/c, and little at its ends."""
+    feed, first, last, share = 1e-2, 0.008, 0.01, 0.8
+    path = actuate(program, machine)
+    limits = limits_of(path, machine.axes, order)
+    less = Shares(np.array([first, last]), np.array([share]))
+    lowered = [limit.lower(less) if limit.name == "tool speed" else limit for limit in limits]
+    whole, found = (certified_solve(path, each, order).trajectory for each in (limits, lowered))
+
+    state = found.at(np.linspace(0, found.duration, 20_001))
+    speed = np.linalg.norm(state.qd, axis=1)
+    inside = (state.s >= first) & (state.s <= last)
+    away = (state.s > 0.002) & (abs(state.s - 0.009) > 0.003) & (state.s < path.breaks[-1] - 0.002)
+    assert speed[inside].max() <= share * feed * (1 + 1e-6)
+    assert speed[inside].max() > share * feed * (1 - 1e-4)
+    assert speed[away].max() > feed * (1 - 1e-4)
+    longer = (last - first) / feed * (1 / share - 1)
+    assert longer <= found.duration - whole.duration < 1.3 * longer
 
 
 @pytest.mark.parametrize("order", [2, 3])

@@ -88,13 +88,16 @@ def test_the_cost_of_the_shapers_is_told(call, tmp_path):
         took.append(record["duration_s"])
     shaping, text = record["shaping"], " ".join(done.stdout.split())
     cost = shaping["cost"]
-    assert cost["total_s"] == pytest.approx(took[1] - took[0], abs=1e-6)
+    # behind shapers motions are solved on a grid, which loses less than a ten-thousandth
+    assert cost["total_s"] == pytest.approx(took[1] - took[0], abs=1e-4 * took[0])
     assert cost["total_s"] == cost["length_s"] + cost["lowering_s"]
     assert cost["length_s"] == pytest.approx(0.1)
     assert f"cost of the shapers {1e3 * cost['total_s']:.2f} ms more than without them" in text
-    (lowered,) = cost["lowered"]
+    assert cost["lowering_s"] < 0.01 * took[0]
+    # where the tool just keeps its cap, a trace of it is left too: only at the corner it is more
+    (lowered,) = (stretch for stretch in cost["lowered"] if stretch["share"] < 0.995)
     assert lowered["limit"] == "tool speed"
-    assert 0.9 < lowered["share"] < 1
+    assert lowered["share"] > 0.9
     assert lowered["from"]["distance_m"] < 0.006 < lowered["to"]["distance_m"]
     assert "lowered for them tool speed to 9" in text
     assert record["certificate"]["limits"]["tool speed"]["worst_ratio"] > 0.999  # elsewhere all of it is used
