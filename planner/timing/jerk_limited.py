@@ -6,6 +6,7 @@ In that order: the closed form, where it is straight; the averaged order-2 motio
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -49,6 +50,8 @@ from planner.timing.solvers.third_order import Look, estimate_motion, settle_row
 MIN_SPLIT_SLOWNESS = 1.01
 # Of a motion, ramps of s̈ that no solver tells from steps; longer ones are for where a solver's answer takes longer.
 SURELY_BRIEF, LITTLE_LONGER = 1e-5, 1 + 1e-4
+# Pieces of a run, at most, between all of which rests are tried where a solver has no answer.
+MOST_RESTED = 12
 # A rough answer that takes so many times as long as what it started from says little of where time goes.
 MAX_ROUGHNESS = 1.1
 # Share of a motion that a grid may lose, as a rough answer predicts it, and how many times as many
@@ -79,14 +82,23 @@ def solve_legs(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolu
         exact = straight(coarse_jerk_problem(path, limits, run))  # what that refuses, it refuses exactly
         return exact if exact is not None and not exact.solved else _refuse_ends(path, limits, run) or whole
     if not whole.solved:
-        return _refuse_ends(path, limits, run) or _solve_halves(path, limits, run) or _average_leg(path, limits, run)
+        refused = _refuse_ends(path, limits, run)
+        if refused is not None:
+            return refused
+        rested = [_solve_halves(path, limits, run), _rest_everywhere(path, limits, run)]
+        return _pick_fastest(rested) or _average_leg(path, limits, run)
     if whole.slowness <= MIN_SPLIT_SLOWNESS:
         return whole
-    found = [whole, _solve_halves(path, limits, run)]
+    tried = [whole, _solve_halves(path, limits, run), _rest_everywhere(path, limits, run)]
     if max(run.speeds) == 0:  # what the solver started from may be faster than its answer, slowed
-        found.append(_average_leg(path, limits, run))
-    held = [one for one in found if one is not None and one.solved]
-    return min(held, key=lambda one: sum(leg.duration for leg in one.parts or (one,)))
+        tried.append(_average_leg(path, limits, run))
+    return _pick_fastest(tried) or whole
+
+
+def _pick_fastest(tried: Sequence[RunSolution | None]) -> RunSolution | None:
+    """Return the fastest of the solutions that there are."""
+    solved = [one for one in tried if one is not None and one.solved]
+    return min(solved, key=lambda one: one.duration, default=None)
 
 
 def solve_leg(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolution:
@@ -257,15 +269,37 @@ def _solve_halves(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunS
     inner = run.breaks(path)[1:-1][(pieces - 1) // 4 : pieces - 1 - (pieces - 1) // 4]
     speed = start.on(problem.s)[0, np.searchsorted(problem.s, inner)]
     rest = run.first + 1 + (pieces - 1) // 4 + int(np.argmin(speed))
+    return _rest_at(path, limits, run, [rest])
+
+
+def _rest_everywhere(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolution | None:
+    """Solve a run of few pieces with a rest at each break, as the classical timings do."""
+    if not 2 < run.last - run.first + 1 <= MOST_RESTED:
+        return None
+    return _rest_at(path, limits, run, range(run.first + 1, run.last + 1))
+
+
+def _rest_at(path: ActuatorPath, limits: Sequence[Limit], run: Run, rests: Sequence[int]) -> RunSolution | None:
+    """Solve a run with rests at the starts of some of its pieces; None where there is no room."""
     legs: list[RunSolution] = []
-    for part in (
-        replace(run, last=rest - 1, end_speed=0.0, end_acceleration=0.0, until=None, stands=(run.stands[0], 0)),
-        replace(run, first=rest, start_speed=0.0, start_acceleration=0.0, since=None, stands=(0, run.stands[1])),
-    ):
-        half = solve_legs(path, limits, part)
-        if not half.solved:  # no room for a rest beside a speed at an end
+    for first, after in pairwise([run.first, *rests, run.last + 1]):
+        begins, ends = first == run.first, after == run.last + 1
+        part = replace(
+            run,
+            first=first,
+            last=after - 1,
+            since=run.since if begins else None,
+            until=run.until if ends else None,
+            start_speed=run.start_speed if begins else 0.0,
+            end_speed=run.end_speed if ends else 0.0,
+            start_acceleration=run.start_acceleration if begins else 0.0,
+            end_acceleration=run.end_acceleration if ends else 0.0,
+            stands=(run.stands[0] if begins else 0, run.stands[1] if ends else 0),
+        )
+        leg = solve_legs(path, limits, part)
+        if not leg.solved:  # no room for a rest beside a speed at an end
             return None
-        legs += half.parts or (half,)
+        legs += leg.parts or (leg,)
     return RunSolution.joined(legs, WITH_RESTS)
 
 
