@@ -63,15 +63,15 @@ def tighten_run(
     for part in solution.parts or (solution,):
         last = first + len(part.profile.h)
         proved = {name: values[first:last] for name, values in use.items()}
-        own = part.aimed(proved)
-        slowness, first = required_slowness(limits, own), last
+        aimed_use = part.aimed(proved)
+        slowness, first = required_slowness(limits, aimed_use), last
         exceeds = slowness > 1 + SOLVER_MARGIN or not solution.parts
         if exceeds and part.maker == CRUISE:
             return RunSolution.refused(MotionError("the capped tool speed exceeds another limit"))
         if exceeds and part.parts:
             part = tighten_run(path, limits, part, proved)
         elif exceeds:
-            part = tighten_leg(path, limits, part, own, slowness)
+            part = tighten_leg(path, limits, part, aimed_use, slowness)
         parts.append(part)
     return RunSolution.joined(parts, joined)
 

@@ -287,20 +287,20 @@ def split_run(trajectory: Trajectory, limits: Sequence[Limit], ends: tuple[int, 
     """
     moving = (trajectory.v != 0) | (trajectory.a != 0) | (trajectory.j != 0)
     inside = (trajectory.piece >= ends[0]) & (trajectory.piece < ends[1])
-    own = np.flatnonzero(moving & inside)
-    own = np.arange(own[0], own[-1] + 1)
-    knots = trajectory.knots[own[0] : own[-1] + 2]
-    cruising = _find_cruising(trajectory, limits, own)
+    moved = np.flatnonzero(moving & inside)
+    moved = np.arange(moved[0], moved[-1] + 1)
+    knots = trajectory.knots[moved[0] : moved[-1] + 2]
+    cruising = _find_cruising(trajectory, limits, moved)
     # time pieces of the same kind in a row; a short cruise is bounded together with its neighbours
     edges = np.flatnonzero(np.diff(cruising, prepend=~cruising[:1], append=~cruising[-1:]))
     kinds: list[tuple[int, int, bool]] = []
     for a, b in pairwise(edges.tolist()):
         long_enough = knots[b] - knots[a] > LEAST_CRUISE * (knots[-1] - knots[0])
         if bool(cruising[a]) and long_enough:
-            kinds += _leave_cap(trajectory.piece[own], knots, a, b)
+            kinds += _leave_cap(trajectory.piece[moved], knots, a, b)
         else:
             kinds.append((a, b, False))
-    turns = _find_turns(trajectory, own)
+    turns = _find_turns(trajectory, moved)
     merged: list[tuple[int, int, bool]] = []
     for a, b, cruise in kinds:
         if merged and not cruise and not merged[-1][2]:
@@ -312,7 +312,7 @@ def split_run(trajectory: Trajectory, limits: Sequence[Limit], ends: tuple[int, 
         for a, b, cruise in merged
         for first, last in pairwise([a, *(turn for turn in turns if a < turn < b), b])
     ]
-    return [_make_span(trajectory, own, ends, part, turns) for part in parts]
+    return [_make_span(trajectory, moved, ends, part, turns) for part in parts]
 
 
 def _leave_cap(piece: np.ndarray, knots: Array, a: int, b: int) -> list[tuple[int, int, bool]]:
@@ -419,16 +419,16 @@ def _bound_span(
     """Bound what lies between cruises."""
     nodes = _place_nodes(trajectory, span)
     best = _bound_nodes(trajectory, limits, order, span, nodes)
-    found, first = best, len(nodes.piece)
+    refined, first = best, len(nodes.piece)
     took = float(nodes.t[-1] - nodes.t[0])
     for n in range(1, rounds + 2):
         near = took <= (1 + (POOR_GAP if gap is None else gap)) * best.value
         if (near and (n >= rounds or gap is not None)) or n > rounds:
             break
         most = MOST_GROWTH[order] * (first if gap is None else 2 * len(nodes.piece))
-        nodes = _refine(trajectory, span, nodes, found.loss, most)
-        found = _bound_nodes(trajectory, limits, order, span, nodes)
-        best = found if found.value > best.value else best
+        nodes = _refine(trajectory, span, nodes, refined.loss, most)
+        refined = _bound_nodes(trajectory, limits, order, span, nodes)
+        best = refined if refined.value > best.value else best
     return best
 
 
@@ -487,8 +487,8 @@ def _place_nodes(trajectory: Trajectory, span: _Span) -> _Nodes:
 
 def _look_at_nodes(trajectory: Trajectory, span: _Span, t: Array) -> _Nodes:
     """The motion at instants t, with a node at every break of the path in between."""
-    own = span.pieces
-    k = np.clip(trajectory.locate(t), own[0], own[-1])
+    pieces = span.pieces
+    k = np.clip(trajectory.locate(t), pieces[0], pieces[-1])
     tau = t - trajectory.knots[k]
     s = trajectory.s[k] + tau * (trajectory.v[k] + tau * (trajectory.a[k] / 2 + tau * trajectory.j[k] / 6))
     v, b = (
@@ -673,21 +673,21 @@ def _find_end_states(
             free[at] = True
             continue
         outer = stop in (0, last)
-        own = int(still[side, stop - 1 if side else stop])
-        passed = own > 0 and not outer and still[1 - side, stop if side else stop - 1] > 0 and path.dwells[stop] == 0
+        zeros = int(still[side, stop - 1 if side else stop])
+        passed = zeros > 0 and not outer and still[1 - side, stop if side else stop - 1] > 0 and path.dwells[stop] == 0
         if outer:
             given[side] = path.end_speeds[side] ** 2, path.end_accelerations[side]
-            stands = own if path.end_speeds[side] == 0 else 0
+            stands = zeros if path.end_speeds[side] == 0 else 0
             free[at] = (stands > 0, True) if order == 2 else (stands > 1, stands > 0)
         elif passed:
             free[at] = True
-        elif own > 0:
-            free[at] = (True, True) if order == 2 or own > 1 else (False, True)
+        elif zeros > 0:
+            free[at] = (True, True) if order == 2 or zeros > 1 else (False, True)
         # q̇ = q′ṡ is 0; at order 3 so is q̈ = q′s̈ + q″ṡ², but where the motion goes on through q′ = 0
-        standing = own > 1 or (not passed and (own > 0 or given[side, 1] == 0))
+        standing = zeros > 1 or (not passed and (zeros > 0 or given[side, 1] == 0))
         resting = given[side, 0] == 0 and (order == 2 or standing or passed)
-        if resting and own < 3:
-            rests.append(_Rest(side, own, standing))
+        if resting and zeros < 3:
+            rests.append(_Rest(side, zeros, standing))
             free[at] = True
     return given, free, rests
 

@@ -297,7 +297,7 @@ def _rest_at(path: ActuatorPath, limits: Sequence[Limit], run: Run, rests: Seque
             stands=(run.stands[0] if begins else 0, run.stands[1] if ends else 0),
         )
         leg = solve_legs(path, limits, part)
-        if not leg.solved:  # no room for a rest beside a speed at an end
+        if not leg.solved:  # no room for a rest and a speed at an end
             return None
         legs += leg.parts or (leg,)
     return RunSolution.joined(legs, WITH_RESTS)

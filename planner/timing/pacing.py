@@ -64,9 +64,9 @@ class Pacer:
         return hold_axes(self.limits, self._list_caps(set(range(len(self.axes)))))
 
     def fastest(self, limits: Sequence[Limit]) -> Profile | None:
-        """The fastest motion that is found under other limits; None if none is."""
-        found = solve_run(self.path, limits, replace(self.run, whole=True), self.order)
-        return found.profile if found.solved else None
+        """Return the fastest motion under other limits; None if no solver has one."""
+        solution = solve_run(self.path, limits, replace(self.run, whole=True), self.order)
+        return solution.profile if solution.solved else None
 
     @property
     def _bands(self) -> list[Resonance]:
