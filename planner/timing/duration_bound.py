@@ -677,8 +677,8 @@ def _find_end_states(
         passed = zeros > 0 and not outer and still[1 - side, stop if side else stop - 1] > 0 and path.dwells[stop] == 0
         if outer:
             given[side] = path.end_speeds[side] ** 2, path.end_accelerations[side]
-            stands = zeros if path.end_speeds[side] == 0 else 0
-            free[at] = (stands > 0, True) if order == 2 else (stands > 1, stands > 0)
+            resting_zeros = zeros if path.end_speeds[side] == 0 else 0
+            free[at] = (resting_zeros > 0, True) if order == 2 else (resting_zeros > 1, resting_zeros > 0)
         elif passed:
             free[at] = True
         elif zeros > 0:
