@@ -1,1 +1,1 @@
-"""What shows the claims of the README and the docs, as commands; not part of what is installed."""
+"""Measurements behind every published figure. They are not installed with the packages."""

@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.evidence.measuring import time_calls
 from benchmarks.evidence.peers.casadi_ import solve_by_casadi
-from benchmarks.evidence.timing import time_calls
 from kinematics import load_machine
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError, require

@@ -26,9 +26,9 @@ from types import FrameType
 
 import numpy as np
 
+from benchmarks.evidence.measuring import time_calls
 from benchmarks.evidence.published.compared import markdown
 from benchmarks.evidence.speed.workpieces import LETTERS
-from benchmarks.evidence.timing import time_calls
 from kinematics import Machine, load_machine
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.units import Unit

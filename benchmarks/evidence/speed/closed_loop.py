@@ -19,7 +19,7 @@ from time import perf_counter, process_time
 
 import numpy as np
 
-from benchmarks.evidence.timing import time_calls
+from benchmarks.evidence.measuring import time_calls
 from controllers.laws.registry import find_law
 from controllers.metrics import evaluate_runs
 from controllers.rig_file import load_rig

@@ -15,7 +15,7 @@ from functools import partial
 
 import numpy as np
 
-from benchmarks.evidence.timing import time_calls
+from benchmarks.evidence.measuring import time_calls
 from kinematics import load_machine
 from planner import load_program, plan
 from planner.pulses import compress, decompress, generate

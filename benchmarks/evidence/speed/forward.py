@@ -15,7 +15,7 @@ from time import perf_counter
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from benchmarks.evidence.timing import time_calls
+from benchmarks.evidence.measuring import time_calls
 from kinematics import Hexapod, Pose, load_machine
 from kinematics.analysis.singularity import prove_regular
 from kinematics.foundation.arrays import Array

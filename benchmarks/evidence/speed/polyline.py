@@ -13,8 +13,8 @@ from time import process_time
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from benchmarks.evidence.measuring import time_calls
 from benchmarks.evidence.published.compared import markdown
-from benchmarks.evidence.timing import time_calls
 from kinematics import load_machine
 from planner.limits import limits_of
 from planner.path.actuation import actuate

@@ -32,7 +32,7 @@ from time import process_time
 
 import numpy as np
 
-from benchmarks.evidence.timing import Result, run_in_new_process, time_calls
+from benchmarks.evidence.measuring import Result, run_in_new_process, time_calls
 from kinematics import Hexapod, Machine, load_machine
 from planner import load_program, plan
 from planner.export import motion_file

@@ -20,7 +20,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from benchmarks.evidence.timing import time_calls
+from benchmarks.evidence.measuring import time_calls
 from planner import import_program
 
 ENTITIES, LINES, REPEATS = 10_000, 100_000, 3

@@ -14,8 +14,8 @@ from time import perf_counter
 
 import numpy as np
 
+from benchmarks.evidence.measuring import run_in_new_process, time_calls
 from benchmarks.evidence.published.compared import markdown
-from benchmarks.evidence.timing import run_in_new_process, time_calls
 from kinematics import load_machine
 from planner import plan
 from planner.program.model import Arc, Line, Program, Segment

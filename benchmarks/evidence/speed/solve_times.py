@@ -12,8 +12,8 @@ from time import perf_counter, process_time
 
 import numpy as np
 
+from benchmarks.evidence.measuring import Result, time_calls
 from benchmarks.evidence.peers.casadi_ import Solver, solve_by_casadi
-from benchmarks.evidence.timing import Result, time_calls
 from kinematics import Machine, load_machine
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import require

@@ -1,0 +1,79 @@
+"""Processor time, wall time and memory of calls: shared by all cases that measure speed."""
+
+import json
+import resource
+import subprocess
+import sys
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+from time import perf_counter, process_time
+from typing import Any, Generic, TypeVar
+
+Result = TypeVar("Result")
+
+
+def time_calls(
+    work: Callable[[], Result],
+    repeats: int = 1,
+    clock: Callable[[], float] = process_time,
+    most: float = float("inf"),
+) -> tuple[Result, list[float]]:
+    """Return the last result, and the seconds that each call took by `clock`.
+
+    The calls end early once two or more of them have taken `most` seconds together.
+    """
+    times: list[float] = []
+    while True:
+        begin = clock()
+        result = work()
+        times.append(clock() - begin)
+        if len(times) == repeats or (len(times) > 1 and sum(times) > most):
+            return result, times
+
+
+@dataclass(frozen=True, slots=True)
+class Measured(Generic[Result]):
+    """Result of a call in a process of its own.
+
+    processor  s of processor time, of the call and of the processes that it started
+    wall       s of wall time
+    peak       bytes of memory, at most at one time, of the process with the most
+    """
+
+    result: Result
+    processor: float
+    wall: float
+    peak: int
+
+
+def measure_apart(work: Callable[..., Result], *arguments: Any) -> Measured[Result]:
+    """Call `work` in a new process, in which nothing is loaded and no memory is in use yet."""
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        return pool.submit(measure_here, work, *arguments).result()
+
+
+def measure_here(work: Callable[..., Result], *arguments: Any) -> Measured[Result]:
+    """Call `work` in this process. The peak is that of the process so far."""
+    processor, wall = processor_time(), perf_counter()
+    result = work(*arguments)
+    return Measured(result, processor_time() - processor, perf_counter() - wall, peak_memory())
+
+
+def processor_time() -> float:
+    """Return s of processor time of this process and of the processes that it has ended."""
+    usages = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(usage.ru_utime + usage.ru_stime for usage in usages)
+
+
+def peak_memory() -> int:
+    """Return the bytes of memory that the largest of this process and its ended ones had at most."""
+    usages = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return 1024 * max(usage.ru_maxrss for usage in usages)
+
+
+def run_in_new_process(module: str, *arguments: object) -> Any:
+    """Return what `python -m module` prints as JSON."""
+    command = [sys.executable, "-m", module, *map(str, arguments)]
+    return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
