@@ -8,6 +8,8 @@ import numpy as np
 Cell = str | float | None
 """A text is printed as it is, a number with six significant digits, None as an empty cell."""
 
+Row = Sequence[Cell]
+
 
 @dataclass(frozen=True, slots=True)
 class Table:
@@ -20,7 +22,7 @@ class Table:
 
     title: str
     columns: Sequence[str]
-    rows: Iterable[Sequence[Cell]]
+    rows: Iterable[Row]
     text: str = ""
 
     def lines(self) -> Iterator[str]:
@@ -40,7 +42,7 @@ class Table:
         return "\n".join(self.lines())
 
 
-def markdown_row(cells: Sequence[Cell]) -> str:
+def markdown_row(cells: Row) -> str:
     """Return one line of a Markdown table."""
     return "| " + " | ".join(format_cell(cell).replace("|", r"\|") for cell in cells) + " |"
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from benchmarks.evidence.table import Table
+from benchmarks.evidence.table import Row, Table
 from kinematics import load_machine
 from planner import load_program, program_names, time_optimal
 from planner.limits import limits_of, usual_order
@@ -70,7 +70,7 @@ def measure(share: float = 3e-4) -> Iterator[Table]:
     single: list[float] = []
     largest: dict[str, float] = {}
     for name, solution in solve_cases():
-        rows = []
+        rows: list[Row] = []
         for limit, axis, predicted, saved, together in compare(solution, share):
             error = abs(predicted / saved - 1) if saved > 0 else np.inf
             rows.append([limit, axis, 1e3 * predicted, 1e3 * saved, 100 * error, 1e3 * together])
@@ -86,7 +86,7 @@ def measure(share: float = 3e-4) -> Iterator[Table]:
 
 def summarise(errors: dict[str, list[float]], largest: dict[str, float]) -> Table:
     """Return the table of errors |predicted / saved − 1|; largest: the largest one of each motion."""
-    rows = []
+    rows: list[Row] = []
     for name, values in [*errors.items(), ("worst of each motion", list(largest.values()))]:
         near = sum(value <= CLOSE for value in values)
         rows.append([name, len(values), near, 100 * float(np.median(values)), 100 * max(values)])
