@@ -123,7 +123,6 @@ MAKERS = {
     "DurationBound": lambda: plan().bound,
     "Worth": lambda: plan().worth,
     "LimitChange": lambda: plan().worth.replan("speed", "leg1", 0.01),
-    "Tradeoff": lambda: plan().trade((0.0, 1.0)),
     "Section": lambda: plan().hold(0.5),
     "Stops": lambda: plan().stops(4),
     "PulseSchedule": lambda: plan().pulses,
