@@ -1,7 +1,7 @@
 """A plan of a program of any length, part by part as it is read: what stays of each window of it, proved, its pulses.
 
-Each part comes with how the motion would come to rest behind it: the parts up to any of them, and its stop, are a whole
-motion, certified, that ends at rest. The next part takes the place of that stop.
+Each part comes with a stop. The parts up to any of them, together with its stop, are a certified motion that ends at
+rest. The next part takes the place of that stop.
 """
 
 from collections import Counter, deque
@@ -169,7 +169,7 @@ def plan_parts(
     )
     stream = PulseStream(machine, clock_hz, rule)
     standing: PlanStanding | None = None
-    waiting: tuple[Crossing, ...] = ()  # triggers that the motion has passed, and the pulses given so far have not
+    waiting: tuple[Crossing, ...] = ()  # triggers that the motion has passed, but not its pulses
     for window in planner(steps, helpers):
         before, stream = stream, stream.copy()
         motion = window.solution.trajectory

@@ -63,16 +63,17 @@ def open_helpers(cluster: str | None) -> Iterator[Helpers]:
 def run_parts(
     inputs: Inputs, request: PartsRequest, folder: Path, helpers: Helpers | None = None
 ) -> tuple[PlanStanding, MotionError | None]:
-    """Plan into a folder. Return what it holds then, and why it is not all.
+    """Plan into a folder. Return and raise as `parts_directory.write`.
 
-    helpers: who plans what lies between stops, with the same result. Raises as `parts_directory.write`.
+    helpers: processes that plan the stretches between stops; the result is the same without them.
     """
     program, machine = inputs.program, inputs.machine
     for field in find_unkept_limits(machine):
         note(f"note: {machine.name} states {field} but no masses, so no plan can respect it")
     reached = 0.0
     planned, ahead, read = _Place(inputs), _Place(inputs), 0
-    # when the first part was done, its segments and s of motion: before, what it needs is loaded and built
+    # Time at the end of the first part, its segments and its motion (s). Libraries are loaded and kernels are built
+    # before that, which would spoil an estimate of the time left.
     first: tuple[float, int, float] | None = None
 
     def describe(done: int, of: int) -> str:

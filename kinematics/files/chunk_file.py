@@ -10,8 +10,9 @@
         uint32    CRC-32 of the 20 bytes before
         contents
 
-All numbers are little-endian. The first chunk is the HEAD, a JSON object with `kind` and `schema` of the contents. The
-last chunk is the MARK, a JSON object with the totals and `"complete": true`. A file without it was cut, and is refused.
+All numbers are little-endian. The first chunk is the HEAD, a JSON object with `kind` and `schema` of
+the contents. The last chunk is the MARK, a JSON object with the totals and `"complete": true`. A file
+without it was cut, and is refused.
 
 A chunk has at most 2²⁸ bytes of contents.
 """
@@ -31,14 +32,14 @@ from kinematics.files.toml_document import unreadable_error
 from kinematics.foundation.errors import Fault, FileError, MotionError
 
 SIGNATURE = b"\x89PPB\r\n\x1a\n"
-"""What such a file begins with; text modes and seven-bit lines would change it."""
+"""First bytes of such a file; transfers as text or by seven-bit lines would change them."""
 VERSION = 1
 HEAD, MARK = "HEAD", "MARK"
 START = struct.Struct("<8sI")
 HEADER, CHECKSUM = struct.Struct("<4sIQI"), struct.Struct("<I")
 HEADER_BYTES = HEADER.size + CHECKSUM.size
 MAX_CONTENTS = 1 << 28
-"""Bytes of the contents of a chunk, at most: as much is in memory at once."""
+"""Largest size (bytes) of the contents of a chunk, which are in memory at once."""
 MAX_INTEGER = (1 << 63) - 1
 """Largest magnitude of an integer in a record: it fits into an int64."""
 AGAIN = "write it again"
@@ -46,7 +47,7 @@ AGAIN = "write it again"
 
 @dataclass(frozen=True, slots=True)
 class Chunk:
-    """Where a chunk is: begin and length of its contents in bytes."""
+    """A chunk in a file: the place (byte) and the length (bytes) of its contents."""
 
     kind: str
     number: int
@@ -61,7 +62,7 @@ class Chunk:
 
 @dataclass(frozen=True, slots=True)
 class ChunkFile:
-    """Where the contents of a complete file are.
+    """A complete file, whose chunks are read one by one.
 
     head, mark  the objects of its first and its last chunk
     chunks      the chunks between them, in order
@@ -75,7 +76,7 @@ class ChunkFile:
     size: int
 
     def contents(self) -> Iterator[tuple[Chunk, bytes]]:
-        """Each chunk with its contents, of which one at a time is in memory. Raises FileError for a damaged one."""
+        """Read the chunks in order, one at a time. Raises FileError for a damaged one."""
         with self.path.open("rb") as file:
             for chunk in self.chunks:
                 yield chunk, _read_contents(file, chunk, self.path)
@@ -105,19 +106,25 @@ class ChunkWriter:
     def finish(self, totals: Mapping[str, Any]) -> None:
         """Write the MARK, after which nothing may be added."""
         self.add(MARK, _encode_record({"complete": True, **totals}))
+        self._file.flush()  # so that a full disk shows here, where the caller can name the file
 
 
 def holds_chunks(path: str | PathLike[str]) -> bool:
-    """Whether a file begins as one of chunks does."""
+    """Return whether a file begins with the signature."""
     with Path(path).open("rb") as file:
         return file.read(len(SIGNATURE)) == SIGNATURE
 
 
-def open_chunks(path: str | PathLike[str], kind: str, schema: int, chunk_kinds: Collection[str]) -> ChunkFile:
+def open_chunks(
+    path: str | PathLike[str],
+    kind: str,
+    schema: int,
+    chunk_kinds: Collection[str],
+) -> ChunkFile:
     """Find the chunks of a complete file of a kind; their contents are read later, one by one.
 
-    chunk_kinds: kinds that its chunks between HEAD and MARK may have. Raises FileError for a file of another kind or
-    version, one that is not complete, and one that cannot be opened.
+    chunk_kinds: kinds that the chunks between HEAD and MARK may have. Raises FileError for a file of
+    another kind or version, one that is not complete, and one that cannot be opened.
     """
     place = Path(path)
     try:
@@ -134,18 +141,21 @@ def open_chunks(path: str | PathLike[str], kind: str, schema: int, chunk_kinds: 
         head = _read_record(file, chunks[0], place)
         _check_head(head, kind, schema, place)
 
-        if fault or chunks[-1].kind != MARK:
-            raise _refusal(place, fault or f"is not finished: it ends at byte {size} without a {MARK}", AGAIN)
+        if not fault and chunks[-1].kind != MARK:
+            fault = f"is not finished: it ends at byte {size} without a {MARK}"
+        if fault:
+            raise _refusal(place, fault, AGAIN)
         mark = _read_record(file, chunks[-1], place)
         if mark.get("complete") is not True:
-            raise _refusal(place, f"is not finished: its {MARK} does not say that it is complete", AGAIN)
+            message = f"is not finished: its {MARK} does not say that it is complete"
+            raise _refusal(place, message, AGAIN)
 
     between = chunks[1:-1]
     for chunk in between:
         if chunk.kind not in chunk_kinds:
             known = " and ".join(chunk_kinds)
-            message = f"has chunk {chunk.number} of kind {chunk.kind!r}, and this pulsepath reads {known}"
-            raise _refusal(place, message, AGAIN)
+            message = f"has chunk {chunk.number} of kind {chunk.kind!r}"
+            raise _refusal(place, f"{message}, and this pulsepath reads {known}", AGAIN)
     return ChunkFile(place, head, mark, tuple(between), size)
 
 
@@ -157,8 +167,8 @@ def _read_start(file: BinaryIO, place: Path) -> None:
         raise _refusal(place, f"is cut at byte {len(start)}, before its first chunk", AGAIN)
     version = START.unpack(start)[1]
     if version != VERSION:
-        told = f"is of version {version}, and this pulsepath reads version {VERSION}"
-        raise _refusal(place, told, f"read it with the pulsepath that wrote it, or {AGAIN}")
+        message = f"is of version {version}, and this pulsepath reads version {VERSION}"
+        raise _refusal(place, message, f"read it with the pulsepath that wrote it, or {AGAIN}")
 
 
 def _check_head(head: Mapping[str, Any], kind: str, schema: int, place: Path) -> None:
@@ -170,7 +180,7 @@ def _check_head(head: Mapping[str, Any], kind: str, schema: int, place: Path) ->
 
 
 def _scan(file: BinaryIO, size: int) -> tuple[list[Chunk], str]:
-    """The chunks that are there from end to end, by their headers; and why there are no more, where that is a fault."""
+    """Find the chunks by their headers. Return them, and why there are no more if that is a fault."""
     chunks: list[Chunk] = []
     at = START.size
     while at < size:

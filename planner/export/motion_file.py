@@ -1,4 +1,4 @@
-"""motion.bin: the closed-form pieces of a motion, exact to the last bit, so that a plan is taken up without solving.
+"""motion.bin: the closed-form pieces of a motion, exact to the last bit: read back, it need not be solved again.
 
 It is a file of `kinematics.files.chunk_file`:
 
@@ -49,10 +49,10 @@ PART, MOTION = "PART", "MOTN"
 """Kinds of the chunks with the head of a part, and with pieces."""
 UNITS = {"knots": "s", "s": "m", "v": "m/s", "a": "m/s^2", "j": "m/s^3", "piece": ""}
 MAX_CHUNK_PIECES = 1 << 14
-"""Pieces in a chunk, at most: what bounds the memory of those who write and read, beside the motion itself."""
+"""Largest number of pieces in a chunk: it bounds the memory for writing and reading, besides the motion itself."""
 COUNT = struct.Struct("<Q")
 LEVEL = 1
-"""Of zlib: most bytes of such numbers are as good as random."""
+"""zlib level. Higher levels save little, as most bytes of such numbers look random."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,7 @@ class PartHead:
 
 @dataclass(frozen=True, slots=True)
 class PieceBatch:
-    """Some pieces of a motion: knots (n + 1,), and s, v, a, j and path piece (n,); of which part, if of any."""
+    """Pieces of a motion: knots (n + 1,), and s, v, a, j and path piece (n,); head: of their part, if they have one."""
 
     head: PartHead | None
     knots: Array
@@ -82,9 +82,11 @@ class PieceBatch:
 
 @dataclass(frozen=True, slots=True)
 class _FileEnd:
-    """Up to where a file goes: how many pieces, the head of their part, the knot at their end within it.
+    """End of a file that is written or read piece by piece.
 
-    before  s, of the parts before it, exactly
+    pieces  how many come before it
+    head    of the part that it is in; knot: time (s) from the start of that part
+    before  time (s) of the parts before that, exact
     """
 
     pieces: int = 0
@@ -105,7 +107,7 @@ class _FileEnd:
 
 
 class MotionWriter:
-    """Writes a file of a motion piece by piece, as `planner.export.formats.binary.PulseWriter` one of pulses."""
+    """Writes a file of a motion piece by piece."""
 
     __slots__ = ("_chunks", "_end")
 
@@ -120,9 +122,8 @@ class MotionWriter:
         Raises MotionError unless they begin when those before end.
         """
         if head is not None:
-            reached = self._end.begin(head)
+            self._end = self._end.begin(head)
             self._chunks.add(PART, json.dumps(asdict(head)).encode())
-            self._end = reached
         knot = self._end.knot
         if knot is not None and len(motion.s) and motion.knots[0] != knot:
             raise MotionError(f"the pieces begin at {motion.knots[0]:.17g} s, and those before end at {knot:.17g} s")
@@ -153,7 +154,7 @@ def write_motion_json(trajectory: Trajectory, path: Path) -> None:
 def motion_parts(path: Path) -> Iterator[PieceBatch]:
     """Read the pieces in a file, chunk by chunk.
 
-    Raises FileError for a file of something else or of another version, and one that is cut or damaged.
+    Raises FileError for another kind or version of file, and for one that is cut or damaged.
     """
     chunks = _open(path)
     reached = _FileEnd()
@@ -193,26 +194,25 @@ def _count_left(chunks: ChunkFile, reached: _FileEnd) -> int:
 
 
 def join_parts(parts: Iterable[PieceBatch]) -> Iterator[PieceBatch]:
-    """Each part whole, of however many chunks it is."""
-    held: list[PieceBatch] = []
+    """Join the chunks of each part."""
+    chunks: list[PieceBatch] = []
     for part in parts:
-        if held and part.head != held[0].head:
-            yield _join_chunks(held)
-            held = []
-        held.append(part)
-    if held:
-        yield _join_chunks(held)
+        if chunks and part.head != chunks[0].head:
+            yield _join_chunks(chunks)
+            chunks = []
+        chunks.append(part)
+    if chunks:
+        yield _join_chunks(chunks)
 
 
-def _join_chunks(held: list[PieceBatch]) -> PieceBatch:
-    knots = np.concatenate([held[0].knots, *(part.knots[1:] for part in held[1:])])
-    return PieceBatch(
-        held[0].head, knots, [np.concatenate(each) for each in zip(*(p.columns for p in held), strict=True)]
-    )
+def _join_chunks(chunks: list[PieceBatch]) -> PieceBatch:
+    knots = np.concatenate([chunks[0].knots, *(chunk.knots[1:] for chunk in chunks[1:])])
+    columns = zip(*(chunk.columns for chunk in chunks), strict=True)
+    return PieceBatch(chunks[0].head, knots, [np.concatenate(each) for each in columns])
 
 
 def read_motion(path: Path, along: ActuatorPath) -> Trajectory:
-    """The trajectory in a file, along its whole path. Raises FileError where it is damaged or belongs to another."""
+    """Read the trajectory in a file, along its whole path. Raises FileError if it is damaged or of another path."""
     knots: list[Array] = []
     columns: list[list[Array]] = [[] for _ in PIECES]
     before = Fraction(0)  # s, exactly: the duration is what the file states, to the last bit
@@ -226,17 +226,17 @@ def read_motion(path: Path, along: ActuatorPath) -> Trajectory:
         before += Fraction(float(part.knots[-1]))
         end = float(before)
         shift = float(along.breaks[first]) if first else 0.0
-        for held, values, by in zip(columns, part.columns, (shift, 0.0, 0.0, 0.0, first), strict=True):
-            held.append(values + by if by else values)
+        for column, values, by in zip(columns, part.columns, (shift, 0.0, 0.0, 0.0, first), strict=True):
+            column.append(values + by if by else values)
     if not knots:
         raise _refusal(path, "holds no motion")
-    s, v, a, j, piece = (np.concatenate(held) for held in columns)
+    s, v, a, j, piece = (np.concatenate(column) for column in columns)
     _check_piece(piece, len(along.breaks) - 1, path)
     return Trajectory(along, np.append(np.concatenate(knots), end), s, v, a, j, piece)
 
 
 def read_parts(path: Path, steps: Iterator[PathStep], machine: Machine, tool: Pose | None) -> Trajectory:
-    """The trajectory in a file that was planned in parts, along as much of the path as they are of.
+    """Read the trajectory in a file that was planned in parts, along as much of the path as they cover.
 
     steps: of the whole path, from its start on. Raises as `read_motion`.
     """
@@ -249,7 +249,7 @@ def read_parts(path: Path, steps: Iterator[PathStep], machine: Machine, tool: Po
 
 
 def _draw_path(machine: Machine, steps: Sequence[PathStep], tool: Pose | None, **of: Any) -> MachinePath:
-    """Of steps, with rests at both ends; of: what else there is to say of it."""
+    """Return the path along steps, with rests at both ends; of: further fields of the path."""
     stops = np.array([1, *(step.stop for step in steps[:-1]), 1])
     dwells = np.array([steps[0].wait, *(step.dwell for step in steps)])
     return MachinePath(machine, [step.piece for step in steps], stops, dwells, tool=tool, **of)
@@ -263,25 +263,26 @@ SEAM_JUMP, SEAM_ROUNDING = 1e-9, 1e-12
 def follow_motion(
     path: Path, steps: Iterator[PathStep], machine: Machine, tool: Pose | None, *, whole: bool = True
 ) -> Iterator[Trajectory]:
-    """The trajectory in a file part by part, each on its own path, whose places and speeds at the ends are the whole's.
+    """Read the trajectory in a file part by part, each on its own path with the places and end speeds of the whole.
 
     Each part begins where the one before ended, at its speed, and the last ends with the path; whole: False for a plan
     that ends before its path does.
     steps: of the whole path, from its start on, as `planner.path.chain.walk_path` has them. Raises as `read_motion`.
     """
-    ahead, skipped, after = list[PathStep](), 0, 0
-    speed = push = 0.0
+    ahead = list[PathStep]()
+    skipped = after = 0
+    speed = acceleration = 0.0
     last: Trajectory | None = None
     parts = join_parts(motion_parts(path))
-    held = next(parts, None)
-    while held is not None:
-        part, held = held, next(parts, None)
+    following = next(parts, None)
+    while following is not None:
+        part, following = following, next(parts, None)
         head = part.head
         _check_numbers(part, path)
         if head is None:
             ahead = list(steps)
             head = PartHead(0.0, 0.0, 0, len(ahead))
-        first = after  # of the path behind the part before; another may go on with the path of that one
+        first = after  # step of the path after the previous part; a stop continues on the path of that part
         if head.step not in (skipped, first):
             raise _refusal(path, f"the part from {head.begin} s does not continue the path of the previous part")
         del ahead[: head.step - skipped]
@@ -293,13 +294,15 @@ def follow_motion(
         own = ahead[: head.steps]
         if len(own) < head.steps or not own:
             raise FileError(str(path), [Fault("piece", "belongs to another path: plan it again")])
-        v, a = (0.0, 0.0) if held is None else (float(held.columns[1][0]), float(held.columns[2][0]))
+        v, a = 0.0, 0.0
+        if following is not None:
+            v, a = float(following.columns[1][0]), float(following.columns[2][0])
         along = _draw_path(
             machine,
             own,
             tool,
             end_speeds=(speed, v),
-            end_accelerations=(push, a),
+            end_accelerations=(acceleration, a),
             near=None if head.near is None else np.array(head.near),
             origin=(head.length, head.begin),
         )
@@ -312,13 +315,13 @@ def follow_motion(
         if last is not None:
             _check_seam(last, motion, path)
         yield motion
-        speed, push, last = v, a, motion
+        speed, acceleration, last = v, a, motion
     if whole and (last is None or len(ahead) > after - skipped or next(steps, None) is not None):
         raise _refusal(path, "ends before the path of the program does")
 
 
 def _check_seam(one: Trajectory, other: Trajectory, path: Path) -> None:
-    """Raise FileError where a part does not begin where the one before ended, as fast in each axis."""
+    """Raise FileError unless a part begins where the previous one ended, at the same speed of each axis."""
     end = one.within(np.array([len(one.s) - 1]), np.diff(one.knots)[-1:])
     start = other.within(np.array([0]), np.zeros(1))
     both = [each.within(np.arange(len(each.s)), np.zeros(len(each.s))) for each in (one, other)]
@@ -345,7 +348,7 @@ def _check_piece(piece: Array, count: int, path: Path) -> None:
 
 
 def _encode(motion: Trajectory, first: int, last: int) -> bytes:
-    """The contents of a chunk: the pieces from one to before another."""
+    """Return the contents of a chunk: the pieces from `first` to before `last`."""
     numbers = [motion.knots[first : last + 1], *(getattr(motion, name)[first:last] for name in PIECES[:4])]
     pieces = np.asarray(motion.piece[first:last], "<i8")
     words = np.frombuffer(np.concatenate(numbers).astype("<f8").tobytes() + pieces.tobytes(), np.uint8)
@@ -389,7 +392,7 @@ def _decode_head(contents: bytes, chunk: Chunk, path: Path) -> PartHead:
 
 
 MAX_STEPS = 1 << 62
-"""Pieces of a path, at most: sums of two such numbers fit into an int64."""
+"""Largest number of pieces of a path: sums of two such numbers fit into an int64."""
 
 
 def _chunk_error(path: Path, chunk: Chunk, error: Exception) -> FileError:

@@ -33,7 +33,7 @@ from pulsepath.progress import step
 
 @dataclass(frozen=True, slots=True)
 class PartsRequest:
-    """How a program is planned in parts, and what is written.
+    """Settings of a plan in parts, and of its files.
 
     order     2: limit speed and acceleration; 3: jerk too; None: 3 if the machine limits jerk
     clock_hz  ticks/s of the pulse times
@@ -67,7 +67,8 @@ class PartsWriter:
         """Write a part, without its stop."""
         start, following = part.start, part.standing.start
         axes = part.standing.machine.axes
-        head = PartHead(start.begin, start.length, start.steps, following.steps - start.steps, _near(part))
+        steps = following.steps - start.steps
+        head = PartHead(start.begin, start.length, start.steps, steps, _near(part))
         with name_file(self._folder / MOTION):
             self._motion.add(part.motion, head)
 
@@ -102,6 +103,7 @@ class PartsWriter:
         if self._triggers is not None:
             with name_file(self._folder / TRIGGERS):
                 self._triggers.add(part.rest_triggers)
+                self._files[TRIGGERS].flush()
 
 
 def _near(part: PlanPart) -> tuple[float, ...] | None:
@@ -115,18 +117,19 @@ def write(
     request: PartsRequest,
     tell: Callable[[PlanStanding, int], None],
 ) -> tuple[PlanStanding, MotionError | None]:
-    """Write everything into a folder as the parts come, the record last. Return what it holds, and why it is no more.
+    """Write the files of a plan into a folder as its parts come, the record last.
 
-    tell: is given what is known after each part, and how many segments that are, of all repetitions. Raises what the
-    parts raise, unless the request keeps the parts before that.
+    Return what is known at the end of the plan, and the refusal that ended it early, if any.
+    tell: called after each part with the plan so far, and its number of segments in all repetitions.
+    Raises what the parts raise, unless the request keeps the parts before that.
     """
     _write_inputs(folder, inputs)
     extremes, activity = Overview(), Activity(inputs.program)
     part: PlanPart | None = None
     refusal: MotionError | None = None
     with ExitStack() as files:
-        triggers = holds_triggers(inputs.program)
-        writer = PartsWriter(folder, files, pulses=request.pulses, triggers=triggers)
+        marked = holds_triggers(inputs.program)
+        writer = PartsWriter(folder, files, pulses=request.pulses, triggers=marked)
         try:
             for part in parts:
                 writer.add(part)
@@ -154,6 +157,9 @@ def write(
 
     from benchmarks.reports.parts_report import write_report  # which takes matplotlib along
 
+    triggers = []
+    if standing.triggers:
+        triggers.append(tabulate_trigger_csv(folder / TRIGGERS, standing.triggers))
     with step("writing the report"), name_file(folder / REPORT):
         write_report(
             standing,
@@ -164,7 +170,7 @@ def write(
             figures=request.figures,
             note=ending,
             drives=tabulate_drives(pulses),
-            triggers=[tabulate_trigger_csv(folder / TRIGGERS, standing.triggers)] if standing.triggers else [],
+            triggers=triggers,
         )
     record = of_parts(standing, inputs, digest, verdict, ending)
     write_named(folder / RECORD, as_json(seal_record(record, folder)))
@@ -185,7 +191,7 @@ def _write_inputs(folder: Path, inputs: Inputs) -> None:
 
 
 def _check_pulses(folder: Path, standing: PlanStanding, inputs: Inputs, ending: str) -> PulseCheck:
-    """Check the file of pulses against the file of the motion, and write what is proved of it."""
+    """Check the file of pulses against the file of the motion, and write their certificate."""
     program, machine = inputs.program, inputs.machine
     file = folder / BINARY
     with step("checking the pulses") as tell:
@@ -193,7 +199,8 @@ def _check_pulses(folder: Path, standing: PlanStanding, inputs: Inputs, ending: 
         motions = follow_motion(folder / MOTION, steps, machine, program.tool, whole=not ending)
         verdict = check_file_parts(file, standing.pulses, machine, motions, tell)
     if not verdict.holds:
-        raise Defect(f"{count_noun(verdict.fault_count, 'fault')} in the pulses, the first: {verdict.faults[0]}")
+        faults = count_noun(verdict.fault_count, "fault")
+        raise Defect(f"{faults} in the pulses, the first: {verdict.faults[0]}")
     proof = of_pulse_file(file, standing.pulses, standing.machine, verdict, standing.counted)
     write_named(folder / CERTIFICATE, as_json(proof))
     return verdict

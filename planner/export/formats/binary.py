@@ -39,9 +39,9 @@ from planner.pulses.checking.pulse_reader import MAX_PART_PULSES as LARGEST_PART
 from planner.pulses.schedule import UNKNOWN_UNIT, PulseSchedule, Signs, Ticks, holds_same_pulses
 
 MAX_PART_PULSES = 1 << 16
-"""Of an axis in a chunk: what bounds the memory of those who read it."""
+"""Pulses of an axis in a chunk: more take more memory to read, fewer make the file larger."""
 LEVEL = 1
-"""Of zlib: higher ones take five times as long for a fifth of the bytes."""
+"""zlib level. Higher levels take five times as long and save a fifth of the bytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,8 +54,8 @@ class Binary:
     def write(self, source: ExportSource, path: Path) -> Exported:
         units = {axis.name: axis.unit for axis in source.machine.axes}
         write(source.pulses, path, units, self.part, share_progress(source.tell, 0, 2))
-        held = open_pulses(path).parts(share_progress(source.tell, 1, 2))
-        exact = holds_same_pulses(source.pulses, held)
+        written = open_pulses(path).parts(share_progress(source.tell, 1, 2))
+        exact = holds_same_pulses(source.pulses, written)
         return Exported(0.0 if exact else np.inf, "the pulses, tick for tick", moves=source.pulses.total)
 
 
@@ -66,7 +66,7 @@ def write(
     part: int = MAX_PART_PULSES,
     tell: Progress = ignore_progress,
 ) -> None:
-    """Write a schedule; units: m or rad by axis. Raises MotionError for pulses that are no schedule's."""
+    """Write a schedule; units: m or rad by axis. Raises MotionError for invalid pulses."""
     with Path(path).open("wb") as file:
         writer = PulseWriter(file, schedule, units, part)
         writer.add(schedule, find_end(schedule), tell)
@@ -74,7 +74,7 @@ def write(
 
 
 def find_end(schedule: PulseSchedule) -> int:
-    """The tick behind the motion and its last pulse."""
+    """Return the tick after the motion and its last pulse."""
     last = max((int(axis.ticks[-1]) for axis in schedule.axes if len(axis)), default=0)
     return 1 + max(last, int(schedule.duration * schedule.clock_hz))
 
@@ -91,7 +91,7 @@ class PulseWriter:
         units: Mapping[str, str] | None = None,
         part: int = MAX_PART_PULSES,
     ) -> None:
-        """Write the head of a file: clock and rule of `stated`, and what it states of its axes, but no pulses."""
+        """Write the head of a file: clock, rule and axes of `stated`, without its pulses."""
         if not 1 <= part <= LARGEST_PART:
             raise MotionError(f"parts of {part} pulses: give 1 to {LARGEST_PART}")
         axes = [
@@ -118,7 +118,8 @@ class PulseWriter:
         Raises MotionError for pulses that do not follow the previous part.
         """
         if until < self.until:
-            raise MotionError(f"the pulses up to tick {self.until} are in the file: these are said to end at {until}")
+            message = f"the pulses up to tick {self.until} are in the file: these are said to end at {until}"
+            raise MotionError(message)
         _check_part(part, self._names, self.until, until)
         total = max(1, part.total)
         written = 0
@@ -132,7 +133,7 @@ class PulseWriter:
         self.until = until
 
     def finish(self, stated: PulseSchedule) -> None:
-        """Complete the file with the duration of the motion and what `stated` states of its axes."""
+        """Complete the file with the totals, and with the duration and the bounds of `stated`."""
         self._chunks.finish(
             {
                 "until": self.until,
@@ -157,8 +158,8 @@ def _check_part(part: PulseSchedule, names: tuple[str, ...], begin: int, until: 
         if not (np.diff(axis.ticks) > 0).all():
             raise MotionError(f"axis {axis.name}: its ticks do not rise")
         if axis.ticks[0] < begin or axis.ticks[-1] >= until:
-            told = f"ticks {axis.ticks[0]} to {axis.ticks[-1]}"
-            raise MotionError(f"axis {axis.name}: {told} are not from {begin} to before {until}")
+            ticks = f"ticks {axis.ticks[0]} to {axis.ticks[-1]}"
+            raise MotionError(f"axis {axis.name}: {ticks} are not from {begin} to before {until}")
 
 
 Span = tuple[int, int]
@@ -166,7 +167,7 @@ Pulses = tuple[Ticks, Signs]
 
 
 def _cut(part: PulseSchedule, begin: int, until: int, most: int) -> Iterator[tuple[Span, list[Pulses]]]:
-    """Spans of time, and the pulses of each axis in them: no more than `most` of any."""
+    """Cut a part into spans of time in which no axis has more than `most` pulses."""
     done = [0] * len(part.axes)
     while begin < until:
         following = (int(axis.ticks[k + most]) for axis, k in zip(part.axes, done, strict=True) if k + most < len(axis))
@@ -180,7 +181,7 @@ def _cut(part: PulseSchedule, begin: int, until: int, most: int) -> Iterator[tup
 
 
 def encode(span: Span, axes: list[Pulses]) -> bytes:
-    """The contents of a chunk."""
+    """Return the contents of a chunk."""
     content = b"".join(_encode_axis(ticks, direction, span[0]) for ticks, direction in axes)
     return SPAN.pack(*span, len(content)) + compress(content, LEVEL)
 

@@ -155,7 +155,7 @@ def _decode_axis(content: bytes, at: int, begin: int, most: int) -> tuple[Ticks,
 
 @check_arguments()
 def open_pulses(path: str | PathLike[str]) -> PulseFile:
-    """Open a file of pulses in the binary form: its first and its last chunk are read, the pulses not yet.
+    """Open a file of pulses in the binary form, of which only the first and last chunk are read.
 
     Parameters
     ----------
@@ -172,9 +172,9 @@ def open_pulses(path: str | PathLike[str]) -> PulseFile:
     FileError
         The file is no such file, of another version, cut or damaged.
     """
-    held = open_chunks(path, KIND, SCHEMA, (PULSES,))
+    chunks = open_chunks(path, KIND, SCHEMA, (PULSES,))
     try:
-        return _interpret(held)
+        return _interpret(chunks)
     except (KeyError, TypeError, ValueError, MotionError) as error:
         raise FileError(str(path), [Fault("", f"states no pulse schedule: {error!r}; write it again")]) from None
 
@@ -201,9 +201,9 @@ def read_pulses(path: str | PathLike[str]) -> PulseSchedule:
     return open_pulses(path).read()
 
 
-def _interpret(held: ChunkFile) -> PulseFile:
+def _interpret(chunks: ChunkFile) -> PulseFile:
     """Return what a file states. Raises KeyError, TypeError, ValueError or MotionError for what no writer states."""
-    head, mark = held.head, held.mark
+    head, mark = chunks.head, chunks.mark
     axes = tuple(_read_axis(*pair) for pair in zip(head["axes"], mark["bound"], strict=True))
     clock, duration = read_number(head["clock_hz"], 1.0), read_number(mark["duration"], 0.0)
     clock_hz = int(clock)
@@ -223,7 +223,7 @@ def _interpret(held: ChunkFile) -> PulseFile:
     final = tuple(read_integer(number) for number in mark["final"])
     if not len(pulses) == len(final) == len(axes):
         raise ValueError(f"{len(axes)} axes, pulses of {len(pulses)} and final counts of {len(final)}")
-    return PulseFile(stated, pulses, final, read_integer(mark["until"], 0), held)
+    return PulseFile(stated, pulses, final, read_integer(mark["until"], 0), chunks)
 
 
 def _read_axis(record: Mapping[str, Any], bound: object) -> AxisPulses:
