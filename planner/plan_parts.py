@@ -1,7 +1,7 @@
 """A plan of a program of any length, part by part as it is read: what stays of each window of it, proved, its pulses.
 
-Each part comes with how the motion would come to rest behind it: what there is of a plan at any instant is a whole
-motion, certified, that ends at rest, and the next part takes the place of its stop.
+Each part comes with a stop. The parts up to any of them, together with its stop, are a certified motion that ends at
+rest. The next part takes the place of that stop.
 """
 
 from collections import Counter, deque
@@ -95,18 +95,6 @@ class PlanStanding(Result):
 
 
 @dataclass(frozen=True, slots=True)
-class PlanMark:
-    """From where planning goes on: what is known by then, and the stream of pulses as it stands there.
-
-    waiting  triggers that the motion has come by, and the pulses given so far have not
-    """
-
-    standing: PlanStanding
-    stream: PulseStream
-    waiting: tuple[Crossing, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
 class PlanPart:
     """What stays of a window of a plan, and how the motion comes to rest behind it where nothing follows.
 
@@ -117,7 +105,7 @@ class PlanPart:
     limits        of the window
     rest_proof    of the way to rest
     triggers      those that the pulses of the part come by; rest_triggers: likewise
-    mark          where planning goes on behind it
+    standing      of the plan up to the end of the part
     """
 
     start: Start
@@ -131,12 +119,7 @@ class PlanPart:
     rest_proof: Certificate | None
     triggers: tuple[Triggered, ...]
     rest_triggers: tuple[Triggered, ...]
-    mark: PlanMark
-
-    @property
-    def standing(self) -> PlanStanding:
-        """Of the plan up to here."""
-        return self.mark.standing
+    standing: PlanStanding
 
 
 def plan_parts(
@@ -148,7 +131,6 @@ def plan_parts(
     rule: str | Rule = "nearest",
     limits: Sequence[OwnLimit] = (),
     pieces: int = PIECES,
-    after: PlanMark | None = None,
     helpers: Helpers | None = None,
     progress: Progress = ignore_progress,
 ) -> Iterator[PlanPart]:
@@ -163,8 +145,6 @@ def plan_parts(
         As of `plan`.
     pieces
         Of path that a window has at first.
-    after
-        Go on from there.
     helpers
         Processes that solve windows beside this one; None: none.
     progress
@@ -187,12 +167,10 @@ def plan_parts(
     steps = _Steps(
         mark_steps(walk_path(program, machine), program, machine), len(program.segments), program.repeat, progress
     )
-    start, standing, waiting = Start(), None, tuple[Crossing, ...]()
     stream = PulseStream(machine, clock_hz, rule)
-    if after is not None:
-        start, standing, stream, waiting = after.standing.start, after.standing, after.stream, after.waiting
-        steps.skip(start.steps)
-    for window in planner(steps, start, helpers):
+    standing: PlanStanding | None = None
+    waiting: tuple[Crossing, ...] = ()  # triggers that the motion has passed, but not its pulses
+    for window in planner(steps, helpers):
         before, stream = stream, stream.copy()
         motion = window.solution.trajectory
         kept, rest = motion.cut(0, window.kept), None
@@ -224,7 +202,7 @@ def plan_parts(
             rest_proof,
             triggers,
             rest_triggers,
-            PlanMark(standing, stream, waiting),
+            standing,
         )
 
 
@@ -312,13 +290,6 @@ class _Steps:
             if step.blend is not None or step.fitted is not None or step.avoidable:
                 self._held.append((self.taken, step))
             yield step
-
-    def skip(self, count: int) -> None:
-        """Those that are planned already."""
-        for _ in zip(range(count), self, strict=False):
-            pass
-        self._held.clear()
-        self._marks.clear()
 
     def pop(self, until: int) -> list[PathStep]:
         """Those that became something, up to a number of steps from the first."""
