@@ -17,7 +17,6 @@ from pulsepath.commands.lists import figures, laws, machines, programs, rigs, ru
 from pulsepath.commands.plan import plan
 from pulsepath.commands.pose import pose
 from pulsepath.commands.positions import positions
-from pulsepath.commands.send import send
 from pulsepath.commands.studio import studio
 from pulsepath.commands.track import track
 from pulsepath.commands.view import view
@@ -26,7 +25,7 @@ from pulsepath.process.exits import BAD_INPUT, INFEASIBLE, INTERNAL, INTERRUPTED
 SECTIONS = {
     "Plan": ("init", "pose", "check", "plan", "view", "studio", "export", "hold"),
     "Import programs": ("import", "positions"),
-    "Run and measure": ("track", "compare", "calibrate", "console", "send"),
+    "Run and measure": ("track", "compare", "calibrate", "console"),
     "List bundled data": ("machines", "programs", "rigs", "laws", "rules", "figures"),
 }
 
@@ -62,7 +61,6 @@ main.add_command(track)
 main.add_command(compare)
 main.add_command(calibrate)
 main.add_command(console)
-main.add_command(send)
 main.add_command(machines)
 main.add_command(programs)
 main.add_command(rigs)
