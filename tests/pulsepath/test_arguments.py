@@ -84,7 +84,7 @@ def test_an_argument_of_a_wrong_kind_is_refused(given, name, wrong):
 
 
 METHODS = {
-    "hold": {"at": 0.5}, "resume": {"stop": 0.1}, "override": {"share": 0.5}, "stops": {"count": 2},
+    "hold": {"at": 0.5}, "resume": {"stop": 0.1}, "stops": {"count": 2},
     "realised": {"stride": 1}, "export": {"format": "csp", "path": "a.csv", "force": False},
     "save": {"path": "a.csv", "force": False}, "plot": {"ax": None}, "trajectory.at": {"t": 0.1},
     "trajectory.save": {"path": "a.csv"}, "pulses.counts": {"t": 0.1},

@@ -150,9 +150,8 @@ def test_plan_with_force_leaves_what_comes_while_it_runs(tmp_path, call, monkeyp
             ["b.npz"],
         ),
         (("hold", "plan", "--stops", "1", "--out", "a.csv"), ["a.csv"]),
-        (("override", "plan", "--speed", "50 %", "--format", "npz", "--out", "a.npz"), ["a.npz"]),
     ],
-    ids=["stop", "way on", "table", "override"],
+    ids=["stop", "way on", "table"],
 )
 def test_sections_replace_no_file_that_comes_while_they_are_made(
     tmp_path, call, directory, monkeypatch, arguments, names
