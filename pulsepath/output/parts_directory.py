@@ -124,7 +124,7 @@ def write(
 ) -> tuple[PlanStanding, MotionError | None]:
     """Write the files of a plan into a folder as its parts come, the record last.
 
-    Return what is known at the end of the plan, and the refusal that ended it early, if any.
+    Return the plan at its end, and the refusal that ended it early, if any.
     tell: called after each part with the plan so far, and its number of segments in all repetitions.
     Raises what the parts raise, unless the request keeps the parts before that.
     """
