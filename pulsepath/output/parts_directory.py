@@ -1,11 +1,11 @@
 """The output of `plan` for a program that is planned in parts: written as the parts come."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
-from kinematics import MotionError
+from kinematics import Axis, MotionError
 from kinematics.files.atomic_files import name_file, write_named
 from kinematics.foundation.names import count_noun
 from planner.activity import Activity
@@ -54,19 +54,27 @@ class PartsRequest:
 class PartsWriter:
     """Writes motion, pulses and triggers of a plan into a folder, part by part."""
 
-    def __init__(self, folder: Path, files: ExitStack, *, pulses: bool, triggers: bool) -> None:
-        """files: closes the files. pulses, triggers: whether they are written."""
+    def __init__(
+        self,
+        folder: Path,
+        axes: Sequence[Axis],
+        files: ExitStack,
+        *,
+        pulses: bool,
+        triggers: bool,
+    ) -> None:
+        """Open the files. files: closes them. pulses, triggers: whether they are written."""
         self._folder = folder
+        self._units = {axis.name: axis.unit for axis in axes}
         names = [MOTION, *([BINARY] if pulses else []), *([TRIGGERS] if triggers else [])]
         self._files = {name: files.enter_context((folder / name).open("wb")) for name in names}
         self._motion = MotionWriter(self._files[MOTION])
-        self._pulses: PulseWriter | None = None
-        self._triggers: TriggerWriter | None = None
+        self._pulses: PulseWriter | None = None  # its head needs what the first part states
+        self._triggers = TriggerWriter(self._files[TRIGGERS], axes) if triggers else None
 
     def add(self, part: PlanPart) -> None:
         """Write a part, without its stop."""
         start, following = part.start, part.standing.start
-        axes = part.standing.machine.axes
         steps = following.steps - start.steps
         head = PartHead(start.begin, start.length, start.steps, steps, _near(part))
         with name_file(self._folder / MOTION):
@@ -75,14 +83,11 @@ class PartsWriter:
         if BINARY in self._files:
             with name_file(self._folder / BINARY):
                 if self._pulses is None:
-                    units = {axis.name: axis.unit for axis in axes}
-                    self._pulses = PulseWriter(self._files[BINARY], part.pulses, units)
+                    self._pulses = PulseWriter(self._files[BINARY], part.pulses, self._units)
                 self._pulses.add(part.pulses, part.until)
 
-        if TRIGGERS in self._files:
+        if self._triggers is not None:
             with name_file(self._folder / TRIGGERS):
-                if self._triggers is None:
-                    self._triggers = TriggerWriter(self._files[TRIGGERS], axes)
                 self._triggers.add(part.triggers)
 
     def finish(self, part: PlanPart) -> None:
@@ -119,7 +124,7 @@ def write(
 ) -> tuple[PlanStanding, MotionError | None]:
     """Write the files of a plan into a folder as its parts come, the record last.
 
-    Return what is known at the end of the plan, and the refusal that ended it early, if any.
+    Return the plan at its end, and the refusal that ended it early, if any.
     tell: called after each part with the plan so far, and its number of segments in all repetitions.
     Raises what the parts raise, unless the request keeps the parts before that.
     """
@@ -128,8 +133,8 @@ def write(
     part: PlanPart | None = None
     refusal: MotionError | None = None
     with ExitStack() as files:
-        marked = holds_triggers(inputs.program)
-        writer = PartsWriter(folder, files, pulses=request.pulses, triggers=marked)
+        axes, marked = inputs.machine.axes, holds_triggers(inputs.program)
+        writer = PartsWriter(folder, axes, files, pulses=request.pulses, triggers=marked)
         try:
             for part in parts:
                 writer.add(part)
