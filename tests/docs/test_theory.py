@@ -11,7 +11,7 @@ from benchmarks.evidence.peers.case import circle, spline
 from planner import time_optimal
 from planner.certificate.enclosure import _polynomial_range
 from planner.path.join_and_blend import overlap_lengths
-from planner.timing.solvers.passes import largest_speeds
+from planner.timing import largest_speeds
 from tests.docs.pages import DOCS
 
 INTERVALS = 1000

@@ -11,9 +11,7 @@ from scipy.interpolate import PPoly
 
 from kinematics import Axis, MotionError
 from planner import Place, Trajectory, time_optimal
-from planner.certificate import limit_use
-from planner.certificate.certify import certify
-from planner.certificate.limit_use import ProvedUse, prove
+from planner.certificate import ProvedUse, certify, limit_use, prove
 from planner.limits import limits_of
 from planner.limits.axis import Acceleration, Jerk, Speed
 from planner.path.polynomial import PolynomialPath

@@ -9,9 +9,9 @@ from scipy.interpolate import CubicSpline, PPoly
 from benchmarks.evidence.trials.robustness import random_problem, tiny_problems
 from kinematics import Axis, Hexapod, Traverser, load_machine
 from planner import Line, Program, plan, time_optimal
+from planner.certificate import LIMIT_ROUNDING, certify
 from planner.certificate import certify as certify_module
-from planner.certificate.certify import certify
-from planner.certificate.limit_use import LIMIT_ROUNDING, round_reached_use
+from planner.certificate.limit_use import round_reached_use
 from planner.limits import limits_of
 from planner.path.actuation import actuate
 

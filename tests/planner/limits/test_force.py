@@ -9,8 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kinematics import Body, Leg, Load, MotionError, Traverser, forces, load_machine, machine_names
 from kinematics.machine.load import GRAVITY
 from planner import Arc, Infeasible, Line, Program, Trajectory, check, classical, plan
-from planner.certificate.certify import certify
-from planner.certificate.enclosure import Cells, bound_series, enclose
+from planner.certificate import Cells, bound_series, certify, enclose
 from planner.limits import find_unkept_limits, limits_of
 from planner.limits.force import Force, Holding, slowness
 from planner.path.actuation import actuate

@@ -10,8 +10,7 @@ from kinematics import Axis, Hexapod
 from planner import Infeasible, Line, Program, check
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
-from planner.timing.problem import Run
-from planner.timing.run import solve_run
+from planner.timing import Run, solve_run
 
 STROKE, TILT = 0.0508, np.deg2rad(12.0)
 

@@ -6,8 +6,8 @@ from scipy.interpolate import BPoly, CubicSpline, PPoly
 
 from benchmarks.evidence.trials.robustness import random_spline, try_problem
 from planner import time_optimal
+from planner.timing import Profile
 from planner.timing.initial_guess import Smoothed
-from planner.timing.profile import Profile
 
 
 def polyline(points):

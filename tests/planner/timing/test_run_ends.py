@@ -6,14 +6,10 @@ from scipy.interpolate import CubicSpline
 
 from kinematics import Axis, MotionError
 from planner import Infeasible, Trajectory
-from planner.certificate.limit_use import prove
+from planner.certificate import prove
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
-from planner.timing import jerk_limited, run
-from planner.timing.certified_solve import certified_solve
-from planner.timing.problem import Run, make_grid, pose_problem
-from planner.timing.run import solve_run
-from planner.timing.solvers.second_order import second_order
+from planner.timing import Run, certified_solve, jerk_limited, make_grid, pose_problem, run, second_order, solve_run
 
 SPEED, ACCELERATION, JERK = 1.0, 2.0, 20.0
 
