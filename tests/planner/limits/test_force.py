@@ -254,18 +254,6 @@ def test_rows_that_cannot_bind_cost_no_time(laden, order):
     assert weak.trajectory.duration > kept.trajectory.duration
 
 
-@pytest.mark.parametrize("times", [1.6, 3.0, 20.0])
-def test_a_load_looked_at_at_a_few_points_costs_no_time(laden, monkeypatch, times):
-    """Where a force is so many times what holding takes: the motion is that found with a look at every point."""
-    kept = plan(TILTED, laden, order=2)
-    machine = with_axes(laden, max_force=times * 220 * kept.certificate.worst["holding force"])
-    found = plan(TILTED, machine, order=2)
-    monkeypatch.setattr("planner.timing.problem.IDLE_STRIDE", 1)
-    every = plan(TILTED, machine, order=2)
-    assert found.certificate.holds
-    assert np.array_equal(found.trajectory.knots, every.trajectory.knots)
-
-
 def test_the_preset_weighs_what_its_comments_say(laden):
     """The plate, and six screws and joints as points in the joint centres; to the digits of the file."""
     points = [Body(0.041 + 0.060, centre) for centre in laden.platform]

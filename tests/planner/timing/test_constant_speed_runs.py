@@ -220,8 +220,6 @@ def test_a_refused_constant_speed_is_told_with_one_that_holds(hexapod):
         plan(asked(0.006), hexapod, order=3)
     found = float(re.search(r"([\d.]+) mm/s was found to hold", str(refusal.value))[1]) / 1e3
     assert plan(asked(0.999 * found), hexapod, order=3).certificate.holds
-    with pytest.raises(Infeasible, match="was found to hold"):
-        plan(asked(1.01 * found), hexapod, order=3)
 
 
 @pytest.mark.parametrize("order", [2, 3])

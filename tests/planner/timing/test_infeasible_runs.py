@@ -21,9 +21,9 @@ def machine(hexapod, stroke=STROKE, tilt=None):
 
 
 @pytest.fixture(autouse=True)
-def impatient(monkeypatch):
+def impatient(limit_search):
     """How far a path must shrink or move is test_advice' matter, and takes its time."""
-    monkeypatch.setattr("planner.certificate.advice.MAX_SEARCH_TIME", 0.0)
+    limit_search(0.0)
 
 
 def named(no, kind, axes):
