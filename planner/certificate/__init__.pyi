@@ -4,6 +4,7 @@ from .certify import (
     Certificate as Certificate,
     certify as certify,
     forget_paths as forget_paths,
+    prove_path_use as prove_path_use,
 )
 from .conditioning import Conditioning as Conditioning, find_poorest as find_poorest
 from .constant_speed import (
@@ -24,7 +25,12 @@ from .feasibility import (
     find_singularity as find_singularity,
     prove_feasibility as prove_feasibility,
 )
-from .limit_use import LIMIT_ROUNDING as LIMIT_ROUNDING, ProvedUse as ProvedUse, prove as prove
+from .limit_use import (
+    LIMIT_ROUNDING as LIMIT_ROUNDING,
+    ProvedUse as ProvedUse,
+    prove as prove,
+    round_reached_use as round_reached_use,
+)
 from .lower_bound import (
     bound_cells as bound_cells,
     bound_rest as bound_rest,

@@ -17,11 +17,17 @@ BELOW = re.compile(rf"from planner\.(?:{'|'.join(FOLDERS)})\.\w")
 # Here the internal step is what is tested: against finite differences, a dense solve, a linear programme, an exact sum.
 INTERNALS = {
     "planner/timing/solvers",
+    "planner/test_cross_check.py",
+    "planner/timing/test_constant_speed_runs.py",
     "planner/timing/test_small_blends.py",
+    "planner/timing/test_stated_duration.py",
     "planner/timing/test_duration_bound.py",
     "planner/timing/test_long_durations.py",
     "planner/certificate/test_ranges.py",
+    "planner/interruption/test_seams.py",
     "planner/limits/test_resonance.py",
+    "pulsepath/commands/test_plan_bound.py",
+    "pulsepath/commands/test_plan_cross_check.py",
 }
 
 
