@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from benchmarks.evidence.published.clearance import RADII, find_nearest_legs, hexapod_with_gap, travel_corners
+from benchmarks.evidence.cases.clearance import find_nearest_legs, hexapod_with_gap, travel_corners
 from kinematics import Axis, Disc, Hexapod, MotionError
 from kinematics.analysis.clearance import Bodies, segment_disc_distance, segment_distance
 from kinematics.machine.pose import to_numbers
@@ -261,10 +261,10 @@ def test_clearance_decided_the_gap():
     """With bars around the actuator's body (an assumption) the legs of gap 20° overlap at the ends of travel."""
     clear = {}
     for gap in (20, 30):
-        machine = hexapod_with_gap(gap)
-        clear[gap] = 1e3 * (find_nearest_legs(machine, travel_corners(machine), 35).distance - 2 * RADII[1])
-    assert clear[20] < -5
-    assert clear[30] > 5
+        machine = hexapod_with_gap(gap, tilt=35)
+        clear[gap], _, _ = find_nearest_legs(machine, travel_corners(machine))
+    assert clear[20] < -5e-3
+    assert clear[30] > 5e-3
 
 
 # what it refuses
