@@ -23,8 +23,7 @@ Measure = Callable[..., Iterator[Table | str]]
 CASES = {
     "assembly_modes": "how often all forty modes of Dietmaier's platform are found, and in which time",
     "circle": "the bare circle, certified, against legs computed by hand",
-    "clearance": "why the thesis chose joint gaps of 30°: clearance of the legs",
-    "design": "a stepper sized, parts selected, an error budget, worked",
+    "design": "a stepper sized, actuators and joints selected",
     "findings": "the page of a thesis' findings: which hold on the emulated rig",
     "limit_worths": "savings predicted for each limit, compared with planning again",
     "published": "the page of published numbers next to ours",

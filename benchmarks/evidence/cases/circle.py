@@ -7,29 +7,27 @@ the plan, with φ = s/r.
 """
 
 from collections.abc import Iterator
+from typing import cast
 
 import numpy as np
 from scipy.interpolate import PPoly
 
 from benchmarks.evidence.table import Row, Table
-from kinematics import load_machine
+from kinematics import Hexapod, load_machine
 from kinematics.foundation.arrays import Array
 from planner import Plan, load_program, plan
 
-RADIUS = 0.015
-# Radius (m), angle between the closest joints (deg), height (m) [Sahbaz 2007, chapter 5]; written
-# out again so that nothing is shared with the preset.
-LOWER, UPPER = (0.149, 30.0, 0.0115), (0.100, 60.0, -0.011)
-CENTRE = (0.0, 0.0, 0.2336362 + 0.025)
+RADIUS, HEIGHT = 0.015, 0.025
 LIMITS = {"speed": 0.020, "acceleration": 0.225, "jerk": 4.0}
 
 
 def measure(instants: int = 100_000) -> Iterator[Table]:
     """Yield the uses of limits, proved and by hand, and the error of the pulses, at orders 2 and 3."""
-    machine, program = load_machine("hexapod"), load_program("bare-circle")
+    machine = cast(Hexapod, load_machine("hexapod"))
+    program = load_program("bare-circle")
     for order in (2, 3):
         planned = plan(program, machine, order=order)
-        by_hand = largest_use(planned, instants)
+        by_hand = largest_use(planned, machine, instants)
         rows: list[Row] = [
             [name, f"{proved:.9f}", f"{by_hand[name]:.9f}" if name in by_hand else None]
             for name, proved in planned.certificate.worst.items()
@@ -44,16 +42,10 @@ def measure(instants: int = 100_000) -> Iterator[Table]:
         )
 
 
-def joints(radius: float, gap: float, height: float) -> Array:
-    """Return six joints (6, 3) on a circle."""
-    middles = np.array([0, 120, 120, 240, 240, 0])
-    azimuth = middles + gap / 2 * np.array([1, -1, 1, -1, 1, -1])
-    return np.array([(radius * np.cos(a), radius * np.sin(a), height) for a in np.deg2rad(azimuth)])
-
-
-def leg_derivatives(phi: Array) -> tuple[Array, Array, Array, Array]:
+def leg_derivatives(machine: Hexapod, phi: Array) -> tuple[Array, Array, Array, Array]:
     """Return the legs' lengths (6, N) at angles phi (N,) and their first three derivatives."""
-    c = (CENTRE + joints(*UPPER) - joints(*LOWER))[:, :, None]
+    centre = machine.home.translation + np.array([0, 0, HEIGHT])
+    c = (centre + machine.platform - machine.base)[:, :, None]
     b, a = 2 * RADIUS * c[:, 0], 2 * RADIUS * c[:, 1]
     cos, sin = np.cos(phi), np.sin(phi)
     d0 = RADIUS**2 + (c**2).sum(1) + b * cos + a * sin
@@ -68,14 +60,14 @@ def leg_derivatives(phi: Array) -> tuple[Array, Array, Array, Array]:
     return l0, l1, l2, l3
 
 
-def largest_use(planned: Plan, instants: int) -> dict[str, float]:
+def largest_use(planned: Plan, machine: Hexapod, instants: int) -> dict[str, float]:
     """Return the largest value/limit of the legs by hand, once their lengths are those of the plan."""
     motion = planned.trajectory
     t = np.linspace(0.0, motion.duration, instants)
     pieces = np.array([motion.j / 6, motion.a / 2, motion.v, motion.s])
     angle = PPoly(pieces / RADIUS, motion.knots)
     phi, v, a, j = (angle(t, order) for order in range(4))
-    l0, l1, l2, l3 = leg_derivatives(phi)
+    l0, l1, l2, l3 = leg_derivatives(machine, phi)
     np.testing.assert_allclose(l0.T, motion.at(t).q, rtol=0, atol=1e-12)
     values = {
         "speed": l1 * v,

@@ -42,14 +42,14 @@ class NumberComparison:
         ]
 
 
-def compare_numbers(title: str, text: str, numbers: Iterable[NumberComparison]) -> Table:
+def compare_numbers(numbers: Iterable[NumberComparison]) -> Table:
     """Return the table of some numbers. Without any remark, the column of remarks is left out."""
     columns = ("what", "published", "ours", "ours − published", "unit", "remark")
     rows = [number.cells() for number in numbers]
     if not any(row[-1] for row in rows):
         columns = columns[:-1]
         rows = [row[:-1] for row in rows]
-    return Table(title, columns, rows, text)
+    return Table("", columns, rows)
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,10 +134,10 @@ class PublishedLine:
         ]
 
 
-def compare_lines(title: str, text: str, lines: Iterable[PublishedLine]) -> Table:
+def compare_lines(lines: Iterable[PublishedLine]) -> Table:
     """Return the table of a calculation, line by line."""
     columns = ("line", "printed", "redone", "ours", "ours - printed", "unit", "remark")
-    return Table(title, columns, [line.cells() for line in lines], text)
+    return Table("", columns, [line.cells() for line in lines])
 
 
 def format_value(value: float) -> str:

@@ -79,13 +79,24 @@ def modes() -> list[NumberComparison]:
     positions = poses.translation
     nearest = int(np.argmin(np.abs(positions - data["one_position"]).max(1)))
     row = poses[nearest].rotation.as_matrix()[0]
-    names = [f"one mode, {axis}" for axis in "xyz"]
-    columns = [f"its rotation, row 1, column {k}" for k in (1, 2, 3)]
-    return [
-        NumberComparison("real assembly modes", "", str(data["real_modes"]), len(poses)),
-        *compare(names, "", print_digits(data["one_position"], 9), positions[nearest]),
-        *compare(columns, "", print_digits(data["one_rotation_row_1"], 6), row),
-    ]
+    return compare(
+        [
+            "real assembly modes",
+            "one mode, x",
+            "one mode, y",
+            "one mode, z",
+            "its rotation, row 1, column 1",
+            "its rotation, row 1, column 2",
+            "its rotation, row 1, column 3",
+        ],
+        "",
+        [
+            str(data["real_modes"]),
+            *print_digits(data["one_position"], 9),
+            *print_digits(data["one_rotation_row_1"], 6),
+        ],
+        [len(poses), *positions[nearest], *row],
+    )
 
 
 def pulse_count() -> list[NumberComparison]:

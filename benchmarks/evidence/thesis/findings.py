@@ -99,16 +99,20 @@ def judge_ramps(outcome: Outcome) -> Verdict:
 def judge_end_times(outcome: Outcome) -> Verdict:
     """Judge whether every law's closing stop is less than a sample late, with its best gain."""
     delays = {law: min(one.delay for one in outcome.settings[law]) for law in THESIS_LAWS}
-    words = ", ".join(f"{law} {1e3 * abs(delay):.0f}" for law, delay in delays.items())
     holds = max(delays.values()) < outcome.assumption.task.dt
-    return Verdict(holds, f"ms after the planned end: {words}")
+    return Verdict(holds, f"ms after the planned end: {list_laws(delays, 1e3)}")
 
 
 def judge_arrival(outcome: Outcome) -> Verdict:
     """Judge whether every law brings its axes to the goal, with its best gain."""
     distances = {law: min(one.distance for one in outcome.settings[law]) for law in THESIS_LAWS}
-    words = ", ".join(f"{law} {pulses:.0f}" for law, pulses in distances.items())
-    return Verdict(max(distances.values()) <= END_BAND, f"pulses from the goal: {words}")
+    holds = max(distances.values()) <= END_BAND
+    return Verdict(holds, f"pulses from the goal: {list_laws(distances, 1)}")
+
+
+def list_laws(figures: dict[str, float], scale: float) -> str:
+    """Return the figure of each law, in units of 1/scale."""
+    return ", ".join(f"{law} {scale * abs(figure):.0f}" for law, figure in figures.items())
 
 
 def format_error(setting: LawSetting) -> str:
