@@ -79,7 +79,7 @@ def summarise(verdicts: Verdicts) -> Table:
 
 
 def list_readings(verdicts: Verdicts) -> Iterator[list[str]]:
-    """Yield a row for each finding: whether it holds with each reading, and what it needs."""
+    """Yield a row for each finding: verdicts with each reading, and the reading that it needs."""
     for number, by_assumption in enumerate(verdicts.values(), 1):
         answers = [answer(by_assumption[reading]) for reading in READINGS]
         holds = {name: verdict.holds for name, verdict in by_assumption.items()}

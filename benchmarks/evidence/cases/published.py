@@ -1,6 +1,6 @@
 """Published numbers next to ours: the page docs/evidence.md.
 
-The text is that of benchmarks/evidence/published/page.md, in which {NAME} stands for a table.
+The text is in benchmarks/evidence/published/page.md, where {NAME} is replaced by a table.
 """
 
 from collections.abc import Iterator
@@ -57,7 +57,7 @@ def explain_calibration() -> dict[str, Table | str]:
     return {
         "calibration": compare_numbers(numbers),
         "left out": f"Each pose predicted from the others alone: {left_out:.1f} µm RMS per component.",
-        # all legs have the common factor, so one of them stands for all
+        # all legs have the common factor: the first one shows it
         "pulse length": explain_pulse(identified_pulses(result)[0]),
         "rotations": compare_rotations(result),
         "rotation parts": divide_rotations(result),

@@ -44,7 +44,7 @@ class NumberComparison:
 
 def compare_numbers(numbers: Iterable[NumberComparison]) -> Table:
     """Return the table of some numbers. Without any remark, the column of remarks is left out."""
-    columns = ("what", "published", "ours", "ours − published", "unit", "remark")
+    columns: Sequence[str] = ("what", "published", "ours", "ours − published", "unit", "remark")
     rows = [number.cells() for number in numbers]
     if not any(row[-1] for row in rows):
         columns = columns[:-1]
@@ -87,7 +87,7 @@ class PublishedLine:
 
     @property
     def slip(self) -> bool:
-        """Whether the line gives another number than printed, and is not called approximate."""
+        """True if the line gives another number than printed, and is not called approximate."""
         return not self.approximate and not self.gives(self.redone)
 
     @property

@@ -19,7 +19,7 @@ PRINTED = ActuatorNeed(stroke=47.58e-3, force=54.563)
 MACHINE = "hexapod-initial"
 
 # Displacement (m) and turn of the platform from home, durations of the move and of each ramp (s).
-DISPLACEMENT, TURN = (0, 0.030, -0.030), Rotation.from_euler("x", 10, degrees=True)
+DISPLACEMENT, TURN = np.array([0, 0.030, -0.030]), Rotation.from_euler("x", 10, degrees=True)
 DURATION, RAMP, SAMPLES = 3.0, 0.6, 21
 WRENCH = (-10.0, -10.0, -100.0, 1.0, -1.0, 0.0)
 """N and N·m on the platform's centre, along the axes of the base."""

@@ -31,7 +31,7 @@ behind it; the rate has the sign of its direction, or none."""
 
 @dataclass(frozen=True, slots=True)
 class Assumption:
-    """One reading of what is not printed: `rig` runs `task`."""
+    """An assumption about the rig or its task: `rig` runs `task`."""
 
     name: str
     rig: Rig

@@ -19,7 +19,7 @@ UNCOVERED = 19
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """Whether a finding holds, and the figure that decides, in words."""
+    """Verdict on a finding, and the figure that decides, in words."""
 
     holds: bool
     figure: str
