@@ -55,10 +55,8 @@ def measure() -> Iterator[Table | str]:
     yield "## Why"
     for finding in FINDINGS:
         yield f"### {finding.name}\n\nJudged: {finding.judged}.\n\n{finding.because}"
-    numbers = [str(number) for number, _ in enumerate(FINDINGS, 1)]
-    rows = [
-        [name, *(answer(verdicts[finding.name][name]) for finding in FINDINGS)] for name in verdicts[FINDINGS[0].name]
-    ]
+    numbers = map(str, range(1, len(FINDINGS) + 1))
+    rows = [[name, *(answer(verdict[name]) for verdict in verdicts.values())] for name in verdicts[FINDINGS[0].name]]
     yield Table("What each assumption decides", ("assumption", *numbers), rows, NUMBERED)
     for name, by_assumption in verdicts.items():
         yield f"### {name}, by assumption"
