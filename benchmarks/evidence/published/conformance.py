@@ -28,7 +28,7 @@ def compare(
 ) -> list[NumberComparison]:
     """Return the comparisons of several numbers in one unit."""
     numbers = zip(names, published, ours, strict=True)
-    return [NumberComparison(name, unit, text, float(value)) for name, text, value in numbers]
+    return [NumberComparison(name, unit, text, value) for name, text, value in numbers]
 
 
 def published_hexapod(name: str) -> Hexapod:
