@@ -26,7 +26,7 @@ CASES = {
     "design": "a stepper sized, actuators and joints selected",
     "findings": "the page of a thesis' findings: which hold on the emulated rig",
     "limit_worths": "savings predicted for each limit, compared with planning again",
-    "page_pictures": "pictures of every page, for the documentation",
+    "page_pictures": "pictures of every report page, for the documentation",
     "published": "the page of published numbers next to ours",
 }
 """Names of the cases, which are those of their files, with one line of help."""
