@@ -21,7 +21,13 @@ from kinematics.foundation.errors import MotionError
 Measure = Callable[..., Iterator[Table | str]]
 
 CASES = {
+    "assembly_modes": "how often all forty modes of Dietmaier's platform are found, and in which time",
+    "circle": "the bare circle, certified, against legs computed by hand",
+    "design": "a stepper sized, actuators and joints selected",
+    "findings": "the page of a thesis' findings: which hold on the emulated rig",
     "limit_worths": "savings predicted for each limit, compared with planning again",
+    "page_pictures": "pictures of every report page, for the documentation",
+    "published": "the page of published numbers next to ours",
 }
 """Names of the cases, which are those of their files, with one line of help."""
 

@@ -64,3 +64,8 @@ def quantile_table(title: str, samples: dict[str, Sequence[float]]) -> Table:
         if len(values)
     ]
     return Table(title, ("quantity", "number", "least", "median", "nine tenths", "largest"), rows)
+
+
+def quote(title: str, result: object) -> str:
+    """Return the printed form of a result as a block of text below a title."""
+    return f"## {title}\n\n```text\n{result}\n```"

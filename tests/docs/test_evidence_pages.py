@@ -6,26 +6,41 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.evidence import run
 from benchmarks.evidence.peers.page import COMMAND, MEASURED_FILE, PeerFigures, cells, page, put_rows, read_answers
 
 ROOT = Path(__file__).parents[2]
-COMMANDS = re.compile(r"python\s-m\s(benchmarks[\w.]*)")
+RUNNER = "benchmarks.evidence"
+COMMANDS = re.compile(rf"python\s-m\s({RUNNER}\s[a-z]\w*|benchmarks[\w.]*)")
+"""The runner and the name of a case, or another module."""
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")]
 
 
 def commands(path):
-    return set(COMMANDS.findall((ROOT / path).read_text(encoding="utf-8")))
+    found = COMMANDS.findall((ROOT / path).read_text(encoding="utf-8"))
+    return {" ".join(command.split()) for command in found}
 
 
 @pytest.mark.parametrize(
     "path", ["README.md", "docs/evidence.md", "docs/evidence/suites.md", "docs/findings.md", "docs/peers.md"]
 )
 def test_every_command_that_shows_a_figure_is_in_the_index(path):
-    named = commands(path) - {"benchmarks.evidence.peers.page"}  # makes a page of what is measured
-    assert named <= commands("docs/evidence/index.md")
+    # one command makes a page of what another measured
+    shown = commands(path) - {"benchmarks.evidence.peers.page"}
+    assert shown
+    assert shown <= commands("docs/evidence/index.md")
 
 
-def test_every_command_of_the_index_is_there():
-    assert all(find_spec(name) for name in commands("docs/evidence/index.md"))
+def test_every_command_in_the_documentation_names_a_case():
+    named = set().union(*map(commands, PAGES))
+    cases = {command.removeprefix(f"{RUNNER} ") for command in named if " " in command}
+    assert len(cases) > 5
+    assert cases <= set(run.CASES)
+    assert [module for module in named if " " not in module and not find_spec(module)] == []
+
+
+def test_every_case_is_in_the_index():
+    assert {f"{RUNNER} {name}" for name in run.CASES} <= commands("docs/evidence/index.md")
 
 
 def test_every_figure_of_the_readme_stands_in_the_index_as_it_does_there():

@@ -6,12 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.evidence.published.compared import markdown
-from benchmarks.evidence.thesis.outcome import LAWS, READINGS, LawSetting, Outcome, assumptions, run_laws
-from benchmarks.evidence.thesis.page import COMMAND, FINDINGS, UNCOVERED, describe_need, summary
+from benchmarks.evidence.cases.findings import COMMAND, describe_need, judge, summarise
+from benchmarks.evidence.thesis.assumptions import READINGS, assumptions
+from benchmarks.evidence.thesis.findings import FINDINGS, UNCOVERED
+from benchmarks.evidence.thesis.outcome import LAWS, LawSetting, Outcome, run_laws
 from controllers.simulate import sample
 
-PAGE = Path(__file__).parents[4] / "docs" / "findings.md"
+PAGE = Path(__file__).parents[3] / "docs" / "findings.md"
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +22,7 @@ def stated():
 
 
 def test_the_committed_page_says_of_the_rig_as_stated_what_the_command_finds(stated):
-    table = markdown(("finding", "verdict", "figure"), [summary(finding, stated) for finding in FINDINGS])
+    table = str(summarise(judge([stated])))
     assert table in PAGE.read_text(encoding="utf-8"), f"stale: {COMMAND}"
 
 
@@ -96,7 +97,7 @@ def test_judgements_of_laws_as_the_thesis_has_them():
 
 def test_a_law_that_arrives_at_no_gain_does_not_end_where_the_reference_does():
     made = judged(law5={0.5: 1e-3, 0.7: 1e-3})
-    far, near = (replace(made.settings["5"][0], short=pulses) for pulses in (11.0, 9.0))
+    far, near = (replace(made.settings["5"][0], distance=pulses) for pulses in (11.0, 9.0))
     for settings, holds in (((far, near), True), ((far, far), False)):
         verdict = FINDINGS[-1].judge(replace(made, settings={**made.settings, "5": settings}))
         assert verdict.holds == holds
@@ -105,7 +106,7 @@ def test_a_law_that_arrives_at_no_gain_does_not_end_where_the_reference_does():
 
 def test_a_law_whose_host_is_a_sample_late_is_not_on_time():
     made = judged()
-    for over, holds in ((0.124, True), (0.126, False)):
-        late = tuple(replace(setting, over=over) for setting in made.settings["2"])
+    for delay, holds in ((0.124, True), (0.126, False)):
+        late = tuple(replace(setting, delay=delay) for setting in made.settings["2"])
         verdict = FINDINGS[-2].judge(replace(made, settings={**made.settings, "2": late}))
-        assert (verdict.holds, f"2 {1e3 * over:.0f}," in verdict.figure) == (holds, True)
+        assert (verdict.holds, f"2 {1e3 * delay:.0f}," in verdict.figure) == (holds, True)
