@@ -11,7 +11,7 @@ from benchmarks import evidence
 FOLDER = Path(evidence.__file__).parent
 SERVE = {"timing", "published.compared", "thesis.outcome"}
 """What scripts share, and tables that pages show."""
-PACKAGES = {"peers", "csp_drive"}
+PACKAGES = {"peers"}
 """Run as a whole."""
 QUICK = ("published.sizing",)
 

@@ -1,10 +1,9 @@
-"""LinuxCNC's suite and simulation in small: what is read of them, made by their rules, and what is told."""
+"""LinuxCNC's suite in small: files by its rules are planned, or refused with their line."""
 
 import numpy as np
 import pytest
 
-from benchmarks.evidence.peers import linuxcnc_sim, linuxcnc_suite
-from benchmarks.evidence.peers.linuxcnc_sim import SIMULATED, SimulatedCase, tell_run
+from benchmarks.evidence.peers import linuxcnc_suite
 from benchmarks.evidence.peers.linuxcnc_suite import PERIOD, Differences, build_machine, plan_file, read_limits
 
 # Of the shape of LinuxCNC's configs/XYZ.ini.
@@ -92,38 +91,3 @@ def test_files_are_planned_in_their_order_or_refused_with_their_line(suite, slid
         assert max(uses) <= float(row[3]) + 1e-4
         found = plan_file(file, slides, order, 25e-6, "inch")
         assert float(row[2]) == pytest.approx(found.duration, abs=1e-3)
-
-
-def test_a_simulated_run_is_read_from_its_first_change_to_its_last(tmp_path):
-    """Times in samples, places in nm; a sample that is missing is told."""
-    places = np.concatenate([np.zeros(5), np.cumsum(np.full(100, 30.48e3)), np.full(7, 3.048e6)])
-    lines = [f"{n + 40} {x:.6f} 0.000000 0.000000 " for n, x in enumerate(places)]
-    file = tmp_path / "0.txt"
-    file.write_text("\n".join(["overrun", *lines]))
-    run = linuxcnc_sim._read_run(file, "")
-    assert run.duration == pytest.approx(0.1)
-    duration, speed, acceleration = map(float, tell_run(run, SIMULATED))
-    assert (duration, speed) == pytest.approx((0.1, 1.0), rel=1e-6)
-    assert acceleration == pytest.approx(30.48 / 0.508, rel=1e-4)  # it starts at full speed
-    del lines[20]
-    file.write_text("\n".join(lines))
-    assert linuxcnc_sim._read_run(file, "").wrong == "samples were lost"
-    assert tell_run(linuxcnc_sim._read_run(file, ""), SIMULATED)[0] == "samples were lost"
-
-
-def test_ours_is_told_where_theirs_cannot_run(suite, monkeypatch):
-    monkeypatch.setattr(linuxcnc_sim, "find_missing", lambda: "not here")
-    case = SimulatedCase("g61", "G61", suite / "quick" / "g61.ngc")
-    rows = linuxcnc_sim.compare([case], SIMULATED, "inch")
-    assert [row[2] for row in rows] == ["ours, order 2", "ours, order 3"]
-    assert float(rows[0][3]) < float(rows[1][3])
-
-
-def test_the_simulated_machine_has_the_limits_that_ours_has(tmp_path):
-    ini = linuxcnc_sim.write_configuration(tmp_path, SIMULATED)
-    found, unit = read_limits(ini)
-    assert unit == "mm"
-    np.testing.assert_allclose(
-        [[one.low, one.high, one.speed, one.acceleration] for one in found],
-        [[one.low, one.high, one.speed, one.acceleration] for one in SIMULATED],
-    )
