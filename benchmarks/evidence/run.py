@@ -22,6 +22,12 @@ Measure = Callable[..., Iterator[Table | str]]
 
 CASES = {
     "limit_worths": "savings predicted for each limit, compared with planning again",
+    "linuxcnc_suite": "LinuxCNC's files for its planner: planned and certified, or refused",
+    "peers": "two paths and a line by us, toppra, copp-py, ruckig and IPOPT",
+    "peers_page": "the page docs/peers.md, from the table of peers",
+    "random_splines": "COPP's random splines by us and copp-py",
+    "ruckig_moves": "random moves of one axis by us and ruckig",
+    "toppra_suite": "toppra's hard problems by us and toppra",
 }
 """Names of the cases, which are those of their files, with one line of help."""
 

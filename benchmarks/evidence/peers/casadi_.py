@@ -1,14 +1,16 @@
-"""The order-3 problem by FATROP and IPOPT through CasADi: a second opinion on our interior-point method.
+"""The order-3 problem by FATROP and IPOPT through CasADi: a second opinion on our own solver.
 
-Unknown are ṡ and s̈ at the start of each interval, its constant s⃛ and its duration h, and ṡ and s̈ at the end:
+Unknown are ṡ and s̈ at the start of each interval, its constant s⃛ and its duration h, and ṡ and s̈
+at the end:
 
     ṡ⁺ = ṡ + h (s̈ + h s⃛/2),   s̈⁺ = s̈ + h s⃛,   Δs = h (ṡ + h (s̈/2 + h s⃛/6)).
 
-Rows with s⃛ are bounded at both ends of an interval, as the jerk jumps there, and other rows at its start and in its
-middle. Lengths are counted in the run's, times in the guess' duration, and each variable in its largest guess: so
-35 iterations suffice where the plain problem takes 400.
+Rows with s⃛ are bounded at both ends of an interval, as the jerk jumps there, and other rows at its
+start and in its middle. Lengths are counted in the run's, times in the guess' duration, and each
+variable in its largest guess: so 35 iterations suffice where the plain problem takes 400.
 
-FATROP: L. Vanroye et al., IROS 2023. IPOPT: A. Wächter and L. T. Biegler, Mathematical Programming 106 (2006) 25–57.
+FATROP: L. Vanroye et al., IROS 2023. IPOPT: A. Wächter and L. T. Biegler, Mathematical Programming
+106 (2006) 25–57.
 """
 
 from collections.abc import Mapping
@@ -56,7 +58,7 @@ QUIET = {"print_time": False, "error_on_fail": False, "show_eval_warnings": Fals
 
 
 def solve_by_casadi(problem: Problem, guess: Array, solver: Solver = "fatrop") -> RunSolution:
-    """Find the fastest motion, as planner.timing.solvers.third_order does; guess (4, N): ṡ, s̈, s⃛, h."""
+    """Find the fastest motion, as `third_order` does, from a guess (4, N): ṡ, s̈, s⃛, h."""
     return CasadiProblem(problem, guess, solver).solve()
 
 
@@ -71,9 +73,7 @@ def smooth_by_casadi(problem: Problem, jerks: Array, guess: Array) -> RunSolutio
 class CasadiProblem:
     """The problem as CasADi's solvers take it: built once, solved as often as wanted."""
 
-    def __init__(
-        self, problem: Problem, guess: Array, solver: Solver, jerks: Array | None = None
-    ) -> None:
+    def __init__(self, problem: Problem, guess: Array, solver: Solver, jerks: Array | None = None) -> None:
         self.problem, self.solver, self.stated = problem, solver, jerks is not None
         self.length = float(problem.s[-1] - problem.s[0])
         self.time = float(guess[3].sum())
@@ -150,7 +150,10 @@ class CasadiProblem:
         return total
 
     def _bound_columns(self) -> tuple[Array, Array]:
-        """Return the least and the largest values of all variables: both ends are given, but for s̈ at a free end."""
+        """Return the least and the largest values of all variables.
+
+        ṡ is given at both ends, and s̈ is 0 but at a free end.
+        """
         shortest = SHORTEST_STATED if self.stated else SHORTEST
         least = np.tile([[0.0], [-np.inf], [-np.inf], [shortest]], self.problem.intervals)
         most = np.full(least.shape, np.inf)
@@ -158,22 +161,20 @@ class CasadiProblem:
         free_start, free_end = np.where(self.problem.free, np.inf, 0.0)
         least[:2, 0] = first, -free_start
         most[:2, 0] = first, free_start
-        # s̈ is constant next to a free end: else q⃛ might peak between grid points, as it is 0 on one
+        # s̈ is constant next to a free end: q⃛ is 0 at the end and might peak before the next point
         for end in np.flatnonzero(self.problem.free):
             least[2, -end] = most[2, -end] = 0.0
         return np.append(least.T, [last, -free_end]), np.append(most.T, [last, free_end])
 
     def solve(self) -> RunSolution:
-        """Solve it, and close the motion on the grid; refused where the solver does not converge."""
+        """Solve it, and close the motion; refused where the solver does not converge."""
         try:
             answer = np.asarray(self.method(**self.given)["x"]).ravel()[:-2]
         except RuntimeError as error:  # an evaluation overflows
             return RunSolution.refused(MotionError(f"{self.solver} failed: {error}"))
         stats = self.method.stats()
         if not stats["success"] or not np.isfinite(answer).all():
-            return RunSolution.refused(
-                MotionError(f"{self.solver} stopped: {stats['return_status']}")
-            )
+            return RunSolution.refused(MotionError(f"{self.solver} stopped: {stats['return_status']}"))
         profile = close_profile(self.problem, answer.reshape(-1, 4).T * self.scale * self.unit)
         if isinstance(profile, MotionError):
             return RunSolution.refused(profile)
@@ -183,7 +184,7 @@ class CasadiProblem:
 
 
 def _start_room(block: Block) -> Array:
-    """Return the room at an interval's start, where a row without s⃛ also bounds the interval before.
+    """Return the room at an interval's start, where rows without s⃛ bound the interval before too.
 
     The first has some to spare, as a given speed may be at its limit.
     """

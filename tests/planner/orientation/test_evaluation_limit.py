@@ -1,4 +1,4 @@
-"""The end of a CasADi solver that would not end by itself: after so many evaluations, or at a Ctrl-C."""
+"""The end of a CasADi solver after a number of evaluations, or at a Ctrl-C."""
 
 import os
 import signal
