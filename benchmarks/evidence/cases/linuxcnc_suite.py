@@ -2,10 +2,10 @@
 
 `--folder` is `tests/trajectory-planner/circular-arcs/nc_files` of LinuxCNC's sources, `--config`
 its configuration of a machine, by default `configs/XYZ.ini` next to the folder: the axes' travel,
-speed and acceleration. At order 3 a jerk that reaches the acceleration in 50 ms is added, which LinuxCNC
-does not have. G64 without a tolerance is fitted within `--tolerance` mm; words of spindle, coolant
-and tools are left out; blocks that begin with a slash are skipped, as in LinuxCNC. Uses are of
-differences of the axes' positions at every millisecond, not of the derivatives that the certificate
+speed and acceleration. At order 3 a jerk that reaches the acceleration in 50 ms is added, which
+LinuxCNC does not have. G64 without a tolerance is fitted within `--tolerance` mm; words of spindle,
+coolant and tools are left out; blocks that begin with a slash are skipped, as in LinuxCNC. Uses are
+of differences of the axes' positions at every millisecond, not of the derivatives that the certificate
 is about. Times are s of processor time, reading and pulses included.
 """
 
@@ -19,7 +19,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from benchmarks.evidence.peers.problems import QUANTITIES
-from benchmarks.evidence.table import Row, Table
+from benchmarks.evidence.table import Row, Table, store_rows
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import FileError, MotionError
 from kinematics.kinds.traverser import Traverser
@@ -50,25 +50,25 @@ def measure(
     """
     machine, unit = read_machine(config or folder.parent / "configs" / "XYZ.ini")
     rows: list[Row] = []
-    yield Table("", COLUMNS, _keep(plan_files(folder, machine, (only, lines), (unit, tolerance)), rows))
+    planned = plan_files(folder, machine, (only, lines), (unit, tolerance))
+    yield Table("", COLUMNS, store_rows(planned, rows))
     sums: list[Row] = []
     for order in (2, 3):
-        own = [row for row in rows if row[1] == order]
-        planned = [row for row in own if row[-1] is None]
-        motion, time = (sum(float(row[k] or 0) for row in planned) for k in (3, 8))
-        sums.append([order, len(planned), len(own) - len(planned), motion, time])
+        attempted = [row for row in rows if row[1] == order]
+        done = [row for row in attempted if row[-1] is None]
+        motion, time = (sum(float(row[k] or 0) for row in done) for k in (3, 8))
+        sums.append([order, len(done), len(attempted) - len(done), motion, time])
     yield Table("Sums", ("order", "planned", "refused", "motion (s)", "time (s)"), sums)
-
-
-def _keep(rows: Iterator[Row], store: list[Row]) -> Iterator[Row]:
-    for row in rows:
-        store.append(row)
-        yield row
 
 
 def read_machine(ini: Path) -> tuple[Machine, str]:
     """Return three slides with the limits of a configuration, and its unit of length."""
-    config = ConfigParser(strict=False, allow_no_value=True, interpolation=None, inline_comment_prefixes="#")
+    config = ConfigParser(
+        strict=False,
+        allow_no_value=True,
+        interpolation=None,
+        inline_comment_prefixes="#",
+    )
     config.read(ini, encoding="utf-8")
     unit = config["TRAJ"]["LINEAR_UNITS"]
     slides = []
@@ -85,8 +85,16 @@ def read_machine(ini: Path) -> tuple[Machine, str]:
             pulse=1e-6,
         )
         slides.append(slide)
-    rotary = Axis("R", kind="rotary", max_speed=1.0, max_acceleration=10.0, max_jerk=200.0, pulse=1e-3)
-    return Traverser(axes=(*slides, rotary), home=RigidTransform.identity(), name="linuxcnc"), unit
+    rotary = Axis(
+        "R",
+        kind="rotary",
+        max_speed=1.0,
+        max_acceleration=10.0,
+        max_jerk=200.0,
+        pulse=1e-3,
+    )
+    home = RigidTransform.identity()
+    return Traverser(axes=(*slides, rotary), home=home, name="linuxcnc"), unit
 
 
 def plan_files(
@@ -98,8 +106,9 @@ def plan_files(
     """Yield a row for each file and order. Links are left out: their files are in the folder."""
     only, lines = chosen
     for file in sorted(folder.rglob("*.ngc")):
-        text = file.read_bytes()
-        if file.is_symlink() or only not in str(file) or (lines is not None and text.count(b"\n") > lines):
+        if file.is_symlink() or only not in str(file):
+            continue
+        if lines is not None and file.read_bytes().count(b"\n") > lines:
             continue
         for order in (2, 3):
             yield [str(file.relative_to(folder)), order, *plan_file(file, machine, order, *reading)]
@@ -121,7 +130,8 @@ def plan_file(file: Path, machine: Machine, order: int, unit: str, tolerance: fl
     uses: list[float | None] = [None] * 3
     for power, name in enumerate(QUANTITIES[:order], 1):
         limits = [getattr(axis, f"max_{name}") for axis in machine.axes[:3]]
-        uses[power - 1] = float((np.abs(np.diff(positions, power, axis=0)) / limits).max()) / PERIOD**power
+        rates = np.diff(positions, power, axis=0) / PERIOD**power
+        uses[power - 1] = float((np.abs(rates) / limits).max())
     return [len(program.segments), duration, proved, *uses, time, None]
 
 

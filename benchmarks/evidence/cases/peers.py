@@ -30,7 +30,7 @@ from benchmarks.evidence.peers.problems import (
     spline,
     straight,
 )
-from benchmarks.evidence.table import Table
+from benchmarks.evidence.table import Row, Table, store_rows
 from kinematics.foundation.errors import MotionError
 
 COLUMNS = (
@@ -56,7 +56,6 @@ GRADED_GRIDS = [
     *(Grid(intervals, 0.9, 3) for intervals in (200, 400, 700, 1000)),
 ]
 
-Row = list[str]
 Method = tuple[int, str, int | None, Solve]
 """Order, name, intervals and what to call."""
 
@@ -64,27 +63,24 @@ Method = tuple[int, str, int | None, Solve]
 def measure(csv: Path | None = None) -> Iterator[Table]:
     """Yield the table of all answers; csv: a file that it is written to as well."""
     rows: list[Row] = []
-    yield Table("", COLUMNS, _keep(measure_rows(), rows))
+    yield Table("", COLUMNS, store_rows(measure_rows(), rows))
     if csv is not None:
         with csv.open("w", newline="", encoding="utf-8") as file:
             csv_module.writer(file).writerows([COLUMNS, *rows])
-
-
-def _keep(rows: Iterator[Row], store: list[Row]) -> Iterator[Row]:
-    for row in rows:
-        store.append(row)
-        yield row
 
 
 def measure_rows() -> Iterator[Row]:
     """Yield the answer of every method for every problem."""
     for problem in (circle(), spline()):
         for method in (*order2_methods(problem), *order3_methods(problem)):
-            yield measure_row(problem, *method)
+            yield measure_row(problem, method)
     line = straight()
-    yield measure_row(line, 3, "ours, certified", None, partial(solve_certified, line, 3))
-    yield measure_row(line, 3, "ours, general solver, uncertified", None, partial(solve_general, line))
-    yield measure_row(line, 3, "ruckig", None, partial(ruckig_.solve, line))
+    for name, solve in (
+        ("ours, certified", partial(solve_certified, line, 3)),
+        ("ours, general solver, uncertified", partial(solve_general, line)),
+        ("ruckig", partial(ruckig_.solve, line)),
+    ):
+        yield measure_row(line, (3, name, None, solve))
 
 
 def order2_methods(problem: PathProblem) -> Iterator[Method]:
@@ -116,9 +112,10 @@ def order3_methods(problem: PathProblem) -> Iterator[Method]:
         )
 
 
-def measure_row(problem: PathProblem, order: int, method: str, intervals: int | None, solve: Solve) -> Row:
+def measure_row(problem: PathProblem, method: Method) -> list[str]:
     """Solve a few times, and sample the last motion."""
-    cells = [problem.name, str(order), method, "" if intervals is None else str(intervals)]
+    order, name, intervals, solve = method
+    cells = [problem.name, str(order), name, str(intervals or "")]
     try:
         sample, (first, *others) = time_calls(solve, REPEATS, perf_counter, MOST_TIME)
     except (ImportError, MotionError) as error:

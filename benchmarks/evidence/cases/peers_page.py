@@ -41,7 +41,11 @@ Answer = dict[str, str]
 """A row of the table, by the names of its columns."""
 
 
-def measure(csv: Path = MEASURED_FILE, figure: Path | None = None, readme: bool = False) -> Iterator[str]:
+def measure(
+    csv: Path = MEASURED_FILE,
+    figure: Path | None = None,
+    readme: bool = False,
+) -> Iterator[str]:
     """Yield the page, or the README's rows."""
     answers = read_answers(csv)
     if figure is not None:
@@ -49,7 +53,8 @@ def measure(csv: Path = MEASURED_FILE, figure: Path | None = None, readme: bool 
     if readme:
         yield "\n".join(readme_row(answers, *row) for row in README_ROWS)
         return
-    template = Environment(undefined=StrictUndefined).from_string(TEMPLATE.read_text(encoding="utf-8"))
+    engine = Environment(undefined=StrictUndefined)
+    template = engine.from_string(TEMPLATE.read_text(encoding="utf-8"))
     yield template.render(measured="\n\n".join(tables(answers)), **find_figures(answers))
 
 
@@ -59,10 +64,16 @@ def read_answers(path: Path = MEASURED_FILE) -> list[Answer]:
         return list(csv_module.DictReader(file))
 
 
+def list_problems(answers: Sequence[Answer]) -> list[tuple[str, str]]:
+    """Return cases and orders."""
+    return list(dict.fromkeys((one["case"], one["order"]) for one in answers))
+
+
 def select(answers: Sequence[Answer], case: str, order: str, method: str = "") -> list[Answer]:
     """Return a method's answers to one problem, the shortest motion that holds first."""
-    own = [one for one in answers if (one["case"], one["order"]) == (case, order) and one[DURATION] != "nan"]
-    return sorted((one for one in own if one["method"].startswith(method)), key=lambda one: float(one[SLOWED]))
+    solved = [one for one in answers if one[DURATION] != "nan" and one["method"].startswith(method)]
+    chosen = [one for one in solved if (one["case"], one["order"]) == (case, order)]
+    return sorted(chosen, key=lambda one: float(one[SLOWED]))
 
 
 def above(answer: Answer, best: Answer) -> float:
@@ -72,14 +83,15 @@ def above(answer: Answer, best: Answer) -> float:
 
 def tables(answers: Sequence[Answer]) -> Iterator[str]:
     """Yield a table for each path and order."""
-    for case, order in dict.fromkeys((one["case"], one["order"]) for one in answers):
+    for case, order in list_problems(answers):
         best, *_ = select(answers, case, order)
-        rows = [table_row(one, best) for one in answers if (one["case"], one["order"]) == (case, order)]
+        chosen = [one for one in answers if (one["case"], one["order"]) == (case, order)]
+        rows = [table_row(one, best) for one in chosen]
         yield f"### {case[0].upper()}{case[1:]}: {LIMITS[order]}\n\n{Table('', COLUMNS, rows)}"
 
 
 def table_row(answer: Answer, best: Answer) -> list[str]:
-    """Return the cells of an answer, or why there is none."""
+    """Return the cells of an answer, or of a failure."""
     head = [answer["method"], answer["intervals"]]
     if answer[DURATION] == "nan":
         return [*head, "", f"no answer: {answer['remark']}", "", "", ""]
@@ -101,8 +113,10 @@ def find_figures(answers: Sequence[Answer]) -> dict[str, float]:
     best, *_ = select(answers, CIRCLE, "3")
     time = float(select(answers, CIRCLE, "3", OURS)[0][TIME])
     near = [one for one in select(answers, CIRCLE, "3", "copp-py") if above(one, best) <= 0.1]
-    line, ruckig = (float(select(answers, LINE, "3", method)[0][TIME]) for method in (OURS, "ruckig"))
-    coarse = [one for order in "23" for one in select(answers, SPLINE, order) if int(one["intervals"] or 9999) <= 1000]
+    line = float(select(answers, LINE, "3", OURS)[0][TIME])
+    ruckig = float(select(answers, LINE, "3", "ruckig")[0][TIME])
+    solved = [one for order in "23" for one in select(answers, SPLINE, order)]
+    coarse = [one for one in solved if 0 < int(one["intervals"] or 0) <= 1000]
     losses = [100 * (float(one[SLOWED]) / float(one[DURATION]) - 1) for one in coarse]
     return {
         "reference_ratio": float(select(answers, CIRCLE, "3", "IPOPT")[0][TIME]) / time,
@@ -117,30 +131,32 @@ def readme_row(answers: Sequence[Answer], name: str, case: str, order: str) -> s
     """Return a row of the README: each peer's shortest answer, and its fastest within 5 %."""
     cells = [name, describe(select(answers, case, order, OURS)[0])]
     for peer in ("toppra", "copp-py", "ruckig"):
-        own = select(answers, case, order, peer)
-        near = sorted((one for one in own if above(one, own[0]) < 5), key=lambda one: float(one[TIME]))
-        cells.append("; ".join(dict.fromkeys(map(describe, [*own[:1], *near[:1]]))))
+        chosen = select(answers, case, order, peer)
+        near = [one for one in chosen if above(one, chosen[0]) < 5]
+        fastest = sorted(near, key=lambda one: float(one[TIME]))
+        cells.append("; ".join(dict.fromkeys(map(describe, chosen[:1] + fastest[:1]))))
     return "|" + "|".join(f" {cell} " if cell else " " for cell in cells) + "|"
 
 
 def describe(answer: Answer) -> str:
     """Return duration and time of an answer in words."""
     time = float(answer[TIME])
-    return f"{float(answer[SLOWED]):.5g} s in " + (f"{time:#.2g} s" if time >= 0.1 else f"{1e3 * time:.2g} ms")
+    unit = f"{time:#.2g} s" if time >= 0.1 else f"{1e3 * time:.2g} ms"
+    return f"{float(answer[SLOWED]):.5g} s in {unit}"
 
 
 def draw(answers: Sequence[Answer], path: Path) -> None:
     """Draw how far each answer is above the best of its problem, over its time."""
     from matplotlib.figure import Figure
 
-    problems = list(dict.fromkeys((one["case"], one["order"]) for one in answers))
+    problems = list_problems(answers)
     figure = Figure(figsize=(3.4 * len(problems), 3.6), layout="constrained")
     for ax, problem in zip(figure.subplots(1, len(problems)), problems, strict=True):
         best, *_ = select(answers, *problem)
         for number, (method, marker) in enumerate(MARKS.items()):
-            if own := select(answers, *problem, method):
-                heights = [above(one, best) + 1e-4 for one in own]
-                times = [float(one[TIME]) for one in own]
+            if chosen := select(answers, *problem, method):
+                heights = [above(one, best) + 1e-4 for one in chosen]
+                times = [float(one[TIME]) for one in chosen]
                 ax.plot(times, heights, marker, color=f"C{number}", label=method, alpha=0.8)
         ax.set(xscale="log", yscale="log", xlabel="wall time (s)")
         ax.set_title(", order ".join(problem), fontsize=9)

@@ -48,11 +48,12 @@ COLUMNS = (
 
 
 def measure(suite: Path | None = None, count: int | None = None) -> Iterator[Table | str]:
-    """Yield the table; count: solve the first so many problems."""
+    """Yield the table; count: number of problems to solve."""
     tests = Suite() if suite is None else Suite.read(suite)
     yield Table("", COLUMNS, solve_suite(tests if count is None else replace(tests, count=count)))
     if suite is not None:
-        text = suite.read_text(encoding="utf-8").partition("Tf(s) mean/std:")[2].partition("#[test]")[0]
+        text = suite.read_text(encoding="utf-8")
+        text = text.partition("Tf(s) mean/std:")[2].partition("#[test]")[0]
         stated = re.findall(r"(\S+)\s*: mean = ([\d.]+), std = ([\d.]+)", text)
         durations = [f"{name} {mean} s, std {std} s" for name, mean, std in stated]
         yield f"COPP's test states: {'; '.join(durations)}"
@@ -63,7 +64,7 @@ def solve_suite(suite: Suite) -> Iterator[Row]:
     problems = [spline_problem("random spline", *drawn) for drawn in suite.problems()]
     for method, order, solve in METHODS:
         try:
-            solve(problems[0])  # loads and compiles what is no part of a solve
+            solve(problems[0])  # loads and compiles, which the times leave out
         except ImportError:
             return
         times, motions = [], []

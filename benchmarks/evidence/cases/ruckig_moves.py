@@ -45,11 +45,12 @@ class Move:
         """The straight line."""
         speed, acceleration, jerk = self.limits
         axis = Axis("x", max_speed=speed, max_acceleration=acceleration, max_jerk=jerk)
-        path = PolynomialPath(np.array([0.0, self.length]), np.array([[[1.0]], [[0.0]]]), ["x"], self.speeds)
+        breaks = np.array([0.0, self.length])
+        path = PolynomialPath(breaks, np.array([[[1.0]], [[0.0]]]), ["x"], self.speeds)
         return PathProblem("straight", path, (axis,))
 
     def solve(self) -> float:
-        """Return our duration, certified. Raises MotionError where there is none."""
+        """Return our duration, certified. Raises MotionError if no motion exists."""
         solution = certified_solve(self.problem.path, self.problem.limits(3), 3)
         return solution.trajectory.duration
 

@@ -62,7 +62,7 @@ def solve_suite(suite: Path) -> Iterator[list[str]]:
 
 
 def solve_ours(curve: Curve, limits: Limits, duration: float) -> Solution:
-    """Find our certified motion. Raises MotionError where there is none."""
+    """Find our certified motion. Raises MotionError if no motion exists."""
     speed, acceleration = limits
     fastest = time_optimal(
         CubicSpline(*curve, bc_type="clamped"),
@@ -88,7 +88,12 @@ def describe_ours(curve: Curve, limits: Limits, duration: float) -> list[str]:
     return [f"{solution.trajectory.duration:.9f}{proved}", largest_use(state.qd, state.qdd, limits)]
 
 
-def describe_theirs(problem: dict[str, Any], curve: Curve, limits: Limits, duration: float) -> list[str]:
+def describe_theirs(
+    problem: dict[str, Any],
+    curve: Curve,
+    limits: Limits,
+    duration: float,
+) -> list[str]:
     """Return how many grids toppra has an answer on, and duration and uses on the finest."""
     try:
         solvers = [name for name in problem["solver_wrapper"] if name in installed_solvers()]

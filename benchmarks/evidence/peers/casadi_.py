@@ -73,7 +73,13 @@ def smooth_by_casadi(problem: Problem, jerks: Array, guess: Array) -> RunSolutio
 class CasadiProblem:
     """The problem as CasADi's solvers take it: built once, solved as often as wanted."""
 
-    def __init__(self, problem: Problem, guess: Array, solver: Solver, jerks: Array | None = None) -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        guess: Array,
+        solver: Solver,
+        jerks: Array | None = None,
+    ) -> None:
         self.problem, self.solver, self.stated = problem, solver, jerks is not None
         self.length = float(problem.s[-1] - problem.s[0])
         self.time = float(guess[3].sum())
@@ -174,7 +180,8 @@ class CasadiProblem:
             return RunSolution.refused(MotionError(f"{self.solver} failed: {error}"))
         stats = self.method.stats()
         if not stats["success"] or not np.isfinite(answer).all():
-            return RunSolution.refused(MotionError(f"{self.solver} stopped: {stats['return_status']}"))
+            message = f"{self.solver} stopped: {stats['return_status']}"
+            return RunSolution.refused(MotionError(message))
         profile = close_profile(self.problem, answer.reshape(-1, 4).T * self.scale * self.unit)
         if isinstance(profile, MotionError):
             return RunSolution.refused(profile)
@@ -196,6 +203,6 @@ def _sum_jerk(rough: Array, ends: tuple[Motion, Motion], h: ca.MX) -> ca.MX:
     cost = ca.MX(0)
     for side, (v, a, j) in enumerate(ends):
         for third, second, first in rough[:, side].transpose(1, 2, 0):
-            own = third[None] * j + second[None] * (v * a) + first[None] * v**3
-            cost += ca.sum2(h / 2 * own**2)
+            rate = third[None] * j + second[None] * (v * a) + first[None] * v**3
+            cost += ca.sum2(h / 2 * rate**2)
     return cost

@@ -18,6 +18,7 @@ from kinematics.foundation.errors import MotionError
 
 # Relative change of the duration that ends the linearisations of jerk.
 TOLERANCE = 1e-5
+REST = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,11 +53,16 @@ def solve(
         if prepare is not None:
             prepare(robot)
         ra = copp_py.solver.topp2_ra
-        posed = ra.Problem(robot.constraints, idx_s_interval=(0, grid.intervals), a_boundary=(0.0, 0.0))
+        posed = ra.Problem(
+            robot.constraints,
+            idx_s_interval=(0, grid.intervals),
+            a_boundary=REST,
+        )
         x = ra.solve(posed, ra.Options())
         if order == 2:
-            duration = copp_py.interpolation.s_to_t_topp2(share, x, 0.0)[0]
-            return partial(_sample, problem, float(duration), share, _order2_pieces(share, np.asarray(x)))
+            duration = float(copp_py.interpolation.s_to_t_topp2(share, x, 0.0)[0])
+            pieces = _order2_pieces(share, np.asarray(x))
+            return partial(_sample, problem, duration, share, pieces)
         duration, profile = _linearise(robot, share, x, grid.resting, linearisations)
     except copp_py.CoppError as error:
         raise MotionError(f"copp-py: {error}") from error
@@ -81,7 +87,7 @@ def _pose(problem: PathProblem, order: int, share: Array) -> Any:
 
 
 def _linearise(robot: Any, share: Array, x: Any, resting: int, times: int) -> tuple[float, Any]:
-    """Return duration and profile of the conic programme; jerk is linearised up to so many times.
+    """Return duration and profile of the conic programme; jerk is linearised anew up to `times`.
 
     The solver may end early, as in copp-py's own tests.
     """
@@ -89,15 +95,18 @@ def _linearise(robot: Any, share: Array, x: Any, resting: int, times: int) -> tu
     from copp_py.clarabel import ClarabelOptions
 
     socp = copp_py.solver.topp3_socp
-    options = ClarabelOptions(allow_max_iterations=True, allow_max_time=True, allow_insufficient_progress=True)
-    rest = (0.0, 0.0)
+    options = ClarabelOptions(
+        allow_max_iterations=True,
+        allow_max_time=True,
+        allow_insufficient_progress=True,
+    )
     u, before = None, np.inf
     for _ in range(times):
         posed = socp.Problem(
             robot.constraints,
             x,
-            a_boundary=rest,
-            b_boundary=rest,
+            a_boundary=REST,
+            b_boundary=REST,
             num_stationary_max=resting,
             b_linearization=u,
         )
@@ -122,7 +131,8 @@ def _sample(problem: PathProblem, duration: float, share: Array, pieces: Pieces)
     x, u, jerk = pieces(k, way)
     length = problem.length
     s = problem.path.breaks[0] + length * (share[k] + way)
-    return problem.motion(duration, s, (np.sqrt(np.maximum(x, 0.0)) * length, u * length, jerk * length))
+    speed = np.sqrt(np.maximum(x, 0.0))
+    return problem.motion(duration, s, (speed * length, u * length, jerk * length))
 
 
 def _order2_pieces(share: Array, x: Array) -> Pieces:
@@ -146,8 +156,8 @@ def _order3_pieces(share: Array, profile: Any) -> Pieces:
             (k >= until, 1 - place, 1 - share[until], x[until], -1.0),
         )
         # s = j t³/6, ṡ = j t²/2 and s̈ = j t from rest
-        for near, travelled, whole, reached, sign in ends:
-            constant = 2 / 9 * reached**1.5 / whole**2 if near.any() else 0.0
+        for near, travelled, whole, square_there, sign in ends:
+            constant = 2 / 9 * square_there**1.5 / whole**2 if near.any() else 0.0
             t = np.cbrt(6 * travelled[near] / constant)
             square[near] = (constant * t**2 / 2) ** 2
             push[near] = sign * constant * t

@@ -32,7 +32,11 @@ def solve_certified(problem: PathProblem, order: int) -> Callable[[], Motion]:
     return partial(sample, solution.trajectory, order)
 
 
-def solve_passes(problem: PathProblem, intervals: int, solver: Solver = "passes") -> Callable[[], Motion]:
+def solve_passes(
+    problem: PathProblem,
+    intervals: int,
+    solver: Solver = "passes",
+) -> Callable[[], Motion]:
     """Find the fastest motion at order 2 without a proof: our passes, or toppra on our rows."""
     grid = make_grid(problem.path, whole_run(problem), intervals)
     posed = pose_problem(problem.path, problem.limits(2), *grid)
@@ -49,8 +53,8 @@ def solve_general(problem: PathProblem) -> Callable[[], Motion]:
 
 def pose_reference(problem: PathProblem, intervals: int) -> tuple[int, Solve]:
     """Return the number of intervals of a fine grid, and what solves order 3 on it by IPOPT."""
-    rule = (intervals, 0, 0)
-    posed, start = require(jerk_problem(problem.path, problem.limits(3), whole_run(problem), rule=rule))
+    run, rule = whole_run(problem), (intervals, 0, 0)
+    posed, start = require(jerk_problem(problem.path, problem.limits(3), run, rule=rule))
     built = CasadiProblem(posed, start.on(posed.s), "ipopt")
 
     def solve() -> Callable[[], Motion]:

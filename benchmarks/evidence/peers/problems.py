@@ -34,8 +34,10 @@ class Motion:
 
     def uses(self, bounds: Array) -> list[float]:
         """Return the largest value/bound of speed, acceleration and jerk; bounds (3, 2, n)."""
-        rates = zip((self.qd, self.qdd, self.qddd), bounds, strict=True)
-        return [float(np.maximum(rate / above, -rate / below).max()) for rate, (below, above) in rates]
+        uses = []
+        for rate, (below, above) in zip((self.qd, self.qdd, self.qddd), bounds, strict=True):
+            uses.append(float(np.maximum(rate / above, -rate / below).max()))
+        return uses
 
 
 Solve = Callable[[], Callable[[], Motion]]
@@ -58,8 +60,10 @@ class PathProblem:
     @property
     def bounds(self) -> Array:
         """Largest speed, acceleration and jerk (3, 2, n), towards smaller and greater values."""
-        limits = [[directional_bounds(getattr(axis, f"max_{name}")) for axis in self.axes] for name in QUANTITIES]
-        return np.array(limits).transpose(0, 2, 1)
+        bounds = []
+        for name in QUANTITIES:
+            bounds.append([directional_bounds(getattr(axis, f"max_{name}")) for axis in self.axes])
+        return np.array(bounds).transpose(0, 2, 1)
 
     @property
     def length(self) -> float:
@@ -84,14 +88,17 @@ class PathProblem:
         """Return the motion with path lengths s (N,) and rates ṡ, s̈, s⃛ at many instants."""
         q, q1, q2, q3 = self.derivatives(s)
         v, a, j = (rate[:, None] for rate in rates)
-        jerk = q1 * j + 3 * q2 * v * a + q3 * v**3 if np.isfinite(j).all() else np.full_like(q, np.inf)
+        jerk = np.full_like(q, np.inf)
+        if np.isfinite(j).all():
+            jerk = q1 * j + 3 * q2 * v * a + q3 * v**3
         return Motion(duration, q, q1 * v, q1 * a + q2 * v**2, jerk)
 
 
 def circle() -> PathProblem:
     """Return the circle of 15 mm radius on the hexapod."""
     machine = load_machine("hexapod")
-    return PathProblem("hexapod, circle", actuate(load_program("bare-circle"), machine), machine.axes)
+    path = actuate(load_program("bare-circle"), machine)
+    return PathProblem("hexapod, circle", path, machine.axes)
 
 
 def spline(seed: int = 0, count: int = 50, axes: int = 6) -> PathProblem:
@@ -125,4 +132,5 @@ def spline_problem(name: str, curve: Any, bounds: Array) -> PathProblem:
         Axis(f"axis{k + 1}", max_speed=speed, max_acceleration=acceleration, max_jerk=jerk)
         for k, (speed, acceleration, jerk) in enumerate(zip(*limits, strict=True))
     )
-    return PathProblem(name, PolynomialPath(breaks, drawn.c[:, real], [axis.name for axis in axes]), axes)
+    path = PolynomialPath(breaks, drawn.c[:, real], [axis.name for axis in axes])
+    return PathProblem(name, path, axes)

@@ -32,9 +32,13 @@ class Suite:
         text = path.read_text(encoding="utf-8")
         config = text.partition("let config = TestConfig {")[2].partition("}")[0]
         values = {name: float(value) for name, value in re.findall(r"(\w+): ([\d.]+),", config)}
-        axes, waypoints, seed, count = (int(values[name]) for name in ("dim", "num_waypoints", "seed", "n_exp"))
-        limits = values["velocity_max"], values["acceleration_max"], values["jerk_max"]
-        return Suite(axes, waypoints, limits, seed, count)
+        return Suite(
+            int(values["dim"]),
+            int(values["num_waypoints"]),
+            (values["velocity_max"], values["acceleration_max"], values["jerk_max"]),
+            int(values["seed"]),
+            int(values["n_exp"]),
+        )
 
     def problems(self) -> Iterator[tuple[Any, Array]]:
         """Yield each path over [0, 1] and its bounds (3, 2, n), as `PathProblem` has them."""
@@ -72,7 +76,8 @@ def chacha_numbers(seed: int, count: int) -> Array:
         rows = a, np.roll(b, -shift), np.roll(c, -2 * shift), np.roll(d, -3 * shift)
         _mix(x, *rows)
     words = (x + first).T.astype(np.uint64).ravel()
-    numbers: Array = ((words[::2] | words[1::2] << np.uint64(32)) >> np.uint64(12))[:count] / 2.0**52
+    pairs = words[::2] | words[1::2] << np.uint64(32)
+    numbers: Array = (pairs >> np.uint64(12))[:count] / 2.0**52
     return numbers
 
 

@@ -9,7 +9,11 @@ import numpy as np
 from benchmarks.evidence.peers.problems import SHARES, Motion, PathProblem
 
 
-def find_trajectory(length: float, limits: Sequence[float], speeds: tuple[float, float] = (0.0, 0.0)) -> Any:
+def find_trajectory(
+    length: float,
+    limits: Sequence[float],
+    speeds: tuple[float, float] = (0.0, 0.0),
+) -> Any:
     """Return ruckig's trajectory of one axis; limits: speed, acceleration and jerk."""
     from ruckig import InputParameter, Ruckig, Trajectory
 

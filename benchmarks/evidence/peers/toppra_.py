@@ -15,8 +15,8 @@ def installed_solvers() -> set[str]:
     import toppra
 
     toppra.setup_logging("CRITICAL")
-    found = toppra.solverwrapper.available_solvers(output_msg=False)
-    return {name for name, installed in found if installed}
+    solvers = toppra.solverwrapper.available_solvers(output_msg=False)
+    return {name for name, installed in solvers if installed}
 
 
 def find_trajectory(

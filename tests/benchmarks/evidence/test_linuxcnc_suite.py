@@ -30,8 +30,8 @@ MAX_VELOCITY = 25
 """
 # Words of every kind that its files have, none of it from them.
 FILES = {
-    "violation_checks/arcs.ngc": "G20 G90 G17 G64\n#1=0.5\nF60 G0 X0 Y0\no1 repeat [2]\nG3 X[#1] Y0 I0.25 J0 P2\n"
-    "G1 X0 Y0.1\nY0\no1 endrepeat\n/X9\nG18 G2 X0.2 Z0 I0.1\nM30\n",
+    "violation_checks/arcs.ngc": "G20 G90 G17 G64\n#1=0.5\nF60 G0 X0 Y0\no1 repeat [2]\n"
+    "G3 X[#1] Y0 I0.25 J0 P2\nG1 X0 Y0.1\nY0\no1 endrepeat\n/X9\nG18 G2 X0.2 Z0 I0.1\nM30\n",
     "quick/g61.ngc": "G20 G61 F100 M3 S100\nG1 X1\nY1\nX2 Y1.001\nM2\n",
     "quick/bad.ngc": "G20 F10\nG1 X1\nG33 Z1 K0.1\n",
 }
@@ -52,8 +52,11 @@ def test_a_configuration_is_read(folder):
     machine, unit = read_machine(folder.parent / "configs" / "XYZ.ini")
     assert unit == "inch"
     x, y, z, _ = machine.axes
-    assert [axis.max_speed for axis in (x, y, z)] == pytest.approx([8 * 0.0254, 8 * 0.0254, 4 * 0.0254])
-    assert [axis.max_acceleration for axis in (x, y, z)] == pytest.approx([30 * 0.0254, 20 * 0.0254, 30 * 0.0254])
+    inch = 0.0254
+    speeds = [axis.max_speed / inch for axis in (x, y, z)]
+    accelerations = [axis.max_acceleration / inch for axis in (x, y, z)]
+    assert speeds == pytest.approx([8, 8, 4])
+    assert accelerations == pytest.approx([30, 20, 30])
     assert z.travel[1] == pytest.approx(0.25400254)
 
 
@@ -70,6 +73,6 @@ def test_files_are_planned_or_refused_with_their_line(folder):
         assert 0 < duration < 100
         assert uses[2:] == [None] or order == 3
         largest = max(use for use in uses if use is not None)
-        assert 0.98 < largest <= 1 + 1e-6  # differences over a period are means of what is below the limit
+        assert 0.98 < largest <= 1 + 1e-6  # differences are means over a period
         assert largest <= proved + 1e-6 <= 1 + 2e-6
     assert [row[:3] for row in next(blocks).rows] == [[2, 2, 1], [3, 2, 1]]

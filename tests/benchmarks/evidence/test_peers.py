@@ -1,10 +1,13 @@
 """Comparisons with peers in small: their problems by their rules, and answers that are known."""
 
+import sys
+from functools import partial
+
 import numpy as np
 import pytest
 
 from benchmarks.evidence.cases import peers, random_splines, ruckig_moves, toppra_suite
-from benchmarks.evidence.peers import copp_
+from benchmarks.evidence.peers import copp_, ruckig_
 from benchmarks.evidence.peers.copp_ import Grid
 from benchmarks.evidence.peers.ours import (
     pose_reference,
@@ -99,11 +102,10 @@ def mean(values):
 
 
 def test_an_absent_peer_has_a_row_that_says_so(monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "ruckig", None)
+    monkeypatch.setitem(sys.modules, "ruckig", None)
     line = straight()
-    *_, duration, _, _, _, slowed, remark = peers.measure_row(
-        line, 3, "ruckig", None, lambda: peers.ruckig_.solve(line)
-    )
+    method = (3, "ruckig", None, partial(ruckig_.solve, line))
+    *_, duration, _, _, _, slowed, remark = peers.measure_row(line, method)
     assert duration == slowed == "nan"
     assert "ruckig" in remark
 

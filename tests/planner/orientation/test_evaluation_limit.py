@@ -24,7 +24,8 @@ def rosenbrock(patience):
     cost = (1 - x[0]) ** 2 + 100 * (x[1] - x[0] ** 2) ** 2
     quiet = {"print_time": False, "error_on_fail": False, "show_eval_warnings": False}
     options = quiet | {"ipopt": {"print_level": 0, "sb": "yes"}}
-    solver = ca.nlpsol("rosenbrock", "ipopt", {"x": x, "f": cost, "g": x[0] + patience(x[0])}, options)
+    programme = {"x": x, "f": cost, "g": x[0] + patience(x[0])}
+    solver = ca.nlpsol("rosenbrock", "ipopt", programme, options)
     with patience.asked():
         answer = solver(x0=[-1.2, 1.0], lbg=-10, ubg=10)
     return answer["x"].full().ravel(), solver.stats()["success"]
