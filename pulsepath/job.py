@@ -16,7 +16,7 @@ from controllers.rig import Rig
 from controllers.tracking import track_each
 from kinematics import Machine, MotionError
 from kinematics.foundation.names import count_noun
-from planner import LimitChange, Plan, Program, Tradeoff, Worth, plan
+from planner import LimitChange, Plan, Program, Worth, plan
 from planner.baselines import KINDS, Classical, classical, pick_baseline
 from planner.baselines.classical import Course, course
 from planner.baselines.shapes import S_CURVE
@@ -167,7 +167,6 @@ class Job:
     rig: None: the plan is not tracked
     crossed: toppra's motion beside ours, where that was asked for
     worth: what each limit is worth, where the bound is proved; change: the plan with the best of them RAISED
-    tradeoff: duration against heat, where heat is part of the objective
     stops: how soon it can be stopped, where that was asked for
     unbounded: why there is neither a proved bound nor worth, and how to get them; "": there are, or nobody wants them
     left_out: what was left out to save time, each with the option that asks for it
@@ -183,7 +182,6 @@ class Job:
     crossed: CrossCheck | None = None
     worth: Worth | None = None
     change: LimitChange | None = None
-    tradeoff: Tradeoff | None = None
     stops: Stops | None = None
     unbounded: str = ""
     left_out: tuple[str, ...] = ()
@@ -277,17 +275,13 @@ def run(
     baseline = pick_baseline(planned, timed.timings) if timed.timings else None
     others = tuple(timing for timing in timed.timings if timing is not baseline)
     beside = _run_cross_check(planned) if crossed else None
-    tradeoff = None
-    if aim.heat > 0:
-        with step("trading time against heat"):
-            tradeoff = planned.trade()
     held = None
     if stops is not None:
         with step(f"stopping from {count_noun(stops, 'instant')}"):
             held = planned.stops(stops)
     seen = cache(partial(looking.result, look))
     left_out = _list_left_out(planned, quick, worths, like)
-    outcomes = (beside, worths, change, tradeoff, held, unbounded, left_out)
+    outcomes = (beside, worths, change, held, unbounded, left_out)
     return Job(planned, baseline, others, realised, seen, figures, rig, *outcomes)
 
 
