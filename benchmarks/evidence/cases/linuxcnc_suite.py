@@ -5,8 +5,8 @@ its configuration of a machine, by default `configs/XYZ.ini` next to the folder:
 speed and acceleration. At order 3 a jerk that reaches the acceleration in 50 ms is added, which
 LinuxCNC does not have. G64 without a tolerance is fitted within `--tolerance` mm; words of spindle,
 coolant and tools are left out; blocks that begin with a slash are skipped, as in LinuxCNC. Uses are
-of differences of the axes' positions at every millisecond, not of the derivatives that the certificate
-is about. Times are s of processor time, reading and pulses included.
+of differences of the axes' positions at every millisecond, not of the derivatives that the
+certificate is about. Times are s of processor time, reading and pulses included.
 """
 
 from collections.abc import Iterator
@@ -69,7 +69,7 @@ def read_machine(ini: Path) -> tuple[Machine, str]:
         interpolation=None,
         inline_comment_prefixes="#",
     )
-    config.read(ini, encoding="utf-8")
+    config.read_string(ini.read_text(encoding="utf-8"))
     unit = config["TRAJ"]["LINEAR_UNITS"]
     slides = []
     for number, name in enumerate("XYZ"):

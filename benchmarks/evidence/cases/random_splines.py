@@ -21,7 +21,7 @@ from benchmarks.evidence.peers.ours import solve_certified
 from benchmarks.evidence.peers.problems import slow_to_hold, spline_problem
 from benchmarks.evidence.peers.random_splines import Suite
 from benchmarks.evidence.table import Row, Table
-from kinematics.foundation.errors import MotionError
+from kinematics.foundation.errors import MotionError, NotInstalled
 
 METHODS = (
     ("ours, certified", 2, partial(solve_certified, order=2)),
@@ -65,7 +65,7 @@ def solve_suite(suite: Suite) -> Iterator[Row]:
     for method, order, solve in METHODS:
         try:
             solve(problems[0])  # loads and compiles, which the times leave out
-        except ImportError:
+        except NotInstalled:
             return
         times, motions = [], []
         for problem in problems:
@@ -76,10 +76,13 @@ def solve_suite(suite: Suite) -> Iterator[Row]:
             times += took
             motion = sample()
             motions.append((motion.duration, motion.uses(problem.bounds)[:order]))
+        answers = f"{len(motions)} of {len(problems)}"
+        if not motions:
+            yield [method, str(order), answers, *[""] * 6]
+            continue
         durations = [duration for duration, _ in motions]
         uses = max(max(uses) for _, uses in motions)
         slowed = np.mean([slow_to_hold(*motion) for motion in motions])
-        answers = f"{len(motions)} of {len(problems)}"
         milliseconds = [f"{1e3 * time:.0f}" for time in (np.mean(times), max(times))]
         spread = np.std(durations, ddof=min(1, len(durations) - 1))
         figures = [f"{value:.6f}" for value in (np.mean(durations), spread, uses, slowed)]

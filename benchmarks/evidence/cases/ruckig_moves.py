@@ -11,14 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.evidence.peers.ours import solve_general
+from benchmarks.evidence.peers.ours import solve_certified, solve_general
 from benchmarks.evidence.peers.problems import PathProblem, slow_to_hold
 from benchmarks.evidence.peers.ruckig_ import find_trajectory
 from benchmarks.evidence.table import Row, Table
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import Axis
 from planner.path.polynomial import PolynomialPath
-from planner.timing.certified_solve import certified_solve
 
 # Instants at which ruckig's speed is sampled.
 INSTANTS = 201
@@ -51,8 +50,7 @@ class Move:
 
     def solve(self) -> float:
         """Return our duration, certified. Raises MotionError if no motion exists."""
-        solution = certified_solve(self.problem.path, self.problem.limits(3), 3)
-        return solution.trajectory.duration
+        return solve_certified(self.problem, 3)().duration
 
     def solve_generally(self) -> float:
         """Return the duration by the order-3 solver on a grid, slowed to hold."""

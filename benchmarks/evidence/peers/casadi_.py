@@ -105,11 +105,9 @@ class CasadiProblem:
             trace = jerk_share(problem, per_time[2]) * np.sqrt(self.start[3])
             cost = ca.sum2(h) + JERK_WEIGHT * ca.sumsqr(trace[None] * j)
         else:
-            values, low, high = (
-                ca.vertcat(values, ca.sum2(h)),
-                np.append(low, 1.0),
-                np.append(high, 1.0),
-            )
+            values = ca.vertcat(values, ca.sum2(h))
+            low = np.append(low, 1.0)
+            high = np.append(high, 1.0)
             cost = _sum_jerk(jerks * [1.0, 3 * self.length, self.length**2], ((v, a, j), end), h)
             cost /= float(ca.evalf(ca.substitute(cost, columns, ca.DM(self.start / self.scale))))
 

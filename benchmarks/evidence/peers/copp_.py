@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks.evidence.peers.problems import SHARES, Motion, PathProblem
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.errors import MotionError
+from kinematics.foundation.errors import MotionError, NotInstalled
 
 # Relative change of the duration that ends the linearisations of jerk.
 TOLERANCE = 1e-5
@@ -38,20 +38,17 @@ def solve(
     order: int,
     grid: Grid,
     linearisations: int = 6,
-    prepare: Callable[[Any], None] | None = None,
 ) -> Callable[[], Motion]:
-    """Find the fastest motion. Raises MotionError with copp-py's message where it has no answer.
-
-    prepare: adds limits to copp-py's robot
-    """
-    import copp_py
+    """Find the fastest motion. Raises MotionError with copp-py's message where it has no answer."""
+    try:
+        import copp_py
+    except ImportError as error:
+        raise NotInstalled("the comparison", "copp-py", "peers") from error
 
     even = np.linspace(0.0, 1.0, grid.intervals + 1)
     share = even - grid.graded * np.sin(2 * np.pi * even) / (2 * np.pi)
     try:
         robot = _pose(problem, order, share)
-        if prepare is not None:
-            prepare(robot)
         ra = copp_py.solver.topp2_ra
         posed = ra.Problem(
             robot.constraints,

@@ -27,7 +27,7 @@ def sample(trajectory: Trajectory, order: int) -> Motion:
 
 
 def solve_certified(problem: PathProblem, order: int) -> Callable[[], Motion]:
-    """Find and prove the fastest motion, as `plan` does."""
+    """Find and prove the fastest motion, as `plan` does. Raises MotionError without a proof."""
     solution = certified_solve(copy(problem.path), problem.limits(order), order)
     return partial(sample, solution.trajectory, order)
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.evidence.peers.problems import SHARES, Motion, PathProblem
+from kinematics.foundation.errors import NotInstalled
 
 
 def find_trajectory(
@@ -15,7 +16,10 @@ def find_trajectory(
     speeds: tuple[float, float] = (0.0, 0.0),
 ) -> Any:
     """Return ruckig's trajectory of one axis; limits: speed, acceleration and jerk."""
-    from ruckig import InputParameter, Ruckig, Trajectory
+    try:
+        from ruckig import InputParameter, Ruckig, Trajectory
+    except ImportError as error:
+        raise NotInstalled("the comparison", "ruckig", "peers") from error
 
     request = InputParameter(1)
     request.current_position, request.target_position = [0.0], [length]

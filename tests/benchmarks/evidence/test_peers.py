@@ -17,6 +17,7 @@ from benchmarks.evidence.peers.ours import (
 )
 from benchmarks.evidence.peers.problems import slow_to_hold, spline, straight
 from benchmarks.evidence.peers.random_splines import Suite, chacha_numbers
+from kinematics import MotionError
 
 # Of the shape of COPP's tests/test_random_spline.rs.
 SPLINES = """
@@ -108,6 +109,8 @@ def test_an_absent_peer_has_a_row_that_says_so(monkeypatch):
     *_, duration, _, _, _, slowed, remark = peers.measure_row(line, method)
     assert duration == slowed == "nan"
     assert "ruckig" in remark
+    with pytest.raises(MotionError, match="ruckig"):
+        list(ruckig_moves.compare(count=1, general=0))
 
 
 def test_chacha_is_that_of_rust():
