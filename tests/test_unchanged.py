@@ -1,10 +1,10 @@
 """Compare motions, pulses, exported files and records with stored ones while the code is rebuilt.
 
-    python -m pytest tests/test_unchanged.py            # compare
-    python -m tests.test_unchanged --record             # store what changed beyond its tolerance, and print it
-    python -m tests.test_unchanged --record plans       # write the stored plan directories again
+    python -m pytest tests/test_unchanged.py         # compare
+    python -m tests.test_unchanged --record          # print and store what left its tolerance
+    python -m tests.test_unchanged --record plans    # write the stored plan directories again
 
-This file goes when the rebuilding is done: it protects outputs, and does not say that they are right.
+This file goes when the rebuilding is done: it protects outputs, whether they are right or not.
 
 Everything is called through the front door: names of `pulsepath`, and the command line.
 
@@ -15,11 +15,12 @@ values.json   numbers of freshly planned motions. Each is compared within a tole
               depends on the processor in its last digits (BLAS, vector instructions).
 plans/        plan directories. Commands that read one start from its stored motion, so that no
               solver is between it and the exported file.
-exports/      files exported from `plans`, binary ones decoded to text. Every word and number is compared.
+exports/      files exported from `plans`, binary ones decoded to text: every word and number
+              is compared.
 
 What may be recorded anew, and when:
 
-- A change that is meant (a fault corrected, a faster motion): `--record`, and review each printed line.
+- A change that is meant (a fault corrected, a faster motion): `--record`; review each line.
 - A new format of the plan directory: `--record plans`. The files in `exports` must still agree: they
   do not depend on that format.
 - A new key of a record: `--record`. A key that goes, or another exit code, changes what users read.
@@ -49,6 +50,10 @@ PLANS = DATA / "plans"
 EXPORTS = DATA / "exports"
 VALUES = DATA / "values.json"
 
+# The tolerances leave room for another processor: all values were within them with kernels compiled
+# for a generic one (NUMBA_CPU_NAME=generic, OPENBLAS_CORETYPE=Prescott, NumPy and glibc without AVX2
+# and FMA; 27 November 2026).
+
 # Relative. Solvers stop when they are within 1e-9 of their limits; a limit that is off by 1e-5 of
 # itself shows.
 DURATION = 1e-6
@@ -71,23 +76,31 @@ SAMPLES = 20
 
 @dataclass(frozen=True)
 class Checked:
-    """A value, or a list of numbers, and its largest absolute deviation (0: equal)."""
+    """A value, or a list of numbers, and its largest absolute deviation (0: equal).
+
+    share: of a list, the share of numbers that may deviate at all; the others are equal.
+    """
 
     value: Any
     tolerance: float = 0.0
+    share: float = 1.0
 
     def differs_from(self, stored: Any) -> str:
         """Describe how the stored value differs; "" if it is within the tolerance."""
-        if self.tolerance == 0 or not _are_numbers(stored, self.value):
-            return "" if stored == self.value else f"{_shorten(stored)} -> {_shorten(self.value)}"
+        if stored == self.value:
+            return ""
+        if isinstance(stored, bool) or not _are_numbers(stored, self.value):
+            return f"{_shorten(stored)} -> {_shorten(self.value)}"
         old, new = np.atleast_1d(stored), np.atleast_1d(self.value)
         if old.shape != new.shape:
             return f"{len(old)} numbers -> {len(new)}"
         deviation = np.abs(new - old)
-        if (deviation <= self.tolerance).all():
+        many = np.count_nonzero(deviation) > self.share * len(old)
+        if not many and (deviation <= self.tolerance).all():
             return ""
         worst = int(np.argmax(deviation))
         place = f" (number {worst + 1} of {len(old)})" if len(old) > 1 else ""
+        place += f", {np.count_nonzero(deviation)} differ" if many else ""
         change = f"{old[worst]:.12g} -> {new[worst]:.12g}{place}"
         return f"{change}, difference {new[worst] - old[worst]:+.3g}, tolerance {self.tolerance:.3g}"
 
@@ -137,10 +150,18 @@ def describe_motion(name: str, motion: Any) -> Values:
         f"{name}: q": near(state.q[::3], 0.0, PLACE * float(np.ptp(state.q, axis=0).max())),
     }
     for limit, use in motion.certificate.worst.items():
-        values[f"{name}: use of {limit}"] = near(use, 0.0, USE)
+        values[f"{name}: use of {limit}"] = describe_use(limit, use)
     if hasattr(motion, "pulses"):
         values |= describe_pulses(name, motion.pulses, t)
     return values
+
+
+def describe_use(limit: str, use: float) -> Checked:
+    """Return how much of a limit is used.
+
+    A constant speed may be off by 1e-9 of itself, which is rounding: only that it is kept is compared.
+    """
+    return exact(bool(use <= 1.0)) if limit == "constant speed" else near(use, 0.0, USE)
 
 
 def describe_pulses(name: str, pulses: Any, t: np.ndarray) -> Values:
@@ -178,7 +199,7 @@ def bundled_programs(_: Path) -> Values:
     values = {}
     for name, orders, bounded in (
         ("bare-circle", (2, 3), True),
-        ("tripod-circle", (2, 3), True),
+        ("tripod-circle", (3,), True),
         ("arm-line", (2, 3), True),
         ("linkage-line", (2, 3), True),
         ("traverser-scan", (2,), True),
@@ -227,10 +248,10 @@ def goals(_: Path) -> Values:
     for label, options in (
         ("duration", {"duration": 3.0}),
         ("time and heat", {"objective": "time + 0.2 heat"}),
-        ("gap", {"gap": 1e-4}),
+        ("gap", {"gap": 2e-4}),
         ("clock", {"clock_hz": 16_000_000}),
     ):
-        plan = pp.plan("arm-line", "arm", **options)  # type: ignore[arg-type]
+        plan = pp.plan("arm-line", "arm", **options)
         values |= describe_motion(label, plan)
     return values
 
@@ -265,7 +286,8 @@ def bare_paths(_: Path) -> Values:
 def firing_rules(_: Path) -> Values:
     """All pulses of a motion that has a closed form, by each rule.
 
-    Their times are rounded to ticks of 0.1 µs: another processor moves one in a thousand.
+    Their times are rounded to ticks of 0.1 µs, so that another processor may move one in a thousand
+    by a tick: one in 50 may be moved.
     """
     values = {}
     program = pp.load_program(INPUTS / "straight.toml")
@@ -279,7 +301,7 @@ def firing_rules(_: Path) -> Values:
     ):
         plan = pp.plan(program, INPUTS / "bench.toml", rule=rule)
         for axis, name in zip(plan.pulses.axes, "XYZ", strict=True):
-            values[f"{rule}: {name}: ticks"] = exact(axis.ticks)
+            values[f"{rule}: {name}: ticks"] = Checked(axis.ticks.tolist(), tolerance=1.0, share=0.02)
             values[f"{rule}: {name}: directions"] = exact(_write_signs(axis.direction))
             values[f"{rule}: {name}: bound"] = near(axis.bound, RESULT)
     return values
@@ -339,9 +361,13 @@ def flatten(record: Any, skip: tuple[str, ...] = (), at: str = "") -> Iterator[t
         yield at, record
 
 
+# Keys of features that are being removed.
+REMOVED = ("tradeoff",)
+
+
 def outline(record: Any) -> list[str]:
     """Return the paths of a record's keys, each once."""
-    return sorted({re.sub(r"\[\d+\]", "[]", path) for path, _ in flatten(record)})
+    return sorted({re.sub(r"\[\d+\]", "[]", path) for path, _ in flatten(record, REMOVED)})
 
 
 def describe_record(name: str, record: Any, skip: tuple[str, ...] = ()) -> Values:
@@ -350,7 +376,7 @@ def describe_record(name: str, record: Any, skip: tuple[str, ...] = ()) -> Value
     skip: keys of what jumps when two values are almost equal, as the place of a largest value.
     """
     values = {}
-    for path, value in flatten(record, skip):
+    for path, value in flatten(record, skip + REMOVED):
         if isinstance(value, bool) or value is None:
             values[f"{name}: {path}"] = exact(value)
         elif not isinstance(value, str) and _are_numbers(value):
@@ -368,7 +394,6 @@ def sources(folder: Path) -> Values:
     for label, words in {
         "G-code": (INPUTS / "flower.nc", "--machine", bench),
         "G-code in parts": (INPUTS / "flower.nc", "--machine", bench, "--stream"),
-        "G-code order 2": (INPUTS / "flower.nc", "--machine", bench, "--order", 2),
         "drawing": (INPUTS / "part.dxf", "--machine", bench, "--fit", "0.05 mm"),
         "synchronised": (INPUTS / "curved.toml", "--machine", bench, "--motion", "synchronised"),
     }.items():
@@ -382,7 +407,7 @@ def sources(folder: Path) -> Values:
             [[axis["pulses"], axis["final_count"]] for axis in record["pulses"]["axes"].values()]
         )
         for limit, proof in record["certificate"]["limits"].items():
-            values[f"{label}: use of {limit}"] = near(proof["worst_ratio"], 0.0, USE)
+            values[f"{label}: use of {limit}"] = describe_use(limit, proof["worst_ratio"])
         values |= describe_motion(f"{label}, read again", pp.load_plan(target))
     return values
 
@@ -549,7 +574,7 @@ FORMATS = {
         "zaber": (),
         "g93": ("--spacing", "20 ms"),
     },
-    "arms": {"kmitl-arms": (), "kmitl-positions": ()},
+    "arms": {"kmitl-arms": (), "kmitl-positions": ("--chord", "0.1 mm")},
 }
 EXPORTED = [(plan, form) for plan, forms in FORMATS.items() for form in forms]
 # What one tick of 0.1 µs is in files that state times otherwise than in ticks.
@@ -566,7 +591,7 @@ def write_export(plan: str, form: str, folder: Path) -> str:
 
 
 def decode(file: Path, form: str) -> str:
-    """Return a file as text: arrays as one number a line, bytes as hexadecimal digits."""
+    """Return a file as text: arrays as one number a line, bytes as hexadecimal digits, \\r as two letters."""
     if form == "npz":
         return "".join(f"{name}\n{_write_lines(value)}" for name, value in np.load(file).items())
     if form == "binary":
@@ -574,7 +599,7 @@ def decode(file: Path, form: str) -> str:
         return "".join(_write_lines(axis.ticks) + _write_signs(axis.direction) + "\n" for axis in axes)
     if form == "byte":
         return "\n".join(file.read_bytes().hex(" ")[k : k + 96] for k in range(0, file.stat().st_size * 3, 96)) + "\n"
-    return file.read_bytes().decode().replace("\r\n", "\n")
+    return file.read_bytes().decode().replace("\r", "\\r")
 
 
 def _write_lines(value: Any) -> str:
@@ -692,19 +717,22 @@ def record_values(folder: Path) -> None:
         target = folder / name
         target.mkdir()
         values, before = function(target), stored.get(name, {})
-        print(*compare_values(name, values, before), sep="\n", end="\n" if before else "")
+        for change in compare_values(name, values, before):
+            print(change)
         recorded[name] = {
             key: before[key] if key in before and not value.differs_from(before[key]) else value.value
             for key, value in values.items()
         }
-    lines = []
-    for name, values_of in recorded.items():
-        rows = ",\n".join(
-            f"  {json.dumps(key, ensure_ascii=False)}: {json.dumps(value, ensure_ascii=False)}"
-            for key, value in values_of.items()
-        )
-        lines.append(f'"{name}": {{\n{rows}\n}}')
-    VALUES.write_text("{\n" + ",\n".join(lines) + "\n}\n")
+    VALUES.write_text(_write_json(recorded))
+
+
+def _write_json(recorded: dict[str, dict[str, Any]]) -> str:
+    """Return JSON with one value a line, so that a difference of two versions reads well."""
+    cases = []
+    for name, values in recorded.items():
+        rows = [f"  {json.dumps(key)}: {json.dumps(value)}" for key, value in values.items()]
+        cases.append(f'"{name}": {{\n' + ",\n".join(rows) + "\n}")
+    return "{\n" + ",\n".join(cases) + "\n}\n"
 
 
 def record_exports(folder: Path) -> None:
