@@ -26,8 +26,14 @@ CASES = {
     "design": "a stepper sized, actuators and joints selected",
     "findings": "the page of a thesis' findings: which hold on the emulated rig",
     "limit_worths": "savings predicted for each limit, compared with planning again",
+    "linuxcnc_suite": "LinuxCNC's files for its planner: planned and certified, or refused",
     "page_pictures": "pictures of every report page, for the documentation",
+    "peers": "two paths and a line by us, toppra, copp-py, ruckig and IPOPT",
+    "peers_page": "the page docs/peers.md, from the table of peers",
     "published": "the page of published numbers next to ours",
+    "random_splines": "COPP's random splines by us and copp-py",
+    "ruckig_moves": "random moves of one axis by us and ruckig",
+    "toppra_suite": "toppra's hard problems by us and toppra",
 }
 """Names of the cases, which are those of their files, with one line of help."""
 

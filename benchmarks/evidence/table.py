@@ -56,6 +56,13 @@ def format_cell(cell: Cell) -> str:
     return f"{cell:.6g}"
 
 
+def store_rows(rows: Iterable[Row], store: list[Row]) -> Iterator[Row]:
+    """Yield rows, and append each to a list for later use."""
+    for row in rows:
+        store.append(row)
+        yield row
+
+
 def quantile_table(title: str, samples: dict[str, Sequence[float]]) -> Table:
     """Return a table of least, median, nine tenths and largest value of each named sample."""
     rows = [

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 
-from benchmarks.evidence.peers.case import Case, circle, spline
+from benchmarks.evidence.peers.problems import PathProblem, circle, spline
 from benchmarks.evidence.published.compared import markdown
 from benchmarks.evidence.speed.polyline import walk
 from kinematics import load_machine
@@ -42,12 +42,12 @@ class GridAnswer:
     method: str
 
 
-def polyline(lines: int = LINES) -> Case:
+def polyline(lines: int = LINES) -> PathProblem:
     machine = load_machine("hexapod")
-    return Case(f"blended polyline, {lines} lines", actuate(walk(lines), machine), machine.axes)
+    return PathProblem(f"blended polyline, {lines} lines", actuate(walk(lines), machine), machine.axes)
 
 
-def compare(case: Case, shares: Sequence[float] = SHARES) -> Iterator[GridAnswer]:
+def compare(case: PathProblem, shares: Sequence[float] = SHARES) -> Iterator[GridAnswer]:
     """Both grids with each share of the intervals. Raises MotionError where one has no answer."""
     path, limits = case.path, limits_of(case.path, case.axes, 3)
     run, look = Run(0, len(path.breaks) - 2), look_along(path, limits)

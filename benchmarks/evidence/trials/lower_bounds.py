@@ -19,7 +19,7 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from benchmarks.evidence.peers.casadi_ import Solver, solve_by_casadi
-from benchmarks.evidence.peers.case import spline
+from benchmarks.evidence.peers.problems import spline
 from benchmarks.evidence.peers.random_splines import Suite
 from benchmarks.evidence.trials.robustness import RandomProblem, random_problem, try_problem
 from kinematics import Axis, load_machine

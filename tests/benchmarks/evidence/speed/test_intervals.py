@@ -1,4 +1,4 @@
-from benchmarks.evidence.peers.case import circle
+from benchmarks.evidence.peers.problems import circle
 from benchmarks.evidence.speed.intervals import EVEN, OURS, compare, draw, table
 
 
