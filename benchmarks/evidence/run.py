@@ -21,6 +21,7 @@ from kinematics.foundation.errors import MotionError
 Measure = Callable[..., Iterator[Table | str]]
 
 CASES = {
+    "cam_files": "planning of G-code files: motion, baseline, bound, time and memory",
     "limit_worths": "savings predicted for each limit, compared with planning again",
 }
 """Names of the cases, which are those of their files, with one line of help."""

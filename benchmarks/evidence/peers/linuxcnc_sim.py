@@ -4,7 +4,7 @@
 LinuxCNC runs in simulation, in real time, with the axes' limits of INI (default: those of its own simulated machine in
 millimetres), and the positions that it commands are taken at every servo period of 1 ms. Ours plans the same file for
 the same limits; order 3 with a jerk besides, which LinuxCNC's planner has none of. Both are held against the limits by
-the same differences of positions. Without FILE the workpieces of benchmarks.evidence.speed.workpieces are run: with
+the same differences of positions. Without FILE the workpieces of benchmarks.evidence.workpieces are run: with
 G64 P0.02, with G61, with a stop at every join (G61.1), and ours with a blend at each. Of FILEs, which may be folders,
 those are run that ours plans. It needs LinuxCNC 2.9, Debian's package linuxcnc-uspace; where that is not installed,
 ours is told alone.
@@ -33,7 +33,7 @@ from benchmarks.evidence.peers.linuxcnc_suite import (
     read_limits,
 )
 from benchmarks.evidence.published.compared import markdown
-from benchmarks.evidence.speed.workpieces import FEED, WORKPIECES, write_workpiece
+from benchmarks.evidence.workpieces import FEED, SHAPES, write_shape
 from kinematics.foundation.arrays import Array
 
 SIMULATED = (
@@ -291,7 +291,7 @@ def write_workpieces(
 ) -> Iterator[SimulatedCase]:
     """Every workpiece with every kind of join."""
     for name in names:
-        plain = write_workpiece(name, lines, folder / f"{name}.ngc").read_text().replace(f"F{FEED:.0f}", f"F{feed:g}")
+        plain = write_shape(name, lines, folder / f"{name}.ngc").read_text().replace(f"F{FEED:.0f}", f"F{feed:g}")
         for join in joins:
             file = folder / f"{name}_{join.replace(' ', '_')}.ngc"
             file.write_text(plain.replace("G64 P0.02", "" if join == "blends" else join, 1))
@@ -325,7 +325,7 @@ def compare(cases: Sequence[SimulatedCase], limits: Sequence[Limits], unit: str)
 def main() -> None:
     parser = ArgumentParser(prog="python -m benchmarks.evidence.peers.linuxcnc_sim", description=__doc__)
     parser.add_argument("files", nargs="*", type=Path, help="G-code, or folders of it; default: the workpieces")
-    parser.add_argument("--workpiece", choices=WORKPIECES, action="append")
+    parser.add_argument("--workpiece", choices=SHAPES, action="append")
     parser.add_argument("--join", choices=JOINS, action="append")
     parser.add_argument("--lines", type=int, default=600)
     parser.add_argument("--feed", type=float, default=FEED, help="mm/min, of the workpieces")

@@ -11,7 +11,7 @@ from functools import partial
 
 import pytest
 
-from benchmarks.evidence.speed.workpieces import spiral
+from benchmarks.evidence.workpieces import spiral
 from benchmarks.reports import parts_report
 from planner.plan_parts import plan_parts
 from pulsepath import parts_job
