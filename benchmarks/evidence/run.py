@@ -23,6 +23,7 @@ Measure = Callable[..., Iterator[Table | str]]
 CASES = {
     "cam_files": "planning of G-code files: motion, baseline, bound, time and memory",
     "limit_worths": "savings predicted for each limit, compared with planning again",
+    "pulses": "speed and memory of pulse schedules and of their files",
 }
 """Names of the cases, which are those of their files, with one line of help."""
 
