@@ -22,8 +22,14 @@ Measure = Callable[..., Iterator[Table | str]]
 
 CASES = {
     "cam_files": "planning of G-code files: motion, baseline, bound, time and memory",
+    "closed_loop": "time to simulate and to evaluate closed loops",
+    "commands": "processor and wall time of whole commands, and of cold plans",
+    "forward": "certified forward kinematics against independent proofs, and its time",
+    "intervals": "order 3: duration against intervals, on our grids and on even ones",
     "limit_worths": "savings predicted for each limit, compared with planning again",
+    "page_pictures": "pictures of every report page, for the documentation",
     "pulses": "speed and memory of pulse schedules and of their files",
+    "solve_times": "time to solve and certify the bare circle, next to the solvers alone",
 }
 """Names of the cases, which are those of their files, with one line of help."""
 

@@ -241,7 +241,7 @@ def engrave_letters(rng: np.random.Generator) -> Iterator[Move]:
     feed = draw_feed(rng)
     for place, letter in enumerate(rng.choice([*LETTERS], int(rng.integers(1, 4)))):
         for stroke in trace_letter(letter):
-            first, *others = scale * (stroke + [5 * place, 0])
+            first, *others = scale * (stroke + np.array([5 * place, 0]))
             yield "G0", {"X": first[0], "Y": first[1]}
             yield "G1", {"Z": -0.2, "F": feed / 2}
             for x, y in others:

@@ -26,7 +26,7 @@ from typing import Literal
 
 from benchmarks.evidence.measuring import measure_apart, measure_here
 from benchmarks.evidence.table import Row, Table
-from benchmarks.evidence.workpieces import SHAPES, generate_cam_file, write_shape
+from benchmarks.evidence.workpieces import generate_cam_file, write_shape
 from kinematics import Machine, load_machine
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.units import Unit
