@@ -13,7 +13,7 @@ from concurrent.futures import ProcessPoolExecutor
 import numpy as np
 
 from benchmarks.evidence.measuring import measure_here
-from benchmarks.evidence.table import Table
+from benchmarks.evidence.table import Row, Table
 from controllers.laws.registry import find_law
 from controllers.metrics import evaluate_runs
 from controllers.rig_file import load_rig
@@ -71,7 +71,7 @@ def measure(runs: int = 1000, workers: int = 2, size: int = BATCH_SIZE) -> Itera
     ]
     wall = sum(batch.wall for batch in evaluated)
     processor = sum(batch.processor for batch in evaluated)
-    rows = [
+    rows: list[Row] = [
         [f"simulation, {workers} workers", simulated.wall, simulated.processor],
         ["evaluation", wall, processor],
     ]

@@ -169,7 +169,7 @@ def measure(poses: int = 100_000) -> Iterator[Table]:
     for drawn in (inside, sample_anywhere(machine, poses)):
         batches = [drawn[first : first + BATCH] for first in range(0, poses, BATCH)]
         counts.append(sum((try_forward(machine, batch) for batch in batches), Counter()))
-    rows = [[text, *(count[name] for count in counts)] for name, text in COUNTS.items()]
+    rows: list[Row] = [[text, *(count[name] for count in counts)] for name, text in COUNTS.items()]
     yield Table("Poses", ("poses", "inside the limits", "anywhere, within ±60°"), rows)
     columns = ("call", "time of a pose (µs)", "wanted (µs)")
     yield Table("Times", columns, time_rows(machine, inside))

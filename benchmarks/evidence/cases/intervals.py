@@ -8,6 +8,7 @@ points either, so that each duration is possible.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
@@ -80,10 +81,11 @@ def compare(case: Case, shares: Sequence[float] = SHARES) -> Iterator[GridAnswer
         ours, motion = placed
         grid = make_grid(path, run, ours.intervals)
         even = pose_problem(path, limits, *grid, run.speeds, run.stands)
-        for name, problem, guess, kind in (
-            (OURS, ours, motion.on(ours.s), "finer"),
-            (EVEN, even, start.on(even.s), "far"),
+        for name, problem, guess in (
+            (OURS, ours, motion.on(ours.s)),
+            (EVEN, even, start.on(even.s)),
         ):
+            kind: Literal["finer", "far"] = "finer" if name == OURS else "far"
             solution = solve_jerk_limited(problem, guess, kind, look)
             solution = tighten_until_kept(path, limits, solution)
             solution.require_profile()
