@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 
 from controllers.metrics import ErrorSeries, Metrics
 from controllers.metrics.circular_test import CircularTest
-from controllers.metrics.iso_style import IsoStyle, PathAccuracy, PoseAccuracy, VelocityAccuracy
+from controllers.metrics.iso_style import PathAccuracy, PoseAccuracy
 from controllers.tracking import Tracking
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.figure import PALETTE, draw_bars, line_style, literal_label, new_axes
@@ -68,19 +68,6 @@ def pose_accuracy(accuracy: PoseAccuracy, ax: Axes | None = None) -> Axes:
     """Accuracy and repeatability."""
     figures = [1e6 * accuracy.accuracy, 1e6 * accuracy.repeatability]
     return draw_bars(["accuracy", "repeatability"], figures, "ISO-style pose accuracy (µm)", ax)
-
-
-@draws(VelocityAccuracy)
-def velocity_accuracy(accuracy: VelocityAccuracy, ax: Axes | None = None) -> Axes:
-    """All three figures as shares of the commanded speed."""
-    shares = [accuracy.accuracy, accuracy.repeatability, 100 * accuracy.fluctuation / accuracy.commanded]
-    return draw_bars(["accuracy", "repeatability", "fluctuation"], shares, "% of the commanded speed", ax)
-
-
-@draws(IsoStyle)
-def iso_style(found: IsoStyle, ax: Axes | None = None) -> Axes:
-    """Accuracy and repeatability of the path, station by station."""
-    return path_accuracy(found.path, ax)
 
 
 @draws(CircularTest)

@@ -133,21 +133,6 @@ def sample(motion: AxesMotion, machine: Machine, dt: float) -> Reference:
     return Reference(dt, (state.q - machine.home_q) / pulse, state.qd / pulse)
 
 
-def stack_references(references: Sequence[Reference]) -> Reference:
-    """One reference for a run of each, position and speed (N + 1, B, n): the shorter ones rest at their end.
-
-    Raises MotionError if their steps differ in time.
-    """
-    times = {reference.dt for reference in references}
-    if len(times) != 1:
-        raise MotionError(f"track: the steps of references in one batch differ: {sorted(times)} s; run them apart")
-    k = np.arange(max(reference.steps for reference in references) + 1)
-    position, speed = (
-        np.stack([getattr(reference, name)(k) for reference in references], 1) for name in ("ang", "npuls")
-    )
-    return Reference(times.pop(), position, speed)
-
-
 @dataclass(frozen=True, slots=True)
 class Runs:
     """What a batch of B runs did, at instants t (K,), s, settling included.
@@ -272,13 +257,9 @@ def _refuse(reference: Reference, rigs: Sequence[Rig]) -> None:
     axes, card = rigs[0].machine.axes, rigs[0].card
     if any(rig.machine.axes != axes or rig.card != card for rig in rigs):
         raise MotionError("track: the rigs of one batch differ in their machine or card; run them separately")
-    lanes = reference.position.shape[1:]
-    if lanes not in ((len(axes),), (len(rigs), len(axes))):
-        raise MotionError(
-            f"track: a reference of {' x '.join(map(str, lanes))} for {count_noun(len(rigs), 'rig')} "
-            f"of {count_noun(len(axes), 'axis')}; "
-            "give one for each axis, or for each run and axis"
-        )
+    columns = reference.position.shape[1]
+    if columns != len(axes):
+        raise MotionError(f"track: the reference has {columns} columns, the rig {count_noun(len(axes), 'axis')}")
 
 
 def _refuse_times(dt: float, sample: float, exact: bool, settle: float, period: float | None) -> None:

@@ -42,6 +42,5 @@ from .time_optimal import time_optimal as time_optimal
 from .timing.certified_solve import Solution as Solution
 from .tradeoffs.limit_worth import LimitChange as LimitChange, Worth as Worth
 from .tradeoffs.objective import Objective as Objective
-from .tradeoffs.pareto import Tradeoff as Tradeoff
 from .trajectory import State as State, Trajectory as Trajectory
 from .pulses.triggers import Triggered as Triggered

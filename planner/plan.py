@@ -47,7 +47,6 @@ from planner.timing.solvers.toppra_ import refuse_solver
 from planner.timing.stated_duration import solve_stated
 from planner.tradeoffs.heat import solve_objective
 from planner.tradeoffs.objective import TIME, Objective, read_objective
-from planner.tradeoffs.pareto import WEIGHTS, Tradeoff, trade
 from planner.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -210,14 +209,6 @@ class Plan(Result, Interruptible):
         if self.stated_duration is not None:
             return "as stated"
         return "" if self.fastest else f"with the least {self.objective}"
-
-    @check_arguments()
-    def trade(self, weights: Sequence[float] = WEIGHTS) -> Tradeoff:
-        """Duration against heat along this path, from the fastest motion on: the least of each objective.
-
-        Raises MotionError as `planner.tradeoffs.heat.solve_objective`.
-        """
-        return trade(self.path, self.limits, self.machine.axes, self.order, weights)
 
     def whole(self) -> Whole:
         """What sections of it are made of (`planner.interruption`)."""

@@ -1,7 +1,7 @@
-"""A plan of a program of any length, part by part as it is read: what stays of each window of it, proved, its pulses.
+"""Plan a program of any length part by part, as it is read: the motion of each part, its proof and its pulses.
 
-Each part comes with how the motion would come to rest behind it: what there is of a plan at any instant is a whole
-motion, certified, that ends at rest, and the next part takes the place of its stop.
+Each part comes with a stop. The parts up to any of them, together with its stop, are a certified motion that ends at
+rest. The next part takes the place of that stop.
 """
 
 from collections import Counter, deque
@@ -46,18 +46,18 @@ MOST_WHOLE = 1000
 
 @dataclass(frozen=True, slots=True)
 class PlanStanding(Result):
-    """What is known of a plan up to the end of some part of it, as `Plan` has it of a whole one.
+    """A plan up to the end of one of its parts, with the fields of `Plan` that can be known there.
 
-    start        how the next part begins: its time is the duration so far, its length that of the path
-    segment      number of the last one that is planned, from 1
-    windows      how many it was planned in
-    certificate  over all of it; of `use` and `attained` one entry for each window, or for a few where there are many
-    blends, stops  joins that ask for a blend or a curve: where one is, and where the motion stops instead
-    pulses       what is stated of the axes' pulses, without these
-    counted      of each axis how many pulses it has, and where they lead: its count behind the last less that at first
-    methods      solvers of the runs, with how many each
-    triggers     how many of the program's triggers its pulses have come by
-    avoidable    the stops at joins that nobody asked for, and an estimate of their cost
+    start        start of the next part: its time is the duration so far, its length that of the path
+    segment      number of the last planned segment, from 1
+    windows      number of windows
+    certificate  of the whole motion; `use` and `attained` have one entry per window, or per several windows
+    blends       joins that ask for a blend or a curve and have one; stops: joins where the motion stops instead
+    pulses       the schedule so far, without its pulses
+    counted      for each axis, its number of pulses, and its last count minus its first
+    methods      solvers, with the number of runs of each
+    triggers     number of triggers that the pulses have passed
+    avoidable    stops at joins that do not ask for one, and an estimate of their cost
     """
 
     program: str
@@ -79,11 +79,11 @@ class PlanStanding(Result):
 
     @property
     def duration(self) -> float:
-        """s, of the motion so far."""
+        """Duration (s) of the motion so far."""
         return self.start.begin
 
     def tables(self) -> tuple[Table, ...]:
-        """How long it takes, what is proved of it, what was fitted, its pulses."""
+        """Duration, proof, fit and pulses as tables."""
         title = f"{self.program} on {self.machine.name}, order {self.order}, in {count_noun(self.windows, 'window')}"
         units = {axis.name: axis.unit for axis in self.machine.axes}
         return (
@@ -95,29 +95,20 @@ class PlanStanding(Result):
 
 
 @dataclass(frozen=True, slots=True)
-class PlanMark:
-    """From where planning goes on: what is known by then, and the stream of pulses as it stands there.
-
-    waiting  triggers that the motion has come by, and the pulses given so far have not
-    """
-
-    standing: PlanStanding
-    stream: PulseStream
-    waiting: tuple[Crossing, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
 class PlanPart:
-    """What stays of a window of a plan, and how the motion comes to rest behind it where nothing follows.
+    """The part of a window that stays, and the stop that ends the motion if nothing follows.
 
-    start, steps  how its window begins, and how many steps of the path that has
-    motion, rest  trajectories on the window's path; rest None: the motion rests at the end of the part
-    pulses        those of the part that are final; rest_pulses: the others, and those of the rest
-    until         tick before which all pulses are given
-    limits        of the window
-    rest_proof    of the way to rest
-    triggers      those that the pulses of the part come by; rest_triggers: likewise
-    mark          where planning goes on behind it
+    start, steps   start of the window, and its number of steps of the path
+    motion         trajectory of the part, on the path of the window
+    rest           trajectory of the stop, on the same path; None: the motion rests at the end of the part
+    pulses         final pulses of the part
+    rest_pulses    pulses of the part that the next one may change, and those of the stop
+    until          tick before which all pulses are final
+    limits         of the window
+    rest_proof     certificate of the stop
+    triggers       triggers that the pulses of the part pass
+    rest_triggers  triggers that the pulses of the stop pass
+    standing       the plan up to the end of the part
     """
 
     start: Start
@@ -131,12 +122,7 @@ class PlanPart:
     rest_proof: Certificate | None
     triggers: tuple[Triggered, ...]
     rest_triggers: tuple[Triggered, ...]
-    mark: PlanMark
-
-    @property
-    def standing(self) -> PlanStanding:
-        """Of the plan up to here."""
-        return self.mark.standing
+    standing: PlanStanding
 
 
 def plan_parts(
@@ -148,38 +134,35 @@ def plan_parts(
     rule: str | Rule = "nearest",
     limits: Sequence[OwnLimit] = (),
     pieces: int = PIECES,
-    after: PlanMark | None = None,
     helpers: Helpers | None = None,
     progress: Progress = ignore_progress,
 ) -> Iterator[PlanPart]:
-    """Plan a program as it is read: the fastest motion, proved, and its pulses, in memory that does not grow with it.
+    """Plan a program as it is read: the fastest motion, its proof and its pulses, in constant memory.
 
-    What a part's motion costs beside that of the whole planned at once is what it looks ahead too little: below 0.1 %
-    (`planner.windows`).
+    The motion takes up to 0.1 % longer than if the whole were planned at once, as each window looks ahead only as far
+    as it reaches (`planner.windows`).
 
     Parameters
     ----------
     program, machine, order, clock_hz, rule, limits
         As of `plan`.
     pieces
-        Of path that a window has at first.
-    after
-        Go on from there.
+        Pieces of path in the first window.
     helpers
-        Processes that solve windows beside this one; None: none.
+        Other processes that solve windows; None: no others.
     progress
-        Is told how many segments have been read ahead for the next window, of how many in all repetitions.
+        Called with the number of segments read so far, and their number in all repetitions.
 
     Raises
     ------
     MotionError
-        What can only be planned as a whole; and as `plan` does, when the parts before have been given.
+        The program can only be planned as a whole; or as `plan`, after the parts before the refusal.
     """
     program, machine = load_program(program), load_machine(machine)
     rule = find_rule(rule) if isinstance(rule, str) else rule
-    if (why := find_whole_reason(program, machine, rule)) is not None:
-        of = f"program {program.name} on {machine.name}"
-        raise MotionError(f"{of} is planned as a whole only, because {why}, or call plan")
+    if (reason := find_whole_reason(program, machine, rule)) is not None:
+        job = f"program {program.name} on {machine.name}"
+        raise MotionError(f"{job} is planned as a whole only, because {reason}, or call plan")
     order = usual_order(machine.axes, program) if order is None else order
     paced = pace_axes(machine.axes, clock_hz, rule)
     find_limits = partial(limits_of, axes=paced, order=order, own=limits)
@@ -187,16 +170,14 @@ def plan_parts(
     steps = _Steps(
         mark_steps(walk_path(program, machine), program, machine), len(program.segments), program.repeat, progress
     )
-    start, standing, waiting = Start(), None, tuple[Crossing, ...]()
     stream = PulseStream(machine, clock_hz, rule)
-    if after is not None:
-        start, standing, stream, waiting = after.standing.start, after.standing, after.stream, after.waiting
-        steps.skip(start.steps)
-    for window in planner(steps, start, helpers):
+    standing: PlanStanding | None = None
+    waiting: tuple[Crossing, ...] = ()  # triggers that the motion has passed, but not its pulses
+    for window in planner(steps, helpers):
         before, stream = stream, stream.copy()
         motion = window.solution.trajectory
         kept, rest = motion.cut(0, window.kept), None
-        # the motion ends with a window only where that has the last of the path; else it goes on, be it from rest
+        # The motion ends with a window only if that has the last step; else it continues, possibly from rest.
         last = window.kept == len(motion.s) and steps.ended and window.next.steps == steps.taken
         pulses, rest_pulses, rest_proof = stream.add(kept, last), None, None
         if window.kept < len(motion.s):
@@ -224,12 +205,12 @@ def plan_parts(
             rest_proof,
             triggers,
             rest_triggers,
-            PlanMark(standing, stream, waiting),
+            standing,
         )
 
 
 def come_to_rest(part: PlanPart) -> PlanStanding:
-    """The standing of a plan that ends with the stop behind a part."""
+    """Return the standing of a plan that ends with the stop after a part."""
     standing, pulses = part.standing, part.rest_pulses
     if pulses is None:
         return standing
@@ -251,15 +232,15 @@ def come_to_rest(part: PlanPart) -> PlanStanding:
 
 
 def _without_pulses(pulses: PulseSchedule, first: PulseSchedule) -> PulseSchedule:
-    """What is stated of pulses, from their first count."""
+    """Return a schedule without its pulses, with the start counts of the first part."""
     none = np.empty(0, np.int64), np.empty(0, np.int8)
     axes = zip(pulses.axes, first.axes, strict=True)
-    bare = tuple(replace(axis, ticks=none[0], direction=none[1], start=held.start) for axis, held in axes)
+    bare = tuple(replace(axis, ticks=none[0], direction=none[1], start=one.start) for axis, one in axes)
     return replace(pulses, axes=bare)
 
 
 def find_whole_reason(program: Program, machine: Machine, rule: Rule) -> str | None:
-    """Why a program can only be planned as a whole, and what to change about that; None where it can be in parts."""
+    """Return why a program can only be planned as a whole, with a remedy; None if it can be planned in parts."""
     if rule.whole_reason:
         return f"rule {rule.name} needs the whole motion, as {rule.whole_reason}: choose rule nearest"
     if program.duration is not None:
@@ -277,29 +258,31 @@ def find_whole_reason(program: Program, machine: Machine, rule: Rule) -> str | N
     for number, segment in enumerate(program.segments, 1):
         if isinstance(segment, Dwell):
             continue
-        for held, what in (
+        for is_whole, reason in (
             (isinstance(segment, Synchronised), "is a synchronised move"),
             (getattr(segment, "speed_constant", False), "asks for a constant speed"),
             (getattr(segment, "free", None) is not None, "leaves orientation free"),
         ):
-            if held:
-                return f"segment {number} {what}: plan that segment by itself"
+            if is_whole:
+                return f"segment {number} {reason}: plan that segment by itself"
     return None
 
 
 class _Steps:
-    """The steps of a path as they are taken, with what became of joins and chains, and triggers, held until planned."""
+    """The steps of a path in order, and the joins, chains and triggers that are still to be planned."""
 
     def __init__(self, steps: Iterator[MarkedStep], segments: int, repeat: int, progress: Progress) -> None:
-        """segments: of the program, which is run so often; progress: is told how many are read, and of how many."""
+        """segments: of the program, which runs `repeat` times. progress: called with those read, and with all."""
         self._segments, self._total, self._tell = segments, repeat * segments, progress
-        self._steps, self._held, self._marks = steps, deque[tuple[int, PathStep]](), deque[Mark]()
+        self._steps = steps
+        self._joins = deque[tuple[int, PathStep]]()
+        self._marks = deque[Mark]()
         self._next = next(steps, None)
         self.taken = 0
 
     @property
     def ended(self) -> bool:
-        """Whether all are taken."""
+        """True after the last step."""
         return self._next is None
 
     def __iter__(self) -> Iterator[PathStep]:
@@ -310,44 +293,44 @@ class _Steps:
             self._marks.extend(marks)
             self._tell(((step.piece.repetition or 1) - 1) * self._segments + step.piece.segment, self._total)
             if step.blend is not None or step.fitted is not None or step.avoidable:
-                self._held.append((self.taken, step))
+                self._joins.append((self.taken, step))
             yield step
 
-    def skip(self, count: int) -> None:
-        """Those that are planned already."""
-        for _ in zip(range(count), self, strict=False):
-            pass
-        self._held.clear()
-        self._marks.clear()
-
     def pop(self, until: int) -> list[PathStep]:
-        """Those that became something, up to a number of steps from the first."""
-        found: list[PathStep] = []
-        while self._held and self._held[0][0] <= until:
-            found.append(self._held.popleft()[1])
-        return found
+        """Remove and return the joins up to a number of steps from the first."""
+        joins: list[PathStep] = []
+        while self._joins and self._joins[0][0] <= until:
+            joins.append(self._joins.popleft()[1])
+        return joins
 
     def find_marks(self, until: int) -> list[Mark]:
-        """The triggers up to a number of steps from the first."""
+        """Return the triggers up to a number of steps from the first."""
         return [*takewhile(lambda mark: mark.step <= until, self._marks)]
 
     def pop_marks(self, until: int) -> list[Mark]:
-        """The same, which are planned then."""
-        found = self.find_marks(until)
-        for _ in found:
+        """Remove and return them."""
+        marks = self.find_marks(until)
+        for _ in marks:
             self._marks.popleft()
-        return found
+        return marks
 
 
 def _end_pulses(before: PulseStream, motion: Trajectory, until: int) -> PulseSchedule:
-    """What a stream holds back of a part from a tick on, as if the motion ended with it."""
+    """Return the pulses of a part from a tick on, as if the motion ended with the part."""
     every = before.copy().add(motion, last=True)
-    held = []
+    axes = []
     for axis in every.axes:
-        given = int(np.searchsorted(axis.ticks, until))
-        start = axis.start + int(axis.direction[:given].sum(dtype=np.int64))
-        held.append(replace(axis, ticks=axis.ticks[given:], direction=axis.direction[given:], start=start))
-    return replace(every, axes=tuple(held))
+        first = int(np.searchsorted(axis.ticks, until))
+        start = axis.start + int(axis.direction[:first].sum(dtype=np.int64))
+        axes.append(
+            replace(
+                axis,
+                ticks=axis.ticks[first:],
+                direction=axis.direction[first:],
+                start=start,
+            )
+        )
+    return replace(every, axes=tuple(axes))
 
 
 def _add_window(
@@ -361,19 +344,19 @@ def _add_window(
     pulses: PulseSchedule,
     triggers: int,
 ) -> PlanStanding:
-    """What is known behind a window."""
-    solution, became = window.solution, steps.pop(window.next.steps)
-    blends = [step.blend for step in became if step.blend is not None]
-    fit = summarise_fits([step.fitted for step in became if step.fitted is not None], blends)
+    """Return the standing of a plan after a window."""
+    solution, joins = window.solution, steps.pop(window.next.steps)
+    blends = [step.blend for step in joins if step.blend is not None]
+    fit = summarise_fits([step.fitted for step in joins if step.fitted is not None], blends)
     segment = kept.path.place(0.0, int(kept.piece[-1])).segment or 0
     proved = summarise_part(solution.certificate, solution.trajectory, solution.limits, slice(0, window.kept))
     counted = [(len(axis), axis.final - axis.start) for axis in pulses.axes]
     stops = sum(bool(blend.stop) for blend in blends)
-    unasked = sum(step.avoidable and step.stop <= order for step in became)
+    unasked = sum(step.avoidable and step.stop <= order for step in joins)
     path, limits = solution.trajectory.path, solution.limits
     assert isinstance(path, MachinePath)
     avoidable = find_stops_of_part(program, path, limits, order, int(kept.piece[-1]) + 1, unasked)
-    found = PlanStanding(
+    here = PlanStanding(
         program.name,
         machine,
         order,
@@ -392,17 +375,17 @@ def _add_window(
         avoidable,
     )
     if before is None:
-        return found
+        return here
     return replace(
-        found,
+        here,
         windows=before.windows + 1,
         certificate=join_certificates(before.certificate, proved),
         fit=merge_fits(before.fit, fit),
-        blends=before.blends + found.blends,
+        blends=before.blends + here.blends,
         stops=before.stops + stops,
         counted=tuple((n + m, a + b) for (n, a), (m, b) in zip(before.counted, counted, strict=True)),
-        rounds=max(before.rounds, found.rounds),
-        methods=Counter(before.methods) + Counter(found.methods),
+        rounds=max(before.rounds, here.rounds),
+        methods=Counter(before.methods) + Counter(here.methods),
         triggers=before.triggers + triggers,
         avoidable=avoidable if before.avoidable is None else before.avoidable + avoidable,
     )

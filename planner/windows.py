@@ -74,7 +74,7 @@ class Window:
 
     start  how it began; steps: of the path, that it has
     kept   time pieces of it that stay: with the next window's those before these are the motion; the last has all
-    next   how the window behind it begins: whoever knows it and the path behind can plan on from there
+    next   how the following window begins
     """
 
     solution: Solution
@@ -147,26 +147,23 @@ class WindowPlanner:
     pieces: int = PIECES
     placed: bool = True
 
-    def __call__(
-        self, steps: Iterable[PathStep], start: Start | None = None, helpers: Helpers | None = None
-    ) -> Iterator[Window]:
-        """Of the steps from a start on, by default all of a path from rest; with or without helpers, the same.
+    def __call__(self, steps: Iterable[PathStep], helpers: Helpers | None = None) -> Iterator[Window]:
+        """Plan all steps of a path, from rest to rest; the windows are the same with and without helpers.
 
         Raises as `certified_solve`, and as the steps do, when all windows before the step that is refused are given.
         """
-        start = start or Start()
-        stretches = self._split(steps, start.pieces is not None)
+        stretches = self._split(steps)
         if helpers is not None:
-            yield from self._share(stretches, start, helpers)
+            yield from self._share(stretches, helpers)
             return
+        start = Start()
         for stretch in stretches:
             start = yield from self._plan_stretch(stretch, start)
 
-    def _split(self, steps: Iterable[PathStep], begun: bool) -> Iterator[Iterator[PathStep]]:
+    def _split(self, steps: Iterable[PathStep]) -> Iterator[Iterator[PathStep]]:
         """Stretches from stop to stop, each to be taken before the next.
 
         Up to the last stop that a window at first reaches, or else to the next: which depends on the path alone.
-        begun: the first is what remains of one.
         """
         coming, ahead = iter(steps), list[PathStep]()
         while True:
@@ -177,13 +174,11 @@ class WindowPlanner:
                 return
             stops = [n + 1 for n, step in enumerate(ahead) if self._stops(step)]
             if stops:
-                count = stops[0 if begun else -1]
-                yield iter(ahead[:count])
-                del ahead[:count]
+                yield iter(ahead[: stops[-1]])
+                del ahead[: stops[-1]]
             else:
                 yield chain(ahead, self._take_to_stop(coming))
                 ahead = []
-            begun = False
 
     def _stops(self, step: PathStep) -> bool:
         """Whether a motion of this order rests behind it."""
@@ -195,17 +190,16 @@ class WindowPlanner:
             if self._stops(step):
                 return
 
-    def _share(self, stretches: Iterator[Iterator[PathStep]], start: Start, helpers: Helpers) -> Iterator[Window]:
-        """The windows of stretches that are given to helpers, in order.
+    def _share(self, stretches: Iterator[Iterator[PathStep]], helpers: Helpers) -> Iterator[Window]:
+        """Give stretches to helpers, and yield their windows in order.
 
-        Planned here are what is left of a stretch that was begun, one that is long, one that is the only one, and one
-        whose steps end with a refusal, so that it comes behind the same windows as without helpers.
+        Planned here are a stretch that is long, one that is the only one, and one whose steps end with a refusal, so
+        that the refusal comes after the same windows as without helpers.
         """
-        submit, given = helpers.prepare(self.plan_share), deque[tuple[list[PathStep], Share]]()
+        submit = helpers.prepare(self.plan_share)
+        given = deque[tuple[list[PathStep], Share]]()
+        start = Start()
         coming, first = _find_next(stretches), True
-        if coming is not None and start.pieces is not None:
-            start, first = (yield from self._plan_stretch(coming, start)), False
-            coming = _find_next(stretches)
         near, alone = self._near(start), list[PathStep]()
         while True:
             while coming is not None and not alone and len(given) < helpers.room():

@@ -14,20 +14,18 @@ from pulsepath.commands.hold import hold
 from pulsepath.commands.import_ import import_
 from pulsepath.commands.init import init
 from pulsepath.commands.lists import figures, laws, machines, programs, rigs, rules
-from pulsepath.commands.override import override
 from pulsepath.commands.plan import plan
 from pulsepath.commands.pose import pose
 from pulsepath.commands.positions import positions
-from pulsepath.commands.send import send
 from pulsepath.commands.studio import studio
 from pulsepath.commands.track import track
 from pulsepath.commands.view import view
 from pulsepath.process.exits import BAD_INPUT, INFEASIBLE, INTERNAL, INTERRUPTED
 
 SECTIONS = {
-    "Plan": ("init", "pose", "check", "plan", "view", "studio", "export", "hold", "override"),
+    "Plan": ("init", "pose", "check", "plan", "view", "studio", "export", "hold"),
     "Import programs": ("import", "positions"),
-    "Run and measure": ("track", "compare", "calibrate", "console", "send"),
+    "Run and measure": ("track", "compare", "calibrate", "console"),
     "List bundled data": ("machines", "programs", "rigs", "laws", "rules", "figures"),
 }
 
@@ -57,14 +55,12 @@ main.add_command(view)
 main.add_command(studio)
 main.add_command(export)
 main.add_command(hold)
-main.add_command(override)
 main.add_command(import_)
 main.add_command(positions)
 main.add_command(track)
 main.add_command(compare)
 main.add_command(calibrate)
 main.add_command(console)
-main.add_command(send)
 main.add_command(machines)
 main.add_command(programs)
 main.add_command(rigs)

@@ -17,7 +17,7 @@ from pulsepath import progress
 from pulsepath.process import supervisor
 from pulsepath.process.ending import EndSignal, raise_on_signal
 from pulsepath.process.exits import BAD_INPUT, INTERRUPTED, JSON, TRACEBACK, describe_error
-from pulsepath.process.intent import ARGUMENTS, describe_interruption
+from pulsepath.process.intent import describe_interruption
 from pulsepath.progress import say
 
 OTHERS_TITLE, OTHER_FORMAT = "Others", "pulsepath.other_format"
@@ -53,7 +53,6 @@ class Commands(click.Group):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         ctx.meta[JSON] = ctx.meta.get(JSON, False) or "--json" in args
-        ctx.meta.setdefault(ARGUMENTS, tuple(args))
         try:
             return super().parse_args(ctx, args)
         except OSError as error:  # of --version and --help, which are printed here

@@ -16,7 +16,7 @@ from controllers.rig import Rig
 from controllers.tracking import track_each
 from kinematics import Machine, MotionError
 from kinematics.foundation.names import count_noun
-from planner import LimitChange, Plan, Program, Tradeoff, Worth, plan
+from planner import LimitChange, Plan, Program, Worth, plan
 from planner.baselines import KINDS, Classical, classical, pick_baseline
 from planner.baselines.classical import Course, course
 from planner.baselines.shapes import S_CURVE
@@ -41,9 +41,6 @@ REALISED_SAMPLES = 25_000
 
 MOST_BOUNDED, BOUNDED_EACH_SECOND = 20_000, 1_000
 """Time pieces up to which a lower bound of the duration is proved unasked; of how many it takes a second, about."""
-
-BOUNDS = "auto", "full", "none"
-"""Effort on the lower bound: as long as planning at most, until it is near, or none."""
 
 CELLS_PER_PIECE, CELLS_PER_RUN, CELLS_BESIDE = {2: 0.2, 3: 0.5}, 10, 12
 """Cost of planning, in cells of a quick bound: of a time piece by order, and of a run between stops in addition; and
@@ -167,7 +164,6 @@ class Job:
     rig: None: the plan is not tracked
     crossed: toppra's motion beside ours, where that was asked for
     worth: what each limit is worth, where the bound is proved; change: the plan with the best of them RAISED
-    tradeoff: duration against heat, where heat is part of the objective
     stops: how soon it can be stopped, where that was asked for
     unbounded: why there is neither a proved bound nor worth, and how to get them; "": there are, or nobody wants them
     left_out: what was left out to save time, each with the option that asks for it
@@ -183,7 +179,6 @@ class Job:
     crossed: CrossCheck | None = None
     worth: Worth | None = None
     change: LimitChange | None = None
-    tradeoff: Tradeoff | None = None
     stops: Stops | None = None
     unbounded: str = ""
     left_out: tuple[str, ...] = ()
@@ -222,7 +217,8 @@ def run(
 
     baselines: whether to time every baseline; None: only the one with the plan's own limits
     worth: whether to work out what limits are worth; None: where the bound is proved
-    bound: of BOUNDS; but for a bound that is asked for, none is proved of more than MOST_BOUNDED time pieces
+    bound: effort on the lower bound: "auto" takes as long as planning at most, "full" goes on until it is near, "none";
+    without "full", no bound is proved for more than MOST_BOUNDED time pieces
     """
     for field in find_unkept_limits(machine):
         note(f"note: {machine.name} states {field} but no masses, so no plan can respect it")
@@ -277,17 +273,13 @@ def run(
     baseline = pick_baseline(planned, timed.timings) if timed.timings else None
     others = tuple(timing for timing in timed.timings if timing is not baseline)
     beside = _run_cross_check(planned) if crossed else None
-    tradeoff = None
-    if aim.heat > 0:
-        with step("trading time against heat"):
-            tradeoff = planned.trade()
     held = None
     if stops is not None:
         with step(f"stopping from {count_noun(stops, 'instant')}"):
             held = planned.stops(stops)
     seen = cache(partial(looking.result, look))
     left_out = _list_left_out(planned, quick, worths, like)
-    outcomes = (beside, worths, change, tradeoff, held, unbounded, left_out)
+    outcomes = (beside, worths, change, held, unbounded, left_out)
     return Job(planned, baseline, others, realised, seen, figures, rig, *outcomes)
 
 

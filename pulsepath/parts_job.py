@@ -2,20 +2,19 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict, dataclass
-from functools import partial
 from itertools import islice
 from pathlib import Path
 from time import perf_counter
 
 from kinematics import MotionError
-from planner.limits import find_unkept_limits, usual_order
+from planner.limits import find_unkept_limits
 from planner.parallel import LocalHelpers
 from planner.plan_parts import MOST_WHOLE, PlanStanding, find_whole_reason, plan_parts
 from planner.pulses import find_rule
 from planner.windows import Helpers
 from pulsepath.inputs import Inputs
 from pulsepath.output import parts_directory
+from pulsepath.output.parts_directory import PartsRequest
 from pulsepath.progress import note, step
 
 INSTEAD = {
@@ -24,15 +23,6 @@ INSTEAD = {
     "--pulses csv": ", and run pulsepath export --format pulses on the plan later",
 }
 """What has the same effect as an option that needs all of a motion, once that is planned."""
-
-
-@dataclass(frozen=True, slots=True)
-class Firing:
-    """How pulses are made: ticks/s of their clock, the rule; written: whether there is to be a file of them."""
-
-    clock_hz: int
-    rule: str
-    written: bool
 
 
 def choose_parts(stream: bool | None, inputs: Inputs, rule: str, whole: Sequence[str]) -> bool:
@@ -71,24 +61,19 @@ def open_helpers(cluster: str | None) -> Iterator[Helpers]:
 
 
 def run_parts(
-    inputs: Inputs,
-    order: int | None,
-    firing: Firing,
-    folder: Path,
-    figures: bool,
-    keep: bool,
-    helpers: Helpers | None = None,
+    inputs: Inputs, request: PartsRequest, folder: Path, helpers: Helpers | None = None
 ) -> tuple[PlanStanding, MotionError | None]:
-    """Plan into a folder, or go on with what is there: what it holds then, and why it is not all.
+    """Plan into a folder. Return and raise as `parts_directory.write`.
 
-    helpers: who plans what lies between stops, with the same result. Raises as `parts_directory.write`.
+    helpers: processes that plan the stretches between stops; the result is the same without them.
     """
     program, machine = inputs.program, inputs.machine
     for field in find_unkept_limits(machine):
         note(f"note: {machine.name} states {field} but no masses, so no plan can respect it")
     reached = 0.0
     planned, ahead, read = _Place(inputs), _Place(inputs), 0
-    # when the first part of this run was done, its segments and s of motion: before, what it needs is loaded and built
+    # Time at the end of the first part, its segments and its motion (s). Libraries are loaded and kernels are built
+    # before that, which would spoil an estimate of the time left.
     first: tuple[float, int, float] | None = None
 
     def describe(done: int, of: int) -> str:
@@ -117,32 +102,20 @@ def run_parts(
             if first is None:
                 tell(0, of)
 
-        kind = usual_order(machine.axes, program) if order is None else order
-        plan = partial(
-            plan_parts,
+        parts = plan_parts(
             program,
             machine,
-            order=kind,
-            clock_hz=firing.clock_hz,
-            rule=firing.rule,
+            order=request.order,
+            clock_hz=request.clock_hz,
+            rule=request.rule,
             helpers=helpers,
             progress=tell_read,
         )
-        options = {"order": kind, **asdict(firing)}
         with inputs.tell_lines():
-            standing, no = parts_directory.write(
-                folder,
-                inputs,
-                lambda mark: plan(after=mark),
-                options,
-                tell_standing,
-                pulses=firing.written,
-                figures=figures,
-                keep=keep,
-            )
-    if no is not None:
-        inputs.tell_line(no)
-    return standing, no
+            standing, refusal = parts_directory.write(folder, inputs, parts, request, tell_standing)
+    if refusal is not None:
+        inputs.tell_line(refusal)
+    return standing, refusal
 
 
 class _Place:

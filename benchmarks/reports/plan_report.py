@@ -28,7 +28,6 @@ from planner.plan import Plan
 from planner.pulses import PulseCheck, RealisedPath
 from planner.pulses.schedule import RATE_WINDOWS
 from planner.tradeoffs.limit_worth import LimitChange, Worth
-from planner.tradeoffs.pareto import Tradeoff
 
 POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 """What a browser lets the page load: nothing but what is in it."""
@@ -57,7 +56,6 @@ def write_report(
     crossed: CrossCheck | None = None,
     worth: Worth | None = None,
     change: LimitChange | None = None,
-    tradeoff: Tradeoff | None = None,
     stops: Stops | None = None,
     scene: str = "",
     unbounded: str = "",
@@ -88,9 +86,9 @@ def write_report(
         That the laws were run on, which the page names.
     untracked
         Why the page has no errors of laws, or what rig to take for them.
-    crossed, worth, change, tradeoff, stops
-        toppra's motion beside the plan's; what the limits are worth, and a motion with more of one; duration against
-        heat; how soon it can be stopped. None: the page has no such part.
+    crossed, worth, change, stops
+        toppra's motion, for comparison; the worth of the limits, and a motion with more of one of them; the soonest
+        stops. None: the page has no such part.
     scene
         The page of the machine in motion, as `benchmarks.animation` makes it, if the page is to hold it.
     unbounded
@@ -100,12 +98,10 @@ def write_report(
     left_out
         What was left out to save time, each with the option that asks for it.
     """
-    figures = (
-        draw(plan, classical, metrics, realised) | draw_worth(worth, tradeoff, stops) if figures is None else figures
-    )
-    asked = crossed, worth, change, tradeoff, stops
+    figures = draw(plan, classical, metrics, realised) | draw_worth(worth, stops) if figures is None else figures
+    results = crossed, worth, change, stops
     texts = scene, unbounded, drives, left_out
-    page = _page(plan, classical, metrics, verdict, others, realised, figures, rig, untracked, *asked, *texts)
+    page = _page(plan, classical, metrics, verdict, others, realised, figures, rig, untracked, *results, *texts)
     path.write_text(page, encoding="utf-8")
     save_figures(figures, path)
 
@@ -142,11 +138,10 @@ def draw_comparisons(plan: Plan, classical: Classical | None, realised: Realised
         return figures | ({"realised": draw_figure(*_draw_realised(realised))} if realised else {})
 
 
-def draw_worth(worth: Worth | None, tradeoff: Tradeoff | None = None, stops: Stops | None = None) -> dict[str, Picture]:
-    """The figures of what limits are worth, if any is worth anything, of duration against heat, and of stops."""
+def draw_worth(worth: Worth | None, stops: Stops | None = None) -> dict[str, Picture]:
+    """Draw the worth of the limits, if any limit saves time, and the stops."""
     with style():
         found = {"worth": draw_figure(*_draw_worth(worth))} if worth is not None and worth.rank() else {}
-        found |= {"tradeoff": draw_figure(tradeoff.plot())} if tradeoff is not None else {}
         return found | ({"stops": draw_figure(stops.plot())} if stops is not None else {})
 
 
@@ -260,7 +255,6 @@ def _page(
     crossed: CrossCheck | None,
     worth: Worth | None,
     change: LimitChange | None,
-    tradeoff: Tradeoff | None,
     stops: Stops | None,
     scene: str,
     unbounded: str,
@@ -279,7 +273,6 @@ def _page(
         crossed=crossed,
         worth=worth,
         change=change,
-        tradeoff=tradeoff,
         stops=stops,
         verdict=verdict,
         realised=realised,

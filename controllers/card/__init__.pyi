@@ -10,7 +10,6 @@ from .model import (
 )
 from .profile import MoveProfile as MoveProfile
 from .record import (
-    OUTPUT_MODES as OUTPUT_MODES,
     Record as Record,
     Train as Train,
     Wires as Wires,
@@ -23,7 +22,6 @@ from .state import (
     CardState as CardState,
     at_rest as at_rest,
     current_speed as current_speed,
-    pulse_ticks as pulse_ticks,
     read_counters as read_counters,
     send as send,
 )

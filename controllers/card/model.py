@@ -23,7 +23,9 @@ OutputMode = Literal[
     "CW_CCW_FALLING",
     "CW_CCW_RISING",
 ]
-"""Modes of a channel's two output lines, see `controllers.card.record.OUTPUT_MODES`."""
+"""Modes of a channel's two output lines. HIGH and LOW are the level of DIR towards greater counts, RISING and FALLING
+the edge with which a pulse begins. The source uses OUT_RISING_DIR_LOW and OUT_RISING_DIR_HIGH by name [Sahbaz 2007,
+Appendix E]. ASSUMPTION: the other names, as the manual of the card is remembered."""
 MODES = get_args(OutputMode)
 
 
@@ -50,9 +52,6 @@ class Card:
                       the least speed is a step of the card's whole range, and speeds are not rounded
     channels          of one card; interpolation joins channels of one card alone
     moves_target      whether a move's target can be changed on the fly
-    compares          least and greatest count of the comparator
-    compare_list      counts that the comparator loads by itself one after another
-    latches           channels of a card that have a latch input
     beyond_counter    what a position beyond the counter's range does: "refuse", or "wrap" round (relative and velocity
                       moves; the target of an absolute move is a number of 28 bits in any case)
     soft_limits       (lowest, highest) position of each channel, pulses; None: no limits
@@ -62,8 +61,7 @@ class Card:
     backlash          pulses that each channel fires beforehand when it turns round; None: none
     backlash_speed    pulses/s of these
 
-    Assumed: that an 8132 compares one count at a time, in 24 bits, that an 8164's two latch inputs belong to its first
-    two channels, and that soft limits stop dead.
+    Assumed: that soft limits stop dead.
     """
 
     name: str
@@ -76,9 +74,6 @@ class Card:
     speed_range: float | None = None
     channels: int = 4
     moves_target: bool = True
-    compares: tuple[int, int] = COUNTER
-    compare_list: int = 4096
-    latches: tuple[int, ...] = (0, 1)
     beyond_counter: Literal["refuse", "wrap"] = "refuse"
     soft_limits: tuple[tuple[int, int], ...] | None = None
     at_soft_limit: Literal["refuse", "stop"] = "refuse"
@@ -130,9 +125,6 @@ PCI_8132 = Card(
     9_830_400,
     channels=2,
     moves_target=False,
-    compares=(-(2**23), 2**23 - 1),
-    compare_list=1,
-    latches=(),
     home_modes=False,
 )
 PCI_8164 = Card("PCI-8164", 6.55e6, 19_660_800)

@@ -257,10 +257,6 @@ class MoveProfile:
         extra = Edges(t, np.full(len(t), np.sign(pulses), np.int8), np.zeros(len(t), bool))
         return extra.then(found)
 
-    def pulse_times(self, lane: int | tuple[int, ...], until: float = np.inf) -> Array:
-        """Instants (pulses,), s, at which a lane's pulses fire before `until`."""
-        return self.edges(lane, until=until).t
-
     def way(self, i: int, tau: Array) -> Array:
         """The way, pulses, within piece i at τ s after its start."""
         if self.jerks is None:

@@ -5,17 +5,16 @@ The levels of a channel's two lines are as `set_pls_outmode` says.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from controllers.card.channels import Command
-from controllers.card.model import Card, OutputMode, Refused
+from controllers.card.model import Card, Refused
 from controllers.card.profile import Edges
 from controllers.card.state import CardState, round_to_ticks, send
 from kinematics.foundation.arrays import Array, freeze_fields
-from kinematics.foundation.names import count_noun
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,43 +71,6 @@ class Record:
             round_to_ticks(self.card, t), direction, counted, np.concatenate([np.empty(0), *counts]).astype(np.int64)
         )
 
-    def latch_counts(self, lane: int | tuple[int, ...], t: Array) -> np.ndarray:
-        """Position counters (N,) that a lane's latch input freezes at instants t (N,). Raises Refused without one."""
-        i = lane if isinstance(lane, tuple) else (lane,)
-        channel = i[-1]
-        if channel % self.card.channels not in self.card.latches:
-            inputs = ", ".join(str(own + 1) for own in self.card.latches) or "none"
-            raise Refused(f"{self.card.name}, channel {channel + 1}: it has no latch input; those of a card: {inputs}")
-        return np.asarray(np.rint(np.moveaxis(self.position(t), 0, -1)[i]), np.int64)
-
-    def comparator_ticks(self, lane: int | tuple[int, ...], counts: Array) -> np.ndarray:
-        """Ticks at which the comparator's output fires, int64: one count after another, each when it is first reached.
-
-        A count is loaded when the one before has fired, and fires with the pulse that brings the counter to it; it
-        follows that fewer fire than are given where one is not reached. Raises Refused for counts that the comparator
-        does not hold.
-        """
-        low, high = self.card.compares
-        counts = np.atleast_1d(np.asarray(counts, np.int64))
-        wrong = counts[(counts < low) | (counts > high)]
-        if len(wrong):
-            raise Refused(f"{self.card.name}: count {wrong[0]} is outside {low} … {high} pulses of the comparator")
-        if len(counts) > self.card.compare_list:
-            raise Refused(
-                f"{self.card.name}: {count_noun(len(counts), 'count')} to compare; the comparator "
-                f"holds {self.card.compare_list}; "
-                "give the others when these have fired"
-            )
-        train, found, at = self.train(lane), [], 0
-        count = np.where(train.counted, train.count, np.iinfo(np.int64).max)
-        for wanted in counts.tolist():
-            hits = np.flatnonzero(count[at:] == wanted)
-            if not len(hits):
-                break
-            at += int(hits[0]) + 1
-            found.append(int(train.ticks[at - 1]))
-        return np.array(found, np.int64)
-
 
 def play(card: Card, state: CardState, sent: Iterable[tuple[float, Command]], until: float) -> Record:
     """The card from `state` on, sent commands at instants (s, from 0 on, in order), until an instant."""
@@ -117,20 +79,6 @@ def play(card: Card, state: CardState, sent: Iterable[tuple[float, Command]], un
         states.append(send(card, states[-1], command, t))
         since.append(t)
     return Record(card, tuple(since), tuple(states), until)
-
-
-OUTPUT_MODES: Mapping[int, OutputMode] = {
-    0: "OUT_FALLING_DIR_HIGH",
-    1: "OUT_RISING_DIR_HIGH",
-    2: "OUT_FALLING_DIR_LOW",
-    3: "OUT_RISING_DIR_LOW",
-    4: "CW_CCW_FALLING",
-    5: "CW_CCW_RISING",
-}
-"""The modes by the number that `set_pls_outmode` takes. The source uses OUT_RISING_DIR_LOW and OUT_RISING_DIR_HIGH by
-name [Sahbaz 2007, Appendix E], and says of the function no more than "type of the motion" (Table A.1). ASSUMPTION: the
-other names and all numbers, as the card's manual is remembered; HIGH and LOW are the level of DIR towards greater
-counts, RISING and FALLING the edge with which a pulse begins."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -266,11 +266,6 @@ def current_speed(card: Card, state: CardState, t: float) -> Array:
     return np.abs(rate) if card.current_speed == "magnitude" else rate
 
 
-def pulse_ticks(card: Card, move: MoveProfile, lane: int | tuple[int, ...], until: float = np.inf) -> np.ndarray:
-    """Ticks (pulses,) of the card's clock at which a lane's pulses fire before `until`: `round_to_ticks` instants."""
-    return round_to_ticks(card, move.pulse_times(lane, until))
-
-
 def round_to_ticks(card: Card, t: Array) -> np.ndarray:
     """Ticks (pulses,) of the card's clock, int64, nearest to the instants t (pulses,) and strictly increasing.
 

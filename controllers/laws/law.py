@@ -49,16 +49,12 @@ def format_gain(value: Gain) -> str:
     return f"{low:g}" if low == high else f"{low:g}…{high:g}"
 
 
-REFERENCE_SHAPES = ((None, None), (None, None, None))
-"""Samples and axes; samples, runs and axes."""
-
-
 @dataclass(frozen=True, slots=True)
 class Reference:
     """The planned motion as the host holds it, whole and beforehand: samples at k·dt of every axis, then rest.
 
     dt        s
-    position  (N + 1, n) pulses from home, unrounded; (N + 1, B, n) where B runs have references of their own
+    position  (N + 1, n) pulses from home, unrounded
     speed     as position, pulses/s, signed
     """
 
@@ -71,14 +67,13 @@ class Reference:
         if not finite_array(self.dt, "reference: dt", (), unit="s") > 0:
             raise MotionError(f"reference: dt {self.dt} s must be above 0")
         for name, unit in (("position", "pulses"), ("speed", "pulses/s")):
-            samples = finite_array(getattr(self, name), f"reference: {name}", *REFERENCE_SHAPES, unit=unit)
+            samples = finite_array(getattr(self, name), f"reference: {name}", (None, None), unit=unit)
             object.__setattr__(self, name, freeze_array(samples))
         if not self.position.size or self.position.shape != self.speed.shape:
             shapes = f"{self.position.shape} and {self.speed.shape}"
             raise MotionError(f"reference: position and speed are {shapes}; give one speed for each position")
         sign = np.where(np.abs(self.speed) > _REST_SPEED, np.sign(self.speed), 0.0)
-        k = np.arange(len(sign)).reshape(-1, *(1,) * (sign.ndim - 1))
-        last = np.maximum.accumulate(np.where(sign != 0, k, 0))
+        last = np.maximum.accumulate(np.where(sign != 0, np.arange(len(sign))[:, None], 0))
         object.__setattr__(self, "_heading", freeze_array(np.take_along_axis(sign, last, 0)))
 
     @property
@@ -91,21 +86,21 @@ class Reference:
 
         Whole, since a feedback law that chased a share of a pulse would never come to rest at the end.
         """
-        return np.rint(self._at(self.position, np.minimum(k, self.steps)))
+        return np.rint(self.position[np.minimum(k, self.steps)])
 
     def npuls(self, k: int | np.ndarray) -> Array:
         """Reference speed, pulses/s, at k·dt, shaped as `ang`; zero after the end."""
-        speed = self._at(self.speed, np.minimum(k, self.steps))
-        return np.where(np.reshape(k, np.shape(k) + (1,) * (speed.ndim - np.ndim(k))) <= self.steps, speed, 0.0)
+        speed = self.speed[np.minimum(k, self.steps)]
+        return np.where(np.asarray(k)[..., None] <= self.steps, speed, 0.0)
 
     def heading(self, t: Array) -> Array:
         """±1 by the way that each axis runs at t, or ran before it came to rest; 0 before it moves. t as `between`."""
         speed = self.between(t, before=True)[1]
         k = np.clip(np.floor(t / self.dt + 1e-9), 0, self.steps).astype(int)
-        return np.where(np.abs(speed) > _REST_SPEED, np.sign(speed), self._heading[k, *self._lanes])
+        return np.where(np.abs(speed) > _REST_SPEED, np.sign(speed), self._heading[k, np.arange(speed.shape[-1])])
 
     def between(self, t: Array, *, before: bool = False) -> tuple[Array, Array, Array]:
-        """Position, speed and acceleration at any instants t (…, n), s, which may differ by axis, and run: (…, B, n).
+        """Return position, speed and acceleration at any instants t (…, n), s, which may differ by axis.
 
         The cubic through the positions and speeds of the samples on both sides: within dt⁴/384 · |r⁗| of the motion
         where that is smooth between them. Rest before the first and after the last sample.
@@ -117,24 +112,14 @@ class Reference:
         step = np.ceil(at - 1e-9) - 1 if before else np.floor(at + 1e-9)
         k = np.clip(step, 0, self.steps - 1).astype(int)
         moving = (step >= 0) & (step < self.steps)
-        lanes = self._lanes
-        p0, p1 = self.position[k, *lanes], self.position[k + 1, *lanes]
-        v0, v1 = self.speed[k, *lanes] * self.dt, self.speed[k + 1, *lanes] * self.dt
+        axis = np.arange(self.position.shape[1])
+        p0, p1 = self.position[k, axis], self.position[k + 1, axis]
+        v0, v1 = self.speed[k, axis] * self.dt, self.speed[k + 1, axis] * self.dt
         u = np.clip(at - k, 0.0, 1.0)
         bend, twist = 3 * (p1 - p0) - 2 * v0 - v1, v0 + v1 - 2 * (p1 - p0)
         position = p0 + u * (v0 + u * (bend + u * twist))
         speed = np.where(moving, v0 + u * (2 * bend + u * 3 * twist), 0.0) / self.dt
         return position, speed, np.where(moving, 2 * bend + u * 6 * twist, 0.0) / self.dt**2
-
-    @property
-    def _lanes(self) -> tuple[np.ndarray, ...]:
-        """The indices of all lanes, behind that of a sample."""
-        axis = np.arange(self.position.shape[-1])
-        return (axis,) if self.position.ndim == 2 else (np.arange(self.position.shape[1])[:, None], axis)
-
-    def _at(self, of: Array, k: np.ndarray) -> Array:
-        own = of.ndim == 3 and np.ndim(k) == 1
-        return np.asarray(of[k, np.arange(len(k))] if own else of[k])
 
 
 _REST_SPEED = 1e-3

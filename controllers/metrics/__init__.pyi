@@ -6,5 +6,4 @@ from .evaluate import (
     evaluate as evaluate,
     evaluate_runs as evaluate_runs,
 )
-from .iso_style import IsoStyle as IsoStyle, iso_style as iso_style
 from .metrics import ErrorSeries as ErrorSeries, FIGURES as FIGURES, Figure as Figure, Metrics as Metrics

@@ -29,16 +29,16 @@ def read_pulses(path):
         chunks.append((kind, held))
         at += 24 + length
     head = json.loads(chunks[0][1])
-    if chunks[-1][0] != b"MARK" or not json.loads(chunks[-1][1])["complete"]:
+    if chunks[-1][0] != b"MARK":
         sys.exit(f"{path}: its end is missing")
     axes = [([], []) for _ in head["axes"]]
-    for number, (kind, held) in enumerate(chunks):
-        last = all(other != b"MARK" for other, _ in chunks[number:-1])
-        if kind == b"PULS" or (kind == b"puls" and last):
-            begin, _, _ = struct.unpack_from("<qqQ", held)
-            for (ticks, directions), (own, signs) in zip(axes, decode(decompress(held[24:]), len(axes)), strict=True):
-                ticks.append(begin + own)
-                directions.append(signs)
+    for kind, held in chunks[1:-1]:
+        if kind != b"PULS":
+            sys.exit(f"{path}: has a chunk of kind {kind!r}, which holds no pulses")
+        begin, _, _ = struct.unpack_from("<qqQ", held)
+        for (ticks, directions), (own, signs) in zip(axes, decode(decompress(held[24:]), len(axes)), strict=True):
+            ticks.append(begin + own)
+            directions.append(signs)
     return head, [(np.concatenate(ticks), np.concatenate(directions)) for ticks, directions in axes]
 
 

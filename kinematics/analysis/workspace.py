@@ -125,12 +125,6 @@ class Workspace(Result):
         """(nx, ny, nz) bool: nodes inside all limits."""
         return np.asarray(self.uses.max(-1) <= 1 + USE_ROUNDING)
 
-    @property
-    def volume(self) -> float:
-        """Of the proved cells: m³ (m² in a plane, m on a line). What the machine reaches is more."""
-        sides = [n[1] - n[0] for n in self.nodes if len(n) > 1]
-        return float(self.proved.sum() * np.prod(sides))
-
     def tables(self) -> tuple[Table, ...]:
         """What was looked at, how much of it is proved, and the largest box and sphere in there."""
         looked = (

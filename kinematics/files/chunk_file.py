@@ -1,20 +1,18 @@
-"""A file of chunks that grows at its end, and of which as much can be read as is whole.
+"""A file of chunks, written from its start to its end; the last chunk shows that it is complete.
 
     8 bytes   89 50 50 42 0D 0A 1A 0A
     uint32    version of this layout: 1
     chunks, one after the other:
-        4 bytes   kind, in ASCII: HEAD, MARK, or what the kind of file has
+        4 bytes   kind, in ASCII: HEAD, MARK, or one of this kind of file
         uint32    number, from 0
         uint64    length of the contents, bytes
         uint32    CRC-32 of the contents
         uint32    CRC-32 of the 20 bytes before
         contents
 
-All numbers have their little end first. The first chunk is the HEAD, a JSON object with `kind` and `schema` of what the
-file holds. A MARK, another JSON object, says that what is in the file so far is whole; the last one of a file that is
-finished has `"complete": true`, and nothing comes after it. Chunks of a kind in lower case are provisional: they count
-from the next mark until there is another. So a file that is cut anywhere still holds all that its last whole
-mark stands for, and one that goes on never has to be written over.
+All numbers are little-endian. The first chunk is the HEAD, a JSON object with `kind` and `schema` of
+the contents. The last chunk is the MARK, a JSON object with the totals and `"complete": true`. A file
+without it was cut, and is refused.
 
 A chunk has at most 2²⁸ bytes of contents.
 """
@@ -22,7 +20,7 @@ A chunk has at most 2²⁸ bytes of contents.
 import json
 import os
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from math import inf, isfinite
 from os import PathLike
@@ -34,14 +32,14 @@ from kinematics.files.toml_document import unreadable_error
 from kinematics.foundation.errors import Fault, FileError, MotionError
 
 SIGNATURE = b"\x89PPB\r\n\x1a\n"
-"""What such a file begins with; text modes and seven-bit lines would change it."""
+"""First bytes of such a file; transfers as text or by seven-bit lines would change them."""
 VERSION = 1
 HEAD, MARK = "HEAD", "MARK"
 START = struct.Struct("<8sI")
 HEADER, CHECKSUM = struct.Struct("<4sIQI"), struct.Struct("<I")
 HEADER_BYTES = HEADER.size + CHECKSUM.size
 MAX_CONTENTS = 1 << 28
-"""Bytes of the contents of a chunk, at most: as much is in memory at once."""
+"""Largest size (bytes) of the contents of a chunk, which are in memory at once."""
 MAX_INTEGER = (1 << 63) - 1
 """Largest magnitude of an integer in a record: it fits into an int64."""
 AGAIN = "write it again"
@@ -49,7 +47,7 @@ AGAIN = "write it again"
 
 @dataclass(frozen=True, slots=True)
 class Chunk:
-    """Where a chunk is: begin and length of its contents in bytes."""
+    """A chunk in a file: the place (byte) and the length (bytes) of its contents."""
 
     kind: str
     number: int
@@ -64,71 +62,76 @@ class Chunk:
 
 @dataclass(frozen=True, slots=True)
 class ChunkFile:
-    """What a file holds up to its last mark.
+    """A complete file, whose chunks are read one by one.
 
-    head, mark  the objects of its first chunk and of that mark
-    chunks      those that count, in order
-    end         byte behind the mark; number: of the chunk that would follow
-    complete    the file is finished
+    head, mark  the objects of its first and its last chunk
+    chunks      the chunks between them, in order
+    size        bytes of the file
     """
 
     path: Path
     head: Mapping[str, Any]
     mark: Mapping[str, Any]
     chunks: tuple[Chunk, ...]
-    end: int
-    number: int
-    complete: bool
+    size: int
 
     def contents(self) -> Iterator[tuple[Chunk, bytes]]:
-        """Each chunk with its contents, of which one at a time is in memory. Raises FileError for a damaged one."""
+        """Read the chunks in order, one at a time. Raises FileError for a damaged one."""
         with self.path.open("rb") as file:
             for chunk in self.chunks:
                 yield chunk, _read_contents(file, chunk, self.path)
 
 
 class ChunkWriter:
-    """Adds chunks at the end of a file; what a mark stands for is handed to the system with it."""
+    """Writes a file chunk by chunk."""
 
-    __slots__ = ("file", "number")
+    __slots__ = ("_file", "_number")
 
-    def __init__(self, file: BinaryIO, head: Mapping[str, Any] | None = None, number: int = 0) -> None:
-        """head: begins a file; without it chunks go on with a number."""
-        self.file, self.number = file, number
-        if head is not None:
-            file.write(START.pack(SIGNATURE, VERSION))
-            self.add(HEAD, _encode_record(head))
+    def __init__(self, file: BinaryIO, head: Mapping[str, Any]) -> None:
+        """Write the start of a file and its HEAD."""
+        self._file = file
+        self._number = 0
+        file.write(START.pack(SIGNATURE, VERSION))
+        self.add(HEAD, _encode_record(head))
 
     def add(self, kind: str, contents: bytes) -> None:
+        """Write a chunk."""
         if len(contents) > MAX_CONTENTS:
             raise MotionError(f"a chunk of {len(contents)} bytes: write parts of at most {MAX_CONTENTS}")
-        header = HEADER.pack(kind.encode("ascii"), self.number, len(contents), crc32(contents))
-        self.file.write(header + CHECKSUM.pack(crc32(header)))
-        self.file.write(contents)
-        self.number += 1
+        header = HEADER.pack(kind.encode("ascii"), self._number, len(contents), crc32(contents))
+        self._file.write(header + CHECKSUM.pack(crc32(header)))
+        self._file.write(contents)
+        self._number += 1
 
-    def mark(self, record: Mapping[str, Any]) -> None:
-        self.add(MARK, _encode_record(record))
-        self.file.flush()
+    def finish(self, totals: Mapping[str, Any]) -> None:
+        """Write the MARK, after which nothing may be added."""
+        self.add(MARK, _encode_record({"complete": True, **totals}))
+        self._file.flush()  # so that a full disk shows here, where the caller can name the file
 
 
 def holds_chunks(path: str | PathLike[str]) -> bool:
-    """Whether a file begins as one of chunks does."""
+    """Return whether a file begins with the signature."""
     with Path(path).open("rb") as file:
         return file.read(len(SIGNATURE)) == SIGNATURE
 
 
-def open_chunks(path: str | PathLike[str], kind: str, schema: int, partial: bool = False) -> ChunkFile:
-    """What a file of a kind holds; its contents are read later, chunk by chunk.
+def open_chunks(
+    path: str | PathLike[str],
+    kind: str,
+    schema: int,
+    chunk_kinds: Collection[str],
+) -> ChunkFile:
+    """Find the chunks of a complete file of a kind; their contents are read later, one by one.
 
-    partial: also of a file that is not finished, as far as its last mark. Raises FileError for a file of another kind
-    or version, one that is not whole, and one that cannot be opened.
+    chunk_kinds: kinds that the chunks between HEAD and MARK may have. Raises FileError for a file of
+    another kind or version, one that is not complete, and one that cannot be opened.
     """
     place = Path(path)
     try:
         opened = place.open("rb")
     except (OSError, ValueError) as error:
         raise unreadable_error(place, error) from None
+
     with opened as file:
         size = os.fstat(file.fileno()).st_size
         _read_start(file, place)
@@ -137,41 +140,23 @@ def open_chunks(path: str | PathLike[str], kind: str, schema: int, partial: bool
             raise _refusal(place, fault or f"has no {HEAD} at byte {START.size}", AGAIN)
         head = _read_record(file, chunks[0], place)
         _check_head(head, kind, schema, place)
-        marks = [n for n, chunk in enumerate(chunks) if chunk.kind == MARK]
-        last, mark = -1, None
-        while marks and mark is None:
-            last = marks.pop()
-            try:
-                mark = _read_record(file, chunks[last], place)
-            except FileError:
-                if not partial:
-                    raise
-        complete = mark is not None and mark.get("complete") is True and last == len(chunks) - 1 and not fault
-        if not complete and not partial:
-            until = START.size if mark is None else chunks[last].end
-            fault = fault or f"is not finished: it ends at byte {size}"
-            raise _refusal(place, fault, f"what it held at byte {until} can be read as partial; or {AGAIN}")
-        if mark is None:
-            raise _refusal(place, fault or f"holds no {MARK}", f"nothing in it is whole: {AGAIN}")
-    before = marks[-1] if marks else 0
-    counting = [
-        chunk for n, chunk in enumerate(chunks[:last]) if chunk.kind not in (HEAD, MARK) and _counts(chunk, n > before)
-    ]
-    return ChunkFile(place, head, mark, tuple(counting), chunks[last].end, last + 1, complete)
 
+        if not fault and chunks[-1].kind != MARK:
+            fault = f"is not finished: it ends at byte {size} without a {MARK}"
+        if fault:
+            raise _refusal(place, fault, AGAIN)
+        mark = _read_record(file, chunks[-1], place)
+        if mark.get("complete") is not True:
+            message = f"is not finished: its {MARK} does not say that it is complete"
+            raise _refusal(place, message, AGAIN)
 
-def resume_chunks(held: ChunkFile, file: BinaryIO) -> ChunkWriter:
-    """Go on behind the last mark of a file that is open to be changed, once all that counts is known to be whole."""
-    for _ in held.contents():
-        pass
-    file.truncate(held.end)
-    file.seek(held.end)
-    return ChunkWriter(file, number=held.number)
-
-
-def _counts(chunk: Chunk, latest: bool) -> bool:
-    """Whether a chunk counts; latest: it stands between the last two marks."""
-    return latest or not chunk.kind.islower()
+    between = chunks[1:-1]
+    for chunk in between:
+        if chunk.kind not in chunk_kinds:
+            known = " and ".join(chunk_kinds)
+            message = f"has chunk {chunk.number} of kind {chunk.kind!r}"
+            raise _refusal(place, f"{message}, and this pulsepath reads {known}", AGAIN)
+    return ChunkFile(place, head, mark, tuple(between), size)
 
 
 def _read_start(file: BinaryIO, place: Path) -> None:
@@ -182,8 +167,8 @@ def _read_start(file: BinaryIO, place: Path) -> None:
         raise _refusal(place, f"is cut at byte {len(start)}, before its first chunk", AGAIN)
     version = START.unpack(start)[1]
     if version != VERSION:
-        told = f"is of version {version}, and this pulsepath reads version {VERSION}"
-        raise _refusal(place, told, f"read it with the pulsepath that wrote it, or {AGAIN}")
+        message = f"is of version {version}, and this pulsepath reads version {VERSION}"
+        raise _refusal(place, message, f"read it with the pulsepath that wrote it, or {AGAIN}")
 
 
 def _check_head(head: Mapping[str, Any], kind: str, schema: int, place: Path) -> None:
@@ -195,7 +180,7 @@ def _check_head(head: Mapping[str, Any], kind: str, schema: int, place: Path) ->
 
 
 def _scan(file: BinaryIO, size: int) -> tuple[list[Chunk], str]:
-    """The chunks that are there from end to end, by their headers; and why there are no more, where that is a fault."""
+    """Find the chunks by their headers. Return them, and why there are no more if that is a fault."""
     chunks: list[Chunk] = []
     at = START.size
     while at < size:

@@ -304,11 +304,6 @@ def format_vector(values: ArrayLike, unit: str, power: int = 0) -> str:
     return f"[{', '.join(format_quantity(value, unit, power) for value in np.asarray(values, float).tolist())}]"
 
 
-def format_numbers(values: ArrayLike) -> str:
-    """An array of numbers without a unit."""
-    return f"[{', '.join(repr(value) for value in np.asarray(values, float).tolist())}]"
-
-
 def format_rows(texts: Iterable[str]) -> str:
     """Arrays, one on each line."""
     return "[" + "".join(f"\n    {text}," for text in texts) + "\n]"

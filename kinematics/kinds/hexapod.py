@@ -23,7 +23,6 @@ from kinematics.kinds.axis_keys import AXES, GEOMETRY, KIND, OWN_AXES, LinearAxi
 from kinematics.kinds.legged import BASE_REST, PLATFORM_REST, Legged, Platforms, Radius, legged_geometry, rest_axes_type
 from kinematics.kinds.load_keys import LEG_MASSES, LegsTable, LoadedFile, Point
 from kinematics.machine.axis import Axis
-from kinematics.machine.load import Leg, cylinder
 
 if TYPE_CHECKING:
     from kinematics.machine.pose import Pose
@@ -76,19 +75,6 @@ class Hexapod(Legged):
         from kinematics.analysis.assembly_modes import assembly_modes
 
         return assembly_modes(self, q)
-
-
-ALUMINIUM = 2700.0
-"""kg/m³."""
-
-PLATE = cylinder(ALUMINIUM * np.pi * 0.125**2 * 0.010, 0.125, -0.005, 0.005, "plate")
-"""The platform's plate about the platform's origin, the middle of its thickness."""
-
-# As wide as its square of 43 mm has area; the screw and its tip as a rod of steel of 41 g.
-LEG = Leg(
-    barrel=cylinder(0.200, 0.043 / np.sqrt(np.pi), 0.010, 0.110, "motor"),
-    rod=cylinder(0.041, 0.003, -0.162, -0.010, "screw"),
-)
 
 
 # up to 120 deg, which the file's reader rounds otherwise than a product of floats does

@@ -58,11 +58,6 @@ class StepTiming:
         levels = 1 / (self.high + self.low)
         return levels if self.max_rate is None else min(levels, self.max_rate)
 
-    @property
-    def reversal(self) -> float:
-        """s from a pulse to the next one the other way, at least: DIR changes once STEP is low and its hold is over."""
-        return max(1 / self.rate, max(self.high, self.hold) + self.setup)
-
     def ticks(self, clock_hz: int) -> tuple[int, int]:
         """Whole clock ticks from a pulse to the next, and to the next the other way, at least; times are rounded up."""
         levels = ceil_ticks(self.high + self.low, clock_hz)

@@ -85,19 +85,6 @@ def cylinder(mass: float, radius: float, low: float, high: float, name: str = "c
     return Body(mass, freeze_array([0, 0, (low + high) / 2]), freeze_array(np.diag([across, across, along])), name)
 
 
-def combine_bodies(*bodies: Body, name: str = "bodies") -> Body:
-    """Bodies in one frame as one: I = Σ Iₖ + mₖ (|dₖ|² 1 − dₖ dₖᵀ), dₖ from the common centre (Steiner)."""
-    mass = sum(body.mass for body in bodies)
-    if mass == 0:
-        return Body(name=name)
-    centre = sum((body.mass * body.centre for body in bodies), np.zeros(3)) / mass
-    inertia = np.zeros((3, 3))
-    for body in bodies:
-        off = body.centre - centre
-        inertia += body.inertia + body.mass * (off @ off * np.eye(3) - np.outer(off, off))
-    return Body(mass, centre, inertia, name)
-
-
 @dataclass(frozen=True, slots=True)
 class Leg:
     """The two parts of a linear actuator between a universal joint on the base and a spherical one on the platform.

@@ -1,6 +1,6 @@
-"""motion.bin: the closed-form pieces of a motion, exact to the last bit, so that a plan is taken up without solving.
+"""motion.bin: the closed-form pieces of a motion, exact to the last bit: read back, it need not be solved again.
 
-It is a file of `kinematics.files.chunk_file`, which grows as `planner.export.formats.binary` has it of pulses:
+It is a file of `kinematics.files.chunk_file`:
 
     HEAD   JSON: kind "pulsepath motion", schema 1, and the unit of each array
     PART   JSON: how a part of a motion begins that was planned in parts: begin (s) and length (m) from the start of
@@ -9,8 +9,7 @@ It is a file of `kinematics.files.chunk_file`, which grows as `planner.export.fo
     MOTN   uint64 pieces n, at most 2¹⁴; deflated (zlib, RFC 1950): the bytes of 6n + 1 numbers, first the lowest byte
            of all, then the next, up to the eighth; of float64 (little-endian) n + 1 knots, of which the first is the
            last of the chunk before, n s, n v, n a, n j as `Trajectory` has them, and of int64 n indices of path pieces
-    part, motn   the same of a stop that the next chunks replace: it counts while the mark behind it is the last
-    MARK   JSON: complete, duration (s), pieces (how many)
+    MARK   JSON: complete (true), duration (s), pieces (how many)
 
 A motion that was planned as a whole has no PART.
 """
@@ -36,7 +35,6 @@ from kinematics.files.chunk_file import (
     open_chunks,
     read_integer,
     read_number,
-    resume_chunks,
 )
 from kinematics.foundation.arrays import Array
 from planner.certificate.continuity import piece_end_lengths
@@ -47,12 +45,14 @@ from planner.trajectory import Trajectory
 PIECES = ("s", "v", "a", "j", "piece")
 """One entry per time piece, as `Trajectory` has them; its knots are one more."""
 KIND, SCHEMA = "pulsepath motion", 1
+PART, MOTION = "PART", "MOTN"
+"""Kinds of the chunks with the head of a part, and with pieces."""
 UNITS = {"knots": "s", "s": "m", "v": "m/s", "a": "m/s^2", "j": "m/s^3", "piece": ""}
 MAX_CHUNK_PIECES = 1 << 14
-"""Pieces in a chunk, at most: what bounds the memory of those who write and read, beside the motion itself."""
+"""Largest number of pieces in a chunk: it bounds the memory for writing and reading, besides the motion itself."""
 COUNT = struct.Struct("<Q")
 LEVEL = 1
-"""Of zlib: most bytes of such numbers are as good as random."""
+"""zlib level. Higher levels save little, as most bytes of such numbers look random."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,7 @@ class PartHead:
 
 @dataclass(frozen=True, slots=True)
 class PieceBatch:
-    """Some pieces of a motion: knots (n + 1,), and s, v, a, j and path piece (n,); of which part, if of any."""
+    """Pieces of a motion: knots (n + 1,), and s, v, a, j and path piece (n,); head: of their part, if they have one."""
 
     head: PartHead | None
     knots: Array
@@ -82,9 +82,11 @@ class PieceBatch:
 
 @dataclass(frozen=True, slots=True)
 class _FileEnd:
-    """Up to where a file goes: how many pieces, the head of their part, the knot at their end within it.
+    """End of a file that is written or read piece by piece.
 
-    before  s, of the parts before it, exactly
+    pieces  how many come before it
+    head    of the part that it is in; knot: time (s) from the start of that part
+    before  time (s) of the parts before that, exact
     """
 
     pieces: int = 0
@@ -97,83 +99,51 @@ class _FileEnd:
         return float(self.before + Fraction(self.knot or 0.0))
 
     def begin(self, head: PartHead) -> "_FileEnd":
-        """The same with another part begun. Raises MotionError where it does not begin when those before end."""
+        """Return the end after the head of another part. Raises MotionError for a gap or an overlap in time."""
         if head.begin != self.duration:
-            told = f"the part begins at {head.begin:.17g} s, and those before end at {self.duration:.17g} s"
-            raise MotionError(told)
+            message = f"the part begins at {head.begin:.17g} s, and those before end at {self.duration:.17g} s"
+            raise MotionError(message)
         return replace(self, head=head, knot=0.0, before=self.before + Fraction(self.knot or 0.0))
 
 
 class MotionWriter:
-    """A file of a motion that grows, piece by piece, as `planner.export.formats.binary.PulseWriter` one of pulses."""
+    """Writes a file of a motion piece by piece."""
 
-    __slots__ = ("_chunks", "_kept", "_stop")
+    __slots__ = ("_chunks", "_end")
 
-    def __init__(self, chunks: ChunkWriter, kept: _FileEnd) -> None:
-        self._chunks, self._kept = chunks, kept
-        self._stop: _FileEnd | None = None
+    def __init__(self, file: BinaryIO) -> None:
+        """Write the head of a file."""
+        self._chunks = ChunkWriter(file, {"kind": KIND, "schema": SCHEMA, "units": UNITS})
+        self._end = _FileEnd()
 
-    @classmethod
-    def begin(cls, file: BinaryIO) -> "MotionWriter":
-        """A new file."""
-        return cls(ChunkWriter(file, {"kind": KIND, "schema": SCHEMA, "units": UNITS}), _FileEnd())
+    def add(self, motion: Trajectory, head: PartHead | None = None) -> None:
+        """Write the pieces that follow; head: of a part that they begin.
 
-    @classmethod
-    def resume(cls, path: Path, file: BinaryIO) -> "MotionWriter":
-        """Go on with a file that is not finished, open to be read and written: from its last mark, without its stop.
-
-        Raises MotionError where it is finished, FileError where it is damaged.
+        Raises MotionError unless they begin when those before end.
         """
-        held = open_chunks(path, KIND, SCHEMA, partial=True)
-        if held.complete:
-            raise MotionError(f"{path} is finished: no motion can be added to it")
-        kept = _FileEnd()
-        for chunk, contents in held.contents():
-            if chunk.kind == "PART":
-                kept = kept.begin(_decode_head(contents, chunk, path))
-            elif not chunk.kind.islower():
-                left = _count_left(held, kept)
-                knots, columns = _decode(contents, chunk, path, left)
-                kept = replace(kept, pieces=kept.pieces + len(columns[0]), knot=float(knots[-1]))
-        return cls(resume_chunks(held, file), kept)
-
-    def add(self, motion: Trajectory, head: PartHead | None = None, *, stop: bool = False) -> None:
-        """The pieces that follow; stop: they end the motion, until others replace them.
-
-        head: of a part that they begin. Raises MotionError where they do not begin when those before end, and for
-        others than a stop's behind one.
-        """
-        if self._stop is not None and not stop:
-            raise MotionError("a stop was added and not marked: mark it before what replaces it")
-        reached = self._stop or self._kept
         if head is not None:
-            self._chunks.add("part" if stop else "PART", json.dumps(asdict(head)).encode())
-            reached = reached.begin(head)
-        knot = reached.knot
+            self._end = self._end.begin(head)
+            self._chunks.add(PART, json.dumps(asdict(head)).encode())
+        knot = self._end.knot
         if knot is not None and len(motion.s) and motion.knots[0] != knot:
             raise MotionError(f"the pieces begin at {motion.knots[0]:.17g} s, and those before end at {knot:.17g} s")
         for first in range(0, len(motion.s), MAX_CHUNK_PIECES):
             last = min(first + MAX_CHUNK_PIECES, len(motion.s))
-            self._chunks.add("motn" if stop else "MOTN", _encode(motion, first, last))
-            reached = replace(reached, pieces=reached.pieces + last - first, knot=float(motion.knots[last]))
-        if stop:
-            self._stop = reached
-        else:
-            self._kept = reached
+            self._chunks.add(MOTION, _encode(motion, first, last))
+            pieces = self._end.pieces + last - first
+            self._end = replace(self._end, pieces=pieces, knot=float(motion.knots[last]))
 
-    def mark(self, *, complete: bool = False) -> None:
-        """What was added is whole, and the motion rests where it ends."""
-        reached = self._stop or self._kept
-        self._chunks.mark({"complete": complete, "duration": reached.duration, "pieces": reached.pieces})
-        self._stop = None
+    def finish(self) -> None:
+        """Complete the file: the motion rests where it ends."""
+        self._chunks.finish({"duration": self._end.duration, "pieces": self._end.pieces})
 
 
 def write_motion(trajectory: Trajectory, path: Path) -> None:
     """Write a whole motion: the same floats are read back."""
     with path.open("wb") as file:
-        writer = MotionWriter.begin(file)
+        writer = MotionWriter(file)
         writer.add(trajectory)
-        writer.mark(complete=True)
+        writer.finish()
 
 
 def write_motion_json(trajectory: Trajectory, path: Path) -> None:
@@ -181,70 +151,72 @@ def write_motion_json(trajectory: Trajectory, path: Path) -> None:
     path.write_text(json.dumps({name: getattr(trajectory, name).tolist() for name in ("knots", *PIECES)}) + "\n")
 
 
-def motion_parts(path: Path, partial: bool = False) -> Iterator[PieceBatch]:
-    """The pieces in a file, chunk by chunk.
+def motion_parts(path: Path) -> Iterator[PieceBatch]:
+    """Read the pieces in a file, chunk by chunk.
 
-    partial: also of one that is not finished, up to the stop that it holds. Raises FileError for a file that is none,
-    of another version, cut or damaged.
+    Raises FileError for another kind or version of file, and for one that is cut or damaged.
     """
-    held = open_chunks(path, KIND, SCHEMA, partial)
+    chunks = _open(path)
     reached = _FileEnd()
-    for chunk, contents in held.contents():
-        if chunk.kind.upper() == "PART":
+    for chunk, contents in chunks.contents():
+        if chunk.kind == PART:
             try:
                 reached = reached.begin(_decode_head(contents, chunk, path))
             except MotionError as error:
                 raise _refusal(path, f"chunk {chunk.number}: {error}") from None
             continue
-        knots, columns = _decode(contents, chunk, path, _count_left(held, reached))
+        knots, columns = _decode(contents, chunk, path, _count_left(chunks, reached))
         if reached.knot is not None and knots[0] != reached.knot:
-            told = f"begins at {knots[0]} s, where the one before ends at {reached.knot} s"
-            raise _refusal(path, f"chunk {chunk.number} {told}")
+            message = f"begins at {knots[0]} s, where the one before ends at {reached.knot} s"
+            raise _refusal(path, f"chunk {chunk.number} {message}")
         reached = replace(reached, pieces=reached.pieces + len(columns[0]), knot=float(knots[-1]))
         yield PieceBatch(reached.head, knots, columns)
-    if (reached.pieces, reached.duration) != (held.mark.get("pieces"), held.mark.get("duration")):
+    if (reached.pieces, reached.duration) != (chunks.mark.get("pieces"), chunks.mark.get("duration")):
         raise _refusal(path, f"holds {reached.pieces} pieces up to {reached.duration} s, and says otherwise")
 
 
 def read_duration(path: Path) -> float:
-    """Return the duration (s) of the whole motion in a file, as its last mark states it. Raises as `motion_parts`."""
+    """Return the duration (s) of the whole motion in a file, as its last chunk states it. Raises as `motion_parts`."""
     try:
-        return read_number(open_chunks(path, KIND, SCHEMA).mark.get("duration"), 0.0)
+        return read_number(_open(path).mark.get("duration"), 0.0)
     except ValueError as error:
         raise _refusal(path, f"states no duration: {error}") from None
 
 
-def _count_left(held: ChunkFile, reached: _FileEnd) -> int:
-    """Return how many pieces follow, as the last mark of a file states."""
-    pieces = held.mark.get("pieces")
+def _open(path: Path) -> ChunkFile:
+    return open_chunks(path, KIND, SCHEMA, (PART, MOTION))
+
+
+def _count_left(chunks: ChunkFile, reached: _FileEnd) -> int:
+    """Return how many pieces follow, as the last chunk of a file states."""
+    pieces = chunks.mark.get("pieces")
     return pieces - reached.pieces if type(pieces) is int else 0
 
 
 def join_parts(parts: Iterable[PieceBatch]) -> Iterator[PieceBatch]:
-    """Each part whole, of however many chunks it is."""
-    held: list[PieceBatch] = []
+    """Join the chunks of each part."""
+    chunks: list[PieceBatch] = []
     for part in parts:
-        if held and part.head != held[0].head:
-            yield _join_chunks(held)
-            held = []
-        held.append(part)
-    if held:
-        yield _join_chunks(held)
+        if chunks and part.head != chunks[0].head:
+            yield _join_chunks(chunks)
+            chunks = []
+        chunks.append(part)
+    if chunks:
+        yield _join_chunks(chunks)
 
 
-def _join_chunks(held: list[PieceBatch]) -> PieceBatch:
-    knots = np.concatenate([held[0].knots, *(part.knots[1:] for part in held[1:])])
-    return PieceBatch(
-        held[0].head, knots, [np.concatenate(each) for each in zip(*(p.columns for p in held), strict=True)]
-    )
+def _join_chunks(chunks: list[PieceBatch]) -> PieceBatch:
+    knots = np.concatenate([chunks[0].knots, *(chunk.knots[1:] for chunk in chunks[1:])])
+    columns = zip(*(chunk.columns for chunk in chunks), strict=True)
+    return PieceBatch(chunks[0].head, knots, [np.concatenate(each) for each in columns])
 
 
-def read_motion(path: Path, along: ActuatorPath, partial: bool = False) -> Trajectory:
-    """The trajectory in a file, along its whole path. Raises FileError where it is damaged or belongs to another."""
+def read_motion(path: Path, along: ActuatorPath) -> Trajectory:
+    """Read the trajectory in a file, along its whole path. Raises FileError if it is damaged or of another path."""
     knots: list[Array] = []
     columns: list[list[Array]] = [[] for _ in PIECES]
     before = Fraction(0)  # s, exactly: the duration is what the file states, to the last bit
-    for part in join_parts(motion_parts(path, partial)):
+    for part in join_parts(motion_parts(path)):
         _check_numbers(part, path)
         begin, first = 0.0, 0
         if part.head is not None:
@@ -254,32 +226,30 @@ def read_motion(path: Path, along: ActuatorPath, partial: bool = False) -> Traje
         before += Fraction(float(part.knots[-1]))
         end = float(before)
         shift = float(along.breaks[first]) if first else 0.0
-        for held, values, by in zip(columns, part.columns, (shift, 0.0, 0.0, 0.0, first), strict=True):
-            held.append(values + by if by else values)
+        for column, values, by in zip(columns, part.columns, (shift, 0.0, 0.0, 0.0, first), strict=True):
+            column.append(values + by if by else values)
     if not knots:
         raise _refusal(path, "holds no motion")
-    s, v, a, j, piece = (np.concatenate(held) for held in columns)
+    s, v, a, j, piece = (np.concatenate(column) for column in columns)
     _check_piece(piece, len(along.breaks) - 1, path)
     return Trajectory(along, np.append(np.concatenate(knots), end), s, v, a, j, piece)
 
 
-def read_parts(
-    path: Path, steps: Iterator[PathStep], machine: Machine, tool: Pose | None, partial: bool = False
-) -> Trajectory:
-    """The trajectory in a file that was planned in parts, along as much of the path as they are of.
+def read_parts(path: Path, steps: Iterator[PathStep], machine: Machine, tool: Pose | None) -> Trajectory:
+    """Read the trajectory in a file that was planned in parts, along as much of the path as they cover.
 
     steps: of the whole path, from its start on. Raises as `read_motion`.
     """
-    heads = [part.head for part in motion_parts(path, partial) if part.head is not None]
+    heads = [part.head for part in motion_parts(path) if part.head is not None]
     count = max((head.step + head.steps for head in heads), default=0)
     own = list(islice(steps, count))
     if len(own) < count or not own:
         raise FileError(str(path), [Fault("piece", "belongs to another path: plan it again")])
-    return read_motion(path, _draw_path(machine, own, tool), partial)
+    return read_motion(path, _draw_path(machine, own, tool))
 
 
 def _draw_path(machine: Machine, steps: Sequence[PathStep], tool: Pose | None, **of: Any) -> MachinePath:
-    """Of steps, with rests at both ends; of: what else there is to say of it."""
+    """Return the path along steps, with rests at both ends; of: further fields of the path."""
     stops = np.array([1, *(step.stop for step in steps[:-1]), 1])
     dwells = np.array([steps[0].wait, *(step.dwell for step in steps)])
     return MachinePath(machine, [step.piece for step in steps], stops, dwells, tool=tool, **of)
@@ -293,25 +263,26 @@ SEAM_JUMP, SEAM_ROUNDING = 1e-9, 1e-12
 def follow_motion(
     path: Path, steps: Iterator[PathStep], machine: Machine, tool: Pose | None, *, whole: bool = True
 ) -> Iterator[Trajectory]:
-    """The trajectory in a file part by part, each on its own path, whose places and speeds at the ends are the whole's.
+    """Read the trajectory in a file part by part, each on its own path with the places and end speeds of the whole.
 
-    Each part begins where the one before ended, at its speed, and the last ends with the path; whole: False for a file
-    that is not finished, or a plan that ends before its path does.
+    Each part begins where the one before ended, at its speed, and the last ends with the path; whole: False for a plan
+    that ends before its path does.
     steps: of the whole path, from its start on, as `planner.path.chain.walk_path` has them. Raises as `read_motion`.
     """
-    ahead, skipped, after = list[PathStep](), 0, 0
-    speed = push = 0.0
+    ahead = list[PathStep]()
+    skipped = after = 0
+    speed = acceleration = 0.0
     last: Trajectory | None = None
-    parts = join_parts(motion_parts(path, partial=not whole))
-    held = next(parts, None)
-    while held is not None:
-        part, held = held, next(parts, None)
+    parts = join_parts(motion_parts(path))
+    following = next(parts, None)
+    while following is not None:
+        part, following = following, next(parts, None)
         head = part.head
         _check_numbers(part, path)
         if head is None:
             ahead = list(steps)
             head = PartHead(0.0, 0.0, 0, len(ahead))
-        first = after  # of the path behind the part before; another may go on with the path of that one
+        first = after  # step of the path after the previous part; a stop continues on the path of that part
         if head.step not in (skipped, first):
             raise _refusal(path, f"the part from {head.begin} s does not continue the path of the previous part")
         del ahead[: head.step - skipped]
@@ -323,13 +294,15 @@ def follow_motion(
         own = ahead[: head.steps]
         if len(own) < head.steps or not own:
             raise FileError(str(path), [Fault("piece", "belongs to another path: plan it again")])
-        v, a = (0.0, 0.0) if held is None else (float(held.columns[1][0]), float(held.columns[2][0]))
+        v, a = 0.0, 0.0
+        if following is not None:
+            v, a = float(following.columns[1][0]), float(following.columns[2][0])
         along = _draw_path(
             machine,
             own,
             tool,
             end_speeds=(speed, v),
-            end_accelerations=(push, a),
+            end_accelerations=(acceleration, a),
             near=None if head.near is None else np.array(head.near),
             origin=(head.length, head.begin),
         )
@@ -342,13 +315,13 @@ def follow_motion(
         if last is not None:
             _check_seam(last, motion, path)
         yield motion
-        speed, push, last = v, a, motion
+        speed, acceleration, last = v, a, motion
     if whole and (last is None or len(ahead) > after - skipped or next(steps, None) is not None):
         raise _refusal(path, "ends before the path of the program does")
 
 
 def _check_seam(one: Trajectory, other: Trajectory, path: Path) -> None:
-    """Raise FileError where a part does not begin where the one before ended, as fast in each axis."""
+    """Raise FileError unless a part begins where the previous one ended, at the same speed of each axis."""
     end = one.within(np.array([len(one.s) - 1]), np.diff(one.knots)[-1:])
     start = other.within(np.array([0]), np.zeros(1))
     both = [each.within(np.arange(len(each.s)), np.zeros(len(each.s))) for each in (one, other)]
@@ -375,7 +348,7 @@ def _check_piece(piece: Array, count: int, path: Path) -> None:
 
 
 def _encode(motion: Trajectory, first: int, last: int) -> bytes:
-    """The contents of a chunk: the pieces from one to before another."""
+    """Return the contents of a chunk: the pieces from `first` to before `last`."""
     numbers = [motion.knots[first : last + 1], *(getattr(motion, name)[first:last] for name in PIECES[:4])]
     pieces = np.asarray(motion.piece[first:last], "<i8")
     words = np.frombuffer(np.concatenate(numbers).astype("<f8").tobytes() + pieces.tobytes(), np.uint8)
@@ -419,7 +392,7 @@ def _decode_head(contents: bytes, chunk: Chunk, path: Path) -> PartHead:
 
 
 MAX_STEPS = 1 << 62
-"""Pieces of a path, at most: sums of two such numbers fit into an int64."""
+"""Largest number of pieces of a path: sums of two such numbers fit into an int64."""
 
 
 def _chunk_error(path: Path, chunk: Chunk, error: Exception) -> FileError:

@@ -49,33 +49,22 @@ def write_trajectory_csv(trajectory: Trajectory, path: Path, shaped: ShapedMotio
 def write_trigger_csv(triggers: Sequence[Triggered], axes: Sequence[Axis], path: Path) -> None:
     """Write the table: numbers as Python's shortest decimals, which read back as the same floats; line ends \\n."""
     with path.open("wb") as file:
-        TriggerWriter.begin(file, axes).add(triggers)
+        TriggerWriter(file, axes).add(triggers)
 
 
 class TriggerWriter:
-    """The same table as it grows: its file ends with what the motion comes by in its stop, until more is known."""
+    """Writes the same table part by part."""
 
-    def __init__(self, file: BinaryIO) -> None:
-        """Go on where a file stands that is open to be written; what is behind that is no more."""
+    def __init__(self, file: BinaryIO, axes: Sequence[Axis]) -> None:
+        """Write the headings of the columns."""
         self._file = file
-        file.truncate()
-
-    @classmethod
-    def begin(cls, file: BinaryIO, axes: Sequence[Axis]) -> "TriggerWriter":
-        """A new file."""
         place = [*(f"{name} [m]" for name in "xyz"), *(f"r{name} [rad]" for name in "xyz")]
         counts = [f"{axis.name} [counts]" for axis in axes]
-        made = cls(file)
         file.write(_as_lines([["name", "segment", "repetition", "t [s]", "s [m]", *place, *counts]]))
-        return made
 
-    def add(self, triggers: Sequence[Triggered], stop: Sequence[Triggered] = ()) -> None:
-        """Those of another part, for the last stop's; and those of its stop, before which the file then stands."""
+    def add(self, triggers: Sequence[Triggered]) -> None:
+        """Write the triggers of another part."""
         self._file.write(_trigger_lines(triggers))
-        reached = self._file.tell()
-        self._file.write(_trigger_lines(stop))
-        self._file.truncate()
-        self._file.seek(reached)
 
 
 def tabulate_trigger_csv(path: Path, count: int) -> Table:

@@ -1,32 +1,18 @@
-"""The soonest motion from the midst of one to what another does ahead: to a rest, or to the plan slowed.
+"""The nearest place at which a motion can reach a target speed: rest, or the plan's motion at a share of its speed.
 
-From the state (s, ṡ, s̈) at an instant the engine's own problem is solved again, to a state at an end that is sought:
-the nearest to which a motion is found that keeps every limit. A motion to a nearer end takes less time, but for what
-limits change along the path: docs/theory/hold.md.
+From the state (s, ṡ, s̈) at an instant the time-optimal problem is solved again, up to an end that is sought: the
+nearest with a motion that keeps every limit. A motion to a nearer end takes less time, unless the limits change along
+the way: docs/theory/hold.md.
 """
 
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError, attempt
-from planner.certificate.certify import Certificate, certify
-from planner.interruption.instant import (
-    Instant,
-    cut_motion,
-    find_piece,
-    join_motions,
-    look,
-    next_rest,
-    shift_motion,
-)
-from planner.interruption.section import Whole
-from planner.limits import Limit
-from planner.path.actuation import MachinePath
-from planner.shaping.shaped_proof import ShapedProof
+from planner.interruption.instant import Instant
+from planner.interruption.section import ProvedMotion, Whole
 from planner.timing.certified_solve import certified_solve
 from planner.timing.discretization import coarse_jerk_problem
 from planner.timing.jerk_limited import place_by_loss
@@ -34,160 +20,125 @@ from planner.timing.problem import Continuation, Run
 from planner.timing.run import solve_run
 from planner.trajectory import Trajectory
 
-# Share of its way by which a ramp may be longer than the nearest that is found; and how often it is halved at most.
-NEAR_SHARE, HALVINGS = 0.01, 24
-# By how much farther it is tried to end in turn, where what a solve was promised is not proved.
+# Share of a distance by which an end may be farther than the nearest that the search would find: each halving is one
+# more rough solve.
+NEAR_SHARE = 0.01
+# Halvings at most.
+HALVINGS = 24
+# Times as far in turn, where the rough solve promised a motion that is then not proved.
 FARTHER = (1.0, 1.02, 1.1, 1.3)
-# The nearest end is sought from a share of the way ahead on: along short ways grids are fine, and a grid that is not
-# may show no motion where there is one. Times so much farther in turn.
-TRIED_SHARE, DOUBLING = 1e-4, 2.0
-# Share of the largest s⃛ by which it steps where a motion may be left; at so many places at most.
-STEP_SHARE, MAX_LEAVES = 0.1, 6
-NO_KNOTS = np.empty(0)
-# One with jerk limits is sought from so many times the way of the nearest without them on, which begins with this share
-# of the speed, as that may be the largest; and so many times farther in turn.
-TRIED_FROM, TRIED_SPEED, GROWTH = 1.05, 0.99, 1.3
-# Share of a path's length: a way that is shorter is no ramp, as rounding of places is too much of it.
-LEAST_WAY = 1e-10
-# Of the way that is found, nearer ends that are tried once more.
+# Without jerk limits the search begins with this share of the distance ahead, and doubles it. Grids of short distances
+# are fine; a coarse grid may show no motion where there is one.
+FIRST_SHARE = 1e-4
+DOUBLING = 2.0
+# With jerk limits it begins with this many times the nearest end without them, then multiplies it by GROWTH.
+FIRST_WITH_JERK = 1.05
+GROWTH = 1.3
+# Share of the speed at which the search without jerk limits begins, as the speed itself may be the largest allowed.
+BEGIN_SPEED = 0.99
+# Share of a path's length below which rounding of places is too much of a distance.
+SHORTEST = 1e-10
+# Nearer ends tried once more, as shares of the distance found: a rough solve may fail where there is a motion.
 NEARER = (0.8, 0.9, 0.96)
 
 Target = Callable[[float], tuple[float, float]]
 """A place (m) of the plan's path -> ṡ and s̈ to be reached there."""
 
 
-class Proved(NamedTuple):
-    """The path of a motion, its limits, the motion, its proof, where it begins (m), and the proof behind shapers."""
+def find_ramps(whole: Whole, now: Instant, end: float, target: Target, followed: Trajectory) -> Iterator[ProvedMotion]:
+    """Find motions from an instant to the target at a place before `end` (m), the nearest place first.
 
-    path: MachinePath
-    limits: tuple[Limit, ...]
-    trajectory: Trajectory
-    certificate: Certificate
-    since: float
-    shaped: ShapedProof | None = None
-
-    @property
-    def duration(self) -> float:
-        """s, behind the shapers if there are any."""
-        return self.trajectory.duration if self.shaped is None else self.shaped.duration
-
-
-def rest_anywhere(place: float) -> tuple[float, float]:
-    """A target: to stand still."""
-    return 0.0, 0.0
-
-
-def find_ramps(
-    whole: Whole,
-    motion: Trajectory | None,
-    now: Instant,
-    end: float,
-    target: Target,
-    knots: Array = NO_KNOTS,
-) -> Iterator[Iterator[Proved]]:
-    """Find ways from an instant of a motion, or from rest (None), to what a target has before `end`.
-
-    They come by the instant at which the motion is left, the earliest first; the ways from each
-    instant, the soonest first.
-
-    end    m
-    knots  places (m) where s⃛ of the plan may step. On a grid that has them, and those of
-           the motion that is left, following either for a while is among the motions of the problem.
+    followed  motion whose s⃛ may step at its knots. On a grid with these knots, following it for a while is one of the
+              motions of the problem.
     """
-    if motion is not None:
-        knots = np.union1d(motion.s, knots)
-    least = LEAST_WAY * float(whole.path.breaks[-1])
-
-    def find_ways(leave: Instant) -> Iterator[Proved]:
-        ahead = knots[knots > leave.s] - leave.s
-        left = Continuation(np.zeros(1), np.zeros((4, 0)), {}, leave.a, ahead)
-        way = _find_way(whole, leave, end, target, left, least)
-        for farther in FARTHER:
-            until = leave.s + farther * way
-            if until >= end:
-                break
-            ends = target(until)
-            path = whole.draw(leave.s, until, leave.v, leave.a, leave.t, leave.q, ends)
-            limits = whole.limits(path)
-            solve = partial(certified_solve, path, limits, whole.order, continuation=left)
-            solution = attempt(solve)
-            if isinstance(solution, MotionError):
-                continue
-            if motion is None or leave is now:
-                yield Proved(path, limits, solution.trajectory, solution.certificate, now.s)
-            else:
-                yield _follow_first(whole, motion, now, leave, solution.trajectory, ends)
-
-    for leave in _find_leaves(whole, motion, now):
-        if end - leave.s > least:
-            yield find_ways(leave)
-
-
-def _find_leaves(whole: Whole, motion: Trajectory | None, now: Instant) -> Iterator[Instant]:
-    """When the motion may be left: at once; else where its s⃛ steps next.
-
-    As it comes to its largest speed its jerk is all that the limits allow, to the last digit where it was found in
-    closed form: no solver finds the only motion that there is from its midst.
-    """
-    yield now
-    if motion is None or whole.order == 2:
+    shortest = SHORTEST * float(whole.path.breaks[-1])
+    if end - now.s <= shortest:
         return
-    steps = np.abs(np.diff(motion.j)) > STEP_SHARE * np.abs(motion.j).max()
-    later = 1 + np.flatnonzero(steps & (motion.knots[1:-1] > now.t) & (motion.v[1:] > 0))
-    rest = next_rest(motion, now)
-    for k in later[later < rest][:MAX_LEAVES].tolist():
-        yield look(motion, float(motion.knots[k]))
+    places = np.unique(followed.s)
+    knots = places[places > now.s] - now.s
+    continuation = Continuation(np.zeros(1), np.zeros((4, 0)), {}, now.a, knots)
+    search = _Search(whole, now, end, target, continuation)
+    distance = search.find_nearest(shortest)
+    for farther in FARTHER:
+        until = now.s + farther * distance
+        if until >= end:
+            break
+        path = whole.draw(now.s, until, now.v, now.a, now.t, now.q, target(until))
+        limits = whole.limits(path)
+        solve = partial(certified_solve, path, limits, whole.order, continuation=continuation)
+        solution = attempt(solve)
+        if not isinstance(solution, MotionError):
+            yield ProvedMotion(path, limits, solution.trajectory, solution.certificate, now.s)
 
 
-def _follow_first(
-    whole: Whole, motion: Trajectory, now: Instant, leave: Instant, ramp: Trajectory, ends: tuple[float, float]
-) -> Proved:
-    """The motion up to where it is left, and a ramp from there, proved together."""
-    until = leave.s + float(ramp.path.breaks[-1])
-    path = whole.draw(now.s, until, now.v, now.a, now.t, now.q, ends)
-    first, here = find_piece(whole.path, now.s), find_piece(whole.path, leave.s)
-    before = shift_motion(cut_motion(motion, now, leave), 0.0, -first)
-    joined = join_motions(path, before, shift_motion(ramp, leave.s - now.s, here - first))
-    limits = whole.limits(path)
-    return Proved(path, limits, joined, certify(joined, limits), now.s)
+class _Search:
+    """The search for the nearest end by rough solves."""
 
+    def __init__(self, whole: Whole, now: Instant, end: float, target: Target, continuation: Continuation) -> None:
+        self.now = now
+        self.order = whole.order
+        self.target = target
+        self.continuation = continuation
+        self.path = whole.draw(now.s, end, now.v, now.a, now.t, now.q)
+        self.limits = whole.limits(self.path)
+        self.farthest = float(self.path.breaks[-1])
 
-def _find_way(whole: Whole, now: Instant, end: float, target: Target, left: Continuation, least: float) -> float:
-    """m to the nearest place at which the target can be reached, no nearer than `least`; all there is ahead where none
-    is nearer."""
-    ahead = whole.draw(now.s, end, now.v, now.a, now.t, now.q)
-    limits, whole_way = whole.limits(ahead), float(ahead.breaks[-1])
+    def find_nearest(self, shortest: float) -> float:
+        """Return the distance (m) to the nearest place at which the target can be reached, at least `shortest`.
 
-    def reaches(order: int, way: float) -> bool:
-        last = int(np.clip(np.searchsorted(ahead.breaks, way, "left") - 1, 0, len(ahead.pieces) - 1))
-        speed, push = target(now.s + way)
-        if order == 2:
-            begun = now.v if whole.order == 2 else TRIED_SPEED * now.v
-            run = Run(0, last, start_speed=begun, end_speed=speed, until=way)
-            return solve_run(ahead, limits, run, order, probing=True).solved
-        run = Run(0, last, now.v, speed, until=way, continuation=left, end_acceleration=push)
-        found = place_by_loss(ahead, limits, run, coarse_jerk_problem(ahead, limits, run))
-        return found is not None and not isinstance(found, MotionError)
+        Where no place is found, the whole distance to the end.
+        """
+        first = max(FIRST_SHARE * self.farthest, shortest)
+        sharp = self._search(2, first, DOUBLING, shortest)
+        if self.order == 2:
+            return sharp
+        distance = self._search(3, FIRST_WITH_JERK * sharp, GROWTH, shortest)
+        for share in NEARER:
+            nearer = share * distance
+            if nearer > sharp and self._reaches(3, nearer):
+                return self._narrow(3, sharp, nearer, shortest)
+        return distance
 
-    def narrow(order: int, low: float, high: float) -> float:
+    def _search(self, order: int, distance: float, growth: float, shortest: float) -> float:
+        """Go outwards until the target is reached, then halve the interval in which it first is."""
+        low = 0.0
+        high = distance
+        while high < self.farthest and not self._reaches(order, high):
+            low = high
+            high *= growth
+        return self._narrow(order, low, min(high, self.farthest), shortest)
+
+    def _narrow(self, order: int, low: float, high: float, shortest: float) -> float:
+        """Halve an interval of distances (m) at whose upper end the target is reached, and return the upper end."""
         for _ in range(HALVINGS):
-            if high - low <= NEAR_SHARE * high or high <= least:
+            if high - low <= NEAR_SHARE * high or high <= shortest:
                 break
-            middle = max(float(np.sqrt(low * high)) if low > 0.1 * high else (low + high) / 2, least)
-            low, high = (low, middle) if reaches(order, middle) else (middle, high)
+            # geometric where both ends are of the same magnitude
+            middle = float(np.sqrt(low * high)) if low > 0.1 * high else (low + high) / 2
+            middle = max(middle, shortest)
+            if self._reaches(order, middle):
+                high = middle
+            else:
+                low = middle
         return high
 
-    def seek(order: int, high: float, growth: float) -> float:
-        low = 0.0
-        while high < whole_way and not reaches(order, high):
-            low, high = high, growth * high
-        return narrow(order, low, min(high, whole_way))
-
-    sharp = seek(2, max(TRIED_SHARE * whole_way, least), DOUBLING)
-    if whole.order == 2:
-        return sharp
-    way = seek(3, TRIED_FROM * sharp, GROWTH)
-    for nearer in NEARER:  # a rough solve may stop without an answer though there is one
-        if nearer * way > sharp and reaches(3, nearer * way):
-            return narrow(3, sharp, nearer * way)
-    return way
+    def _reaches(self, order: int, distance: float) -> bool:
+        """Return whether a rough solve of this order reaches the target at a distance (m)."""
+        last = int(np.searchsorted(self.path.breaks, distance, "left")) - 1
+        last = int(np.clip(last, 0, len(self.path.pieces) - 1))
+        speed, acceleration = self.target(self.now.s + distance)
+        if order == 2:
+            begin = self.now.v if self.order == 2 else BEGIN_SPEED * self.now.v
+            run = Run(0, last, start_speed=begin, end_speed=speed, until=distance)
+            return solve_run(self.path, self.limits, run, order, probing=True).solved
+        run = Run(
+            0,
+            last,
+            self.now.v,
+            speed,
+            until=distance,
+            continuation=self.continuation,
+            end_acceleration=acceleration,
+        )
+        result = place_by_loss(self.path, self.limits, run, coarse_jerk_problem(self.path, self.limits, run))
+        return result is not None and not isinstance(result, MotionError)

@@ -17,6 +17,7 @@ from kinematics.machine.machine import Machine
 from kinematics.machine.pose import Pose
 from planner.certificate.certify import Certificate
 from planner.export.format import Exported, ExportSource, write_export
+from planner.interruption.instant import SAME_PLACE
 from planner.limits import Limit, OwnLimit, limits_of
 from planner.path.actuation import MachinePath
 from planner.pulses import AxesMotion, PulseSchedule, find_rule, generate, pace_axes
@@ -29,9 +30,6 @@ from planner.shaping.keep_limits import refuse_unkept
 from planner.shaping.shaped_motion import find_delays, shaper_length
 from planner.shaping.shaped_proof import ShapedProof
 from planner.trajectory import Trajectory
-
-# Share of a path's length up to which two places of it are the same.
-SAME_PLACE = 1e-12
 
 
 def snap(breaks: Array, place: float, length: float) -> float:
@@ -94,7 +92,10 @@ class Whole:
         first = int(np.clip(np.searchsorted(path.breaks, since, "right") - 1, 0, len(path.pieces) - 1))
         last = int(np.clip(np.searchsorted(path.breaks, until, "left") - 1, first, len(path.pieces) - 1))
         pieces = [replace(piece, constant=False) for piece in path.pieces[first : last + 1]]
-        stops, dwells = np.array(path.joins[first : last + 2]), np.array(path.dwells[first : last + 2])
+        stops, dwells = (
+            np.array(path.joins[first : last + 2]),
+            np.array(path.dwells[first : last + 2]),
+        )
         after, before = path.breaks[last + 1] - until, since - path.breaks[first]
         if before > 0 or speed > 0:
             dwells[0] = 0.0
@@ -116,6 +117,27 @@ class Whole:
             near=near,
             origin=(since, time),
         )
+
+
+@dataclass(frozen=True, slots=True)
+class ProvedMotion:
+    """A motion along a part of a plan's path, with its limits and its proof.
+
+    since   m of the plan's path, where it begins
+    shaped  motion and proof after input shaping; None without shapers
+    """
+
+    path: MachinePath
+    limits: tuple[Limit, ...]
+    trajectory: Trajectory
+    certificate: Certificate
+    since: float
+    shaped: ShapedProof | None = None
+
+    @property
+    def duration(self) -> float:
+        """Duration (s), after shaping."""
+        return self.trajectory.duration if self.shaped is None else self.shaped.duration
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,51 +278,47 @@ def measure_way(path: MachinePath, shaped: ShapedProof | None) -> float:
 def make_section(
     whole: Whole,
     what: str,
-    path: MachinePath,
-    limits: tuple[Limit, ...],
-    trajectory: Trajectory,
-    certificate: Certificate,
-    since: float,
+    proved: ProvedMotion,
     sent: Sent = NONE_SENT,
     at: float | None = None,
-    shaped: ShapedProof | None = None,
 ) -> Section:
-    """With pulses behind those that were sent.
+    """Make a section with pulses that continue those sent before it.
 
-    Raises MotionError where counts differ by more than pulses are moved, Infeasible for a limit that is not kept behind
-    shapers.
+    Raises MotionError where counts differ by more than pulses are moved, Infeasible for a limit that is not kept after
+    shaping.
     """
     axes, home, pulses = whole.machine.axes, whole.machine.home_q, whole.pulses
-    moves: AxesMotion = trajectory
-    standing = shaped is None and trajectory.duration == 0
+    moves: AxesMotion = proved.trajectory
+    standing = proved.duration == 0
     if standing:  # for one tick of the rule, in which a pulse that is due can fall
         tick = find_rule(pulses.rule).grain(pulses.clock_hz) / pulses.clock_hz
-        moves = replace(trajectory, knots=np.array([0.0, tick]))
+        moves = replace(proved.trajectory, knots=np.array([0.0, tick]))
         axes = tuple(replace(axis, shaper=None) for axis in axes)
+    shaped = proved.shaped
     if shaped is not None:
-        refuse_unkept(limits, shaped)
+        refuse_unkept(proved.limits, shaped)
         moves = shaped.motion
         if shaped.since > 0:
             moves = JoinedMotion.of(MotionSpan(moves, shaped.since, moves.duration))
         axes = tuple(replace(axis, shaper=None) for axis in axes)  # it is shaped
-    motors = counted_motion(moves, axes, home, sent.plays)
-    fire = partial(generate, motors, axes, home, pulses.clock_hz, pulses.rule)
+    counted = counted_motion(moves, axes, home, sent.plays)
+    fire = partial(generate, counted, axes, home, pulses.clock_hz, pulses.rule)
     fired = replace(_fire_standing(fire, sent), duration=0.0) if standing else fire(sent=sent.pulses)
     return Section(
-        what,
-        whole.name,
-        whole.machine,
-        path,
-        limits,
-        trajectory,
-        certificate,
-        motors,
-        fired,
-        since,
-        at,
-        shaped,
-        whole.trajectory,
-        sent,
+        what=what,
+        name=whole.name,
+        machine=whole.machine,
+        path=proved.path,
+        limits=proved.limits,
+        trajectory=proved.trajectory,
+        certificate=proved.certificate,
+        counted=counted,
+        pulses=fired,
+        since=proved.since,
+        at=at,
+        shaped=shaped,
+        plan=whole.trajectory,
+        sent=sent,
     )
 
 
@@ -331,6 +349,5 @@ def refuse_other(whole: Whole, section: Section) -> None:
         np.array_equal(getattr(own, name), getattr(other, name)) for name in ("knots", "s", "v", "a", "j")
     ):
         raise MotionError(
-            f"the {section.what} of {section.name} is not of this plan: give a section that its own hold, resume or "
-            "override made"
+            f"the {section.what} of {section.name} is not of this plan: give a section that its own hold or resume made"
         )

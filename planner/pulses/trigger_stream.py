@@ -12,7 +12,7 @@ import numpy as np
 from kinematics.foundation.arrays import freeze_array
 from kinematics.foundation.errors import MotionError, attempt, take_items
 from kinematics.machine.machine import Machine
-from kinematics.machine.pose import from_numbers
+from kinematics.machine.pose import Pose, from_numbers
 from planner.path.actuation import MachinePath
 from planner.path.join_and_blend import ALWAYS_REST, PathStep
 from planner.place import Place
@@ -50,14 +50,11 @@ class Mark:
 
 @dataclass(frozen=True, slots=True)
 class Crossing:
-    """A trigger that the motion comes by, as long as its counts are not known.
-
-    numbers: the twelve of the platform's pose there
-    """
+    """A trigger that the motion passes, whose counts are not known yet."""
 
     name: str
     where: Place
-    numbers: tuple[float, ...]
+    pose: Pose
 
 
 MarkedStep = tuple[PathStep, tuple[Mark, ...]]
@@ -165,15 +162,12 @@ def find_crossings(motion: Trajectory, begun: int, marks: Sequence[Mark]) -> tup
         find_passing(motion, s, 0.0, 0.0, mark.before, last=mark.last)[0] for mark, s in zip(marks, along, strict=True)
     ]
     state = motion.at(np.array(t))
-    numbers = path.pose_numbers(state.along, state.piece)
-    return tuple(
-        Crossing(
-            mark.name,
-            replace(path.place(s, 0, own), segment=mark.segment, repetition=mark.repetition),
-            tuple(pose.tolist()),
-        )
-        for mark, s, own, pose in zip(marks, along, t, numbers, strict=True)
-    )
+    poses = from_numbers(path.pose_numbers(state.along, state.piece))
+    crossings = []
+    for n, (mark, s) in enumerate(zip(marks, along, strict=True)):
+        place = replace(path.place(s, 0, t[n]), segment=mark.segment, repetition=mark.repetition)
+        crossings.append(Crossing(mark.name, place, poses[n]))
+    return tuple(crossings)
 
 
 def count_crossings(
@@ -186,9 +180,7 @@ def count_crossings(
     known = np.full(len(t), True) if until is None else pulses.find_ticks(t) < until
     counts = pulses.counts(t)
     given = tuple(
-        Triggered(
-            crossing.name, crossing.where, from_numbers(np.array(crossing.numbers)), freeze_array(counts[n], np.int64)
-        )
+        Triggered(crossing.name, crossing.where, crossing.pose, freeze_array(counts[n], np.int64))
         for n, crossing in enumerate(crossings)
         if known[n]
     )

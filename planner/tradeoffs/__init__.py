@@ -1,1 +1,1 @@
-"""What a motion's limits and its objective cost: seconds saved by each limit, and time against heat."""
+"""The worth of each limit, in seconds, and the objective: time, or time and heat."""

@@ -1,4 +1,4 @@
-"""Figures of what limits are worth, and of time against heat; `planner.figures` loads them."""
+"""Figures of the worth of limits; `planner.figures` loads them."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -6,7 +6,6 @@ from matplotlib.axes import Axes
 from kinematics.foundation.figure import PALETTE, draw_bars, literal_label, new_axes
 from kinematics.foundation.result import draws
 from planner.tradeoffs.limit_worth import ALL, LimitChange, Worth
-from planner.tradeoffs.pareto import Tradeoff
 
 # Limits that are drawn, in bars and along the path, the least of the bars beside the largest, and parts of the path.
 MOST_BARS, MOST_BANDS, LEAST_BAR, WINDOWS = 16, 5, 2e-3, 150
@@ -51,18 +50,6 @@ def changed_duration(change: LimitChange, ax: Axes | None = None) -> Axes:
     return draw_bars(
         ["before", f"{change.limit} {100 * change.by:+g} %"], [after + change.saved, after], "time (s)", ax
     )
-
-
-@draws(Tradeoff)
-def heat_over_duration(trade: Tradeoff, ax: Axes | None = None) -> Axes:
-    """Heat over duration, each motion with its weight of heat."""
-    ax = new_axes(ax)
-    ax.plot(trade.duration, 100 * trade.heat, "o-", color=PALETTE[0])
-    for weight, duration, heat in zip(trade.weights, trade.duration, trade.heat, strict=True):
-        ax.annotate(f"{weight:g}", (duration, 100 * heat), xytext=(5, 4), textcoords="offset points", fontsize="small")
-    ax.set(xlabel="duration (s)", ylabel="heat (% of the fastest motion's)")
-    ax.set_ylim(bottom=0)
-    return ax
 
 
 def _name(worth: Worth, row: int) -> str:

@@ -89,7 +89,7 @@ def hold(
     instant = None if at is None else read_instant(directory, at)
     from planner.interruption.hold import find_stops
     from planner.interruption.hold import hold as stop_at
-    from planner.interruption.override import resume as go_on
+    from planner.interruption.resume import resume as go_on
     from planner.pulses.triggers import trigger_tables
     from pulsepath.output import record
     from pulsepath.output.tables import show

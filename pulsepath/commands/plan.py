@@ -154,12 +154,6 @@ SHORT_FILE = 1 << 12
     "Default: all or nothing.",
 )
 @click.option(
-    "--resume",
-    is_flag=True,
-    help="With --stream: continue a run that was interrupted or killed, if it kept anything; the result is identical, "
-    "byte for byte.",
-)
-@click.option(
     "--cluster",
     metavar="ADDRESS",
     help="With --stream: plan the parts between stops on the workers of this Dask scheduler (its address or its "
@@ -191,7 +185,6 @@ def plan(
     crossed: bool,
     stream: bool | None,
     keep: bool,
-    resume: bool,
     cluster: str | None,
     dumped: Path | None,
     force: bool,
@@ -220,13 +213,7 @@ def plan(
         raise click.UsageError("Missing option '--out'.", click.get_current_context())
     writes(out)
     from kinematics.foundation.names import find
-    from pulsepath.output.directory import (
-        CHECKPOINT,
-        fill_directory,
-        find_unfinished,
-        list_replaceable,
-        replace_directory,
-    )
+    from pulsepath.output.directory import list_replaceable, replace_directory
 
     before = list_replaceable(out, force)
     seconds = None if duration is None else read_quantity("--duration", duration, "s", above=0.0)
@@ -237,7 +224,7 @@ def plan(
         option = "--worth" if gap is None else "--gap"
         raise click.UsageError(f"{option} needs a lower bound: omit --bound none.", click.get_current_context())
     effort_of_bound = bound or ("full" if worth else "none" if worth is False else "auto")
-    parts = {"--keep-certified": keep, "--resume": resume, "--cluster": cluster is not None}
+    parts = {"--keep-certified": keep, "--cluster": cluster is not None}
     if stream is False:
         _refuse_without_parts(parts)
     if ":" in rule:  # the name is known to be right
@@ -273,7 +260,8 @@ def plan(
         from pulsepath.inputs import read_rig
         from pulsepath.job import run
         from pulsepath.output import plan_directory, tables
-        from pulsepath.parts_job import Firing, choose_parts, open_helpers, run_parts
+        from pulsepath.output.parts_directory import PartsRequest
+        from pulsepath.parts_job import choose_parts, open_helpers, run_parts
 
         heated = objective is not None and read_objective(objective).heat > 0
         kind = None if order is None else int(order)
@@ -292,14 +280,12 @@ def plan(
         }
         whole["--pulses csv"] = pulses == "csv"
         if choose_parts(stream, inputs, rule, [option for option, asked in whole.items() if asked]):
-            writes(out, checkpoint=find_unfinished(out) / CHECKPOINT)
-            filled = fill_directory(out, force, resume, CHECKPOINT, before)
-            with open_helpers(cluster) as helpers, filled as folder:
-                firing = Firing(clock_hz, rule, pulses != "none")
-                standing, no = run_parts(inputs, kind, firing, folder, figures, keep, helpers)
+            request = PartsRequest(kind, clock_hz, rule, pulses=pulses != "none", figures=figures, keep=keep)
+            with open_helpers(cluster) as helpers, replace_directory(out, force, before=before) as folder:
+                standing, refusal = run_parts(inputs, request, folder, helpers)
             tables.show_plan(out, as_json, standing.tables, lambda: tables.sum_up_parts(standing))
-            if no is not None:
-                raise no
+            if refusal is not None:
+                raise refusal
             return
         _refuse_without_parts(parts)
         # Where nothing can be written, that is said before the work.

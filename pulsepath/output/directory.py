@@ -6,9 +6,7 @@ import os
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
-from shutil import rmtree
 
 from kinematics.files.atomic_files import (
     DISK_ERRNOS,
@@ -23,11 +21,10 @@ from kinematics.files.atomic_files import (
     stamp,
     write_named,
 )
-from kinematics.files.leftovers import NEW, OLD, clear, lock, shorten_name
+from kinematics.files.leftovers import NEW, OLD, clear
 from kinematics.foundation.errors import BadValue, MotionError
 from pulsepath.options import read_percent, read_quantity
-from pulsepath.process.exits import find_file, read_reached
-from pulsepath.progress import note
+from pulsepath.process.exits import find_file
 
 RECORD, KIND = "plan.json", "pulsepath plan"
 """The file by which a directory that `plan` wrote is known, and what it says it is."""
@@ -42,8 +39,6 @@ MOTION = "motion.bin"
 """The motion of a plan."""
 REPORT = "report.html"
 """Of each of them the page for its reader."""
-CHECKPOINT = "checkpoint.json"
-"""In a directory that is not complete: where the plan stands."""
 TRIGGERS = "triggers.csv"
 """Only where the program of a plan has triggers."""
 
@@ -98,22 +93,8 @@ def is_ours(directory: Path, kind: str = KIND) -> bool:
 
 def refuse_no_plan(folder: Path) -> None:
     """Raise MotionError for a directory that `plan` did not write."""
-    if is_ours(folder):
-        return
-    for place in (folder, find_unfinished(folder)):
-        if (place / BEGUN).is_file():
-            raise MotionError(_describe_unfinished(place))
-    raise MotionError(f"{folder} holds no plan: make one with pulsepath plan PROGRAM --out {folder}")
-
-
-def _describe_unfinished(folder: Path) -> str:
-    """How far the plan is that grows in a directory, or did, and how to go on."""
-    reached = read_reached(folder / CHECKPOINT)
-    held = "no part of it is planned yet" if reached is None else f"{reached[0]}, are planned"
-    if _is_locked(folder):
-        return f"{folder} holds a plan that is being made: {held}; wait for its end"
-    onward = "give its pulsepath plan command again" if reached is None else f'"{reached[1]}" goes on from there'
-    return f"{folder} holds an interrupted run of pulsepath plan, no finished plan: {held}; {onward}"
+    if not is_ours(folder):
+        raise MotionError(f"{folder} holds no plan: make one with pulsepath plan PROGRAM --out {folder}")
 
 
 def read_instant(folder: Path, text: str) -> float:
@@ -188,106 +169,12 @@ def replace_directory(target: Path, force: bool, kind: str = KIND, before: Conte
             with _name_files_in(target, new):
                 yield new
             with defer_signals():
-                _put_in_place(new, made / OLD, _Destination(target, place, before))
+                _put_in_place(new, made / OLD, target, place, before)
     except BaseException:
         for parent in created:
             with suppress(OSError):
                 parent.rmdir()
         raise
-
-
-UNFINISHED, BEGUN = ".unfinished", "begun"
-"""Behind the name of a directory that is not complete yet, and the file that says so in it."""
-
-
-def find_unfinished(target: Path) -> Path:
-    """The directory beside a target in which that grows."""
-    place = target.resolve()
-    return place.with_name(shorten_name(place.name, len(UNFINISHED)) + UNFINISHED)
-
-
-@contextmanager
-def fill_directory(
-    target: Path, force: bool, resume: bool, checkpoint: str, before: Content | None = None
-) -> Iterator[Path]:
-    """A directory beside the target to fill over a long time, which becomes the target when the block ends well.
-
-    Where the block is interrupted or killed the directory stays, if it holds a file of the name `checkpoint`: `resume`
-    yields it again, or says that there is nothing to resume. After a MotionError all is as before.
-
-    Raises MotionError as `replace_directory`, for a directory that could be resumed where neither `resume` nor `force`
-    is given, and while another process fills it.
-
-    What comes to the target while the block runs, or changes there, is left as it is, and the result is kept under
-    another name, as in `replace_directory`.
-
-    before: the content of the target that may be replaced, from `list_replaceable`; None: its content now.
-    """
-    place, folder = target.resolve(), find_unfinished(target)
-    if before is None:
-        before = list_replaceable(target, force)
-
-    resumable = (folder / checkpoint).is_file()
-    if resume and not resumable:
-        note(f"note: there is nothing to resume in {folder.name}: planning begins at the first segment")
-        resume = False
-    if resumable and not (resume or force):
-        raise MotionError(f"{folder} holds a plan that was not finished: give --resume, or --force to begin anew")
-    if folder.exists() and any(folder.iterdir()) and not (folder / BEGUN).is_file():
-        raise MotionError(f"{folder} is in the way, and was not written by {KIND}: give another --out")
-
-    folder.mkdir(parents=True, exist_ok=True)
-    with _lock(folder):
-        if not resume:
-            _empty(folder)
-            write_named(folder / BEGUN, f"{KIND} fills this directory, or did until it was interrupted\n")
-        try:
-            with _name_files_in(target, folder):
-                yield folder
-        except BaseException as error:  # of the program itself nothing is left; what the system did can be mended
-            if not (folder / checkpoint).is_file() or (isinstance(error, MotionError) and not resume):
-                rmtree(folder)
-            raise
-        clear(place.parent)
-        with stage_directory(place) as made, defer_signals():
-            # A finished plan has neither of these files, wherever it is put.
-            marks = (checkpoint, BEGUN)
-            _put_in_place(folder, made / OLD, _Destination(target, place, before, marks))
-
-
-def _is_locked(folder: Path) -> bool:
-    """Whether another process fills a directory now."""
-    try:
-        os.close(lock(folder))
-    except BlockingIOError:
-        return True
-    except OSError:  # there are no locks, or no such directory
-        pass
-    return False
-
-
-@contextmanager
-def _lock(folder: Path) -> Iterator[None]:
-    """A directory for this process alone, where the system has locks. Raises MotionError where another has it."""
-    try:
-        descriptor = lock(folder)
-    except BlockingIOError:
-        raise MotionError(f"{folder} is being filled by another run: wait for it, or give another --out") from None
-    except OSError:
-        yield
-        return
-    try:
-        yield
-    finally:
-        os.close(descriptor)
-
-
-def _empty(folder: Path) -> None:
-    for path in folder.iterdir():
-        if path.is_dir():
-            rmtree(path)
-        else:
-            path.unlink()
 
 
 @contextmanager
@@ -313,56 +200,28 @@ def list_content(target: Path) -> Content:
     return frozenset((str(path.relative_to(place)), stamp(path)) for path in place.rglob("*"))
 
 
-@dataclass(frozen=True, slots=True)
-class _Destination:
-    """The place of a new directory.
-
-    target  the place as the user names it; place: its absolute path
-    before  the content that may be replaced
-    marks   names of files of the new directory that are removed when it has been put somewhere
-    """
-
-    target: Path
-    place: Path
-    before: Content
-    marks: tuple[str, ...] = ()
-
-
-def _put_in_place(new: Path, old: Path, to: _Destination) -> None:
+def _put_in_place(new: Path, old: Path, target: Path, place: Path, before: Content) -> None:
     """Move a new directory to its place, if the content of that is as it was before.
 
     Else raise MotionError, and keep the new directory under a name that the error states.
-    old: where the replaced directory goes.
+    old: where the replaced directory goes. target: the place as the user names it.
     """
-    place, changed = to.place, bool(to.before)
+    changed = bool(before)
     stood = changed and os.path.lexists(place)
     if stood:
-        if list_content(place) != to.before:
-            raise conflict_error(to.target, changed, [_keep(new, to)])
+        if list_content(place) != before:
+            raise conflict_error(target, changed, [move_aside(new, place)])
         place.rename(old)  # until the new one is there, a moment: else it returns
     try:
         new.rename(place)  # which replaces no file, and no directory but an empty one
     except OSError as error:
         if error.errno not in (*OCCUPIED_ERRNOS, errno.EACCES) or not os.path.lexists(place):
             raise
-        results = [_keep(new, to)]
+        results = [move_aside(new, place)]
         if old.exists():
             results.append(move_aside(old, place))
-        raise conflict_error(to.target, changed, results) from None
-    if stood and list_content(old) != to.before:  # changed in the last moment
+        raise conflict_error(target, changed, results) from None
+    if stood and list_content(old) != before:  # changed in the last moment
         place.rename(new)
         old.rename(place)
-        raise conflict_error(to.target, changed, [_keep(new, to)])
-    _remove_marks(place, to)
-
-
-def _keep(made: Path, to: _Destination) -> Path:
-    """Move a directory to a free name next to the place that it cannot take. Return its new path."""
-    place = move_aside(made, to.place)
-    _remove_marks(place, to)
-    return place
-
-
-def _remove_marks(folder: Path, to: _Destination) -> None:
-    for name in to.marks:
-        (folder / name).unlink(missing_ok=True)
+        raise conflict_error(target, changed, [move_aside(new, place)])

@@ -129,7 +129,7 @@ def _write_report(page: Path, job: Job, verdict: PulseCheck) -> None:
             drawn = (
                 draw_axes(job.plan)
                 | draw_comparisons(job.plan, job.classical, job.realised)
-                | draw_worth(job.worth, job.tradeoff, job.stops)
+                | draw_worth(job.worth, job.stops)
             )
     if job.rig is None:
         seen = job.seen()
@@ -155,7 +155,6 @@ def _write_report(page: Path, job: Job, verdict: PulseCheck) -> None:
             worth=job.worth,
             left_out=job.left_out,
             change=job.change,
-            tradeoff=job.tradeoff,
             stops=job.stops,
             unbounded=job.unbounded,
             scene=seen.scene,

@@ -71,13 +71,6 @@ def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
         "worth": None if job.worth is None else _worth(job.worth, job.change),
         "worth_left_out": job.unbounded or None,
         "left_out": list(job.left_out),
-        "tradeoff": None
-        if job.tradeoff is None
-        else {
-            "heat_weights": job.tradeoff.weights.tolist(),
-            "duration_s": job.tradeoff.duration.tolist(),
-            "heat_of_the_fastest": job.tradeoff.heat.tolist(),
-        },
         "stops": None
         if job.stops is None
         else {

@@ -1,6 +1,6 @@
 """A plan loaded from its directory, as `pulsepath.load_plan` returns it."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from math import nan
 from pathlib import Path
@@ -43,7 +43,6 @@ from planner.shaping.shaped_motion import find_delays
 from planner.shaping.shaped_proof import ShapedProof
 from planner.timing.duration_bound import DurationBound, bound_duration
 from planner.tradeoffs.objective import TIME, Objective
-from planner.tradeoffs.pareto import WEIGHTS, Tradeoff
 from pulsepath.output.directory import MOTION
 from pulsepath.output.verification import digest_pulses, prove_motion, refuse
 
@@ -215,7 +214,8 @@ class StoredPlan(Result, Interruptible):
 
         Raises MotionError for a plan that was made in parts.
         """
-        self._refuse_parts("lower bound")
+        if self.follow is not None:
+            raise MotionError(f"{self.program.name} was planned in parts, without a lower bound: use --whole")
         if not self.known:
             self.known.append(bound_duration(self.trajectory, self.limits, self.order))
         return self.known[0]
@@ -241,19 +241,6 @@ class StoredPlan(Result, Interruptible):
         from planner.tradeoffs.limit_worth import find_worth
 
         return find_worth(self.trajectory, self.limits, self.order, self.certificate, self.bound)
-
-    def trade(self, weights: Sequence[float] = WEIGHTS) -> Tradeoff:
-        """Trade duration against heat along this path, as `Plan.trade`.
-
-        Raises MotionError for a plan that was made in parts.
-        """
-        self._refuse_parts("trade of time against heat")
-        return self.plan.trade(weights)
-
-    def _refuse_parts(self, what: str) -> None:
-        """Raise MotionError for a plan that was made in parts, where something needs all of it at once."""
-        if self.follow is not None:
-            raise MotionError(f"{self.program.name} was planned in parts, without a {what}: use --whole")
 
     @property
     def left_out(self) -> tuple[str, ...]:

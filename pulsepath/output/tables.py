@@ -83,9 +83,8 @@ def of_plan(job: Job) -> list[Table]:
     timed = (Column("what", what), Column("time", times, "s", form=".6f"), Column("note", notes))
     crossed = () if job.crossed is None else job.crossed.tables()
     worth = () if job.worth is None or level() < VERBOSE else job.worth.tables()
-    tradeoff = () if job.tradeoff is None else job.tradeoff.tables()
     stops = () if job.stops is None else job.stops.tables()
-    return [replace(first, columns=timed), tabulate_segments(plan), *rest, *tradeoff, *worth, *stops, *crossed]
+    return [replace(first, columns=timed), tabulate_segments(plan), *rest, *worth, *stops, *crossed]
 
 
 def _cost_rows(plan: Plan, shaped: ShapedProof) -> list[tuple[str, float | None, str]]:
@@ -176,9 +175,8 @@ def sum_up(job: Job) -> list[Table]:
         f"{plan.program.name} on {plan.machine.name}, order {plan.order}", (Column("what", what), Column("", values))
     )
     crossed = () if job.crossed is None else job.crossed.tables()
-    tradeoff = () if job.tradeoff is None else job.tradeoff.tables()
     held = () if job.stops is None else job.stops.tables()
-    return [summed, *tradeoff, *held, *crossed]
+    return [summed, *held, *crossed]
 
 
 def sum_up_parts(standing: PlanStanding) -> list[Table]:

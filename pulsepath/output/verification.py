@@ -25,12 +25,9 @@ REMEDY = "plan it again, or give --unverified to continue"
 PROVENANCE, FILES, SELF = "provenance", "files", "record"
 
 
-def seal_record(record: Record, folder: Path, passing: Sequence[str] = ()) -> Record:
-    """The record with the SHA-256 of every file in the folder, and of itself as it is without that.
-
-    passing: names of files that are there only for now
-    """
-    paths = sorted(path for path in folder.rglob("*") if path.is_file() and path.name not in passing)
+def seal_record(record: Record, folder: Path) -> Record:
+    """Return the record with the SHA-256 of every file in the folder, and of the record without its own digest."""
+    paths = sorted(path for path in folder.rglob("*") if path.is_file())
     files = {path.relative_to(folder).as_posix(): digest(path) for path in paths}
     known = {**record, PROVENANCE: {**record[PROVENANCE], FILES: files}}
     return {**known, PROVENANCE: {**known[PROVENANCE], SELF: _digest_record(known)}}

@@ -5,7 +5,6 @@ Of an interrupted command it is said what becomes of what it was about to write.
 `supervisor`.
 """
 
-import json
 import os
 import sys
 from collections.abc import Mapping
@@ -60,11 +59,6 @@ Stamp = list[int] | None
 def of_interruption(intent: Mapping[str, Any]) -> str:
     """The line for an interrupted command, by what it was about to write, as `intent.writes` states it."""
     before, kept = intent.get("writes", ()), intent.get("kept", "")
-    if checkpoint := intent.get("checkpoint"):
-        reached = read_reached(Path(checkpoint))
-        kept = "the first part of the plan was not finished, so nothing is kept for --resume"
-        if reached is not None:
-            kept = f'{reached[0]}, are kept in {Path(checkpoint).parent.name}: "{intent["resume"]}" goes on from there'
     if not before:
         return "interrupted"
     written = [target for target, place, stamp in before if read_stamp(place) != stamp]
@@ -72,15 +66,6 @@ def of_interruption(intent: Mapping[str, Any]) -> str:
         return f"interrupted, after {' and '.join(written)} had been written"
     told = " or ".join(f"{target}, which is unchanged" if stamp else target for target, _, stamp in before)
     return f"interrupted: nothing was written to {told}{kept and f'; {kept}'}"
-
-
-def read_reached(checkpoint: Path) -> tuple[str, str] | None:
-    """How far an unfinished plan is, by the file that it goes on from, and the command that does so; None: nowhere."""
-    try:
-        record = json.loads(checkpoint.read_bytes())
-        return str(record["reached"]), str(record["command"])
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
 
 
 def read_stamp(path: str | Path) -> Stamp:

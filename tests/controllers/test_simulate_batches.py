@@ -9,7 +9,7 @@ from benchmarks.evidence.cases.closed_loop import simulate_runs
 from controllers import find_law, load_rig
 from controllers.card import PCI_8164
 from controllers.rig import Host, disturb_rig, time_path
-from controllers.simulate import bank, sample, simulate, stack_references
+from controllers.simulate import bank, sample, simulate
 from kinematics import MotionError
 
 SAME = 1e-12
@@ -62,20 +62,6 @@ def test_the_records_are_the_instants_asked_for(rig, short):
     np.testing.assert_array_equal(some.pulses, every.pulses)
     with pytest.raises(MotionError, match="period"):
         simulate(short, find_law("3"), [rig], period=0.0)
-
-
-def test_paths_of_different_lengths_share_a_batch(rig, short):
-    longer = replace(
-        short,
-        position=np.concatenate([short.position, short.position[::-1][1:]]),
-        speed=np.concatenate([short.speed, -short.speed[::-1][1:]]),
-    )
-    both = simulate(stack_references([short, longer]), find_law("6r"), [rig, rig], settle=0.1)
-    for b, own in enumerate((short, longer)):
-        alone = simulate(own, find_law("6r"), [rig], settle=0.1)
-        np.testing.assert_allclose(both.actual[: len(alone.t), b], alone.actual[:, 0], rtol=0, atol=SAME * 1e5)
-    with pytest.raises(MotionError, match="steps of references"):
-        stack_references([short, replace(short, dt=0.025)])
 
 
 def test_figures_do_not_depend_on_parts_and_workers():
@@ -141,7 +127,5 @@ def test_what_is_no_batch_is_refused(rig, short):
         simulate(short, law, [])
     with pytest.raises(MotionError, match="machine or card"):
         simulate(short, law, [rig, replace(rig, card=replace(rig.card, while_moving="queue"))])
-    with pytest.raises(MotionError, match="2 x 3 for 3 rigs of 3 axes"):
-        simulate(stack_references([short, short]), law, [rig, rig, rig])
-    with pytest.raises(MotionError, match="reference of 2 for 1 rig of 3 axes"):
+    with pytest.raises(MotionError, match="reference has 2 columns, the rig 3 axes"):
         simulate(replace(short, position=short.position[:, :2], speed=short.speed[:, :2]), law, [rig])

@@ -3,7 +3,6 @@
 import re
 import subprocess
 import sys
-from dataclasses import replace
 from runpy import run_path
 from types import SimpleNamespace
 
@@ -130,23 +129,3 @@ def test_a_recording_is_compared_with_the_plan(planned, tmp_path):
     planned.with_name("unnamed.vcd").write_text(planned.read_text().replace("leg1", "D1"))
     done = run("compare_vcd.py", planned, planned.with_name("unnamed.vcd"))
     assert "has no lines leg1_STEP and leg1_DIR" in done.stderr
-
-
-def test_of_a_file_that_grew_stops_that_were_replaced_do_not_count(edges, tmp_path):
-    schedule, stop = schedule_of([[(100, 1)] * 60]), schedule_of([[(100, 1)] * 30 + [(700, 1)] * 5])
-    begun = schedule_of([[(100, 1)] * 30])
-    path = tmp_path / "pulses.bin"
-    with path.open("wb") as file:
-        writer = binary.PulseWriter.begin(file, schedule, part=10)
-        writer.add(begun, 3001)
-        writer.add(PulseSchedule(CLOCK, (replace(stop.axes[0], **cut(stop, 30)),), 1.0), 6501, stop=True)
-        writer.mark(stop)
-        writer.add(PulseSchedule(CLOCK, (replace(schedule.axes[0], **cut(schedule, 30)),), 1.0), CLOCK)
-        writer.mark(schedule, complete=True)
-    assert b"puls" in path.read_bytes().replace(b"pulses", b"").replace(b"pulsepath", b"")
-    assert np.array_equal(edges["read_pulses"](path)[1][0][0], schedule.axes[0].ticks)
-
-
-def cut(schedule, first):
-    axis = schedule.axes[0]
-    return {"ticks": axis.ticks[first:], "direction": axis.direction[first:]}

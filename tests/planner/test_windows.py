@@ -74,18 +74,6 @@ def test_a_window_goes_on_just_where_the_one_before_was_left(both):
         np.testing.assert_allclose(before.at(one.duration).q, after.at(0.0).q, atol=1e-12)
 
 
-def test_it_can_be_gone_on_with_from_every_window(hexapod):
-    path = actuate(draw_polyline(40), hexapod)
-    planner = WindowPlanner(hexapod, lambda part: limits_of(part, hexapod.axes, 3), 3, pieces=30)
-    windows = list(planner(steps_of(path)))
-    for n, window in enumerate(windows[:-1]):
-        onward = next(planner(steps_of(path)[window.next.steps :], window.next)).solution.trajectory
-        for name in ("knots", "s", "v", "a", "j", "piece"):
-            np.testing.assert_array_equal(
-                getattr(onward, name), getattr(windows[n + 1].solution.trajectory, name), strict=True
-            )
-
-
 def test_stops_end_windows(hexapod):
     whole, windows = plan_both(draw_polyline(8, Stop()), hexapod, 2, 3)
     assert len(windows) == 3
@@ -203,19 +191,10 @@ def test_who_helps_changes_nothing(stopping, monkeypatch):
     planner, steps, alone = stopping
     monkeypatch.setattr(windows, "MAX_SHARED", 36)
     helpers = Pickled()
-    compare_windows(list(planner(steps, None, helpers)), alone)
+    compare_windows(list(planner(steps, helpers)), alone)
     assert len(helpers.given) > 4
     assert helpers.most == 3
     assert len(helpers.alone) == 1
-
-
-@pytest.mark.parametrize("after", [0, 2, 4, 6])
-def test_helpers_go_on_from_any_window(stopping, after):
-    planner, steps, alone = stopping
-    onward = alone[after].next
-    assert 0 < onward.steps < len(steps)
-    compare_windows(list(planner(steps[onward.steps :], onward, Pickled())), alone[after + 1 :])
-    compare_windows(list(planner(steps[onward.steps :], onward)), alone[after + 1 :])
 
 
 def test_with_helpers_refusals_come_where_they_do_alone(stopping, hexapod):
@@ -231,7 +210,7 @@ def test_with_helpers_refusals_come_where_they_do_alone(stopping, hexapod):
         for helpers in (None, Pickled()):
             given = []
             with pytest.raises(MotionError) as no:
-                given.extend(planner(coming(), None, helpers))
+                given.extend(planner(coming(), helpers))
             told.append((given, str(no.value)))
         compare_windows(told[0][0], told[1][0])
         assert told[0][0]
@@ -250,4 +229,4 @@ def test_helpers_stay_on_the_turn_and_branch():
     machine, program = load_machine("arm"), load_program("arm-circle-back")
     steps = steps_of(actuate(program, machine))
     planner = WindowPlanner(machine, partial(limits_of, axes=machine.axes, order=2), 2, pieces=1)
-    compare_windows(list(planner(steps, None, Pickled())), list(planner(steps)))
+    compare_windows(list(planner(steps, Pickled())), list(planner(steps)))

@@ -84,8 +84,8 @@ def test_an_argument_of_a_wrong_kind_is_refused(given, name, wrong):
 
 
 METHODS = {
-    "hold": {"at": 0.5}, "resume": {"stop": 0.1}, "override": {"share": 0.5}, "stops": {"count": 2},
-    "realised": {"stride": 1}, "export": {"format": "csp", "path": "a.csv", "force": False}, "trade": {"weights": [0]},
+    "hold": {"at": 0.5}, "resume": {"stop": 0.1}, "stops": {"count": 2},
+    "realised": {"stride": 1}, "export": {"format": "csp", "path": "a.csv", "force": False},
     "save": {"path": "a.csv", "force": False}, "plot": {"ax": None}, "trajectory.at": {"t": 0.1},
     "trajectory.save": {"path": "a.csv"}, "pulses.counts": {"t": 0.1},
 }  # fmt: skip
@@ -206,7 +206,7 @@ WORDS = {("Program", "segments"): "segment|empty", ("Axis", "name"): "a name", (
         ),
         (lambda: Feedback([[0.0]], [[0.0, 1.0]], [[0.0]]), "position, speed and counter are (1, 1), (1, 2) and (1, 1)"),
         (lambda: Reference(0.0, [[0.0]], [[0.0]]), "reference: dt 0.0 s must be above 0"),
-        (lambda: Reference(0.01, [0.0], [[0.0]]), "reference: position must be finite numbers (N, N) or (N, N, N)"),
+        (lambda: Reference(0.01, [0.0], [[0.0]]), "reference: position must be finite numbers (N, N)"),
         (lambda: Reference(0.01, [[0.0]], [[0.0, 1.0]]), "give one speed for each position"),
         (lambda: pp.find_law(6), "find_law: name is 6; expected a text"),
         (lambda: pp.find_law("6", gain="much"), "law 6: gain"),

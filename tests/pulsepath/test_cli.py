@@ -190,9 +190,8 @@ def test_an_objective_with_heat(call, tmp_path):
     assert told["objective"] == "time + heat"
     assert told["worth"] is None
     assert told["lower_bound"]["gap"] is None
-    assert told["lower_bound"]["duration_s"] < told["duration_s"] == told["tradeoff"]["duration_s"][4]
-    assert np.all(np.diff(told["tradeoff"]["heat_of_the_fastest"]) <= 1e-9)
-    assert "Duration against heat" in (out / "report.html").read_text()
+    assert told["lower_bound"]["duration_s"] < told["duration_s"]
+    assert "with the least time + heat" in (out / "report.html").read_text()
 
 
 def test_a_gap_to_be_proved(call, tmp_path):

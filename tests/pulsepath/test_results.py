@@ -19,8 +19,8 @@ import pulsepath as pp
 from benchmarks.reports.gain.comparison import BaselineRatio, Comparison, ComparisonRow, SettingEntry
 from benchmarks.reports.gain.verdict import Margin, Verdict
 from benchmarks.sweep.result import Cell, RunResult, SavedRuns, Setting
-from controllers.metrics import Circle, IsoStyle, circular_test
-from controllers.metrics.iso_style import PathAccuracy, PoseAccuracy, VelocityAccuracy
+from controllers.metrics import Circle, circular_test
+from controllers.metrics.iso_style import PathAccuracy, PoseAccuracy
 from kinematics.foundation.result import Result
 from kinematics.machine.shaper import Shaper
 from planner.cross_check import CrossCheck
@@ -114,7 +114,6 @@ def runs():
 
 PATH = PathAccuracy(3, np.array([1e-6, 2e-6]), np.array([3e-6, 4e-6]))
 POSE = PoseAccuracy(3, 1e-6, 2e-6)
-SPEED = VelocityAccuracy(3, 0.02, 0.1, 0.2, 1e-4)
 MAKERS = {
     "Plan": plan,
     "StoredPlan": stored,
@@ -123,7 +122,6 @@ MAKERS = {
     "DurationBound": lambda: plan().bound,
     "Worth": lambda: plan().worth,
     "LimitChange": lambda: plan().worth.replan("speed", "leg1", 0.01),
-    "Tradeoff": lambda: plan().trade((0.0, 1.0)),
     "Section": lambda: plan().hold(0.5),
     "Stops": lambda: plan().stops(4),
     "PulseSchedule": lambda: plan().pulses,
@@ -159,8 +157,6 @@ MAKERS = {
     "Metrics": lambda: pp.evaluate(tracking(), plan(), machine()),
     "PathAccuracy": lambda: PATH,
     "PoseAccuracy": lambda: POSE,
-    "VelocityAccuracy": lambda: SPEED,
-    "IsoStyle": lambda: IsoStyle(PATH, POSE, SPEED),
     "CircularTest": round_trip,
     "Comparison": comparison,
     "Verdict": lambda: Verdict(comparison().baseline, 0.5, (Margin("gain", 0.7, None, 1.4),), "<i>"),

@@ -127,6 +127,6 @@ def test_one_that_was_planned_in_parts_has_a_certificate_and_a_realised_path(tmp
     assert 0 < error.max <= error.bound
     assert loaded.plot() is not None
     assert "lower bound" not in str(loaded)
-    for ask in (lambda: loaded.bound, lambda: loaded.gap, loaded.trade):
+    for ask in (lambda: loaded.bound, lambda: loaded.gap):
         with pytest.raises(MotionError, match=r"was planned in parts, without a .*: use --whole"):
             ask()

@@ -1,7 +1,6 @@
-"""Pulses in the binary form: chunks of some thousand pulses, a quarter of a byte each, that a file can grow by.
+"""Pulses in the binary form: chunks of some thousand pulses, a quarter of a byte each.
 
-The file is one of `kinematics.files.chunk_file`, which says how chunks are laid out. All numbers have their little end
-first.
+The file is one of `kinematics.files.chunk_file`, which says how chunks are laid out. All numbers are little-endian.
 
     HEAD   JSON: kind "pulsepath pulses", schema 1, clock_hz (ticks/s), rule, and of each axis: name, start (count),
            pulse and home (in its unit), unit ("m" or "rad")
@@ -9,9 +8,8 @@ first.
            uint64 length of what follows once it is inflated; that, deflated (zlib, RFC 1950). In there, of each axis:
                uint32 pulses n, uint8 width w (1, 2, 4), uint32 escapes e
                n codes of w bytes, e codes of 8 bytes, ⌈n/8⌉ bytes of directions; n is at most 2²⁰
-    puls   the same of a stop that the next chunks replace: it counts while the mark behind it is the last
-    MARK   JSON: complete, until (tick before which nothing will change), duration (s), of each axis: bound (pulses),
-           pulses (how many), final (count); moves, compensations
+    MARK   JSON: complete (true), until (the tick at which the last PULS ends), duration (s), of each axis: bound
+           (pulses), pulses (how many), final (count); moves, compensations
 
 A code c stands for the change of interval d = c/2 (c even) or -(c + 1)/2 (c odd): with the interval before the first
 pulse of a chunk taken as 0, and the tick before it as begin, interval += d, tick += interval. Of w bytes, the largest
@@ -31,19 +29,19 @@ from zlib import compress
 
 import numpy as np
 
-from kinematics.files.chunk_file import ChunkWriter, resume_chunks
+from kinematics.files.chunk_file import ChunkWriter
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import option
 from planner.export.format import Exported, ExportSource
 from planner.parallel import Progress, ignore_progress, share_progress
-from planner.pulses.checking.pulse_reader import AXIS, ESCAPES, KIND, SCHEMA, SPAN, PulseFile, open_pulses
+from planner.pulses.checking.pulse_reader import AXIS, ESCAPES, KIND, PULSES, SCHEMA, SPAN, open_pulses
 from planner.pulses.checking.pulse_reader import MAX_PART_PULSES as LARGEST_PART
 from planner.pulses.schedule import UNKNOWN_UNIT, PulseSchedule, Signs, Ticks, holds_same_pulses
 
 MAX_PART_PULSES = 1 << 16
-"""Of an axis in a chunk: what bounds the memory of those who read it."""
+"""Pulses of an axis in a chunk: more take more memory to read, fewer make the file larger."""
 LEVEL = 1
-"""Of zlib: higher ones take five times as long for a fifth of the bytes."""
+"""zlib level. Higher levels take five times as long and save a fifth of the bytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +54,8 @@ class Binary:
     def write(self, source: ExportSource, path: Path) -> Exported:
         units = {axis.name: axis.unit for axis in source.machine.axes}
         write(source.pulses, path, units, self.part, share_progress(source.tell, 0, 2))
-        held = open_pulses(path).parts(share_progress(source.tell, 1, 2))
-        exact = holds_same_pulses(source.pulses, held)
+        written = open_pulses(path).parts(share_progress(source.tell, 1, 2))
+        exact = holds_same_pulses(source.pulses, written)
         return Exported(0.0 if exact else np.inf, "the pulses, tick for tick", moves=source.pulses.total)
 
 
@@ -68,45 +66,34 @@ def write(
     part: int = MAX_PART_PULSES,
     tell: Progress = ignore_progress,
 ) -> None:
-    """Write a whole schedule; units: m or rad by axis. Raises MotionError for pulses that are no schedule's."""
+    """Write a schedule; units: m or rad by axis. Raises MotionError for invalid pulses."""
     with Path(path).open("wb") as file:
-        writer = PulseWriter.begin(file, schedule, units, part)
-        writer.add(schedule, find_end(schedule), tell=tell)
-        writer.mark(schedule, complete=True)
+        writer = PulseWriter(file, schedule, units, part)
+        writer.add(schedule, find_end(schedule), tell)
+        writer.finish(schedule)
 
 
 def find_end(schedule: PulseSchedule) -> int:
-    """The tick behind the motion and its last pulse."""
+    """Return the tick after the motion and its last pulse."""
     last = max((int(axis.ticks[-1]) for axis in schedule.axes if len(axis)), default=0)
     return 1 + max(last, int(schedule.duration * schedule.clock_hz))
 
 
 class PulseWriter:
-    """A file of pulses that grows, part by part.
+    """Writes a file of pulses part by part. until: the tick before which all pulses are written."""
 
-    What is added stays, but for a `stop`, which ends the motion until more is added behind the next mark. `mark` makes
-    what was added so far the file's contents, and the last one finishes it. until: tick up to which it will not change.
-    """
+    __slots__ = ("_chunks", "_counts", "_names", "_part", "_pulses", "until")
 
-    __slots__ = ("_chunks", "_counts", "_names", "_part", "_pulses", "_stop", "until")
-
-    def __init__(self, chunks: ChunkWriter, names: tuple[str, ...], part: int) -> None:
-        if not 1 <= part <= LARGEST_PART:
-            raise MotionError(f"parts of {part} pulses: give 1 to {LARGEST_PART}")
-        self._chunks, self._names, self._part = chunks, names, part
-        self.until = 0
-        self._counts, self._pulses = [0] * len(names), [0] * len(names)
-        self._stop: tuple[int, list[int], list[int]] | None = None
-
-    @classmethod
-    def begin(
-        cls,
+    def __init__(
+        self,
         file: BinaryIO,
         stated: PulseSchedule,
         units: Mapping[str, str] | None = None,
         part: int = MAX_PART_PULSES,
-    ) -> "PulseWriter":
-        """A new file; of `stated` clock, rule and what holds for the axes throughout are taken, but no pulses."""
+    ) -> None:
+        """Write the head of a file: clock, rule and axes of `stated`, without its pulses."""
+        if not 1 <= part <= LARGEST_PART:
+            raise MotionError(f"parts of {part} pulses: give 1 to {LARGEST_PART}")
         axes = [
             {
                 "name": axis.name,
@@ -118,67 +105,46 @@ class PulseWriter:
             for axis in stated.axes
         ]
         head = {"kind": KIND, "schema": SCHEMA, "clock_hz": stated.clock_hz, "rule": stated.rule, "axes": axes}
-        made = cls(ChunkWriter(file, head), tuple(axis.name for axis in stated.axes), part)
-        made._counts = [axis.start for axis in stated.axes]
-        return made
+        self._chunks = ChunkWriter(file, head)
+        self._names = tuple(axis.name for axis in stated.axes)
+        self._part = part
+        self._counts = [axis.start for axis in stated.axes]
+        self._pulses = [0] * len(stated.axes)
+        self.until = 0
 
-    @classmethod
-    def resume(cls, file: BinaryIO, held: PulseFile, part: int = MAX_PART_PULSES) -> "PulseWriter":
-        """Go on with a file that is not finished, open to be read and written: from its last mark, without its stop.
+    def add(self, part: PulseSchedule, until: int, tell: Progress = ignore_progress) -> None:
+        """Write the pulses that follow, all those before the tick `until`.
 
-        held: as `open_pulses` has it, with partial. Raises MotionError where it is finished, FileError where damaged.
+        Raises MotionError for pulses that do not follow the previous part.
         """
-        if held.complete:
-            raise MotionError("the file of pulses is finished: nothing can be added to it")
-        made = cls(resume_chunks(held._chunks, file), tuple(axis.name for axis in held.stated.axes), part)
-        made.until = held.until
-        pulses, counts = [0] * len(made._names), [axis.start for axis in held.stated.axes]
-        for one in held.parts():
-            for k, axis in enumerate(one.axes):
-                kept = int(np.searchsorted(axis.ticks, held.until))
-                pulses[k] += kept
-                counts[k] += int(axis.direction[:kept].sum(dtype=np.int64))
-        made._pulses, made._counts = pulses, counts
-        return made
-
-    def add(self, part: PulseSchedule, until: int, *, stop: bool = False, tell: Progress = ignore_progress) -> None:
-        """The pulses that follow, all those before a tick; stop: they end the motion, until others replace them.
-
-        Raises MotionError for pulses that do not follow, and for others than those of a stop behind one.
-        """
-        if self._stop is not None and not stop:
-            raise MotionError("a stop was added and not marked: mark it before what replaces it")
-        begin, pulses, counts = self._stop or (self.until, self._pulses, self._counts)
-        if until < begin:
-            raise MotionError(f"the pulses up to tick {begin} are in the file: these are said to end at {until}")
-        _check_part(part, self._names, begin, until)
+        if until < self.until:
+            message = f"the pulses up to tick {self.until} are in the file: these are said to end at {until}"
+            raise MotionError(message)
+        _check_part(part, self._names, self.until, until)
         total = max(1, part.total)
-        for span, axes in _cut(part, begin, until, self._part):
-            self._chunks.add("puls" if stop else "PULS", encode(span, axes))
-            pulses = [number + len(ticks) for number, (ticks, _) in zip(pulses, axes, strict=True)]
-            counts = [count + int(way.sum(dtype=np.int64)) for count, (_, way) in zip(counts, axes, strict=True)]
-            tell(min(total, sum(pulses)), total)
-        if stop:
-            self._stop = until, pulses, counts
-        else:
-            self.until, self._pulses, self._counts = until, pulses, counts
+        written = 0
+        for span, axes in _cut(part, self.until, until, self._part):
+            self._chunks.add(PULSES, encode(span, axes))
+            for k, (ticks, directions) in enumerate(axes):
+                self._pulses[k] += len(ticks)
+                self._counts[k] += int(directions.sum(dtype=np.int64))
+                written += len(ticks)
+            tell(min(total, written), total)
+        self.until = until
 
-    def mark(self, stated: PulseSchedule, *, complete: bool = False) -> None:
-        """What was added is whole, and the motion ends as `stated`: its duration, and what it states of its axes."""
-        until, pulses, counts = self._stop or (self.until, self._pulses, self._counts)
-        self._chunks.mark(
+    def finish(self, stated: PulseSchedule) -> None:
+        """Complete the file with the totals, and with the duration and the bounds of `stated`."""
+        self._chunks.finish(
             {
-                "complete": complete,
-                "until": until if complete else self.until,
+                "until": self.until,
                 "duration": stated.duration,
                 "bound": [axis.bound for axis in stated.axes],
-                "pulses": pulses,
-                "final": counts,
+                "pulses": self._pulses,
+                "final": self._counts,
                 "moves": [asdict(one) for one in stated.moves],
                 "compensations": [asdict(one) for one in stated.compensations],
             }
         )
-        self._stop = None
 
 
 def _check_part(part: PulseSchedule, names: tuple[str, ...], begin: int, until: int) -> None:
@@ -192,8 +158,8 @@ def _check_part(part: PulseSchedule, names: tuple[str, ...], begin: int, until: 
         if not (np.diff(axis.ticks) > 0).all():
             raise MotionError(f"axis {axis.name}: its ticks do not rise")
         if axis.ticks[0] < begin or axis.ticks[-1] >= until:
-            told = f"ticks {axis.ticks[0]} to {axis.ticks[-1]}"
-            raise MotionError(f"axis {axis.name}: {told} are not from {begin} to before {until}")
+            ticks = f"ticks {axis.ticks[0]} to {axis.ticks[-1]}"
+            raise MotionError(f"axis {axis.name}: {ticks} are not from {begin} to before {until}")
 
 
 Span = tuple[int, int]
@@ -201,7 +167,7 @@ Pulses = tuple[Ticks, Signs]
 
 
 def _cut(part: PulseSchedule, begin: int, until: int, most: int) -> Iterator[tuple[Span, list[Pulses]]]:
-    """Spans of time, and the pulses of each axis in them: no more than `most` of any."""
+    """Cut a part into spans of time in which no axis has more than `most` pulses."""
     done = [0] * len(part.axes)
     while begin < until:
         following = (int(axis.ticks[k + most]) for axis, k in zip(part.axes, done, strict=True) if k + most < len(axis))
@@ -215,7 +181,7 @@ def _cut(part: PulseSchedule, begin: int, until: int, most: int) -> Iterator[tup
 
 
 def encode(span: Span, axes: list[Pulses]) -> bytes:
-    """The contents of a chunk."""
+    """Return the contents of a chunk."""
     content = b"".join(_encode_axis(ticks, direction, span[0]) for ticks, direction in axes)
     return SPAN.pack(*span, len(content)) + compress(content, LEVEL)
 

@@ -22,6 +22,8 @@ from planner.parallel import Progress, ignore_progress
 from planner.pulses.schedule import AxisPulses, Compensation, MovedPulses, PulseSchedule, Signs, Ticks
 
 KIND, SCHEMA = "pulsepath pulses", 1
+PULSES = "PULS"
+"""Kind of the chunks that have pulses."""
 SPAN, AXIS = struct.Struct("<qqQ"), struct.Struct("<IBI")
 ESCAPES = {1: 0xFF, 2: 0xFFFF, 4: 0xFFFF_FFFF}
 """Of codes of so many bytes, the one whose value stands apart."""
@@ -37,18 +39,16 @@ PULSES_PER_BYTE = 8
 class PulseFile:
     """A file of pulses, of which one part at a time is read.
 
-    stated    the schedule without its pulses
-    pulses    how many each axis has
-    final     the count that each axis ends with
-    until     tick before which no pulse comes any more; in a file that is not complete, before which none changes
-    complete  the motion is whole; else its end is a stop that was to be replaced
+    stated  the schedule without its pulses
+    pulses  how many each axis has
+    final   the count that each axis ends with
+    until   tick before which all pulses come
     """
 
     stated: PulseSchedule
     pulses: tuple[int, ...]
     final: tuple[int, ...]
     until: int
-    complete: bool
     _chunks: ChunkFile
 
     def parts(self, tell: Progress = ignore_progress) -> Iterator[PulseSchedule]:
@@ -72,13 +72,13 @@ class PulseFile:
         if (tuple(done), tuple(counts)) != (self.pulses, self.final):
             told = f"holds {done} pulses that count to {counts}, and says {self.pulses} that count to {self.final}"
             raise self._refusal(f"{told}: write it again")
-        if begin != self.until if self.complete else begin < self.until:
+        if begin != self.until:
             raise self._refusal(f"holds pulses up to tick {begin}, and says {self.until}: write it again")
 
     def read(self, tell: Progress = ignore_progress) -> PulseSchedule:
         """All of it. Raises FileError as `parts` does."""
         # The arrays grow with the pulses read, as a damaged file may state more than fit into memory.
-        room = PULSES_PER_BYTE * self._chunks.end // max(1, len(self.pulses))
+        room = PULSES_PER_BYTE * self._chunks.size // max(1, len(self.pulses))
         ticks = [np.empty(min(number, room), np.int64) for number in self.pulses]
         direction = [np.empty(len(each), np.int8) for each in ticks]
         done = [0] * len(ticks)
@@ -154,15 +154,13 @@ def _decode_axis(content: bytes, at: int, begin: int, most: int) -> tuple[Ticks,
 
 
 @check_arguments()
-def open_pulses(path: str | PathLike[str], partial: bool = False) -> PulseFile:
-    """A file of pulses in the binary form, of which only the header and the last mark are read yet.
+def open_pulses(path: str | PathLike[str]) -> PulseFile:
+    """Open a file of pulses in the binary form, of which only the first and last chunk are read.
 
     Parameters
     ----------
     path
         Of the file.
-    partial
-        Also accept one that is not finished, up to the stop that it holds.
 
     Returns
     -------
@@ -174,21 +172,21 @@ def open_pulses(path: str | PathLike[str], partial: bool = False) -> PulseFile:
     FileError
         The file is no such file, of another version, cut or damaged.
     """
-    held = open_chunks(path, KIND, SCHEMA, partial)
+    chunks = open_chunks(path, KIND, SCHEMA, (PULSES,))
     try:
-        return _interpret(held)
+        return _interpret(chunks)
     except (KeyError, TypeError, ValueError, MotionError) as error:
         raise FileError(str(path), [Fault("", f"states no pulse schedule: {error!r}; write it again")]) from None
 
 
 @check_arguments()
-def read_pulses(path: str | PathLike[str], partial: bool = False) -> PulseSchedule:
-    """The schedule in a file of the binary form, as it was written.
+def read_pulses(path: str | PathLike[str]) -> PulseSchedule:
+    """Read the schedule in a file of the binary form, as it was written.
 
     Parameters
     ----------
-    path, partial
-        As of `open_pulses`.
+    path
+        Of the file.
 
     Returns
     -------
@@ -200,12 +198,12 @@ def read_pulses(path: str | PathLike[str], partial: bool = False) -> PulseSchedu
     FileError
         As `open_pulses`.
     """
-    return open_pulses(path, partial).read()
+    return open_pulses(path).read()
 
 
-def _interpret(held: ChunkFile) -> PulseFile:
+def _interpret(chunks: ChunkFile) -> PulseFile:
     """Return what a file states. Raises KeyError, TypeError, ValueError or MotionError for what no writer states."""
-    head, mark = held.head, held.mark
+    head, mark = chunks.head, chunks.mark
     axes = tuple(_read_axis(*pair) for pair in zip(head["axes"], mark["bound"], strict=True))
     clock, duration = read_number(head["clock_hz"], 1.0), read_number(mark["duration"], 0.0)
     clock_hz = int(clock)
@@ -225,7 +223,7 @@ def _interpret(held: ChunkFile) -> PulseFile:
     final = tuple(read_integer(number) for number in mark["final"])
     if not len(pulses) == len(final) == len(axes):
         raise ValueError(f"{len(axes)} axes, pulses of {len(pulses)} and final counts of {len(final)}")
-    return PulseFile(stated, pulses, final, read_integer(mark["until"], 0), held.complete, held)
+    return PulseFile(stated, pulses, final, read_integer(mark["until"], 0), chunks)
 
 
 def _read_axis(record: Mapping[str, Any], bound: object) -> AxisPulses:

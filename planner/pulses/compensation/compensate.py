@@ -1,7 +1,7 @@
 """Compensation: what an axis has to count so that behind its screw's errors and its play it is where it should be."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -200,28 +200,6 @@ class MotorsAhead:
         ahead = MotorsAhead(PieceMotion.of(rest, FIT_TOLERANCE * np.array([axis.pulse for axis in axes])), plays)
         final = JoinedMotion.of(MotionSpan(made, 0.0, until)) if until > 0 else None
         return final, known.duration, made.costs, ahead
-
-    def record(self) -> dict[str, Any]:
-        """Plain numbers, as JSON has them."""
-        return {
-            "planned": None if self.planned is None else self.planned.record(),
-            "plays": [asdict(play) for play in self.plays],
-        }
-
-    @classmethod
-    def from_record(cls, record: Mapping[str, Any]) -> "MotorsAhead":
-        plays = (
-            Play(
-                TurnSearch(**play["search"]),
-                tuple((arrives, leaves, way) for arrives, leaves, way in play["waiting"]),
-                play["left"],
-                tuple((start, span, way) for start, span, way in play["steps"]),
-                play["taken"],
-            )
-            for play in record["plays"]
-        )
-        planned = record["planned"]
-        return cls(None if planned is None else PieceMotion.from_record(planned), tuple(plays))
 
 
 def merge_costs(before: Compensation, after: Compensation) -> Compensation:

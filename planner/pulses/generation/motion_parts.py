@@ -1,14 +1,13 @@
 """Parts of a motion, whose pulses are made one part after the other: where one begins, and its pulses.
 
-What is still asked of a part that is over is kept as polynomials: plain numbers, which another process can go on from.
+The end of a part, which the next one may still need, is stored as polynomials, so that the part itself can be dropped.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
 from math import ceil, floor, frexp, log2
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -202,14 +201,6 @@ class PieceMotion:
         pieces = fit(motion, tolerance)
         knots = np.append(pieces.start, pieces.start[-1] + pieces.length[-1])
         return cls(knots, pieces.coefficients, np.asarray(motion.at(knots).s, float))
-
-    @classmethod
-    def from_record(cls, record: Mapping[str, Any]) -> "PieceMotion":
-        return cls(*(np.array(record[name], float) for name in ("knots", "coefficients", "path")))
-
-    def record(self) -> dict[str, Any]:
-        """Plain numbers."""
-        return {name: getattr(self, name).tolist() for name in ("knots", "coefficients", "path")}
 
     @property
     def duration(self) -> float:

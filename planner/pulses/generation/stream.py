@@ -5,8 +5,8 @@ as a fraction: no rounding drifts, however many parts there are. What the next p
 to be moved apart from one behind the seam or cancels with it, is held back and given with it.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import partial
 from math import floor
@@ -33,7 +33,7 @@ from planner.pulses.generation.motion_parts import (
 )
 from planner.pulses.generation.pieces import FIT_TOLERANCE
 from planner.pulses.generation.sent import SentPulses, go_on
-from planner.pulses.generation.spacing import GivenPulse, HeldPulses, LeastGaps, Spaced, space_pulses
+from planner.pulses.generation.spacing import HeldPulses, LeastGaps, Spaced, space_pulses
 from planner.pulses.generation.start_stop import Pace, begin_pace, follow_pulses, interval_at
 from planner.pulses.motion import AxesMotion, MotorMotion
 from planner.pulses.schedule import AxisPulses, Compensation, MovedPulses, PulseSchedule, refuse_counter
@@ -83,57 +83,6 @@ class _Reached:
     ahead: MotorsAhead = field(default_factory=MotorsAhead)
     costs: tuple[Compensation, ...] = ()
 
-    def record(self) -> dict[str, Any]:
-        """Plain numbers, as JSON has them."""
-        return {
-            **{
-                name: getattr(self, name)
-                for name in ("bounds", "s", "counts", "ways", "noise", "given", "until", "ended")
-            },
-            "tick": self.tick.as_integer_ratio(),
-            "held": [
-                {
-                    "ticks": one.ticks.tolist(),
-                    "direction": one.direction.tolist(),
-                    "given": None if one.given is None else asdict(one.given),
-                }
-                for one in self.held
-            ],
-            "moved": [None if one is None else asdict(one) for one in self.moved],
-            "tail": None if self.tail is None else self.tail.record(),
-            "ahead": self.ahead.record(),
-            "costs": [asdict(replace(one, windows=())) for one in self.costs],
-        }
-
-    @classmethod
-    def from_record(cls, record: Mapping[str, Any]) -> "_Reached":
-        held = (
-            HeldPulses(
-                np.array(one["ticks"], np.int64),
-                np.array(one["direction"], np.int8),
-                None if one["given"] is None else GivenPulse(**one["given"]),
-            )
-            for one in record["held"]
-        )
-        return cls(
-            tuple(held),
-            tuple(None if one is None else MovedPulses(**one) for one in record["moved"]),
-            tuple(record["bounds"]),
-            Fraction(*record["tick"]),
-            record["s"],
-            tuple(record["counts"]),
-            tuple(record["ways"]),
-            tuple(record["noise"]),
-            tuple(record["given"]),
-            record["until"],
-            tail=None if record["tail"] is None else PieceMotion.from_record(record["tail"]),
-            ended=record["ended"],
-            ahead=MotorsAhead.from_record(record["ahead"]),
-            costs=tuple(
-                Compensation(**{**one, "kinds": tuple(one["kinds"]), "windows": ()}) for one in record["costs"]
-            ),
-        )
-
 
 class PulseStream:
     """The pulses of a motion that comes in parts, by a firing rule, on a clock of whole ticks.
@@ -171,27 +120,6 @@ class PulseStream:
         made = PulseStream(self._machine, self._clock_hz, self._rule)
         made._reached, made._paces = self._reached, self._paces
         return made
-
-    def mark(self) -> dict[str, Any]:
-        """Where the stream stands, in plain numbers, as JSON has them: `resume` goes on to the same pulses."""
-        return {**self._identity(), "reached": self._reached.record()}
-
-    @classmethod
-    def resume(cls, machine: CountedMachine, clock_hz: int, rule: Rule, mark: Mapping[str, Any]) -> "PulseStream":
-        """A stream that stands where another was marked. Raises MotionError for the mark of other pulses."""
-        made = cls(machine, clock_hz, rule)
-        for name, value in made._identity().items():
-            if mark.get(name) != value:
-                raise MotionError(
-                    f"the pulses were begun with {name} {mark.get(name)}, not {value}: go on with the same"
-                )
-        made._reached = _Reached.from_record(mark["reached"])
-        return made
-
-    def _identity(self) -> dict[str, Any]:
-        home = np.asarray(self._machine.home_q, float).tolist()
-        axes = [[axis.name, axis.pulse, q] for axis, q in zip(self._machine.axes, home, strict=True)]
-        return {"clock_hz": self._clock_hz, "rule": describe_rule(self._rule), "axes": axes}
 
     def add(self, motion: AxesMotion, last: bool = False, progress: Progress = ignore_progress) -> PulseSchedule:
         """The pulses of the next part of the motion, as far as they are final, with those held back before.

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controllers.card import PCI_8132, PCI_8164, Refused, TAMove, at_rest, pulse_ticks, send
+from controllers.card import PCI_8132, PCI_8164, Refused, TAMove, at_rest, send
+from controllers.card.state import round_to_ticks
 from planner.pulses.schedule import COUNTER
 
 EXACT = 1e-6
@@ -63,15 +64,15 @@ def test_any_move_is_the_integral_of_its_speed(target, v0, v1, tacc, tdec):
     tolerance = 3 * (s[1] - s[0]) / min(v0, v1)
     assert abs(move.end[0] - t[-1]) <= tolerance
     halves = np.arange(abs(target)) + 0.5
-    assert np.abs(move.pulse_times(0) - np.interp(halves, s, t)).max() <= tolerance
+    assert np.abs(move.edges(0).t - np.interp(halves, s, t)).max() <= tolerance
 
 
 @given(target=st.integers(-3000, 3000), at=st.integers(-50, 50), v0=speeds, v1=speeds, tacc=times, tdec=times)
 def test_pulses_are_the_crossings_of_half_counts(target, at, v0, v1, tacc, tdec):
     """Every pulse fires where the command position is half way between two counts, to half a tick; all of them do."""
     state, move = started(target, v0, v1, tacc, tdec, at=at)
-    times_of = move.pulse_times(0)
-    ticks = pulse_ticks(PCI_8132, move, 0)
+    times_of = move.edges(0).t
+    ticks = round_to_ticks(PCI_8132, times_of)
     direction = np.sign(target - at)
     assert len(ticks) == abs(target - at)
     if len(ticks):
@@ -136,7 +137,7 @@ def test_speed_zero_runs_at_one_step_of_the_register():
 def test_nothing_to_move_emits_nothing():
     state, move = started(7, 500.0, 1000.0, 0.1, 0.1, at=7)
     assert move.end[0] == 0
-    assert not len(move.pulse_times(0))
+    assert not len(move.edges(0).t)
     assert state.pulses(1.0)[0] == 0
 
 

@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from controllers.card import (
-    PCI_8132,
     PCI_8164,
     ArcMove,
     Card,
@@ -181,26 +180,6 @@ def test_counters_beyond_28_bits():
         send(PCI_8164, at_rest([COUNTER[1]]), goal, 0.0)
     state = send(wrapping, at_rest([COUNTER[1]]), goal, 0.0)
     assert read_counters(wrapping, state, [1.0])[0, 0] == COUNTER[0] + 99
-
-
-def test_latch_and_compare():
-    record = play(PCI_8164, at_rest([0, 0, 0]), [(0.0, to(100, 100, 100)), (0.2, to(0, 0, 0))], 1.0)
-    np.testing.assert_array_equal(record.latch_counts(1, [0.0102, 0.1, 0.25]), [10, 100, 50])
-    with pytest.raises(Refused, match=r"PCI-8164, channel 3: it has no latch input; those of a card: 1, 2"):
-        record.latch_counts(2, [0.1])
-    # 10 is first reached upwards, 50 after it too, then 20 downwards, and 60 no more
-    ticks = record.comparator_ticks(0, [10, 50, 20, 60]) / PCI_8164.clock_hz
-    np.testing.assert_allclose(ticks, [0.0095, 0.0495, 0.2 + 0.0795], atol=1 / PCI_8164.clock_hz)
-    with pytest.raises(Refused, match="5000 counts to compare; the comparator holds 4096"):
-        record.comparator_ticks(0, np.arange(5000))
-    other = play(PCI_8132, at_rest([0]), [(0.0, to(100))], 1.0)
-    assert len(other.comparator_ticks(0, [10])) == 1
-    with pytest.raises(Refused, match="count 8388608 is outside -8388608 … 8388607 pulses of the comparator"):
-        other.comparator_ticks(0, [2**23])
-    with pytest.raises(Refused, match="the comparator holds 1"):
-        other.comparator_ticks(0, [1, 2])
-    with pytest.raises(Refused, match="those of a card: none"):
-        other.latch_counts(0, [0.1])
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controllers.card import OUTPUT_MODES, PCI_8164, Refused, TAMove, at_rest, play, wires
+from controllers.card import PCI_8164, Refused, TAMove, at_rest, play, wires
+from controllers.card.model import MODES
 from kinematics import MotionError
 
 CARD = replace(PCI_8164, speed_range=1e5)
@@ -37,7 +38,7 @@ def decoded(mode, found):
     return tuple(np.array(of, np.int64) for of in zip(*pulses, strict=True))
 
 
-@pytest.mark.parametrize("mode", OUTPUT_MODES.values())
+@pytest.mark.parametrize("mode", MODES)
 def test_a_drive_reads_the_pulses_that_were_fired(mode):
     train = fired()
     found = wires(replace(CARD, output_mode=mode), train, 40)

@@ -33,7 +33,7 @@ def test_pulses_of_a_change_through_zero(v0, v1, tacc):
     state = send(PCI_8132, at_rest([0]), TVMove([v0], [v1], tacc), 0.0)
     (move,) = state.moves
     until = 1.5 * tacc
-    found = move.pulse_times(0, until)
+    found = move.edges(0, until=until).t
     t = np.minimum(found, tacc)
     p = v0 * t + (v1 - v0) * t * t / (2 * tacc) + v1 * (found - t)
     np.testing.assert_allclose(p - np.floor(p), 0.5, atol=EXACT)
@@ -72,7 +72,7 @@ def test_an_s_curve_velocity_move_takes_the_way_of_the_straight_one_and_bends_it
     until = 1.5 * tacc
     fine = np.rint(state.position(np.linspace(0.0, until, 4001))[:, 0])
     assert abs(state.pulses(until)[0] - np.abs(np.diff(fine)).sum()) <= 2
-    assert state.pulses(until)[0] == len(move.pulse_times(0, until))
+    assert state.pulses(until)[0] == len(move.edges(0, until=until).t)
 
 
 def test_an_s_curve_velocity_move_takes_a_change_and_a_stop():

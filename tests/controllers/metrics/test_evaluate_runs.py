@@ -7,10 +7,9 @@ import pytest
 
 from controllers import Tracking, evaluate, find_law, load_rig
 from controllers.card import PCI_8164
-from controllers.metrics import FIGURES, evaluate_runs, iso_style
+from controllers.metrics import FIGURES, evaluate_runs
 from controllers.rig import Host, Sine, Task, assumed_rig
 from controllers.simulate import Runs, sample, simulate
-from kinematics import MotionError
 
 SETTLE = 0.25
 ENDS = 1e-12
@@ -124,8 +123,6 @@ def test_a_run_that_is_lost_leaves_the_others_alone(circle_trip, hexapod, law):
     assert figures["end_time"] == np.inf
     assert found[0].figures() == pytest.approx(found[2].figures(), rel=ENDS, nan_ok=True)
     assert np.isfinite(found[0].contour.max)
-    with pytest.raises(MotionError, match="run 2 has positions that are no pose"):
-        iso_style(replace(runs, actual=torn), task, [rig] * 3)
 
 
 def test_axes_that_lag_along_their_own_line_are_not_beside_it(rig):
@@ -142,29 +139,6 @@ def test_axes_that_lag_along_their_own_line_are_not_beside_it(rig):
     assert metrics.tracking.max == pytest.approx(np.sqrt(2) * 2.5 * np.pi / 2 * 0.03, rel=1e-3)
     assert metrics.contour.max < 1e-13
     np.testing.assert_allclose(np.abs(metrics.lag.value), metrics.tracking.value, atol=1e-9)
-
-
-def test_iso_style_of_sleeping_cycles(rig, sleeping):
-    """The scatter is that of the timing: beside the path it is far smaller than the common error, and at rest nil."""
-    found = iso_style(sleeping[0], rig.task("line"), sleeping[1], stations=11)
-    metrics = evaluate_runs(sleeping[0], rig.task("line"), sleeping[1])
-    assert len(found.path.offset) == 11
-    assert found.path.at_p <= max(of.contour.max for of in metrics)
-    assert 0 < found.path.rt_p < 0.1 * found.path.at_p
-    assert found.pose.repeatability < 1e-6
-    assert found.velocity is not None
-    # sleeping hosts take longer for the same way
-    slower = np.mean(sleeping[0].steps[40]) / 5 - 1
-    assert found.velocity.accuracy == pytest.approx(-100 * slower / (1 + slower), abs=3)
-    assert set(found.figures()) >= {"path_accuracy", "pose_repeatability", "velocity_fluctuation"}
-    for word in ("ISO-style", "stations", "arrivals", "fluctuation"):
-        assert word in str(found)
-
-
-def test_iso_style_needs_a_path_in_space(rig):
-    runs, rigs = cycles(rig, swing(rig), find_law("3"), [rig.host] * 2)
-    with pytest.raises(MotionError, match="no path in space"):
-        iso_style(runs, swing(rig), rigs)
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
-from controllers.metrics.iso_style import Stations, path_accuracy, pose_accuracy, velocity_accuracy
+from controllers.metrics.iso_style import Stations, path_accuracy, pose_accuracy
 from kinematics import MotionError
 
 X = np.array([1.0, 0, 0])
@@ -90,22 +90,8 @@ def test_pose_figures():
     assert found.figures()["pose_repeatability_ry"] == pytest.approx(3e-4 * np.sqrt(2 / 3))
 
 
-def test_velocity_figures():
-    """Means of 98, 100 and 105 % of 0.2 m/s; the largest swing within a cycle is 6 %."""
-    swing = np.sin(np.linspace(0, 2 * np.pi, 41))[:, None]
-    speeds = 0.2 * (np.array([0.98, 1.0, 1.05]) + swing * [0.01, 0.03, 0.02])
-    found = velocity_accuracy(speeds, 0.2)
-    assert found.accuracy == pytest.approx(1.0)
-    assert found.repeatability == pytest.approx(300 * np.sqrt((0.03**2 + 0.01**2 + 0.04**2) / 2))
-    assert found.fluctuation == pytest.approx(0.06 * 0.2)
-
-
 def test_one_cycle_has_no_scatter():
     with pytest.raises(MotionError, match="at least 2"):
         path_accuracy(cycles(SHIFTS[:1]), along_x())
     with pytest.raises(MotionError, match="at least 2"):
         pose_accuracy(SHIFTS[:1], np.zeros(3))
-    with pytest.raises(MotionError, match="at least 2"):
-        velocity_accuracy(np.ones((5, 1)), 1.0)
-    with pytest.raises(MotionError, match="above 0"):
-        velocity_accuracy(np.ones((5, 2)), 0.0)

@@ -20,8 +20,9 @@ from kinematics import (
     motion_of_axes,
     motion_of_poses,
 )
-from kinematics.machine.load import GRAVITY, combine_bodies
+from kinematics.machine.load import GRAVITY
 from kinematics.machine.pose import COMPONENTS
+from tests.kinematics.bodies import combine_bodies
 
 G = -GRAVITY[2]
 PLATFORM = Body(3.0, [0.01, -0.02, 0.03], [[0.03, 0.002, 0.001], [0.002, 0.04, -0.003], [0.001, -0.003, 0.05]])

@@ -1,4 +1,4 @@
-"""motion.bin: the same floats to the last bit, in a file that grows; cut or damaged it has no wrong piece."""
+"""motion.bin: the same floats to the last bit; a file that is cut or damaged is refused."""
 
 import json
 import os
@@ -49,31 +49,22 @@ def test_any_motion_comes_back_to_the_last_bit(tmp_path_factory, rows, size):
     assert len(list(motion_parts(path))) == -(-len(rows) // size)
 
 
-def grow(path, motion, marks):
-    """Sizes after each mark, and the motion that the file is then: up to the mark, and two pieces of a stop."""
-    states = []
-    with path.open("wb") as file:
-        writer = MotionWriter.begin(file)
-        for first, last in pairwise([0, *marks]):
-            writer.add(slice_of(motion, first, last))
-            writer.add(slice_of(motion, last, last + 2), stop=True)
-            writer.mark()
-            states.append((file.tell(), slice_of(motion, 0, last + 2)))
-        writer.add(slice_of(motion, marks[-1], len(motion.s)))
-        writer.mark(complete=True)
-        states.append((file.tell(), motion))
-    return states
-
-
 @pytest.fixture
-def grown(tmp_path):
+def parted(tmp_path):
+    """A file written in three steps, and its motion."""
     rng = np.random.default_rng(2)
     motion = motion_of([(*rng.normal(size=4), 1) for _ in range(12)])
-    return tmp_path / "motion.bin", motion, grow(tmp_path / "motion.bin", motion, [3, 7])
+    path = tmp_path / "motion.bin"
+    with path.open("wb") as file:
+        writer = MotionWriter(file)
+        for first, last in pairwise([0, 3, 7, 12]):
+            writer.add(slice_of(motion, first, last))
+        writer.finish()
+    return path, motion
 
 
-def test_cut_at_any_byte_it_is_what_the_last_mark_had_or_refused(grown, tmp_path):
-    path, motion, states = grown
+def test_cut_at_any_byte_it_is_refused(parted, tmp_path):
+    path, motion = parted
     assert bits(read_motion(path, ALONG)) == bits(motion)
     content, cut = path.read_bytes(), tmp_path / "cut"
     cut.write_bytes(content)
@@ -81,48 +72,26 @@ def test_cut_at_any_byte_it_is_what_the_last_mark_had_or_refused(grown, tmp_path
         os.truncate(cut, size)
         with pytest.raises(FileError):
             read_motion(cut, ALONG)
-        known = [state for end, state in states if end <= size]
-        if known:
-            assert bits(read_motion(cut, ALONG, partial=True)) == bits(known[-1])
-        else:
-            with pytest.raises(FileError):
-                read_motion(cut, ALONG, partial=True)
 
 
-def test_damaged_anywhere_it_is_refused_or_right(grown):
-    path, motion, states = grown
+def test_damaged_anywhere_it_is_refused(parted):
+    path, _ = parted
     content = path.read_bytes()
-    refused = 0
     for at in range(0, len(content), 3):
         path.write_bytes(content[:at] + bytes([content[at] ^ 16]) + content[at + 1 :])
-        for partial in (False, True):
-            try:
-                held = read_motion(path, ALONG, partial)
-            except FileError:
-                refused += 1
-            else:  # in what a later mark has replaced
-                assert bits(held) in ([bits(state) for _, state in states] if partial else [bits(motion)])
-    assert refused > len(content) // 6
+        with pytest.raises(FileError):
+            read_motion(path, ALONG)
 
 
-def test_a_file_that_was_cut_goes_on_to_the_same_bytes(grown):
-    path, motion, states = grown
-    content = path.read_bytes()
-    path.write_bytes(content[: states[0][0] + 50])
-    with path.open("r+b") as file:
-        writer = MotionWriter.resume(path, file)
+def test_pieces_that_leave_a_gap_in_time_are_not_written(parted, tmp_path):
+    _, motion = parted
+    with (tmp_path / "gap.bin").open("wb") as file:
+        writer = MotionWriter(file)
+        writer.add(slice_of(motion, 0, 3))
         with pytest.raises(MotionError, match=r"begin at 1\.33\d* s, and those before end at 1 s"):
             writer.add(slice_of(motion, 4, 7))
-        writer.add(slice_of(motion, 3, 7))
-        writer.add(slice_of(motion, 7, 9), stop=True)
-        with pytest.raises(MotionError, match="mark it before"):
-            writer.add(slice_of(motion, 9, 10))
-        writer.mark()
-        writer.add(slice_of(motion, 7, 12))
-        writer.mark(complete=True)
-    assert path.read_bytes() == content
-    with path.open("r+b") as file, pytest.raises(MotionError, match="is finished"):
-        MotionWriter.resume(path, file)
+        with pytest.raises(MotionError, match=r"the part begins at 2 s, and those before end at 1 s"):
+            writer.add(slice_of(motion, 3, 7), motion_file.PartHead(2.0, 0.0, 0, 1))
 
 
 def crafted(content, kind, change):
@@ -193,20 +162,19 @@ CRAFTED = {
 
 
 @pytest.mark.parametrize("make", CRAFTED.values(), ids=CRAFTED)
-@pytest.mark.parametrize("partial", [False, True], ids=["whole", "partial"])
-def test_a_crafted_file_is_refused_in_little_memory(tmp_path, make, partial):
+def test_a_crafted_file_is_refused_in_little_memory(tmp_path, make):
     """Whoever passes a file on may have written anything into it, with checksums that are right."""
     path, motion = tmp_path / "motion.bin", motion_of([(0.0, 0.0, 1.0, 0.0, 0), (1.0, 1.0, -1.0, 0.0, 0)])
     with path.open("wb") as file:
-        writer = MotionWriter.begin(file)
+        writer = MotionWriter(file)
         writer.add(motion, motion_file.PartHead(0.0, 0.0, 0, 1))
-        writer.mark(complete=True)
-    assert bits(read_motion(path, ALONG, partial)) == bits(motion)
+        writer.finish()
+    assert bits(read_motion(path, ALONG)) == bits(motion)
     path.write_bytes(make(path.read_bytes()))
     tracemalloc.start()
     try:
         with pytest.raises(FileError) as refused:
-            read_motion(path, ALONG, partial)
+            read_motion(path, ALONG)
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()

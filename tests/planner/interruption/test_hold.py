@@ -1,4 +1,4 @@
-"""A plan held, gone on with and run slower: limits kept, on the path, pulses that go on, and hardly a sooner stop."""
+"""A plan held and resumed: limits kept, on the path, pulses that continue, and hardly a sooner stop."""
 
 from dataclasses import replace
 
@@ -116,17 +116,6 @@ def test_what_is_held_can_be_resumed_to_the_end(circle):
         assert own.start == sent.final
 
 
-@pytest.mark.parametrize("share", [1.0, 0.37])
-def test_an_override_scales_rates_by_its_powers(circle, share):
-    slower = circle.override(share)
-    t = np.linspace(0.0, 1.5, 40)  # in the first segments, before any dwell
-    now, then = circle.trajectory.at(t), slower.trajectory.at(t / share)
-    assert slower.certificate.holds
-    assert then.q == pytest.approx(now.q, abs=1e-12)
-    assert then.qd == pytest.approx(share * now.qd, abs=1e-9)
-    assert slower.pulses.total == circle.pulses.total
-
-
 def test_stops_over_the_motion(circle, tmp_path):
     found = circle.stops(2)
     held = circle.hold(float(found.t[1]))
@@ -163,19 +152,6 @@ def test_a_slow_axis_is_among_the_stops():
     assert found.distance.max() > 0.97 * max(stop.distance for stop in every)
 
 
-def test_what_is_slowed_in_a_stop_at_a_corner_goes_on_to_the_end():
-    """The stop ends at the corner, where the plan rests too: what takes it back goes on behind it."""
-    made = plan(Program((Line(to=(0.03, 0, 0)), Line(to=(0.03, 0.03, 0)))), load_machine("corexy"), order=2)
-    corner = float(made.trajectory.knots[np.flatnonzero(made.trajectory.piece)[0]])
-    held = made.hold(corner - 0.05)
-    for share in (0.3, 1.0):
-        changed = made.override(share, held.duration / 2, held)
-        assert changed.certificate.holds
-        end = changed.since + float(changed.trajectory.at(changed.trajectory.duration).along[0])
-        assert end == pytest.approx(changed.until, abs=1e-12)
-        assert [axis.final for axis in changed.pulses.axes] == [axis.final for axis in made.pulses.axes]
-
-
 def test_a_way_too_short_to_be_a_motion_is_a_rest():
     made = plan(Program((Line(to=(0.03, 0, 0)),)), load_machine("corexy"), order=2)
     stop = made.hold(made.duration - 2e-7)
@@ -198,8 +174,6 @@ def test_what_cannot_be_is_refused(circle):
     for wrong, words in (
         (lambda: circle.hold(-1.0), "give an instant"),
         (lambda: circle.hold(end + 1e-3), "give an instant"),
-        (lambda: circle.override(1.2), "at most 1"),
-        (lambda: circle.override(0.0), "above 0"),
         (lambda: circle.resume(1e9), "give a place"),
         (lambda: circle.stops(0), "1 at least"),
     ):

@@ -52,17 +52,22 @@ def test_each_fires_once(marked, share):
         check_section(marked, section)
 
 
-def test_a_change_of_speed_and_a_stop_in_it(marked):
-    slower = marked.override(0.5, at=0.1)
-    held = marked.hold(0.15, during=slower)
-    rest = marked.resume(held, share=0.7)
-    check_section(marked, slower)
-    names = [e.name for e in marked.triggers if e.time < 0.1] + [e.name for e in slower.triggers if e.time < 0.15]
-    assert names + [e.name for section in (held, rest) for e in section.triggers] == ["a", "b", "c", "d"]
+def test_each_fires_once_with_a_stop_in_the_way_on(marked):
+    first = marked.hold(0.1)
+    on = marked.resume(first, share=0.5)
+    held = marked.hold(0.3, during=on)
+    last = marked.resume(held, share=0.7)
+    for section in (on, held, last):
+        check_section(marked, section)
+    names = [event.name for event in marked.triggers if event.time < first.at]
+    names += [event.name for event in first.triggers]
+    names += [event.name for event in on.triggers if event.time < held.at]
+    names += [event.name for section in (held, last) for event in section.triggers]
+    assert names == ["a", "b", "c", "d"]
 
 
 def test_all_of_a_slowed_plan_and_those_behind_a_place(marked):
-    slower = marked.override(0.5)
+    slower = marked.resume(0.0, 0.5)
     assert [event.name for event in slower.triggers] == ["a", "b", "c", "d"]
     check_section(marked, slower)
     third = next(event for event in marked.triggers if event.name == "c")

@@ -1,4 +1,4 @@
-"""Stops, slower and later motions behind input shapers, against copies that are summed here."""
+"""Stops and the way on after input shapers, against copies that are summed here."""
 
 import re
 from dataclasses import replace
@@ -101,13 +101,26 @@ def test_what_is_proved_of_a_stop_is_of_what_its_copies_do(shaped):
             assert held.shaped.worst["speed"] < 0.6 * shaped.certificate.worst["speed"]
 
 
-def test_what_is_slower_or_goes_on_is_proved_behind_shapers(shaped):
+def test_the_way_on_is_proved_behind_shapers(shaped):
     axes, home = shaped.machine.axes, shaped.machine.home_q
-    for made in (shaped.override(0.5), shaped.resume(shaped.hold(0.4 * shaped.trajectory.duration))):
+    held = shaped.hold(0.4 * shaped.trajectory.duration)
+    for made in (shaped.resume(0.0, 0.5), shaped.resume(held), shaped.resume(held, 0.5)):
         assert made.shaped.holds
         assert check(made.pulses, made.counted, axes, home).holds
         assert made.duration == pytest.approx(made.trajectory.duration + shaped.shaped.motion.copies.length)
-    assert shaped.override(1.0).duration == pytest.approx(shaped.shaped.motion.duration)
+    assert shaped.resume(0.0, 1.0).duration == pytest.approx(shaped.shaped.motion.duration)
+
+
+def test_the_way_on_can_be_held_behind_shapers(shaped):
+    """Copies of the way on are under way in its stop."""
+    axes, home = shaped.machine.axes, shaped.machine.home_q
+    on = shaped.resume(shaped.hold(0.3 * shaped.trajectory.duration), 0.6)
+    held = shaped.hold(0.4 * on.duration, on)
+    assert held.shaped.holds
+    assert check(held.pulses, held.counted, axes, home).holds
+    np.testing.assert_allclose(held.counted.at(0.0).q, on.counted.at(held.at).q, rtol=0, atol=1e-12)
+    last = shaped.resume(held)
+    assert [axis.final for axis in last.pulses.axes] == [axis.final for axis in shaped.pulses.axes]
 
 
 def test_the_table_of_stops_is_of_what_is_shaped(shaped):

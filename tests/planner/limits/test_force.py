@@ -7,14 +7,14 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Body, Leg, Load, MotionError, Traverser, forces, load_machine, machine_names
-from kinematics.kinds.hexapod import PLATE
-from kinematics.machine.load import GRAVITY, combine_bodies
+from kinematics.machine.load import GRAVITY
 from planner import Arc, Infeasible, Line, Program, Trajectory, check, classical, plan
 from planner.certificate.certify import certify
 from planner.certificate.enclosure import Cells, bound_series, enclose
 from planner.limits import find_unkept_limits, limits_of
 from planner.limits.force import Force, Holding, slowness
 from planner.path.actuation import actuate
+from tests.kinematics.bodies import PLATE, combine_bodies
 
 G = -GRAVITY[2]
 UP, DOWN = Program([Line([0, 0, 0.3])]), Program([Line([0, 0, -0.3])])

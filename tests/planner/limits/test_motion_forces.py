@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from kinematics import Body, forces
-from kinematics.kinds.hexapod import LEG, PLATE
-from kinematics.machine.load import combine_bodies
+from tests.kinematics.bodies import LEG, PLATE, combine_bodies
 
 PAYLOAD = Body(5.0, [0.02, 0, 0.05], np.diag([0.01, 0.02, 0.02]), "payload")
 

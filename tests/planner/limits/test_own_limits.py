@@ -49,7 +49,7 @@ def test_a_plan_keeps_it_and_its_certificate_proves_it(held, machine):
 
 def test_what_is_made_from_the_plan_keeps_it(held):
     middle = held.trajectory.duration / 4
-    for section in (held.hold(middle), held.resume(0.01), held.override(0.5)):
+    for section in (held.hold(middle), held.resume(0.01), held.resume(0.0, 0.5)):
         assert section.certificate.holds
         assert section.certificate.worst[NAME] <= 1
         assert np.abs(felt(section.trajectory)).max() <= CAP * (1 + 1e-3)

@@ -109,17 +109,6 @@ def test_what_there_is_at_any_instant_has_those_up_to_its_rest(parts):
             np.testing.assert_array_equal(event.counts, every.counts(event.time)[0])
 
 
-def test_planning_goes_on_from_any_part_to_the_same(parts, hexapod):
-    assert any(part.mark.waiting for part in parts)  # of which one is gone on with
-    for n, part in enumerate(parts[:-1]):
-        if part.mark.waiting or part.rest is not None:
-            again = next(plan_parts(program(), hexapod, pieces=3, after=part.mark))
-            for event, other in zip(again.triggers, parts[n + 1].triggers, strict=True):
-                assert (event.name, event.where) == (other.name, other.where)
-                np.testing.assert_array_equal(event.counts, other.counts)
-                np.testing.assert_array_equal(event.pose.as_matrix(), other.pose.as_matrix())
-
-
 def test_parts_are_in_the_order_of_time(parts):
     times = [event.time for part in parts for event in part.triggers]
     assert all(one <= other for one, other in pairwise(times))

@@ -64,18 +64,18 @@ def compare(folder, other):
         assert (folder / name).read_bytes() == (other / name).read_bytes(), name
 
 
-def at_checkpoint(monkeypatch, number, act):
-    """Act when so many parts are written."""
+def when_written(monkeypatch, number, act):
+    """Act when so many parts are written. Return a list with an entry for each part."""
     written = []
 
     def write(*given):
-        write_checkpoint(*given)
+        add(*given)
         written.append(None)
         if len(written) == number:
             act()
 
-    write_checkpoint = parts_directory.write_checkpoint
-    monkeypatch.setattr(parts_directory, "write_checkpoint", write)
+    add = parts_directory.PartsWriter.add
+    monkeypatch.setattr(parts_directory.PartsWriter, "add", write)
     return written
 
 
@@ -99,25 +99,12 @@ def test_processes_of_this_computer_make_the_same_bytes(call, file, alone, tmp_p
 @pytest.mark.parametrize("killed", [1, 2])
 def test_the_same_bytes_whoever_dies(call, file, alone, tmp_path, cluster, monkeypatch, killed):
     cluster.wait_for_workers(2, timeout=30)
-    written = at_checkpoint(monkeypatch, 1, partial(kill, cluster, killed))
+    written = when_written(monkeypatch, 1, partial(kill, cluster, killed))
     address = cluster.scheduler.address
     done = call("plan", file, *ASKED, "--stream", "--cluster", address, "--out", tmp_path / "out")
     assert done.exit_code == 0, done.stderr
     assert len(written) > 3
     assert "instead of the cluster" not in done.stderr
-    compare(tmp_path / "out", alone)
-
-
-def test_a_broken_off_run_goes_on_with_a_cluster(call, file, alone, tmp_path, cluster, monkeypatch):
-    def break_off():
-        raise KeyboardInterrupt
-
-    with monkeypatch.context() as patch:
-        at_checkpoint(patch, 2, break_off)
-        assert call("plan", file, *ASKED, "--stream", "--out", tmp_path / "out").exit_code == 130
-    address = cluster.scheduler.address
-    done = call("plan", file, *ASKED, "--stream", "--cluster", address, "--resume", "--out", tmp_path / "out")
-    assert done.exit_code == 0, done.stderr
     compare(tmp_path / "out", alone)
 
 
@@ -140,7 +127,7 @@ def test_without_workers_it_is_planned_here(call, file, alone, tmp_path, monkeyp
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0"
     ) as made:
-        at_checkpoint(monkeypatch, 1, lambda: made.scale(0))
+        when_written(monkeypatch, 1, lambda: made.scale(0))
         address = made.scheduler_address
         done = call("plan", file, *ASKED, "--stream", "--cluster", address, "--out", tmp_path / "out")
     assert done.exit_code == 0, done.stderr

@@ -1,6 +1,7 @@
 """`plan --stream`: a program planned part by part, its folder taken up by the other commands, ended or whole."""
 
 import csv
+import errno
 import json
 import re
 from dataclasses import replace
@@ -208,13 +209,13 @@ def rewrite(path, parts):
     """The parts of a motion, one after the other: each begins when the one before ends, as a writer asks for it."""
     begin = Fraction(0)
     with path.open("wb") as file:
-        writer = MotionWriter.begin(file)
+        writer = MotionWriter(file)
         for part in parts:
             s, v, a, j, piece = part.columns
             motion = SimpleNamespace(knots=part.knots, s=s, v=v, a=a, j=j, piece=piece)
             writer.add(motion, replace(part.head, begin=float(begin)))
             begin += Fraction(float(part.knots[-1]))
-        writer.mark(complete=True)
+        writer.finish()
     return float(begin)
 
 
@@ -244,6 +245,43 @@ def test_a_motion_whose_parts_are_not_the_program_is_no_plan(call, stopping, tmp
     checked = call("check", forged)
     assert checked.exit_code == 2
     assert told in checked.stderr
+
+
+@pytest.mark.parametrize(
+    ("error", "exit_code", "message"),
+    [
+        (KeyboardInterrupt(), 130, "interrupted: nothing was written to"),
+        (OSError(errno.ENOSPC, "No space left on device"), 2, "error: .*motion.bin: No space left on device"),
+    ],
+    ids=["Ctrl-C", "full disk"],
+)
+@pytest.mark.parametrize("earlier", [False, True], ids=["new", "replacing"])
+def test_a_plan_that_is_broken_off_leaves_nothing(
+    call, tmp_path, monkeypatch, planned, folder, error, exit_code, message, earlier
+):
+    """In the midst of its third part; a plan that stood there before stays."""
+    file, out = tmp_path / "spiral.nc", tmp_path / "out"
+    file.write_text(code())
+    if earlier:
+        copytree(folder / "plan", out)
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    added = []
+
+    def add(*given):
+        added.append(None)
+        if len(added) == 3:
+            raise error
+        return write(*given)
+
+    write = MotionWriter.add
+    monkeypatch.setattr(MotionWriter, "add", add)
+    monkeypatch.setattr(parts_job, "plan_parts", partial(plan_parts, pieces=PIECES))
+    done = call("plan", file, "--machine", "hexapod", "--stream", "--no-figures", "--force", "--out", out)
+    assert done.exit_code == exit_code
+    assert re.search(message, done.stderr)
+    assert len(added) == 3
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+    assert {path.name for path in tmp_path.iterdir()} == {file.name, *(["out"] if earlier else [])}
 
 
 @pytest.mark.parametrize("lines", [51, 54])

@@ -1,7 +1,6 @@
 """What comes to the place of a result while that is made is never replaced, by any command."""
 
 import shutil
-from contextlib import contextmanager
 
 import pytest
 
@@ -13,7 +12,7 @@ import pulsepath.parts_job
 import pulsepath.sections
 from kinematics import MotionError
 from kinematics.files.atomic_files import stage_directory
-from pulsepath.output.directory import CHECKPOINT, KIND, fill_directory, replace_directory
+from pulsepath.output.directory import KIND, replace_directory
 
 LINE = 'schema = 1\nlength = "mm"\n[[segment]]\nline = { to = [0, 0, 0.1] }\n'
 COMMANDS = {
@@ -61,27 +60,14 @@ def fill(folder, text):
     (folder / "plan.json").write_text(f'{{"kind": "{KIND}", "text": "{text}"}}')
 
 
-def fill_long(target, force):
-    """Fill a directory as a plan in parts does, with its checkpoint."""
-
-    @contextmanager
-    def filled():
-        with fill_directory(target, force, False, CHECKPOINT) as folder:
-            (folder / CHECKPOINT).write_text("{}")
-            yield folder
-
-    return filled()
-
-
-@pytest.mark.parametrize("write", [replace_directory, fill_long], ids=["whole", "in parts"])
 @pytest.mark.parametrize("come", ["file", "directory", "another plan", "into it", "changed"])
-def test_force_replaces_what_was_there_alone(tmp_path, write, come):
+def test_force_replaces_what_was_there_alone(tmp_path, come):
     out = tmp_path / "out"
     out.mkdir()
     fill(out, "old")
 
     def replace():
-        with write(out, force=True) as folder:
+        with replace_directory(out, force=True) as folder:
             fill(folder, "new")
             if come in ("into it", "changed"):
                 (out / ("thesis" if come == "into it" else "plan.json")).write_text("thesis")
@@ -103,13 +89,12 @@ def test_force_replaces_what_was_there_alone(tmp_path, write, come):
     assert {path.name for path in tmp_path.iterdir()} <= {"out", "out.kept", "moved"}
 
 
-@pytest.mark.parametrize("write", [replace_directory, fill_long], ids=["whole", "in parts"])
 @pytest.mark.parametrize("force", [False, True])
-def test_a_plan_that_another_run_finishes_meanwhile_stays(tmp_path, write, force):
+def test_a_plan_that_another_run_finishes_meanwhile_stays(tmp_path, force):
     out = tmp_path / "out"
 
     def run():
-        with write(out, force=force) as folder:
+        with replace_directory(out, force=force) as folder:
             fill(folder, "new")
             out.mkdir()
             fill(out, "another")
@@ -165,9 +150,8 @@ def test_plan_with_force_leaves_what_comes_while_it_runs(tmp_path, call, monkeyp
             ["b.npz"],
         ),
         (("hold", "plan", "--stops", "1", "--out", "a.csv"), ["a.csv"]),
-        (("override", "plan", "--speed", "50 %", "--format", "npz", "--out", "a.npz"), ["a.npz"]),
     ],
-    ids=["stop", "way on", "table", "override"],
+    ids=["stop", "way on", "table"],
 )
 def test_sections_replace_no_file_that_comes_while_they_are_made(
     tmp_path, call, directory, monkeypatch, arguments, names

@@ -123,14 +123,17 @@ def test_the_next_run_clears_what_is_left_of_another_target(tmp_path):
     assert names(tmp_path) == {"plan", "older"}
 
 
-@pytest.mark.parametrize(("made", "earlier"), [("pulses.bin", False), ("report.html", True)])
-def test_plan_killed_in_the_midst(tmp_path, directory, made, earlier):
+@pytest.mark.parametrize(
+    ("made", "earlier", "way"),
+    [("pulses.bin", False, "--whole"), ("report.html", True, "--whole"), ("motion.bin", True, "--stream")],
+)
+def test_plan_killed_in_the_midst(tmp_path, directory, made, earlier, way):
     program, out = tmp_path / "line.toml", tmp_path / "plans" / "out"
     program.write_text('schema = 1\nlength = "mm"\n[[segment]]\nline = { to = [0, 0, 0.1] }\n')
     out.parent.mkdir()
     if earlier:
         shutil.copytree(directory, out)
-    process = start("-m", "pulsepath", "plan", program, "--machine", "hexapod", "--out", out, "--force")
+    process = start("-m", "pulsepath", "plan", program, "--machine", "hexapod", way, "--out", out, "--force")
     kill_when(process, out.parent, f".out-*.staged/new/{made}", random.Random(made).uniform(0, 0.05))
     whole = out.exists()
     assert whole >= earlier

@@ -3,8 +3,6 @@
 import json
 import os
 import struct
-import subprocess
-import sys
 import tracemalloc
 from dataclasses import replace
 from itertools import pairwise
@@ -106,25 +104,14 @@ def decode(path):
     return axes
 
 
-def grow(path, schedule, marks, part=3):
-    """Write a schedule as a growing file: up to each mark a piece that stays, and one as a stop behind it.
-
-    The sizes of the file and what it is worth after each mark: the pulses before the stop's end.
-    """
-    states = []
+def write_parts(path, schedule, ends, part=3):
+    """Write a schedule part by part, each up to a tick."""
     with path.open("wb") as file:
-        writer = binary.PulseWriter.begin(file, schedule, part=part)
-        for since, until in pairwise([0, *marks]):
+        writer = binary.PulseWriter(file, schedule, part=part)
+        last = max([binary.find_end(schedule), *ends])
+        for since, until in pairwise([0, *ends, last]):
             writer.add(within(schedule, since, until), until)
-            writer.add(within(schedule, until, until + 400), until + 400, stop=True)
-            state = within(schedule, 0, until + 400)
-            writer.mark(state)
-            states.append((file.tell(), state))
-        end = max(writer.until, binary.find_end(schedule))
-        writer.add(within(schedule, writer.until, end), end)
-        writer.mark(schedule, complete=True)
-        states.append((file.tell(), schedule))
-    return states
+        writer.finish(schedule)
 
 
 def within(schedule, since, until):
@@ -136,145 +123,45 @@ def within(schedule, since, until):
 
 
 @pytest.fixture(scope="module")
-def grown(tmp_path_factory):
+def parted(tmp_path_factory):
+    """A file of several parts of several chunks, and its schedule."""
     rng = np.random.default_rng(1)
     axes = [list(zip(rng.integers(1, 300, 16), rng.choice([-1, 1], 16), strict=True)) for _ in range(2)]
-    path, schedule = tmp_path_factory.mktemp("grown") / "pulses.bin", schedule_of(axes)
-    return path, schedule, grow(path, schedule, [500, 1100, 2000])
-
-
-def test_a_growing_file_is_a_whole_motion_after_each_mark(grown, tmp_path):
-    path, schedule, states = grown
-    content = path.read_bytes()
+    path, schedule = tmp_path_factory.mktemp("parted") / "pulses.bin", schedule_of(axes)
+    write_parts(path, schedule, [500, 1100, 2000])
+    assert len(chunks_of(path.read_bytes())) > 8
     assert is_same(read_pulses(path), schedule)
-    assert states[-1][0] == len(content)
-    for size, state in states:
-        (tmp_path / "cut").write_bytes(content[:size])
-        assert is_same(read_pulses(tmp_path / "cut", partial=True), state)
+    return path, schedule
 
 
-def test_cut_at_any_byte_it_is_what_the_last_mark_had_or_refused(grown, tmp_path):
-    path, _, states = grown
-    content, cut = path.read_bytes(), tmp_path / "cut"
+@settings(max_examples=40, derandomize=True, deadline=None)
+@given(AXES, st.lists(st.integers(0, 20_000), max_size=4).map(sorted), st.integers(1, 9))
+def test_any_schedule_comes_back_however_its_parts_are_added(tmp_path_factory, axes, ends, part):
+    schedule, path = schedule_of(axes), tmp_path_factory.mktemp("parts") / "pulses.bin"
+    write_parts(path, schedule, ends, part)
+    assert is_same(read_pulses(path), schedule)
+    assert decode(path) == [(axis.ticks.tolist(), axis.direction.tolist()) for axis in schedule.axes]
+
+
+def test_cut_at_any_byte_it_is_refused(parted, tmp_path):
+    content, cut = parted[0].read_bytes(), tmp_path / "cut"
     cut.write_bytes(content)
     for size in reversed(range(len(content))):
         os.truncate(cut, size)
         with pytest.raises(FileError, match="write it again"):
             read_pulses(cut)
-        known = [state for end, state in states if end <= size]
-        if known:
-            assert is_same(read_pulses(cut, partial=True), known[-1])
-        else:
-            with pytest.raises(FileError):
-                read_pulses(cut, partial=True)
 
 
-@settings(max_examples=40, derandomize=True, deadline=None)
-@given(AXES, st.lists(st.integers(0, 20_000), max_size=4).map(sorted), st.floats(0, 1), st.integers(1, 9))
-def test_any_schedule_that_grows_by_any_steps_is_whole_at_each_mark(tmp_path_factory, axes, marks, share, part):
-    schedule, path = schedule_of(axes), tmp_path_factory.mktemp("grow") / "pulses.bin"
-    states = grow(path, schedule, marks, part)
-    assert is_same(read_pulses(path), schedule)
-    size = round(share * states[-1][0])
-    os.truncate(path, size)
-    known = [state for end, state in states if end <= size]
-    if known:
-        assert is_same(read_pulses(path, partial=True), known[-1])
-    else:
-        with pytest.raises(FileError):
-            read_pulses(path, partial=True)
-
-
-def test_with_any_byte_changed_it_has_no_wrong_pulse(grown, tmp_path):
-    """Every byte of the file: refused with the place, or, in what a later mark has replaced, of no account."""
-    path, schedule, states = grown
-    content, damaged = path.read_bytes(), tmp_path / "damaged"
-    void = [(begin + 24, end) for kind, _, begin, end in chunks_of(content) if kind == "puls"]
-    marks = [(begin + 24, end) for kind, _, begin, end in chunks_of(content) if kind == "MARK"][:-1]
+def test_with_any_byte_changed_it_is_refused(parted, tmp_path):
+    content, damaged = parted[0].read_bytes(), tmp_path / "damaged"
     damaged.write_bytes(content)
     for at, byte in enumerate(content):
         with damaged.open("r+b", buffering=0) as file:
             for place, value in ((at - 1, content[at - 1]), (at, byte ^ 1 << at % 8)):  # the one before is right again
                 file.seek(max(place, 0))
                 file.write(bytes([value]))
-        if any(begin <= at < end for begin, end in (*void, *marks)):
-            assert is_same(read_pulses(damaged), schedule)
-            continue
         with pytest.raises(FileError):
             read_pulses(damaged)
-        try:
-            held = read_pulses(damaged, partial=True)
-        except FileError:
-            continue
-        assert any(is_same(held, state) for _, state in states)
-
-
-def test_a_file_that_was_cut_goes_on_to_the_same_bytes(grown, tmp_path):
-    path, schedule, states = grown
-    content, cut = path.read_bytes(), tmp_path / "cut"
-    cut.write_bytes(content[: states[1][0] + 37])
-    held = open_pulses(cut, partial=True)
-    assert (held.complete, held.until) == (False, 1100)
-    with cut.open("r+b") as file:
-        writer = binary.PulseWriter.resume(file, held, part=3)
-        for since, until in pairwise([writer.until, 2000]):
-            writer.add(within(schedule, since, until), until)
-            writer.add(within(schedule, until, until + 400), until + 400, stop=True)
-            writer.mark(within(schedule, 0, until + 400))
-        end = binary.find_end(schedule)
-        writer.add(within(schedule, 2000, end), end)
-        writer.mark(schedule, complete=True)
-    assert cut.read_bytes() == content
-    with path.open("rb") as file, pytest.raises(MotionError, match="is finished"):
-        binary.PulseWriter.resume(file, open_pulses(path))
-
-
-GROWING = """
-import sys
-import numpy as np
-from pathlib import Path
-from planner import PulseSchedule, open_pulses
-from planner.export.formats import binary
-from planner.pulses import AxisPulses
-
-def part(first, last):
-    ticks = np.arange(first, last) * 250 + np.arange(first, last) % 7
-    axis = AxisPulses("x", ticks, np.ones(last - first, np.int8), 0, 1e-6, 0.0)
-    return PulseSchedule(10_000_000, (axis,), last * 25e-6)
-
-path, most = Path(sys.argv[1]), int(sys.argv[2])
-there = path.exists()
-with path.open("r+b" if there else "wb") as file:
-    held = open_pulses(path, partial=True) if there else None
-    writer = binary.PulseWriter.resume(file, held) if held else binary.PulseWriter.begin(file, part(0, 0))
-    for first in range(writer.until // 250, most, 500):
-        writer.add(part(first, first + 500), (first + 500) * 250)
-        writer.add(part(first + 500, first + 520), (first + 520) * 250, stop=True)
-        writer.mark(part(first + 500, first + 520))
-        print(first, flush=True)
-    writer.mark(part(most, most), complete=True)
-"""
-
-
-def test_a_process_that_is_killed_leaves_a_motion_to_rest_that_another_goes_on_with(tmp_path):
-    """Within a second mark or a hundredth; then the file is what one that was not killed writes."""
-    whole, path = tmp_path / "whole.bin", tmp_path / "pulses.bin"
-    most = 20_000
-    subprocess.run([sys.executable, "-c", GROWING, whole, str(most)], check=True, capture_output=True)
-    with subprocess.Popen([sys.executable, "-c", GROWING, path, "1000000000"], stdout=subprocess.PIPE) as process:
-        for _ in range(12):
-            process.stdout.readline()
-        process.kill()
-    with pytest.raises(FileError, match="can be read as partial"):
-        read_pulses(path)
-    held = read_pulses(path, partial=True)
-    known = np.arange(held.total)
-    assert held.total >= 12 * 500 + 20
-    assert held.total % 500 == 20
-    assert np.array_equal(held.axes[0].ticks, known * 250 + known % 7)
-    os.truncate(path, min(path.stat().st_size, whole.stat().st_size // 2))
-    subprocess.run([sys.executable, "-c", GROWING, path, str(most)], check=True, capture_output=True)
-    assert path.read_bytes() == whole.read_bytes()
 
 
 def changed(content, number, change):
@@ -307,6 +194,10 @@ def changed(content, number, change):
         ),
         (lambda c: changed(c, -1, lambda h: h.replace(b'"pulses":[4', b'"pulses":[5')), "holds .* pulses"),
         (lambda c: c + b"\0", "cut at byte"),
+        (lambda c: c[: chunks_of(c)[-1][2]], r"is not finished: it ends at byte \d+ without a MARK"),
+        (lambda c: said(c, -1, complete=False), "its MARK does not say that it is complete"),
+        (lambda c: renamed(c, 2, b"puls"), "has chunk 2 of kind 'puls', and this pulsepath reads PULS"),
+        (lambda c: renamed(c, 1, b"MARK"), "has chunk 1 of kind 'MARK'"),
         (lambda _: b"Time[s], X STEP", "is not a binary file of pulsepath: it begins with b'Time"),
         (lambda _: b"", "is cut at byte 0"),
     ],
@@ -317,6 +208,13 @@ def test_what_it_cannot_read_is_refused_with_the_place_and_a_remedy(tmp_path, ch
     path.write_bytes(change(path.read_bytes()))
     with pytest.raises(FileError, match=told):
         read_pulses(path)
+
+
+def renamed(content, number, kind):
+    """A file whose chunk of a number is of another kind, with a checksum that is right."""
+    begin = chunks_of(content)[number][2]
+    header = kind + content[begin + 4 : begin + 20]
+    return content[:begin] + header + struct.pack("<I", crc32(header)) + content[begin + 24 :]
 
 
 def said(content, number, **change):
@@ -410,8 +308,7 @@ CRAFTED = {
 
 
 @pytest.mark.parametrize("make", CRAFTED.values(), ids=CRAFTED)
-@pytest.mark.parametrize("partial", [False, True], ids=["whole", "partial"])
-def test_a_crafted_file_is_refused_in_little_memory(tmp_path, make, partial):
+def test_a_crafted_file_is_refused_in_little_memory(tmp_path, make):
     """Whoever passes a file on may have written anything into it, with checksums that are right."""
     path = tmp_path / "pulses.bin"
     binary.write(schedule_of([[(5, 1), (7, -1), (6, 1), (9, 1)]]), path)
@@ -419,7 +316,7 @@ def test_a_crafted_file_is_refused_in_little_memory(tmp_path, make, partial):
     tracemalloc.start()
     try:
         with pytest.raises(FileError) as refused:
-            read_pulses(path, partial=partial)
+            read_pulses(path)
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
@@ -456,9 +353,9 @@ def test_pulses_that_are_no_schedules_are_not_written(tmp_path, axes, until, tol
     made = tuple(AxisPulses("x", np.array(t, np.int64), np.array(d, np.int8), 0, 1.0, 0.0) for t, d in axes)
     schedule = PulseSchedule(10, made, 10.0)
     with (tmp_path / "p").open("wb") as file, pytest.raises(MotionError, match=told):
-        binary.PulseWriter.begin(file, schedule).add(schedule, until)
+        binary.PulseWriter(file, schedule).add(schedule, until)
     with (tmp_path / "p").open("wb") as file, pytest.raises(MotionError, match="parts of 0 pulses"):
-        binary.PulseWriter.begin(file, schedule, part=0)
+        binary.PulseWriter(file, schedule, part=0)
 
 
 @pytest.fixture(scope="module")
@@ -521,11 +418,11 @@ def test_writing_and_reading_parts_takes_no_memory_for_the_pulses_before(tmp_pat
         stated = PulseSchedule(10_000_000, (none,), parts * part * 1e-5)
         tracemalloc.start()
         with path.open("wb") as file:
-            writer = binary.PulseWriter.begin(file, stated)
+            writer = binary.PulseWriter(file, stated)
             for k in range(parts):
                 made = replace(none, ticks=100 * np.arange(k * part, (k + 1) * part), direction=np.ones(part, np.int8))
                 writer.add(replace(stated, axes=(made,)), 100 * (k + 1) * part)
-            writer.mark(stated, complete=True)
+            writer.finish(stated)
         assert sum(each.total for each in open_pulses(path).parts()) == parts * part
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
