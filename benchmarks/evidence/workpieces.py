@@ -16,7 +16,6 @@ import numpy as np
 # mm/min
 FEED = 600.0
 HEAD = "G21 G90 G17 G64 P0.02"
-EXACT_STOPS = "G21 G90 G17 G61.1"
 
 
 def spiral(lines: int) -> Iterator[str]:
@@ -60,9 +59,7 @@ LETTERS = {
     "P": "0,0 0,6 2.5,6 3.6,5.4 4,4.5 3.6,3.6 2.5,3 0,3",
     "U": "0,6 0,2 0.4,0.8 1.3,0.1 2,0 2.7,0.1 3.6,0.8 4,2 4,6",
     "L": "0,6 0,0 3.6,0",
-    "S": (
-        "3.8,5 3.2,5.7 2,6 0.8,5.6 0.3,4.6 0.8,3.6 2,3.1 3.3,2.5 3.8,1.5 3.2,0.4 2,0 0.8,0.3 0.2,1"
-    ),
+    "S": ("3.8,5 3.2,5.7 2,6 0.8,5.6 0.3,4.6 0.8,3.6 2,3.1 3.3,2.5 3.8,1.5 3.2,0.4 2,0 0.8,0.3 0.2,1"),
     "E": "3.8,0 0,0 0,6 3.8,6 / 0,3 3,3",
 }
 """Letters 4 wide and 6 high: points "x,y" of their strokes, with a slash between two strokes."""
@@ -118,33 +115,12 @@ def slots(lines: int) -> Iterator[str]:
     yield from islice(cycle(SLOTS.splitlines()), lines)
 
 
-def raster(lines: int) -> Iterator[str]:
-    """Generate rows of three lines of 2 mm with half circles between the rows, and stop at each end."""
-    yield EXACT_STOPS
-    yield f"G1 X-3 Y-8 Z25 F{FEED:.0f}"
-    yield from islice(join_rows(), lines)
-
-
-def join_rows() -> Iterator[str]:
-    """Generate the blocks of a raster of 16 rows, up and down without end."""
-    y = -8
-    for row in count():
-        along = -1 if row % 2 else 1
-        rise = 1 if row // 16 % 2 == 0 else -1
-        for x in (-1, 1, 3):
-            yield f"G1 X{along * x}"
-        y += rise
-        turn = "G3" if along == rise else "G2"
-        yield f"{turn} Y{y} I0 J{rise / 2}"
-
-
 SHAPES: dict[str, Callable[[int], Iterator[str]]] = {
     "spiral": spiral,
     "surface": surface,
     "engraving": engraving,
     "marking": partial(engraving, wait="G4 P0.05"),
     "slots": slots,
-    "raster": raster,
 }
 """Generators of about as many lines as they are given."""
 

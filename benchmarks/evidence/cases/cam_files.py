@@ -43,7 +43,7 @@ FIRST_LINES = 5
 BASELINES = {2: "trapezoid", 3: "s-curve"}
 # Largest share of the motion that planning may take, and seconds on top of it.
 LATE_SHARE, LATE_SECONDS = 0.25, 5.0
-# Lines of a file above which its lower bound is left out: the bound would take longer than the plan.
+# Lines of a file above which it has no lower bound: the bound would take longer than the plan.
 MAX_BOUNDED = 2000
 COLUMNS = (
     "file",
@@ -92,12 +92,9 @@ class CamRun:
 
     def row(self, file: Path) -> Row:
         """Return the row of the table."""
-        lines = count_lines(file)
-        if self.refusal:
-            return [file.name, lines, *[None] * (len(COLUMNS) - 3), self.refusal]
         return [
             file.name,
-            lines,
+            count_lines(file),
             self.motion,
             self.baseline,
             None if self.gap is None else 100 * self.gap,
@@ -197,7 +194,7 @@ def try_file(file: Path, work: Callable[[Path], CamRun]) -> CamRun:
 
 
 def measure(
-    shape: Literal["", "spiral", "surface", "engraving", "marking", "slots", "raster"] = "",
+    shape: Literal["", "spiral", "surface", "engraving", "marking", "slots"] = "",
     lines: int = 1177,
     folder: Path | None = None,
     order: Literal[2, 3] = 3,
@@ -230,8 +227,7 @@ def measure(
             files = [write_shape(shape, lines, scratch / f"{shape}.nc")]
         else:
             files = write_cam_files(scratch)
-        yield Table(
-            "", COLUMNS, rows(), f"order {order}, fit {fit}, {'in parts' if parts else 'whole'}"
-        )
+        yield Table("", COLUMNS, rows(), f"order {order}, fit {fit}, {'in parts' if parts else 'whole'}")
     counts = Counter(mark for run in runs for mark in run.marks)
-    yield f"{len(runs)} files; {', '.join(f'{count} {mark}' for mark, count in counts.items()) or 'no marks'}"
+    faults = ", ".join(f"{count} {mark}" for mark, count in counts.items())
+    yield f"{len(runs)} files; {faults or 'no marks'}"

@@ -40,13 +40,13 @@ def simulate_batch(gains: Sequence[float]) -> Runs:
 
 
 def find_lag(gains: Sequence[float]) -> Array:
-    """Return the RMS lag (runs, axes) of each axis behind the card's counter, in pulses."""
+    """Return the RMS lag (runs, axes) of each axis against the card's counter, in pulses."""
     runs = simulate_batch(gains)
     return np.asarray(np.sqrt(np.mean((runs.command - runs.actual) ** 2, 0)))
 
 
 def simulate_runs(gains: Sequence[float], workers: int, size: int = BATCH_SIZE) -> Array:
-    """Return the lags of all gains, simulated by so many worker processes, or here for 0."""
+    """Return the lags of all gains, simulated by worker processes, or here for 0 workers."""
     batches = cut_batches(gains, size)
     if not workers:
         return np.concatenate([find_lag(batch) for batch in batches])
@@ -65,10 +65,7 @@ def measure(runs: int = 1000, workers: int = 2, size: int = BATCH_SIZE) -> Itera
     """Yield the times of both."""
     gains = np.linspace(0.0, 1.0, runs).tolist()
     simulated = measure_here(simulate_runs, gains, workers, size)
-    evaluated = [
-        measure_here(evaluate_batch, batch, simulate_batch(batch))
-        for batch in cut_batches(gains, size)
-    ]
+    evaluated = [measure_here(evaluate_batch, batch, simulate_batch(batch)) for batch in cut_batches(gains, size)]
     wall = sum(batch.wall for batch in evaluated)
     processor = sum(batch.processor for batch in evaluated)
     rows: list[Row] = [

@@ -150,9 +150,7 @@ def run_command(
 
     kernels: folder of compiled kernels; None: the usual one
     """
-    environment = (
-        ENVIRONMENT if kernels is None else ENVIRONMENT | {"NUMBA_CACHE_DIR": str(kernels)}
-    )
+    environment = ENVIRONMENT if kernels is None else ENVIRONMENT | {"NUMBA_CACHE_DIR": str(kernels)}
     words = [sys.executable, "-m", "pulsepath", *command.split()]
     with TemporaryDirectory() as name:
         folder = Path(name)
@@ -161,9 +159,7 @@ def run_command(
             (folder / file).write_text(text, encoding="utf-8")
 
         def run() -> subprocess.CompletedProcess[str]:
-            return subprocess.run(
-                words, capture_output=True, text=True, env=environment, cwd=folder
-            )
+            return subprocess.run(words, capture_output=True, text=True, env=environment, cwd=folder)
 
         measured = measure_here(run)
     output = measured.result.stdout + measured.result.stderr

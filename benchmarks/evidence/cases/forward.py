@@ -161,7 +161,7 @@ def time_rows(machine: Hexapod, poses: Pose) -> Iterator[Row]:
 
 
 def measure(poses: int = 100_000) -> Iterator[Table]:
-    """Yield what became of so many poses of both trials, and the times."""
+    """Yield the counts of both trials with `poses` poses each, and the times."""
     machine = load_machine("hexapod")
     assert isinstance(machine, Hexapod)
     inside = sample_within_limits(machine, poses)

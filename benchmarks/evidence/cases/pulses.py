@@ -90,9 +90,7 @@ def time_export(name: str, source: ExportSource, path: Path) -> StageRun:
     )
     if not np.isfinite(exported.error):
         raise MotionError(f"format {name}: the file does not hold the schedule")
-    return StageRun(
-        source.pulses.total, min(seconds), path.stat().st_size, "; ".join(exported.notes)
-    )
+    return StageRun(source.pulses.total, min(seconds), path.stat().st_size, "; ".join(exported.notes))
 
 
 def make_parts(machine: Machine, once: Trajectory, times: int) -> Iterator[PulseSchedule]:

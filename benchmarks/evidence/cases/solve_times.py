@@ -9,7 +9,7 @@ points 1.2040 s without. Wanted are at most 1.2046 s within 0.4 s at order 2, an
 from collections.abc import Callable, Iterator
 from functools import partial
 from statistics import median
-from time import perf_counter, process_time
+from time import perf_counter
 
 import numpy as np
 
@@ -26,14 +26,13 @@ from planner.timing.certified_solve import certified_solve
 from planner.timing.discretization import jerk_problem
 from planner.timing.problem import Run, make_grid, pose_problem
 from planner.timing.profile import RunSolution
-from planner.timing.solvers.interior_point import minimise
 from planner.timing.solvers.second_order import second_order
-from planner.timing.solvers.stage_problem import pose_stages
 from planner.timing.solvers.third_order import third_order
 from planner.trajectory import Trajectory
 
 REPEATS = 7
-STAGE_COUNTS = (240, 1000, 2000)
+# Intervals on which our order-3 solver is timed; the other ones solve the first of these problems.
+JERK_INTERVALS = (240, 1000, 2000)
 JERK_SOLVERS: tuple[Solver, ...] = ("fatrop", "ipopt")
 
 
@@ -44,9 +43,7 @@ def solve_program(program: Program, machine: Machine, order: int) -> Trajectory:
     return certified_solve(path, limits_of(path, machine.axes, order), order).trajectory
 
 
-def time_solver(
-    name: str, intervals: int | None, work: Callable[[], Trajectory | RunSolution]
-) -> Row:
+def time_solver(name: str, intervals: int | None, work: Callable[[], Trajectory | RunSolution]) -> Row:
     """Return the row of a solver: its first call, and the median of the later ones."""
     result, times = time_calls(work, REPEATS, perf_counter)
     return [name, intervals, result.duration, times[0], median(times[1:])]
@@ -64,43 +61,19 @@ def solver_rows() -> Iterator[Row]:
         problem = pose_problem(path, limits, *make_grid(path, Run(0, 0), points))
         for solver in ("passes", "toppra"):
             yield time_solver(solver, points, partial(second_order, problem, solver=solver))
-    jerk, start = require(jerk_problem(path, limits_of(path, machine.axes, 3), Run(0, 0)))
-    guess = start.on(jerk.s)
-    yield time_solver("riccati", jerk.intervals, partial(third_order, jerk, guess))
-    for name in JERK_SOLVERS:
-        yield time_solver(name, jerk.intervals, partial(solve_by_casadi, jerk, guess, name))
-
-
-def stage_rows() -> Iterator[Row]:
-    """Yield the processor time of the order-3 solver on finer and finer grids."""
-    machine = load_machine("hexapod")
-    path = actuate(load_program("bare-circle"), machine)
     limits = limits_of(path, machine.axes, 3)
     jerk, start = require(jerk_problem(path, limits, Run(0, 0)))
-    for intervals in STAGE_COUNTS:
+    for name in JERK_SOLVERS:
+        work = partial(solve_by_casadi, jerk, start.on(jerk.s), name)
+        yield time_solver(name, jerk.intervals, work)
+    for intervals in JERK_INTERVALS:
         places = np.linspace(0, jerk.intervals, intervals + 1)
         s = np.interp(places, np.arange(jerk.intervals + 1), jerk.s)
         problem = pose_problem(path, limits, s, np.zeros(intervals, int))
-        stages, rows, states, controls, unit = pose_stages(problem, start.on(s))
-        answer, times = time_calls(
-            partial(minimise, stages, rows, states, controls),
-            REPEATS,
-            process_time,
-        )
-        duration = answer.controls[:, 1].sum() * unit[3]
-        each = 1e6 * min(times) / intervals / answer.iterations
-        yield [intervals, answer.iterations, answer.status, duration, each]
+        yield time_solver("riccati", intervals, partial(third_order, problem, start.on(s)))
 
 
 def measure() -> Iterator[Table]:
-    """Yield the times of whole solves, and of the order-3 solver for each interval."""
+    """Yield the times of whole solves and of the solvers alone."""
     columns = ("solver", "intervals", "duration (s)", "first call (s)", "later calls (s)")
-    yield Table("The bare circle", columns, solver_rows())
-    columns = (
-        "intervals",
-        "iterations",
-        "status",
-        "duration (s)",
-        "an interval and iteration (µs)",
-    )
-    yield Table("Order 3 alone, processor time", columns, stage_rows())
+    yield Table("", columns, solver_rows())
