@@ -1,26 +1,39 @@
-"""Processor time of commands that do not plan, in new processes: `python -m benchmarks.evidence.speed.commands`.
+"""Processor and wall time of whole commands, each in a new process and an empty folder.
 
-Lists, help and refusals are to take 0.4 s at most, with bytecode and kernels on disk. Each command is run in an empty
-folder; the fastest of so many rounds counts (3, or as told: `python -m benchmarks.evidence.speed.commands 5`).
+Lists, help and refusals may take 0.4 s of processor time, with bytecode and kernels on disk. Others
+compute, or are refused by what computes. Cold plans may take 3 s and 8 s of wall time on two idle
+cores. The fastest of `--rounds` counts. The last row is the first plan after installing, which
+compiles all kernels.
 """
 
-import resource
+import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from benchmarks.evidence.speed.cold_plan import ENVIRONMENT
+from benchmarks.evidence.measuring import Measured, measure_here
+from benchmarks.evidence.table import Row, Table
+from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import find
 
+# s of processor time of a command that computes nothing
+ALLOWED = 0.4
+# Commands that plan, and s of wall time that each may take.
+PLANS = {
+    "plan bare-circle --machine hexapod --no-figures --out out": 3.0,
+    "plan circle --machine hexapod --out out": 8.0,
+}
+# An installed package has its bytecode on disk, even if this process must write none.
+ENVIRONMENT = {name: text for name, text in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
 
-def _change(package: str, name: str, old: str, new: str) -> str:
-    """The text of a bundled file with a fault in it."""
+
+def damage(package: str, name: str, old: str, new: str) -> str:
+    """Return the text of a bundled file with a fault in it."""
     return find(package, "file", name).read_text(encoding="utf-8").replace(old, new)
 
 
-ALLOWED = 0.4
-"""s of processor time of a command that computes nothing."""
 FILES = {
     "part.nc": "G21 G90\nG1 X10 F600\nG1 Y10\nM30\n",
     "key.toml": 'schema = 1\nmachine = "hexapod"\n[[segment]]\nlin = { to = [1, 2, 3] }\n',
@@ -30,16 +43,16 @@ FILES = {
     "segment.toml": 'schema = 1\nmachine = "hexapod"\n[[segment]]\nline = { to = ["0 mm", "0 mm", "0 mm"] }\n'
     '[[segment]]\nspline = { through = [["1 mm", "0 mm", "9 mm"], ["1 mm", "0 mm", "9 mm"]] }\n',
     "machine.toml": 'schema = 1\nkind = "hexapodd"\n',
-    "machine-key.toml": _change("kinematics", "hexapod", "base_radius", "base_radios"),
-    "machine-unit.toml": _change("kinematics", "hexapod", '"149 mm"', "149"),
-    "machine-range.toml": _change("kinematics", "hexapod", '"149 mm"', '"-149 mm"'),
-    "machine-arm.toml": _change("kinematics", "arm", "joints =", "joint ="),
-    "rig.toml": _change("controllers", "servo-rig", '"30 1/s"', '"30 s"'),
+    "machine-key.toml": damage("kinematics", "hexapod", "base_radius", "base_radios"),
+    "machine-unit.toml": damage("kinematics", "hexapod", '"149 mm"', "149"),
+    "machine-range.toml": damage("kinematics", "hexapod", '"149 mm"', '"-149 mm"'),
+    "machine-arm.toml": damage("kinematics", "arm", "joints =", "joint ="),
+    "rig.toml": damage("controllers", "servo-rig", '"30 1/s"', '"30 s"'),
     "measured.toml": "schema = 1\n",
     "bad.nc": "G21 G90\nG1 X10 F600 QQ\n",
     "full/notes.txt": "mine\n",
 }
-"""What the commands read."""
+"""Files that the commands read."""
 COMMANDS = {
     "--help": "Usage",
     "--version": "pulsepath",
@@ -71,7 +84,6 @@ COMMANDS = {
     "plan circle --effort 2 --out out": "--effort is of",
     "plan circle --fit 3 --out out": "--fit",
     "plan circle --duration 3 --out out": "--duration",
-    "plan circle --resume --whole --out out": "is for --stream",
     "plan circle --out part.nc": "not a directory",
     "plan circle --out full": "not empty",
     "plan bad.nc --machine hexapod --out out": "bad.nc",
@@ -116,7 +128,7 @@ COMMANDS = {
     "pose hexapod 5,5,35": "leg1",
     "check circle --machine hexapod": "travel",
 }
-"""And what they say, whether it is a result or a refusal."""
+"""Commands, and a word of their output: of the result, or of the refusal."""
 COMPUTING = {
     "init mine",
     "import part.nc --out part.toml",
@@ -126,38 +138,62 @@ COMPUTING = {
     "check circle --machine hexapod",
     "plan circle --rule sampled:period=50 --out out",
 }
-"""What computes something, makes a machine, or is refused by what computes: a firing rule. It is told, and held against
-nothing."""
+"""Commands that compute, or that are refused by what computes."""
 
 
-def measure(command: str, said: str) -> float:
-    """s of processor time of a command and all its processes. Raises RuntimeError where it says something else."""
-    with TemporaryDirectory() as folder:
-        for name, text in FILES.items():
-            (Path(folder) / name).parent.mkdir(exist_ok=True)
-            (Path(folder) / name).write_text(text, encoding="utf-8")
-        before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        call = [sys.executable, "-m", "pulsepath", *command.split()]
-        done = subprocess.run(call, capture_output=True, text=True, env=ENVIRONMENT, cwd=folder)
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    if said not in done.stdout + done.stderr or "no such option" in done.stderr.lower() or "Traceback" in done.stderr:
-        raise RuntimeError(f"pulsepath {command}: does not say {said}:\n{done.stdout}{done.stderr}")
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+def run_command(
+    command: str,
+    message: str = "",
+    kernels: Path | None = None,
+) -> Measured[subprocess.CompletedProcess[str]]:
+    """Run a command in a new process. Raises MotionError if its output does not hold the message.
+
+    kernels: folder of compiled kernels; None: the usual one
+    """
+    environment = ENVIRONMENT if kernels is None else ENVIRONMENT | {"NUMBA_CACHE_DIR": str(kernels)}
+    words = [sys.executable, "-m", "pulsepath", *command.split()]
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        for file, text in FILES.items():
+            (folder / file).parent.mkdir(exist_ok=True)
+            (folder / file).write_text(text, encoding="utf-8")
+
+        def run() -> subprocess.CompletedProcess[str]:
+            return subprocess.run(words, capture_output=True, text=True, env=environment, cwd=folder)
+
+        measured = measure_here(run)
+    output = measured.result.stdout + measured.result.stderr
+    unknown = "no such option" in output.lower() or "Traceback" in output
+    if message not in output or unknown:
+        raise MotionError(f"pulsepath {command}: does not say {message}:\n{output}")
+    return measured
 
 
-def main(rounds: int = 3) -> None:
-    """A row for each command, and how many keep to what is allowed."""
-    print("| command | processor time (s) |\n| --- | --- |")
-    slow: list[str] = []
-    computing: list[str] = []
-    for command, said in COMMANDS.items():
-        took = min(measure(command, said) for _ in range(rounds))
-        if took > ALLOWED:
-            (computing if command in COMPUTING else slow).append(command)
-        print(f"| `{command}` | {took:.2f} |", flush=True)
-    told = f"above {ALLOWED:g} s: {', '.join(slow)}" if slow else f"none above {ALLOWED:g} s"
-    print(f"of {len(COMMANDS)} commands {told}, but for {len(computing)} that compute: {', '.join(computing)}")
+def measure(rounds: int = 3) -> Iterator[Table]:
+    """Yield the time of each command, then of plans, and of compiling."""
 
+    def find_fastest(command: str, message: str = "") -> Row:
+        runs = [run_command(command, message) for _ in range(rounds)]
+        return [
+            f"`{command}`",
+            min(run.processor for run in runs),
+            min(run.wall for run in runs),
+        ]
 
-if __name__ == "__main__":
-    main(*map(int, sys.argv[1:]))
+    def quick_rows() -> Iterator[Row]:
+        for command, message in COMMANDS.items():
+            name, processor, wall = find_fastest(command, message)
+            limit = None if command in COMPUTING else ALLOWED
+            yield [name, processor, wall, limit]
+
+    def plan_rows() -> Iterator[Row]:
+        for command, limit in PLANS.items():
+            yield [*find_fastest(command), limit]
+        with TemporaryDirectory() as folder:
+            first = run_command(next(iter(PLANS)), kernels=Path(folder))
+        yield ["the first of these, with kernels compiled anew", first.processor, first.wall, None]
+
+    columns = ("command", "processor time (s)", "wall time (s)")
+    yield Table("Commands that do not plan", (*columns, "allowed processor time (s)"), quick_rows())
+    load = f"load of this machine: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
+    yield Table("Cold plans", (*columns, "allowed wall time (s)"), plan_rows(), load)
