@@ -18,13 +18,13 @@ from itertools import product
 
 import numpy as np
 
+from benchmarks.evidence.learning import Learned, fit_feedforward, learn
 from benchmarks.evidence.published.compared import markdown
 from controllers.card import Refused
 from controllers.laws.law import AnyLaw
 from controllers.laws.nominal import nominal_axes
 from controllers.laws.open_loop import Feedforward
 from controllers.laws.registry import LAWS, find_law
-from controllers.learning import Learned, fit_feedforward, learn
 from controllers.metrics.evaluate import evaluate_runs
 from controllers.metrics.metrics import Metrics
 from controllers.rig import Rig, Task, disturb_rig

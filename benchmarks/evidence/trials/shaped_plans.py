@@ -20,8 +20,8 @@ from time import process_time
 
 import numpy as np
 
+from benchmarks.evidence.flexible_load import FlexibleLoad
 from controllers import track
-from controllers.drives.flexible_load import FlexibleLoad
 from controllers.rig import assumed_rig
 from controllers.rig_choice import choose_rig
 from kinematics import Machine, load_machine

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from controllers.drives.flexible_load import FlexibleLoad
+from benchmarks.evidence.flexible_load import FlexibleLoad
 from kinematics import load_machine
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.load import Body, Load

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.evidence.flexible_load import FlexibleLoad
 from benchmarks.evidence.trials import shaped_plans
-from controllers.drives.flexible_load import FlexibleLoad
 from kinematics.machine.shaper import IMPULSES, Shaper
 from planner import load_program, plan
 
