@@ -21,7 +21,10 @@ from kinematics.foundation.errors import MotionError
 Measure = Callable[..., Iterator[Table | str]]
 
 CASES = {
+    "holds": "stops at random instants, and motions on from there",
     "limit_worths": "savings predicted for each limit, compared with planning again",
+    "lower_bounds": "proved lower bounds of durations, and how far durations are above them",
+    "robustness": "random problems and programs, all to be solved and certified",
 }
 """Names of the cases, which are those of their files, with one line of help."""
 
