@@ -25,6 +25,7 @@ CASES = {
     "limit_worths": "savings predicted for each limit, compared with planning again",
     "lower_bounds": "proved lower bounds of durations, and how far durations are above them",
     "robustness": "random problems and programs, all to be solved and certified",
+    "shaped_plans": "plans after input shapers: limits, deviations and vibrations",
 }
 """Names of the cases, which are those of their files, with one line of help."""
 
