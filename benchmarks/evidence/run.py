@@ -22,6 +22,7 @@ Measure = Callable[..., Iterator[Table | str]]
 
 CASES = {
     "holds": "stops at random instants, and motions on from there",
+    "laws_compared": "tracking laws on the servo rig: contour errors at their best gains",
     "limit_worths": "savings predicted for each limit, compared with planning again",
     "lower_bounds": "proved lower bounds of durations, and how far durations are above them",
     "robustness": "random problems and programs, all to be solved and certified",
