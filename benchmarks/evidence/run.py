@@ -25,6 +25,7 @@ CASES = {
     "laws_compared": "tracking laws on the servo rig: contour errors at their best gains",
     "limit_worths": "savings predicted for each limit, compared with planning again",
     "lower_bounds": "proved lower bounds of durations, and how far durations are above them",
+    "pulse_trials": "random machines on random programs, whose pulses are all checked",
     "robustness": "random problems and programs, all to be solved and certified",
     "shaped_plans": "plans after input shapers: limits, deviations and vibrations",
 }
