@@ -12,12 +12,12 @@ LIMITS = ("max_speed", "max_acceleration", "max_jerk")
 
 
 def measure_axes(machine: Machine, order: int, q: Array, rates: Sequence[Array]) -> float:
-    """Return the largest share of an axis' limit on travel and on as many rates (N, n) of q (N, n) as the order says."""
+    """Return the largest share of an axis' limit on q (N, n) and its first `order` rates (N, n)."""
     most = 0.0
     for values, name in zip(rates[:order], LIMITS, strict=False):
-        for axis, own in zip(machine.axes, values.T, strict=True):
+        for axis, rate in zip(machine.axes, values.T, strict=True):
             low, high = directional_bounds(getattr(axis, name))
-            most = max(most, own.max() / high, -own.min() / low)
+            most = max(most, rate.max() / high, -rate.min() / low)
     for axis, way in zip(machine.axes, (q - machine.home_q).T, strict=True):
         low, high = axis.travel
         if np.isfinite(low):

@@ -1,7 +1,7 @@
 """Random paths with limits, each from its seed alone.
 
-They are feasible by construction: limits are positive, paths are continuous, motions go from rest to rest and stop at
-corners. The slower a motion is, the smaller is its share of every limit.
+They are feasible by construction: limits are positive, paths are continuous, motions go from rest
+to rest and stop at corners. The slower a motion is, the smaller is its share of every limit.
 """
 
 from dataclasses import dataclass
@@ -39,9 +39,10 @@ class RandomProblem:
 
 
 def random_problem(seed: int, order: int) -> RandomProblem:
-    """Draw two to ten waypoints of one to seven axes, over nine decades of length and seven of time.
+    """Draw two to ten waypoints of one to seven axes, of sizes over nine decades.
 
-    Some waypoints are repeated, and some axes do not move. The path is a spline or a polyline.
+    Times differ by seven decades. Some waypoints are repeated, and some axes do not move. The path
+    is a spline or a polyline.
     """
     rng = np.random.default_rng([seed, order])
     count = int(rng.integers(2, 11))
@@ -74,16 +75,16 @@ def interpolate(kind: Any, knots: Array, points: Array) -> Any:
 
 
 def random_spline(seed: int) -> RandomProblem:
-    """Draw a spline of degree 1 to 9 over twelve decades of length and of limits. Six of ten are of order 2.
+    """Draw a spline of degree 1 to 9 over twelve decades of length and of limits.
 
-    Some have jumps of q′ between two pieces, from 1e-14 of q′ on.
+    Six of ten are of order 2.     Some have jumps of q′ between two pieces, from 1e-14 of q′ on.
     """
     rng = np.random.default_rng([seed, 7])
     axes = int(rng.integers(1, 4))
     degree = int(rng.integers(1, 10))
     kind = str(rng.choice(["jumps", "b", "cubic"]))
-    differing = rng.random() < 0.4
-    size = 10.0 ** rng.uniform(-6, 6, axes) if differing else np.full(axes, 10.0 ** rng.uniform(-3, 3))
+    mixed = rng.random() < 0.4
+    size = 10.0 ** rng.uniform(-6, 6, axes) if mixed else np.full(axes, 10.0 ** rng.uniform(-3, 3))
     pieces = int(rng.choice(SIZES))
     uneven = rng.random() < 0.5
     knots = np.cumsum(10.0 ** rng.uniform(-2, 2, pieces + 1) if uneven else np.ones(pieces + 1))
@@ -104,7 +105,7 @@ def random_spline(seed: int) -> RandomProblem:
 
 
 def add_jumps(path: PPoly, rng: np.random.Generator, jump: float) -> PPoly:
-    """Return the pieces of a path, each with a slope that is off by a share, joined again without gaps."""
+    """Return the pieces of a path, each with a slope that is off by a share, without gaps."""
     real = np.diff(path.x) > 0
     c = path.c[:, real]
     x = np.append(path.x[:-1][real], path.x[-1])

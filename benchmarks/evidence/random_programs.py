@@ -1,4 +1,4 @@
-"""Random programs of lines and arcs, each from its seed alone, and machines whose limits differ widely."""
+"""Random programs of lines and arcs, each from its seed alone, and machines of other ratios."""
 
 from copy import copy
 from dataclasses import replace
@@ -29,7 +29,7 @@ LARGEST_LIMITS = (1.0, 10.0, 1000.0)  # m/s, m/s², m/s³
 
 
 def random_program(seed: int, machine: str) -> Program:
-    """Draw 2 to 20 lines and arcs of 1e-7 to 0.1 m with tiny blends and some stops, speeds and dwells.
+    """Draw 2 to 20 lines and arcs of 1e-7 to 0.1 m with tiny blends, some stops and dwells.
 
     A segment that would leave the box goes anywhere in it instead.
     """
@@ -56,7 +56,13 @@ def random_program(seed: int, machine: str) -> Program:
     return Program(tuple(segments), start=RigidTransform.from_translation(middle))
 
 
-def draw_half_turn(rng: np.random.Generator, here: Array, there: Array, *, flat: bool = False) -> Line | Arc:
+def draw_half_turn(
+    rng: np.random.Generator,
+    here: Array,
+    there: Array,
+    *,
+    flat: bool = False,
+) -> Line | Arc:
     """Return half a circle between two points, in the plane z = 0 or in a random one."""
     normal = np.array([0.0, 0.0, 1.0]) if flat else np.cross(there - here, rng.normal(size=3))
     return Arc((here + there) / 2, normal / np.linalg.norm(normal), np.pi)
@@ -97,5 +103,8 @@ def ratio_program(seed: int) -> Program:
 
 def stop_everywhere(program: Program) -> Program:
     """Return the program with a stop at every join."""
-    segments = (one if isinstance(one, Dwell) else replace(one, join=Stop()) for one in program.segments)
+    segments = []
+    for segment in program.segments:
+        stopping = segment if isinstance(segment, Dwell) else replace(segment, join=Stop())
+        segments.append(stopping)
     return replace(program, segments=tuple(segments))

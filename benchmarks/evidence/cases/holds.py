@@ -1,9 +1,10 @@
-"""Stops at some instants of plans, and the motions on from there at a random share of the plan's speed.
+"""Stops at some instants of plans, and motions on from there at a random share of the speed.
 
-Plans of the bundled programs on their machines, of two straight moves and of a pocket on a CoreXY, at both orders where
-jerk is limited. Each stop is to be proved. The largest use of a limit is that at 10⁵ instants. The pulses that are sent
-before a stop and its own are joined and checked as those of one motion. The duration of a stop is compared with those
-of the soonest of 13 ends, each solved for on a fine grid, and of two stops that begin later.
+Plans of the bundled programs on their machines, of two straight moves and of a pocket on a CoreXY,
+at both orders where jerk is limited. Each stop is to be proved. The largest use of a limit is that
+at 10⁵ instants. The pulses that are sent before a stop and its own are joined and checked as those
+of one motion. The duration of a stop is compared with those of the soonest of 13 ends, each solved
+for on a fine grid, and of two stops that begin later.
 
 `--only corexy-pocket` takes the plans of one program, and `--even` instants at equal distances.
 """
@@ -12,7 +13,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
-from itertools import islice
+from itertools import chain, islice
 from math import ceil
 from pathlib import Path
 from time import process_time
@@ -40,28 +41,34 @@ LATER = (0.07, 0.25)
 SHARES = (0.05, 0.95)
 """Range of the share of the plan's speed at which a motion goes on."""
 PERIOD = 1e-6
-"""s, of which instants are whole multiples, so that they lie on ticks of a clock and of a timer."""
+"""s, of which instants are whole multiples, so that they lie on ticks of any clock."""
 
 Sent = tuple[AxesMotion, PulseSchedule, float]
 """A motion, its pulses, and the instant (s) until which they are sent."""
 
 
-def measure(instants: int = 10, plans: int = 24, only: str = "", even: bool = False) -> Iterator[Table]:
-    """Yield figures of all stops and motions on, and what is refused or at fault."""
+def measure(
+    instants: int = 10,
+    plans: int = 24,
+    only: str = "",
+    even: bool = False,
+) -> Iterator[Table]:
+    """Yield the figures of all stops and motions on, and the faults."""
     rng = np.random.default_rng(19)
     figures: dict[str, list[float]] = defaultdict(list)
     faults: list[tuple[str, float, str]] = []
     for name, planned in islice(make_plans(only), plans):
         drawn = np.sort(rng.uniform(0, planned.duration, instants))
-        times = np.linspace(0, planned.duration, instants + 2)[1:-1] if even else drawn
-        times = np.round(times / PERIOD) * PERIOD
+        spread = np.linspace(0, planned.duration, instants + 2)[1:-1]
+        times = np.round((spread if even else drawn) / PERIOD) * PERIOD
         moving = planned.trajectory.at(times).sd > 0
         for t in times[moving].tolist():
             share = float(rng.uniform(*SHARES))
             faults += [(name, t, fault) for fault in try_instant(planned, t, share, figures)]
     yield quantile_table("Stops and motions on", figures)
     if faults:
-        yield Table("Refused, unproved, or with pulses at fault", ("plan", "at (s)", "fault"), faults)
+        columns = ("plan", "at (s)", "fault")
+        yield Table("Refused, unproved, or with pulses at fault", columns, faults)
 
 
 def make_plans(only: str) -> Iterator[tuple[str, Plan]]:
@@ -83,8 +90,13 @@ def list_programs() -> Iterator[tuple[str, Program]]:
             yield name, program
 
 
-def try_instant(planned: Plan, t: float, share: float, figures: dict[str, list[float]]) -> list[str]:
-    """Stop a plan at t (s), and go on from there. Add the figures of both, and return their faults."""
+def try_instant(
+    planned: Plan,
+    t: float,
+    share: float,
+    figures: dict[str, list[float]],
+) -> list[str]:
+    """Stop a plan at t (s), and go on from there: add the figures of both, return their faults."""
     faults: list[str] = []
 
     def add(kind: str, begin: Callable[[], Section], *sent: Sent) -> Section | None:
@@ -104,7 +116,8 @@ def try_instant(planned: Plan, t: float, share: float, figures: dict[str, list[f
     sent = planned.counted, planned.pulses, t
     stop = add("stop", partial(planned.hold, t), sent)
     if stop is not None:
-        figures["stop: duration, of the soonest"].append(stop.duration / find_soonest(planned, stop))
+        ratio = stop.duration / find_soonest(planned, stop)
+        figures["stop: duration, of the soonest"].append(ratio)
         if stop.until < planned.path.breaks[-1]:
             add("motion on", partial(planned.resume, stop, share), sent, rest_after(stop))
     return faults
@@ -116,34 +129,33 @@ def rest_after(stop: Section) -> Sent:
 
 
 def find_faults(section: Section, *sent: Sent) -> list[str]:
-    """Return what is wrong with the pulses that are sent before a section, and its own, joined."""
+    """Return the faults of the pulses that are sent before a section, and its own, joined."""
     clock = section.pulses.clock_hz
     runs = (*sent, (section.counted, section.pulses, section.duration))
     ends = [*(round(until * clock) for _, _, until in sent), np.iinfo(np.int64).max]
     begins = np.cumsum([0, *ends[:-1]])
     axes = []
     moves = []
-    for k, own in enumerate(section.pulses.axes):
+    for k, axis in enumerate(section.pulses.axes):
         parts = [pulses.axes[k] for _, pulses, _ in runs]
         count = parts[-2].counts([ends[-2] - 1])[0]
-        if own.start != count:
-            return [f"{own.name} starts at {own.start}, and {count} were sent"]
-        cuts = [part.ticks < end for part, end in zip(parts, ends, strict=True)]
-        ticks = [part.ticks[cut] + begin for part, cut, begin in zip(parts, cuts, begins, strict=True)]
-        direction = [part.direction[cut] for part, cut in zip(parts, cuts, strict=True)]
-        moved = [[move for move in pulses.moves if move.axis == own.name] for _, pulses, _ in runs]
+        if axis.start != count:
+            return [f"{axis.name} starts at {axis.start}, and {count} were sent"]
+        ticks = [part.ticks[part.ticks < end] for part, end in zip(parts, ends, strict=True)]
+        direction = [part.direction[: len(sent)] for part, sent in zip(parts, ticks, strict=True)]
+        moved = [[move for move in pulses.moves if move.axis == axis.name] for _, pulses, _ in runs]
         errors = [sum(move.error for move in each) for each in moved]
         # what keeping pulses apart costs widens the bound of the rule
         bound = min(part.bound - error for part, error in zip(parts, errors, strict=True))
         axes.append(
             replace(
                 parts[0],
-                ticks=np.concatenate(ticks),
+                ticks=np.concatenate([*map(np.add, ticks, begins)]),
                 direction=np.concatenate(direction),
                 bound=bound + max(errors),
             )
         )
-        every = sum(moved, [])
+        every = list(chain(*moved))
         if every:
             pulses = sum(move.pulses for move in every)
             time = max(move.time for move in every)
@@ -151,7 +163,8 @@ def find_faults(section: Section, *sent: Sent) -> list[str]:
     joined = JoinedMotion.of(*(MotionSpan(motion, 0.0, until) for motion, _, until in runs))
     schedule = PulseSchedule(clock, tuple(axes), joined.duration, section.pulses.rule, tuple(moves))
     verdict = check(schedule, joined, section.machine.axes, section.machine.home_q)
-    return [f"{fault.axis} at tick {fault.tick}: {fault.what}" for axis in verdict.axes for fault in axis.faults]
+    faults = chain(*(axis.faults for axis in verdict.axes))
+    return [f"{fault.axis} at tick {fault.tick}: {fault.what}" for fault in faults]
 
 
 def measure_use(planned: Plan, section: Section) -> float:
@@ -159,17 +172,20 @@ def measure_use(planned: Plan, section: Section) -> float:
     uses = []
     for t in np.array_split(np.linspace(0.0, section.duration, SAMPLES)[:-1], SAMPLES // BATCH):
         state = section.trajectory.at(t)
-        uses.append(measure_axes(planned.machine, planned.order, state.q, (state.qd, state.qdd, state.qddd)))
+        rates = (state.qd, state.qdd, state.qddd)
+        uses.append(measure_axes(planned.machine, planned.order, state.q, rates))
     return max(uses)
 
 
 def find_soonest(planned: Plan, stop: Section) -> float:
-    """Return s to rest at the soonest of many ends, and of stops that begin later; ∞ if none is solved for."""
+    """Return s to rest at the soonest of many ends, and of stops that begin later."""
     whole = planned.whole()
     begin = stop.at or 0.0
     now = planned.trajectory.at(begin)
     speed, acceleration = float(now.sd[0]), float(now.sdd[0])
-    going = Continuation(np.zeros(1), np.zeros((4, 0)), {}, acceleration) if planned.order == 3 else None
+    going = None
+    if planned.order == 3:
+        going = Continuation(np.zeros(1), np.zeros((4, 0)), {}, acceleration)
     soonest = np.inf
     for share in ENDS:
         until = stop.since + share * stop.distance

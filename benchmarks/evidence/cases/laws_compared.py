@@ -1,10 +1,11 @@
-"""The tracking laws on the servo rig: RMS contour errors of each at its best gain on the thesis' line.
+"""The tracking laws on the servo rig: RMS contour errors of each at its best gain on one line.
 
-The gains of a law are swept over its own grid on the path `line`, and those with the least error are taken. With them
-the law runs the other paths, and all paths with inertia and friction 30 % more and less, in all four combinations, of
-which the worst is listed. Torques are shares of the limit of the worst axis, on the line. `ff-` and `mpc-` know neither
-the play of the gears nor the friction of the motors. What is learned in `--trials` trials is valid for its path only;
-the feedforward that is fitted to it is for any.
+The gains of a law are swept over its own grid on the path `line`, and those with the least error
+are taken. With them the law runs the other paths, and all paths with inertia and friction 30 % more
+and less, in all four combinations, of which the worst is listed. Torques are shares of the limit of
+the worst axis, on the line. `ff-` and `mpc-` know neither the play of the gears nor the friction of
+the motors. The table that is learned in `--trials` trials is valid for its path only; the
+feedforward that is fitted to it is for any path.
 """
 
 from collections.abc import Iterator, Sequence
@@ -34,27 +35,29 @@ ERRORS = (*(f"{path} (µm)" for path in PATHS), *(f"{path} ±30 % (µm)" for pat
 
 
 def measure(trials: int = 8) -> Iterator[Table]:
-    """Yield the errors of all laws, and how many times smaller ours are than those of the best published law."""
+    """Yield the errors of all laws, and those of the best published law divided by ours."""
     rig = load_rig("servo-rig")
     laws = {number: tune_law(number, rig) for number, _ in LAWS}
     laws |= {f"{number}-": find_law(number, rig, **gains) for number, gains in UNINFORMED.items()}
     rows = {number: measure_law(law, rig) for number, law in laws.items()}
-    yield Table("Laws", ("law", *ERRORS, "torque RMS", "peak"), [(name, *row) for name, row in rows.items()])
+    columns = ("law", *ERRORS, "torque RMS", "torque peak")
+    yield Table("Laws", columns, [(name, *row) for name, row in rows.items()])
 
     published = np.array([rows[number] for number in "1234567"])
-    cuts = [(name, *find_cut(published, row)) for name, row in rows.items() if name.rstrip("-") in UNINFORMED]
+    ours = {name: row for name, row in rows.items() if name.rstrip("-") in UNINFORMED}
+    cuts = [(name, *find_cut(published, row)) for name, row in ours.items()]
     yield Table("Error of the best published law, divided by ours", ("law", *ERRORS), cuts)
 
-    learned, fitted = learn_laws(rig, trials)
-    names = ("law", f"{PATHS[0]} (µm)", f"{PATHS[0]} ±30 % (µm)", f"{PATHS[1]} (µm)")
-    own = measure_law(learned, rig, PATHS[:1])
-    other = measure_law(fitted, rig, PATHS[:2])
-    rest = [("learned", *own[:2], None), ("fitted", other[0], other[2], other[1])]
-    yield Table(f"Laws of {trials} trials", names, rest)
+    table, fitted = learn_laws(rig, trials)
+    names = ("law", "line (µm)", "line ±30 % (µm)", "circle (µm)")
+    learned = measure_law(table, rig, PATHS[:1])
+    model = measure_law(fitted, rig, PATHS[:2])
+    rows_learned = [("learned", *learned[:2], None), ("fitted", model[0], model[2], model[1])]
+    yield Table(f"Laws of {trials} trials", names, rows_learned)
 
 
 def tune_law(number: str, rig: Rig) -> AnyLaw:
-    """Return the law at the gains of its grid with the least error on the first path. All gains run in one batch."""
+    """Return the law at the gains of its grid with the least error on the first path."""
     grid = find_law(number).grid
     cells = np.array(list(product(*grid.values())))
     gains = dict(zip(grid, cells.T[:, :, None], strict=True))
@@ -70,24 +73,31 @@ def run_law(law: AnyLaw, task: Task, rigs: Sequence[Rig]) -> tuple[Metrics, ...]
 
 
 def measure_law(
-    law: AnyLaw, rig: Rig, paths: Sequence[str] = PATHS, disturbances: Sequence[float] = DISTURBANCES
+    law: AnyLaw,
+    rig: Rig,
+    paths: Sequence[str] = PATHS,
+    disturbances: Sequence[float] = DISTURBANCES,
 ) -> Array:
-    """Return the errors (µm) on all paths, the worst ones on all disturbed rigs, and the torques."""
+    """Return the errors (µm) on paths, the worst ones on disturbed rigs, and the torques."""
     pairs = product(disturbances, disturbances)
-    rigs = [rig, *(disturb_rig(rig, inertia=inertia, friction=friction) for inertia, friction in pairs)]
+    rigs = [
+        rig,
+        *(disturb_rig(rig, inertia=inertia, friction=friction) for inertia, friction in pairs),
+    ]
     runs = [run_law(law, rig.task(path), rigs) for path in paths]
     errors = 1e6 * np.array([[metrics.contour.rms for metrics in each] for each in runs])
     figures = runs[0][0].figures()
-    return np.array([*errors[:, 0], *errors[:, 1:].max(1), figures["torque_rms"], figures["torque_peak"]])
+    torques = figures["torque_rms"], figures["torque_peak"]
+    return np.array([*errors[:, 0], *errors[:, 1:].max(1), *torques])
 
 
 def find_cut(published: Array, ours: Array) -> Array:
     """Return the least error of published laws (N, C) divided by ours (C,), without the torques."""
-    return published.min(0)[:-2] / ours[:-2]
+    return np.asarray(published.min(0)[:-2] / ours[:-2])
 
 
 def learn_laws(rig: Rig, trials: int) -> tuple[AnyLaw, AnyLaw]:
-    """Return the table of commands learned on the first path, and the feedforward that comes nearest to it."""
+    """Return the table of commands learned on the first path, and the feedforward nearest to it."""
     task = rig.task(PATHS[0])
     table = learn(rig, task, trials).best
     reference = sample(task.motion, rig.machine, task.dt)

@@ -2,9 +2,10 @@
 
 `--kind paths`     the circle at both orders, and the spline through 50 waypoints
 `--kind splines`   COPP's random ones
-`--kind straight`  random moves of one axis from rest to rest, compared with their shortest durations
-`--kind zoo`       random problems of one run, compared with what others find: toppra's motion at order 2, FATROP's and
-                   IPOPT's at order 3 on a grid twice as fine, each slowed until no sample is above a limit
+`--kind straight`  random moves of one axis from rest to rest, with their shortest durations
+`--kind zoo`       random problems of one run, with other solvers: toppra at order 2, FATROP and
+                   IPOPT at order 3 on a grid twice as fine, each motion slowed until no sample is
+                   above a limit
 """
 
 from collections import defaultdict
@@ -40,7 +41,10 @@ LIMITS = ("max_speed", "max_acceleration", "max_jerk")
 Solve = Callable[[], Solution]
 
 
-def measure(kind: Literal["paths", "splines", "straight", "zoo"], count: int = 100) -> Iterator[Table]:
+def measure(
+    kind: Literal["paths", "splines", "straight", "zoo"],
+    count: int = 100,
+) -> Iterator[Table]:
     """Yield how far durations are above their bounds."""
     if kind in ("paths", "splines"):
         problems = list_paths() if kind == "paths" else islice(list_splines(), count)
@@ -57,7 +61,11 @@ def list_paths() -> Iterator[tuple[str, Solve]]:
     machine = load_machine("hexapod")
     circle = actuate(load_program("bare-circle"), machine)
     case = spline()
-    for path, axes, order in ((circle, machine.axes, 2), (circle, machine.axes, 3), (case.path, case.axes, 3)):
+    for path, axes, order in (
+        (circle, machine.axes, 2),
+        (circle, machine.axes, 3),
+        (case.path, case.axes, 3),
+    ):
         solve = partial(certified_solve, path, limits_of(path, axes, order), order)
         solve()  # loads the kernels
         yield f"{'circle' if path is circle else 'spline'}, order {order}", solve
@@ -67,14 +75,25 @@ def list_splines() -> Iterator[tuple[str, Solve]]:
     """Yield COPP's random splines, with what solves them."""
     for number, (path, bounds) in enumerate(Suite().problems()):
         limits = np.asarray(bounds).transpose(0, 2, 1)
-        yield f"spline {number}", partial(time_optimal, path, **dict(zip(LIMITS, limits, strict=True)))
+        yield (
+            f"spline {number}",
+            partial(time_optimal, path, **dict(zip(LIMITS, limits, strict=True))),
+        )
 
 
 def describe(name: str, solve: Solve) -> Row:
-    """Return the row of a motion: how near its bound is, and how long that takes, next to solving."""
+    """Return the row of a motion: its bound, and how long that takes compared with solving."""
     solution, (solving,) = time_calls(solve)
     bound, (bounding,) = time_calls(lambda: solution.bound)
-    return name, bound.duration, bound.value, 100 * bound.gap, len(bound.s), bounding, bounding / solving
+    return (
+        name,
+        bound.duration,
+        bound.value,
+        100 * bound.gap,
+        len(bound.s),
+        bounding,
+        bounding / solving,
+    )
 
 
 def solve_straight(count: int, seed: int = 0) -> Iterator[tuple[str, float, float]]:
@@ -90,12 +109,12 @@ def solve_straight(count: int, seed: int = 0) -> Iterator[tuple[str, float, floa
 
 def find_shortest(length: float, speed: float, acceleration: float, jerk: float) -> float:
     """Return s of the fastest move from rest to rest along a line, in closed form."""
-    reached = acceleration**2 / jerk  # m/s, up to which jerk alone limits
+    ramped = acceleration**2 / jerk  # m/s, up to which jerk alone limits
     peak = float(np.cbrt(length**2 * jerk / 4))
-    if peak > reached:
-        peak = (np.sqrt(reached**2 + 4 * acceleration * length) - reached) / 2
+    if peak > ramped:
+        peak = (np.sqrt(ramped**2 + 4 * acceleration * length) - ramped) / 2
     peak = min(peak, speed)
-    ramp = peak / acceleration + acceleration / jerk if peak > reached else 2 * np.sqrt(peak / jerk)
+    ramp = peak / acceleration + acceleration / jerk if peak > ramped else 2 * np.sqrt(peak / jerk)
     return float(ramp + length / peak)
 
 
@@ -128,5 +147,6 @@ def find_others(ours: Solution) -> Iterator[tuple[str, float]]:
     for solver in get_args(Solver):
         solution = solve_by_casadi(fine, start.on(fine.s), solver)
         if solution.solved:
-            slowness = required_slowness(ours.limits, sample_limit_use(path, ours.limits, solution.profile))
+            use = sample_limit_use(path, ours.limits, solution.profile)
+            slowness = required_slowness(ours.limits, use)
             yield solver, solution.duration * max(slowness, 1.0)

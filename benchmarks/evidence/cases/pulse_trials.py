@@ -1,9 +1,9 @@
 """Random machines on random programs, whose pulses are all checked.
 
-`--pulses 1e7` is the full count (minutes on two cores). Each trial follows from its seed alone: a hexapod, a tripod or
-a traverser of random geometry, scale, pulse, clock and wiring; drives with timing, screws with errors and play; a
-program of lines, arcs, turns and rests; a firing rule. Its motion is planned and certified. Its pulses are checked by
-code that shares nothing with their generator.
+`--pulses 1e7` is the full count (minutes on two cores). Each trial follows from its seed alone: a
+hexapod, a tripod or a traverser of random geometry, scale, pulse, clock and wiring; drives with
+timing, screws with errors and play; a program of lines, arcs, turns and rests; a firing rule. Its
+motion is planned and certified. Its pulses are checked by code that shares none with the generator.
 """
 
 from collections import Counter
@@ -29,23 +29,24 @@ PULSES_PER_REACH = 2e5
 """Pulses of an axis in a tenth of the machine's size, at most."""
 
 Trial = tuple[str, str, int, str]
-"""Machine, rule, number of pulses, and what is wrong."""
+"""Machine, rule, number of pulses, and the fault, if there is one."""
 
 
 def measure(pulses: float = 1e6, seed: int = 0) -> Iterator[Table]:
-    """Yield the numbers of pulses of each kind of machine and by each rule, and what is wrong."""
+    """Yield the numbers of pulses of each kind of machine by each rule, and the faults."""
     trials = list(run_trials(pulses, seed))
-    for column, kind in enumerate(("machine", "rule")):
-        numbers: Counter[str] = Counter()
-        for trial in trials:
-            numbers[trial[column]] += trial[2]
-        yield Table(f"{numbers.total()} pulses of {len(trials)} trials", (kind, "pulses"), [*numbers.items()])
+    numbers: Counter[tuple[str, str]] = Counter()
+    for machine, rule, fired, _ in trials:
+        numbers[machine, rule] += fired
+    title = f"{numbers.total()} pulses of {len(trials)} trials"
+    rows = [(*key, number) for key, number in numbers.items()]
+    yield Table(title, ("machine", "rule", "pulses"), rows)
     faults = [(seed + number, *trial) for number, trial in enumerate(trials) if trial[3]]
     yield Table("Refused or at fault", ("seed", "machine", "rule", "pulses", "reason"), faults)
 
 
 def run_trials(pulses: float, seed: int) -> Iterator[Trial]:
-    """Yield trials from a seed on, until so many pulses have been checked."""
+    """Yield trials from a seed on, until this number of pulses has been checked."""
     checked = 0
     for number in count(seed):
         trial = run_trial(number)
@@ -67,7 +68,12 @@ def run_trial(seed: int) -> Trial:
     except MotionError as error:
         return name, rule, 0, str(error)
     verdict = check(planned.pulses, planned.counted, machine.axes, machine.home_q)
-    return name, rule, planned.pulses.total, f"{verdict.fault_count} faults" if verdict.fault_count else ""
+    return (
+        name,
+        rule,
+        planned.pulses.total,
+        f"{verdict.fault_count} faults" if verdict.fault_count else "",
+    )
 
 
 def random_machine(rng: np.random.Generator) -> Machine:
@@ -94,7 +100,7 @@ def place_joints(radius: float, angles: Array) -> Array:
 
 
 def random_axis(rng: np.random.Generator, name: str, size: float) -> Axis:
-    """Draw an axis, whose drive may have timing, and whose screw may have errors and play to be compensated."""
+    """Draw an axis, which may have a drive with timing, and a screw with errors and play."""
     rotary = name == "R"
     size = 1.0 if rotary else size  # rad
     pulse = float(size / 10 / PULSES_PER_REACH * 10.0 ** rng.uniform(0, 2))
@@ -107,7 +113,7 @@ def random_axis(rng: np.random.Generator, name: str, size: float) -> Axis:
         more["lead_error"] = tuple(zip(size * np.linspace(-0.2, 0.2, 5), errors, strict=True))
         more["backlash"] = float(pulse * rng.uniform(0, 30))
         more["compensate"] = ("lead", "backlash")
-        # plenty, so that the play is taken up on the way: with little, most random motions are refused
+        # with little, play is not taken up on the way, and most random motions are refused
         more["take_up_acceleration"] = 1e3 * speed
     return Axis(
         name,
@@ -122,22 +128,25 @@ def random_axis(rng: np.random.Generator, name: str, size: float) -> Axis:
 
 
 def random_program(rng: np.random.Generator, machine: Machine) -> Program:
-    """Draw up to five segments within a tenth of the machine's size about home, each with a stop at its end."""
+    """Draw up to five segments near home, each with a stop at its end."""
     size = float(np.linalg.norm(machine.home.translation)) or 0.5
     reach = size * 10.0 ** rng.uniform(-3, -1)
     segments: list[Any] = []
     for _ in range(int(rng.integers(1, 6))):
         what = rng.integers(4)
         if what == 0 and "rz" in machine.freedom:
-            angles = rng.uniform(-0.05, 0.05, 3) * ([1, 1, 1] if "rx" in machine.freedom else [0, 0, 10])
+            free = [1, 1, 1] if "rx" in machine.freedom else [0, 0, 10]
+            angles = rng.uniform(-0.05, 0.05, 3) * free
             segments.append(Turn(Rotation.from_euler("XYZ", angles)))
         elif what == 1:
             segments.append(Dwell(float(rng.uniform(0.01, 0.2))))
         elif what == 2 and segments and isinstance(segments[-1], Line):
             radius = reach * rng.uniform(0.1, 0.5)
             way = rng.uniform(0, 2 * np.pi)
-            centre = np.asarray(segments[-1].to) + radius * np.array([np.cos(way), np.sin(way), 0.0])
-            segments.append(Arc(centre, np.array([0.0, 0.0, 1.0]), float(rng.uniform(-7, 7))))
+            offset = radius * np.array([np.cos(way), np.sin(way), 0.0])
+            normal = np.array([0.0, 0.0, 1.0])
+            centre = np.asarray(segments[-1].to) + offset
+            segments.append(Arc(centre, normal, float(rng.uniform(-7, 7))))
         else:
             segments.append(Line(to=reach * rng.uniform(-1, 1, 3)))
     if all(isinstance(segment, Dwell) for segment in segments):

@@ -1,12 +1,14 @@
 """Random problems and programs: whether each is solved and certified, and how.
 
 `--kind problems`  paths with limits
-`--kind programs`  short segments with tiny blends on the hexapod and the linkage. What the geometry refuses is no
-                   fault. A motion that takes longer than with stops at every join is one.
-`--kind ratios`    programs whose lengths, feeds and limits differ by up to 10 000. Each must also be as fast as the
-                   classical timing.
+`--kind programs`  short segments with tiny blends on the hexapod and the linkage. A refusal by the
+                   geometry is no fault. A motion that takes longer than with stops at every join
+                   is one.
+`--kind ratios`    programs whose lengths, feeds and limits differ by up to 10 000. Each must also
+                   be as fast as the classical timing.
 
-`--second 10000 --third 1000`, and `--programs 200`, are the full suites: one to several hours on two cores.
+`--second 10000 --third 1000`, and `--programs 200`, are the full suites: one to several hours on
+two cores.
 """
 
 from collections import Counter
@@ -30,7 +32,10 @@ from planner import Infeasible, Program, classical, plan
 from planner.timing.profile import AVERAGED, WITH_RESTS
 
 MAX_EXCESS = 0.01
-"""Share by which a plan may take longer than one with stops at every join: an order-3 grid leaves that open."""
+"""Share by which a plan may take longer than one with stops at every join.
+
+An order-3 grid leaves that open.
+"""
 BASELINES = {2: "trapezoid", 3: "s-curve"}
 COLUMNS = (
     "suite",
@@ -56,10 +61,8 @@ def measure(
     programs: int = 10,
 ) -> Iterator[Table]:
     """Yield a row for each suite, and all faults."""
-    if kind == "problems":
-        suites = list_problems(second, third, paths)
-    else:
-        suites = list_programs(kind, range(programs))
+    problems = list_problems(second, third, paths)
+    suites = problems if kind == "problems" else list_programs(kind, range(programs))
     faults: list[Row] = []
     yield Table(f"Random {kind}", COLUMNS, (summarise(*suite, faults) for suite in suites))
     if faults:
@@ -71,14 +74,14 @@ def summarise(name: str, answers: Iterable[Answer], faults: list[Row]) -> Row:
     begin = process_time()
     results = list(answers)
     seconds = process_time() - begin
-    own = [(name, seed, fault) for seed, (fault, _) in enumerate(results) if fault]
-    faults += own
+    failed = [(name, seed, fault) for seed, (fault, _) in enumerate(results) if fault]
+    faults += failed
     methods = [method for _, runs in results for method in runs]
-    return name, len(results), len(own), len(methods), *find_shares(methods), seconds
+    return name, len(results), len(failed), len(methods), *find_shares(methods), seconds
 
 
 def find_shares(methods: list[str]) -> list[float]:
-    """Return the shares (%) of runs whose motion is not the solver's own: averaged, slowed, with extra rests."""
+    """Return the shares (%) of runs that are averaged, slowed, and with extra rests."""
     counts = Counter[str]()
     for method in methods:
         counts[AVERAGED] += AVERAGED in method
@@ -122,12 +125,12 @@ def list_programs(kind: str, seeds: Iterable[int]) -> Iterator[Suite]:
 
 
 def plan_ratios(seed: int, order: int) -> Answer:
-    """Plan a program of ratios, and compare it with stops at every join and the classical timing."""
+    """Plan a program of ratios, and compare it with the classical timing as well."""
     return plan_program(ratio_program(seed), ratio_machine(seed), order, BASELINES[order])
 
 
 def plan_program(program: Program, machine: Machine, order: int, baseline: str = "") -> Answer:
-    """Plan a program, and compare its duration with that of stops at every join, and of a baseline."""
+    """Plan a program, and compare it with stops at every join and with a baseline."""
     try:
         planned = plan(program, machine, order=order)
     except (OutOfReach, Infeasible) as error:
@@ -139,7 +142,10 @@ def plan_program(program: Program, machine: Machine, order: int, baseline: str =
     most = {"with stops at every join": stopping * (1 + MAX_EXCESS)}
     if baseline:
         most[f"as {baseline}"] = classical(planned, baseline).duration
-    faults = [f"takes {duration:.9g} s, {name} {limit:.9g} s" for name, limit in most.items() if duration > limit]
+    faults = []
+    for name, limit in most.items():
+        if duration > limit:
+            faults.append(f"takes {duration:.9g} s, {name} {limit:.9g} s")
     if not planned.certificate.holds:
         faults.append("not certified")
     return ", ".join(faults), planned.methods

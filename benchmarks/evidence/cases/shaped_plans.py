@@ -1,11 +1,12 @@
 """Plans after input shapers, compared with samples.
 
-`--kind plans`  bundled programs on their machines with each of the four shapers: the largest share of a limit that is
-                proved after the shapers, and the largest of an axis at 10⁵ instants; the deviation of the tool, proved
-                and sampled; how much is left of the vibration of a load on the axes, at the stated frequency and 10 %
-                from it. No code of the proof takes part: axes are convolved copy by copy, poses come from forward
+`--kind plans`  bundled programs on their machines with each of the four shapers: the largest share
+                of a limit that is proved after the shapers, and the largest of an axis at 10⁵
+                instants; the deviation of the tool, proved and sampled; how much is left of the
+                vibration of a load on the axes, at the stated frequency and 10 % from it. No code
+                of the proof takes part: axes are convolved copy by copy, poses come from forward
                 kinematics.
-`--kind rigs`   loads that swing on the drives of emulated rigs, cards and pulses included, with law 1
+`--kind rigs`   loads that swing on the drives of emulated rigs, cards and pulses included, law 1
 """
 
 from collections.abc import Callable, Iterator
@@ -64,7 +65,7 @@ def measure(kind: Literal["plans", "rigs"] = "plans", plans: int = 20) -> Iterat
 
 
 def make_plans() -> Iterator[Plan]:
-    """Yield plans of all programs, with all shapers in turn. Where jerk is limited, every other one is of order 2."""
+    """Yield plans of all programs, with all shapers in turn, every other one of order 2."""
     kinds = tuple(IMPULSES)
     for turn, (k, name) in product(range(len(kinds)), enumerate(PROGRAMS)):
         program = load_program(name)
@@ -101,7 +102,7 @@ def compare(planned: Plan) -> Row:
 
 
 def sample(planned: Plan, shaper: Shaper) -> tuple[float, float]:
-    """Return the largest share of an axis' limit, and the largest deviation of the tool (m), at 10⁵ instants."""
+    """Return the largest share of an axis' limit, and the largest deviation of the tool (m)."""
     use = away = 0.0
     for t in np.array_split(np.linspace(0.0, planned.duration, SAMPLES), max(1, SAMPLES // BATCH)):
         q, *rates = convolve(planned.trajectory, shaper, t)
@@ -109,8 +110,8 @@ def sample(planned: Plan, shaper: Shaper) -> tuple[float, float]:
         late = np.clip(t - shaper.delay, 0.0, planned.trajectory.duration)
         pose = planned.trajectory.at(late).pose
         assert pose is not None
-        reached = planned.machine.forward(q, pose, certify=False).pose
-        way = find_tool(planned, reached) - find_tool(planned, pose)
+        shaped = planned.machine.forward(q, pose, certify=False).pose
+        way = find_tool(planned, shaped) - find_tool(planned, pose)
         away = max(away, float(np.linalg.norm(way, axis=1).max()))
     return use, away
 
@@ -119,7 +120,8 @@ def convolve(trajectory: Trajectory, shaper: Shaper, t: Array) -> Array:
     """Return q, q̇, q̈, q⃛ (4, N, n) of the shaped axes at t (N,), copy by copy."""
     copies = zip(*shaper.impulses, strict=True)
     states = ((amplitude, trajectory.at(t - delay)) for amplitude, delay in copies)
-    return np.asarray(sum(amplitude * np.stack([s.q, s.qd, s.qdd, s.qddd]) for amplitude, s in states))
+    terms = (amplitude * np.stack([s.q, s.qd, s.qdd, s.qddd]) for amplitude, s in states)
+    return np.asarray(sum(terms))
 
 
 def find_tool(planned: Plan, poses: Pose) -> Array:
@@ -129,7 +131,7 @@ def find_tool(planned: Plan, poses: Pose) -> Array:
 
 
 def measure_vibration(planned: Plan, shaper: Shaper, share: float) -> float:
-    """Return the largest vibration left on an axis, at a share of the frequency, divided by that without the shaper."""
+    """Return the share of the vibration left, at a share of the shaper's frequency."""
     load = FlexibleLoad(share * shaper.frequency, shaper.damping)
     bare = planned.trajectory
     shaped = swing(load, lambda t: convolve(bare, shaper, t)[0], planned.duration)
@@ -149,7 +151,14 @@ def compare_rigs() -> Iterator[Row]:
     for (rig, play), frequency in product(rigs, (6.0, 12.0)):
         shaper = Shaper("zvd", frequency, 0.01)
         before, after = swing_on_rig(circle, shaper, rig, play)
-        yield rig, 1e6 * play, str(shaper), 1e6 * before.max(), 1e6 * after.max(), 100 * (after / before).max()
+        yield (
+            rig,
+            1e6 * play,
+            str(shaper),
+            1e6 * before.max(),
+            1e6 * after.max(),
+            100 * (after / before).max(),
+        )
 
 
 def swing_on_rig(planned: Plan, shaper: Shaper, rig: str, play: float) -> tuple[Array, Array]:
@@ -159,8 +168,8 @@ def swing_on_rig(planned: Plan, shaper: Shaper, rig: str, play: float) -> tuple[
     """
     load = FlexibleLoad(shaper.frequency, shaper.damping)
     left = []
-    for own in (None, shaper):
-        machine = set_shaper(planned.machine, own)
+    for chosen in (None, shaper):
+        machine = set_shaper(planned.machine, chosen)
         motion = shape_motion(planned.trajectory, machine.axes) or planned.trajectory
         bench = assumed_rig(machine) if rig == "servos" else choose_rig(planned.machine, rig)
         drives = tuple(replace(drive, play=play) for drive in bench.drives)

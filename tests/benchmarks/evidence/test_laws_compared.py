@@ -1,6 +1,5 @@
 """A small part of the table of tracking laws: the best published law on both paths compared with ours."""
 
-import numpy as np
 import pytest
 
 from benchmarks.evidence.cases.laws_compared import find_cut, learn_laws, measure_law
@@ -17,7 +16,9 @@ def test_ours_cut_the_contour_error_of_the_best_published_law(stated):
 
     5 on the thesis' line is what was set as goal; on the second path, and with 30 % more inertia and friction, half.
     """
-    theirs, ours = (measure_law(find_law(number, stated), stated, ("line", "circle"), (1.3,)) for number in ("1", "mpc"))
+    theirs, ours = (
+        measure_law(find_law(number, stated), stated, ("line", "circle"), (1.3,)) for number in ("1", "mpc")
+    )
     line, *others = find_cut(theirs[None], ours)
     assert line >= 5
     assert len(others) == 3

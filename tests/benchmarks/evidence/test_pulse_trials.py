@@ -1,4 +1,4 @@
-"""A tenth of `python -m benchmarks.evidence pulse_trials --pulses 1e7`: random machines and programs, no pulse wrong."""
+"""A tenth of the case `pulse_trials` with 1e7 pulses: random machines and programs, no pulse at fault."""
 
 from benchmarks.evidence.cases.pulse_trials import run_trials
 

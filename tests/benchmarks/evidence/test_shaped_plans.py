@@ -105,7 +105,7 @@ def test_the_rig_swings_less_with_a_shaper(circle, rig, frequency):
 
 
 def test_what_play_adds_is_not_shaped(circle):
-    """The 5 µm of the nut are released at once where a leg turns back: a step, which swings the load as it would alone."""
+    """The 5 µm of the nut are released at once where a leg turns back: a step, which swings the load."""
     shaper, play = Shaper("zvd", 12.0, 0.01), 5e-6
     _, without = shaped_plans.swing_on_rig(circle, shaper, "hexapod-steppers", play=0.0)
     _, after = shaped_plans.swing_on_rig(circle, shaper, "hexapod-steppers", play=play)

@@ -109,7 +109,10 @@ def test_options_that_make_no_difference(source, written, replayed):
     """A card that queues, and the speed ranges that the call list chose: every move is over in time."""
     ranges = call_list(source, SPACING, None).ranges
     one = replayed[0][2]
-    for other in (replay(source, written[1], while_moving="queue"), replay(source, written[1], ranges)):
+    for other in (
+        replay(source, written[1], while_moving="queue"),
+        replay(source, written[1], ranges),
+    ):
         _, _, two = next(other)
         np.testing.assert_array_equal(one.count, two.count)
         # a speed is rounded to half a step of its register, one in 131 070 of the fastest

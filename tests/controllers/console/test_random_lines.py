@@ -14,7 +14,16 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from controllers.console import Dispatcher, Partial, advance_time, drop_remote, links, open_session, serve, take_line
+from controllers.console import (
+    Dispatcher,
+    Partial,
+    advance_time,
+    drop_remote,
+    links,
+    open_session,
+    serve,
+    take_line,
+)
 from kinematics import load_machine
 
 COMMAND = re.compile(rb"[ \t]*P((?:[ \t]+[XYZR][ \t]+[+-][ \t]+[0-9]{1,9})+)[ \t]*")
@@ -92,7 +101,7 @@ class Model:
 
 
 def draw_command(random):
-    """Return a command with its end: mostly short ways, since every pulse is counted, and some that are out of travel."""
+    """Return a command with its end: mostly short ways, since every pulse is counted, some out of travel."""
     words = [b"P"]
     for axis in random.permutation(4)[: random.integers(1, 5)]:
         far = axis < 3 and random.random() < 0.05
@@ -133,7 +142,11 @@ def run(strings, seed):
     model = Model(np.array(START, np.int64))
     partial = dict.fromkeys(CLIENTS, Partial())
     tails = dict.fromkeys(CLIENTS, b"")
-    counts, since, t = model.at, 0.0, 0.0  # where all pulses fired before `since` have brought the axes
+    counts, since, t = (
+        model.at,
+        0.0,
+        0.0,
+    )  # where all pulses fired before `since` have brought the axes
     numbers = Counter()
 
     def compare(replies, expected):
