@@ -11,15 +11,12 @@ from kinematics.foundation.arrays import Array
 from kinematics.machine.machine import Machine
 from planner import Arc, Blend, Dwell, Line, Program, Stop, Through
 
-MACHINES = ("hexapod", "linkage")
 BOX = {
     "hexapod": ([0.0, 0.0, 0.025], [0.015, 0.015, 0.01]),
     "linkage": ([0.0, 0.0, 0.0], [0.05, 0.05, 0.0]),
 }
 """Middle of the box in which a path stays, and half the lengths of its edges, m from home."""
-LENGTHS = (-7.0, -1.0)
-TOLERANCES = (-9.0, -3.0)
-"""Decades, m."""
+MACHINES = tuple(BOX)
 
 MAX_RATIO = 1e4
 """Largest ratio between two speeds, two lengths or two limits of a program of ratios."""
@@ -39,8 +36,8 @@ def random_program(seed: int, machine: str) -> Program:
     segments: list[Line | Arc | Dwell] = []
     for _ in range(int(rng.integers(2, 21))):
         way = rng.normal(size=3) * (half > 0)
-        way *= 10.0 ** rng.uniform(*LENGTHS) / np.linalg.norm(way)
-        join = Stop() if rng.random() < 0.15 else Blend(10.0 ** rng.uniform(*TOLERANCES))
+        way *= 10.0 ** rng.uniform(-7, -1) / np.linalg.norm(way)
+        join = Stop() if rng.random() < 0.15 else Blend(10.0 ** rng.uniform(-9, -3))
         speed = 10.0 ** rng.uniform(-3, -1) if rng.random() < 0.2 else None
         there = here + way
         if (np.abs(there - middle) > half).any():

@@ -34,7 +34,6 @@ from planner.timing.run import solve_run
 
 EXAMPLES = Path(__file__).parents[3] / "docs/examples"
 SAMPLES = 100_000
-BATCH = 20_000
 ENDS = (0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.95, 1.0, 1.05, 1.15, 1.3)
 LATER = (0.07, 0.25)
 """Shares of a stop's way at which other stops end, and of its time by which others begin later."""
@@ -73,21 +72,17 @@ def measure(
 
 def make_plans(only: str) -> Iterator[tuple[str, Plan]]:
     """Yield the plans of all programs, or of one, with their names."""
-    for name, program in list_programs():
-        if only in ("", name):
-            machine = load_machine(program.machine or "corexy")
-            for order in range(2, usual_order(machine.axes) + 1):
-                yield f"{name}, order {order}", plan(program, machine, order=order)
-
-
-def list_programs() -> Iterator[tuple[str, Program]]:
-    """Yield programs with their names. Those without a machine are for the CoreXY."""
-    yield "straight", Program((Line(to=np.array([0.045, 0.045, 0])), Line(to=np.zeros(3))))
-    yield "corexy-pocket", import_program(EXAMPLES / "corexy-pocket.nc").program
-    for name in program_names():
-        program = load_program(name)
-        if program.machine is not None:
-            yield name, program
+    there, back = Line((0.045, 0.045, 0.0)), Line((0.0, 0.0, 0.0))
+    straight = Program((there, back), machine="corexy")
+    pocket = import_program(EXAMPLES / "corexy-pocket.nc").program
+    programs = {"straight": straight, "corexy-pocket": replace(pocket, machine="corexy")}
+    programs |= {name: load_program(name) for name in program_names()}
+    for name, program in programs.items():
+        if program.machine is None or only not in ("", name):
+            continue
+        machine = load_machine(program.machine)
+        for order in range(2, usual_order(machine.axes) + 1):
+            yield f"{name}, order {order}", plan(program, machine, order=order)
 
 
 def try_instant(
@@ -169,12 +164,9 @@ def find_faults(section: Section, *sent: Sent) -> list[str]:
 
 def measure_use(planned: Plan, section: Section) -> float:
     """Return the largest share of an axis' limit at 10⁵ instants."""
-    uses = []
-    for t in np.array_split(np.linspace(0.0, section.duration, SAMPLES)[:-1], SAMPLES // BATCH):
-        state = section.trajectory.at(t)
-        rates = (state.qd, state.qdd, state.qddd)
-        uses.append(measure_axes(planned.machine, planned.order, state.q, rates))
-    return max(uses)
+    state = section.trajectory.at(np.linspace(0.0, section.duration, SAMPLES)[:-1])
+    rates = (state.qd, state.qdd, state.qddd)
+    return measure_axes(planned.machine, planned.order, state.q, rates)
 
 
 def find_soonest(planned: Plan, stop: Section) -> float:

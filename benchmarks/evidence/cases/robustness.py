@@ -11,7 +11,6 @@
 two cores.
 """
 
-from collections import Counter
 from collections.abc import Iterable, Iterator
 from time import process_time
 from typing import Literal
@@ -82,12 +81,8 @@ def summarise(name: str, answers: Iterable[Answer], faults: list[Row]) -> Row:
 
 def find_shares(methods: list[str]) -> list[float]:
     """Return the shares (%) of runs that are averaged, slowed, and with extra rests."""
-    counts = Counter[str]()
-    for method in methods:
-        counts[AVERAGED] += AVERAGED in method
-        counts["slowed"] += is_slow(method)
-        counts[WITH_RESTS] += WITH_RESTS in method
-    return [100 * counts[kind] / max(1, len(methods)) for kind in (AVERAGED, "slowed", WITH_RESTS)]
+    flags = [(AVERAGED in method, is_slow(method), WITH_RESTS in method) for method in methods]
+    return [100 * sum(column) / len(methods) for column in zip(*flags, strict=True)] or 3 * [0.0]
 
 
 def is_slow(method: str) -> bool:

@@ -31,10 +31,15 @@ from planner.limits import usual_order
 from planner.shaping.shaped_motion import shape_motion
 from planner.trajectory import Trajectory
 
-PROGRAMS = ("bare-circle", "blended", "tripod-circle", "linkage-line", "arm-line", "traverser-scan")
-FREQUENCIES = {"traverser-scan": 8.0}
-FREQUENCY = 30.0
-"""Hz of the vibration that is shaped, where no other is stated."""
+PROGRAMS = {
+    "bare-circle": 30.0,
+    "blended": 30.0,
+    "tripod-circle": 30.0,
+    "linkage-line": 30.0,
+    "arm-line": 30.0,
+    "traverser-scan": 8.0,
+}
+"""Programs, with the frequency (Hz) of the vibration that is shaped."""
 DAMPING = 0.05
 SAMPLES = 100_000
 BATCH = 10_000
@@ -67,10 +72,10 @@ def measure(kind: Literal["plans", "rigs"] = "plans", plans: int = 20) -> Iterat
 def make_plans() -> Iterator[Plan]:
     """Yield plans of all programs, with all shapers in turn, every other one of order 2."""
     kinds = tuple(IMPULSES)
-    for turn, (k, name) in product(range(len(kinds)), enumerate(PROGRAMS)):
+    for turn, (k, (name, frequency)) in product(range(len(kinds)), enumerate(PROGRAMS.items())):
         program = load_program(name)
         machine = load_machine(program.machine or "hexapod")
-        shaper = Shaper(kinds[(k + turn) % len(kinds)], FREQUENCIES.get(name, FREQUENCY), DAMPING)
+        shaper = Shaper(kinds[(k + turn) % len(kinds)], frequency, DAMPING)
         order = max(2, usual_order(machine.axes) - (k + turn) % 2)
         yield plan(program, set_shaper(machine, shaper), order=order)
 

@@ -20,7 +20,7 @@ from planner.shaping.shaped_motion import reached_poses
 def plans():
     """Plans with each of the four shapers."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(shaped_plans, "PROGRAMS", ("bare-circle", "linkage-line"))
+        patch.setattr(shaped_plans, "PROGRAMS", {"bare-circle": 30.0, "linkage-line": 30.0})
         return list(islice(shaped_plans.make_plans(), 4))
 
 
