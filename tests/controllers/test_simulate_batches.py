@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.evidence.speed.closed_loop import simulate_runs
+from benchmarks.evidence.cases.closed_loop import simulate_runs
 from controllers import find_law, load_rig
 from controllers.card import PCI_8164
 from controllers.rig import Host, disturb_rig, time_path

@@ -7,7 +7,7 @@ import pytest
 from numpy.polynomial import Polynomial
 from scipy.interpolate import CubicSpline, PPoly
 
-from benchmarks.evidence.peers.case import circle, spline
+from benchmarks.evidence.peers.problems import circle, spline
 from planner import time_optimal
 from planner.certificate import bound_polynomials
 from planner.path.join_and_blend import overlap_lengths

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline, PPoly
 
-from benchmarks.evidence.trials.robustness import random_problem, tiny_problems
+from benchmarks.evidence.random_problems import random_problem
 from kinematics import Axis, Hexapod, Traverser, load_machine
 from planner import Line, Program, plan, time_optimal
 from planner.certificate import LIMIT_ROUNDING, certify, forget_paths, prove_path_use, round_reached_use
 from planner.limits import limits_of
 from planner.path.actuation import actuate
+from tests.planner.tiny_problems import tiny_problems
 
 LINE = PPoly(np.array([[[1.0, 0.5]], [[0.0, 0.0]]]), [0.0, 1.0])
 BEND = CubicSpline([0.0, 0.5, 1.0], [[0.0, 0.0], [0.6, 0.3], [1.0, 1.0]])
@@ -30,7 +31,7 @@ def table():
     return Traverser(axes=[replace(axis, max_pulse_rate=None) for axis in axes], home=bundled.home)
 
 
-@pytest.mark.parametrize("problem", ZOO, ids=lambda problem: problem.what)
+@pytest.mark.parametrize("problem", ZOO, ids=lambda problem: problem.name)
 def test_no_proof_ends_above_one(problem):
     assert max(problem.solve().certificate.worst.values()) <= 1
 

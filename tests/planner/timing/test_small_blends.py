@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from benchmarks.evidence.trials.robust_programs import plan_program, random_program, stop_everywhere
+from benchmarks.evidence.cases.robustness import plan_program
+from benchmarks.evidence.random_programs import random_program, stop_everywhere
 from kinematics import MotionError, load_machine
 from kinematics.foundation.errors import require
 from planner import Blend, Line, Program, load_program, plan
@@ -66,9 +67,10 @@ def test_equal_lines_whose_blends_take_half_of_each(hexapod, order):
 
 @pytest.mark.parametrize(("machine", "order", "seed"), [("linkage", 2, 3), ("linkage", 3, 24), ("hexapod", 3, 27)])
 def test_random_programs_are_answered(machine, order, seed):
-    """A small version of benchmarks.evidence.trials.robust_programs."""
-    found = plan_program(random_program(seed, machine), load_machine(machine), order)
-    assert found.fault == ""
+    """A small part of the case `robustness` of the evidence, kind programs."""
+    fault, methods = plan_program(random_program(seed, machine), load_machine(machine), order)
+    assert fault == ""
+    assert methods
 
 
 def test_without_an_answer_for_the_whole_it_rests_where_it_is_slowest(hexapod, stopping, monkeypatch):

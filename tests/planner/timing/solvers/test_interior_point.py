@@ -9,7 +9,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from benchmarks.evidence.peers.casadi_ import solve_by_casadi
-from benchmarks.evidence.trials.robustness import random_problem
+from benchmarks.evidence.random_problems import random_problem
 from kinematics import Axis
 from kinematics.foundation.errors import require
 from planner.limits import limits_of
@@ -56,7 +56,7 @@ def test_where_only_jerk_is_limited_a_line_takes_what_is_known():
 def test_paths_that_stand_at_their_ends(seed):
     """s̈ is free where q′ vanishes: clamped splines."""
     random = random_problem(seed, 3)
-    assert "clamped" in random.what
+    assert "clamped" in random.name
     problem, guess = posed(random.path, random.speed, random.acceleration, random.jerk, stands=(1, 1))
     ours, theirs = third_order(problem, guess), solve_by_casadi(problem, guess)
     assert ours.solved
