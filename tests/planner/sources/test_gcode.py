@@ -27,16 +27,6 @@ ROUNDED = 2e-12
 """m: coordinates are written to 1e-12 of their unit, and added up a few dozen times."""
 
 
-@pytest.fixture
-def read(tmp_path):
-    def of(text, suffix=".nc", **options):
-        path = tmp_path / f"part{suffix}"
-        path.write_bytes(text if isinstance(text, bytes) else text.encode())
-        return import_program(path, **options)
-
-    return of
-
-
 def walked(program):
     """The place (3,) in the middle and at the end of every segment that moves the tool; SciPy turns the arcs."""
     here, found = np.zeros(3), []
