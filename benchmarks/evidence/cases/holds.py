@@ -72,8 +72,8 @@ def measure(
 
 def make_plans(only: str) -> Iterator[tuple[str, Plan]]:
     """Yield the plans of all programs, or of one, with their names."""
-    there, back = Line((0.045, 0.045, 0.0)), Line((0.0, 0.0, 0.0))
-    straight = Program((there, back), machine="corexy")
+    lines = (Line(np.array([0.045, 0.045, 0.0])), Line(np.zeros(3)))
+    straight = Program(lines, machine="corexy")
     pocket = import_program(EXAMPLES / "corexy-pocket.nc").program
     programs = {"straight": straight, "corexy-pocket": replace(pocket, machine="corexy")}
     programs |= {name: load_program(name) for name in program_names()}

@@ -64,8 +64,8 @@ def solver_rows() -> Iterator[Row]:
     limits = limits_of(path, machine.axes, 3)
     jerk, start = require(jerk_problem(path, limits, Run(0, 0)))
     for name in JERK_SOLVERS:
-        work = partial(solve_by_casadi, jerk, start.on(jerk.s), name)
-        yield time_solver(name, jerk.intervals, work)
+        peer = partial(solve_by_casadi, jerk, start.on(jerk.s), name)
+        yield time_solver(name, jerk.intervals, peer)
     for intervals in JERK_INTERVALS:
         places = np.linspace(0, jerk.intervals, intervals + 1)
         s = np.interp(places, np.arange(jerk.intervals + 1), jerk.s)
