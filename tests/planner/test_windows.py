@@ -11,12 +11,10 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from kinematics import MotionError, load_machine
-from planner import load_program
+from planner import Blend, Line, Program, Stop, load_program
 from planner.limits import limits_of
 from planner.path.actuation import MachinePath, actuate
 from planner.path.join_and_blend import PathStep
-from planner.program.model import Line, Program
-from planner.program.modifiers import Blend, Stop
 from planner.timing import certified_solve
 from planner.windows import WindowPlanner
 

@@ -12,11 +12,24 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import FileError, MotionError, load_machine
-from planner import Arc, Blend, Dwell, Fit, Line, Stop, Through, Turn, import_program, load_program, plan, plan_parts
+from planner import (
+    Arc,
+    Blend,
+    Dwell,
+    Fit,
+    Line,
+    Stop,
+    Through,
+    Trigger,
+    Turn,
+    import_program,
+    load_program,
+    plan,
+    plan_parts,
+)
 from planner.path.actuation import actuate
 from planner.path.chain import chain_pieces
 from planner.program.joins import fit_joins
-from planner.program.modifiers import Trigger
 from planner.program.program_writer import program_lines, program_toml
 from planner.sources.gcode import Gcode
 from planner.sources.outline import outline
