@@ -3,7 +3,7 @@ from benchmarks.evidence.peers.problems import circle
 from kinematics import load_machine
 from planner.limits import limits_of
 from planner.path.actuation import actuate
-from planner.timing.certified_solve import certified_solve
+from planner.timing import certified_solve
 
 
 def test_points_where_time_is_lost_earn_it():
