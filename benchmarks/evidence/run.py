@@ -30,7 +30,6 @@ CASES = {
     "findings": "the page of a thesis' findings: which hold on the emulated rig",
     "forward": "certified forward kinematics against independent proofs, and its time",
     "holds": "stops at random instants, and motions on from there",
-    "intervals": "order 3: duration against intervals, on our grids and on even ones",
     "laws_compared": "tracking laws on the servo rig: contour errors at their best gains",
     "limit_worths": "savings predicted for each limit, compared with planning again",
     "linuxcnc_suite": "LinuxCNC's files for its planner: planned and certified, or refused",
