@@ -12,7 +12,6 @@ from planner import Line, Program, plan, time_optimal
 from planner.certificate import LIMIT_ROUNDING, certify, forget_paths, prove_path_use, round_reached_use
 from planner.limits import limits_of
 from planner.path.actuation import actuate
-from tests.planner.tiny_problems import tiny_problems
 
 LINE = PPoly(np.array([[[1.0, 0.5]], [[0.0, 0.0]]]), [0.0, 1.0])
 BEND = CubicSpline([0.0, 0.5, 1.0], [[0.0, 0.0], [0.6, 0.3], [1.0, 1.0]])
@@ -20,7 +19,6 @@ ENDS = [{}, {"start_speed": 0.5}, {"start_speed": 0.4, "end_speed": 0.5}]
 ZOO = [
     *(random_problem(seed, 2) for seed in range(8)),
     *(random_problem(seed, 3) for seed in range(3)),
-    *tiny_problems(2)[::5],
 ]
 
 

@@ -37,7 +37,7 @@ def test_scaled_problems_take_scaled_times(order, seed, exact, scale):
 
 @pytest.mark.parametrize("problem", tiny_problems(2)[::3] + tiny_problems(3)[::6], ids=lambda problem: problem.name)
 def test_tiny_motions_under_huge_limits(problem):
-    assert problem.solve().certificate.holds
+    assert max(problem.solve().certificate.worst.values()) <= 1
 
 
 @pytest.mark.parametrize("points", [51, 101, 501, 1001])
