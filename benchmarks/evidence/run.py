@@ -24,7 +24,6 @@ CASES = {
     "assembly_modes": "how often all forty modes of Dietmaier's platform are found, and in which time",
     "cam_files": "planning of G-code files: motion, baseline, bound, time and memory",
     "circle": "the bare circle, certified, against legs computed by hand",
-    "closed_loop": "time to simulate and to evaluate closed loops",
     "commands": "processor and wall time of whole commands, and of cold plans",
     "design": "a stepper sized, actuators and joints selected",
     "findings": "the page of a thesis' findings: which hold on the emulated rig",
