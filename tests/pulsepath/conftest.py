@@ -1,6 +1,5 @@
 """One plan of the bare circle that the tests of the front door share, and a command line without a process."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
