@@ -227,9 +227,9 @@ class Rig:
         return known[name]
 
 
-def assumed_rig(machine: Machine, card: Card = PCI_8132) -> Rig:
-    """`leg_servo` on every axis: an assumption, for whoever asks for it by this name."""
-    return Rig(machine, tuple(leg_servo(axis) for axis in machine.axes), card, name="assumed servos")
+def assumed_rig(machine: Machine) -> Rig:
+    """Return a rig with `leg_servo` on every axis: an assumption, for callers that ask for it by this name."""
+    return Rig(machine, tuple(leg_servo(axis) for axis in machine.axes), name="assumed servos")
 
 
 def disturb_rig(rig: Rig, *, inertia: float = 1.0, friction: float = 1.0) -> Rig:

@@ -15,13 +15,13 @@ FIRST_FACTS: dict[tuple[str, ...], Facts] = {}
 """What was found when first looked for: sources that are changed later are not those that run."""
 
 
-def make_fact_finder(packages: Sequence[str] = PACKAGES, libraries: Sequence[str] = LIBRARIES) -> Look:
+def make_fact_finder(packages: Sequence[str] = PACKAGES) -> Look:
     """A function that finds the facts of the process that calls it.
 
     It needs nothing of this project, and being local it is sent to another process as code, not by its name: so it
     finds them where another version of this project is installed, or none.
     """
-    packages, libraries = tuple(packages), tuple(libraries)
+    packages, libraries = tuple(packages), LIBRARIES
 
     def look() -> Facts:
         from hashlib import sha256

@@ -269,7 +269,7 @@ def find_whole_reason(program: Program, machine: Machine, rule: Rule) -> str | N
 
 
 class _Steps:
-    """The steps of a path in order, with the joins, chains and triggers of those that are not planned yet."""
+    """The steps of a path in order, and the joins, chains and triggers that are still to be planned."""
 
     def __init__(self, steps: Iterator[MarkedStep], segments: int, repeat: int, progress: Progress) -> None:
         """segments: of the program, which runs `repeat` times. progress: called with those read, and with all."""

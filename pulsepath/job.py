@@ -42,9 +42,6 @@ REALISED_SAMPLES = 25_000
 MOST_BOUNDED, BOUNDED_EACH_SECOND = 20_000, 1_000
 """Time pieces up to which a lower bound of the duration is proved unasked; of how many it takes a second, about."""
 
-BOUNDS = "auto", "full", "none"
-"""Effort on the lower bound: as long as planning at most, until it is near, or none."""
-
 CELLS_PER_PIECE, CELLS_PER_RUN, CELLS_BESIDE = {2: 0.2, 3: 0.5}, 10, 12
 """Cost of planning, in cells of a quick bound: of a time piece by order, and of a run between stops in addition; and
 the cost of a run's bound in addition to its cells. Measured. Cells are counted instead of timed, so that the result
@@ -220,7 +217,8 @@ def run(
 
     baselines: whether to time every baseline; None: only the one with the plan's own limits
     worth: whether to work out what limits are worth; None: where the bound is proved
-    bound: of BOUNDS; but for a bound that is asked for, none is proved of more than MOST_BOUNDED time pieces
+    bound: effort on the lower bound: "auto" takes as long as planning at most, "full" goes on until it is near, "none";
+    without "full", no bound is proved for more than MOST_BOUNDED time pieces
     """
     for field in find_unkept_limits(machine):
         note(f"note: {machine.name} states {field} but no masses, so no plan can respect it")

@@ -85,7 +85,7 @@ class Horizon:
     Only vectors change from one `best` to the next: the matrices are factorized once.
     """
 
-    def __init__(self, axes: NominalAxes, dt: float, steps: int, weight: float, instants: int = STEP_INSTANTS) -> None:
+    def __init__(self, axes: NominalAxes, dt: float, steps: int, weight: float) -> None:
         n = len(axes)
         loops = np.isfinite(axes.position_gain)
         if not loops.all():
@@ -94,9 +94,9 @@ class Horizon:
                 "use law feedforward for it"
             )
         self._weight, self._dt = weight, dt
-        self.free, self.driven = response(axes, dt, instants).extend(steps)
+        self.free, self.driven = response(axes, dt, STEP_INSTANTS).extend(steps)
         """O (n, H·m, 4) and Γ (n, H·m, 2 H)."""
-        self.instants = freeze_array(np.arange(1, steps * instants + 1) / instants)
+        self.instants = freeze_array(np.arange(1, steps * STEP_INSTANTS + 1) / STEP_INSTANTS)
         """(H·m,) the instants of x and r, in steps from the start."""
         speed, change = (np.broadcast_to(of, n)[:, None] for of in (axes.max_speed * dt, axes.max_acceleration * dt**2))
         size = 2 * steps

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinematics.calibration.measurements import AXIS, COMPONENTS, POSITION, ROTATION, Measurements, Noise
+from kinematics.calibration.measurements import AXIS, POSITION, ROTATION, Measurements, Noise
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import count_noun, nearest
@@ -261,12 +261,6 @@ class Calibration(Result):
 
     def __repr__(self) -> str:
         return f"<Calibration of {self.nominal.name}: {count_noun(len(self.parameters), 'parameter')}>"
-
-    def worst(self, errors: Array) -> str:
-        """Component and pose of the largest position error."""
-        size = np.nan_to_num(np.abs(errors[:, POSITION]))
-        pose, component = np.unravel_index(int(size.argmax()), size.shape)
-        return f"{COMPONENTS[component]} of {self.measurements.labels[pose]}"
 
     def __getitem__(self, name: str) -> Estimate:
         found = {parameter.name: parameter for parameter in self.parameters}

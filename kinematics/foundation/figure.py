@@ -85,7 +85,7 @@ LEAST_PAD, MOST_PAD = 3.0, 32.0
 these."""
 
 
-def label_space(ax: Axes3D, unit: str = "mm") -> None:
+def label_space(ax: Axes3D) -> None:
     """Equal scales, and numbers and names of axes in space that do not overlap; call it when the limits stand.
 
     A side that is short beside the longest has few numbers, and one of next to no length no name: there is no room.
@@ -105,7 +105,7 @@ def label_space(ax: Axes3D, unit: str = "mm") -> None:
         axis.set_ticks(_choose_space_ticks(low, high, count))
         ax.tick_params(axis=name, labelsize="small", pad=2)
         flat = name == "z" and shares[name] < FLAT
-        axis.set_label_text("" if flat else f"{name} ({unit})")
+        axis.set_label_text("" if flat else f"{name} (mm)")
         axis.labelpad = max(LEAST_PAD, MOST_PAD * (1 - beside[name]) * shares[name] ** 0.3)
 
 

@@ -1,7 +1,7 @@
 """The soonest stop along a path from any instant of a motion.
 
-The nearest rest is sought to which a motion is found that keeps every limit (`planner.interruption.ramp`). There is
-always one: the motion continues to a rest of its own.
+The nearest rest is sought to which a motion is found that keeps every limit
+(`planner.interruption.ramp`). There is always one: the motion continues to a rest of its own.
 """
 
 from collections.abc import Iterator, Sequence
@@ -40,8 +40,8 @@ from planner.shaping.shaped_motion import Copies, ShapedMotion, find_copies
 from planner.shaping.shaped_proof import ShapedProof, prove_shaped
 from planner.trajectory import Trajectory
 
-# Share of a path's length below which copies along it count as at rest: rounding of places (10⁻¹⁶ of the length) would
-# be more than the 10⁻⁹ by which the ends of a motion may be off.
+# Share of a path's length below which copies along it count as at rest: rounding of places (10⁻¹⁶
+# of the length) would be more than the 10⁻⁹ by which the ends of a motion may be off.
 SAME_STOP = 1e-7
 # Instants at which the motion is left and whose stops are compared: each costs as much as a stop.
 MOST_COMPARED = 2
@@ -52,14 +52,15 @@ MAX_LEAVES = 6
 
 
 def hold(whole: Whole, at: float, during: Section | None = None) -> Section:
-    """Compute the soonest stop along the path from an instant (s) of a plan, on a whole tick of its clock.
+    """Compute the soonest stop along the path from an instant (s), on a whole tick of the clock.
 
-    At a rest the stop is empty: a trajectory of zero length, without pulses except one that is due already. After the
-    input shapers the axes may still move while the motion before the shapers rests: the stop then lasts until they
-    rest too. Constant speeds that segments require are not kept.
+    At a rest the stop is empty: a trajectory of zero length, without pulses except one that is due
+    already. After the input shapers the axes may still move while the motion before the shapers
+    rests: the stop then lasts until they rest too. Constant speeds that segments require are not
+    kept.
 
-    during: a section of the plan that runs instead, as the way on from an earlier stop; the instant counts from its
-    start.
+    during: a section of the plan that runs instead, as the way on from an earlier stop; the instant
+    counts from its start.
 
     Raises MotionError for an instant outside the motion.
     """
@@ -90,7 +91,7 @@ def _stop(whole: Whole, running: Running, at: float, t: float) -> ProvedMotion:
 
 
 def _find_rest_at(running: Running, at: float) -> Instant | None:
-    """Find the beginning of the rest at an instant (s), or less than a tick from it; None where the motion moves."""
+    """Find the beginning of the rest at an instant (s) to a tick; None where the motion moves."""
     motion = running.trajectory
     tick = 1 / running.pulses.clock_hz
     time = running.since + at
@@ -104,14 +105,22 @@ def _find_rest_at(running: Running, at: float) -> Instant | None:
 
 
 def _rest(whole: Whole, rest: Instant, t: float) -> ProvedMotion:
-    """Return an empty stop from an instant t (s) at a rest: a motion of zero length along a path of zero length."""
+    """Return an empty stop from an instant t (s) at a rest: motion and path have zero length."""
     number = int(np.clip(find_piece(whole.path, rest.s), 0, len(whole.path.pieces) - 1))
     piece = whole.path.pieces[number]
     start = piece.start + rest.s - float(whole.path.breaks[number])
     piece = replace(piece, length=0.0, turn=0.0, start=start, constant=False)
     stops = np.ones(2, int)
     dwells = np.zeros(2)
-    path = MachinePath(whole.machine, [piece], stops, dwells, tool=whole.tool, near=rest.q, origin=(rest.s, t))
+    path = MachinePath(
+        whole.machine,
+        [piece],
+        stops,
+        dwells,
+        tool=whole.tool,
+        near=rest.q,
+        origin=(rest.s, t),
+    )
     zero = np.zeros(1)
     motion = Trajectory(path, np.zeros(2), zero, zero, zero, zero, np.zeros(1, int))
     limits = whole.limits(path)
@@ -131,7 +140,13 @@ def _certify_rest(motion: Trajectory, limits: Sequence[Limit]) -> Certificate:
     )
 
 
-def _shape_stop(whole: Whole, running: Running, now: Instant, stop: ProvedMotion, copies: Copies) -> ProvedMotion:
+def _shape_stop(
+    whole: Whole,
+    running: Running,
+    now: Instant,
+    stop: ProvedMotion,
+    copies: Copies,
+) -> ProvedMotion:
     """Prove a stop after shaping, with copies of the running motion that are still under way."""
     motion = running.trajectory
     earliest = look(motion, max(now.t - copies.length, 0.0))
@@ -149,8 +164,14 @@ def _shape_stop(whole: Whole, running: Running, now: Instant, stop: ProvedMotion
     return replace(stop, shaped=shaped)
 
 
-def _run_out(whole: Whole, running: Running, t: float, rest: Instant, copies: Copies) -> ProvedMotion | None:
-    """Prove the motion of the copies from t (s) on, of a motion that rests already; None where they rest too."""
+def _run_out(
+    whole: Whole,
+    running: Running,
+    t: float,
+    rest: Instant,
+    copies: Copies,
+) -> ProvedMotion | None:
+    """Prove the copies of a motion at rest from t (s) on; None where they rest too."""
     motion = running.trajectory
     earliest = look(motion, max(t - copies.length, 0.0))
     begun = find_rest(motion, earliest)
@@ -160,7 +181,11 @@ def _run_out(whole: Whole, running: Running, t: float, rest: Instant, copies: Co
         return None
     path = _draw_from(whole, motion, earliest, rest.s, last_dwell=False)
     limits = whole.limits(path)
-    before = shift_motion(cut_motion(motion, earliest, rest), 0.0, -find_piece(whole.path, earliest.s))
+    before = shift_motion(
+        cut_motion(motion, earliest, rest),
+        0.0,
+        -find_piece(whole.path, earliest.s),
+    )
     before = replace(before, path=path)
     since = min(t, copies.length)  # a knot, or in the motion from its start on
     shaped = _prove_shaped(before, copies, whole, limits, since)
@@ -177,8 +202,8 @@ def _prove_shaped(
 ) -> ShapedProof:
     """Prove a motion after shaping, from `since` (s) on.
 
-    Convex limits are proved of the motion before shaping: shaping keeps them. Raises MotionError where the running
-    motion and its stop together do not keep them.
+    Convex limits are proved of the motion before shaping: shaping keeps them. Raises MotionError
+    where the running motion and its stop together do not keep them.
     """
     certificate = certify(motion, [limit for limit in limits if limit.convex])
     if not certificate.holds:
@@ -187,8 +212,14 @@ def _prove_shaped(
     return prove_shaped(shaped, motion, whole.machine.axes, limits, certificate, since=since)
 
 
-def _draw_from(whole: Whole, motion: Trajectory, now: Instant, until: float, last_dwell: bool = True) -> MachinePath:
-    """Return the path from an instant of a motion to a place (m), with the rest of a dwell at the instant."""
+def _draw_from(
+    whole: Whole,
+    motion: Trajectory,
+    now: Instant,
+    until: float,
+    last_dwell: bool = True,
+) -> MachinePath:
+    """Return the path from an instant to a place (m), with the rest of a dwell at the instant."""
     left = find_rest_left(motion, now)
     return whole.draw(now.s, until, now.v, now.a, now.t, now.q, rests=left, last_dwell=last_dwell)
 
@@ -196,8 +227,8 @@ def _draw_from(whole: Whole, motion: Trajectory, now: Instant, until: float, las
 def _solve_stop(whole: Whole, running: Running, now: Instant) -> ProvedMotion:
     """Find the soonest stop before any shapers.
 
-    The better of those from the first two instants at which the motion can be left: a rough search may miss the nearest
-    place from one of them. If neither has one, the motion's own next rest.
+    The better of those from the first two instants at which the motion can be left: a rough search
+    may miss the nearest place from one of them. If neither has one, the motion's own next rest.
     """
     motion = running.trajectory
     rest = find_next_rest(motion, now)
@@ -216,16 +247,18 @@ def _solve_stop(whole: Whole, running: Running, now: Instant) -> ProvedMotion:
     to_rest = replace(to_rest, path=path, piece=to_rest.piece - to_rest.piece[0])
     limits = whole.limits(path)
     certificate = certify(to_rest, limits)
-    if not certificate.holds:  # by rounding alone: it is a part of the running motion, which is proved
+    if not certificate.holds:
+        # by rounding alone: the motion is a part of the running one, which is proved
         certificate = running.certificate
     return ProvedMotion(path, limits, to_rest, certificate, now.s)
 
 
 def _find_leaves(motion: Trajectory, now: Instant, rest: Instant, order: int) -> Iterator[Instant]:
-    """Find the instants at which the motion may be left: at once; then where its s⃛ steps before the next rest.
+    """Find the instants at which the motion may be left: at once, then where its s⃛ steps.
 
-    Where the motion comes to its largest speed its jerk is all that the limits allow, exact to the last digit if it was
-    found in closed form. Then a single motion leads on, and no solver finds it.
+    Where the motion comes to its largest speed its jerk is all that the limits allow, exact to the
+    last digit if it was found in closed form. Then a single motion leads on, and no solver finds
+    it.
     """
     yield now
     if order == 2:
@@ -237,8 +270,14 @@ def _find_leaves(motion: Trajectory, now: Instant, rest: Instant, order: int) ->
         yield look(motion, t)
 
 
-def _leave(whole: Whole, motion: Trajectory, now: Instant, leave: Instant, end: float) -> ProvedMotion | None:
-    """Find the soonest stop before `end` (m) of the motions that follow the running one until `leave`."""
+def _leave(
+    whole: Whole,
+    motion: Trajectory,
+    now: Instant,
+    leave: Instant,
+    end: float,
+) -> ProvedMotion | None:
+    """Find the soonest stop before `end` (m) that follows the running motion until `leave`."""
     for ramp in find_ramps(whole, leave, end, _rest_anywhere, motion):
         stop = ramp if leave is now else _follow_first(whole, motion, now, leave, ramp)
         if stop.certificate.holds:
@@ -251,7 +290,13 @@ def _rest_anywhere(place: float) -> tuple[float, float]:
     return 0.0, 0.0
 
 
-def _follow_first(whole: Whole, motion: Trajectory, now: Instant, leave: Instant, ramp: ProvedMotion) -> ProvedMotion:
+def _follow_first(
+    whole: Whole,
+    motion: Trajectory,
+    now: Instant,
+    leave: Instant,
+    ramp: ProvedMotion,
+) -> ProvedMotion:
     """Join the motion up to where it is left and a ramp from there, and prove both together."""
     until = leave.s + float(ramp.path.breaks[-1])
     path = whole.draw(now.s, until, now.v, now.a, now.t, now.q)
@@ -266,7 +311,7 @@ def _follow_first(whole: Whole, motion: Trajectory, now: Instant, leave: Instant
 
 @dataclass(frozen=True, slots=True)
 class Stops(Result):
-    """The soonest stops along a plan's path, from one or two instants of each of several equal intervals of time.
+    """The soonest stops along a plan's path from instants of several equal intervals of time.
 
     t         (N,) s
     place     (N,) m along the path, of the motion before any shapers
@@ -298,7 +343,8 @@ class Stops(Result):
             Column("at", longest),
         )
         instants = count_noun(len(self.t) + len(self.refused), "instant")
-        table = Table(f"stops of {self.name}, from {instants} where they are likely to be longest", columns)
+        title = f"stops of {self.name}, from {instants} where they are likely to be longest"
+        table = Table(title, columns)
         if not self.refused:
             return (table,)
         times = [t for t, _ in self.refused]
@@ -321,7 +367,7 @@ class Stops(Result):
 
 
 def find_stops(whole: Whole, count: int, progress: Progress = ignore_progress) -> Stops:
-    """Compute stops from the instants of each of `count` equal intervals of time where they are likely to be longest.
+    """Compute stops from instants of each of `count` equal intervals where they are likely longest.
 
     Raises MotionError for a count below 1, and the first refusal where every instant is refused.
     """
@@ -346,4 +392,5 @@ def find_stops(whole: Whole, count: int, progress: Progress = ignore_progress) -
     if not rows:
         raise refused[0][1]
     t_s, places, times, distances = np.array(rows).T
-    return Stops(whole.name, t_s, places, times, distances, tuple((t, str(error)) for t, error in refused))
+    reasons = tuple((t, str(error)) for t, error in refused)
+    return Stops(whole.name, t_s, places, times, distances, reasons)

@@ -1,4 +1,4 @@
-"""The state of a motion at an instant, the rests around it, and motions cut and joined at instants."""
+"""The state of a motion at an instant, the rests next to it, and motions cut and joined."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -49,11 +49,18 @@ def look(motion: Trajectory, t: float) -> Instant:
     t = min(t, motion.duration)
     state = motion.at(t)
     knot = int(motion.locate(np.array([t]))[0])
-    return Instant(t, knot, float(state.along[0]), float(state.sd[0]), float(state.sdd[0]), state.q[0])
+    return Instant(
+        t,
+        knot,
+        float(state.along[0]),
+        float(state.sd[0]),
+        float(state.sdd[0]),
+        state.q[0],
+    )
 
 
 def find_passage(motion: Trajectory, place: float) -> Instant:
-    """Find the instant at which the motion passes a place (m); if it rests there, the end of the rest."""
+    """Find the instant at which the motion passes a place (m), or ends a rest there."""
     rounding = SAME_PLACE * float(motion.path.breaks[-1])
     k = int(np.searchsorted(motion.s, place + rounding, "right")) - 1
     k = max(k, 0)
@@ -73,11 +80,11 @@ def find_passage(motion: Trajectory, place: float) -> Instant:
 
 
 def find_longest(motion: Trajectory, axes: Sequence[Axis], edges: Array) -> Array:
-    """Find the instants (s) from which stops are likely to be longest, one or two between each two edges (N+1,) (s).
+    """Find the instants (s) with the longest stops: one or two between each two edges (N+1,) (s).
 
-    The axes need at least T = max |q̇|/a for a stop, where a is the stated acceleration of an axis, or the largest
-    sampled one if none is stated. The instants are those of the largest T and of the largest ṡ T. Of several equal ones
-    the first counts.
+    The axes need at least T = max |q̇|/a for a stop, where a is the stated acceleration of an axis,
+    or the largest sampled one if none is stated. The instants are those of the largest T and of the
+    largest ṡ T. Of several equal ones the first counts.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         turns = -motion.a / motion.j
@@ -103,7 +110,7 @@ def find_longest(motion: Trajectory, axes: Sequence[Axis], edges: Array) -> Arra
 
 
 def find_rest(motion: Trajectory, now: Instant) -> Instant | None:
-    """Find the beginning of the rest that the motion is in at an instant, or next to it; None where it moves."""
+    """Find the beginning of the rest at an instant, or next to it; None where the motion moves."""
     if now.v > RESTING_SHARE * motion.v.max():
         return None
     slow = motion.v <= REST_SHARE * motion.v.max()
@@ -152,7 +159,15 @@ def cut_motion(motion: Trajectory, since: Instant, until: Instant) -> Trajectory
     v = np.append(since.v, motion.v[inside])
     a = np.append(since.a, motion.a[inside])
     pieces = slice(since.knot, last)
-    return Trajectory(motion.path, knots - since.t, s - since.s, v, a, motion.j[pieces], motion.piece[pieces])
+    return Trajectory(
+        motion.path,
+        knots - since.t,
+        s - since.s,
+        v,
+        a,
+        motion.j[pieces],
+        motion.piece[pieces],
+    )
 
 
 def join_motions(path: MachinePath, before: Trajectory, after: Trajectory) -> Trajectory:
@@ -166,7 +181,7 @@ def join_motions(path: MachinePath, before: Trajectory, after: Trajectory) -> Tr
 
 
 def shift_motion(motion: Trajectory, distance: float, pieces: int) -> Trajectory:
-    """Add a distance (m) to the path lengths of a motion, and a number to those of its path pieces."""
+    """Add a distance (m) to the path lengths of a motion, and a number to its path pieces."""
     return replace(motion, s=motion.s + distance, piece=np.maximum(motion.piece + pieces, 0))
 
 

@@ -13,7 +13,7 @@ from planner.interruption.section import Section, Whole
 
 
 class Interruptible(ABC):
-    """A plan, fresh or loaded. `hold` and `resume` give a `Section`, which runs through to its own rest."""
+    """A plan, fresh or loaded. `hold` and `resume` give a `Section`, which runs to its own rest."""
 
     __slots__ = ()
 
@@ -23,42 +23,62 @@ class Interruptible(ABC):
 
     @check_arguments()
     def hold(self, at: Annotated[float, Unit("s")], during: Section | None = None) -> Section:
-        """Compute the soonest certified stop along the path from an instant `at` (s); its pulses continue the plan's.
+        """Compute the soonest certified stop along the path from an instant `at` (s).
 
-        At a rest the stop is empty: it takes no time, goes no way and has no pulses.
+        Its pulses continue the plan's. At a rest the stop is empty: it takes no time, goes no way
+        and has no pulses.
 
-        during: a section that runs instead of the plan, as one that `resume` gave; `at` counts from its start.
+        during: a section that runs instead of the plan, as one that `resume` gave; `at` counts from
+        its start.
 
         Raises MotionError for an instant outside the motion (`planner.interruption.hold`).
         """
         return hold(self.whole(), at, during)
 
     @check_arguments()
-    def resume(self, stop: Section | Annotated[float, Unit("m")], share: float | None = None) -> Section:
-        """Compute the certified motion from a stop, or from rest at a place (m of the path), to the end.
+    def resume(
+        self,
+        stop: Section | Annotated[float, Unit("m")],
+        share: float | None = None,
+    ) -> Section:
+        """Compute the certified motion to the end from a stop, or from rest at a place (m).
 
-        share: of the plan's speed, above 0 and up to 1, which is taken up as soon as the limits allow. None: the
-        fastest motion, or the speed of a plan with a stated duration or another objective than time. `resume(0.0,
-        share)` is the whole plan at that share of its speed.
+        share: of the plan's speed, above 0 and up to 1, which is taken up as soon as the limits
+        allow. None: the fastest motion, or the speed of a plan with a stated duration or another
+        objective than time. `resume(0.0, share)` is the whole plan at that share of its speed.
 
-        Raises MotionError for a place outside the path, for a share out of range, and where no such motion keeps every
-        limit (`planner.interruption.resume`).
+        Raises MotionError for a place outside the path, for a share out of range, and where no such
+        motion keeps every limit (`planner.interruption.resume`).
         """
         return resume(self.whole(), stop, share)
 
     @check_arguments()
     def stops(self, count: int = 50) -> Stops:
-        """Compute time and distance to rest from instants of each of `count` equal intervals of time."""
+        """Compute time and distance to rest from instants of `count` equal intervals of time."""
         return find_stops(self.whole(), count)
 
     @check_arguments()
-    def export(self, format: str, path: str | PathLike[str], *, force: bool = False, **options: Any) -> Exported:
-        """Write the plan in a format of `planner.export.format`; return how far the file is from the plan.
+    def export(
+        self,
+        format: str,
+        path: str | PathLike[str],
+        *,
+        force: bool = False,
+        **options: Any,
+    ) -> Exported:
+        """Write the plan in an export format; return how far the file is from the plan.
 
         options: the fields of the format's dataclass, in SI units. force: replace an existing file.
 
-        Raises MotionError for an unknown format or option, an existing file, and what the format cannot hold.
+        Raises MotionError for an unknown format or option, an existing file, and what the format
+        cannot hold.
         """
         whole = self.whole()
-        source = ExportSource(whole.name, whole.machine, whole.trajectory, whole.pulses, triggers=whole.triggers)
+        source = ExportSource(
+            whole.name,
+            whole.machine,
+            whole.trajectory,
+            whole.pulses,
+            triggers=whole.triggers,
+        )
         return write_export(source, format, path, force, options)

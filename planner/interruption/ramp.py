@@ -1,8 +1,8 @@
-"""The nearest place at which a motion can reach a target speed: rest, or the plan's motion at a share of its speed.
+"""The nearest place at which a motion can reach rest, or the plan at a share of its speed.
 
-From the state (s, ṡ, s̈) at an instant the time-optimal problem is solved again, up to an end that is sought: the
-nearest with a motion that keeps every limit. A motion to a nearer end takes less time, unless the limits change along
-the way: docs/theory/hold.md.
+From the state (s, ṡ, s̈) at an instant the time-optimal problem is solved again, up to an end that
+is sought: the nearest with a motion that keeps every limit. A motion to a nearer end takes less
+time, unless the limits change along the way: docs/theory/hold.md.
 """
 
 from collections.abc import Callable, Iterator
@@ -20,36 +20,45 @@ from planner.timing.problem import Continuation, Run
 from planner.timing.run import solve_run
 from planner.trajectory import Trajectory
 
-# Share of a distance by which an end may be farther than the nearest that the search would find: each halving is one
-# more rough solve.
+# Share of a distance by which an end may be farther than the nearest that the search would find:
+# each halving is one more rough solve.
 NEAR_SHARE = 0.01
 # Halvings at most.
 HALVINGS = 24
 # Times as far in turn, where the rough solve promised a motion that is then not proved.
 FARTHER = (1.0, 1.02, 1.1, 1.3)
-# Without jerk limits the search begins with this share of the distance ahead, and doubles it. Grids of short distances
-# are fine; a coarse grid may show no motion where there is one.
+# Without jerk limits the search begins with this share of the distance ahead, and doubles it. Grids
+# of short distances are fine; a coarse grid may show no motion where there is one.
 FIRST_SHARE = 1e-4
 DOUBLING = 2.0
-# With jerk limits it begins with this many times the nearest end without them, then multiplies it by GROWTH.
+# With jerk limits it begins with this many times the nearest end without them, then multiplies it
+# by GROWTH.
 FIRST_WITH_JERK = 1.05
 GROWTH = 1.3
-# Share of the speed at which the search without jerk limits begins, as the speed itself may be the largest allowed.
+# Share of the speed at which the search without jerk limits begins, as the speed itself may be the
+# largest allowed.
 BEGIN_SPEED = 0.99
 # Share of a path's length below which rounding of places is too much of a distance.
 SHORTEST = 1e-10
-# Nearer ends tried once more, as shares of the distance found: a rough solve may fail where there is a motion.
+# Nearer ends tried once more, as shares of the distance found: a rough solve may fail where there
+# is a motion.
 NEARER = (0.8, 0.9, 0.96)
 
 Target = Callable[[float], tuple[float, float]]
 """A place (m) of the plan's path -> ṡ and s̈ to be reached there."""
 
 
-def find_ramps(whole: Whole, now: Instant, end: float, target: Target, followed: Trajectory) -> Iterator[ProvedMotion]:
-    """Find motions from an instant to the target at a place before `end` (m), the nearest place first.
+def find_ramps(
+    whole: Whole,
+    now: Instant,
+    end: float,
+    target: Target,
+    followed: Trajectory,
+) -> Iterator[ProvedMotion]:
+    """Find motions from an instant to the target before `end` (m), the nearest place first.
 
-    followed  motion whose s⃛ may step at its knots. On a grid with these knots, following it for a while is one of the
-              motions of the problem.
+    followed  motion whose s⃛ may step at its knots. On a grid with these knots, following it for a
+              while is one of the motions of the problem.
     """
     shortest = SHORTEST * float(whole.path.breaks[-1])
     if end - now.s <= shortest:
@@ -74,7 +83,14 @@ def find_ramps(whole: Whole, now: Instant, end: float, target: Target, followed:
 class _Search:
     """The search for the nearest end by rough solves."""
 
-    def __init__(self, whole: Whole, now: Instant, end: float, target: Target, continuation: Continuation) -> None:
+    def __init__(
+        self,
+        whole: Whole,
+        now: Instant,
+        end: float,
+        target: Target,
+        continuation: Continuation,
+    ) -> None:
         self.now = now
         self.order = whole.order
         self.target = target
@@ -84,7 +100,7 @@ class _Search:
         self.farthest = float(self.path.breaks[-1])
 
     def find_nearest(self, shortest: float) -> float:
-        """Return the distance (m) to the nearest place at which the target can be reached, at least `shortest`.
+        """Return the distance (m) to the nearest place with the target, at least `shortest`.
 
         Where no place is found, the whole distance to the end.
         """
@@ -109,7 +125,7 @@ class _Search:
         return self._narrow(order, low, min(high, self.farthest), shortest)
 
     def _narrow(self, order: int, low: float, high: float, shortest: float) -> float:
-        """Halve an interval of distances (m) at whose upper end the target is reached, and return the upper end."""
+        """Halve an interval of distances (m) whose upper end has the target; return that end."""
         for _ in range(HALVINGS):
             if high - low <= NEAR_SHARE * high or high <= shortest:
                 break
@@ -140,5 +156,10 @@ class _Search:
             continuation=self.continuation,
             end_acceleration=acceleration,
         )
-        result = place_by_loss(self.path, self.limits, run, coarse_jerk_problem(self.path, self.limits, run))
+        result = place_by_loss(
+            self.path,
+            self.limits,
+            run,
+            coarse_jerk_problem(self.path, self.limits, run),
+        )
         return result is not None and not isinstance(result, MotionError)

@@ -1,4 +1,4 @@
-"""The way on from a stop, or from rest at a place of the path: the fastest, or at a share of the plan's speed."""
+"""The way on from a stop or a place: the fastest, or at a share of the plan's speed."""
 
 from dataclasses import dataclass, replace
 from functools import partial
@@ -31,24 +31,25 @@ from planner.trajectory import Trajectory
 
 
 def resume(whole: Whole, stop: Section | float, share: float | None = None) -> Section:
-    """Compute the motion to the end of the path from a stop, or from rest at a place (m of the path).
+    """Compute the motion to the end of the path from a stop, or from rest at a place (m).
 
     After a stop the pulses continue those of the stop.
 
-    share: of the plan's speed, above 0 and at most 1, which is taken up as soon as the limits allow. Dwells last as
-    long as in the plan. None: the fastest motion if the plan is the fastest; for a plan with a stated duration or
-    another objective, its own speed.
+    share: of the plan's speed, above 0 and at most 1, which is taken up as soon as the limits
+    allow. Dwells last as long as in the plan. None: the fastest motion if the plan is the fastest;
+    for a plan with a stated duration or another objective, its own speed.
 
-    Raises MotionError for a place outside the path and for a share out of range; where the slower motion breaks a
-    limit, as one on a band of speeds may; and as `certified_solve` does.
+    Raises MotionError for a place outside the path and for a share out of range; where the slower
+    motion breaks a limit, as one on a band of speeds may; and as `certified_solve` does.
     """
     since, sent = _find_begin(whole, stop)
-    here = find_passage(whole.trajectory, snap(whole.path.breaks, since, float(whole.path.breaks[-1])))
+    breaks = whole.path.breaks
+    here = find_passage(whole.trajectory, snap(breaks, since, float(breaks[-1])))
     if share is None and whole.fastest:
         return make_section(whole, "resume", _solve_fastest(whole, here), sent)
     share = 1.0 if share is None else share
     if not 0 < share <= 1:
-        raise MotionError(f"resume at {share} of the speed: must be above 0 and at most 1, the plan's own speed")
+        raise MotionError(f"resume at {share} of the plan's speed: must be above 0 and at most 1; give a share, as 0.5")
     return make_section(whole, "resume", _shape(whole, _take_up_plan(whole, here, share)), sent)
 
 
@@ -73,7 +74,7 @@ def _draw_from_rest(whole: Whole, here: Instant, until: float) -> MachinePath:
 
 
 def _solve_fastest(whole: Whole, here: Instant) -> ProvedMotion:
-    """Solve for the fastest motion to the end from the place of an instant of the plan, after any input shaping."""
+    """Solve for the fastest motion to the end from an instant's place, after any input shaping."""
     path = _draw_from_rest(whole, here, float(whole.path.breaks[-1]))
     limits = whole.limits(path)
     solve = partial(certified_solve, path, order=whole.order)
@@ -94,10 +95,10 @@ def _shape(whole: Whole, proved: ProvedMotion) -> ProvedMotion:
 
 
 def _take_up_plan(whole: Whole, here: Instant, share: float) -> ProvedMotion:
-    """Compute the motion from rest at an instant's place to the plan at a share of its speed, before any input shaping.
+    """Compute the motion from rest at an instant's place to the plan at a share of its speed.
 
-    The ramp is the soonest that is found. Without one before the plan's next rest, the fastest motion leads to that
-    rest, and the plan is slower from there on.
+    Any input shaping comes later. The ramp is the soonest that is found. Without one before the
+    plan's next rest, the fastest motion leads to that rest, and the plan is slower from there on.
     """
     plan = whole.trajectory
     path = _draw_from_rest(whole, here, float(whole.path.breaks[-1]))
@@ -110,15 +111,15 @@ def _take_up_plan(whole: Whole, here: Instant, share: float) -> ProvedMotion:
         proved = slowed.prove(rest, to_rest)
     if proved is None:
         raise MotionError(
-            f"resume from {here.s:g} m at {share:g} of the plan's speed: no motion keeps every limit; "
-            "choose another share"
+            f"resume from {here.s:g} m at {share:g} of the plan's speed: "
+            "no motion keeps every limit; choose another share"
         )
     return proved
 
 
 @dataclass(frozen=True, slots=True)
 class _SlowedPlan:
-    """A plan's motion at a share of its speed, from a place on: ṡ goes with the share, s̈ with its square.
+    """A plan's motion at a share of its speed, from a place on.
 
     here    instant of the plan at that place
     path    from there to the end, begun at rest
@@ -132,7 +133,7 @@ class _SlowedPlan:
     limits: tuple[Limit, ...]
 
     def begin(self) -> ProvedMotion | None:
-        """Begin at rest at once if the plan rests there too, with the dwell; else by a ramp. None: not proved."""
+        """Begin with the dwell if the plan rests there, else by a ramp; None: not proved."""
         if self.here.v == 0:
             rest = find_rest(self.whole.trajectory, self.here)
             return self.prove(rest or self.here)
@@ -144,7 +145,7 @@ class _SlowedPlan:
         return self.share * there.v, self.share**2 * there.a
 
     def ramp(self) -> ProvedMotion | None:
-        """Find the soonest ramp from rest to the slowed plan, followed by the plan; None where none is proved."""
+        """Find the soonest ramp to the slowed plan, and the plan after it; None: not proved."""
         plan = self.whole.trajectory
         end = find_next_rest(plan, self.here).s
         begin = replace(self.here, v=0.0, a=0.0)
@@ -156,7 +157,7 @@ class _SlowedPlan:
         return None
 
     def prove(self, there: Instant, before: Trajectory | None = None) -> ProvedMotion | None:
-        """Prove the slowed plan from an instant on, after a motion to there; None where it breaks a limit."""
+        """Prove the slowed plan from an instant on, after a motion to there; None: not proved."""
         plan = self.whole.trajectory
         rest_of_plan = cut_motion(plan, there, look(plan, plan.duration))
         first = find_piece(self.whole.path, self.here.s)
@@ -171,7 +172,7 @@ class _SlowedPlan:
 
 
 def slow_motion(motion: Trajectory, share: float, path: MachinePath) -> Trajectory:
-    """Run a motion at a share of its speed along a path of the same pieces; rests last as long as before.
+    """Run a motion at a share of its speed along a path of the same pieces; rests stay as long.
 
     ṡ goes with the share, s̈ with its square, s⃛ with its cube.
     """

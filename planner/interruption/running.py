@@ -1,4 +1,4 @@
-"""The motion that the machine runs, a plan or a section of it, and the pulses sent before an instant of it."""
+"""The motion that the machine runs, and the pulses sent before an instant of it."""
 
 from dataclasses import dataclass, replace
 
@@ -23,10 +23,10 @@ class Running:
     """The motion that the machine runs: a plan or a section of it.
 
     trajectory  before any input shapers, with path lengths and pieces of the plan
-    since       s of the trajectory at which time begins: a shaped section also holds what came before it
+    since       s of the trajectory at which time begins: a shaped section has a motion before it
     duration    s from there on, after shaping
     counted     motion that the pulses count
-    passages    triggers that were not fired before, and when (s) the motion passes each; None: never
+    passages    triggers not fired before, and when (s) the motion passes each; None: never
     sent        pulses and plays before it
     """
 
@@ -41,7 +41,7 @@ class Running:
     sent: Sent = NONE_SENT
 
     def round_to_tick(self, at: float) -> tuple[float, Sent]:
-        """Return the instant (s) of the nearest tick that the rule can begin at, and what was sent before it."""
+        """Return the nearest instant (s) at which the rule can begin, and what was sent before."""
         clock = self.pulses.clock_hz
         rule = find_rule(self.pulses.rule)
         # a section of a rule that needs the whole motion begins anew, by its own clock
@@ -52,7 +52,7 @@ class Running:
         return tick / clock, self.find_sent(tick)
 
     def find_sent(self, tick: int | None = None) -> Sent:
-        """Return what was sent before a tick; None: all of it. Raises MotionError as `find_plays` does."""
+        """Return what was sent before a tick; None: all of it. Raises as `find_plays`."""
         clock = self.pulses.clock_hz
         if tick is None:
             tick = round(self.duration * clock) + 1
@@ -60,12 +60,13 @@ class Running:
         if isinstance(self.counted, CompensatedMotion):
             at = min(tick / clock, self.counted.duration)
             plays = find_plays(self.counted, self.machine.axes, at)
-        left = tuple(event for event, t in self.passages if t is None or t * clock >= tick - TICK_ROUNDING)
+        first = tick - TICK_ROUNDING
+        left = tuple(event for event, t in self.passages if t is None or t * clock >= first)
         return Sent(find_sent(self.pulses, tick, self.sent.pulses), plays, left)
 
 
 def find_running(whole: Whole, section: Section | None = None) -> Running:
-    """Return the motion of a plan, or of a section of it. Raises MotionError for a section of another plan."""
+    """Return the motion of a plan, or of a section. Raises MotionError for another plan's."""
     return _run_plan(whole) if section is None else _run_section(whole, section)
 
 
@@ -92,7 +93,10 @@ def _run_section(whole: Whole, section: Section) -> Running:
     assert isinstance(base, Trajectory)  # motions of machines are
     assert isinstance(base.path, MachinePath)
     begin = base.path.origin[0]
-    piece = min(find_piece(whole.path, begin), len(whole.path.pieces) - 1)  # an empty stop may be at the end
+    piece = min(
+        find_piece(whole.path, begin),
+        len(whole.path.pieces) - 1,
+    )  # an empty stop may be at the end
 
     passages: list[tuple[Triggered, float | None]] = []
     for event in section.sent.left:

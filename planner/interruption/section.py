@@ -1,4 +1,4 @@
-"""A section of a plan's path with a motion of its own: certified, with pulses that go on with those before it."""
+"""A section of a plan's path with its own certified motion and pulses."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -33,16 +33,20 @@ from planner.trajectory import Trajectory
 
 
 def snap(breaks: Array, place: float, length: float) -> float:
-    """A place (m) of a part of a path of that length; the end of a piece where that is nearer than rounding."""
+    """Return the end of a path piece if a place (m) is there to rounding, else the place.
+
+    length: of the whole path, whose rounding counts.
+    """
     near = float(breaks[np.argmin(np.abs(breaks - place))])
     return near if abs(near - place) <= SAME_PLACE * length else place
 
 
 @dataclass(frozen=True, slots=True)
 class Whole:
-    """What a section is one of: a plan's name, machine, path, motion, proof, pulses, order, tool, own limits, triggers.
+    """The parts of a plan that its sections are made from.
 
-    fastest: whether its motion is, and not one of a stated duration or with the least of another objective
+    trajectory  before any input shapers
+    fastest     True if the motion is the fastest, not one of a stated duration or another objective
     """
 
     name: str
@@ -59,11 +63,11 @@ class Whole:
 
     @property
     def duration(self) -> float:
-        """s, behind any input shapers."""
+        """Duration (s), after any input shaping."""
         return self.trajectory.duration + shaper_length(self.machine.axes)
 
     def limits(self, path: MachinePath) -> tuple[Limit, ...]:
-        """Those of a part of the path, with pulse rates that the plan's clock and rule can hold."""
+        """Return the limits of a part of the path, with pulse rates of the plan's clock and rule."""
         rule = find_rule(self.pulses.rule)
         paced = pace_axes(self.machine.axes, self.pulses.clock_hz, rule)
         return limits_of(path, paced, self.order, self.own_limits)
@@ -80,23 +84,33 @@ class Whole:
         rests: float | None = None,
         last_dwell: bool = True,
     ) -> MachinePath:
-        """The path between two lengths of it, begun with ṡ and s̈ and ended with those of `ends`: no speed of it is to
-        be constant.
+        """Return the part of the path from one place (m) to another.
 
-        One that begins in motion is left at once where it ends; else it has the dwells that the program states there.
-        rests: s of the first that are left; last_dwell: whether the last is one of it.
+        A part that begins in motion has no dwells at its ends. One that begins at rest has those of
+        the program. Speeds that segments require to be constant are not required of the part.
+
+        speed, acceleration  ṡ and s̈ at the beginning
+        time                 s at the beginning, from which its certificate counts
+        near                 coordinates (n,) at the beginning; None: home's
+        ends                 ṡ and s̈ at the end
+        rests                s for which the first dwell still lasts; None: all of it
+        last_dwell           False leaves the last dwell out
         """
-        path, length = self.path, float(self.path.breaks[-1])
+        path = self.path
+        length = float(path.breaks[-1])
         until = snap(path.breaks, until, length)
-        since = snap(path.breaks, since, length) if speed == 0 else since  # in motion it may be so near to a rest
-        first = int(np.clip(np.searchsorted(path.breaks, since, "right") - 1, 0, len(path.pieces) - 1))
-        last = int(np.clip(np.searchsorted(path.breaks, until, "left") - 1, first, len(path.pieces) - 1))
+        if speed == 0:  # a motion may begin nearer to a rest than rounding, and keeps its place
+            since = snap(path.breaks, since, length)
+        first = int(np.searchsorted(path.breaks, since, "right")) - 1
+        first = int(np.clip(first, 0, len(path.pieces) - 1))
+        last = int(np.searchsorted(path.breaks, until, "left")) - 1
+        last = int(np.clip(last, first, len(path.pieces) - 1))
+
         pieces = [replace(piece, constant=False) for piece in path.pieces[first : last + 1]]
-        stops, dwells = (
-            np.array(path.joins[first : last + 2]),
-            np.array(path.dwells[first : last + 2]),
-        )
-        after, before = path.breaks[last + 1] - until, since - path.breaks[first]
+        stops = np.array(path.joins[first : last + 2])
+        dwells = np.array(path.dwells[first : last + 2])
+        before = since - path.breaks[first]
+        after = path.breaks[last + 1] - until
         if before > 0 or speed > 0:
             dwells[0] = 0.0
         elif rests is not None:
@@ -142,9 +156,11 @@ class ProvedMotion:
 
 @dataclass(frozen=True, slots=True)
 class Sent:
-    """Pulses (n,) that were sent before a section, and where its axes (n,) stand in their plays; empty: none.
+    """The state that a section begins with.
 
-    left: the triggers of the plan that were not fired
+    pulses  count and last pulse of each axis (n,); empty: none were sent
+    plays   position of each axis (n,) in its play
+    left    triggers of the plan that were not fired yet
     """
 
     pulses: tuple[SentPulses, ...] = ()
@@ -153,14 +169,15 @@ class Sent:
 
     @classmethod
     def before(cls, whole: Whole, since: float) -> "Sent":
-        """Before a motion that begins at rest, at a place (m), with the whole of a dwell there."""
+        """Return the state before a motion from rest at a place (m), with the whole dwell there."""
         rounding = SAME_PLACE * float(whole.path.breaks[-1])
 
         def is_left(event: Triggered) -> bool:
-            way = event.where.s - since
-            return since == 0 or way > rounding or (event.before is not None and way >= -rounding)
+            distance = event.where.s - since
+            after_dwell = event.before is not None and distance >= -rounding
+            return since == 0 or distance > rounding or after_dwell
 
-        return cls(left=tuple(filter(is_left, whole.triggers)))
+        return cls(left=tuple(event for event in whole.triggers if is_left(event)))
 
 
 NONE_SENT = Sent()
@@ -168,15 +185,16 @@ NONE_SENT = Sent()
 
 @dataclass(frozen=True, slots=True)
 class Section(Result):
-    """A motion along a section of a plan's path, whose pulses go on with those that were sent before it.
+    """A motion along a section of a plan's path, whose pulses continue those sent before it.
 
-    what        it is, in a few words
-    since       m of the plan's path, where it begins
-    at          s of the motion that it goes on with, at which it begins; None where that is none
-    plan        the motion of the plan that it is a section of
-    sent        before it, where it goes on behind other pulses
-    limits      those that are proved, without constant speeds that segments ask for
-    shaped      behind input shapers, and its proof; trajectory and certificate are those before them
+    what        "hold" or "resume"
+    limits      limits that are proved: all but constant speeds that segments require
+    trajectory  motion before any input shapers; certificate is its proof
+    since       m of the plan's path at which it begins
+    at          s of the motion before it at which it begins; None where it begins at rest
+    shaped      motion after input shaping, and its proof; None without shapers
+    plan        motion of the plan
+    sent        pulses, plays and triggers before it
     """
 
     what: str
@@ -196,44 +214,55 @@ class Section(Result):
 
     @property
     def duration(self) -> float:
-        """s, behind the shapers if there are any."""
+        """Duration (s), after any input shaping."""
         return self.trajectory.duration if self.shaped is None else self.shaped.duration
 
     @property
     def distance(self) -> float:
-        """m along the path to rest; behind shapers as `measure_way` has it."""
+        """Distance (m) along the path to rest; after shaping as in `measure_way`."""
         return measure_way(self.path, self.shaped)
 
     @property
     def triggers(self) -> tuple[Triggered, ...]:
-        """Of the plan's triggers those that it comes by, with times and counts of its own."""
-        return tuple(found for found in map(self.fire, self.sent.left) if found is not None)
+        """Triggers of the plan that the section passes, at its own times and counts."""
+        fired = (self.fire(event) for event in self.sent.left)
+        return tuple(event for event in fired if event is not None)
 
     def fire(self, event: Triggered) -> Triggered | None:
-        """A trigger of the plan, as it comes by it; None where it ends before."""
+        """Return a trigger of the plan at the section's time and counts; None: never passed."""
         motion = self.trajectory if self.shaped is None else self.shaped.motion.base
         assert isinstance(motion, Trajectory)  # motions of machines are
         assert isinstance(motion.path, MachinePath)
-        whole = motion.path if self.plan is None else self.plan.path  # whose places these are, to its rounding
+        whole = motion.path if self.plan is None else self.plan.path
+        length = float(whole.breaks[-1])
         along = max(event.where.s - motion.path.origin[0], 0.0)
-        s = snap(motion.path.breaks, along, float(whole.breaks[-1]))
+        s = snap(motion.path.breaks, along, length)
         if s > motion.path.breaks[-1]:
             return None
-        last = event.where.s >= float(whole.breaks[-1])
-        t, late = find_passing(motion, s, *find_delays(self.machine.axes), event.before, last=last)
-        if t == np.inf:  # it rests there to its end
+        delays = find_delays(self.machine.axes)
+        t, late = find_passing(motion, s, *delays, event.before, last=event.where.s >= length)
+        if t == np.inf:  # the section rests there to its end
             return None
-        passed = max(t + late - (0.0 if self.shaped is None else self.shaped.since), 0.0)
-        return replace(event, where=replace(event.where, t=passed), counts=self.pulses.counts(passed)[0])
+        since = 0.0 if self.shaped is None else self.shaped.since
+        passed = max(t + late - since, 0.0)
+        where = replace(event.where, t=passed)
+        return replace(event, where=where, counts=self.pulses.counts(passed)[0])
 
     @property
     def until(self) -> float:
-        """m of the plan's path, where it ends, at rest."""
+        """Place (m of the plan's path) at which it ends, at rest."""
         return self.since + float(self.path.breaks[-1])
 
     @check_arguments()
-    def export(self, format: str, path: str | PathLike[str], *, force: bool = False, **options: Any) -> Exported:
-        """Write it in an export format, as `planner.Plan.export` writes a plan."""
+    def export(
+        self,
+        format: str,
+        path: str | PathLike[str],
+        *,
+        force: bool = False,
+        **options: Any,
+    ) -> Exported:
+        """Write the section in an export format, as `planner.Plan.export` writes a plan."""
         return write_export(self.export_source, format, path, force, options)
 
     @property
@@ -251,23 +280,24 @@ class Section(Result):
         )
 
     def tables(self) -> tuple[Table, ...]:
-        """How long it takes and how far it goes; what is proved of it."""
+        """Return duration, distance and certificate."""
         what = Column("what", ["duration", "distance along the path"])
         values = Column("value", [f"{self.duration:.6f} s", f"{1e3 * self.distance:.3f} mm"])
         begin = "" if self.at is None else f" from {self.at:.6f} s on"
-        behind = () if self.shaped is None else self.shaped.tables()
+        notes: tuple[str, ...] = ()
+        if self.at is not None:
+            notes = ("below, certificates count t from the start of the plan; triggers from here",)
+        table = Table(f"{self.what} of {self.name}{begin}", (what, values), notes)
+        shaped = () if self.shaped is None else self.shaped.tables()
         fired = trigger_tables(self.triggers, self.path.names)
-        times = (
-            () if self.at is None else ("below, certificates count t from the start of the plan; triggers from here",)
-        )
-        own = Table(f"{self.what} of {self.name}{begin}", (what, values), times)
-        return (own, *self.certificate.tables(), *behind, *fired)
+        return (table, *self.certificate.tables(), *shaped, *fired)
 
 
 def measure_way(path: MachinePath, shaped: ShapedProof | None) -> float:
-    """m along the path to its end; behind shapers from where the motion before them was their whole length earlier.
+    """Return the distance (m) along the path to its end.
 
-    All copies have passed that place, so each axis has at most the rest of its way before it.
+    After shaping it counts from where the motion before the shapers was one shaper length earlier:
+    every copy has passed that place.
     """
     if shaped is None:
         return float(path.breaks[-1])
@@ -284,13 +314,13 @@ def make_section(
 ) -> Section:
     """Make a section with pulses that continue those sent before it.
 
-    Raises MotionError where counts differ by more than pulses are moved, Infeasible for a limit that is not kept after
-    shaping.
+    Raises MotionError where counts differ by more than pulses are moved, Infeasible for a limit
+    that is not kept after shaping.
     """
     axes, home, pulses = whole.machine.axes, whole.machine.home_q, whole.pulses
     moves: AxesMotion = proved.trajectory
     standing = proved.duration == 0
-    if standing:  # for one tick of the rule, in which a pulse that is due can fall
+    if standing:  # it lasts one tick of the rule, in which a pulse that is due can fall
         tick = find_rule(pulses.rule).grain(pulses.clock_hz) / pulses.clock_hz
         moves = replace(proved.trajectory, knots=np.array([0.0, tick]))
         axes = tuple(replace(axis, shaper=None) for axis in axes)
@@ -300,10 +330,10 @@ def make_section(
         moves = shaped.motion
         if shaped.since > 0:
             moves = JoinedMotion.of(MotionSpan(moves, shaped.since, moves.duration))
-        axes = tuple(replace(axis, shaper=None) for axis in axes)  # it is shaped
+        axes = tuple(replace(axis, shaper=None) for axis in axes)  # the motion is shaped already
     counted = counted_motion(moves, axes, home, sent.plays)
     fire = partial(generate, counted, axes, home, pulses.clock_hz, pulses.rule)
-    fired = replace(_fire_standing(fire, sent), duration=0.0) if standing else fire(sent=sent.pulses)
+    fired = _fire_standing(fire, sent) if standing else fire(sent=sent.pulses)
     return Section(
         what=what,
         name=whole.name,
@@ -323,31 +353,35 @@ def make_section(
 
 
 def _fire_standing(fire: Callable[..., PulseSchedule], sent: Sent) -> PulseSchedule:
-    """Return the pulses of axes that stand: none, but for the last one of their way there if it has not been sent.
+    """Return the pulses of axes at rest: none, except the last one of the way there if it is due.
 
-    A rule that lags by more is left where it is: the bound says by how much.
+    Counts of a rule that lags by more stay where they are: the bound says by how much.
     """
-    standing = fire()
+    standing = replace(fire(), duration=0.0)
     if not sent.pulses:
         return standing
-    missing = [axis.start - one.count for axis, one in zip(standing.axes, sent.pulses, strict=True)]
-    if max(map(abs, missing)) <= 1:
-        return fire(sent=sent.pulses)
-    axes = (
-        replace(axis, start=one.count, bound=axis.bound + abs(pulses))
-        for axis, one, pulses in zip(standing.axes, sent.pulses, missing, strict=True)
-    )
+    pairs = list(zip(standing.axes, sent.pulses, strict=True))
+    if all(abs(axis.start - last.count) <= 1 for axis, last in pairs):
+        return replace(fire(sent=sent.pulses), duration=0.0)
+    axes = []
+    for axis, last in pairs:
+        bound = axis.bound + abs(axis.start - last.count)
+        axes.append(replace(axis, start=last.count, bound=bound))
     return replace(standing, axes=tuple(axes))
 
 
 def refuse_other(whole: Whole, section: Section) -> None:
     """Raise MotionError for a section of another plan."""
-    own, other = whole.trajectory, section.plan
-    if other is own:
+    plan = whole.trajectory
+    other = section.plan
+    if other is plan:
         return
-    if other is None or not all(
-        np.array_equal(getattr(own, name), getattr(other, name)) for name in ("knots", "s", "v", "a", "j")
-    ):
+
+    def is_equal(name: str) -> bool:
+        return np.array_equal(getattr(plan, name), getattr(other, name))
+
+    # a plan that was loaded twice has equal arrays
+    if other is None or not all(map(is_equal, ("knots", "s", "v", "a", "j"))):
         raise MotionError(
             f"the {section.what} of {section.name} is not of this plan: give a section that its own hold or resume made"
         )

@@ -53,11 +53,6 @@ class Copies:
         """s, by which the shaped motion is longer."""
         return float(self.delays[-1])
 
-    @property
-    def spread(self) -> Array:
-        """(n,) s²: Σ Aᵢ (tᵢ − centre)²."""
-        return np.asarray(((self.delays - self.centre) ** 2) @ self.weights)
-
 
 def find_delays(axes: Sequence[Axis]) -> tuple[float, float]:
     """s, by which pulses are behind the motion before shapers: while it moves, and when it has come to rest."""

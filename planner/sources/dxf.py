@@ -60,7 +60,6 @@ METRES = {
     13: 1e-6, 14: 0.1, 15: 10.0, 16: 100.0,
 }  # fmt: skip
 """Size (m) of the units that $INSUNITS can name."""
-LAST_CODE = 24
 KIND_CODE, NAME_CODE, HANDLE_CODE, VARIABLE_CODE = 0, 2, 5, 9
 """Group codes."""
 ANNOTATIONS = frozenset(

@@ -237,7 +237,7 @@ def count_intervals(rule: Rule, path: ActuatorPath, run: Run, on_top: bool = Fal
     size *= run.fineness
     most = MAX_INTERVALS[rule != SECOND_ORDER]
     if isinstance(path, PolynomialPath):
-        _refuse_dense(path, pieces)
+        _refuse_dense(pieces)
     elif size > most:
         since, until = (
             path.place(float(s), k)
@@ -251,7 +251,7 @@ def count_intervals(rule: Rule, path: ActuatorPath, run: Run, on_top: bool = Fal
     return size
 
 
-def _refuse_dense(path: PolynomialPath, pieces: int) -> None:
+def _refuse_dense(pieces: int) -> None:
     if pieces > MAX_DENSE_PIECES:
         raise MotionError(
             f"the path has {pieces} pieces without a stop, at most {MAX_DENSE_PIECES} are timed at once: give a spline "

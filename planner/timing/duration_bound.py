@@ -159,13 +159,12 @@ def bound_duration(
     order: int,
     *,
     gap: float | None = None,
-    effort: int = ROUNDS,
     most_cells: int | None = None,
 ) -> DurationBound:
     """Prove a lower bound for a motion: of its runs between stops, one by one, and its dwells.
 
-    gap: how near it shall come, as a share, if so many rounds of finer cells (effort) allow; None: one round of them,
-    and of many runs a round where it is needed
+    gap: how near the bound has to come, as a share, within ROUNDS rounds of finer cells; None: one round, and for many
+    runs only where it is needed
     most_cells: about how many cells a quick bound has in all, without a round of finer ones; None: no such limit
     """
     if most_cells is not None:
@@ -174,8 +173,7 @@ def bound_duration(
     every = list(pairwise(np.flatnonzero(path.stops(order)).tolist()))
     if gap is None and len(every) > MANY_RUNS:
         gap = FAIR_GAP
-    rounds = ROUNDS if gap is None else effort
-    runs = [_bound_run(trajectory, limits, order, ends, gap, rounds) for ends in every]
+    runs = [_bound_run(trajectory, limits, order, ends, gap) for ends in every]
     return _sum_runs(trajectory, limits, runs)
 
 
@@ -245,7 +243,6 @@ def _bound_run(
     order: int,
     ends: tuple[int, int],
     gap: float | None,
-    rounds: int,
 ) -> _RunBound:
     """Bound a run from break to break: the sum over its cruises and what lies between them.
 
@@ -261,7 +258,7 @@ def _bound_run(
     bounds = [
         _bound_cruise(trajectory, limits, order, span)
         if span.cruising
-        else _bound_span(trajectory, limits, order, span, gap, rounds)
+        else _bound_span(trajectory, limits, order, span, gap)
         for span in spans
     ]
     best = _join(bounds)
@@ -414,16 +411,15 @@ def _bound_span(
     order: int,
     span: _Span,
     gap: float | None,
-    rounds: int,
 ) -> _RunBound:
     """Bound what lies between cruises."""
     nodes = _place_nodes(trajectory, span)
     best = _bound_nodes(trajectory, limits, order, span, nodes)
     refined, first = best, len(nodes.piece)
     took = float(nodes.t[-1] - nodes.t[0])
-    for n in range(1, rounds + 2):
+    for n in range(1, ROUNDS + 2):
         near = took <= (1 + (POOR_GAP if gap is None else gap)) * best.value
-        if (near and (n >= rounds or gap is not None)) or n > rounds:
+        if (near and (n >= ROUNDS or gap is not None)) or n > ROUNDS:
             break
         most = MOST_GROWTH[order] * (first if gap is None else 2 * len(nodes.piece))
         nodes = _refine(trajectory, span, nodes, refined.loss, most)
@@ -461,7 +457,7 @@ def _bound_without_jerk(
     if motion.duration <= least:
         return None
     parts = list(pairwise(stops.tolist()))
-    return _join([_bound_run(motion, gentle, 2, part, FAIR_GAP, ROUNDS) for part in parts])
+    return _join([_bound_run(motion, gentle, 2, part, FAIR_GAP) for part in parts])
 
 
 def _place_nodes(trajectory: Trajectory, span: _Span) -> _Nodes:

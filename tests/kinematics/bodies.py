@@ -19,7 +19,7 @@ LEG = Leg(
 def combine_bodies(*bodies):
     """Return several bodies in one frame as one, by Steiner: I = Σ Iₖ + mₖ (|dₖ|² 1 − dₖ dₖᵀ).
 
-    dₖ is the centre of mass of body k from the common one.
+    dₖ is the distance of a body's centre from the common one.
     """
     mass = sum(body.mass for body in bodies)
     centre = sum((body.mass * body.centre for body in bodies), np.zeros(3)) / mass

@@ -5,7 +5,7 @@ import pytest
 from numpy.polynomial import chebyshev
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from benchmarks.evidence.published.conformance import PUBLISHED, mini_tetra, rubin, table_4_3
+from benchmarks.evidence.published.conformance import PUBLISHED, published_hexapod, table_4_3
 from kinematics import Axis, Hexapod, Load, joint_circle, load_machine, motion_of_poses
 from kinematics.files.toml_document import read
 from kinematics.machine.kind import columns
@@ -42,8 +42,8 @@ HEXAPODS = {
     "preset": lambda: load_machine("hexapod"),
     "initial": lambda: load_machine("hexapod-initial"),
     "table 4.3": table_4_3,
-    "mini tetra": mini_tetra,
-    "rubin": rubin,
+    "mini tetra": lambda: published_hexapod("mini_tetra"),
+    "rubin": lambda: published_hexapod("rubin_simulink"),
     "irregular 1": lambda: irregular(1),
     "irregular 2": lambda: irregular(2),
 }

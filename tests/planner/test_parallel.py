@@ -11,16 +11,16 @@ import threading
 import time
 from contextlib import ExitStack
 from functools import partial
+from importlib import import_module
 
 import numpy as np
 import pytest
 
-from benchmarks.evidence.speed.scale import raster
 from kinematics import Fault, FileError, MotionError, OutOfReach, load_machine, machine_names
-from planner import Infeasible, Place, parallel, plan
+from planner import Infeasible, Line, Place, Program, parallel, plan
 from planner.limits import limits_of
 from planner.path.actuation import actuate
-from planner.timing.certified_solve import certified_solve
+from planner.timing import certified_solve
 
 
 @pytest.fixture
@@ -28,6 +28,11 @@ def eager(monkeypatch):
     """Two processes, however little there is to do."""
     monkeypatch.setattr(parallel, "MIN_POOL_WORK", 0.0)
     monkeypatch.setattr(parallel, "cores", lambda: 2)
+
+
+def zigzag(count):
+    """Lines that stop at each end."""
+    return Program(tuple(Line(np.array([2e-3 * (k % 2), 1e-3 * k, 20e-3])) for k in range(count)))
 
 
 def where(task):
@@ -154,9 +159,9 @@ def test_little_work_stays_here():
 
 @pytest.mark.parametrize("order", [2, 3])
 def test_the_same_motion_to_the_bit(eager, monkeypatch, order, hexapod):
-    path = actuate(raster(8), hexapod)
+    path = actuate(zigzag(8), hexapod)
     limits, told = limits_of(path, hexapod.axes, order), []
-    monkeypatch.setattr("planner.timing.certified_solve.PART_RUNS", 2)
+    monkeypatch.setattr(import_module("planner.timing.certified_solve"), "PART_RUNS", 2)
     spread = certified_solve(path, limits, order, lambda done, of: told.append((done, of)))
     monkeypatch.setattr(parallel, "MIN_POOL_WORK", np.inf)
     alone = certified_solve(path, limits, order)
@@ -257,7 +262,7 @@ def test_plans_pickle(planned):
 
 def test_progress_of_a_plan(hexapod):
     told = []
-    plan(raster(10), hexapod, order=2, progress=lambda done, of: told.append((done, of)))
+    plan(zigzag(10), hexapod, order=2, progress=lambda done, of: told.append((done, of)))
     assert told[:2] == [(8, 10), (10, 10)]
     pulses = [done / of for done, of in told[2:]]  # of each of the six legs in turn
     assert pulses == sorted(set(pulses))

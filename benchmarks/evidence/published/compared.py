@@ -1,23 +1,19 @@
-"""Published numbers and published calculations beside ours: as Markdown tables, and the command of a page of them.
+"""Published numbers and published calculations next to ours, as tables."""
 
-A calculation stands line by line: what is printed, the same line redone, and ours, with the slips found.
-"""
-
-import argparse
-import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import floor, log10
-from pathlib import Path
 
-from kinematics.foundation.table import Column, Table
+from benchmarks.evidence.table import Table
 
 
 @dataclass(frozen=True, slots=True)
 class NumberComparison:
-    """published: the number as it stands in print, whose last digit says how far it is rounded; ours, in that unit."""
+    """A published number and ours, in the same unit.
 
-    what: str
+    published  the number as it is printed; its last digit states how far it is rounded
+    """
+
+    name: str
     unit: str
     published: str
     ours: float
@@ -25,73 +21,50 @@ class NumberComparison:
 
     @property
     def digits(self) -> int:
+        """Printed digits after the point."""
         return len(self.published.partition(".")[2])
 
     @property
     def difference(self) -> float:
-        """ours − published."""
+        """Ours − published."""
         return self.ours - float(self.published)
 
-    @property
     def cells(self) -> list[str]:
-        """Ours and the difference with one digit more than is printed."""
+        """Return the cells of the table: ours and the difference have one digit more than print."""
         digits = self.digits + 1
-        difference = round(self.difference, digits) + 0.0  # no −0
         return [
-            self.what,
+            self.name,
             self.published,
             f"{self.ours:.{digits}f}",
-            f"{difference:+.{digits}f}",
+            f"{self.difference:+z.{digits}f}",
             self.unit,
             self.remark,
         ]
 
 
-HEADER = ("what", "published", "ours", "ours − published", "unit", "remark")
-
-
-def comparison(rows: Iterable[NumberComparison]) -> str:
-    """The table of some numbers; no column of remarks where there are none."""
-    cells = [row.cells for row in rows]
-    if not any(row[-1] for row in cells):
-        return markdown(HEADER[:-1], [row[:-1] for row in cells])
-    return markdown(HEADER, cells)
-
-
-def markdown(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table of GitHub's Markdown."""
-    lines = [header, ["---"] * len(header), *rows]
-    return "\n".join("| " + " | ".join(cell.replace("|", r"\|") for cell in line) + " |" for line in lines)
-
-
-def run(about: str, page: Callable[[], str]) -> None:
-    """Print what `page` makes, or write it where --out says; about: the command's help."""
-    parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, help="write the page here; printed by default")
-    out = parser.parse_args().out
-    text = page()
-    if out is None:
-        print(text, end="")
-        return
-    try:
-        out.write_text(text, encoding="utf-8")
-    except OSError as error:
-        parser.error(f"cannot write {out}: {error.strerror}")
+def compare_numbers(numbers: Iterable[NumberComparison]) -> Table:
+    """Return the table of some numbers. Without any remark, the column of remarks is left out."""
+    columns: Sequence[str] = ("what", "published", "ours", "ours − published", "unit", "remark")
+    rows = [number.cells() for number in numbers]
+    if not any(row[-1] for row in rows):
+        columns = columns[:-1]
+        rows = [row[:-1] for row in rows]
+    return Table("", columns, rows)
 
 
 @dataclass(frozen=True, slots=True)
 class PublishedLine:
-    """One line of a calculation.
+    """One line of a published calculation.
 
-    printed   the number as it stands in print, "8.060e-5", whose last digit says how far it is rounded
-    redone    the printed formula, with its printed inputs
-    ours      what our model gives, None where it has no such line
-    readings  other inputs that may have been meant, and what they give: those that give what is printed explain a slip
-    approximate  the source itself says "approx."
-    note      what else there is to say, such as why our model differs
+    printed      the number as it is printed, "8.060e-5"; its last digit states how far it is rounded
+    redone       result of the printed formula with its printed inputs
+    ours         result of our model, None if it has no such line
+    readings     results for other inputs that the source may have meant, by their names
+    approximate  whether the source itself says "approx."
+    note         further remark, for example why our model differs
     """
 
-    what: str
+    name: str
     unit: str
     printed: str
     redone: float
@@ -102,79 +75,73 @@ class PublishedLine:
 
     @property
     def value(self) -> float:
+        """The printed number."""
         return float(self.printed)
 
     @property
     def rounding(self) -> float:
         """One unit of the last printed digit."""
-        mantissa, _, exponent = self.printed.lower().partition("e")
+        mantissa, _, exponent = self.printed.partition("e")
         digits = len(mantissa.partition(".")[2])
         return float(10.0 ** (int(exponent or 0) - digits))
 
     @property
-    def difference(self) -> float | None:
-        """ours − printed."""
-        return None if self.ours is None else self.ours - self.value
-
-    @property
     def slip(self) -> bool:
-        """Whether the line gives another number than is printed: neither rounded, nor cut off, nor "approx."."""
-        return not self.approximate and not self._gives(self.redone)
+        """True if the line gives another number than printed, and is not called approximate."""
+        return not self.approximate and not self.gives(self.redone)
 
     @property
     def explained_by(self) -> tuple[str, ...]:
-        """The readings that give the printed number."""
-        return tuple(name for name, value in self.readings.items() if self._gives(value))
+        """Readings that give the printed number."""
+        return tuple(name for name, value in self.readings.items() if self.gives(value))
 
-    @property
-    def remark(self) -> str:
-        parts = [self.note] if self.note else []
-        if self.slip:
-            meant = ", or ".join(self.explained_by)
-            parts.insert(0, f"SLIP: the line gives {format_value(self.redone)}")
-            if meant:
-                parts.insert(1, f"the number follows from {meant}")
-        elif not self._gives(self.redone):
-            parts.insert(0, "printed as approximate")
-        return "; ".join(parts)
-
-    def _gives(self, value: float) -> bool:
+    def gives(self, value: float) -> bool:
+        """Return whether `value`, rounded or cut off, is the printed number."""
         beyond = abs(value) - abs(self.value)
-        rounded, cut = abs(beyond) <= self.rounding / 2, 0 <= beyond < self.rounding
+        rounded = abs(beyond) <= self.rounding / 2
+        cut = 0 <= beyond < self.rounding
         return value * self.value > 0 and (rounded or cut)
 
+    def remark(self) -> str:
+        """Return the remark of the table: a slip, the readings that explain it, and the note."""
+        parts = []
+        if self.slip:
+            parts.append(f"SLIP: the line gives {format_value(self.redone)}")
+            if self.explained_by:
+                parts.append(f"the number follows from {', or '.join(self.explained_by)}")
+        elif not self.gives(self.redone):
+            parts.append("printed as approximate")
+        if self.note:
+            parts.append(self.note)
+        return "; ".join(parts)
 
-LINE_HEADER = ("line", "printed", "redone", "ours", "ours - printed", "unit", "remark")
+    def cells(self) -> list[str]:
+        """Return the cells of the table: the difference to a tenth of the last printed digit."""
+        ours, difference = "-", "-"
+        if self.ours is not None:
+            tenth = self.rounding / 10
+            rounded = round((self.ours - self.value) / tenth) * tenth
+            ours = format_value(self.ours)
+            difference = f"{rounded:+.2g}" if rounded else "0"
+        return [
+            self.name,
+            self.printed,
+            format_value(self.redone),
+            ours,
+            difference,
+            self.unit,
+            self.remark(),
+        ]
 
 
-def cells(line: PublishedLine) -> list[str]:
-    """What a table shows of it; a difference to a tenth of the last printed digit."""
-    tenth = line.rounding / 10
-    difference = None if line.difference is None else round(line.difference / tenth) * tenth
-    return [
-        line.what,
-        line.printed,
-        format_value(line.redone),
-        "-" if line.ours is None else format_value(line.ours),
-        "-" if difference is None else f"{difference:+.2g}" if difference else "0",
-        line.unit,
-        line.remark,
-    ]
-
-
-def table(lines: Iterable[PublishedLine]) -> str:
-    """All of them, in plain text."""
-    return text_table(LINE_HEADER, map(cells, lines), LINE_HEADER[1:5])
-
-
-def text_table(header: Sequence[str], rows: Iterable[Sequence[str]], numbers: Sequence[str]) -> str:
-    """Texts as a table for a terminal; numbers: the columns that hold such."""
-    columns = zip(header, zip(*rows, strict=True), strict=True)
-    return str(Table("", tuple(Column(name, texts, right=name in numbers) for name, texts in columns)))
+def compare_lines(lines: Iterable[PublishedLine]) -> Table:
+    """Return the table of a calculation, line by line."""
+    columns = ("line", "printed", "redone", "ours", "ours - printed", "unit", "remark")
+    return Table("", columns, [line.cells() for line in lines])
 
 
 def format_value(value: float) -> str:
-    """Five significant digits; tiny numbers as 8.06e-5."""
-    if value and not -3 <= floor(log10(abs(value))) < 6:
-        return re.sub(r"e([+-])0*(\d)", lambda m: f"e{m[1].replace('+', '')}{m[2]}", f"{value:.4g}")
-    return f"{value:.5g}"
+    """Return five significant digits; tiny and huge numbers as 8.06e-5."""
+    if value == 0 or 1e-3 <= abs(value) < 1e6:
+        return f"{value:.5g}"
+    return f"{value:.4g}".replace("e-0", "e-").replace("e+0", "e")

@@ -318,7 +318,7 @@ def height_offset(machine: Tripod) -> float:
     return float(machine.home.translation[2])
 
 
-def list_text(listed: PositionList, machine: Machine, unit: float = UNIT_LENGTH) -> str:
+def list_text(listed: PositionList, machine: Machine) -> str:
     """The list of recorded poses: those from home are put into the base frame.
 
     Raises MotionError for no tripod, and for rests, which have no place in it.
@@ -334,7 +334,7 @@ def list_text(listed: PositionList, machine: Machine, unit: float = UNIT_LENGTH)
     if listed.frame == "home":
         x = machine.home * x
     angles = x.rotation.as_euler("YZX")[:, [2, 0, 1]]
-    return positions_text(to_numbers(x), angles, machine, read_length(unit, "unit length"))
+    return positions_text(to_numbers(x), angles, machine, UNIT_LENGTH)
 
 
 def _chords(curve: ActuatorPath, piece: int, chord: float) -> tuple[Array, np.ndarray]:

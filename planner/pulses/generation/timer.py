@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import option
@@ -14,9 +13,6 @@ from planner.pulses.generation.firing_rule import Rule, require_whole
 from planner.pulses.generation.levels import Levels, find_crossings
 from planner.pulses.generation.motion_parts import Fired, MotionPart
 from planner.pulses.generation.pieces import FIT_TOLERANCE, bound_rate, fit, rate_error
-from planner.pulses.schedule import AxisPulses, Ticks
-
-MAX_COUNT = (1 << 16) - 1  # the greatest count of an Intel 8253
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +24,7 @@ class Timer(Rule):
     errors never add up: |count - x| ≤ ½ + the travel in one timer count, + one tick's travel.
 
     An interval of more than 65535 counts (33 ms at 2 MHz: at rest, or as slow) is counted down in several loads, with
-    the gate that follows the timer shut but for the last; `counter_loads` lists them. It costs nothing in the bound.
+    the gate that follows the timer shut but for the last. It costs nothing in the bound.
 
     With `step` the pulses are the source's own ramps: between two rests of an axis the count is
     lowered by the step after each pulse while it speeds up, left as it is, and raised as it slows
@@ -105,40 +101,3 @@ def warn_of_steep_ramps(part: MotionPart, fired: Fired, step: int, timer: int) -
                 "use a smaller step or a slower motion, or make sure that the motor follows",
                 axis.name, step, steepest, axis.unit, limit, axis.unit,
             )  # fmt: skip
-
-
-def counter_loads(pulses: AxisPulses, per_count: int) -> tuple[Ticks, NDArray[np.bool_]]:
-    """What the counter is loaded with from the start on (L,), 1 to 65535, and whether the gate is open at its end.
-
-    per_count  ticks of the schedule's clock in one timer count
-    Long intervals become loads of 65535 and a rest. Raises MotionError for a pulse that is no whole count after the one
-    before, or after the start.
-    """
-    counts, odd = np.divmod(np.diff(pulses.ticks, prepend=0), per_count)
-    wrong = np.flatnonzero((odd != 0) | (counts < 1))
-    if len(wrong):
-        tick = pulses.ticks[wrong[0]]
-        raise MotionError(f"axis {pulses.name}: the pulse at tick {tick} is no whole timer count after the one before")
-    loads = -(-counts // MAX_COUNT)
-    values = np.full(int(loads.sum()), MAX_COUNT, np.int64)
-    final = np.cumsum(loads) - 1
-    values[final] = counts - (loads - 1) * MAX_COUNT
-    opened = np.zeros(len(values), bool)
-    opened[final] = True
-    return values, opened
-
-
-def equal_steps(first: int, step: int, pulses: int) -> Ticks:
-    """The source's own ramp, (pulses,) counts: each is the one before, less `step` [Sasidhar 1981, 5.2].
-
-    A ramp of equal steps is none of equal acceleration: with count c the rate is f/c and grows by step·(f/c)³ per s,
-    so it is gentle at first and steep at the end. Raises MotionError where a count leaves 1 to 65535.
-    """
-    counts = first - step * np.arange(pulses, dtype=np.int64)
-    wrong = np.flatnonzero((counts < 1) | (counts > MAX_COUNT))
-    if len(wrong):
-        raise MotionError(
-            f"pulse {wrong[0] + 1} of the ramp would have a count of {counts[wrong[0]]}: must be 1 to {MAX_COUNT}; "
-            "use a smaller step, fewer pulses, or another first count"
-        )
-    return counts

@@ -48,11 +48,6 @@ class Coordinates:
         self._plain = True
 
     @property
-    def turned(self) -> bool:
-        """Whether the active system is turned about z."""
-        return self._systems[self._active].turn != 0
-
-    @property
     def active(self) -> float:
         """The active system, 54 to 59.3."""
         return self._active

@@ -74,8 +74,7 @@ Revise = Callable[[Array, Array, Array], tuple[Array, Array] | None]
 
 @dataclass(frozen=True, slots=True)
 class Minimum:
-    """States (N + 1, 2) and controls (N, 2), scaled as they were given; multipliers of rows, next states,
-    steps and the duration.
+    """States (N + 1, 2) and controls (N, 2), scaled as they were given; multipliers of the rows and the duration.
 
     The multipliers say what a unit of each bound is worth, in thousandths of the guess' duration.
     """
@@ -86,8 +85,6 @@ class Minimum:
     controls: Array
     low_forces: Array
     high_forces: Array
-    next_forces: Array
-    step_forces: Array
     time_force: float
 
 
@@ -253,8 +250,6 @@ def minimise(
         motion.states,
         motion.controls,
         *_spread_forces(rows, sides, unit * motion.force),
-        unit * next_force,
-        unit * step_force,
         unit * time_force,
     )
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from benchmarks.evidence.published import sizing
+from benchmarks.evidence.published import initial_design
 from kinematics import (
     Arm,
     Axis,
@@ -120,18 +120,14 @@ def test_a_linkage_s_turning_platform_loads_its_actuators():
 
 def test_the_initial_design_s_force_is_ours():
     """45.01 N where [Sahbaz 2007, chapter 2] prints 54.563 N, by a second solution of the same statics."""
-    initial = sizing.machine()
-    share, _ = sizing.progress(np.linspace(0, sizing.DURATION, sizing.SAMPLES))
-    pose = RigidTransform.from_components(
-        sizing.FROM + share[:, None] * (sizing.TO - sizing.FROM),
-        Rotation.from_rotvec(share[:, None] * [sizing.TILT, 0, 0]),
-    )
+    result = initial_design.static_forces()
+    initial, pose = result.machine, result.motion.pose
     arms = initial.platform @ pose.rotation.as_matrix().swapaxes(1, 2)
     legs = pose.translation[:, None] + arms - initial.base
     units = legs / np.linalg.norm(legs, axis=2, keepdims=True)
     screws = np.concatenate([units, np.cross(arms, units)], 2).swapaxes(1, 2)
-    force = np.linalg.solve(screws, np.tile(-sizing.WRENCH[:, None], (21, 1, 1)))[:, :, 0]
-    assert sizing.needs()[0].force == pytest.approx(np.abs(force).max(), rel=1e-12)
+    force = np.linalg.solve(screws, np.tile(-np.array(initial_design.WRENCH)[:, None], (21, 1, 1)))[:, :, 0]
+    assert initial_design.needs()[0].force == pytest.approx(np.abs(force).max(), rel=1e-12)
     assert np.abs(force).max() == pytest.approx(45.01, abs=0.005)
 
 

@@ -8,7 +8,6 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from benchmarks.evidence.published.calibration import NOISE, add_noise, draw, draw_commands
 from kinematics import (
     Axis,
     Hexapod,
@@ -27,6 +26,7 @@ from kinematics.calibration.measurements import select_rows
 from kinematics.calibration.parameters import Prediction, full_vector
 from kinematics.calibration.search import _has_converged
 from kinematics.machine.pose import to_numbers
+from tests.kinematics.calibration.drawn_hexapod import NOISE, add_noise, draw, draw_commands
 
 MIDDLE = np.array([0, 0, 0.02])
 JOINTS = ("factors", "offsets", "joints")

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from benchmarks.evidence.published.calibration import NOISE, draw, draw_commands, predict_poses, rms
 from kinematics import calibrate, load_machine, whole_poses
 from kinematics.calibration.unseen import MAX_PROPOSED
 from kinematics.machine.load import Load
 from kinematics.machine.pose import make_pose
+from tests.kinematics.calibration.drawn_hexapod import NOISE, draw, draw_commands, predict_poses, rms
 
 HEIGHTS = np.linspace(2e-3, 45e-3, 16)
 POSE = re.compile(r"\(([^)]*)\) mm(?: turned \(([^)]*)\) deg)?")

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from benchmarks.evidence.published.sizing import FRAME
+from benchmarks.evidence.published.deflections import FRAME
 from kinematics import Axis, Beam, Deflection, MotionError, Traverser, error_budget
 from kinematics.foundation.units import unit_value
 

@@ -86,7 +86,7 @@ def test_home_of_the_preset(preset):
 def test_length_changes_of_the_rubin_observatory(published):
     """Turned about a pivot on the axis: the platform's origin moves along."""
     data = published["rubin_simulink"]
-    base, platform = (1e-6 * np.stack([data[f"{end}_{c}"] for c in "xyz"], 1) for end in ("fixed", "moved"))
+    base, platform = (1e-6 * np.array(data[end]) for end in ("base", "platform"))
     machine = Hexapod(base, platform, axes=[Axis(leg) for leg in LEGS], home=RigidTransform.identity())
     shift, pivot = np.array(data["pose"][:3]), np.array(data["pivot_m"])
     turn = Rotation.from_euler("XYZ", data["pose"][3:])

@@ -9,8 +9,7 @@ import pytest
 from kinematics import load_machine
 from kinematics.foundation.errors import MotionError
 from planner import Blend, Line, Program, plan
-from planner.timing.problem import Continuation, Run
-from planner.timing.run import solve_run
+from planner.timing import Continuation, Run, solve_run
 
 INSTANTS = 20_000
 
@@ -21,8 +20,8 @@ def circle(request, planned):
 
 
 @pytest.fixture(scope="module")
-def hold_at(circle):
-    """Stops of the plan at a share of its time, each made once."""
+def stop_at(circle):
+    """A share of the circle's duration -> the stop from there, made once."""
     return cache(lambda share: circle.hold(share * circle.trajectory.duration))
 
 
@@ -38,8 +37,8 @@ def uses(made):
 
 
 @pytest.mark.parametrize("share", [0.003, 0.31, 0.97])
-def test_a_stop_goes_on_with_the_motion_and_comes_to_rest_on_its_path(circle, hold_at, share):
-    held = hold_at(share)
+def test_a_stop_goes_on_with_the_motion_and_comes_to_rest_on_its_path(circle, stop_at, share):
+    held = stop_at(share)
     before, after = circle.trajectory.at(held.at), held.trajectory.at(0.0)
     end = held.trajectory.at(held.duration)
     assert held.certificate.holds
@@ -58,9 +57,9 @@ def test_a_stop_goes_on_with_the_motion_and_comes_to_rest_on_its_path(circle, ho
     assert held.trajectory.at(np.linspace(0, held.duration, 50)).q == pytest.approx(there, abs=1e-10)
 
 
-def test_hardly_any_stop_is_sooner(circle):
+def test_hardly_any_stop_is_sooner(circle, stop_at):
     """Than the soonest to any of many rests ahead, each by the engine's own solver on a fine grid."""
-    held = circle.hold(0.2 * circle.trajectory.duration)
+    held = stop_at(0.31)
     whole = circle.whole()
     now = circle.trajectory.at(held.at)
     speed, push = float(now.sd[0]), float(now.sdd[0])
@@ -74,15 +73,15 @@ def test_hardly_any_stop_is_sooner(circle):
     assert held.duration < 1.05 * soonest
 
 
-def test_no_later_stop_is_sooner():
+@pytest.mark.parametrize("at", [0.1872, 0.2172])
+def test_no_later_stop_is_sooner(at):
     """Behind a blend by which the jerk leaves a narrow way, that hardly any grid but the plan's own shows."""
     program = Program((Line(to=(0.03, 0, 0), join=Blend(5e-4)), Line(to=(0.03, 0.03, 0), speed=0.05)))
     made = plan(program, load_machine("corexy"))
-    for at in (0.1872, 0.2172):
-        held = made.hold(at)
-        assert held.certificate.holds
-        assert held.at == pytest.approx(at, abs=1e-6)
-        assert held.duration < 1.05 * (0.02 + made.hold(at + 0.02).duration)
+    held = made.hold(at)
+    assert held.certificate.holds
+    assert held.at == pytest.approx(at, abs=1e-6)
+    assert held.duration < 1.05 * (0.02 + made.hold(at + 0.02).duration)
 
 
 @pytest.fixture(scope="module")
@@ -103,8 +102,8 @@ def test_a_stop_along_a_line_takes_what_its_limits_ask_for(diagonal, at):
     assert least * (1 - 1e-6) <= made.hold(at).duration <= 1.03 * least
 
 
-def test_its_pulses_go_on_with_those_that_were_sent(circle, hold_at):
-    held = hold_at(0.31)
+def test_its_pulses_go_on_with_those_that_were_sent(circle, stop_at):
+    held = stop_at(0.31)
     tick = round(held.at * circle.pulses.clock_hz)
     home, end = circle.machine.home_q, held.trajectory.at(held.duration).q[0]
     for k, (sent, own) in enumerate(zip(circle.pulses.axes, held.pulses.axes, strict=True)):
@@ -114,8 +113,8 @@ def test_its_pulses_go_on_with_those_that_were_sent(circle, hold_at):
         assert (np.diff(joined) > 0).all()
 
 
-def test_what_is_held_can_be_resumed_to_the_end(circle, hold_at):
-    held = hold_at(0.31)
+def test_what_is_held_can_be_resumed_to_the_end(circle, stop_at):
+    held = stop_at(0.31)
     rest = circle.resume(held)
     assert rest.certificate.holds
     assert rest.since == held.until
@@ -128,8 +127,8 @@ def test_what_is_held_can_be_resumed_to_the_end(circle, hold_at):
 
 def test_stops_over_the_motion(diagonal, tmp_path):
     found = diagonal.stops(2)
-    held = diagonal.hold(float(found.t[1]))
-    assert (found.time[1], found.distance[1]) == pytest.approx((held.duration, held.distance), rel=0.05)
+    held = diagonal.hold(float(found.t[-1]))
+    assert (found.time[-1], found.distance[-1]) == pytest.approx((held.duration, held.distance), rel=0.05)
     assert "distance to rest" in str(found)
     found.save(tmp_path / "stops.npz")
     with np.load(tmp_path / "stops.npz") as saved:

@@ -14,14 +14,14 @@ from kinematics.foundation.errors import MotionError
 from kinematics.machine.load import Body, Load
 from kinematics.machine.shaper import Shaper
 from planner import Arc, Dwell, Infeasible, Line, Program, Trigger, load_program, plan
-from planner.certificate.enclosure import Cells, bound_series
+from planner.certificate import Cells, bound_series
 from planner.limits import limits_of
 from planner.path.actuation import actuate
 from planner.shaping import shaped_proof
 from planner.shaping.keep_limits import solve_shaped
 from planner.shaping.shaped_enclosure import enclose_shaped
 from planner.shaping.shaped_motion import reached_poses
-from planner.timing.certified_solve import certified_solve
+from planner.timing import certified_solve
 
 KINDS = {
     "hexapod": ("blended", Shaper("zv", 35.0, 0.05)),
@@ -95,7 +95,8 @@ def test_the_deviation_holds_and_is_close(solved):
     assert off - 1e-10 <= proof.contour <= min(1.06 * off + 1e-7, proof.deviation)
     assert turned <= proof.turn + 1e-12
     moved = np.abs(proof.motion.at(t).q - trajectory.at(np.clip(t - proof.delay, 0, trajectory.duration)).q).max(0)
-    spread = proof.motion.copies.spread
+    copies = proof.motion.copies
+    spread = ((copies.delays - copies.centre) ** 2) @ copies.weights
     most = np.abs(trajectory.at(np.linspace(0, trajectory.duration, 20_001)).qdd).max(0)
     assert (moved <= proof.axis_deviation + 1e-15).all()
     assert (proof.axis_deviation <= 0.5 * spread * most * 1.01 + 1e-12).all()

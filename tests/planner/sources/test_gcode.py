@@ -503,8 +503,7 @@ def test_any_bytes_are_a_program_or_a_refusal(tmp_path_factory, data):
 def test_many_words_are_read_in_time(read):
     """Twenty thousand lines, and a million words of other kinds: 2 s for 100 000 lines is 0.4 s for 20 000.
 
-    By the processor's time, the least of three, and half as much again, since others work on the same machine: the
-    figure itself is that of `python -m benchmarks.evidence.speed.reading`.
+    By the processor's time, the least of three, and half as much again, since others work on the same machine.
     """
     rng = random.Random(2)
     lines = ["G21 F600 G1"] + [

@@ -7,10 +7,10 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
-from benchmarks.evidence.published.calibration import NOISE, add_noise, draw, draw_commands
 from kinematics import calibrate, load_machine, whole_poses
 from pulsepath.output.calibration_directory import write
 from tests.browser import act_in, needs_browser
+from tests.kinematics.calibration.drawn_hexapod import NOISE, add_noise, draw, draw_commands
 
 FILES = {"calibration.json", "figures", "machine.toml", "measurements.toml", "nominal.toml", "report.html"}
 

@@ -14,7 +14,6 @@ from planner.pulses.compensation.compensate import compensate_motion
 from planner.pulses.generation.dda import spread_counts
 from planner.pulses.generation.firing_rule import describe_rule
 from planner.pulses.generation.levels import MAX_COUNT_BLUR
-from planner.pulses.generation.timer import counter_loads, equal_steps
 from tests.planner.motions import PULSE, Polynomials, smooth_motions, through
 
 CLOCK = 10_000_000
@@ -313,21 +312,6 @@ def test_bursts_faster_than_an_axis_takes_are_refused():
 # timer
 
 
-def test_the_loads_of_the_counter_give_the_pulses_again():
-    """A minute's rest is thousands of loads; only those that end in a pulse have the gate open."""
-    motion = through(PULSE * np.array([[0.0], [50.0], [50.0], [0.0]]), np.zeros((4, 1)), [0, 0.1, 60.0, 60.1])
-    schedule = fire(motion, "timer")
-    (axis,) = schedule.axes
-    assert (axis.ticks % 5 == 0).all()
-    values, opened = counter_loads(axis, 5)
-    assert values.min() >= 1
-    assert values.max() == 65535
-    assert (5 * np.cumsum(values)[opened] == axis.ticks).all()
-    assert len(values) > 59.9 * 2e6 / 65535
-    with pytest.raises(MotionError, match="no whole timer count"):
-        counter_loads(replace(axis, ticks=axis.ticks + 1), 5)
-
-
 def test_remainders_are_carried():
     """Each pulse within half a timer count of its crossing, however many came before."""
     speed = 0.0173
@@ -348,22 +332,6 @@ def test_no_pulse_comes_after_the_end():
 def test_a_timer_clock_must_divide_that_of_the_pulses():
     with pytest.raises(MotionError, match="3000000 Hz does not divide the 10000000 Hz"):
         fire(line(0.01, 0.01), "timer:clock=3MHz")
-
-
-def test_equal_steps_of_the_count_are_no_constant_acceleration():
-    """t(n) = n c - d n (n - 1)/2 clocks; at count c the rate f/c grows by d (f/c)³ per second."""
-    first, step, pulses, clock = 20_000, 10, 1500, 2e6
-    counts = equal_steps(first, step, pulses)
-    n = np.arange(1, pulses + 1)
-    assert (np.cumsum(counts) == n * first - step * n * (n - 1) // 2).all()
-    middle, rate = (counts[1:] + counts[:-1]) / 2 / clock, clock / counts
-    growth = np.diff(rate) / middle
-    mean = np.sqrt(rate[1:] * rate[:-1])
-    # f/(c-d) - f/c = f d/(c (c-d)), over (c + c - d)/2f: d f² / (c (c - d) (c - d/2)), the cube to (d/c)²/4
-    assert np.allclose(growth, step / clock * mean**3, rtol=(step / counts[-1]) ** 2)
-    assert growth[-1] > 50 * growth[0]
-    with pytest.raises(MotionError, match=r"pulse 2001 of the ramp would have a count of 0: must be 1 to 65535"):
-        equal_steps(first, step, 2001)
 
 
 # Hysteresis
