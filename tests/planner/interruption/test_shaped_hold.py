@@ -20,7 +20,7 @@ CORNERS = (Line(to=(0.03, 0.01, 0)), Line(to=(0.03, 0.04, 0), join=Blend(5e-4)),
 
 
 def plan_circle():
-    """A circle on the legs of the hexapod, no axis of which moves evenly; without masses: proofs of forces take long."""
+    """A circle on the legs of the hexapod, no axis of which moves evenly; whose forces are not proved."""
     return load_program("bare-circle"), load_machine("hexapod").carrying(Load()), 3, "zvd"
 
 

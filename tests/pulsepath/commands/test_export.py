@@ -9,10 +9,10 @@ from typing import get_type_hints
 import numpy as np
 import pytest
 
+import pulsepath as pp
 from kinematics.foundation.options import options
 from planner.export.format import FORMATS, find_format
 from pulsepath.commands.export import _name_file
-from pulsepath.output import plan_directory
 from tests import read_lines
 
 LINE = 'schema = 1\nlength = "mm"\nangle = "deg"\n[[segment]]\nline = {{ to = [{}] }}\n'
@@ -202,7 +202,7 @@ def test_an_arm_is_exported_with_its_links_from_beside_the_plan(call, tmp_path):
 
 def test_files_name_the_machine_as_it_was_planned(call, plan):
     """Not by the copy of its file in the directory, machine.toml."""
-    assert plan_directory.read(plan).machine.name == "hexapod"
+    assert pp.load_plan(plan).machine.name == "hexapod"
     done = call("export", plan, "--format", "adlink")
     assert done.exit_code == 0, done.stderr
     assert (plan / "bare-circle.adlink.c").read_text().startswith('/* "bare-circle" on "hexapod"\n')
