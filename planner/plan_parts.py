@@ -166,7 +166,7 @@ def plan_parts(
     order = usual_order(machine.axes, program) if order is None else order
     paced = pace_axes(machine.axes, clock_hz, rule)
     find_limits = partial(limits_of, axes=paced, order=order, own=limits)
-    planner = WindowPlanner(machine, find_limits, order, program.tool, pieces)
+    planner = WindowPlanner(machine, find_limits, order, program.tool, pieces, copying=not limits)
     steps = _Steps(
         mark_steps(walk_path(program, machine), program, machine), len(program.segments), program.repeat, progress
     )
