@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 import pulsepath as pp
-from pulsepath.known_names import recall
 from tests.pace import slowness
 
 SLOW = {
@@ -54,13 +53,14 @@ def call(arguments, code=0):
     return f"from pulsepath.cli import main\ntry: main({arguments!r})\n{ended}"
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["plan", "--help"], ["console", "--help"], ["--version"]])
+HELP = [["--help"], *([name, "--help"] for name in ("plan", "console", "export", "import", "hold"))]
+
+
+@pytest.mark.parametrize("arguments", [*HELP, ["--version"]], ids=" ".join)
 def test_help_loads_nothing_slow(arguments):
     assert loaded_after(call(arguments))[0] == []
 
 
-LISTS = [[name] for name in ("machines", "programs", "rigs", "laws", "rules", "figures")]
-FORMATS = [[name, "--help"] for name in ("export", "import", "hold")]
 UNKNOWN = [
     ["check", "circel"],
     ["plan", "circle", "--machine", "hexapodd", "--out", "o"],
@@ -74,14 +74,6 @@ UNKNOWN = [
     ["compare", "servo", "--out", "o"],
     ["export", "o", "--format", "zabber"],
 ]
-
-
-@pytest.mark.parametrize("arguments", [*LISTS, *FORMATS], ids=" ".join)
-def test_lists_that_are_kept_load_nothing_that_computes(arguments):
-    """The first time makes what is kept on disk."""
-    run_fresh(call(arguments))
-    loaded, _ = loaded_after(call(arguments))
-    assert set(loaded) <= {"rich"}
 
 
 @pytest.mark.parametrize("arguments", UNKNOWN, ids=" ".join)
@@ -131,9 +123,6 @@ REFUSED = {
 
 @pytest.mark.parametrize("command", REFUSED)
 def test_what_files_say_wrong_is_told_before_what_computes_is_loaded(command, tmp_path):
-    kept = "import" if "part.nc" in command else command.split()[0]
-    if kept in ("import", "hold", "export"):  # the first time makes the list of formats that is kept on disk
-        run_fresh(call([kept, "--help"]))
     for name, text in FAULTY.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)
@@ -148,26 +137,6 @@ sys.stderr = sys.__stderr__
 assert {REFUSED[command]!r} in told.getvalue(), told.getvalue()
 """
     assert not COMPUTING & set(loaded_after(report)[0])
-
-
-def test_lists_are_made_again_where_a_file_changes_or_what_is_kept_is_damaged(tmp_path, monkeypatch):
-    monkeypatch.setattr("pulsepath.known_names.__file__", str(tmp_path / "known_names.py"))
-    monkeypatch.setattr("pulsepath.known_names.PACKAGES", ("tests",))
-    monkeypatch.setattr("pulsepath.known_names._package_path", lambda _: tmp_path / "source")
-    (tmp_path / "source").mkdir()
-    (tmp_path / "source" / "law.py").write_text("one")
-    made = []
-
-    def make():
-        made.append(len(made))
-        return {"count": len(made)}
-
-    assert [recall("counts", make), recall("counts", make)] == [{"count": 1}] * 2
-    (tmp_path / "source" / "law.py").write_text("two, longer")
-    assert [recall("counts", make), recall("counts", make)] == [{"count": 2}] * 2
-    (kept,) = (tmp_path / "__pycache__").iterdir()
-    kept.write_text(kept.read_text()[:20])
-    assert [recall("counts", make), recall("counts", make)] == [{"count": 3}] * 2
 
 
 @pytest.mark.skipif(os.name != "posix", reason="Windows has no console")
