@@ -16,6 +16,10 @@ from pulsepath.progress import note
 if TYPE_CHECKING:
     from pulsepath.inputs import Inputs
 
+MOST_WHOLE = 1000
+"""Segments up to which a program is planned as a whole, unless something else is asked for."""
+MOST_BOUNDED = 20_000
+"""Time pieces up to which a lower bound of the duration is proved unasked."""
 LAWS = ("3", "6")
 """Tracking laws by default: open and closed loop."""
 MACHINE_FILE, PROGRAM_FILE = "machine.toml", "program.toml"
