@@ -51,8 +51,8 @@ class Formats:
         """Return one option per field name; its help lists the formats that have the field."""
         offered = self.helps()
         rows: dict[str, list[Option]] = {}
-        own = (row for name, kind in self._added() for row in list_options(name, kind))
-        for option, takes, formats, text in (*self.known, *own):
+        added = (row for name, kind in self._added() for row in list_options(name, kind))
+        for option, takes, formats, text in (*self.known, *added):
             names = ", ".join(name for name in formats.split() if name in offered)
             if names:
                 rows.setdefault(option, []).append((option, takes, names, text))

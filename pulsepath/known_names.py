@@ -1,4 +1,4 @@
-"""Names for shell completion and for refusing unknown ones, without loading what they name."""
+"""Names for shell completion and for messages on unknown names, read without slow imports."""
 
 import sys
 from collections.abc import Callable, Iterable
@@ -22,7 +22,7 @@ def list_presets(folder: str) -> list[str]:
 
 
 def list_names(what: str) -> list[str]:
-    """Return the names in one of `registries.TABLES`, and those that a program added to it."""
+    """Return the names in a table of `registries.TABLES`, with those that a program added."""
     return [*registries.NAMES[what], *find_added(what)]
 
 

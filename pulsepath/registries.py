@@ -1,8 +1,8 @@
-"""Names and help that the command line shows or completes before it loads what they name.
+"""Names and help that the command line shows or completes before slow modules are loaded.
 
-Literal data: this module imports nothing. Each fact belongs to the class or the table that it is
-copied from, and `tests/pulsepath/test_registries.py` compares them. Presets are not listed here:
-their folders are (`pulsepath.names`).
+Literal data: this module imports nothing. Each entry is copied from a class or a table below, and
+`tests/pulsepath/test_registries.py` compares the two. Presets are not listed here:
+`pulsepath.known_names` lists their folders.
 """
 
 TABLES = {

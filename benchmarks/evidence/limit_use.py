@@ -1,4 +1,4 @@
-"""Shares of limits that samples of a motion use."""
+"""Shares of the axes' limits that samples of a motion use."""
 
 from collections.abc import Sequence
 
@@ -11,15 +11,19 @@ from kinematics.machine.machine import Machine
 LIMITS = ("max_speed", "max_acceleration", "max_jerk")
 
 
-def measure_axes(machine: Machine, order: int, q: Array, rates: Sequence[Array]) -> float:
-    """Return the largest share of an axis' limit on q (N, n) and its first `order` rates (N, n)."""
+def measure_rates(machine: Machine, order: int, rates: Sequence[Array]) -> float:
+    """Return the largest share of a limit on the first `order` rates (N, n) of the axes."""
     most = 0.0
     for values, name in zip(rates[:order], LIMITS, strict=False):
         for axis, rate in zip(machine.axes, values.T, strict=True):
             low, high = directional_bounds(getattr(axis, name))
             most = max(most, rate.max() / high, -rate.min() / low)
-    for axis, way in zip(machine.axes, (q - machine.home_q).T, strict=True):
-        low, high = axis.travel
-        if np.isfinite(low):
-            most = max(most, np.abs(2 * way - low - high).max() / (high - low))
     return float(most)
+
+
+def measure_travel(machine: Machine, q: Array) -> float:
+    """Return the largest share of a travel, from its middle, at q (N, n)."""
+    low, high = np.array([axis.travel for axis in machine.axes]).T
+    finite = np.isfinite(low)
+    away = np.abs(2 * (q - machine.home_q) - low - high)[:, finite]
+    return float((away / (high - low)[finite]).max(initial=0.0))

@@ -217,7 +217,7 @@ def _end_of_undrawn(segment: Moving, here: Pose) -> Pose | None:
 def _segments_error(program: Program, faults: Sequence[tuple[int, Moving, MotionError]]) -> MotionError:
     """Everything that is wrong with the segments of a program: of its file, if it is from one."""
     if not program.file:
-        lines = [f"{_name(segment, number)}: {no}" for number, segment, no in faults]
+        lines = [f"{_name(segment, number)}: {error}" for number, segment, error in faults]
         return MotionError("\n".join(lines)).in_segment(faults[0][0])
     return FileError(
         program.file,

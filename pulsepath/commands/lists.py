@@ -1,4 +1,4 @@
-"""`pulsepath machines`, `programs`, `rigs`, `laws`, `rules`, `figures`: list what is there."""
+"""`pulsepath machines`, `programs`, `rigs`, `laws`, `rules`, `figures`: print lists."""
 
 from collections.abc import Iterable
 from functools import partial
@@ -104,9 +104,9 @@ def laws(as_json: bool) -> None:
     listed = []
     for (number, name), make in LAWS.items():
         law = make()
-        own = make.keywords if isinstance(make, partial) else {}
+        fixed = make.keywords if isinstance(make, partial) else {}
         text = getdoc(make.func if isinstance(make, partial) else make) or ""
-        options = "".join(f" ({key}: {value})" for key, value in own.items())
+        options = "".join(f" ({key}: {value})" for key, value in fixed.items())
         # a class with several laws writes the formula of each
         about = getattr(law, "formula", text.partition("\n")[0] + options)
         gains = {gain: [float(value) for value in values] for gain, values in law.grid.items()}

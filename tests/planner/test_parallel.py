@@ -11,6 +11,7 @@ import threading
 import time
 from contextlib import ExitStack
 from functools import partial
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from kinematics import Fault, FileError, MotionError, OutOfReach, load_machine, 
 from planner import Infeasible, Line, Place, Program, parallel, plan
 from planner.limits import limits_of
 from planner.path.actuation import actuate
-from planner.timing.certified_solve import certified_solve
+from planner.timing import certified_solve
 
 
 @pytest.fixture
@@ -160,7 +161,7 @@ def test_little_work_stays_here():
 def test_the_same_motion_to_the_bit(eager, monkeypatch, order, hexapod):
     path = actuate(zigzag(8), hexapod)
     limits, told = limits_of(path, hexapod.axes, order), []
-    monkeypatch.setattr("planner.timing.certified_solve.PART_RUNS", 2)
+    monkeypatch.setattr(import_module("planner.timing.certified_solve"), "PART_RUNS", 2)
     spread = certified_solve(path, limits, order, lambda done, of: told.append((done, of)))
     monkeypatch.setattr(parallel, "MIN_POOL_WORK", np.inf)
     alone = certified_solve(path, limits, order)

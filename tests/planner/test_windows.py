@@ -17,7 +17,7 @@ from planner.path.actuation import MachinePath, actuate
 from planner.path.join_and_blend import PathStep
 from planner.program.model import Line, Program
 from planner.program.modifiers import Blend, Stop
-from planner.timing.certified_solve import certified_solve
+from planner.timing import certified_solve
 from planner.windows import WindowPlanner
 
 LINE, BLEND, SPEED = 4e-4, 2e-5, 0.01

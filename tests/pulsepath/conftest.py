@@ -1,36 +1,17 @@
 """One plan of the bare circle that the tests of the front door share, and a command line without a process."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 
 import pytest
 from click.testing import CliRunner
 
-from benchmarks.reports.page import Picture, draw_figure
-from benchmarks.reports.time_series import read_panels
+from benchmarks.reports.page import draw_figure
 from kinematics import NotInstalled
 from pulsepath.cli import main
 from pulsepath.inputs import read_inputs
 from pulsepath.job import run
 from pulsepath.process.exits import describe_error
-
-REPORTS = ("plan_report", "parts_report", "calibration_report", "gain.run_figures")
-DOT = bytes.fromhex(
-    "89504e470d0a1a0a0000000d49484452000000010000000108000000003a"
-    "7e9b550000000a49444154789c63f80f0001010100b138f6140000000049"
-    "454e44ae426082"
-)
-"""A PNG image of one dot."""
-
-
-@contextmanager
-def drawing(draw) -> Iterator[None]:
-    """Within, figures of reports are drawn so."""
-    with pytest.MonkeyPatch.context() as patch:
-        for name in REPORTS:
-            patch.setattr(f"benchmarks.reports.{name}.draw_figure", draw)
-        yield
+from tests.drawing import draw_dots, drawing
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -39,7 +20,7 @@ def undrawn():
 
     Drawing them takes nine tenths of writing a plan. Who compares or looks at figures asks for `drawn`.
     """
-    with drawing(lambda *axes, small=False: Picture(DOT, read_panels(axes))):
+    with draw_dots():
         yield
 
 

@@ -6,7 +6,7 @@ import pytest
 import pulsepath as pp
 from kinematics import MotionError
 from kinematics.foundation.names import presets
-from planner.certificate.certify import certify
+from planner.certificate import certify
 
 SQUARE = """schema = 1
 angle = "deg"

@@ -99,7 +99,7 @@ COMMANDS = {
     "track full --law 9": "9",
     "track full --law 3:gian=1": "no plan",
     "hold full --at 1s": "no plan",
-    "hold full --at 1": "--at",
+    "hold full --at 1": "no plan",
     "view full": "no plan",
     "compare missing --out out": "missing",
     "compare rig.toml --out out": "30 s",

@@ -20,7 +20,7 @@ from time import process_time
 
 import numpy as np
 
-from benchmarks.evidence.limit_use import measure_axes
+from benchmarks.evidence.limit_use import measure_rates
 from benchmarks.evidence.table import Table, quantile_table
 from kinematics import load_machine
 from kinematics.foundation.errors import MotionError, attempt
@@ -166,7 +166,7 @@ def measure_use(planned: Plan, section: Section) -> float:
     """Return the largest share of an axis' limit at 10⁵ instants."""
     state = section.trajectory.at(np.linspace(0.0, section.duration, SAMPLES)[:-1])
     rates = (state.qd, state.qdd, state.qddd)
-    return measure_axes(planned.machine, planned.order, state.q, rates)
+    return measure_rates(planned.machine, planned.order, rates)
 
 
 def find_soonest(planned: Plan, stop: Section) -> float:

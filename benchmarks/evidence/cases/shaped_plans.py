@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 
 from benchmarks.evidence.flexible_load import FlexibleLoad
-from benchmarks.evidence.limit_use import measure_axes
+from benchmarks.evidence.limit_use import measure_rates, measure_travel
 from benchmarks.evidence.table import Row, Table
 from controllers import track
 from controllers.rig import assumed_rig
@@ -111,7 +111,8 @@ def sample(planned: Plan, shaper: Shaper) -> tuple[float, float]:
     use = away = 0.0
     for t in np.array_split(np.linspace(0.0, planned.duration, SAMPLES), max(1, SAMPLES // BATCH)):
         q, *rates = convolve(planned.trajectory, shaper, t)
-        use = max(use, measure_axes(planned.machine, planned.order, q, rates))
+        use = max(use, measure_rates(planned.machine, planned.order, rates))
+        use = max(use, measure_travel(planned.machine, q))
         late = np.clip(t - shaper.delay, 0.0, planned.trajectory.duration)
         pose = planned.trajectory.at(late).pose
         assert pose is not None

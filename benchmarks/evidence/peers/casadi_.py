@@ -28,7 +28,6 @@ from planner.timing.solvers.stage_problem import (
     JERK_WEIGHT,
     POWERS,
     SHORTEST,
-    SHORTEST_STATED,
     jerk_share,
 )
 
@@ -62,25 +61,14 @@ def solve_by_casadi(problem: Problem, guess: Array, solver: Solver = "fatrop") -
     return CasadiProblem(problem, guess, solver).solve()
 
 
-def smooth_by_casadi(problem: Problem, jerks: Array, guess: Array) -> RunSolution:
-    """Find the smoothest motion of the guess' duration by IPOPT.
-
-    jerks (N, 2, A, 3): as planner.timing.solvers.stage_problem.pose_smoothest takes them
-    """
-    return CasadiProblem(problem, guess, "ipopt", jerks).solve()
-
-
 class CasadiProblem:
     """The problem as CasADi's solvers take it: built once, solved as often as wanted."""
 
-    def __init__(
-        self,
-        problem: Problem,
-        guess: Array,
-        solver: Solver,
-        jerks: Array | None = None,
-    ) -> None:
-        self.problem, self.solver, self.stated = problem, solver, jerks is not None
+    shortest = SHORTEST
+    """Least duration of an interval, as a share of its guess."""
+
+    def __init__(self, problem: Problem, guess: Array, solver: Solver) -> None:
+        self.problem, self.solver = problem, solver
         self.length = float(problem.s[-1] - problem.s[0])
         self.time = float(guess[3].sum())
         per_time = self.length / self.time ** np.arange(1, 4)
@@ -101,15 +89,9 @@ class CasadiProblem:
         way = h * (v + h * (a / 2 + h * j / 6)) / step
         rows, low, high = self._pose_rows((v, a, j), middle, end)
         values = ca.vec(ca.vertcat(gaps, way, rows))
-        if jerks is None:
-            trace = jerk_share(problem, per_time[2]) * np.sqrt(self.start[3])
-            cost = ca.sum2(h) + JERK_WEIGHT * ca.sumsqr(trace[None] * j)
-        else:
-            values = ca.vertcat(values, ca.sum2(h))
-            low = np.append(low, 1.0)
-            high = np.append(high, 1.0)
-            cost = _sum_jerk(jerks * [1.0, 3 * self.length, self.length**2], ((v, a, j), end), h)
-            cost /= float(ca.evalf(ca.substitute(cost, columns, ca.DM(self.start / self.scale))))
+        cost, sums = self.weigh((v, a, j), end, h)
+        values = ca.vertcat(values, *sums)
+        low, high = (np.append(side, np.zeros(len(sums))) for side in (low, high))
 
         least, most = self._bound_columns()
         guessed = np.append((self.start / self.scale).T, [least[-2], 0.0])
@@ -119,6 +101,11 @@ class CasadiProblem:
             options["equality"] = (low == high).tolist()
         programme = {"x": ca.vertcat(ca.vec(columns), last), "f": WEIGHT * cost, "g": values}
         self.method = ca.nlpsol("order3", solver, programme, options)
+
+    def weigh(self, start: Motion, end: Motion, h: ca.MX) -> tuple[ca.MX, list[ca.MX]]:
+        """Return the cost, about 1 for the guess, and further sums that are to be 0."""
+        trace = jerk_share(self.problem, float(self.unit[2, 0])) * np.sqrt(self.start[3])
+        return ca.sum2(h) + JERK_WEIGHT * ca.sumsqr(trace[None] * start[2]), []
 
     def _pose_rows(self, start: Motion, middle: Motion, end: Motion) -> tuple[ca.MX, Array, Array]:
         """Return the limits' rows (R, N), and the bounds of all constraints, stage by stage."""
@@ -158,8 +145,7 @@ class CasadiProblem:
 
         ṡ is given at both ends, and s̈ is 0 but at a free end.
         """
-        shortest = SHORTEST_STATED if self.stated else SHORTEST
-        least = np.tile([[0.0], [-np.inf], [-np.inf], [shortest]], self.problem.intervals)
+        least = np.tile([[0.0], [-np.inf], [-np.inf], [self.shortest]], self.problem.intervals)
         most = np.full(least.shape, np.inf)
         first, last = np.array(self.problem.speeds) / self.unit[0] / self.scale[0, 0]
         free_start, free_end = np.where(self.problem.free, np.inf, 0.0)
@@ -183,8 +169,6 @@ class CasadiProblem:
         profile = close_profile(self.problem, answer.reshape(-1, 4).T * self.scale * self.unit)
         if isinstance(profile, MotionError):
             return RunSolution.refused(profile)
-        if self.stated:
-            profile = profile.slowed(self.time / profile.duration)
         return RunSolution("solved", profile, maker=self.solver, problem=self.problem)
 
 
@@ -194,13 +178,3 @@ def _start_room(block: Block) -> Array:
     The first has some to spare, as a given speed may be at its limit.
     """
     return np.append(1 + SPEED_ROUNDING, np.minimum(block.room[1:], block.room[:-1]))
-
-
-def _sum_jerk(rough: Array, ends: tuple[Motion, Motion], h: ca.MX) -> ca.MX:
-    """Return ∫ Σ r² dt by the trapezoidal rule, r as `pose_smoothest` has it."""
-    cost = ca.MX(0)
-    for side, (v, a, j) in enumerate(ends):
-        for third, second, first in rough[:, side].transpose(1, 2, 0):
-            rate = third[None] * j + second[None] * (v * a) + first[None] * v**3
-            cost += ca.sum2(h / 2 * rate**2)
-    return cost

@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks.evidence.cases import shaped_plans
 from benchmarks.evidence.flexible_load import FlexibleLoad
-from benchmarks.evidence.limit_use import measure_axes
+from benchmarks.evidence.limit_use import measure_rates, measure_travel
 from kinematics import load_machine
 from kinematics.machine.pose import to_numbers
 from kinematics.machine.shaper import IMPULSES, Shaper
@@ -42,7 +42,10 @@ def test_limits_are_sampled_on_both_sides():
     most = np.array([axis.max_acceleration for axis in machine.axes])
     for side in (-1.2, 1.2):
         acceleration = np.array([side * most, 0 * most])
-        assert measure_axes(machine, 2, machine.home_q + rest, [rest, acceleration]) == pytest.approx(1.2)
+        assert measure_rates(machine, 2, [rest, acceleration]) == pytest.approx(1.2)
+    low, high = machine.axes[0].travel
+    assert measure_travel(machine, machine.home_q + rest + high) == pytest.approx(1.0)
+    assert measure_travel(machine, machine.home_q + rest + low) == pytest.approx(1.0)
 
 
 def test_a_vibration_that_a_shaper_is_not_for_is_left(plans):

@@ -9,9 +9,7 @@ from scipy.interpolate import CubicSpline, PPoly
 from benchmarks.evidence.random_problems import random_problem
 from kinematics import Axis, Hexapod, Traverser, load_machine
 from planner import Line, Program, plan, time_optimal
-from planner.certificate import certify as certify_module
-from planner.certificate.certify import certify
-from planner.certificate.limit_use import LIMIT_ROUNDING, round_reached_use
+from planner.certificate import LIMIT_ROUNDING, certify, forget_paths, prove_path_use, round_reached_use
 from planner.limits import limits_of
 from planner.path.actuation import actuate
 from tests.planner.tiny_problems import tiny_problems
@@ -95,20 +93,16 @@ def test_what_a_timing_chooses_is_not_rounded_to_one():
     ]
 
 
-def test_what_geometry_uses_is_proved_once_for_equal_content(hexapod, monkeypatch):
+def test_what_geometry_uses_is_proved_once_for_equal_content(hexapod):
     """For another path of the same numbers, and for any other order; anew where any number differs."""
-    proofs, prove = [], certify_module.prove
-    monkeypatch.setattr(certify_module, "prove", lambda *given: proofs.append(given) or prove(*given))
-    monkeypatch.setattr(certify_module, "_PATH_USE", {})
 
     def use(height=0.02, machine=hexapod, order=2):
         path = actuate(Program([Line([0.01, 0, height])]), machine)
         limits = [limit for limit in limits_of(path, machine.axes, order) if limit.geometric]
-        return certify_module.prove_path_use(path, limits)
+        return prove_path_use(path, limits)
 
     first = use()
     assert use(order=3) is first
-    assert len(proofs) == 1
     higher = use(0.02 + 1e-14)
     assert higher is not first
     shorter = Hexapod(
@@ -118,11 +112,7 @@ def test_what_geometry_uses_is_proved_once_for_equal_content(hexapod, monkeypatc
         home=hexapod.home,
     )
     assert (use(machine=shorter)["travel"] != first["travel"]).all()
-    assert len(proofs) == 3
-    for k in range(certify_module.KEPT_PATHS + 2):
-        use(0.03 + 1e-3 * k)
-    assert len(certify_module._PATH_USE) == certify_module.KEPT_PATHS
-    certify_module.forget_paths()
-    assert use(0.03 + 1e-3 * k) is not first
-    assert len(certify_module._PATH_USE) == 1
+    assert use() is first
+    forget_paths()
+    assert use() is not first
     assert not first["travel"].flags.writeable

@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Body, Hexapod, Load
 from planner import Arc, Line, Program
-from planner.certificate.limit_use import prove
+from planner.certificate import prove
 from planner.limits import limits_of
 from planner.path.actuation import actuate
 from planner.trajectory import Trajectory

@@ -177,7 +177,7 @@ def test_formats_write_an_empty_stop_or_say_why_not(tmp_path):
 
 def test_stops_from_rests_are_nothing():
     made = plan(Program(CORNERS), load_machine("corexy"), order=2)
-    stops = made.stops(30)
+    stops = made.stops(12)
     assert not stops.refused
     assert (stops.time >= 0).all()
     assert (stops.time == 0).any()  # in the dwell

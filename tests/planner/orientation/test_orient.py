@@ -18,13 +18,14 @@ def reach():
 
 
 @pytest.fixture(scope="module")
-def chosen(reach, hexapod):
-    return orient(reach, hexapod, order=2)
+def fastest(reach, hexapod):
+    """Its plan, which chooses first."""
+    return plan(reach, hexapod, order=2)
 
 
 @pytest.fixture(scope="module")
-def fastest(chosen, hexapod):
-    return plan(chosen, hexapod, order=2)
+def chosen(fastest):
+    return fastest.program
 
 
 def poses(program, machine, count=301):
@@ -40,16 +41,13 @@ def held(program):
     return replace(program, segments=tuple(replace(segment, free=None) for segment in program.segments))
 
 
-def test_a_reach_that_needs_the_turn(reach, fastest, hexapod):
+def test_a_reach_that_needs_the_turn(reach, fastest, hexapod, limit_search):
     """With the platform straight it leaves the travel; turned, every limit is proved."""
+    limit_search(0.0)
     worst = check(held(reach), hexapod).violations[0]
     assert isinstance(worst, Infeasible)
     assert worst.kind == "travel"
-    with pytest.raises(Infeasible):
-        plan(held(reach), hexapod, order=2)
-    made = plan(reach, hexapod, order=2)
-    assert made.certificate.holds
-    assert made.trajectory.duration == fastest.trajectory.duration
+    assert fastest.certificate.holds
 
 
 def test_only_the_turn_about_the_tool_is_used(reach, chosen, hexapod):
@@ -96,7 +94,8 @@ def test_free_segments_give_the_orientation_back(hexapod):
     s, _, rotation = poses(orient(program, hexapod, order=2), hexapod)
     assert rotation.magnitude()[s >= 0.03].max() < 1e-14
     again = Program([out, replace(back, free=Free())], start=program.start, repeat=2)
-    made = orient(again, hexapod, order=2)
+    made = orient(again, hexapod, "feasible", order=2)
+    assert np.abs(made.segments[0].free.controls).max() > 1e-3
     assert np.abs(made.segments[1].free.controls[:, DEGREE]).max() < 1e-9
     assert np.abs(made.segments[0].free.controls[:, DEGREE] - made.segments[1].free.controls[:, 0]).max() < 1e-9
 

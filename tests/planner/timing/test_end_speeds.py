@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import MotionError
 from planner import Arc, Dwell, Infeasible, Line, Program, Spline, Turn, classical, plan, time_optimal
-from planner.certificate.certify import certify
+from planner.certificate import certify
 from planner.path.actuation import actuate
 from planner.pulses import check
 

@@ -12,7 +12,7 @@ from planner.limits import limits_of
 from planner.limits.lowered import Shares
 from planner.path.actuation import actuate
 from planner.program.modifiers import Blend, Fit, Through
-from planner.timing.certified_solve import certified_solve
+from planner.timing import certified_solve
 
 # of the bundled cartesian machine, per axis: m/s, m/s², m/s³
 SPEED, ACCELERATION, JERK = 0.3, 3.0, 100.0

@@ -6,8 +6,8 @@ from scipy.interpolate import BPoly, CubicSpline, PPoly
 
 from benchmarks.evidence.random_problems import random_spline
 from planner import time_optimal
+from planner.timing import Profile
 from planner.timing.initial_guess import Smoothed
-from planner.timing.profile import Profile
 
 
 def polyline(points):

@@ -14,10 +14,7 @@ from planner.limits import limits_of
 from planner.path.actuation import MachinePath
 from planner.path.polynomial import PolynomialPath
 from planner.path.shape import arc, line
-from planner.timing import discretization
-from planner.timing.certified_solve import certified_solve
-from planner.timing.problem import Run, make_grid, pose_problem
-from planner.timing.solvers.second_order import second_order
+from planner.timing import Run, certified_solve, discretization, make_grid, pose_problem, second_order
 from tests.planner.tiny_problems import tiny_problems
 
 

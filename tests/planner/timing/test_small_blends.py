@@ -13,14 +13,11 @@ from kinematics.foundation.errors import require
 from planner import Blend, Line, Program, load_program, plan
 from planner.limits import Term, limits_of
 from planner.path.actuation import actuate
+from planner.timing import Block, Run, RunSolution, coarse_jerk_problem, jerk_problem, solve_jerk_limited, third_order
 from planner.timing.certified_run import tighten_block
-from planner.timing.discretization import coarse_jerk_problem, jerk_problem
 from planner.timing.initial_guess import pass_breaks
 from planner.timing.jerk_limited import solve_leg
-from planner.timing.problem import Block, Run
-from planner.timing.profile import RunSolution
 from planner.timing.solvers import third_order as solver_module
-from planner.timing.solvers.third_order import solve_jerk_limited, third_order
 
 START = RigidTransform.from_translation([0.0, 0.0, 0.025])
 

@@ -8,8 +8,7 @@ from scipy.interpolate import PPoly
 
 from kinematics import MotionError, load_machine
 from planner import Line, Program, load_program, plan, time_optimal
-from planner.tradeoffs.heat import measure_heat, solve_objective
-from planner.tradeoffs.objective import Objective, read_objective
+from planner.tradeoffs import Objective, measure_heat, read_objective, solve_objective
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ import pytest
 
 from benchmarks.evidence.workpieces import spiral
 from kinematics import load_machine
-from planner.certificate.certify import certify
+from planner.certificate import certify
 from planner.export.motion_file import MotionWriter, follow_motion, join_parts, motion_parts, read_motion
 from planner.export.plan_files import tabulate_trigger_csv
 from planner.path.actuation import actuate

@@ -14,12 +14,10 @@ from kinematics import Axis
 from kinematics.foundation.errors import require
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
-from planner.timing.discretization import jerk_problem
-from planner.timing.problem import Run
+from planner.timing import Run, jerk_problem, third_order
 from planner.timing.solvers import interior_point, riccati, sides
 from planner.timing.solvers.stage_problem import pose_smoothest, pose_stages
 from planner.timing.solvers.stages import evaluate, sum_costs
-from planner.timing.solvers.third_order import third_order
 from planner.timing.stated_duration import quintic_motion
 
 

@@ -8,18 +8,24 @@ import pytest
 from benchmarks.evidence.peers.casadi_ import solve_by_casadi
 from kinematics import Axis, MotionError
 from planner import Trajectory
-from planner.certificate.certify import certify
+from planner.certificate import certify
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
-from planner.timing import jerk_limited
+from planner.timing import (
+    SOLVER_AIM,
+    Run,
+    RunSolution,
+    certified_solve,
+    jerk_limited,
+    jerk_problem,
+    sample_limit_use,
+    solve_jerk_limited,
+    solve_run,
+    third_order,
+)
 from planner.timing import run as run_module
-from planner.timing.certified_solve import certified_solve
-from planner.timing.discretization import jerk_problem
-from planner.timing.problem import SOLVER_AIM, Run
-from planner.timing.profile import RunSolution, sample_limit_use
-from planner.timing.run import solve_run
 from planner.timing.solvers import third_order as solver_module
-from planner.timing.solvers.third_order import SMALL_EXCESS, solve_jerk_limited, third_order
+from planner.timing.solvers.third_order import SMALL_EXCESS
 
 
 def line(length):
