@@ -40,9 +40,6 @@ from planner.timing.certified_solve import timing_table
 from planner.trajectory import Trajectory
 from planner.windows import PIECES, Helpers, Start, Window, WindowPlanner
 
-MOST_WHOLE = 1000
-"""Segments up to which a program is planned as a whole, unless something else is asked for."""
-
 
 @dataclass(frozen=True, slots=True)
 class PlanStanding(Result):

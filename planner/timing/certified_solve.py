@@ -267,8 +267,9 @@ def _unproved_error(trajectory: Trajectory, limits: Sequence[Limit], certificate
             return limit_violation(limit, float(limit.value(state)[0, channel]), channel, int(state.piece[0]), place)
     unproved = [name for name, worst in certificate.worst.items() if not np.isfinite(worst)]
     if unproved:
+        place = certificate.where[unproved[0]]
         return MotionError(
-            f"the motion could not be proved: {unproved[0]} at {certificate.where[unproved[0]]} has no bound; "
+            f"the motion could not be proved: {unproved[0]} at {place} has no bound; "
             "this is a bug in the planner: please report it"
-        )
+        ).in_segment(place.segment)
     return MotionError(f"no motion could be proved within {MAX_CERTIFY_ROUNDS} rounds; what remained:\n{certificate}")
