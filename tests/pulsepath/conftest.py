@@ -66,26 +66,42 @@ def planned(monkeypatch, job):
 
 
 @pytest.fixture(scope="session")
-def directory(tmp_path_factory, inputs, job):
-    """What `plan` writes for the shared plan; not to be changed."""
-    from pulsepath.output import plan_directory
+def write_plan(call):
+    """(plan that is made already, folder, *options) -> the folder, as the command `plan` writes it."""
 
-    folder = tmp_path_factory.mktemp("plans") / "bare-circle"
-    folder.mkdir()
-    with drawing(draw_figure):
-        plan_directory.write(folder, job, inputs)
-    return folder
+    def write(job, folder, *options):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("pulsepath.job.run", lambda *_: job)
+            done = call("plan", "bare-circle", *options, "--out", folder)
+        assert done.exit_code == 0, done.stderr
+        return folder
+
+    return write
 
 
 @pytest.fixture(scope="session")
-def edges(tmp_path_factory, inputs, job):
-    """The same with its pulses as edges, and without figures; not to be changed."""
-    from pulsepath.output import plan_directory
+def directory(tmp_path_factory, write_plan, job):
+    """What `plan` writes for the shared plan; not to be changed."""
+    with drawing(draw_figure):
+        return write_plan(job, tmp_path_factory.mktemp("plans") / "bare-circle")
 
-    folder = tmp_path_factory.mktemp("edges") / "bare-circle"
-    folder.mkdir()
-    plan_directory.write(folder, replace(job, figures=False), inputs, "csv")
-    return folder
+
+@pytest.fixture(scope="session")
+def edges(tmp_path_factory, write_plan, job):
+    """The same with its pulses as edges, and without figures; not to be changed."""
+    return write_plan(replace(job, figures=False), tmp_path_factory.mktemp("edges") / "bare-circle", "--pulses", "csv")
+
+
+@pytest.fixture(scope="session")
+def corner(tmp_path_factory, call):
+    """A plan of two lines on three axes, which is held and drawn much sooner; not to be changed."""
+    folder = tmp_path_factory.mktemp("corner")
+    program = folder / "corner.nc"
+    program.write_text("G21 G90 F1200\nG1 X5 Y5\nX10 Y0\n", encoding="utf-8")
+    asked = ("plan", program, "--machine", "corexy", "--order", "2", "--no-figures", "--no-baselines", "--no-worth")
+    done = call(*asked, "--whole", "--out", folder / "plan")
+    assert done.exit_code == 0, done.stderr
+    return folder / "plan"
 
 
 @pytest.fixture

@@ -83,11 +83,16 @@ def test_no_later_stop_is_sooner():
     assert held.duration < 1.05 * (0.02 + made.hold(0.2072).duration)
 
 
+@pytest.fixture(scope="module")
+def diagonal():
+    """A line there and back along which one belt moves, √2 times as far."""
+    return plan(Program((Line(to=(0.045, 0.045, 0)), Line(to=(0, 0, 0)))), load_machine("corexy"))
+
+
 @pytest.mark.parametrize("at", [0.02, 0.115, 0.2])
-def test_a_stop_along_a_line_takes_what_its_limits_ask_for(at):
+def test_a_stop_along_a_line_takes_what_its_limits_ask_for(diagonal, at):
     """From its ramp up too, whose last part is the only motion that does not come above the largest speed."""
-    program = Program((Line(to=(0.045, 0.045, 0)), Line(to=(0, 0, 0))))  # one belt moves, √2 times as far
-    made = plan(program, load_machine("corexy"))
+    made = diagonal
     hard, jerk = np.array([3.0, 100.0]) / np.sqrt(2)
     now = made.trajectory.at(at)
     speed = float(now.sd[0] + now.sdd[0] ** 2 / (2 * jerk))  # once s̈ is down to 0
@@ -119,10 +124,9 @@ def test_what_is_held_can_be_resumed_to_the_end(circle, stop_at):
         assert own.start == sent.final
 
 
-@pytest.mark.parametrize("circle", [2], indirect=True)
-def test_stops_over_the_motion(circle, tmp_path):
-    found = circle.stops(1)
-    held = circle.hold(float(found.t[-1]))
+def test_stops_over_the_motion(diagonal, tmp_path):
+    found = diagonal.stops(2)
+    held = diagonal.hold(float(found.t[-1]))
     assert (found.time[-1], found.distance[-1]) == pytest.approx((held.duration, held.distance), rel=0.05)
     assert "distance to rest" in str(found)
     found.save(tmp_path / "stops.npz")
@@ -137,7 +141,7 @@ def test_a_short_rapid_is_among_the_stops():
     crawl = Line(to=(0.01, 0.0, 0.0), speed=2e-3)
     program = Program((crawl, Line(to=(0.045, 0.045, 0.0)), Line(to=(0.045, 0.035, 0.0), speed=2e-3)))
     made = plan(program, load_machine("corexy"))
-    found, peak = made.stops(2), made.trajectory.v.max()
+    found, peak = made.stops(3), made.trajectory.v.max()
     held = made.hold(float(made.trajectory.knots[np.argmax(made.trajectory.v)]))
     assert peak > 20 * 2e-3
     assert found.distance.max() == pytest.approx(held.distance, rel=0.02)
@@ -151,7 +155,7 @@ def test_a_slow_axis_is_among_the_stops():
     across, down = Line(to=(0.04, 0.0, 0.0), speed=0.03), Line(to=(0.04, 0.0, 0.03), speed=0.03)
     made = plan(Program((across, down, Line(to=(0.0, 0.0, 0.03), speed=0.03))), machine, order=2)
     found = made.stops(2)
-    every = [made.hold(float(t)) for t in np.linspace(0.05, 0.95, 25) * made.duration]
+    every = [made.hold(float(t)) for t in np.linspace(0.05, 0.95, 13) * made.duration]
     assert found.time.max() > 0.97 * max(stop.duration for stop in every)
     assert found.distance.max() > 0.97 * max(stop.distance for stop in every)
 

@@ -4,18 +4,19 @@ import json
 import re
 from importlib.resources import files
 from pathlib import Path
+from shutil import copytree
 from typing import get_type_hints
 
 import numpy as np
 import pytest
 
+import pulsepath as pp
 from kinematics.foundation.options import options
 from planner.export.format import FORMATS, find_format
-from pulsepath.commands.export import _name_file
-from pulsepath.output import plan_directory
 from tests import read_lines
 
-LINE = 'schema = 1\nlength = "mm"\nangle = "deg"\n[[segment]]\nline = {{ to = [{}] }}\n'
+FEW = ("--no-figures", "--no-baselines", "--no-worth")
+"""What no export reads is left out of plans."""
 
 
 def test_pulses_are_those_of_the_plan(call, plan, job):
@@ -96,10 +97,14 @@ def test_streams_say_how_far_they_are_off(call, plan, name, options, most, note)
         ("", "binary", "folder.binary.bin"),
     ],
 )
-def test_a_file_is_named_after_program_and_format(tmp_path, program, name, file):
-    (tmp_path / "folder").mkdir()
-    (tmp_path / "folder" / "plan.json").write_text(json.dumps({"program": program}))
-    assert _name_file(tmp_path / "folder", name, find_format(name).suffix) == file
+def test_a_file_is_named_after_program_and_format(call, corner, tmp_path, program, name, file):
+    folder = tmp_path / "folder"
+    copytree(corner, folder)
+    record = json.loads((folder / "plan.json").read_text())
+    (folder / "plan.json").write_text(json.dumps({**record, "program": program}))
+    done = call("export", folder, "--format", name, "--unverified", "--json")
+    assert done.exit_code == 0, done.stderr
+    assert json.loads(done.stdout)["file"] == str(folder / file)
 
 
 def test_pulses_that_are_there_are_read(call, plan, directory):
@@ -195,14 +200,14 @@ def test_an_arm_is_exported_with_its_links_from_beside_the_plan(call, tmp_path):
     (tmp_path / "p.toml").write_text(
         'schema = 1\nlength = "mm"\nangle = "deg"\n[[segment]]\nline = { to = [1, 0, 1] }\n'
     )
-    assert call("plan", tmp_path / "p.toml", "--machine", "arm", "--out", tmp_path / "o").exit_code == 0
+    assert call("plan", tmp_path / "p.toml", "--machine", "arm", "--out", tmp_path / "o", *FEW).exit_code == 0
     done = call("export", tmp_path / "o", "--format", "ros")
     assert done.exit_code == 0, done.stderr
 
 
 def test_files_name_the_machine_as_it_was_planned(call, plan):
     """Not by the copy of its file in the directory, machine.toml."""
-    assert plan_directory.read(plan).machine.name == "hexapod"
+    assert pp.load_plan(plan).machine.name == "hexapod"
     done = call("export", plan, "--format", "adlink")
     assert done.exit_code == 0, done.stderr
     assert (plan / "bare-circle.adlink.c").read_text().startswith('/* "bare-circle" on "hexapod"\n')
@@ -229,7 +234,7 @@ def test_an_error_is_told_in_the_units_of_axes_that_move(call, tmp_path):
     for turn, known in (("", None), (", rotate = [0, 0, 9]", 9.9e3)):
         (tmp_path / "p.toml").write_text(text.format(turn))
         out = tmp_path / f"o{len(turn)}"
-        made = call("plan", tmp_path / "p.toml", "--machine", "traverser", "--out", out, "--no-figures")
+        made = call("plan", tmp_path / "p.toml", "--machine", "traverser", "--out", out, *FEW)
         assert made.exit_code == 0, made.stderr
         done = call("export", out, "--format", "sasidhar")
         assert done.exit_code == 0, done.stderr
@@ -250,7 +255,7 @@ def test_what_compensates_is_exported_as_its_motors_run(call, tmp_path):
         '[[segment]]\ndwell = "0.2 s"\n[[segment]]\nline = { to = [90, 50, 80] }\n'
     )
     out = tmp_path / "o"
-    made = call("plan", tmp_path / "p.toml", "--machine", tmp_path / "m.toml", "--out", out, "-v")
+    made = call("plan", tmp_path / "p.toml", "--machine", tmp_path / "m.toml", "--out", out, "-v", *FEW)
     assert made.exit_code == 0, made.stderr
     # 0.002 in of play while the axis rests, at the 0.3 in/s² of the axis
     assert "7.620 7.620" in " ".join(made.stdout.split())  # mm/s², of what is allowed
