@@ -8,7 +8,7 @@ from scipy.spatial.transform import RigidTransform
 
 from kinematics import load_machine
 from planner import plan, plan_parts
-from planner.certificate.certify import certify
+from planner.certificate import certify
 from planner.limits import limits_of
 from planner.limits.limit import Limit, Rows, Term
 from planner.path.chain import walk_path
