@@ -14,7 +14,7 @@ from planner.limits.limit import Limit, Rows, Term
 from planner.path.chain import walk_path
 from planner.program.model import Arc, Dwell, Line, Program
 from planner.program.modifiers import Blend
-from planner.timing.duration_bound import bound_duration
+from planner.timing import bound_duration
 from planner.windows import WindowPlanner
 
 REPEAT = 5
