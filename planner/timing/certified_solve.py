@@ -272,4 +272,7 @@ def _unproved_error(trajectory: Trajectory, limits: Sequence[Limit], certificate
             f"the motion could not be proved: {unproved[0]} at {place} has no bound; "
             "this is a bug in the planner: please report it"
         ).in_segment(place.segment)
-    return MotionError(f"no motion could be proved within {MAX_CERTIFY_ROUNDS} rounds; what remained:\n{certificate}")
+    worst = max(certificate.worst, key=certificate.worst.__getitem__)
+    return MotionError(
+        f"no motion could be proved within {MAX_CERTIFY_ROUNDS} rounds; what remained:\n{certificate}"
+    ).in_segment(certificate.where[worst].segment)
