@@ -40,9 +40,6 @@ from planner.timing.certified_solve import timing_table
 from planner.trajectory import Trajectory
 from planner.windows import PIECES, Helpers, Start, Window, WindowPlanner
 
-MOST_WHOLE = 1000
-"""Segments up to which a program is planned as a whole, unless something else is asked for."""
-
 
 @dataclass(frozen=True, slots=True)
 class PlanStanding(Result):
@@ -166,7 +163,7 @@ def plan_parts(
     order = usual_order(machine.axes, program) if order is None else order
     paced = pace_axes(machine.axes, clock_hz, rule)
     find_limits = partial(limits_of, axes=paced, order=order, own=limits)
-    planner = WindowPlanner(machine, find_limits, order, program.tool, pieces)
+    planner = WindowPlanner(machine, find_limits, order, program.tool, pieces, copying=not limits)
     steps = _Steps(
         mark_steps(walk_path(program, machine), program, machine), len(program.segments), program.repeat, progress
     )

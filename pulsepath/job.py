@@ -30,7 +30,7 @@ from planner.pulses import RealisedPath
 from planner.timing.certified_solve import EFFORT
 from planner.timing.duration_bound import LEAST_SHARED_CELLS, bound_duration
 from planner.tradeoffs.objective import read_objective
-from pulsepath.options import LAWS
+from pulsepath.options import LAWS, MOST_BOUNDED
 from pulsepath.progress import detail, note, step
 
 if TYPE_CHECKING:
@@ -39,8 +39,8 @@ if TYPE_CHECKING:
 REALISED_SAMPLES = 25_000
 """Intervals between pulses at which the realised path is looked at: well below a second, and within 2 % in its RMS."""
 
-MOST_BOUNDED, BOUNDED_EACH_SECOND = 20_000, 1_000
-"""Time pieces up to which a lower bound of the duration is proved unasked; of how many it takes a second, about."""
+BOUNDED_EACH_SECOND = 1_000
+"""Time pieces of which a lower bound of the duration takes about a second."""
 
 CELLS_PER_PIECE, CELLS_PER_RUN, CELLS_BESIDE = {2: 0.2, 3: 0.5}, 10, 12
 """Cost of planning, in cells of a quick bound: of a time piece by order, and of a run between stops in addition; and

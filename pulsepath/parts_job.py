@@ -9,10 +9,11 @@ from time import perf_counter
 from kinematics import MotionError
 from planner.limits import find_unkept_limits
 from planner.parallel import LocalHelpers
-from planner.plan_parts import MOST_WHOLE, PlanStanding, find_whole_reason, plan_parts
+from planner.plan_parts import PlanStanding, find_whole_reason, plan_parts
 from planner.pulses import find_rule
 from planner.windows import Helpers
 from pulsepath.inputs import Inputs
+from pulsepath.options import MOST_WHOLE
 from pulsepath.output import parts_directory
 from pulsepath.output.parts_directory import PartsRequest
 from pulsepath.progress import note, step

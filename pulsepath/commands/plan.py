@@ -11,6 +11,8 @@ from pulsepath import known_names
 from pulsepath.command_group import ProgramCommand
 from pulsepath.known_names import make_completer
 from pulsepath.options import (
+    MOST_BOUNDED,
+    MOST_WHOLE,
     Frequency,
     apply_motion,
     dump_option,
@@ -32,12 +34,8 @@ if TYPE_CHECKING:
 WORK_MODULES = ("pulsepath.job",)
 FIGURE_MODULES = ("benchmarks.reports.plan_report", "controllers.figures", "planner.figures")
 """What the second process loads."""
-MOST_BOUNDED = 20_000
-"""As in pulsepath.job, which would load all of planner here."""
 MOST_EFFORT = 6
 """Rounds of --gap: each has twice as many intervals as the one before."""
-MOST_WHOLE = 1000
-"""As in planner.plan_parts, which would load all of planner here."""
 LONG_FILE = 1 << 16
 """Bytes of a program that has more segments than that."""
 SHORT_FILE = 1 << 12

@@ -46,9 +46,9 @@ def test_an_existing_cluster_by_address(hexapod):
             raise plan_many(programs(1), hexapod, order=4, address=cluster.scheduler_address)[0]
 
 
-def test_no_answer_says_where(monkeypatch, hexapod):
+def test_no_answer_says_where(connection_time, hexapod):
     pytest.importorskip("distributed", reason="the extra cluster")
-    monkeypatch.setattr("planner.cluster.MAX_CONNECTION_TIME", 0.5)
+    connection_time(0.5)
     with pytest.raises(MotionError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"):
         plan_many(programs(1), hexapod, address="tcp://127.0.0.1:9")
 

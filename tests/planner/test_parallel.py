@@ -11,7 +11,6 @@ import threading
 import time
 from contextlib import ExitStack
 from functools import partial
-from importlib import import_module
 
 import numpy as np
 import pytest
@@ -24,10 +23,9 @@ from planner.timing import certified_solve
 
 
 @pytest.fixture
-def eager(monkeypatch):
+def eager(processes):
     """Two processes, however little there is to do."""
-    monkeypatch.setattr(parallel, "MIN_POOL_WORK", 0.0)
-    monkeypatch.setattr(parallel, "cores", lambda: 2)
+    processes()
 
 
 def zigzag(count):
@@ -119,18 +117,19 @@ def test_no_process_outlives_the_one_that_began_it(tmp_path):
     assert ends(process.pid)
 
 
-def test_local_helpers_start_late_and_again_where_they_die(eager, monkeypatch):
+def test_local_helpers_start_late_and_again_where_they_die(processes):
     def here(task):
         return lambda: ("here", task)
 
+    processes()
     with ExitStack() as stack:
         helpers = parallel.LocalHelpers(stack)
         assert helpers.room() == 0  # there is no work yet
         submit = helpers.prepare(where)
-        monkeypatch.setattr(parallel, "MIN_POOL_WORK", np.inf)
+        processes(least=np.inf)
         assert helpers.room() == 0
         assert submit(1).result(here(1)) == ("here", 1)
-        monkeypatch.setattr(parallel, "MIN_POOL_WORK", 0.0)
+        processes()
         for _ in range(parallel.MAX_DEATHS):
             assert helpers.room() == 3
             found = [each.result(here(n)) for n, each in enumerate([submit(0), submit(1)])]
@@ -158,18 +157,18 @@ def test_little_work_stays_here():
 
 
 @pytest.mark.parametrize("order", [2, 3])
-def test_the_same_motion_to_the_bit(eager, monkeypatch, order, hexapod):
-    path = actuate(zigzag(8), hexapod)
+def test_the_same_motion_to_the_bit(processes, order, hexapod):
+    path = actuate(zigzag(16), hexapod)
     limits, told = limits_of(path, hexapod.axes, order), []
-    monkeypatch.setattr(import_module("planner.timing.certified_solve"), "PART_RUNS", 2)
+    processes()
     spread = certified_solve(path, limits, order, lambda done, of: told.append((done, of)))
-    monkeypatch.setattr(parallel, "MIN_POOL_WORK", np.inf)
+    processes(least=np.inf)
     alone = certified_solve(path, limits, order)
     for name in ("knots", "s", "v", "a", "j", "piece"):
         assert np.array_equal(getattr(spread.trajectory, name), getattr(alone.trajectory, name)), name
     assert spread.certificate.worst == alone.certificate.worst
     assert spread.methods == alone.methods
-    assert told == [(done, 8) for done in (2, 4, 6, 8)]
+    assert told == [(8, 16), (16, 16)]
     assert spread.certificate.holds
 
 

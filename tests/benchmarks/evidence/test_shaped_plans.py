@@ -94,8 +94,8 @@ def test_two_directions_are_still_with_shapers_of_axes_that_lie_along_neither(pr
 
 
 @pytest.fixture(scope="module")
-def circle():
-    return plan(load_program("bare-circle"), load_machine("hexapod"), order=2)
+def circle(plan_bundled):
+    return plan_bundled("bare-circle", "hexapod", 2)
 
 
 @pytest.mark.parametrize("frequency", [6.0, 12.0])

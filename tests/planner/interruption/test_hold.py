@@ -73,15 +73,14 @@ def test_hardly_any_stop_is_sooner(circle, stop_at):
     assert held.duration < 1.05 * soonest
 
 
-@pytest.mark.parametrize("at", [0.1872, 0.2172])
-def test_no_later_stop_is_sooner(at):
+def test_no_later_stop_is_sooner():
     """Behind a blend by which the jerk leaves a narrow way, that hardly any grid but the plan's own shows."""
     program = Program((Line(to=(0.03, 0, 0), join=Blend(5e-4)), Line(to=(0.03, 0.03, 0), speed=0.05)))
     made = plan(program, load_machine("corexy"))
-    held = made.hold(at)
+    held = made.hold(0.1872)
     assert held.certificate.holds
-    assert held.at == pytest.approx(at, abs=1e-6)
-    assert held.duration < 1.05 * (0.02 + made.hold(at + 0.02).duration)
+    assert held.at == pytest.approx(0.1872, abs=1e-6)
+    assert held.duration < 1.05 * (0.02 + made.hold(0.2072).duration)
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +89,7 @@ def diagonal():
     return plan(Program((Line(to=(0.045, 0.045, 0)), Line(to=(0, 0, 0)))), load_machine("corexy"))
 
 
-@pytest.mark.parametrize("at", [0.02, 0.07, 0.1, 0.115, 0.2])
+@pytest.mark.parametrize("at", [0.02, 0.115, 0.2])
 def test_a_stop_along_a_line_takes_what_its_limits_ask_for(diagonal, at):
     """From its ramp up too, whose last part is the only motion that does not come above the largest speed."""
     made = diagonal

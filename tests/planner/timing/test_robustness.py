@@ -9,12 +9,12 @@ from benchmarks.evidence.cases.robustness import find_shares, is_slow, plan_rati
 from benchmarks.evidence.random_problems import random_problem, random_spline
 from benchmarks.evidence.random_programs import MAX_RATIO, ratio_machine, ratio_program
 from kinematics import Axis, Linkage
-from planner import time_optimal
+from planner import Trajectory, time_optimal
 from planner.limits import limits_of
 from planner.path.actuation import MachinePath
 from planner.path.polynomial import PolynomialPath
 from planner.path.shape import arc, line
-from planner.timing import Run, certified_solve, discretization, make_grid, pose_problem, second_order
+from planner.timing import Run, certified_solve, make_grid, pose_problem, second_order
 from tests.planner.tiny_problems import tiny_problems
 
 
@@ -37,7 +37,7 @@ def test_scaled_problems_take_scaled_times(order, seed, exact, scale):
 
 @pytest.mark.parametrize("problem", tiny_problems(2)[::3] + tiny_problems(3)[::6], ids=lambda problem: problem.name)
 def test_tiny_motions_under_huge_limits(problem):
-    assert problem.solve().certificate.holds
+    assert max(problem.solve().certificate.worst.values()) <= 1
 
 
 @pytest.mark.parametrize("points", [51, 101, 501, 1001])
@@ -69,14 +69,6 @@ def test_a_repeated_point_costs_nothing(jerk):
     assert times[1] == pytest.approx(times[0], rel=1e-12)
 
 
-@pytest.mark.parametrize("jerk", [None, 20.0])
-def test_two_waypoints(jerk):
-    found = time_optimal(
-        CubicSpline([0.0, 1.0], [[0.0, 1.0], [0.2, -1.0]]), max_speed=1.0, max_acceleration=2.0, max_jerk=jerk
-    )
-    assert found.methods == ("straight",)
-
-
 def distances():
     """Two actuators, each the distance of the point from a fixed centre, and a line – arc – line without a stop."""
     axes = [Axis(name, max_speed=0.05, max_acceleration=0.3) for name in ("a", "b")]
@@ -93,19 +85,26 @@ def distances():
 
 
 @pytest.mark.parametrize("resolution", [50, 51, 77, 100, 200, 1000])
-def test_line_arc_line_on_two_distances(monkeypatch, resolution):
-    monkeypatch.setattr(discretization, "SECOND_ORDER", (resolution, 0, 0))
+def test_line_arc_line_on_two_distances(resolution):
+    """On any grid the solver answers, and keeps the limits at its points."""
     path, axes = distances()
-    found = certified_solve(path, limits_of(path, axes, 2), 2)
-    assert found.certificate.holds
-    assert max(found.certificate.worst.values()) <= 1 + 1e-6
-    assert len(found.trajectory.s) <= resolution + 3
+    limits = limits_of(path, axes, 2)
+    profile = second_order(pose_problem(path, limits, *make_grid(path, Run(0, 2), resolution))).require_profile()
+    fine = second_order(pose_problem(path, limits, *make_grid(path, Run(0, 2), 8000))).duration
+    assert profile.duration == pytest.approx(fine, rel=0.4 / resolution)
+    points = Trajectory(
+        path, np.append(0.0, np.cumsum(profile.h)), profile.s, profile.v, profile.a, profile.j, profile.piece
+    )
+    state = points.at(points.knots[:-1])
+    assert np.abs(state.qd).max() <= axes[0].max_speed * (1 + 1e-9)
+    assert np.abs(state.qdd).max() <= axes[0].max_acceleration * (1 + 1e-9)
 
 
 def test_the_gap_and_the_lower_estimate():
     """The estimate is that without jerk; what is proved knows of it."""
     path, axes = distances()
     found = certified_solve(path, limits_of(path, axes, 2), 2)
+    assert found.certificate.holds
     assert 0 < found.gap < 2e-3
     fine = pose_problem(path, limits_of(path, axes, 2), *make_grid(path, Run(0, 2), 8000))
     assert found.lower_estimate == pytest.approx(second_order(fine).duration, rel=2e-4)

@@ -19,10 +19,8 @@ from planner.export.motion_file import MotionWriter, follow_motion, join_parts, 
 from planner.export.plan_files import tabulate_trigger_csv
 from planner.path.actuation import actuate
 from planner.path.chain import walk_path
-from planner.plan_parts import MOST_WHOLE
 from planner.sources.source import import_program
 from pulsepath import load_plan, progress
-from pulsepath.commands import plan as command
 from pulsepath.output.verification import seal_record
 from tests.windows import small_windows
 
@@ -356,7 +354,3 @@ def test_what_needs_the_whole_is_refused_with_the_remedy(call, folder):
     told = " ".join(done.stderr.split())
     assert "because segment 2 leaves orientation free: plan that segment by itself, or give --whole" in told
     assert call("plan", "circle", "--keep-certified", "--out", folder / "none").exit_code == 2
-
-
-def test_long_programs_are_streamed_unless_told_otherwise():
-    assert command.MOST_WHOLE == MOST_WHOLE

@@ -7,7 +7,6 @@ import sys
 import numpy as np
 import pytest
 
-import pulsepath.commands.plan
 import pulsepath.job
 from pulsepath import load_plan
 from pulsepath.output import tables
@@ -51,10 +50,6 @@ def test_what_nobody_wants_is_not_missed(few, call, tmp_path):
     page = (tmp_path / "plan/report.html").read_text()
     assert "aseline timing" not in page
     assert "nan" not in page.split("</style>")[-1]
-
-
-def test_help_tells_the_threshold_that_is_kept():
-    assert pulsepath.commands.plan.MOST_BOUNDED == pulsepath.job.MOST_BOUNDED
 
 
 def test_a_loaded_plan_knows_what_limits_are_worth(directory, job):

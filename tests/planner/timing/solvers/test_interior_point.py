@@ -45,13 +45,6 @@ def test_it_finds_what_fatrop_finds(seed):
     assert np.abs(ours.profile.v - theirs.profile.v).max() < 1e-3 * theirs.profile.v.max()
 
 
-def test_where_only_jerk_is_limited_a_line_takes_what_is_known():
-    """From rest to rest over L with |jerk| <= J: (32 L / J)^(1/3)."""
-    line = CubicSpline([0.0, 1.0, 2.0], [[0.0], [0.5], [1.0]])
-    problem, guess = posed(line, [1e3], [1e3], [2.0])
-    assert third_order(problem, guess).duration == pytest.approx((32 / 2) ** (1 / 3), rel=1e-4)
-
-
 @pytest.mark.parametrize("seed", [3, 9, 38])
 def test_paths_that_stand_at_their_ends(seed):
     """s̈ is free where q′ vanishes: clamped splines."""
