@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from kinematics import load_machine
+from kinematics import MotionError, load_machine
 from planner import plan, plan_parts
 from planner.certificate import certify
 from planner.limits import limits_of
@@ -178,3 +178,14 @@ def test_a_stretch_longer_than_a_window_is_planned_once(program):
                 (path.pieces[k].segment, path.pieces[k].repetition) for k in np.clip(near, 0, len(path.pieces) - 1)
             }
             assert (at.segment, at.repetition) in numbers
+
+
+@pytest.mark.parametrize("join", [Blend(5e-5), None])
+def test_a_repetition_that_cannot_be_drawn_is_refused_in_parts(join):
+    """The second repetition begins where its first line ends."""
+    joins = {} if join is None else {"join": join}
+    ends = [START + 0.004 * np.array(way) for way in ([1, 0, 0], [1, 1, 0], [1, 0, 0])]
+    lines = tuple(Line(end, **joins) for end in ends)
+    program = Program(start=RigidTransform.from_translation(START), segments=lines, repeat=2)
+    with pytest.raises(MotionError, match="repetition 2"):
+        list(plan_parts(program, load_machine("cartesian"), pieces=2))
