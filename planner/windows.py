@@ -285,10 +285,10 @@ class WindowPlanner:
         first, coming = take_items(stretch, 1)
         if not self.copying or not first or first[0].piece.repetition is None:
             return (yield from self._plan_stretch(chain(first, coming), start))
-        steps, rest = take_items(chain(first, coming), MAX_SHARED)
-        more, rest = take_items(rest, 1)
-        steps += more
-        if more:
+        coming = chain(first, coming)
+        steps, rest = take_items(coming, MAX_SHARED + 1)
+        # too long to remember, or it ends with a refusal, which follows the windows before it
+        if len(steps) > MAX_SHARED or rest is not coming:
             return (yield from self._plan_stretch(chain(steps, rest), start))
         planned = memory.find(self._describe(steps, self._near(start)), steps, _Here)
         return (yield from self._take_share(steps, planned, start))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from kinematics import load_machine
+from kinematics import MotionError, load_machine
 from planner import plan, plan_parts
 from planner.certificate.certify import certify
 from planner.limits import limits_of
@@ -178,3 +178,21 @@ def test_a_stretch_longer_than_a_window_is_planned_once(program):
                 (path.pieces[k].segment, path.pieces[k].repetition) for k in np.clip(near, 0, len(path.pieces) - 1)
             }
             assert (at.segment, at.repetition) in numbers
+
+
+@pytest.mark.parametrize("copying", [False, True])
+def test_a_refusal_far_from_a_stop_is_raised(program, copying):
+    """A stretch longer than a window, whose steps end with a refusal, is not taken for a whole one."""
+    machine = load_machine("cartesian")
+    corners = START + 0.001 * np.array([[8, 0, 0], [8, 5, 0], [0, 5, 0], [0, 9, 0], [9, 9, 0]])
+    segments = tuple(Line(corner, join=Blend(5e-5)) for corner in corners)
+    steps = list(walk_path(replace(program, segments=segments, repeat=1), machine))
+
+    def walk():
+        for step in steps[:-1]:
+            yield replace(step, piece=replace(step.piece, repetition=1))
+        raise MotionError("nothing leads on")
+
+    planner = WindowPlanner(machine, lambda path: limits_of(path, machine.axes, 2), 2, pieces=3, copying=copying)
+    with pytest.raises(MotionError, match="nothing leads on"):
+        list(planner(walk()))
