@@ -23,6 +23,7 @@ from planner.avoidable_stops import AvoidableStops, find_stops_of_part
 from planner.certificate.certify import Certificate
 from planner.certificate.summary import join_certificates, summarise_part
 from planner.limits import Limit, OwnLimit, limits_of, usual_order
+from planner.limits.registry import AXIS_LIMITS, MACHINE_LIMITS, PLACELESS
 from planner.limits.resonance import Resonance
 from planner.parallel import Progress, ignore_progress
 from planner.path.actuation import MachinePath
@@ -163,7 +164,8 @@ def plan_parts(
     order = usual_order(machine.axes, program) if order is None else order
     paced = pace_axes(machine.axes, clock_hz, rule)
     find_limits = partial(limits_of, axes=paced, order=order, own=limits)
-    planner = WindowPlanner(machine, find_limits, order, program.tool, pieces, copying=not limits)
+    copying = not limits and {*AXIS_LIMITS, *MACHINE_LIMITS} <= PLACELESS
+    planner = WindowPlanner(machine, find_limits, order, program.tool, pieces, copying=copying)
     steps = _Steps(
         mark_steps(walk_path(program, machine), program, machine), len(program.segments), program.repeat, progress
     )
