@@ -171,7 +171,7 @@ def certified_solve(
     spread(RunCertifier(path, tuple(limits), order, timing), parts, finish_part)
     solved = dict(zip(different, found, strict=True))
     certified = [solved[n] if first == n else move_run(path, solved[first], runs[n]) for n, first in enumerate(firsts)]
-    limits = hold_axes(limits, [held for one in certified for held in one.held])
+    limits = hold_axes(limits, [cap for one in certified for cap in one.held])
     trajectory, known = _join_runs(path, limits, certified, stops)
     rounds, methods = max(one.rounds for one in certified), tuple(one.solution.method for one in certified)
     least = sum(one.solution.bound for one in certified) + float(path.dwells.sum())
