@@ -296,7 +296,7 @@ class WindowPlanner:
     def _describe(self, steps: Sequence[PathStep], near: Array) -> Hashable:
         """Return all that decides the windows of a stretch but its place; None for one that is not to be copied.
 
-        The numbers of segments and repetitions count from its first piece, so that places can be told again.
+        The numbers of segments and repetitions count from its first piece, so that places can be stated again.
         """
         first = steps[0].piece
         if not self.copying or first.repetition is None:
