@@ -307,16 +307,14 @@ class MachinePath:
         piece = np.repeat(np.arange(len(self.pieces)), FREEDOM_POINTS)
         s = (self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * np.linspace(0, 1, FREEDOM_POINTS)).ravel()
         shares = self._evaluate(pose_map, s, piece)
-        places: list[Place] = []
 
-        def name_place(k: int) -> str:
-            places.append(self.place(float(s[k]), int(piece[k])))
-            return f"the path at {places[-1]}"
+        def find_place(k: int) -> Place:
+            return self.place(float(s[k]), int(piece[k]))
 
         try:
-            refuse_uncontrolled(self.machine, shares, name_place)
+            refuse_uncontrolled(self.machine, shares, lambda k: f"the path at {find_place(k)}")
         except NotFree as error:
-            raise error.in_segment(places[-1].segment) from None
+            raise error.in_segment(find_place(error.pose).segment) from None
 
     @property
     def content(self) -> Hashable:

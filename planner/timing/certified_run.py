@@ -383,11 +383,11 @@ def ignores_place(limit: Limit) -> bool:
 
 def _describe_run(path: MachinePath, caps: Sequence[Array], run: Run) -> Hashable:
     """Return all that decides the motion of a run, except where on the path it is."""
-    own = slice(run.first, run.last + 1)
+    pieces = slice(run.first, run.last + 1)
     return (
         replace(run, first=0, last=run.last - run.first),
         path.describe_pieces(run.first, run.last),
-        tuple(cap[own].tobytes() for cap in caps),
+        tuple(cap[pieces].tobytes() for cap in caps),
     )
 
 

@@ -8,14 +8,14 @@ from scipy.spatial.transform import RigidTransform
 
 from kinematics import MotionError, load_machine
 from planner import plan, plan_parts
-from planner.certificate.certify import certify
+from planner.certificate import certify
 from planner.limits import limits_of
 from planner.limits.limit import Limit, Rows, Term
 from planner.limits.registry import MACHINE_LIMITS
 from planner.path.chain import walk_path
 from planner.program.model import Arc, Dwell, Line, Program
 from planner.program.modifiers import Blend
-from planner.timing.duration_bound import bound_duration
+from planner.timing import bound_duration
 from planner.windows import WindowPlanner
 
 REPEAT = 5
@@ -212,19 +212,12 @@ def test_a_stretch_longer_than_a_window_is_planned_once(program):
             assert (at.segment, at.repetition) in numbers
 
 
-@pytest.mark.parametrize("copying", [False, True])
-def test_a_refusal_far_from_a_stop_is_raised(program, copying):
-    """A stretch longer than a window, whose steps end with a refusal, is not taken for a whole one."""
-    machine = load_machine("cartesian")
-    corners = START + 0.001 * np.array([[8, 0, 0], [8, 5, 0], [0, 5, 0], [0, 9, 0], [9, 9, 0]])
-    segments = tuple(Line(corner, join=Blend(5e-5)) for corner in corners)
-    steps = list(walk_path(replace(program, segments=segments, repeat=1), machine))
-
-    def walk():
-        for step in steps[:-1]:
-            yield replace(step, piece=replace(step.piece, repetition=1))
-        raise MotionError("nothing leads on")
-
-    planner = WindowPlanner(machine, lambda path: limits_of(path, machine.axes, 2), 2, pieces=3, copying=copying)
-    with pytest.raises(MotionError, match="nothing leads on"):
-        list(planner(walk()))
+@pytest.mark.parametrize("join", [Blend(5e-5), None])
+def test_a_repetition_that_cannot_be_drawn_is_refused_in_parts(join):
+    """The second repetition begins where its first line ends."""
+    joins = {} if join is None else {"join": join}
+    ends = [START + 0.004 * np.array(way) for way in ([1, 0, 0], [1, 1, 0], [1, 0, 0])]
+    lines = tuple(Line(end, **joins) for end in ends)
+    program = Program(start=RigidTransform.from_translation(START), segments=lines, repeat=2)
+    with pytest.raises(MotionError, match="repetition 2"):
+        list(plan_parts(program, load_machine("cartesian"), pieces=2))
