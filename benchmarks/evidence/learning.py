@@ -1,7 +1,5 @@
 """Norm-optimal iterative learning control: the command of one motion, corrected from trial to trial within limits."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import ClassVar
 

@@ -13,15 +13,12 @@ import types
 from collections.abc import Callable, Iterator
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Literal, Union, get_args, get_origin
+from typing import Any, Literal, get_args, get_origin
 
 from benchmarks.evidence.table import Table
 from kinematics.foundation.errors import MotionError
 
 Measure = Callable[..., Iterator[Table | str]]
-
-BAD_INPUT, INTERRUPTED = 2, 130
-"""Exit codes, as those of the command line: of argparse for a wrong option, of a shell for Ctrl-C."""
 
 CASES = {
     "assembly_modes": "how often all forty modes of Dietmaier's platform are found, and in which time",
@@ -70,8 +67,7 @@ def render_lines(blocks: Iterator[Table | str]) -> Iterator[str]:
 
 def render_case(name: str, **options: Any) -> str:
     """Run a case and return its text."""
-    blocks = find_case(name).measure(**options)
-    return "\n".join(render_lines(blocks)) + "\n"
+    return "\n".join(render_lines(find_case(name).measure(**options))) + "\n"
 
 
 def main() -> None:
@@ -83,7 +79,7 @@ def main() -> None:
     name, *rest = words
     if name not in CASES:
         print(f"{name!r} is no case of the evidence\n\n{list_cases()}", file=sys.stderr)
-        sys.exit(BAD_INPUT)
+        sys.exit(2)
     case = find_case(name)
     options = vars(build_parser(name, case).parse_args(rest))
     out = options.pop("out")
@@ -92,15 +88,15 @@ def main() -> None:
     except (MotionError, OSError) as error:
         sys.exit(f"{name}: {error}")
     except KeyboardInterrupt:
-        sys.exit(INTERRUPTED)
+        sys.exit(130)
 
 
 def list_cases() -> str:
     """Return the names of all cases with their help."""
     width = max(map(len, CASES))
-    cases = [f"  {name:<{width}}  {line}" for name, line in sorted(CASES.items())]
-    head = "python -m benchmarks.evidence NAME [--option VALUE …]; NAME --help explains a case."
-    return "\n".join([head, "", *cases])
+    cases = [f"  {name:<{width}}  {line}" for name, line in CASES.items()]
+    head = "python -m benchmarks.evidence NAME [--option VALUE …]; NAME --help explains a case.\n"
+    return "\n".join([head, *cases])
 
 
 def build_parser(name: str, case: types.ModuleType) -> argparse.ArgumentParser:
@@ -122,9 +118,9 @@ def add_option(parser: argparse.ArgumentParser, parameter: inspect.Parameter) ->
     Its type is bool, int, float, str, Path or a Literal, or one of these or None.
     """
     flag = f"--{parameter.name.replace('_', '-')}"
-    required = parameter.default is inspect.Parameter.empty
+    required = parameter.default is parameter.empty
     kind = parameter.annotation
-    if get_origin(kind) in (Union, types.UnionType):
+    if isinstance(kind, types.UnionType):
         kind = next(one for one in get_args(kind) if one is not type(None))
     if kind is bool:
         parser.add_argument(flag, action="store_true")
@@ -134,9 +130,7 @@ def add_option(parser: argparse.ArgumentParser, parameter: inspect.Parameter) ->
         choices = get_args(kind)
         settings = {"type": type(choices[0]), "choices": choices}
     if not required:
-        settings["default"] = parameter.default
-    if parameter.default not in (None, "", inspect.Parameter.empty):
-        settings["help"] = f"default: {parameter.default}"
+        settings |= {"default": parameter.default, "help": f"default: {parameter.default}"}
     parser.add_argument(flag, required=required, **settings)
 
 

@@ -11,6 +11,8 @@ from numpy.polynomial import chebyshev
 from scipy.interpolate import PPoly
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from kinematics import load_machine
+from kinematics.foundation.errors import NotFree
 from planner import Arc, Line, Program, Trajectory, Turn, load_program
 from planner.certificate import Cells, bound_series, enclose
 from planner.path.actuation import actuate
@@ -248,3 +250,13 @@ def test_stops_of_polynomials(pieces, order_2, order_3, unit, pace):
     path = PolynomialPath(pace * np.arange(4.0), values, ["x", "still"])
     assert path.stops(2).tolist() == [True, order_2, False, True]
     assert path.stops(3).tolist() == [True, order_3, False, True]
+
+
+def test_a_refusal_of_a_pose_that_the_machine_holds_carries_its_segment():
+    """By this number, a program that was made from a file is reported with the line of the file."""
+    machine = load_machine("cartesian")
+    there = Line(np.array([0.01, 0.0, 0.0]))
+    turned = Line(np.array([0.02, 0.0, 0.0]), rotate=Rotation.from_euler("x", 1, degrees=True))
+    with pytest.raises(NotFree, match="segment 2") as raised:
+        actuate(Program((there, turned)), machine)
+    assert raised.value.segment == 2
