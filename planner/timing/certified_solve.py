@@ -18,6 +18,7 @@ from planner.limits.limit import Limit
 from planner.parallel import Progress, spread
 from planner.path.actuation import ActuatorPath
 from planner.path.stands import count_zero_derivatives
+from planner.request import EFFORT
 from planner.timing.certified_run import MAX_CERTIFY_ROUNDS, CertifiedRun, RunCertifier, Timing, hold_axes, tighten_run
 from planner.timing.duration_bound import DurationBound, bound_duration
 from planner.timing.parts import solve_in_parts, tighten_in_parts
@@ -29,8 +30,6 @@ from planner.trajectory import Trajectory
 # Runs that are solved and proved together: what one of them takes is more than handing it to another process. Of many,
 # more, which takes less time each; parts that are left for each process to be through at about the same time.
 PART_RUNS, MANY_PARTS = 8, 32
-EFFORT = 3
-"""Rounds in which a motion and its bound come nearer to each other, if not told."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,18 +167,6 @@ def certified_solve(
     if proving and not certificate.holds:
         raise _unproved_error(trajectory, limits, certificate)
     return Solution(trajectory, certificate, limits, order, rounds, methods, least, room)
-
-
-def refuse_gap(gap: float | None, effort: int, fastest: bool) -> None:
-    """Raise MotionError for a gap or an effort that is none, and for a gap where the motion is not the fastest."""
-    if effort < 0:
-        raise MotionError(f"effort {effort} must be 0 rounds or more")
-    if gap is None:
-        return
-    if not 0 < gap < np.inf:
-        raise MotionError(f"gap {gap:g} must be a positive share, as 0.001 for 0.1 %")
-    if not fastest:
-        raise MotionError("a gap is one to the fastest motion: omit it, or the duration or objective that is stated")
 
 
 def solve_within(

@@ -10,10 +10,12 @@ from click.testing import CliRunner
 from benchmarks.reports.page import Picture, draw_figure
 from benchmarks.reports.time_series import read_panels
 from kinematics import NotInstalled
+from planner.request import PlanRequest
 from pulsepath.cli import main
 from pulsepath.inputs import read_inputs
 from pulsepath.job import run
 from pulsepath.process.exits import describe_error
+from pulsepath.requests import ReportRequest
 
 REPORTS = ("plan_report", "parts_report", "calibration_report", "gain.run_figures")
 DOT = bytes.fromhex(
@@ -57,7 +59,7 @@ def inputs():
 
 @pytest.fixture(scope="session")
 def job(inputs):
-    return run(inputs.program, inputs.machine, None, 10_000_000)
+    return run(inputs.program, inputs.machine, PlanRequest(), ReportRequest(bound="full", baselines=True))
 
 
 @pytest.fixture(autouse=True)

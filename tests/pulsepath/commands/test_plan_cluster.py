@@ -8,10 +8,10 @@ from functools import partial
 import pytest
 
 from planner import parallel
-from planner.plan_parts import plan_parts
 from pulsepath import parts_job
 from pulsepath.output import parts_directory
 from pulsepath.process.exits import describe_error
+from tests.pulsepath.commands.test_plan_parts import make_windows
 
 ASKED = ("--machine", "hexapod", "--order", "2", "--no-figures")
 SAME = ("motion.bin", "pulses.bin", "plan.json", "report.html", "certificate.json")
@@ -41,7 +41,7 @@ def cluster():
 @pytest.fixture(scope="module", autouse=True)
 def small_windows():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(parts_job, "plan_parts", partial(plan_parts, pieces=16))
+        patch.setattr(parts_job, "make_parts", partial(make_windows, 16))
         yield
 
 

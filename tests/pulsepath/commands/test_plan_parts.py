@@ -20,15 +20,19 @@ from planner.export.motion_file import MotionWriter, follow_motion, join_parts, 
 from planner.export.plan_files import tabulate_trigger_csv
 from planner.path.actuation import actuate
 from planner.path.chain import walk_path
-from planner.plan_parts import MOST_WHOLE, plan_parts
+from planner.plan_parts import make_parts
 from planner.sources.source import import_program
 from pulsepath import load_plan, parts_job, progress
-from pulsepath.commands import plan as command
 from pulsepath.output.verification import seal_record
 
 LINES, PIECES = 120, 6
 """In six windows."""
 FAR = "G1 X500 Y0"
+
+
+def make_windows(pieces, request, *rest):
+    """Plan in windows of so many pieces."""
+    return make_parts(replace(request, pieces=pieces), *rest)
 
 
 def code(*more):
@@ -45,7 +49,7 @@ def planned(call, folder):
     file = folder / "spiral.nc"
     file.write_text(code())
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(parts_job, "plan_parts", partial(plan_parts, pieces=PIECES))
+        patch.setattr(parts_job, "make_parts", partial(make_windows, PIECES))
         done = call("plan", file, "--machine", "hexapod", "--stream", "--out", folder / "plan", "--json")
     assert done.exit_code == 0, done.stderr
     return json.loads(done.stdout)
@@ -108,7 +112,7 @@ def stopping(call, folder):
     file = folder / "stops.nc"
     file.write_text(STOPS)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(parts_job, "plan_parts", partial(plan_parts, pieces=3))
+        patch.setattr(parts_job, "make_parts", partial(make_windows, 3))
         patch.setattr(progress, "REPORT_PERIOD", 0.0)
         more = ("--stream", "--order", "2", "--no-figures", "--pulses", "none")
         done = call("plan", file, "--machine", "hexapod", *more, "--out", folder / "stops", "--json")
@@ -137,7 +141,7 @@ def events(call, folder):
     file.write_text("\n".join([*lines, ""]))
     more = ("--machine", "hexapod", "--order", "2", "--no-figures", "--json")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(parts_job, "plan_parts", partial(plan_parts, pieces=PIECES))
+        patch.setattr(parts_job, "make_parts", partial(make_windows, PIECES))
         streamed = call("plan", file, *more, "--stream", "--out", folder / "streamed")
     assert streamed.exit_code == 0, streamed.stderr
     assert "trigger" not in streamed.stderr.replace("marked by triggers", "")
@@ -275,7 +279,7 @@ def test_a_plan_that_is_broken_off_leaves_nothing(
 
     write = MotionWriter.add
     monkeypatch.setattr(MotionWriter, "add", add)
-    monkeypatch.setattr(parts_job, "plan_parts", partial(plan_parts, pieces=PIECES))
+    monkeypatch.setattr(parts_job, "make_parts", partial(make_windows, PIECES))
     done = call("plan", file, "--machine", "hexapod", "--stream", "--no-figures", "--force", "--out", out)
     assert done.exit_code == exit_code
     assert re.search(message, done.stderr)
@@ -290,7 +294,7 @@ def test_every_file_states_the_same_duration(call, folder, lines):
     file, out = folder / f"stops{lines}.nc", folder / f"stops{lines}"
     file.write_text("\n".join(["G21 G90 G61", "G1 X1 Z25 F600", *(f"G1 X{k % 2} Y{k % 3}" for k in range(lines))]))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(parts_job, "plan_parts", partial(plan_parts, pieces=4))
+        patch.setattr(parts_job, "make_parts", partial(make_windows, 4))
         more = ("--stream", "--order", "2", "--no-figures")
         assert call("plan", file, "--machine", "hexapod", *more, "--out", out).exit_code == 0
     checked = call("check", out)
@@ -306,7 +310,7 @@ def test_turns_go_on_behind_a_stop(call, folder):
     whole = call("plan", file, "--whole", "--order", "2", "--no-figures", "--out", folder / "turned", "--json")
     assert whole.exit_code == 0, whole.stderr
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(parts_job, "plan_parts", partial(plan_parts, pieces=3))
+        patch.setattr(parts_job, "make_parts", partial(make_windows, 3))
         more = ("--stream", "--order", "2", "--no-figures", "--json")
         done = call("plan", file, *more, "--out", folder / "turns")
     assert done.exit_code == 0, done.stderr
@@ -328,7 +332,7 @@ def test_a_program_that_goes_out_of_reach_gives_nothing(call, folder):
 
 
 def test_or_what_was_certified_before_it(call, folder, monkeypatch):
-    monkeypatch.setattr(parts_job, "plan_parts", partial(plan_parts, pieces=PIECES))
+    monkeypatch.setattr(parts_job, "make_parts", partial(make_windows, PIECES))
     file = folder / "long.nc"
     file.write_text(code(FAR))
     more = ("--stream", "--keep-certified", "--order", "2", "--no-figures")
@@ -358,7 +362,3 @@ def test_what_needs_the_whole_is_refused_with_the_remedy(call, folder):
     told = " ".join(done.stderr.split())
     assert "because segment 2 leaves orientation free: plan that segment by itself, or give --whole" in told
     assert call("plan", "circle", "--keep-certified", "--out", folder / "none").exit_code == 2
-
-
-def test_long_programs_are_streamed_unless_told_otherwise():
-    assert command.MOST_WHOLE == MOST_WHOLE

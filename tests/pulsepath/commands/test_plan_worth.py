@@ -57,10 +57,6 @@ def test_without_baselines_nothing_is_compared(call, tmp_path):
     assert "nan" not in page.split("</style>")[-1]
 
 
-def test_help_tells_the_threshold_that_is_kept():
-    assert pulsepath.commands.plan.MOST_BOUNDED == pulsepath.job.MOST_BOUNDED
-
-
 def test_a_loaded_plan_knows_what_limits_are_worth(directory, job):
     loaded = load_plan(directory)
     assert loaded.worth.best == job.worth.best
