@@ -18,7 +18,7 @@ Command = Callable[..., Any]
 def request_options(*kinds: type[Any]) -> Callable[[Command], Command]:
     """Return a decorator that gives a command the options of requests.
 
-    An option that is not given is None, so that the default stands in the request alone.
+    An option that is not given is None: its default is in the request.
     """
 
     def decorate(command: Command) -> Command:
@@ -82,19 +82,15 @@ def read_request(kind: type[Request], options: Mapping[str, Any]) -> Request:
     Raises BadValue for a quantity that cannot be read, and click's UsageError for an option whose
     other option is missing.
     """
-    facts = find_options(kind)
-    values = {}
-    for each in fields(kind):  # type: ignore[arg-type]  # a dataclass
-        value = options.get(each.name)
-        if value is not None:
-            own = facts.get(each.name)
-            values[each.name] = value if own is None else _read(each.name, value, own)
-
-    for name, own in facts.items():
-        if name in values and own.needs and own.needs not in values:
-            flags = find_flag(name), find_flag(own.needs)
-            context = click.get_current_context()
-            raise click.UsageError(f"{flags[0]} needs {flags[1]}.", context)
+    names = [each.name for each in fields(kind)]  # type: ignore[arg-type]  # a dataclass
+    values = {name: options[name] for name in names if options.get(name) is not None}
+    for name, facts in find_options(kind).items():
+        if name not in values:
+            continue
+        if facts.needs and facts.needs not in values:
+            message = f"{find_flag(name)} needs {find_flag(facts.needs)}."
+            raise click.UsageError(message, click.get_current_context())
+        values[name] = _read(name, values[name], facts)
     return kind(**values)
 
 

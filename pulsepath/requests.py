@@ -1,4 +1,4 @@
-"""The requests of commands beside `planner.request.PlanRequest`: the inputs, and what is reported of a plan.
+"""Requests of commands in addition to `planner.request.PlanRequest`: the inputs, and the report.
 
 Commands import this module before anything that computes is loaded.
 """
@@ -72,7 +72,7 @@ def _synchronise(inputs: "Inputs") -> "Inputs":
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReportRequest:
-    """What the command `plan` computes and writes in addition to the plan, and how it goes about it."""
+    """Results that the command `plan` computes and writes in addition to the plan, and its ways of work."""
 
     figures: bool = option(
         True,

@@ -112,7 +112,7 @@ def _read(
     report: ReportRequest,
     stack: ExitStack,
 ) -> tuple["Inputs", "SideProcess"]:
-    """Read the inputs; start the second process, if it will help, before what is slow to load."""
+    """Read the inputs. Start the second process, if it will help, before slow modules load."""
     from planner.parallel import NO_PROCESS, side_process
 
     file = Path(source.program)

@@ -28,7 +28,7 @@ def test_quiet_still_tells_errors(call):
 
 
 def test_verbose_says_how(call, tmp_path, monkeypatch, job):
-    monkeypatch.setattr("pulsepath.job.plan", lambda *_, **__: job.plan)
+    monkeypatch.setattr("pulsepath.job.make_plan", lambda *_, **__: job.plan)
     monkeypatch.setattr("pulsepath.job._compute_realised_path", lambda *_: None)
     arguments = ["plan", "bare-circle", "--out", tmp_path / "o", "--no-figures", "--json", "--force"]
     for done in (call("--verbose", *arguments), call(*arguments, "-v")):
