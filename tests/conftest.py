@@ -3,12 +3,17 @@
 import gc
 import os
 import signal
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
+from functools import cache
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import settings
 
 from kinematics import NotInstalled
+
+if TYPE_CHECKING:
+    from planner import Plan
 
 # The same code gives the same verdict; to look for new examples: pytest --hypothesis-profile=default
 settings.register_profile("repeatable", derandomize=True, deadline=None)
@@ -53,6 +58,36 @@ def all_cores() -> Iterator[None]:
     os.sched_setaffinity(0, CORES)
     yield
     os.sched_setaffinity(0, before)
+
+
+@pytest.fixture(scope="session")
+def plan_bundled() -> "Callable[..., Plan]":
+    """Plan a bundled program on a bundled machine, once for all tests: program, machine, order. Not to be changed."""
+
+    @cache
+    def make(program: str, machine: str, order: int) -> "Plan":
+        from planner import plan
+
+        return plan(program, machine, order=order)
+
+    return make
+
+
+@pytest.fixture
+def processes(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Spread work over so many cores, from so much work (s) on; without arguments over two, however little there is."""
+
+    def spread(cores: int = 2, least: float = 0.0) -> None:
+        monkeypatch.setattr("planner.parallel.cores", lambda: cores)
+        monkeypatch.setattr("planner.parallel.MIN_POOL_WORK", least)
+
+    return spread
+
+
+@pytest.fixture
+def connection_time(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
+    """Wait so long (s) for a cluster: short where none comes, long for workers that start while other tests run."""
+    return lambda seconds: monkeypatch.setattr("planner.cluster.MAX_CONNECTION_TIME", seconds)
 
 
 def pytest_collection_finish() -> None:

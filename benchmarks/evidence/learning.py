@@ -13,7 +13,7 @@ from controllers.laws.nominal import NominalAxes, nominal_axes
 from controllers.laws.predictive import Horizon
 from controllers.rig import Rig, Task, Timer
 from controllers.simulate import sample, simulate
-from kinematics.foundation.arrays import Array, freeze_fields
+from kinematics.foundation.arrays import Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,9 +30,6 @@ class Learned:
     turn: Array
     host: ClassVar[Timer] = "counter"
     grid: ClassVar[Grid] = {}
-
-    def __post_init__(self) -> None:
-        freeze_fields(self, "position", "turn", dtype=np.float64)
 
     @property
     def name(self) -> str:

@@ -22,12 +22,29 @@ Measure = Callable[..., Iterator[Table | str]]
 
 CASES = {
     "assembly_modes": "how often all forty modes of Dietmaier's platform are found, and in which time",
+    "cam_files": "planning of G-code files: motion, baseline, bound, time and memory",
     "circle": "the bare circle, certified, against legs computed by hand",
+    "commands": "processor and wall time of whole commands, and of cold plans",
     "design": "a stepper sized, actuators and joints selected",
     "findings": "the page of a thesis' findings: which hold on the emulated rig",
+    "forward": "certified forward kinematics against independent proofs, and its time",
+    "holds": "stops at random instants, and motions on from there",
+    "laws_compared": "tracking laws on the servo rig: contour errors at their best gains",
     "limit_worths": "savings predicted for each limit, compared with planning again",
+    "linuxcnc_suite": "LinuxCNC's files for its planner: planned and certified, or refused",
+    "lower_bounds": "proved lower bounds of durations, and how far durations are above them",
     "page_pictures": "pictures of every report page, for the documentation",
+    "peers": "two paths and a line by us, toppra, copp-py, ruckig and IPOPT",
+    "peers_page": "the page docs/peers.md, from the table of peers",
     "published": "the page of published numbers next to ours",
+    "pulse_trials": "random machines on random programs, whose pulses are all checked",
+    "pulses": "speed and memory of pulse schedules and of their files",
+    "random_splines": "COPP's random splines by us and copp-py",
+    "robustness": "random problems and programs, all to be solved and certified",
+    "ruckig_moves": "random moves of one axis by us and ruckig",
+    "shaped_plans": "plans after input shapers: limits, deviations and vibrations",
+    "solve_times": "time to solve and certify the bare circle, next to the solvers alone",
+    "toppra_suite": "toppra's hard problems by us and toppra",
 }
 """Names of the cases, which are those of their files, with one line of help."""
 

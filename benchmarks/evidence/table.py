@@ -1,6 +1,6 @@
 """Tables of measurements, as GitHub's Markdown."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,7 +56,14 @@ def format_cell(cell: Cell) -> str:
     return f"{cell:.6g}"
 
 
-def quantile_table(title: str, samples: dict[str, Sequence[float]]) -> Table:
+def store_rows(rows: Iterable[Row], store: list[Row]) -> Iterator[Row]:
+    """Yield rows, and append each to a list for later use."""
+    for row in rows:
+        store.append(row)
+        yield row
+
+
+def quantile_table(title: str, samples: Mapping[str, Sequence[float]]) -> Table:
     """Return a table of least, median, nine tenths and largest value of each named sample."""
     rows = [
         [name, len(values), *np.quantile(values, [0.0, 0.5, 0.9, 1.0]).tolist()]

@@ -153,7 +153,7 @@ def bound_series(series: Series, cells: int) -> tuple[Array, Array]:
     full = series.pad(series.order)
     polynomial, error = full.mid[:-1, :cells], full.rad[:-1, :cells].sum(0)
     remainder = np.abs(full.mid[-1, cells:]) + full.rad[-1, cells:]
-    low, high = _polynomial_range(polynomial)
+    low, high = bound_polynomials(polynomial)
     slack = (error + remainder) * (1 + 32 * EPS) + 32 * EPS * np.abs(polynomial).sum(0)
     slack = np.where(np.isfinite(slack), slack, np.inf)
     return low - slack, high + slack
@@ -188,8 +188,8 @@ def find_extremes(series: Series, cells: int, channel: np.ndarray) -> tuple[Arra
     return places, found
 
 
-def _polynomial_range(polynomial: Array) -> tuple[Array, Array]:
-    """Bounds of each polynomial (powers, …) on [−1, 1] by its values at places h apart.
+def bound_polynomials(polynomial: Array) -> tuple[Array, Array]:
+    """Bound each polynomial (powers, …) on [−1, 1] by its values at places h apart.
 
     Beyond two neighbours it goes by h²/8 times the largest second derivative at most, Σ k (k − 1) |c_k|.
     """

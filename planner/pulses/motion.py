@@ -1,7 +1,7 @@
 """What pulses are made from and checked against: a motion that can be sampled, and what an axis' mechanics make of it.
 
-Mechanics are play, then a screw: where an axis stands when its motor stands somewhere. Compensation is held against
-them, and so is how far the counts of a schedule are from its motion, along an axis and in space.
+Mechanics are play, then a screw: where an axis rests when its motor rests somewhere. Compensation is compared with
+them, and so are the poses that the counts of a schedule reach.
 """
 
 from typing import Protocol, runtime_checkable
@@ -15,7 +15,6 @@ from kinematics.machine.machine import Machine
 from kinematics.machine.motion import AxesState
 from kinematics.machine.pose import from_numbers, to_numbers
 from planner.pulses.schedule import AxisPulses, PulseSchedule
-from planner.trajectory import Trajectory
 
 
 class MotionState(AxesState, Protocol):
@@ -133,49 +132,6 @@ def describe_mechanics(axis: Axis, off: float) -> str:
         most = 1e6 * max(abs(error) for _, error in axis.lead_error)
         parts.append(f"lead error up to {most:.4g} ({'made up for' if 'lead' in axis.compensate else 'not'})")
     return f"{', '.join(parts)} µ{axis.unit}" if parts else ""
-
-
-EVEN_INSTANTS = 20_000
-"""Instants looked at beside those of the pulses."""
-BLOCK_INSTANTS = 1 << 14
-FREEDOM = ("x", "y", "z", "rx", "ry", "rz")
-
-
-def axis_errors(schedule: PulseSchedule, motion: AxesMotion, axis: int = 0) -> tuple[Array, Array]:
-    """Instants (N,) in s and count - (q - home)/pulse (N,) of one axis there, in pulses.
-
-    Right before and at each pulse, where they are the largest, and at 20 000 even instants.
-    """
-    pulses = schedule.axes[axis]
-    even = np.linspace(0.0, motion.duration, EVEN_INSTANTS)
-    fires = np.minimum(pulses.ticks / schedule.clock_hz, motion.duration)
-    t = np.concatenate((even, fires, fires))
-    counts = np.concatenate((schedule.counts(even)[:, axis], pulses.counts(pulses.ticks - 1)))
-    counts = np.concatenate((counts, pulses.counts(pulses.ticks)))
-    blocks = range(0, len(t), BLOCK_INSTANTS)
-    q = np.concatenate([motion.at(t[lo : lo + BLOCK_INSTANTS]).q[:, axis] for lo in blocks])
-    order = np.argsort(t, kind="stable")
-    return t[order], (counts - (q - pulses.home) / pulses.pulse)[order]
-
-
-def space_errors(schedule: PulseSchedule, motion: Trajectory, machine: Machine) -> tuple[Array, Array]:
-    """Instants (N,) in s and how far (m, N) the platform's origin is from the motion where the counts say: |J⁻¹ δq|.
-
-    To first order, over the freedom that the machine controls, at 20 000 even instants.
-    """
-    t = np.linspace(0.0, motion.duration, EVEN_INSTANTS)
-    pulse = np.array([axis.pulse for axis in schedule.axes])
-    home = np.array([axis.home for axis in schedule.axes])
-    free = [FREEDOM.index(name) for name in machine.freedom]
-    moved = np.zeros((len(t), 6))
-    for lo in range(0, len(t), BLOCK_INSTANTS):
-        state = motion.at(t[lo : lo + BLOCK_INSTANTS])
-        off = schedule.counts(state.t) * pulse - (state.q - home)
-        pose = state.pose
-        if pose is not None:
-            inverse = np.linalg.pinv(machine.jacobian(pose)[:, :, free])
-            moved[lo : lo + BLOCK_INSTANTS, free] = (inverse @ off[:, :, None])[:, :, 0]
-    return t, np.linalg.norm(moved[:, :3], axis=1)
 
 
 POSE_RESIDUAL = 1e-9

@@ -1,1 +1,5 @@
 """The worth of each limit, in seconds, and the objective: time, or time and heat."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.evidence.speed.closed_loop import simulate_runs
 from controllers import find_law, load_rig
 from controllers.card import PCI_8164
 from controllers.rig import Host, disturb_rig, time_path
@@ -62,13 +61,6 @@ def test_the_records_are_the_instants_asked_for(rig, short):
     np.testing.assert_array_equal(some.pulses, every.pulses)
     with pytest.raises(MotionError, match="period"):
         simulate(short, find_law("3"), [rig], period=0.0)
-
-
-def test_figures_do_not_depend_on_parts_and_workers():
-    gains = [0.0, 0.4, 0.7]
-    whole = simulate_runs(gains, 0, 3)
-    np.testing.assert_allclose(simulate_runs(gains, 0, 1), whole, rtol=SAME)
-    np.testing.assert_allclose(simulate_runs(gains, 2, 2), whole, rtol=SAME)
 
 
 def test_a_host_that_sleeps_ends_late_by_what_its_steps_were(rig, short):

@@ -7,11 +7,11 @@ import pytest
 from numpy.polynomial import Polynomial
 from scipy.interpolate import CubicSpline, PPoly
 
-from benchmarks.evidence.peers.case import circle, spline
+from benchmarks.evidence.peers.problems import circle, spline
 from planner import time_optimal
-from planner.certificate.enclosure import _polynomial_range
+from planner.certificate import bound_polynomials
 from planner.path.join_and_blend import overlap_lengths
-from planner.timing.solvers.passes import largest_speeds
+from planner.timing import largest_speeds
 from tests.docs.pages import DOCS
 
 INTERVALS = 1000
@@ -108,7 +108,7 @@ def test_a_line_that_reaches_all_its_limits(length):
 def test_values_at_places_over_estimate_a_parabola_by_a_small_share(columns):
     """certificate.md."""
     parabolas = np.tile([[1.0], [0.0], [-1.0]], columns)  # 1 − τ² on [−1, 1], of height 1
-    low, high = _polynomial_range(parabolas)
+    low, high = bound_polynomials(parabolas)
     assert high == pytest.approx(np.full(columns, 1 + 1 / 4096), abs=1e-12)
     assert low == pytest.approx(np.full(columns, -1 / 4096), abs=1e-12)
 
@@ -117,7 +117,7 @@ def test_no_polynomial_leaves_its_range():
     """certificate.md."""
     random = np.random.default_rng(2)
     polynomial = random.normal(size=(9, 50)) * 2.0 ** -np.arange(9)[:, None]
-    low, high = _polynomial_range(polynomial)
+    low, high = bound_polynomials(polynomial)
     for n in range(50):
         own = Polynomial(polynomial[:, n])
         turns = own.deriv().roots()

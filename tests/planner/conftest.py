@@ -1,6 +1,7 @@
 """What the tests of planning share: the hexapod, its plans (each made once), and its legs recomputed without it."""
 
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,8 @@ from scipy.spatial.transform import RigidTransform
 from kinematics import Axis, Body, Load, Traverser, load_machine
 from kinematics.machine.load import GRAVITY
 from planner import load_program, plan
+from planner.pulses import generate
+from tests.planner.motions import PULSE, example
 
 
 @pytest.fixture(scope="session")
@@ -33,6 +36,12 @@ def planned(hexapod):
         return plan(load_program(name), hexapod, order=order)
 
     return make
+
+
+@pytest.fixture
+def limit_search(monkeypatch):
+    """(s) -> refusals search for a remedy so long: not at all where none is asked for, or however busy the computer."""
+    return lambda seconds: monkeypatch.setattr("planner.certificate.advice.MAX_SEARCH_TIME", seconds)
 
 
 @pytest.fixture(scope="session")
@@ -68,6 +77,16 @@ def rodrigues():
         return np.eye(3) + np.sin(angles) * cross + (1 - np.cos(angles)) * (cross @ cross)
 
     return matrices
+
+
+@pytest.fixture(scope="session")
+def three_legs():
+    """A random motion of three legs, every second one wired the other way, and its pulses, as a plan has them."""
+    motion = example(3)
+    home = motion.at(np.zeros(1)).q[0]
+    axes = [Axis(f"leg{k}", pulse=PULSE, direction=1 - 2 * (k % 2)) for k in range(3)]
+    machine = SimpleNamespace(axes=axes, home_q=home)
+    return SimpleNamespace(machine=machine, counted=motion, pulses=generate(motion, axes, home))
 
 
 @pytest.fixture(scope="session")

@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner import Blend, Dwell, Line, Program, plan
+from planner import Blend, Dwell, Fit, Line, Program, plan
 from planner.active_limits import tabulate_segments
 from planner.path.arc_length import measure_travel
-from planner.program.modifiers import Fit
 
 
 def columns_of(table):

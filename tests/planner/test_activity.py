@@ -5,10 +5,9 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from kinematics import load_machine
-from planner import Blend, Dwell, Line, Program, plan
+from planner import Blend, Dwell, Line, Program, plan, plan_parts
 from planner.active_limits import active_limits, tabulate_segments
 from planner.activity import MOST_SEGMENTS, MOST_SLOW, Activity
-from planner.plan_parts import plan_parts
 
 
 def line_to(*point, **given):

@@ -6,11 +6,25 @@ from math import sqrt
 import numpy as np
 import pytest
 
-from planner import Blend, Dwell, Line, Program, Stop, Through, Turn, check, import_program, load_program, plan
+from planner import (
+    Blend,
+    Dwell,
+    Fit,
+    Line,
+    Program,
+    Stop,
+    Through,
+    Trigger,
+    Turn,
+    check,
+    import_program,
+    load_program,
+    plan,
+    plan_parts,
+)
 from planner.avoidable_stops import find_stops_of_import, propose_tolerance
-from planner.plan_parts import plan_parts
 from planner.program.joins import fit_joins
-from planner.program.modifiers import STOP, Fit, Trigger
+from planner.program.modifiers import STOP
 from planner.program.program_writer import program_toml
 
 

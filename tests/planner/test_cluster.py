@@ -21,10 +21,10 @@ from planner.environment import FIRST_FACTS, describe_mismatches, make_fact_find
 LOADED = "import sys, cloudpickle; print(cloudpickle.loads(bytes.fromhex(sys.argv[1]))())"
 
 
-def test_other_sources_on_a_worker_are_refused_before_any_work(tmp_path, monkeypatch, hexapod):
+def test_other_sources_on_a_worker_are_refused_before_any_work(tmp_path, connection_time, hexapod):
     """One worker with a copy of the planner that differs by a comment: nothing is planned there."""
     distributed = pytest.importorskip("distributed", reason="the extra cluster")
-    monkeypatch.setattr("planner.cluster.MAX_CONNECTION_TIME", 60.0)  # for a worker that starts while other tests run
+    connection_time(60.0)
     copy = tmp_path / "planner"
     shutil.copytree(Path(planner.__file__).parent, copy, ignore=shutil.ignore_patterns("__pycache__"))
     with (copy / "plan.py").open("a") as file:
@@ -86,9 +86,9 @@ def test_a_worker_that_differs_later_gets_no_more(monkeypatch):
     assert "TypeError" in told[-1]
 
 
-def test_without_its_scheduler_all_is_done_here(monkeypatch):
+def test_without_its_scheduler_all_is_done_here(connection_time):
     distributed = pytest.importorskip("distributed", reason="the extra cluster")
-    monkeypatch.setattr("planner.cluster.MAX_CONNECTION_TIME", 0.5)
+    connection_time(0.5)
     told = []
     with (
         distributed.LocalCluster(
@@ -109,9 +109,9 @@ def test_without_its_scheduler_all_is_done_here(monkeypatch):
     assert "instead of the cluster: it" in told[1]  # has no scheduler any more, or no worker
 
 
-def test_a_cluster_without_workers_is_told(monkeypatch):
+def test_a_cluster_without_workers_is_told(connection_time):
     distributed = pytest.importorskip("distributed", reason="the extra cluster")
-    monkeypatch.setattr("planner.cluster.MAX_CONNECTION_TIME", 0.5)
+    connection_time(0.5)
     with (
         distributed.LocalCluster(n_workers=0, processes=False, dashboard_address="127.0.0.1:0") as cluster,
         pytest.raises(MotionError, match=r"no worker after 0\.5 s: start some"),

@@ -5,7 +5,6 @@ import sys
 import numpy as np
 import pytest
 
-from benchmarks.evidence.speed.scale import raster
 from kinematics import MotionError
 from planner import Infeasible, Line, Plan, Program, plan, plan_many
 
@@ -41,23 +40,23 @@ def test_an_existing_cluster_by_address(hexapod):
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0"
     ) as cluster:
-        (found,) = plan_many([raster(2)], hexapod, order=2, address=cluster.scheduler_address)
+        (found,) = plan_many(programs(1), hexapod, order=2, address=cluster.scheduler_address)
         assert found.certificate.holds
         with pytest.raises(MotionError, match="order 4"):
-            raise plan_many([raster(2)], hexapod, order=4, address=cluster.scheduler_address)[0]
+            raise plan_many(programs(1), hexapod, order=4, address=cluster.scheduler_address)[0]
 
 
-def test_no_answer_says_where(monkeypatch, hexapod):
+def test_no_answer_says_where(connection_time, hexapod):
     pytest.importorskip("distributed", reason="the extra cluster")
-    monkeypatch.setattr("planner.cluster.MAX_CONNECTION_TIME", 0.5)
+    connection_time(0.5)
     with pytest.raises(MotionError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"):
-        plan_many([raster(1)], hexapod, address="tcp://127.0.0.1:9")
+        plan_many(programs(1), hexapod, address="tcp://127.0.0.1:9")
 
 
 def test_without_dask_the_extra_is_named(monkeypatch, hexapod):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(MotionError, match=r"pulsepath\[cluster\]"):
-        plan_many([raster(1)], hexapod)
+        plan_many(programs(1), hexapod)
 
 
 def test_nothing_to_plan(hexapod):

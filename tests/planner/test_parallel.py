@@ -15,19 +15,22 @@ from functools import partial
 import numpy as np
 import pytest
 
-from benchmarks.evidence.speed.scale import raster
 from kinematics import Fault, FileError, MotionError, OutOfReach, load_machine, machine_names
-from planner import Infeasible, Place, parallel, plan
+from planner import Infeasible, Line, Place, Program, parallel, plan
 from planner.limits import limits_of
 from planner.path.actuation import actuate
-from planner.timing.certified_solve import certified_solve
+from planner.timing import certified_solve
 
 
 @pytest.fixture
-def eager(monkeypatch):
+def eager(processes):
     """Two processes, however little there is to do."""
-    monkeypatch.setattr(parallel, "MIN_POOL_WORK", 0.0)
-    monkeypatch.setattr(parallel, "cores", lambda: 2)
+    processes()
+
+
+def zigzag(count):
+    """Lines that stop at each end."""
+    return Program(tuple(Line(np.array([2e-3 * (k % 2), 1e-3 * k, 20e-3])) for k in range(count)))
 
 
 def where(task):
@@ -114,18 +117,19 @@ def test_no_process_outlives_the_one_that_began_it(tmp_path):
     assert ends(process.pid)
 
 
-def test_local_helpers_start_late_and_again_where_they_die(eager, monkeypatch):
+def test_local_helpers_start_late_and_again_where_they_die(processes):
     def here(task):
         return lambda: ("here", task)
 
+    processes()
     with ExitStack() as stack:
         helpers = parallel.LocalHelpers(stack)
         assert helpers.room() == 0  # there is no work yet
         submit = helpers.prepare(where)
-        monkeypatch.setattr(parallel, "MIN_POOL_WORK", np.inf)
+        processes(least=np.inf)
         assert helpers.room() == 0
         assert submit(1).result(here(1)) == ("here", 1)
-        monkeypatch.setattr(parallel, "MIN_POOL_WORK", 0.0)
+        processes()
         for _ in range(parallel.MAX_DEATHS):
             assert helpers.room() == 3
             found = [each.result(here(n)) for n, each in enumerate([submit(0), submit(1)])]
@@ -153,18 +157,18 @@ def test_little_work_stays_here():
 
 
 @pytest.mark.parametrize("order", [2, 3])
-def test_the_same_motion_to_the_bit(eager, monkeypatch, order, hexapod):
-    path = actuate(raster(8), hexapod)
+def test_the_same_motion_to_the_bit(processes, order, hexapod):
+    path = actuate(zigzag(16), hexapod)
     limits, told = limits_of(path, hexapod.axes, order), []
-    monkeypatch.setattr("planner.timing.certified_solve.PART_RUNS", 2)
+    processes()
     spread = certified_solve(path, limits, order, lambda done, of: told.append((done, of)))
-    monkeypatch.setattr(parallel, "MIN_POOL_WORK", np.inf)
+    processes(least=np.inf)
     alone = certified_solve(path, limits, order)
     for name in ("knots", "s", "v", "a", "j", "piece"):
         assert np.array_equal(getattr(spread.trajectory, name), getattr(alone.trajectory, name)), name
     assert spread.certificate.worst == alone.certificate.worst
     assert spread.methods == alone.methods
-    assert told == [(done, 8) for done in (2, 4, 6, 8)]
+    assert told == [(8, 16), (16, 16)]
     assert spread.certificate.holds
 
 
@@ -257,7 +261,7 @@ def test_plans_pickle(planned):
 
 def test_progress_of_a_plan(hexapod):
     told = []
-    plan(raster(10), hexapod, order=2, progress=lambda done, of: told.append((done, of)))
+    plan(zigzag(10), hexapod, order=2, progress=lambda done, of: told.append((done, of)))
     assert told[:2] == [(8, 10), (10, 10)]
     pulses = [done / of for done, of in told[2:]]  # of each of the six legs in turn
     assert pulses == sorted(set(pulses))

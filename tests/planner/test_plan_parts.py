@@ -8,11 +8,10 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import MotionError, load_machine
-from planner import Arc, Dwell, Line, Program, plan
+from planner import Arc, Blend, Dwell, Fit, Line, Program, Trigger, plan, plan_parts
 from planner.overview import FINENESS, MOST_WINDOWS, ROW_PERIOD, Overview
 from planner.path.chain import walk_path
-from planner.plan_parts import come_to_rest, find_whole_reason, plan_parts
-from planner.program.modifiers import Blend, Fit, Trigger
+from planner.plan_parts import come_to_rest, find_whole_reason
 from planner.pulses import find_rule
 from planner.pulses.schedule import join_schedules
 from planner.trajectory import rows

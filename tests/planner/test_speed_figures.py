@@ -6,10 +6,9 @@ from matplotlib.figure import Figure
 from scipy.interpolate import PPoly
 
 from kinematics import load_machine
-from planner import Blend, Line, Program, Spline, plan, time_optimal
+from planner import Blend, Fit, Line, Program, Spline, plan, time_optimal
 from planner.figures import path_speed
 from planner.overview import TOOL_SPEED, Overview
-from planner.program.modifiers import Fit
 
 CAP = 60e-3
 

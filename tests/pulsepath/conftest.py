@@ -1,14 +1,11 @@
 """One plan of the bare circle that the tests of the front door share, and a command line without a process."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 
 import pytest
 from click.testing import CliRunner
 
-from benchmarks.reports.page import Picture, draw_figure
-from benchmarks.reports.time_series import read_panels
+from benchmarks.reports.page import draw_figure
 from kinematics import NotInstalled
 from planner.request import PlanRequest
 from pulsepath.cli import main
@@ -16,23 +13,7 @@ from pulsepath.inputs import read_inputs
 from pulsepath.job import run
 from pulsepath.process.exits import describe_error
 from pulsepath.requests import ReportRequest
-
-REPORTS = ("plan_report", "parts_report", "calibration_report", "gain.run_figures")
-DOT = bytes.fromhex(
-    "89504e470d0a1a0a0000000d49484452000000010000000108000000003a"
-    "7e9b550000000a49444154789c63f80f0001010100b138f6140000000049"
-    "454e44ae426082"
-)
-"""A PNG image of one dot."""
-
-
-@contextmanager
-def drawing(draw) -> Iterator[None]:
-    """Within, figures of reports are drawn so."""
-    with pytest.MonkeyPatch.context() as patch:
-        for name in REPORTS:
-            patch.setattr(f"benchmarks.reports.{name}.draw_figure", draw)
-        yield
+from tests.drawing import draw_dots, drawing
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -41,7 +22,7 @@ def undrawn():
 
     Drawing them takes nine tenths of writing a plan. Who compares or looks at figures asks for `drawn`.
     """
-    with drawing(lambda *axes, small=False: Picture(DOT, read_panels(axes))):
+    with draw_dots():
         yield
 
 
@@ -87,26 +68,42 @@ def planned(monkeypatch, job):
 
 
 @pytest.fixture(scope="session")
-def directory(tmp_path_factory, inputs, job):
-    """What `plan` writes for the shared plan; not to be changed."""
-    from pulsepath.output import plan_directory
+def write_plan(call):
+    """(plan that is made already, folder, *options) -> the folder, as the command `plan` writes it."""
 
-    folder = tmp_path_factory.mktemp("plans") / "bare-circle"
-    folder.mkdir()
-    with drawing(draw_figure):
-        plan_directory.write(folder, job, inputs)
-    return folder
+    def write(job, folder, *options):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("pulsepath.job.run", lambda *_: job)
+            done = call("plan", "bare-circle", *options, "--out", folder)
+        assert done.exit_code == 0, done.stderr
+        return folder
+
+    return write
 
 
 @pytest.fixture(scope="session")
-def edges(tmp_path_factory, inputs, job):
-    """The same with its pulses as edges, and without figures; not to be changed."""
-    from pulsepath.output import plan_directory
+def directory(tmp_path_factory, write_plan, job):
+    """What `plan` writes for the shared plan; not to be changed."""
+    with drawing(draw_figure):
+        return write_plan(job, tmp_path_factory.mktemp("plans") / "bare-circle")
 
-    folder = tmp_path_factory.mktemp("edges") / "bare-circle"
-    folder.mkdir()
-    plan_directory.write(folder, replace(job, figures=False), inputs, "csv")
-    return folder
+
+@pytest.fixture(scope="session")
+def edges(tmp_path_factory, write_plan, job):
+    """The same with its pulses as edges, and without figures; not to be changed."""
+    return write_plan(replace(job, figures=False), tmp_path_factory.mktemp("edges") / "bare-circle", "--pulses", "csv")
+
+
+@pytest.fixture(scope="session")
+def corner(tmp_path_factory, call):
+    """A plan of two lines on three axes, which is held and drawn much sooner; not to be changed."""
+    folder = tmp_path_factory.mktemp("corner")
+    program = folder / "corner.nc"
+    program.write_text("G21 G90 F1200\nG1 X5 Y5\nX10 Y0\n", encoding="utf-8")
+    asked = ("plan", program, "--machine", "corexy", "--order", "2", "--no-figures", "--no-baselines", "--no-worth")
+    done = call(*asked, "--whole", "--out", folder / "plan")
+    assert done.exit_code == 0, done.stderr
+    return folder / "plan"
 
 
 @pytest.fixture

@@ -224,7 +224,6 @@ WORDS = {("Program", "segments"): "segment|empty", ("Axis", "name"): "a name", (
         ),
         (lambda: pp.load_positions(3), "load_positions: path is 3; expected a text or a path"),
         (lambda: pp.posture_of_axes("hexapod", "x"), "coordinates must be finite numbers"),
-        (lambda: pp.load_machine(3), "a machine is given by its name"),
     ],
 )
 def test_refusals_say_what_was_given_and_what_is_expected(call, words):

@@ -42,21 +42,43 @@ def run_fresh(code, folder=ROOT):
 
 
 def loaded_after(code, folder=ROOT):
-    """Those of the slow packages that it has loaded then; and what it said before."""
+    """List those of the slow packages that a fresh interpreter has loaded after some code."""
     report = f"import json, sys\n{code}\nprint(json.dumps(sorted({SLOW!r} & set(sys.modules))), file=sys.stderr)"
-    *said, loaded = run_fresh(report, folder).splitlines()
-    return json.loads(loaded), "\n".join(said)
+    return json.loads(run_fresh(report, folder).splitlines()[-1])
 
 
-def call(arguments, code=0):
-    """Code that calls a command, and asks for how it ends."""
-    ended = f"except SystemExit as end: assert (end.code or 0) == {code}, end.code"
-    return f"from pulsepath.cli import main\ntry: main({arguments!r})\n{ended}"
+CALL = """
+import io, json, sys
+from contextlib import redirect_stderr
+from pulsepath.cli import main
+results = []
+for arguments in {commands!r}:
+    text = io.StringIO()
+    with redirect_stderr(text):
+        try:
+            main(arguments)
+            code = 0
+        except SystemExit as end:
+            code = end.code or 0
+    results.append((code, text.getvalue(), sorted({slow!r} & set(sys.modules))))
+print(json.dumps(results), file=sys.stderr)
+"""
+"""What a process loads it keeps: where the last command has loaded nothing slow, none has."""
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["plan", "--help"], ["console", "--help"], ["--version"]])
-def test_help_loads_nothing_slow(arguments):
-    assert loaded_after(call(arguments))[0] == []
+def call_fresh(commands, folder=ROOT):
+    """Call commands one after the other in a fresh interpreter.
+
+    Returns for each its exit code, what it wrote to stderr, and the slow packages that are loaded by then.
+    """
+    output = run_fresh(CALL.format(commands=commands, slow=SLOW), folder)
+    return dict(zip(map(" ".join, commands), json.loads(output.splitlines()[-1]), strict=True))
+
+
+def test_help_loads_nothing_slow():
+    commands = [["--help"], ["plan", "--help"], ["console", "--help"], ["--version"]]
+    for command, (code, _, loaded) in call_fresh(commands).items():
+        assert (code, loaded) == (0, []), command
 
 
 LISTS = [[name] for name in ("machines", "programs", "rigs", "laws", "rules", "figures")]
@@ -76,19 +98,24 @@ UNKNOWN = [
 ]
 
 
-@pytest.mark.parametrize("arguments", [*LISTS, *FORMATS], ids=" ".join)
-def test_lists_that_are_kept_load_nothing_that_computes(arguments):
-    """The first time makes what is kept on disk."""
-    run_fresh(call(arguments))
-    loaded, _ = loaded_after(call(arguments))
-    assert set(loaded) <= {"rich"}
+@pytest.fixture(scope="module")
+def lists():
+    """Lists that are kept on disk, as a second process finds them: the first one makes them."""
+    call_fresh([*LISTS, *FORMATS])
+    return call_fresh([*LISTS, *FORMATS])
 
 
-@pytest.mark.parametrize("arguments", UNKNOWN, ids=" ".join)
-def test_what_is_mistaken_loads_nothing_that_computes(arguments, tmp_path):
-    loaded, said = loaded_after(call(arguments, code=2), tmp_path)
-    assert set(loaded) <= {"rich"}
-    assert ("nearest is" in said) == (arguments[-1] != "9"), said
+def test_lists_that_are_kept_load_nothing_that_computes(lists):
+    for command, (code, _, loaded) in lists.items():
+        assert code == 0, command
+        assert set(loaded) <= {"rich"}, command
+
+
+def test_a_mistake_in_a_command_loads_nothing_that_computes(tmp_path):
+    for command, (code, text, loaded) in call_fresh(UNKNOWN, tmp_path).items():
+        assert code == 2, command
+        assert set(loaded) <= {"rich"}, command
+        assert ("nearest is" in text) == (not command.endswith("9")), text
 
 
 COMPUTING = {"scipy", "numba", "loky", "matplotlib", "toppra", "jinja2", "pint"}
@@ -129,25 +156,22 @@ REFUSED = {
 """What is refused by what files and arguments say, and with which words."""
 
 
-@pytest.mark.parametrize("command", REFUSED)
-def test_what_files_say_wrong_is_told_before_what_computes_is_loaded(command, tmp_path):
-    kept = "import" if "part.nc" in command else command.split()[0]
-    if kept in ("import", "hold", "export"):  # the first time makes the list of formats that is kept on disk
-        run_fresh(call([kept, "--help"]))
+@pytest.mark.usefixtures("lists")
+def test_a_mistake_in_a_file_is_refused_before_what_computes_is_loaded(tmp_path):
     for name, text in FAULTY.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)
-    report = f"""
-import io, os, sys
-os.chdir({str(tmp_path)!r})
-sys.stderr = told = io.StringIO()
-from pulsepath.cli import main
-try: main({command.split()!r})
-except SystemExit as end: assert end.code == 2, end.code
-sys.stderr = sys.__stderr__
-assert {REFUSED[command]!r} in told.getvalue(), told.getvalue()
-"""
-    assert not COMPUTING & set(loaded_after(report)[0])
+    # What reads G-code loads the table of formats; from then on the other formats are asked, not the list on disk.
+    alone = [command for command in REFUSED if "part.nc" in command]
+    together = [command for command in REFUSED if command not in alone]
+    refusals = {}
+    for commands in (together, *([command] for command in alone)):
+        refusals |= call_fresh([command.split() for command in commands], tmp_path)
+    assert refusals.keys() == REFUSED.keys()
+    for command, (code, text, loaded) in refusals.items():
+        assert code == 2, (command, text)
+        assert REFUSED[command] in text, command
+        assert not COMPUTING & set(loaded), command
 
 
 def test_lists_are_made_again_where_a_file_changes_or_what_is_kept_is_damaged(tmp_path, monkeypatch):
@@ -173,14 +197,15 @@ def test_lists_are_made_again_where_a_file_changes_or_what_is_kept_is_damaged(tm
 @pytest.mark.skipif(os.name != "posix", reason="Windows has no console")
 def test_a_script_from_a_pipe_needs_no_prompt(tmp_path):
     arguments = ["console", "--machine", "traverser", "--fast", "--state", str(tmp_path / "state.json")]
-    loaded, _ = loaded_after(call(arguments))
+    ((code, _, loaded),) = call_fresh([arguments]).values()
+    assert code == 0
     assert "numpy" in loaded
     assert "prompt_toolkit" not in loaded
 
 
 def test_importing_the_package_loads_nothing_slow():
-    assert loaded_after("import pulsepath as pp; pp.__version__; dir(pp)")[0] == []
-    assert "numpy" in loaded_after("import pulsepath as pp; pp.Axis")[0]
+    assert loaded_after("import pulsepath as pp; pp.__version__; dir(pp); assert 'plots' in dir(pp)") == []
+    assert "numpy" in loaded_after("import pulsepath as pp; pp.Axis")
 
 
 @pytest.mark.skipif(os.name != "posix", reason="asks the system what its children cost")
@@ -216,9 +241,7 @@ def test_every_name_is_the_one_that_the_type_checker_is_told():
 
 
 def test_the_figures_are_there_without_an_import_of_their_own():
-    script = "import pulsepath as pp; assert 'plots' in dir(pp); print(pp.plots.limit_use.__name__)"
-    told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert told.stdout == "limit_use\n"
+    assert "matplotlib" in loaded_after("import pulsepath as pp; assert pp.plots.limit_use.__name__ == 'limit_use'")
 
 
 def test_an_unknown_name_is_an_attribute_error():

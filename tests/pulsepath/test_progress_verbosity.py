@@ -27,10 +27,11 @@ def test_quiet_still_tells_errors(call):
     assert 'nearest is "circle"' in done.stderr
 
 
-def test_verbose_says_how(call, tmp_path, monkeypatch, job):
-    monkeypatch.setattr("pulsepath.job.make_plan", lambda *_, **__: job.plan)
-    monkeypatch.setattr("pulsepath.job._compute_realised_path", lambda *_: None)
-    arguments = ["plan", "bare-circle", "--out", tmp_path / "o", "--no-figures", "--json", "--force"]
+def test_verbose_says_how(call, tmp_path):
+    program = tmp_path / "line.nc"
+    program.write_text("G21 G90\nG1 X5 Y2 F1200\n", encoding="utf-8")
+    few = ("--no-figures", "--no-baselines", "--no-worth", "--json", "--force")
+    arguments = ["plan", program, "--machine", "corexy", "--whole", "--out", tmp_path / "o", *few]
     for done in (call("--verbose", *arguments), call(*arguments, "-v")):
         assert done.exit_code == 0
         assert "order 3, solve rounds: " in done.stderr

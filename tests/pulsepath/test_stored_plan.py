@@ -6,7 +6,7 @@ import pytest
 import pulsepath as pp
 from kinematics import MotionError
 from kinematics.foundation.names import presets
-from planner.certificate.certify import certify
+from planner.certificate import certify
 
 SQUARE = """schema = 1
 angle = "deg"
@@ -26,14 +26,18 @@ turn = { to = [0, 1, 0] }
 SHAPER = 'shaper = { kind = "zv", frequency = "35 Hz", damping = 0.05 }\n'
 PLAY = 'backlash = "5 um"\ncompensate = ["backlash"]\ntake_up_acceleration = "1 m/s^2"\n'
 CASES = {
-    "order 2": ("", ["--order", "2"], {"order": 2}),
     "order 3": ("", [], {}),
-    "in a stated time": ("", ["--order", "2", "--duration", "3 s"], {"order": 2, "duration": 3.0}),
-    "with less heat": ("", ["--objective", "time + heat"], {"objective": "time + heat"}),
-    "pulses as CSV": ("", ["--order", "2", "--pulses", "csv"], {"order": 2}),
-    "no pulses": ("", ["--order", "2", "--pulses", "none"], {"order": 2}),
-    "another rule": ("", ["--order", "2", "--rule", "dda"], {"order": 2, "rule": "dda"}),
-    "behind shapers": (SHAPER, ["--order", "2"], {"order": 2}),
+    "in a stated time, by another rule": (
+        "",
+        ["--order", "2", "--duration", "3 s", "--rule", "dda"],
+        {"order": 2, "duration": 3.0, "rule": "dda"},
+    ),
+    "with less heat, without pulses": (
+        "",
+        ["--objective", "time + heat", "--pulses", "none"],
+        {"objective": "time + heat"},
+    ),
+    "after shapers, pulses as CSV": (SHAPER, ["--order", "2", "--pulses", "csv"], {"order": 2}),
     "with play": (PLAY, ["--order", "2"], {"order": 2}),
 }
 LATER = ("lower_bound", "gap", "worth")
@@ -99,7 +103,7 @@ def test_a_loaded_plan_has_all_that_a_fresh_one_has(stored, axes, options, named
 
 
 def test_its_tables_figure_bound_and_worth_are_those_of_a_fresh_one(stored):
-    loaded, fresh = stored(*CASES["order 2"])
+    loaded, fresh = stored("", ["--order", "2"], {"order": 2})
     tables = [[table for table in plan.tables() if "certificate" not in table.title] for plan in (loaded, fresh)]
     assert len(tables[0]) > 4
     assert [str(table) for table in tables[0]] == [str(table) for table in tables[1]]

@@ -145,8 +145,3 @@ def format_value(value: float) -> str:
     if value == 0 or 1e-3 <= abs(value) < 1e6:
         return f"{value:.5g}"
     return f"{value:.4g}".replace("e-0", "e-").replace("e+0", "e")
-
-
-def markdown(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a table as text. Goes once all cases yield tables."""
-    return str(Table("", header, rows))

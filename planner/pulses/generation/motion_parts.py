@@ -134,6 +134,7 @@ class JoinedMotion:
         return float(self.knots[-1])
 
     def at(self, t: Array, /) -> MotionState:
+        t = np.atleast_1d(t)
         k = np.clip(np.searchsorted(self.knots, t, side="right") - 1, 0, len(self.whose) - 1)
         low, high = self.ends[:, k]
         # the last instant before a knot stays before it: there a state belongs to the interval on its right

@@ -70,8 +70,8 @@ def page(shown):
 
 
 @pytest.fixture(scope="module")
-def circle():
-    return plan(load_program("bare-circle"), load_machine("hexapod"))
+def circle(plan_bundled):
+    return plan_bundled("bare-circle", "hexapod", 3)
 
 
 class Recording:

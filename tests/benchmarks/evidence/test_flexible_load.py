@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.evidence.flexible_load import FlexibleLoad
-from kinematics import load_machine
 from kinematics.machine.shaper import IMPULSES, Shaper
-from planner import load_program, plan
 from planner.shaping.shaped_motion import shape_motion
 
 STEP = 1e-4
@@ -26,8 +24,8 @@ def test_a_base_that_starts_at_full_speed_swings_the_load_by_the_formula():
 
 
 @pytest.fixture(scope="module")
-def bare():
-    return plan(load_program("bare-circle"), load_machine("hexapod"), order=2)
+def bare(plan_bundled):
+    return plan_bundled("bare-circle", "hexapod", 2)
 
 
 def residuals(trajectory, machine, shaper, load):

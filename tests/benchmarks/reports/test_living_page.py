@@ -8,7 +8,7 @@ import pytest
 from benchmarks.animation.animate import document
 from benchmarks.reports.plan_report import write_report
 from kinematics import load_machine
-from planner import Line, Program, classical, load_program, plan
+from planner import Line, Program, classical, plan
 from planner.pulses import check
 from tests.browser import act_in, browse, needs_browser
 
@@ -95,8 +95,8 @@ addEventListener("load", () => setTimeout(() => fetch("/said", {
 
 
 @pytest.fixture(scope="module")
-def planned():
-    return plan(load_program("bare-circle"), load_machine("hexapod"))
+def planned(plan_bundled):
+    return plan_bundled("bare-circle", "hexapod", 3)
 
 
 @pytest.fixture(scope="module")

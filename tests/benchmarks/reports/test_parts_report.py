@@ -13,13 +13,12 @@ from benchmarks.reports.time_series import pack_panels
 from benchmarks.reports.timeline import make_band
 from kinematics import load_machine
 from kinematics.foundation.figure import PALETTE
-from planner import load_program, plan
+from planner import load_program, plan, plan_parts
 from planner.active_limits import active_limits, name_segment
 from planner.activity import Activity
 from planner.figures import list_levels, style_limits
 from planner.limits.registry import AXIS_LIMITS, MACHINE_LIMITS, geometric_limits
 from planner.overview import Overview
-from planner.plan_parts import plan_parts
 from tests.browser import act_in, needs_browser
 
 ACT = """

@@ -21,10 +21,9 @@ from controllers import evaluate, find_law, track
 from controllers.figures import contour_error, following_error
 from controllers.rig import assumed_rig
 from kinematics import load_machine
-from planner import classical, import_program, load_program, plan
+from planner import Dwell, Line, Program, classical, import_program, plan
 from planner.active_limits import active_limits, tabulate_segments
 from planner.figures import axis_motion, limit_use, path_in_space, pulse_rate
-from planner.program.model import Dwell, Line, Program
 from planner.pulses import check
 
 FIGURES = {"path", "axes", "limits", "pulses", "realised", "tracking", "classical", "worth"}
@@ -58,8 +57,8 @@ class Page(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def planned():
-    return plan(load_program("bare-circle"), load_machine("hexapod"))
+def planned(plan_bundled):
+    return plan_bundled("bare-circle", "hexapod", 3)
 
 
 @pytest.fixture(scope="module")

@@ -15,9 +15,9 @@ from controllers.reference_file import Recorded
 from controllers.rig import Task, assumed_rig, time_path
 from controllers.rig_file import load_rig, rig_names
 from kinematics import MotionError, load_machine, machine_names
+from planner import load_program
 from planner.parallel import open_pool
 from planner.path.actuation import actuate
-from planner.program.program_file import load_program
 
 HEAD = 'schema = 1\nmachine = "five-axis"\nlength = "mm"\nangle = "deg"\n'
 SEGMENTS = {

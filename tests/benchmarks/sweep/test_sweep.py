@@ -169,13 +169,12 @@ def test_results_do_not_depend_on_the_batch(rig, grid):
 
 
 @pytest.mark.parametrize("killing", [False, True])
-def test_results_do_not_depend_on_the_number_of_processes(tmp_path, rig, grid, monkeypatch, killing):
+def test_results_do_not_depend_on_the_number_of_processes(tmp_path, rig, grid, monkeypatch, processes, killing):
     monkeypatch.setattr(run, "is_installed", lambda: False)
     monkeypatch.setattr(run, "MAX_LANES", 1)
     grid = replace(grid, tasks=("dash",))
     one = sweep(grid, rig, tmp_path / "one")
-    monkeypatch.setattr("planner.parallel.MIN_POOL_WORK", 0.0)
-    monkeypatch.setattr("planner.parallel.cores", lambda: 2)
+    processes()
     workers, killed = set(), []
 
     def progress(done, of):

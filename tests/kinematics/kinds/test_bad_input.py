@@ -96,7 +96,6 @@ def test_what_are_no_such_numbers_is_told(values):
         (lambda: tripod(tool="abc"), "mine: tool must be finite numbers"),
         (lambda: traverser(directions=RAGGED), "mine: directions must be finite numbers"),
         (lambda: traverser(length="a"), "mine: length must be .*not 'a'"),
-        (lambda: load_machine(None), "a machine is given by its name or the path of a file, or as it is, not as None"),
         (lambda: hexapod().check(RigidTransform.from_translation(np.zeros((0, 3)))).worst(), "margins of no poses"),
         (lambda: hexapod().forward(["a"] * 6), "mine: forward takes finite coordinates"),
         (lambda: hexapod().forward(RAGGED), "mine: forward takes finite coordinates"),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kinematics import load_machine
-from planner import Blend, Fit, Line, Program, classical, load_program, plan
+from planner import Blend, Fit, Line, Program, classical, plan
 from planner.baselines import describe_differences, missing_limits, pick_baseline
 
 LINE = Program([Line([0, 0, 0.02])])
@@ -62,8 +62,8 @@ def test_a_resonance_band_that_a_move_between_poses_lingers_in_is_named(kind):
     assert missing_limits(found, classical(found)) == ()
 
 
-def test_moves_between_poses_say_what_they_leave(laden):
-    found = plan(load_program("circle"), laden, order=3)
+def test_moves_between_poses_say_what_they_leave(plan_bundled):
+    found = plan_bundled("circle", "hexapod", 3)
     between = classical(found, "synchronised")
     told = describe_differences(found, between)
     assert {"jerk", "tool speed", "tilt", "clearance", "force"} <= set(missing_limits(found, between))

@@ -13,8 +13,7 @@ from planner.baselines.classical import PATH_SHAPES, FamilyTiming
 from planner.baselines.shapes import SINE_PARTS, quarter_sine
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
-from planner.timing.certified_run import Timing
-from planner.timing.certified_solve import certified_solve
+from planner.timing import Timing, certified_solve
 
 
 @pytest.fixture(scope="module")

@@ -26,9 +26,9 @@ SHAKEN = Program([Line([0, 0, 0.02]), Curve(("0.01*sin(t)", "0", "0.02 + 0.02*t"
 
 
 @pytest.fixture(autouse=True)
-def patient(monkeypatch):
+def patient(limit_search):
     """What is found must not depend on what else the computer does."""
-    monkeypatch.setattr("planner.certificate.advice.MAX_SEARCH_TIME", 600.0)
+    limit_search(600.0)
 
 
 def number(pattern, no):
@@ -290,22 +290,6 @@ def test_the_move_of_a_path_past_a_pole_takes_its_start_along(tmp_path, radius):
     assert size == pytest.approx(5e-3 - radius, rel=0.02)
     assert fits(line(size), machine)
     assert not fits(line(0.97 * size), machine)
-
-
-def test_where_only_the_proof_finds_what_is_wrong_the_remedy_is_as_near(monkeypatch, hexapod):
-    """What is seen is taken from the search: it finds everything kept, and the proof alone decides."""
-    monkeypatch.setattr("planner.certificate.advice._seems_kept", lambda path, limits: True)
-    no = refused(HIGH, hexapod)
-    share = float(number(r"scaled to <= (\S+) % about its start", no)) / 100
-    assert fits(scaled(HIGH, share), hexapod)
-    assert not fits(scaled(HIGH, share + 0.003), hexapod)
-    size = float(number(r"moved by >= (\S+) mm along -z", no)) / 1e3
-
-    def moved(by):
-        return replace(HIGH, segments=tuple(replace(each, to=each.to - by * np.eye(3)[2]) for each in HIGH.segments))
-
-    assert fits(moved(size), hexapod)
-    assert not fits(moved(0.96 * size), hexapod)
 
 
 FIVE_BAR = """

@@ -11,9 +11,7 @@ from scipy.interpolate import PPoly
 
 from kinematics import Axis, MotionError
 from planner import Place, Trajectory, time_optimal
-from planner.certificate import limit_use
-from planner.certificate.certify import certify
-from planner.certificate.limit_use import ProvedUse, prove
+from planner.certificate import ProvedUse, certify
 from planner.limits import limits_of
 from planner.limits.axis import Acceleration, Jerk, Speed
 from planner.path.polynomial import PolynomialPath
@@ -341,21 +339,6 @@ def test_what_is_attained_is_really_met(planned, order):
         # ends and middles of pieces, and of their eighths, are among the samples; peaks lie between, 1e-8 above
         assert attained.max() <= dense_use(plan.trajectory, limit, 129).max() + 1e-8, limit.name
         assert (attained <= plan.certificate.use[limit.name] + 1e-12).all(), limit.name
-
-
-@pytest.mark.parametrize("order", [2, 3])
-def test_groups_of_cells_bound_what_the_cells_do(planned, monkeypatch, order):
-    """The largest use is as tight, and no piece's bound is below what is met in it."""
-    plan = planned("bare-circle", order)
-    timed = [limit for limit in plan.limits if not limit.geometric]
-    found = []
-    for least in (1, 10**9):
-        monkeypatch.setattr(limit_use, "MIN_GROUPED", least)
-        found.append(prove(plan.trajectory, timed, order)[0])
-    for limit in timed:
-        together, alone = (use[limit.name] for use in found)
-        assert together.max() == pytest.approx(alone.max(), abs=1e-6)
-        assert (together >= dense_use(plan.trajectory, limit) - 1e-12).all()
 
 
 def test_what_is_known_is_kept_and_the_rest_is_proved(planned):

@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import MotionError, Traverser, load_machine
 from planner import Arc, Infeasible, Line, Program, plan
-from planner.certificate.constant_speed import SPEED_TOLERANCE
+from planner.certificate import SPEED_TOLERANCE
 
 A, J = 0.5, 10.0
 RIM = RigidTransform.from_components([0.015, 0, 0.025], Rotation.identity())

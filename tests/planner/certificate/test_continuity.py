@@ -7,14 +7,13 @@ import pytest
 from scipy.interpolate import PPoly
 
 from kinematics import Axis
-from planner import Line, Program, time_optimal
-from planner.certificate.certify import certify
+from planner import Line, Program, Trajectory, time_optimal
+from planner.certificate import certify
 from planner.limits import limits_of
 from planner.limits.axis import Acceleration, Jerk, Speed
 from planner.path.actuation import actuate
 from planner.path.polynomial import PolynomialPath
-from planner.timing.certified_solve import certified_solve
-from planner.trajectory import Trajectory
+from planner.timing import certified_solve
 
 NUMBERS = ("s", "v", "a", "j", "piece")
 

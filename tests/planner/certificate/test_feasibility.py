@@ -8,7 +8,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import OutOfReach, Tripod, load_machine
 from planner import Arc, Line, Program, Turn, check, plan
-from planner.certificate.feasibility import find_singularity
+from planner.certificate import find_singularity
 from planner.path.actuation import actuate
 from planner.trajectory import unit_speed_trajectory
 

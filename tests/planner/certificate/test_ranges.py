@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner import Arc, Line, Program, Trajectory
-from planner.certificate.enclosure import Cells
-from planner.certificate.ranges import ROUNDINGS, bound_balls, bound_motion, bound_ranges
+from planner.certificate import Cells, bound_balls, bound_motion, bound_ranges
+from planner.certificate.ranges import ROUNDINGS
 from planner.path.actuation import actuate
 from planner.path.polynomial import PolynomialPath
 from tests.pace import LONG

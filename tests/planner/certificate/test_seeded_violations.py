@@ -8,11 +8,10 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Body, Hexapod, Load
-from planner import Arc, Line, Program
-from planner.certificate.limit_use import prove
+from planner import Arc, Line, Program, Trajectory
+from planner.certificate import prove
 from planner.limits import limits_of
 from planner.path.actuation import actuate
-from planner.trajectory import Trajectory
 from tests.pace import LONG
 
 EXCESS, MOTIONS = 2e-6, 100 if LONG else 25

@@ -7,9 +7,9 @@ import pytest
 
 from kinematics import MotionError, load_machine
 from kinematics.machine.shaper import Shaper
-from planner import Blend, Dwell, Line, Program, Turn, plan
+from planner import Blend, Dwell, Line, Program, Turn, plan, read_pulses
 from planner.export.format import FORMATS
-from planner.pulses import find_rule, read_pulses
+from planner.pulses import find_rule
 
 CORNERS = (Line(to=(0.01, 0, 0)), Line(to=(0.01, 0.012, 0)), Dwell(0.1), Line(to=(0.0, 0.002, 0)))
 
@@ -177,7 +177,7 @@ def test_formats_write_an_empty_stop_or_say_why_not(tmp_path):
 
 def test_stops_from_rests_are_nothing():
     made = plan(Program(CORNERS), load_machine("corexy"), order=2)
-    stops = made.stops(30)
+    stops = made.stops(12)
     assert not stops.refused
     assert (stops.time >= 0).all()
     assert (stops.time == 0).any()  # in the dwell

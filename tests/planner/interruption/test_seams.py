@@ -9,9 +9,9 @@ import pytest
 from kinematics import load_machine
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import DRIVES
-from planner import Blend, Dwell, Line, Program, plan
+from planner import Blend, Dwell, Line, Program, PulseSchedule, plan
 from planner.interruption.running import find_running
-from planner.pulses import AxisPulses, PulseSchedule, generate
+from planner.pulses import AxisPulses, generate
 from planner.pulses.checking import check
 from planner.pulses.generation.motion_parts import JoinedMotion, MotionSpan
 from planner.pulses.generation.sent import find_sent, go_on

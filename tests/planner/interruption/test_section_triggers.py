@@ -7,8 +7,7 @@ import pytest
 
 from kinematics import load_machine
 from kinematics.machine.shaper import Shaper
-from planner import Dwell, Line, Program, plan
-from planner.program.modifiers import Trigger
+from planner import Dwell, Line, Program, Trigger, plan
 
 PROGRAM = Program(
     (

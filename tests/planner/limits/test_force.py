@@ -9,8 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kinematics import Body, Leg, Load, MotionError, Traverser, forces, load_machine, machine_names
 from kinematics.machine.load import GRAVITY
 from planner import Arc, Infeasible, Line, Program, Trajectory, check, classical, plan
-from planner.certificate.certify import certify
-from planner.certificate.enclosure import Cells, bound_series, enclose
+from planner.certificate import Cells, bound_series, certify, enclose
 from planner.limits import find_unkept_limits, limits_of
 from planner.limits.force import Force, Holding, slowness
 from planner.path.actuation import actuate
@@ -253,18 +252,6 @@ def test_rows_that_cannot_bind_cost_no_time(laden, order):
     weak = plan(TILTED, with_axes(laden, max_force=1.02 * 220 * kept.certificate.worst["holding force"]), order=order)
     assert weak.certificate.holds
     assert weak.trajectory.duration > kept.trajectory.duration
-
-
-@pytest.mark.parametrize("times", [1.6, 3.0, 20.0])
-def test_a_load_looked_at_at_a_few_points_costs_no_time(laden, monkeypatch, times):
-    """Where a force is so many times what holding takes: the motion is that found with a look at every point."""
-    kept = plan(TILTED, laden, order=2)
-    machine = with_axes(laden, max_force=times * 220 * kept.certificate.worst["holding force"])
-    found = plan(TILTED, machine, order=2)
-    monkeypatch.setattr("planner.timing.problem.IDLE_STRIDE", 1)
-    every = plan(TILTED, machine, order=2)
-    assert found.certificate.holds
-    assert np.array_equal(found.trajectory.knots, every.trajectory.knots)
 
 
 def test_the_preset_weighs_what_its_comments_say(laden):

@@ -12,7 +12,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Hexapod
 from planner import Arc, Infeasible, Line, Program, Trajectory, Turn, check, plan
-from planner.certificate.enclosure import Cells, bound_series, enclose
+from planner.certificate import Cells, bound_series, enclose
 from planner.limits.geometric import Clearance
 from planner.path.actuation import actuate
 from planner.trajectory import unit_speed_trajectory

@@ -19,7 +19,7 @@ from planner.limits.tool import FACETS, AngularSpeed, ToolAcceleration, ToolJerk
 from planner.path.actuation import actuate, make_points
 from planner.path.polynomial import PolynomialPath
 from planner.pulses import pace_axes
-from planner.timing.problem import pose_problem
+from planner.timing import pose_problem
 
 COUNT = 400
 

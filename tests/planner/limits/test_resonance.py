@@ -8,12 +8,12 @@ from scipy.interpolate import CubicSpline
 
 from kinematics import Axis, MotionError
 from planner import Trajectory
-from planner.certificate.certify import CROSSING, certify
-from planner.certificate.resonance_dwell import MIN_CELL_SHARE, find_stays
+from planner.certificate import CROSSING, certify, find_stays
+from planner.certificate.resonance_dwell import MIN_CELL_SHARE
 from planner.limits import limits_of
 from planner.limits.resonance import Resonance
 from planner.path.polynomial import PolynomialPath
-from planner.timing.certified_solve import certified_solve
+from planner.timing import certified_solve
 
 LENGTH, SPEED, PUSH, BAND = 0.05, 0.02, 0.225, (0.003, 0.004)
 LINE = PolynomialPath([0.0, LENGTH], np.array([[[1.0]], [[0.0]]]), ["x"])

@@ -8,8 +8,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import MotionError, load_machine
 from planner import Arc, Blend, Line, Program, Spline, load_program, plan
-from planner.certificate.enclosure import Cells, bound_series, enclose
-from planner.certificate.ranges import bound_balls, bound_ranges
+from planner.certificate import Cells, bound_balls, bound_ranges, bound_series, enclose
 from planner.limits.tool import ToolJerk
 from planner.path.actuation import make_points
 

@@ -12,7 +12,7 @@ from scipy.interpolate import PPoly
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from planner import Arc, Line, Program, Trajectory, Turn, load_program
-from planner.certificate.enclosure import Cells, bound_series, enclose
+from planner.certificate import Cells, bound_series, enclose
 from planner.path.actuation import actuate
 from planner.path.polynomial import PolynomialPath
 

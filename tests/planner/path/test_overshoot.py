@@ -7,8 +7,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import load_machine
-from planner import Line, Program, Spline, check, plan
-from planner.program.modifiers import Blend
+from planner import Blend, Line, Program, Spline, check, plan
 
 START = RigidTransform.identity()
 CARTESIAN = load_machine("cartesian")

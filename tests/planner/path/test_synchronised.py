@@ -22,7 +22,7 @@ from planner import (
     plan,
     synchronise,
 )
-from planner.certificate.feasibility import prove_feasibility
+from planner.certificate import prove_feasibility
 from planner.export.format import ExportSource
 from planner.export.formats.adlink import AdlinkCsv
 from planner.export.formats.sahbaz import Sahbaz, read_moves

@@ -8,7 +8,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import MotionError, load_machine
 from planner import Arc, Line, Program, Trajectory, plan
-from planner.certificate.enclosure import Cells, bound_series, enclose
+from planner.certificate import Cells, bound_series, enclose
 from planner.path.actuation import actuate
 
 # Some roundings of coordinates of decimetres, put together from four transforms.

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from benchmarks.evidence.speed.compression import find_longest_commands
 from kinematics import MotionError
 from planner.pulses import AxisPulses, compress, decompress
+from tests.planner.pulses.longest_commands import find_longest_commands
 
 
 def axis_of(gaps, signs=None, first=50_000):
@@ -93,7 +93,7 @@ def test_few_commands_more_than_an_exhaustive_search_needs(axis, tolerance):
 
 @pytest.mark.parametrize(("micro", "pulses"), [(1, 30_000), (10, 30_000), (25, 20_000)])
 def test_nine_tenths_of_an_exhaustive_search_on_the_hexapod(planned, micro, pulses):
-    """The program `circle` at 10 MHz; the whole of it is `python -m benchmarks.evidence.speed.compression`."""
+    """The program `circle` at 10 MHz, from the middle of two legs."""
     legs = []
     for leg in planned("circle", None).pulses.axes[1:5:3]:
         middle = slice(len(leg) // 2 - pulses // 2, len(leg) // 2 + pulses // 2)

@@ -1,4 +1,4 @@
-"""Errors of schedules along an axis and in space, against forward kinematics; the bounds on speeds behind them."""
+"""Errors of schedules along an axis, and the bounds on speeds that they rest on."""
 
 from types import SimpleNamespace
 
@@ -6,55 +6,19 @@ import numpy as np
 import pytest
 from scipy.interpolate import PPoly
 
-from benchmarks.evidence.trials.firing_rules import axis_error, draw_close_up, space_error
 from planner.pulses import generate
-from planner.pulses.generation.dda import DEFAULT_RATE
 from planner.pulses.generation.pieces import bound_rate, fit
-from planner.pulses.motion import axis_errors, space_errors
 
 
-@pytest.fixture(scope="module")
-def schedules(planned, hexapod):
+@pytest.mark.parametrize(("rule", "least"), [("nearest", 0.499), ("floor", 0.99), ("dda", 50)])
+def test_errors_of_an_axis_reach_what_the_rule_states(planned, hexapod, rule, least):
+    """They are largest right before and at a pulse."""
     motion = planned("bare-circle", 2).trajectory
-    return [generate(motion, hexapod.axes, hexapod.home_q, rule=rule) for rule in ("nearest", "floor", "dda")]
-
-
-def test_errors_in_space_are_those_of_the_pose_that_the_counts_stand_for(planned, hexapod, schedules):
-    """First order against the forward kinematics: it leaves out |δ|²/2r of rotations of some δ/100 mm."""
-    motion = planned("bare-circle", 2).trajectory
-    for schedule in schedules:
-        t, error = space_errors(schedule, motion, hexapod)
-        some = np.arange(0, len(t), 997)
-        pulse = np.array([axis.pulse for axis in schedule.axes])
-        state = motion.at(t[some])
-        for i, count, pose in zip(some, schedule.counts(t[some]), state.pose, strict=True):
-            true = hexapod.forward(hexapod.home_q + count * pulse, near=pose).pose
-            off = np.linalg.norm(true.translation - pose.translation)
-            assert error[i] == pytest.approx(off, abs=1e-10 + 50 * off**2)
-
-
-def test_errors_of_an_axis_reach_what_the_rule_states(planned, schedules):
-    motion = planned("bare-circle", 2).trajectory
-    for schedule, least in zip(schedules, (0.499, 0.99, 50), strict=True):
-        for k, axis in enumerate(schedule.axes):
-            t, error = axis_errors(schedule, motion, k)
-            assert (np.diff(t) >= 0).all()
-            assert least < abs(error).max() <= axis.bound + 27e3 / schedule.clock_hz  # the travel of a tick
-
-
-def test_figures_have_a_line_for_each_rule(planned, hexapod, schedules):
-    motion = planned("bare-circle", 2).trajectory
-    drawn = (
-        axis_error(schedules, motion),
-        draw_close_up(schedules, motion, 0.5, 0.501),
-        space_error(schedules, motion, hexapod),
-    )
-    for ax in drawn:
-        # dda tells the rate of its bursts: no axis states one
-        assert [line.get_label() for line in ax.lines] == ["nearest", "floor", f"dda:rate={DEFAULT_RATE} 1/s"]
-    levels = [line.get_ydata().max() for line in drawn[0].lines]
-    assert levels == sorted(levels)
-    assert levels[0] == pytest.approx(0.5, abs=0.01)
+    schedule = generate(motion, hexapod.axes, hexapod.home_q, rule=rule)
+    for k, axis in enumerate(schedule.axes):
+        x = (motion.at(axis.ticks / schedule.clock_hz).q[:, k] - axis.home) / axis.pulse
+        error = max(np.abs(axis.counts(ticks) - x).max() for ticks in (axis.ticks - 1, axis.ticks))
+        assert least < error <= axis.bound + 27e3 / schedule.clock_hz  # the travel of a tick
 
 
 @pytest.mark.parametrize("times", [1, 2])

@@ -7,15 +7,14 @@ import numpy as np
 import pytest
 
 from kinematics import Shaper, load_machine
-from planner import Arc, Infeasible, Line, Program, plan
+from planner import Arc, Infeasible, Line, Place, Program, plan
 from planner.active_limits import tabulate_segments
 from planner.limits import limits_of
 from planner.limits.lowered import Shares
-from planner.place import Place
 from planner.shaping import keep_limits
 from planner.shaping.shaped_proof import advise_shapers
 from planner.shaping.shaping_cost import LoweredStretch, ShapingCost
-from planner.timing.certified_solve import certified_solve
+from planner.timing import certified_solve
 
 CAP = 0.19
 SLOW = Shaper("zv", 5.0, 0.05)

@@ -14,14 +14,14 @@ from kinematics.foundation.errors import MotionError
 from kinematics.machine.load import Body, Load
 from kinematics.machine.shaper import Shaper
 from planner import Arc, Dwell, Infeasible, Line, Program, Trigger, load_program, plan
-from planner.certificate.enclosure import Cells, bound_series
+from planner.certificate import Cells, bound_series
 from planner.limits import limits_of
 from planner.path.actuation import actuate
 from planner.shaping import shaped_proof
 from planner.shaping.keep_limits import solve_shaped
 from planner.shaping.shaped_enclosure import enclose_shaped
 from planner.shaping.shaped_motion import reached_poses
-from planner.timing.certified_solve import certified_solve
+from planner.timing import certified_solve
 
 KINDS = {
     "hexapod": ("blended", Shaper("zv", 35.0, 0.05)),

@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from benchmarks.evidence.speed.reading import draw, scatter
 from kinematics import FileError, MotionError
 from planner import Arc, Blend, Line, Program, Spline, Stop, Through, import_program, load_program, plan
 from planner.program.program_writer import program_toml
@@ -23,6 +22,7 @@ from planner.sources.contours import find_tour
 from planner.sources.dxf import METRES
 from planner.sources.outline import outline
 from tests.pace import slowness
+from tests.planner.sources.drawings import draw, scatter
 
 
 @pytest.fixture

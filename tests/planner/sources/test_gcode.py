@@ -12,11 +12,24 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import FileError, MotionError, load_machine
-from planner import Arc, Blend, Dwell, Fit, Line, Stop, Through, Turn, import_program, load_program, plan, plan_parts
+from planner import (
+    Arc,
+    Blend,
+    Dwell,
+    Fit,
+    Line,
+    Stop,
+    Through,
+    Trigger,
+    Turn,
+    import_program,
+    load_program,
+    plan,
+    plan_parts,
+)
 from planner.path.actuation import actuate
 from planner.path.chain import chain_pieces
 from planner.program.joins import fit_joins
-from planner.program.modifiers import Trigger
 from planner.program.program_writer import program_lines, program_toml
 from planner.sources.gcode import Gcode
 from planner.sources.outline import outline
@@ -25,16 +38,6 @@ from tests.pace import cpu_limit, slowness
 PLANES = {"G17": (0, 1, 2), "G18": (2, 0, 1), "G19": (1, 2, 0)}
 ROUNDED = 2e-12
 """m: coordinates are written to 1e-12 of their unit, and added up a few dozen times."""
-
-
-@pytest.fixture
-def read(tmp_path):
-    def of(text, suffix=".nc", **options):
-        path = tmp_path / f"part{suffix}"
-        path.write_bytes(text if isinstance(text, bytes) else text.encode())
-        return import_program(path, **options)
-
-    return of
 
 
 def walked(program):
@@ -503,8 +506,7 @@ def test_any_bytes_are_a_program_or_a_refusal(tmp_path_factory, data):
 def test_many_words_are_read_in_time(read):
     """Twenty thousand lines, and a million words of other kinds: 2 s for 100 000 lines is 0.4 s for 20 000.
 
-    By the processor's time, the least of three, and half as much again, since others work on the same machine: the
-    figure itself is that of `python -m benchmarks.evidence.speed.reading`.
+    By the processor's time, the least of three, and half as much again, since others work on the same machine.
     """
     rng = random.Random(2)
     lines = ["G21 F600 G1"] + [

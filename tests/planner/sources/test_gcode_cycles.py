@@ -7,17 +7,7 @@ import numpy as np
 import pytest
 
 from kinematics import FileError
-from planner import Dwell, Line, Stop, Through, import_program, plan
-
-
-@pytest.fixture
-def read(tmp_path):
-    def read_text(text, **options):
-        path = tmp_path / "part.ngc"
-        path.write_text(text)
-        return import_program(path, **options)
-
-    return read_text
+from planner import Dwell, Line, Stop, Through, plan
 
 
 def steps(done):

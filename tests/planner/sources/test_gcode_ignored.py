@@ -26,16 +26,6 @@ COMMANDS = [
 ]  # fmt: skip
 
 
-@pytest.fixture
-def read(tmp_path):
-    def read_text(text, **options):
-        path = tmp_path / "part.nc"
-        path.write_text(text)
-        return import_program(path, **options)
-
-    return read_text
-
-
 def moves(done):
     return [((part.to * 1e3).round(9).tolist(), part.speed) for part in done.program.segments]
 

@@ -13,16 +13,6 @@ from planner import Arc, Dwell, Line, Stop, Turn, import_program, plan
 from planner.sources.rs274.arcs import Way, arc_by_centre, arc_by_radius
 
 
-@pytest.fixture
-def read(tmp_path):
-    def read_text(text, **options):
-        path = tmp_path / "part.ngc"
-        path.write_text(text)
-        return import_program(path, **options)
-
-    return read_text
-
-
 def places(done):
     """Ends of the lines in mm."""
     return [np.round(part.to * 1e3, 9).tolist() for part in done.program.segments if isinstance(part, Line)]

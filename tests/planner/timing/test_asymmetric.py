@@ -13,10 +13,7 @@ from kinematics import Axis, MotionError
 from planner import Line, Program, classical, plan, time_optimal
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
-from planner.timing.discretization import jerk_problem
-from planner.timing.problem import Run, make_grid, pose_problem
-from planner.timing.solvers.second_order import second_order
-from planner.timing.solvers.third_order import third_order
+from planner.timing import Run, jerk_problem, make_grid, pose_problem, second_order, third_order
 
 
 def straight(length):

@@ -4,16 +4,16 @@ from math import sqrt
 
 import pytest
 
-from benchmarks.evidence.speed.cam_files import (
-    FEEDS,
-    CamOptions,
+from benchmarks.evidence.cases.cam_files import (
     find_files,
-    generate_cam_file,
     make_machine,
     plan_file,
+    plan_in_parts,
     read_program,
     try_file,
 )
+from benchmarks.evidence.workpieces import FEEDS, SHAPES, generate_cam_file, write_shape
+from kinematics import load_machine
 from planner import plan
 
 # m
@@ -55,12 +55,12 @@ def test_no_file_is_slower_than_classical_timing(write_file, machine, feature, s
     """The baseline has the same limits, and stops at every join: a plan may do the same."""
     file = write_file(generate_cam_file(seed, [feature]))
 
-    run = plan_file(file, machine, CamOptions(order, fit))
+    run = plan_file(file, machine, order, fit)
 
     assert run.certified
     assert run.motion <= run.baseline
     assert 0 <= run.gap <= MAX_GAP
-    assert not run.late
+    assert not run.marks
 
 
 @pytest.mark.parametrize("feed", [5.0, 60.0, 600.0])
@@ -109,9 +109,25 @@ def test_a_folder_is_planned_with_its_refusals(write_file, machine, tmp_path):
     write_file("no G-code", "c.txt")
 
     files = find_files(tmp_path)
-    runs = {file.name: try_file(file, machine, CamOptions(2)) for file in files}
+    runs = {file.name: try_file(file, lambda file: plan_file(file, machine, 2, None)) for file in files}
 
     assert runs.keys() == {"a.ngc", "b.NC"}
     assert runs["a.ngc"].certified
     assert "no F is active" in runs["b.NC"].refusal
-    assert "no F is active" in runs["b.NC"].cells[-1]
+    assert "no F is active" in runs["b.NC"].row(files[-1])[-1]
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_every_shape_is_read(name, tmp_path):
+    program = read_program(write_shape(name, 60, tmp_path / "part.nc"), None)
+    assert 50 <= len(program.segments) <= 80
+
+
+def test_a_part_is_planned_as_fast_in_windows_as_at_once(tmp_path):
+    file = write_shape("slots", 60, tmp_path / "part.nc")
+    parts = plan_in_parts(file, 2)
+    whole = plan_file(file, load_machine("hexapod"), 2, None)
+    assert parts.certified
+    assert parts.motion == pytest.approx(whole.motion, rel=1e-3)
+    assert 0 < parts.processor < 60
+    assert 1e8 < parts.memory < 6e8

@@ -9,12 +9,11 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Traverser, load_machine
 from planner import Arc, Blend, Infeasible, Line, Program, Spline, Through, Trajectory, plan
-from planner.certificate.certify import certify
-from planner.certificate.constant_speed import CONSTANT_SPEED, SPEED_TOLERANCE
+from planner.certificate import CONSTANT_SPEED, SPEED_TOLERANCE, certify
 from planner.limits import limits_of
 from planner.path.actuation import MachinePath, actuate
+from planner.timing import Run
 from planner.timing.parts import solve_in_parts, tighten_in_parts
-from planner.timing.problem import Run
 
 V, A, J = 0.1, 0.5, 10.0
 START = RigidTransform.from_components([0, 0, 0.03], Rotation.identity())
@@ -221,8 +220,6 @@ def test_a_refused_constant_speed_is_told_with_one_that_holds(hexapod):
         plan(asked(0.006), hexapod, order=3)
     found = float(re.search(r"([\d.]+) mm/s was found to hold", str(refusal.value))[1]) / 1e3
     assert plan(asked(0.999 * found), hexapod, order=3).certificate.holds
-    with pytest.raises(Infeasible, match="was found to hold"):
-        plan(asked(1.01 * found), hexapod, order=3)
 
 
 @pytest.mark.parametrize("order", [2, 3])

@@ -7,11 +7,11 @@ from scipy.optimize import linprog
 
 from kinematics import load_machine
 from planner import Line, Program, load_program, plan, time_optimal
-from planner.certificate.lower_bound import bound_cells, bound_rest, enclose_rows, leave_rest
+from planner.certificate import bound_cells, bound_rest, enclose_rows, leave_rest
 from planner.limits import limits_of
 from planner.path.actuation import actuate
-from planner.timing.certified_solve import certified_solve
-from planner.timing.duration_bound import MANY_RUNS, bound_duration
+from planner.timing import bound_duration, certified_solve
+from planner.timing.duration_bound import MANY_RUNS
 from planner.timing.solvers.inner_minimum import solve_inner
 
 

@@ -9,36 +9,16 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import MotionError
 from planner import Arc, Dwell, Infeasible, Line, Program, Spline, Turn, classical, plan, time_optimal
-from planner.certificate.certify import certify
+from planner.certificate import certify
 from planner.path.actuation import actuate
 from planner.pulses import check
 
-V, A, J = 1.0, 2.0, 20.0
+V, A = 1.0, 2.0
 RIM = RigidTransform.from_components([0.015, 0, 0.025], Rotation.identity())
 
 
 def straight(length):
     return PPoly(np.array([[[1.0]], [[0.0]]]), [0.0, length])
-
-
-def least_time(length, start, end, order):
-    """Up to V, along, down; a ramp at A between two speeds, A/J longer under a jerk limit, covers its mean speed."""
-    up, down = ((V - speed) / A + (A / J if order == 3 else 0.0) for speed in (start, end))
-    return up + down + (length - up * (V + start) / 2 - down * (V + end) / 2) / V
-
-
-@pytest.mark.parametrize(("order", "slack"), [(2, 2e-5), (3, 1e-3)])
-@pytest.mark.parametrize(("start", "end"), [(0.5, 0.25), (0.0, 0.7)])
-def test_one_axis(order, slack, start, end):
-    jerk = J if order == 3 else None
-    made = time_optimal(straight(1.5), max_speed=V, max_acceleration=A, max_jerk=jerk, start_speed=start, end_speed=end)
-    assert made.certificate.holds
-    least = least_time(1.5, start, end, order)
-    assert least * (1 - 1e-6) <= made.trajectory.duration <= least * (1 + slack)
-    states = made.trajectory.within(np.array([0, -1]), np.array([0.0, np.diff(made.trajectory.knots)[-1]]))
-    assert states.qd[:, 0] == pytest.approx([start, end], abs=1e-9)
-    if order == 3:
-        assert states.qdd[:, 0] == pytest.approx([0, 0], abs=1e-7)
 
 
 def test_speeds_that_cannot_be_are_refused():

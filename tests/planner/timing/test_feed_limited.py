@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from kinematics import load_machine
-from planner import Arc, Line, Program, plan
+from planner import Arc, Blend, Fit, Line, Program, Through, plan
 from planner.baselines.classical import classical
 from planner.limits import limits_of
 from planner.limits.lowered import Shares
 from planner.path.actuation import actuate
-from planner.program.modifiers import Blend, Fit, Through
-from planner.timing.certified_solve import certified_solve
+from planner.timing import certified_solve
 
 # of the bundled cartesian machine, per axis: m/s, m/s², m/s³
 SPEED, ACCELERATION, JERK = 0.3, 3.0, 100.0

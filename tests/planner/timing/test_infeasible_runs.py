@@ -10,8 +10,7 @@ from kinematics import Axis, Hexapod
 from planner import Infeasible, Line, Program, check
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
-from planner.timing.problem import Run
-from planner.timing.run import solve_run
+from planner.timing import Run, solve_run
 
 STROKE, TILT = 0.0508, np.deg2rad(12.0)
 
@@ -22,9 +21,9 @@ def machine(hexapod, stroke=STROKE, tilt=None):
 
 
 @pytest.fixture(autouse=True)
-def impatient(monkeypatch):
+def impatient(limit_search):
     """How far a path must shrink or move is test_advice' matter, and takes its time."""
-    monkeypatch.setattr("planner.certificate.advice.MAX_SEARCH_TIME", 0.0)
+    limit_search(0.0)
 
 
 def named(no, kind, axes):

@@ -7,8 +7,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from planner import time_optimal
-from planner.timing import jerk_limited
-from planner.timing.profile import Profile, sample_limit_use
+from planner.timing import Profile, jerk_limited, sample_limit_use
 
 
 def test_what_a_solver_started_from_is_taken_where_its_answer_has_to_be_slowed_more(monkeypatch):

@@ -6,20 +6,18 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from benchmarks.evidence.trials.robust_programs import plan_program, random_program, stop_everywhere
+from benchmarks.evidence.cases.robustness import plan_program
+from benchmarks.evidence.random_programs import random_program, stop_everywhere
 from kinematics import MotionError, load_machine
 from kinematics.foundation.errors import require
 from planner import Blend, Line, Program, load_program, plan
 from planner.limits import Term, limits_of
 from planner.path.actuation import actuate
+from planner.timing import Block, Run, RunSolution, coarse_jerk_problem, jerk_problem, solve_jerk_limited, third_order
 from planner.timing.certified_run import tighten_block
-from planner.timing.discretization import coarse_jerk_problem, jerk_problem
 from planner.timing.initial_guess import pass_breaks
 from planner.timing.jerk_limited import solve_leg
-from planner.timing.problem import Block, Run
-from planner.timing.profile import RunSolution
 from planner.timing.solvers import third_order as solver_module
-from planner.timing.solvers.third_order import solve_jerk_limited, third_order
 
 START = RigidTransform.from_translation([0.0, 0.0, 0.025])
 
@@ -69,9 +67,10 @@ def test_equal_lines_whose_blends_take_half_of_each(hexapod, order):
 
 @pytest.mark.parametrize(("machine", "order", "seed"), [("linkage", 2, 3), ("linkage", 3, 24), ("hexapod", 3, 27)])
 def test_random_programs_are_answered(machine, order, seed):
-    """A small version of benchmarks.evidence.trials.robust_programs."""
-    found = plan_program(random_program(seed, machine), load_machine(machine), order)
-    assert found.fault == ""
+    """A small part of the case `robustness` of the evidence, kind programs."""
+    fault, methods = plan_program(random_program(seed, machine), load_machine(machine), order)
+    assert fault == ""
+    assert methods
 
 
 def test_without_an_answer_for_the_whole_it_rests_where_it_is_slowest(hexapod, stopping, monkeypatch):

@@ -9,14 +9,13 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import RigidTransform
 
-from benchmarks.evidence.peers.casadi_ import smooth_by_casadi
 from kinematics import Axis, Hexapod, MotionError
 from planner import Arc, Blend, Dwell, Infeasible, Line, Program, load_program, plan
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
-from planner.timing import stated_duration
-from planner.timing.certified_solve import certified_solve
-from planner.timing.stated_duration import jerk_slopes, solve_stated
+from planner.timing import certified_solve, solve_stated, stated_duration
+from planner.timing.stated_duration import jerk_slopes
+from tests.planner.timing.smoothest_by_ipopt import smooth_by_ipopt
 
 
 def straight(length, duration, speed=1e3, acceleration=1e3, jerk=1e4, order=3):
@@ -86,7 +85,7 @@ def test_it_finds_what_fatrop_finds(monkeypatch, seed, share, order):
     assert found.methods == ("smoothest",)
     path, problem, weights, guess = posed[0]
     jerks = jerk_slopes(path, problem, weights)
-    ours, theirs = solve(path, problem, weights, guess), smooth_by_casadi(problem, jerks, guess)
+    ours, theirs = solve(path, problem, weights, guess), smooth_by_ipopt(problem, jerks, guess)
     assert ours.duration == pytest.approx(guess[3].sum(), rel=1e-12)
     least = cost_of(problem, jerks, theirs.require_profile())
     assert cost_of(problem, jerks, ours.require_profile()) <= least * (1 + 1e-6)

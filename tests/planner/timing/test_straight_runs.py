@@ -10,8 +10,7 @@ from kinematics import Axis, load_machine
 from planner import Infeasible, Line, Program, plan, time_optimal
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
-from planner.timing.problem import Run
-from planner.timing.run import solve_run
+from planner.timing import Run, solve_run
 
 
 def test_the_reference_keeps_what_it_says(seven_segments):

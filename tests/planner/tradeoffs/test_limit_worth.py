@@ -6,12 +6,12 @@ from scipy.interpolate import PPoly
 
 from kinematics import MotionError, load_machine
 from planner import Dwell, Line, Program, load_program, plan, time_optimal
-from planner.tradeoffs.limit_worth import ALL, find_worth
+from planner.tradeoffs import ALL, find_worth
 
 
 @pytest.fixture(scope="module")
-def circle():
-    return {order: plan(load_program("bare-circle"), load_machine("hexapod"), order=order).worth for order in (2, 3)}
+def circle(plan_bundled):
+    return {order: plan_bundled("bare-circle", "hexapod", order).worth for order in (2, 3)}
 
 
 def straight(*lengths):

@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 from scipy.interpolate import PPoly
 
-from kinematics import MotionError, load_machine
-from planner import Line, Program, load_program, plan, time_optimal
-from planner.tradeoffs.heat import measure_heat, solve_objective
-from planner.tradeoffs.objective import Objective, read_objective
+from kinematics import MotionError
+from planner import Line, Program, plan, time_optimal
+from planner.tradeoffs import Objective, measure_heat, read_objective, solve_objective
 
 
 @pytest.fixture(scope="module")
-def circle():
-    return plan(load_program("bare-circle"), load_machine("hexapod"))
+def circle(plan_bundled):
+    return plan_bundled("bare-circle", "hexapod", 3)
 
 
 @pytest.mark.parametrize("length", [1.0, 0.03])

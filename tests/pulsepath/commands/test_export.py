@@ -4,15 +4,15 @@ import json
 import re
 from importlib.resources import files
 from pathlib import Path
+from shutil import copytree
 from typing import get_type_hints
 
 import numpy as np
 import pytest
 
+import pulsepath as pp
 from kinematics.foundation.options import options
 from planner.export.format import FORMATS, find_format
-from pulsepath.commands.export import _name_file
-from pulsepath.output import plan_directory
 from tests import read_lines
 
 LINE = 'schema = 1\nlength = "mm"\nangle = "deg"\n[[segment]]\nline = {{ to = [{}] }}\n'
@@ -96,10 +96,14 @@ def test_streams_say_how_far_they_are_off(call, plan, name, options, most, note)
         ("", "binary", "folder.binary.bin"),
     ],
 )
-def test_a_file_is_named_after_program_and_format(tmp_path, program, name, file):
-    (tmp_path / "folder").mkdir()
-    (tmp_path / "folder" / "plan.json").write_text(json.dumps({"program": program}))
-    assert _name_file(tmp_path / "folder", name, find_format(name).suffix) == file
+def test_a_file_is_named_after_program_and_format(call, corner, tmp_path, program, name, file):
+    folder = tmp_path / "folder"
+    copytree(corner, folder)
+    record = json.loads((folder / "plan.json").read_text())
+    (folder / "plan.json").write_text(json.dumps({**record, "program": program}))
+    done = call("export", folder, "--format", name, "--unverified", "--json")
+    assert done.exit_code == 0, done.stderr
+    assert json.loads(done.stdout)["file"] == str(folder / file)
 
 
 def test_pulses_that_are_there_are_read(call, plan, directory):
@@ -202,7 +206,7 @@ def test_an_arm_is_exported_with_its_links_from_beside_the_plan(call, tmp_path):
 
 def test_files_name_the_machine_as_it_was_planned(call, plan):
     """Not by the copy of its file in the directory, machine.toml."""
-    assert plan_directory.read(plan).machine.name == "hexapod"
+    assert pp.load_plan(plan).machine.name == "hexapod"
     done = call("export", plan, "--format", "adlink")
     assert done.exit_code == 0, done.stderr
     assert (plan / "bare-circle.adlink.c").read_text().startswith('/* "bare-circle" on "hexapod"\n')

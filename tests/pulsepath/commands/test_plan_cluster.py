@@ -8,10 +8,9 @@ from functools import partial
 import pytest
 
 from planner import parallel
-from pulsepath import parts_job
 from pulsepath.output import parts_directory
 from pulsepath.process.exits import describe_error
-from tests.pulsepath.commands.test_plan_parts import make_windows
+from tests.windows import small_windows
 
 ASKED = ("--machine", "hexapod", "--order", "2", "--no-figures")
 SAME = ("motion.bin", "pulses.bin", "plan.json", "report.html", "certificate.json")
@@ -39,9 +38,8 @@ def cluster():
 
 
 @pytest.fixture(scope="module", autouse=True)
-def small_windows():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(parts_job, "make_parts", partial(make_windows, 16))
+def windows():
+    with small_windows(16):
         yield
 
 

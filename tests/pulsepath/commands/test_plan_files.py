@@ -74,15 +74,6 @@ def test_a_file_is_planned_and_taken_up_again(call, part):
     assert "5 pieces became" in page
 
 
-def test_its_faults_stand_with_their_lines_and_nothing_is_written(call, part):
-    bad = part.parent / "bad.nc"
-    bad.write_text(PART.replace("X2.88 Y0.19", "X2.88 Q0.19"))
-    done = call("plan", bad, "--machine", "hexapod", "--out", part.parent / "none")
-    assert done.exit_code == 2
-    assert f"{bad}:5: column 10: Q0.19 is not supported" in done.stderr
-    assert not (part.parent / "none").exists()
-
-
 @pytest.mark.parametrize(
     ("more", "told"),
     [

@@ -6,33 +6,27 @@ import json
 import re
 from dataclasses import replace
 from fractions import Fraction
-from functools import partial
 from shutil import copytree
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from benchmarks.evidence.speed.workpieces import spiral
+from benchmarks.evidence.workpieces import spiral
 from kinematics import load_machine
-from planner.certificate.certify import certify
+from planner.certificate import certify
 from planner.export.motion_file import MotionWriter, follow_motion, join_parts, motion_parts, read_motion
 from planner.export.plan_files import tabulate_trigger_csv
 from planner.path.actuation import actuate
 from planner.path.chain import walk_path
-from planner.plan_parts import make_parts
 from planner.sources.source import import_program
-from pulsepath import load_plan, parts_job, progress
+from pulsepath import load_plan, progress
 from pulsepath.output.verification import seal_record
+from tests.windows import small_windows
 
 LINES, PIECES = 120, 6
 """In six windows."""
 FAR = "G1 X500 Y0"
-
-
-def make_windows(pieces, request, *rest):
-    """Plan in windows of so many pieces."""
-    return make_parts(replace(request, pieces=pieces), *rest)
 
 
 def code(*more):
@@ -48,9 +42,10 @@ def folder(tmp_path_factory):
 def planned(call, folder):
     file = folder / "spiral.nc"
     file.write_text(code())
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(parts_job, "make_parts", partial(make_windows, PIECES))
-        done = call("plan", file, "--machine", "hexapod", "--stream", "--out", folder / "plan", "--json")
+    with small_windows(PIECES):
+        done = call(
+            "plan", file, "--machine", "hexapod", "--stream", "--order", "2", "--out", folder / "plan", "--json"
+        )
     assert done.exit_code == 0, done.stderr
     return json.loads(done.stdout)
 
@@ -111,8 +106,7 @@ def stopping(call, folder):
     """A plan in parts that all end with a stop of the program, without a file of pulses."""
     file = folder / "stops.nc"
     file.write_text(STOPS)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(parts_job, "make_parts", partial(make_windows, 3))
+    with small_windows(3), pytest.MonkeyPatch.context() as patch:
         patch.setattr(progress, "REPORT_PERIOD", 0.0)
         more = ("--stream", "--order", "2", "--no-figures", "--pulses", "none")
         done = call("plan", file, "--machine", "hexapod", *more, "--out", folder / "stops", "--json")
@@ -140,8 +134,7 @@ def events(call, folder):
     file = folder / "events.nc"
     file.write_text("\n".join([*lines, ""]))
     more = ("--machine", "hexapod", "--order", "2", "--no-figures", "--json")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(parts_job, "make_parts", partial(make_windows, PIECES))
+    with small_windows(PIECES):
         streamed = call("plan", file, *more, "--stream", "--out", folder / "streamed")
     assert streamed.exit_code == 0, streamed.stderr
     assert "trigger" not in streamed.stderr.replace("marked by triggers", "")
@@ -279,8 +272,9 @@ def test_a_plan_that_is_broken_off_leaves_nothing(
 
     write = MotionWriter.add
     monkeypatch.setattr(MotionWriter, "add", add)
-    monkeypatch.setattr(parts_job, "make_parts", partial(make_windows, PIECES))
-    done = call("plan", file, "--machine", "hexapod", "--stream", "--no-figures", "--force", "--out", out)
+    more = ("--stream", "--order", "2", "--no-figures", "--force")
+    with small_windows(PIECES):
+        done = call("plan", file, "--machine", "hexapod", *more, "--out", out)
     assert done.exit_code == exit_code
     assert re.search(message, done.stderr)
     assert len(added) == 3
@@ -293,8 +287,7 @@ def test_every_file_states_the_same_duration(call, folder, lines):
     """The sum of the parts' durations is one number, wherever it is stated: of these, numbers that round differ."""
     file, out = folder / f"stops{lines}.nc", folder / f"stops{lines}"
     file.write_text("\n".join(["G21 G90 G61", "G1 X1 Z25 F600", *(f"G1 X{k % 2} Y{k % 3}" for k in range(lines))]))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(parts_job, "make_parts", partial(make_windows, 4))
+    with small_windows(4):
         more = ("--stream", "--order", "2", "--no-figures")
         assert call("plan", file, "--machine", "hexapod", *more, "--out", out).exit_code == 0
     checked = call("check", out)
@@ -309,8 +302,7 @@ def test_turns_go_on_behind_a_stop(call, folder):
     file.write_text(f'schema = 1\nmachine = "traverser"\nlength = "mm"\nangle = "deg"\n{turns}')
     whole = call("plan", file, "--whole", "--order", "2", "--no-figures", "--out", folder / "turned", "--json")
     assert whole.exit_code == 0, whole.stderr
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(parts_job, "make_parts", partial(make_windows, 3))
+    with small_windows(3):
         more = ("--stream", "--order", "2", "--no-figures", "--json")
         done = call("plan", file, *more, "--out", folder / "turns")
     assert done.exit_code == 0, done.stderr
@@ -331,12 +323,12 @@ def test_a_program_that_goes_out_of_reach_gives_nothing(call, folder):
     assert not (folder / "far").exists()
 
 
-def test_or_what_was_certified_before_it(call, folder, monkeypatch):
-    monkeypatch.setattr(parts_job, "make_parts", partial(make_windows, PIECES))
+def test_or_what_was_certified_before_it(call, folder):
     file = folder / "long.nc"
     file.write_text(code(FAR))
     more = ("--stream", "--keep-certified", "--order", "2", "--no-figures")
-    done = call("plan", file, "--machine", "hexapod", *more, "--out", folder / "kept")
+    with small_windows(PIECES):
+        done = call("plan", file, "--machine", "hexapod", *more, "--out", folder / "kept")
     assert done.exit_code == 1
     record = json.loads((folder / "kept" / "plan.json").read_text())
     assert "mm is beyond" in record["ends_before"]

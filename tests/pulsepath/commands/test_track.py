@@ -134,13 +134,3 @@ def test_a_damaged_plan_is_refused(call, plan, name, text, told):
     assert done.exit_code == 2
     assert told in done.stderr
     assert not (plan / "track.json").exists()
-
-
-def test_other_bad_calls(call, plan, tmp_path):
-    for arguments, told in [
-        ([plan, "--law", "9"], 'no law is called "9"'),
-        ([tmp_path / "none", "--law", "3"], "holds no plan"),
-    ]:
-        done = call("track", *arguments)
-        assert done.exit_code == 2
-        assert told in done.stderr

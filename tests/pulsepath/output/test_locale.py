@@ -13,7 +13,6 @@ from kinematics import load_machine
 from planner import Line, Program, Synchronised, load_program, plan
 from planner.export import motion_file
 from planner.export.format import FORMATS, ExportSource, find_format
-from pulsepath.output import plan_directory
 from tests import read_lines
 
 COMMAS = ("de_DE.UTF-8", "fr_FR.UTF-8", "nl_NL.UTF-8", "de_DE", "German_Germany.1252")
@@ -79,10 +78,10 @@ def test_every_format_writes_the_same_bytes(sources, commas, tmp_path, name):
     assert with_commas == usual
 
 
-def test_so_do_the_files_of_a_plan(directory, job, inputs, commas, tmp_path, monkeypatch):
+def test_so_do_the_files_of_a_plan(directory, job, write_plan, commas, tmp_path, monkeypatch):
     """All but the report, which is for eyes."""
     monkeypatch.setattr("benchmarks.reports.plan_report.write_report", lambda *_, **__: None)
-    commas(lambda: plan_directory.write(tmp_path, job, inputs))
+    commas(lambda: write_plan(job, tmp_path))
     names = {path.name for path in tmp_path.iterdir()}
     assert names >= {"plan.json", "certificate.json", "motion.bin", "trajectory.csv", "pulses.bin"}
     for name in names:

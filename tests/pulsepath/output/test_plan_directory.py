@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
+import pulsepath as pp
 from kinematics import MotionError
 from planner import read_pulses
 from planner.export.formats import binary
 from planner.pulses import check, generate
 from planner.pulses.schedule import holds_same_pulses
-from pulsepath.output import plan_directory, stored_plan
 from tests import read_lines
 
 
@@ -48,12 +48,12 @@ def test_the_record(directory, job):
     assert 1e-6 < realised["errors"]["position"]["max"] < 5e-6
 
 
-def test_nothing_written_tells_where_or_when_it_was_made(drawn, directory, inputs, job, tmp_path):
+def test_nothing_written_tells_where_or_when_it_was_made(drawn, directory, write_plan, job, tmp_path):
     for path in directory.glob("*.*"):
         text = path.read_text(errors="replace")
         assert str(directory.parent) not in text
         assert sys.prefix not in text
-    plan_directory.write(tmp_path, job, inputs)
+    write_plan(job, tmp_path)
     for path in directory.rglob("*"):
         if path.is_file():
             assert path.read_bytes() == (tmp_path / path.relative_to(directory)).read_bytes(), path.name
@@ -138,43 +138,41 @@ def test_the_pulse_file_is_the_plans_schedule_and_the_certificate_is_of_it(direc
     assert path.stat().st_size < 0.3 * held.total < 0.01 * (edges / "pulses.csv").stat().st_size
 
 
-def test_a_plan_without_a_file_of_pulses_is_proved_and_makes_them_again(inputs, job, tmp_path, edges):
-    plan_directory.write(tmp_path, replace(job, figures=False), inputs, "none")
+def test_a_plan_without_a_file_of_pulses_is_proved_and_makes_them_again(write_plan, job, tmp_path, edges):
+    write_plan(replace(job, figures=False), tmp_path, "--pulses", "none")
     assert not list(tmp_path.glob("pulses.*"))
     certificate = json.loads((tmp_path / "certificate.json").read_text())
     assert (certificate["file"], certificate["sha256"], certificate["holds"]) == (None, None, True)
-    assert plan_directory.read(tmp_path).open_pulses() is None
-    assert holds_same_pulses(job.plan.pulses, [plan_directory.read(tmp_path).pulses])
-    assert holds_same_pulses(job.plan.pulses, [plan_directory.read(edges).pulses])
+    assert pp.load_plan(tmp_path).open_pulses() is None
+    assert holds_same_pulses(job.plan.pulses, [pp.load_plan(tmp_path).pulses])
+    assert holds_same_pulses(job.plan.pulses, [pp.load_plan(edges).pulses])
 
 
-def test_pulses_are_taken_from_their_file_and_where_it_is_gone_made_again(directory, job, tmp_path, monkeypatch):
+def test_pulses_are_taken_from_their_file_and_where_it_is_gone_made_again(directory, job, tmp_path):
     for path in directory.glob("*.*"):
         (tmp_path / path.name).write_bytes(path.read_bytes())
-    monkeypatch.setattr(stored_plan, "generate", lambda *_: pytest.fail("they are in the file"))
-    again = plan_directory.read(tmp_path)
+    again = pp.load_plan(tmp_path)
     assert holds_same_pulses(job.plan.pulses, [again.pulses])
     assert holds_same_pulses(job.plan.pulses, again.open_pulses().parts())
-    monkeypatch.undo()
     (tmp_path / "pulses.bin").unlink()
-    assert holds_same_pulses(job.plan.pulses, [plan_directory.read(tmp_path).pulses])
+    assert holds_same_pulses(job.plan.pulses, [pp.load_plan(tmp_path).pulses])
     earlier = replace(job.plan.pulses.axes[0], ticks=job.plan.pulses.axes[0].ticks - 1)
     binary.write(replace(job.plan.pulses, axes=(earlier, *job.plan.pulses.axes[1:])), tmp_path / "pulses.bin")
     with pytest.raises(MotionError, match=r"pulses\.bin was changed"):
-        plan_directory.read(tmp_path)
+        pp.load_plan(tmp_path)
     # and never from another plan's, were it not told
     assert holds_same_pulses(job.plan.pulses, [replace(again, pulse_file=tmp_path / "pulses.bin").pulses])
 
 
-def test_a_plan_taken_up_again_fires_by_its_rule(inputs, job, tmp_path):
+def test_a_plan_taken_up_again_fires_by_its_rule(write_plan, job, tmp_path):
     plan, rule = job.plan, "sampled:period=1e-05 s"
     pulses = generate(plan.trajectory, plan.machine.axes, plan.machine.home_q, rule=rule)
-    plan_directory.write(tmp_path, replace(job, plan=replace(plan, pulses=pulses)), inputs)
+    write_plan(replace(job, plan=replace(plan, pulses=pulses)), tmp_path)
     record = json.loads((tmp_path / "plan.json").read_text())["pulses"]
     assert record["rule"] == rule
     assert record["check"] == {**record["check"], "holds": True, "time_error_ticks": 0.0}
     assert [axis["bound_pulses"] for axis in record["axes"].values()] == [axis.bound for axis in pulses.axes]
-    again = plan_directory.read(tmp_path).pulses
+    again = pp.load_plan(tmp_path).pulses
     assert again.rule == rule
     for got, axis in zip(again.axes, pulses.axes, strict=True):
         np.testing.assert_array_equal(got.ticks, axis.ticks)
@@ -182,7 +180,7 @@ def test_a_plan_taken_up_again_fires_by_its_rule(inputs, job, tmp_path):
 
 
 def test_a_plan_taken_up_again_is_the_same_to_the_last_bit(directory, job):
-    again = plan_directory.read(directory).trajectory
+    again = pp.load_plan(directory).trajectory
     for name in ("knots", "s", "v", "a", "j", "piece"):
         np.testing.assert_array_equal(getattr(again, name), getattr(job.plan.trajectory, name))
     t = np.linspace(0, again.duration, 101)

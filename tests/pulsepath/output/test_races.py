@@ -32,10 +32,10 @@ COMMANDS = {
 
 
 @pytest.mark.parametrize(("arguments", "place", "kept"), COMMANDS.values(), ids=COMMANDS)
-def test_what_comes_meanwhile_stays(tmp_path, call, directory, monkeypatch, arguments, place, kept):
+def test_what_comes_meanwhile_stays(tmp_path, call, corner, directory, monkeypatch, arguments, place, kept):
     there = tmp_path / "t"
     there.mkdir()
-    shutil.copytree(directory, tmp_path / "plan")
+    shutil.copytree(directory if arguments[0] == "track" else corner, tmp_path / "plan")
     (tmp_path / "line.toml").write_text(LINE)
     (tmp_path / "part.nc").write_text("G21 G90\nG1 X5 F600\nX0\n")
     (tmp_path / "poses.csv").write_text("x [mm],y [mm],z [mm]\n0,0,25\n")
@@ -153,10 +153,8 @@ def test_plan_with_force_leaves_what_comes_while_it_runs(tmp_path, call, monkeyp
     ],
     ids=["stop", "way on", "table"],
 )
-def test_sections_replace_no_file_that_comes_while_they_are_made(
-    tmp_path, call, directory, monkeypatch, arguments, names
-):
-    shutil.copytree(directory, tmp_path / "plan")
+def test_sections_replace_no_file_that_comes_while_they_are_made(tmp_path, call, corner, monkeypatch, arguments, names):
+    shutil.copytree(corner, tmp_path / "plan")
     monkeypatch.chdir(tmp_path)
 
     def come(*given):

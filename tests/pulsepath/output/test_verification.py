@@ -80,7 +80,7 @@ def test_a_motion_that_jumps_is_refused(plan, name):
     motion_pieces.store(path, motion)
     forge(plan)
     with pytest.raises(MotionError, match="times its limit on"):
-        plan_directory.read(plan)
+        pp.load_plan(plan)
 
 
 @pytest.mark.parametrize("key", ["duration_s", "order", "program"])
@@ -89,11 +89,11 @@ def test_a_changed_record_is_refused(plan, key):
     record = json.loads(path.read_text())
     path.write_text(json.dumps(record | {key: {"duration_s": 0.1, "order": 2, "program": "another"}[key]}))
     with pytest.raises(MotionError, match=r"plan\.json was changed after it was written"):
-        plan_directory.read(plan)
+        pp.load_plan(plan)
     if key == "duration_s":
         forge(plan)
         with pytest.raises(MotionError, match="to another motion"):
-            plan_directory.read(plan)
+            pp.load_plan(plan)
 
 
 @pytest.mark.parametrize("provenance", [None, [], {}, {"files": []}, {"files": {}}])
@@ -101,8 +101,8 @@ def test_a_record_without_digests_is_refused(plan, provenance):
     path = plan / "plan.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {"provenance": provenance}))
     with pytest.raises(MotionError, match="--unverified"):
-        plan_directory.read(plan)
-    assert plan_directory.read(plan, unverified=True).doubts
+        pp.load_plan(plan)
+    assert pp.load_plan(plan, unverified=True).doubts
 
 
 def test_every_file_counts(directory, tmp_path):
@@ -114,13 +114,13 @@ def test_every_file_counts(directory, tmp_path):
         if path.name == "plan.json":  # a space is none of its values
             continue
         with pytest.raises(MotionError, match=f"{path.name} was changed"):
-            plan_directory.read(copy)
+            pp.load_plan(copy)
         (copy / path.name).unlink()
         if path.name in plan_directory.DERIVED:
-            plan_directory.read(copy)
+            pp.load_plan(copy)
         else:
             with pytest.raises(MotionError, match=f"{path.name} is not there"):
-                plan_directory.read(copy)
+                pp.load_plan(copy)
         shutil.rmtree(copy)
 
 
@@ -162,7 +162,7 @@ def test_pulses_that_differ_are_checked_again(plan, monkeypatch):
     record = json.loads(path.read_text())
     record["pulses"]["sha256"] = "0" * 64
     forge(plan, pulses=record["pulses"])
-    taken = plan_directory.read(plan)
+    taken = pp.load_plan(plan)
     assert taken.pulses.total == record["pulses"]["total"]
     generate = stored_plan.generate
 
@@ -187,14 +187,14 @@ def test_chosen_orientation_is_taken_up_again(tmp_path):
     made = tmp_path / "o"
     made.mkdir()
     plan_directory.write(made, job, Inputs(program, machine, text.encode(), machine_toml))
-    taken = plan_directory.read(made)
+    taken = pp.load_plan(made)
     np.testing.assert_array_equal(find_choice(taken.program)[0], controls)
     t = np.linspace(0, taken.trajectory.duration, 50)
     np.testing.assert_array_equal(taken.trajectory.at(t).q, job.plan.trajectory.at(t).q)
     (made / "orientation.json").unlink()
     forge(made)
     with pytest.raises(MotionError, match="the orientation chosen for free segments is missing"):
-        plan_directory.read(made)
+        pp.load_plan(made)
 
 
 @pytest.mark.parametrize("form", ["pulses.bin", "pulses.csv", None])
@@ -236,7 +236,7 @@ def test_forged_pulses_are_found(call, plan, job, change, told):
     assert told in done.stderr
     assert "leg3" in done.stderr
     # and what other commands read is what was proved
-    assert plan_directory.read(plan).pulses.axes[2].bound == 0.5
+    assert pp.load_plan(plan).pulses.axes[2].bound == 0.5
 
 
 def test_the_digest_of_pulses_is_of_each_axis_wherever_they_are_cut(job, tmp_path):

@@ -15,12 +15,9 @@ LINE = 'schema = 1\nlength = "mm"\n[[segment]]\nline = { to = [0, 0, 0.1] }\n'
 
 PRINTING = {
     "version": (["--version"], ""),
-    "help": (["--help"], ""),
-    "help of a command": (["plan", "--help"], ""),
     "help of a group": (["positions", "--help"], ""),
     "JSON": (["rules", "--json"], ""),
     "tables": (["rules"], ""),
-    "text": (["completion", "bash"], ""),
     "JSON of a usage error": (["rules", "--nope", "--json"], "No such option '--nope'"),
     "JSON of an error": (["check", "none.toml", "--json"], "none.toml"),
     "JSON of what is infeasible": (["pose", "hexapod", "500,0,0", "--json"], ""),
@@ -66,7 +63,7 @@ def test_where_both_streams_are_full_the_code_is_right(arguments):
     assert done.returncode == 2
 
 
-@pytest.mark.parametrize("arguments", [["--version"], ["rules", "--json"], ["rules", "--nope", "--json"]])
+@pytest.mark.parametrize("arguments", [["--version"], ["rules"], ["rules", "--json"], ["rules", "--nope", "--json"]])
 def test_a_reader_that_has_left_is_no_error(arguments):
     """The pipe's reading end is closed before anything is written."""
     with subprocess.Popen(
@@ -117,8 +114,8 @@ WRITING = {
 
 
 @pytest.mark.parametrize(("arguments", "place", "most"), WRITING.values(), ids=WRITING)
-def test_a_file_that_cannot_be_written_is_named(tmp_path, call, directory, monkeypatch, arguments, place, most):
-    shutil.copytree(directory, tmp_path / "plan")
+def test_a_file_that_cannot_be_written_is_named(tmp_path, call, corner, monkeypatch, arguments, place, most):
+    shutil.copytree(corner, tmp_path / "plan")
     (tmp_path / "line.toml").write_text(LINE)
     (tmp_path / "part.nc").write_text("G21 G90\nG1 X5 F600\nX0\n")
     (tmp_path / "poses.csv").write_text("x [mm],y [mm],z [mm]\n0,0,25\n0,0,26\n")

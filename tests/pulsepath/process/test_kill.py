@@ -9,12 +9,12 @@ import time
 
 import pytest
 
+import pulsepath as pp
 from kinematics import MotionError
 from kinematics.files.atomic_files import Destination
 from kinematics.files.leftovers import clear
 from planner import read_pulses
 from planner.export.formats import npz
-from pulsepath.output import plan_directory
 from pulsepath.output.directory import KIND, replace_directory
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="nothing there tells the dead from the living")
@@ -53,7 +53,7 @@ def names(folder):
 def assert_plan(folder):
     """All its files are there, and agree with its record."""
     record = json.loads((folder / "plan.json").read_bytes())
-    planned = plan_directory.read(folder)  # holds its sources against their digests
+    planned = pp.load_plan(folder)  # holds its sources against their digests
     assert planned.pulses.total == record["pulses"]["total"]
     assert read_pulses(folder / "pulses.bin").total == record["pulses"]["total"]
     assert (folder / "report.html").read_text("utf-8").rstrip().endswith("</html>")

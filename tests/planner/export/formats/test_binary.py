@@ -14,12 +14,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kinematics import Axis, FileError, MotionError
+from kinematics import FileError, MotionError
 from planner import PulseSchedule, open_pulses, read_pulses
 from planner.export.formats import binary
-from planner.pulses import AxisPulses, MovedPulses, check_file, generate
+from planner.pulses import AxisPulses, MovedPulses, check_file
 from planner.pulses.schedule import Compensation
-from tests.planner.motions import PULSE, example
+from tests.planner.motions import PULSE
 
 GAPS = st.one_of(st.integers(1, 300), st.integers(1, 1 << 40), st.integers(250, 260))
 AXES = st.lists(st.lists(st.tuples(GAPS, st.sampled_from([-1, 1])), max_size=40), min_size=1, max_size=4)
@@ -358,26 +358,18 @@ def test_pulses_that_are_no_schedules_are_not_written(tmp_path, axes, until, tol
         binary.PulseWriter(file, schedule, part=0)
 
 
-@pytest.fixture(scope="module")
-def plan():
-    motion = example(3)
-    home = motion.at(np.zeros(1)).q[0]
-    axes = [Axis(f"leg{k}", pulse=PULSE, direction=1 - 2 * (k % 2)) for k in range(3)]
-    machine = SimpleNamespace(axes=axes, home_q=home)
-    return SimpleNamespace(machine=machine, counted=motion, pulses=generate(motion, axes, home))
-
-
-def test_the_check_of_a_file_proves_what_is_in_it(plan, tmp_path):
+def test_the_check_of_a_file_proves_what_is_in_it(three_legs, tmp_path):
     path, told = tmp_path / "pulses.bin", []
-    binary.write(plan.pulses, path, {"leg0": "m"}, part=200)
-    found = check_file(path, plan, lambda done, of: told.append((done, of)))
+    binary.write(three_legs.pulses, path, {"leg0": "m"}, part=200)
+    found = check_file(path, three_legs, lambda done, of: told.append((done, of)))
     assert found.holds
     assert told[-1][0] == told[-1][1] == len(told) > 3
-    assert path.stat().st_size < 2 * plan.pulses.total  # bytes, headers and all; ticks and directions have nine a pulse
+    # bytes, headers and all; ticks and directions have nine a pulse
+    assert path.stat().st_size < 2 * three_legs.pulses.total
     exported = binary.Binary().write(
-        SimpleNamespace(machine=plan.machine, pulses=plan.pulses, tell=lambda *_: None), path
+        SimpleNamespace(machine=three_legs.machine, pulses=three_legs.pulses, tell=lambda *_: None), path
     )
-    assert (exported.error, exported.moves) == (0.0, plan.pulses.total)
+    assert (exported.error, exported.moves) == (0.0, three_legs.pulses.total)
 
 
 @pytest.mark.parametrize(
@@ -390,24 +382,24 @@ def test_the_check_of_a_file_proves_what_is_in_it(plan, tmp_path):
         ({"pulse": lambda axis: axis.pulse * 2}, "pulse: the file states"),
     ],
 )
-def test_the_check_of_a_file_finds_what_is_wrong_in_it(plan, tmp_path, change, told):
+def test_the_check_of_a_file_finds_what_is_wrong_in_it(three_legs, tmp_path, change, told):
     (name, make), path = *change.items(), tmp_path / "pulses.bin"
-    axes = list(plan.pulses.axes)
+    axes = list(three_legs.pulses.axes)
     axes[1] = replace(axes[1], **{name: make(axes[1])})
-    binary.write(replace(plan.pulses, axes=tuple(axes)), path)
-    found = check_file(path, plan)
+    binary.write(replace(three_legs.pulses, axes=tuple(axes)), path)
+    found = check_file(path, three_legs)
     assert not found.holds
     assert any(fault.axis == "leg1" and told in fault.what for fault in found.faults)
 
 
-def test_neither_is_a_file_of_other_axes_another_rule_or_clock_taken(plan, tmp_path):
+def test_neither_is_a_file_of_other_axes_another_rule_or_clock_taken(three_legs, tmp_path):
     path = tmp_path / "pulses.bin"
-    binary.write(replace(plan.pulses, axes=plan.pulses.axes[:2]), path)
+    binary.write(replace(three_legs.pulses, axes=three_legs.pulses.axes[:2]), path)
     with pytest.raises(FileError, match=r"axes: .* should be"):
-        check_file(path, plan)
-    for change in ({"rule": "floor"}, {"clock_hz": 5_000_000}, {"duration": plan.pulses.duration + 1e-9}):
-        binary.write(replace(plan.pulses, **change), path)
-        assert any(next(iter(change)) in fault.what for fault in check_file(path, plan).faults)
+        check_file(path, three_legs)
+    for change in ({"rule": "floor"}, {"clock_hz": 5_000_000}, {"duration": three_legs.pulses.duration + 1e-9}):
+        binary.write(replace(three_legs.pulses, **change), path)
+        assert any(next(iter(change)) in fault.what for fault in check_file(path, three_legs).faults)
 
 
 def test_writing_and_reading_parts_takes_no_memory_for_the_pulses_before(tmp_path):

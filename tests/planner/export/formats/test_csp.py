@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from kinematics import Axis, Body, Load, MotionError, load_machine
-from planner import Line, Program, load_program, plan
+from planner import Line, Program, plan
 from planner.export.format import ExportSource, find_format
 from tests.planner.export.formats.test_streamed_formats import Swing, off_motion
 
@@ -125,8 +125,8 @@ def test_csp_refuses_what_its_objects_do_not_hold(tmp_path, options, source, tol
         find_format("csp")(**options).write(source, tmp_path / "p.csv")
 
 
-def test_csp_of_a_plan_keeps_every_axis_limit(hexapod, tmp_path):
-    made = plan(load_program("bare-circle"), hexapod)
+def test_csp_of_a_plan_keeps_every_axis_limit(planned, hexapod, tmp_path):
+    made = planned("bare-circle", 3)
     source = ExportSource("bare-circle", hexapod, made.trajectory, made.pulses)
     find_format("csp")().write(source, tmp_path / "p.csv")
     each, q, _, _ = cycles_of(tmp_path / "p.csv")

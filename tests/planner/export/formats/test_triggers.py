@@ -8,13 +8,10 @@ import numpy as np
 import pytest
 
 from kinematics import MotionError
-from planner import Dwell, Line, PulseSchedule, import_program, load_program, plan
+from planner import Dwell, Line, Program, PulseSchedule, Trigger, Triggered, import_program, load_program, plan
 from planner.export.format import FORMATS, find_format, holds_triggers
 from planner.export.formats.g93 import is_machine_code, split_codes
 from planner.export.trigger_lines import ALL, describe_lost, join_lines, list_lines
-from planner.program.model import Program
-from planner.program.modifiers import Trigger
-from planner.pulses.triggers import Triggered
 
 HOLDING = {"pulses", "vcd", "csp", "g93"}
 OFFSETS = np.array([[10.0, 0, 20], [4, 3, 20], [0, 0, 25]]) * 1e-3

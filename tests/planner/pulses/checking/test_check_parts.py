@@ -2,7 +2,6 @@
 
 import tracemalloc
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,16 +15,7 @@ from planner.pulses import AxisPulses, check, check_file, generate
 from planner.pulses.checking import check_parts, edge_reader
 from planner.pulses.schedule import holds_same_pulses, join_schedules
 from tests import read_lines
-from tests.planner.motions import PULSE, example
-
-
-@pytest.fixture(scope="module")
-def plan():
-    motion = example(3)
-    home = motion.at(np.zeros(1)).q[0]
-    axes = [Axis(f"leg{k}", pulse=PULSE, direction=1 - 2 * (k % 2)) for k in range(3)]
-    machine = SimpleNamespace(axes=axes, home_q=home)
-    return SimpleNamespace(machine=machine, counted=motion, pulses=generate(motion, axes, home))
+from tests.planner.motions import PULSE
 
 
 def cut(schedule, ticks):
@@ -45,17 +35,17 @@ CUTS = st.lists(st.integers(0, 2_500_000), max_size=6).map(sorted)  # past the e
 
 @settings(max_examples=30, derandomize=True, deadline=None)
 @given(cuts=CUTS, late=st.sampled_from([0, 0, 3, 40_000]), rule=st.sampled_from(["nearest", "floor"]))
-def test_the_verdict_does_not_depend_on_where_a_schedule_is_cut(plan, cuts, late, rule):
+def test_the_verdict_does_not_depend_on_where_a_schedule_is_cut(three_legs, cuts, late, rule):
     """late: ticks by which a pulse of the second axis is off, so that there are faults to find."""
-    motion, home = plan.counted, plan.machine.home_q
-    schedule = generate(motion, plan.machine.axes, home, rule=rule)
+    motion, home = three_legs.counted, three_legs.machine.home_q
+    schedule = generate(motion, three_legs.machine.axes, home, rule=rule)
     ticks = schedule.axes[1].ticks.copy()
     ticks[len(ticks) // 2] += late
     axes = list(schedule.axes)
     axes[1] = replace(axes[1], ticks=ticks)
     schedule = replace(schedule, axes=tuple(axes))
-    whole = check(schedule, motion, plan.machine.axes, home)
-    parts = check_parts(schedule, cut(schedule, cuts), motion, plan.machine.axes, home)
+    whole = check(schedule, motion, three_legs.machine.axes, home)
+    parts = check_parts(schedule, cut(schedule, cuts), motion, three_legs.machine.axes, home)
     assert whole.holds == parts.holds == (late == 0)
     if late < 40_000:  # one out of order ends the measuring, in parts where it comes
         assert whole == parts
@@ -75,18 +65,18 @@ def test_another_schedule_is_not_the_same(change):
 
 
 @pytest.mark.parametrize("size", [1, 60, 1000, 1 << 20])
-def test_a_file_reads_the_same_in_pieces_of_any_size(plan, tmp_path, monkeypatch, size):
+def test_a_file_reads_the_same_in_pieces_of_any_size(three_legs, tmp_path, monkeypatch, size):
     """Cut inside rows, and so that a piece holds no whole row."""
-    axes = plan.machine.axes
-    pulse_csv.write(plan.pulses, tmp_path / "p.csv", [axis.direction for axis in axes])
-    expected = read_lines.read(tmp_path / "p.csv", 10_000_000, axes, plan.machine.home_q)
+    axes = three_legs.machine.axes
+    pulse_csv.write(three_legs.pulses, tmp_path / "p.csv", [axis.direction for axis in axes])
+    expected = read_lines.read(tmp_path / "p.csv", 10_000_000, axes, three_legs.machine.home_q)
     monkeypatch.setattr(edge_reader, "PART_BYTES", size)
-    parts = list(edge_reader.parts(tmp_path / "p.csv", 10_000_000, axes, plan.machine.home_q))
+    parts = list(edge_reader.parts(tmp_path / "p.csv", 10_000_000, axes, three_legs.machine.home_q))
     assert len(parts) > 1 or size > 1000
-    assert holds_same_pulses(plan.pulses, (part.schedule for part in parts))
+    assert holds_same_pulses(three_legs.pulses, (part.schedule for part in parts))
     assert parts[-1].times == expected.times
     told = []
-    assert check_file(tmp_path / "p.csv", plan, lambda done, of: told.append((done, of))).holds
+    assert check_file(tmp_path / "p.csv", three_legs, lambda done, of: told.append((done, of))).holds
     assert told == sorted(set(told))
     assert told[-1] == (told[0][1],) * 2 == ((tmp_path / "p.csv").stat().st_size,) * 2
 

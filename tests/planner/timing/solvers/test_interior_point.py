@@ -9,17 +9,15 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from benchmarks.evidence.peers.casadi_ import solve_by_casadi
-from benchmarks.evidence.trials.robustness import random_problem
+from benchmarks.evidence.random_problems import random_problem
 from kinematics import Axis
 from kinematics.foundation.errors import require
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
-from planner.timing.discretization import jerk_problem
-from planner.timing.problem import Run
+from planner.timing import Run, jerk_problem, third_order
 from planner.timing.solvers import interior_point, riccati, sides
 from planner.timing.solvers.stage_problem import pose_smoothest, pose_stages
 from planner.timing.solvers.stages import evaluate, sum_costs
-from planner.timing.solvers.third_order import third_order
 from planner.timing.stated_duration import quintic_motion
 
 
@@ -47,18 +45,11 @@ def test_it_finds_what_fatrop_finds(seed):
     assert np.abs(ours.profile.v - theirs.profile.v).max() < 1e-3 * theirs.profile.v.max()
 
 
-def test_where_only_jerk_is_limited_a_line_takes_what_is_known():
-    """From rest to rest over L with |jerk| <= J: (32 L / J)^(1/3)."""
-    line = CubicSpline([0.0, 1.0, 2.0], [[0.0], [0.5], [1.0]])
-    problem, guess = posed(line, [1e3], [1e3], [2.0])
-    assert third_order(problem, guess).duration == pytest.approx((32 / 2) ** (1 / 3), rel=1e-4)
-
-
 @pytest.mark.parametrize("seed", [3, 9, 38])
 def test_paths_that_stand_at_their_ends(seed):
     """s̈ is free where q′ vanishes: clamped splines."""
     random = random_problem(seed, 3)
-    assert "clamped" in random.what
+    assert "clamped" in random.name
     problem, guess = posed(random.path, random.speed, random.acceleration, random.jerk, stands=(1, 1))
     ours, theirs = third_order(problem, guess), solve_by_casadi(problem, guess)
     assert ours.solved

@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from planner.timing.solvers.passes import largest_ends, largest_speeds
+from planner.timing import largest_speeds
+from planner.timing.solvers.passes import largest_ends
 
 # What linear programmes and passes may differ by: HiGHS keeps rows to 1e-7.
 TOLERANCE = 1e-6

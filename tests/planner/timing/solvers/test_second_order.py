@@ -14,10 +14,16 @@ from kinematics import Axis, MotionError
 from planner import Trajectory
 from planner.limits import Term, limits_of
 from planner.path.polynomial import PolynomialPath
-from planner.timing.discretization import acceleration_problem, refine_problem
-from planner.timing.problem import SOLVER_AIM, Run, make_grid, pose_problem
-from planner.timing.run import solve_run
-from planner.timing.solvers.second_order import second_order
+from planner.timing import (
+    SOLVER_AIM,
+    Run,
+    acceleration_problem,
+    make_grid,
+    pose_problem,
+    refine_problem,
+    second_order,
+    solve_run,
+)
 
 
 def axes_of(speeds, accelerations):

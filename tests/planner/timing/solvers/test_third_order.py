@@ -1,29 +1,32 @@
 """Order 3: against the closed-form seven-segment motion, FATROP and IPOPT, and what happens without an answer."""
 
-import os
-import signal
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from benchmarks.evidence.peers import casadi_
 from benchmarks.evidence.peers.casadi_ import solve_by_casadi
 from kinematics import Axis, MotionError
 from planner import Trajectory
-from planner.certificate.certify import certify
+from planner.certificate import certify
 from planner.limits import limits_of
-from planner.orientation.evaluation_limit import EvaluationLimit
 from planner.path.polynomial import PolynomialPath
-from planner.timing import jerk_limited
+from planner.timing import (
+    SOLVER_AIM,
+    Run,
+    RunSolution,
+    certified_solve,
+    close_profile,
+    jerk_limited,
+    jerk_problem,
+    sample_limit_use,
+    solve_jerk_limited,
+    solve_run,
+    third_order,
+)
 from planner.timing import run as run_module
-from planner.timing.certified_solve import certified_solve
-from planner.timing.discretization import jerk_problem
-from planner.timing.problem import SOLVER_AIM, Run
-from planner.timing.profile import RunSolution, sample_limit_use
-from planner.timing.run import solve_run
 from planner.timing.solvers import third_order as solver_module
-from planner.timing.solvers.third_order import SMALL_EXCESS, solve_jerk_limited, third_order
+from planner.timing.solvers.third_order import SMALL_EXCESS
 
 
 def line(length):
@@ -232,67 +235,19 @@ def test_less_room_is_kept():
     assert kept.duration > free.duration
 
 
-def test_what_a_solver_leaves_is_closed(monkeypatch):
+def test_what_a_solver_leaves_is_closed():
     """Columns a millionth off miss the end by as much; closed, they arrive, at rest, by a change of that size."""
     path = curve()
     problem, start = jerk_problem(path, limits_on(path, **CURVE), Run(0, 0))
     exact = third_order(problem, start.on(problem.s)).profile
-    solve = solver_module._solve_stages
     noise = 1 + 1e-6 * np.random.default_rng(5).normal(size=(4, problem.intervals))
-    monkeypatch.setattr(solver_module, "_solve_stages", lambda *problem: solve(*problem) * noise)
-    closed = third_order(problem, start.on(problem.s)).profile
+    closed = close_profile(problem, np.stack([exact.v, exact.a, exact.j, exact.h]) * noise)
     s, v, a, j, h = (x[-1] for x in (closed.s, closed.v, closed.a, closed.j, closed.h))
     assert s + h * (v + h * (a / 2 + h * j / 6)) == pytest.approx(1.0, abs=1e-11)
     assert v + h * (a + h * j / 2) == pytest.approx(0.0, abs=1e-11 * closed.v.max())
     assert a + h * j == pytest.approx(0.0, abs=1e-11 * np.abs(closed.a).max())
     assert np.abs(closed.v - exact.v).max() < 1e-4 * exact.v.max()
     assert closed.duration == pytest.approx(exact.duration, rel=1e-5)
-
-
-@pytest.mark.parametrize("solver", ["fatrop", "ipopt"])
-def test_ctrl_c_ends_the_solve_and_the_next_one_answers(solver, capfd, monkeypatch):
-    path = curve()
-    problem, start = jerk_problem(path, limits_on(path, **CURVE), Run(0, 0))
-    guess = start.on(problem.s)
-    expected = solve_by_casadi(problem, guess, solver).duration
-    evaluate, evaluations = EvaluationLimit.eval, []
-
-    def interrupted(self, arguments):
-        evaluations.append(self.used)
-        if self.used == 5:
-            os.kill(os.getpid(), signal.SIGINT)
-        return evaluate(self, arguments)
-
-    monkeypatch.setattr(EvaluationLimit, "eval", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        solve_by_casadi(problem, guess, solver)
-    monkeypatch.undo()
-    assert max(evaluations) >= 5
-    assert "KeyboardInterrupt" not in capfd.readouterr().err
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    assert solve_by_casadi(problem, guess, solver).duration == pytest.approx(expected, rel=1e-9)
-
-
-def test_whoever_ignores_ctrl_c_still_does():
-    previous = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        with EvaluationLimit(1).asked():
-            os.kill(os.getpid(), signal.SIGINT)
-        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
-    finally:
-        signal.signal(signal.SIGINT, previous)
-
-
-def test_a_solve_ends_when_its_patience_does_and_the_next_one_answers(monkeypatch):
-    path = curve()
-    problem, start = jerk_problem(path, limits_on(path, **CURVE), Run(0, 0))
-    guess = start.on(problem.s)
-    expected = solve_by_casadi(problem, guess).duration
-    monkeypatch.setattr(casadi_, "EVALUATIONS", 10)
-    casadi_._forget()
-    assert "stopped without an answer" in str(solve_by_casadi(problem, guess).refusal)
-    monkeypatch.undo()
-    assert solve_by_casadi(problem, guess).duration == pytest.approx(expected, rel=1e-9)
 
 
 def fail(problem, guess, **_):

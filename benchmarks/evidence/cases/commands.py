@@ -1,0 +1,199 @@
+"""Processor and wall time of whole commands, each in a new process and an empty folder.
+
+Lists, help and refusals may take 0.4 s of processor time, with bytecode and kernels on disk. Others
+compute, or are refused by what computes. Cold plans may take 3 s and 8 s of wall time on two idle
+cores. The fastest of `--rounds` counts. The last row is the first plan after installing, which
+compiles all kernels.
+"""
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from benchmarks.evidence.measuring import Measured, measure_here
+from benchmarks.evidence.table import Row, Table
+from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import find
+
+# s of processor time of a command that computes nothing
+ALLOWED = 0.4
+# Commands that plan, and s of wall time that each may take.
+PLANS = {
+    "plan bare-circle --machine hexapod --no-figures --out out": 3.0,
+    "plan circle --machine hexapod --out out": 8.0,
+}
+# An installed package has its bytecode on disk, even if this process must write none.
+ENVIRONMENT = {name: text for name, text in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+
+
+def damage(package: str, name: str, old: str, new: str) -> str:
+    """Return the text of a bundled file with a fault in it."""
+    return find(package, "file", name).read_text(encoding="utf-8").replace(old, new)
+
+
+FILES = {
+    "part.nc": "G21 G90\nG1 X10 F600\nG1 Y10\nM30\n",
+    "key.toml": 'schema = 1\nmachine = "hexapod"\n[[segment]]\nlin = { to = [1, 2, 3] }\n',
+    "unit.toml": 'schema = 1\nmachine = "hexapod"\nspeed = "3 kg"\n[[segment]]\nline = { to = [1, 2, 3] }\n',
+    "syntax.toml": "schema = = 1\n",
+    "name.toml": 'schema = 1\nmachine = "hexapodd"\n[[segment]]\nline = { to = ["1 mm", "2 mm", "3 mm"] }\n',
+    "segment.toml": 'schema = 1\nmachine = "hexapod"\n[[segment]]\nline = { to = ["0 mm", "0 mm", "0 mm"] }\n'
+    '[[segment]]\nspline = { through = [["1 mm", "0 mm", "9 mm"], ["1 mm", "0 mm", "9 mm"]] }\n',
+    "machine.toml": 'schema = 1\nkind = "hexapodd"\n',
+    "machine-key.toml": damage("kinematics", "hexapod", "base_radius", "base_radios"),
+    "machine-unit.toml": damage("kinematics", "hexapod", '"149 mm"', "149"),
+    "machine-range.toml": damage("kinematics", "hexapod", '"149 mm"', '"-149 mm"'),
+    "machine-arm.toml": damage("kinematics", "arm", "joints =", "joint ="),
+    "rig.toml": damage("controllers", "servo-rig", '"30 1/s"', '"30 s"'),
+    "measured.toml": "schema = 1\n",
+    "bad.nc": "G21 G90\nG1 X10 F600 QQ\n",
+    "full/notes.txt": "mine\n",
+}
+"""Files that the commands read."""
+COMMANDS = {
+    "--help": "Usage",
+    "--version": "pulsepath",
+    "plan --help": "Usage",
+    "machines": "hexapod",
+    "programs": "circle",
+    "rigs": "servo-rig",
+    "laws": "feedforward",
+    "rules": "nearest",
+    "completion bash": "complete",
+    "plan missing --out out": "missing",
+    "plan circle --machine missing --out out": "missing",
+    "plan syntax.toml --out out": "not TOML",
+    "plan key.toml --out out": "lin",
+    "plan unit.toml --out out": "3 kg",
+    "plan name.toml --out out": "hexapodd",
+    "plan segment.toml --out out": "spline",
+    "plan circle --machine machine.toml --out out": "hexapodd",
+    "plan circle --machine machine-key.toml --out out": "base_radios",
+    "plan circle --machine machine-unit.toml --out out": "149",
+    "plan circle --machine machine-range.toml --out out": "-149 mm",
+    "plan circle --machine machine-arm.toml --out out": "joint",
+    "plan circle --rig rig.toml --out out": "30 s",
+    "plan circle --rig missing --out out": "missing",
+    "plan circle --rule nearst --out out": "nearest",
+    "plan circle --rule sampled:period=50 --out out": "period",
+    "plan circle --objective tim --out out": "tim",
+    "plan circle --gap 3 --out out": "per cent",
+    "plan circle --effort 2 --out out": "--effort is of",
+    "plan circle --fit 3 --out out": "--fit",
+    "plan circle --duration 3 --out out": "--duration",
+    "plan circle --out part.nc": "not a directory",
+    "plan circle --out full": "not empty",
+    "plan bad.nc --machine hexapod --out out": "bad.nc",
+    "check bad.nc --machine hexapod": "bad.nc",
+    "check key.toml": "lin",
+    "check full": "no plan",
+    "check circle --machine machine-key.toml": "base_radios",
+    "export missing --format vcd": "missing",
+    "track missing --rig servo-rig": "missing",
+    "export full --format vcd": "no plan",
+    "export full --format vdc": "vdc",
+    "track full": "no plan",
+    "track full --law 9": "9",
+    "track full --law 3:gian=1": "no plan",
+    "hold full --at 1s": "no plan",
+    "hold full --at 1": "no plan",
+    "view full": "no plan",
+    "compare missing --out out": "missing",
+    "compare rig.toml --out out": "30 s",
+    "compare servo-rig --law 9 --out out": "9",
+    "compare servo-rig --law 3:gian=1 --out out": "gian",
+    "compare --from full --out out": "full",
+    "compare servo-rig --out full": "full",
+    "calibrate missing cmm --out out": "missing",
+    "calibrate hexapod missing --out out": "missing",
+    "calibrate hexapod measured.toml --out out": "measured",
+    "calibrate machine-key.toml cmm --out out": "base_radios",
+    "console --machine machine-key.toml": "base_radios",
+    "init . --machine missing": "missing",
+    "import bad.nc --out part.toml": "bad.nc",
+    "import part.nc --out key.toml": "key.toml",
+    "import part.xyz --out part.toml": "part.xyz",
+    "import missing.nc --out part.toml": "missing.nc",
+    "pose hexapod 5,5": "2 entries",
+    "pose hexapod 5,5,3g": "3g",
+    "pose hexapod 5,5,5 --turn 400,0,0": "whole turn",
+    "pose hexapod --counts 1,2": "entries",
+    "pose machine-key.toml": "base_radios",
+    "pose hexapod 500,5,35": "leg",
+    "init mine": "mine",
+    "import part.nc --out part.toml": "part.toml",
+    "pose hexapod 5,5,35": "leg1",
+    "check circle --machine hexapod": "travel",
+}
+"""Commands, and a word of their output: of the result, or of the refusal."""
+COMPUTING = {
+    "init mine",
+    "import part.nc --out part.toml",
+    "pose hexapod 5,5,35",
+    "pose hexapod 500,5,35",
+    "pose hexapod --counts 1,2",
+    "check circle --machine hexapod",
+    "plan circle --rule sampled:period=50 --out out",
+}
+"""Commands that compute, or that are refused by what computes."""
+
+
+def run_command(
+    command: str,
+    message: str = "",
+    kernels: Path | None = None,
+) -> Measured[subprocess.CompletedProcess[str]]:
+    """Run a command in a new process. Raises MotionError if its output does not hold the message.
+
+    kernels: folder of compiled kernels; None: the usual one
+    """
+    environment = ENVIRONMENT if kernels is None else ENVIRONMENT | {"NUMBA_CACHE_DIR": str(kernels)}
+    words = [sys.executable, "-m", "pulsepath", *command.split()]
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        for file, text in FILES.items():
+            (folder / file).parent.mkdir(exist_ok=True)
+            (folder / file).write_text(text, encoding="utf-8")
+
+        def run() -> subprocess.CompletedProcess[str]:
+            return subprocess.run(words, capture_output=True, text=True, env=environment, cwd=folder)
+
+        measured = measure_here(run)
+    output = measured.result.stdout + measured.result.stderr
+    unknown = "no such option" in output.lower() or "Traceback" in output
+    if message not in output or unknown:
+        raise MotionError(f"pulsepath {command}: does not say {message}:\n{output}")
+    return measured
+
+
+def measure(rounds: int = 3) -> Iterator[Table]:
+    """Yield the time of each command, then of plans, and of compiling."""
+
+    def find_fastest(command: str, message: str = "") -> Row:
+        runs = [run_command(command, message) for _ in range(rounds)]
+        return [
+            f"`{command}`",
+            min(run.processor for run in runs),
+            min(run.wall for run in runs),
+        ]
+
+    def quick_rows() -> Iterator[Row]:
+        for command, message in COMMANDS.items():
+            name, processor, wall = find_fastest(command, message)
+            limit = None if command in COMPUTING else ALLOWED
+            yield [name, processor, wall, limit]
+
+    def plan_rows() -> Iterator[Row]:
+        for command, limit in PLANS.items():
+            yield [*find_fastest(command), limit]
+        with TemporaryDirectory() as folder:
+            first = run_command(next(iter(PLANS)), kernels=Path(folder))
+        yield ["the first of these, with kernels compiled anew", first.processor, first.wall, None]
+
+    columns = ("command", "processor time (s)", "wall time (s)")
+    yield Table("Commands that do not plan", (*columns, "allowed processor time (s)"), quick_rows())
+    load = f"load of this machine: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
+    yield Table("Cold plans", (*columns, "allowed wall time (s)"), plan_rows(), load)

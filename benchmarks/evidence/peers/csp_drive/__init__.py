@@ -1,1 +1,0 @@
-"""Rows of the export `csp` through emulated CiA 402 drives."""

@@ -1,1 +1,0 @@
-"""Random and exhaustive trials that look for faults."""

@@ -1,0 +1,42 @@
+from .advice import find_remedy as find_remedy
+from .certify import (
+    CROSSING as CROSSING,
+    Certificate as Certificate,
+    certify as certify,
+    forget_paths as forget_paths,
+    prove_path_use as prove_path_use,
+)
+from .conditioning import Conditioning as Conditioning, find_poorest as find_poorest
+from .constant_speed import (
+    CONSTANT_SPEED as CONSTANT_SPEED,
+    SPEED_TOLERANCE as SPEED_TOLERANCE,
+    Stretch as Stretch,
+    find_stretches as find_stretches,
+)
+from .enclosure import (
+    Cells as Cells,
+    Enclosure as Enclosure,
+    bound_polynomials as bound_polynomials,
+    bound_series as bound_series,
+    enclose as enclose,
+)
+from .feasibility import (
+    Standing as Standing,
+    find_singularity as find_singularity,
+    prove_feasibility as prove_feasibility,
+)
+from .limit_use import (
+    LIMIT_ROUNDING as LIMIT_ROUNDING,
+    ProvedUse as ProvedUse,
+    prove as prove,
+    round_reached_use as round_reached_use,
+)
+from .lower_bound import (
+    bound_cells as bound_cells,
+    bound_rest as bound_rest,
+    enclose_rows as enclose_rows,
+    leave_rest as leave_rest,
+)
+from .ranges import bound_balls as bound_balls, bound_motion as bound_motion, bound_ranges as bound_ranges
+from .resonance_dwell import Stay as Stay, find_stays as find_stays
+from .summary import join_certificates as join_certificates
