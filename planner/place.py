@@ -54,6 +54,7 @@ class Infeasible(MotionError):
     ) -> None:
         self.kind, self.axis, self.place = kind, axis, place
         self.value, self.limit, self.unit = value, limit, unit
+        self.segment = None if place is None else place.segment
         self._remedy = remedy
         self._more: Callable[[], object] | None = None
         where = "" if place is None else f" at {place}"

@@ -418,4 +418,4 @@ def _add_advice(no: MotionError, program: Program, machine: Machine, order: int)
     more = partial(find_remedy, program, machine, order)
     if isinstance(no, Infeasible):
         return no.add_advice(more) if no.kind in geometric_limits() else no
-    return LostPath(str(no), more)
+    return LostPath(str(no), more).in_segment(no.segment)

@@ -184,7 +184,15 @@ def make_parts(
     order = request.resolved_order
     paced = pace_axes(machine.axes, clock_hz, rule)
     find_limits = partial(limits_of, axes=paced, order=order, own=request.limits)
-    planner = WindowPlanner(machine, find_limits, order, program.tool, request.pieces)
+    copying = not request.limits
+    planner = WindowPlanner(
+        machine,
+        find_limits,
+        order,
+        program.tool,
+        request.pieces,
+        copying=copying,
+    )
     steps = _Steps(
         mark_steps(walk_path(program, machine), program, machine), len(program.segments), program.repeat, progress
     )

@@ -4,12 +4,14 @@ A window is solved to a stop at its end and proved as a whole. The next one goes
 the speed and the acceleration there: what has been planned by any instant is a whole motion that is proved and comes to
 rest. The stop is so far behind that break that it changes the motion up to it next to nothing.
 
-From one stop of the path to another, windows depend on nothing else: such stretches can be planned anywhere.
+From one stop of the path to another, windows depend on nothing else: such stretches can be planned anywhere, and those
+of a program that repeats are planned and proved once. The path of a window begins at length 0, so that the windows of
+equal stretches are the same numbers, bit for bit; only the path and the limits are made for each place.
 """
 
 from bisect import bisect_left
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Hashable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -26,6 +28,8 @@ from kinematics.machine.pose import Pose
 from planner.limits.limit import Limit
 from planner.path.actuation import MachinePath, split_turns
 from planner.path.join_and_blend import PathStep, list_avoidable
+from planner.path.shape import Piece
+from planner.place import Place
 from planner.request import PIECES
 from planner.timing.certified_solve import Solution, certified_solve
 from planner.timing.problem import Continuation
@@ -40,6 +44,8 @@ SEAMS = 3
 """Breaks at most from which is gone on, one after the other, until one is found that leads to a motion."""
 MAX_SHARED = 4096
 """Steps at most of a stretch that helpers plan: a longer one is planned here as its steps come, in little memory."""
+MOST_REMEMBERED = 2 * MAX_SHARED
+"""Steps in all of the stretches whose windows are remembered: more would take memory that grows with the path."""
 # Share of a path by which rounding may put the same place before itself.
 SEAM_ROUNDING = 1e-12
 
@@ -112,6 +118,48 @@ class Helpers(Protocol):
         """From this segment on it is a long way to the next stop, which is planned here."""
 
 
+class _Here:
+    """A share of this process: nobody else plans it."""
+
+    def result(self, here: Callable[[], list[Window]]) -> list[Window]:
+        return here()
+
+
+@dataclass(slots=True)
+class _PlannedOnce:
+    """A share whose windows serve all stretches that equal its own, which begins with the piece `first`."""
+
+    share: Share
+    first: Piece
+    windows: list[Window] | None = None
+
+    def result(self, here: Callable[[], list[Window]]) -> list[Window]:
+        if self.windows is None:
+            self.windows = self.share.result(here)
+        return self.windows
+
+
+class _Memory:
+    """The last stretches that were planned, by all that decides their windows."""
+
+    def __init__(self) -> None:
+        self._planned: dict[Hashable, tuple[_PlannedOnce, int]] = {}
+        self._steps = 0
+
+    def find(self, key: Hashable, steps: Sequence[PathStep], submit: Callable[[], Share]) -> _PlannedOnce:
+        """Return the share of an equal stretch, or else submit this one; a stretch without a key equals no other."""
+        if key is None:
+            return _PlannedOnce(submit(), steps[0].piece)
+        planned, count = self._planned.pop(key, (None, 0))
+        if planned is None:
+            planned, count = _PlannedOnce(submit(), steps[0].piece), len(steps)
+            self._steps += count
+        self._planned[key] = planned, count  # now the last that is forgotten
+        while self._steps > MOST_REMEMBERED:
+            self._steps -= self._planned.pop(next(iter(self._planned)))[1]
+        return planned
+
+
 @dataclass(frozen=True, slots=True)
 class _Seam:
     """Where a window may be left: at the end of so many of its steps and time pieces."""
@@ -137,6 +185,7 @@ class WindowPlanner:
     tool    its frame in the platform's, whose path length the pieces have; None: the platform's own
     pieces  of a window at first
     placed  whether places in proofs and refusals count from where the path starts; else from where the window does
+    copying  whether equal stretches have equal limits, so that one is planned for all: not with a caller's own limits
     """
 
     machine: Machine
@@ -145,6 +194,7 @@ class WindowPlanner:
     tool: Pose | None = None
     pieces: int = PIECES
     placed: bool = True
+    copying: bool = False
 
     def __call__(self, steps: Iterable[PathStep], helpers: Helpers | None = None) -> Iterator[Window]:
         """Plan all steps of a path, from rest to rest; the windows are the same with and without helpers.
@@ -155,14 +205,15 @@ class WindowPlanner:
         if helpers is not None:
             yield from self._share(stretches, helpers)
             return
-        start = Start()
+        start, memory = Start(), _Memory()
         for stretch in stretches:
-            start = yield from self._plan_stretch(stretch, start)
+            start = yield from self._plan_or_copy(stretch, start, memory)
 
     def _split(self, steps: Iterable[PathStep]) -> Iterator[Iterator[PathStep]]:
         """Stretches from stop to stop, each to be taken before the next.
 
-        Up to the last stop that a window at first reaches, or else to the next: which depends on the path alone.
+        Up to the last stop that a window at first reaches, or else to the next: which depends on the path alone. Stops
+        between repetitions come first, so that the stretches of all repetitions are equal.
         """
         coming, ahead = iter(steps), list[PathStep]()
         while True:
@@ -173,8 +224,11 @@ class WindowPlanner:
                 return
             stops = [n + 1 for n, step in enumerate(ahead) if self._stops(step)]
             if stops:
-                yield iter(ahead[: stops[-1]])
-                del ahead[: stops[-1]]
+                repetitions = [step.piece.repetition for step in ahead]
+                whole = [n for n in stops if n < len(ahead) and repetitions[n - 1] != repetitions[n]]
+                last = (whole or stops)[-1]
+                yield iter(ahead[:last])
+                del ahead[:last]
             else:
                 yield chain(ahead, self._take_to_stop(coming))
                 ahead = []
@@ -196,8 +250,8 @@ class WindowPlanner:
         that the refusal comes after the same windows as without helpers.
         """
         submit = helpers.prepare(self.plan_share)
-        given = deque[tuple[list[PathStep], Share]]()
-        start = Start()
+        given = deque[tuple[list[PathStep], _PlannedOnce]]()
+        start, memory = Start(), _Memory()
         coming, first = _find_next(stretches), True
         near, alone = self._near(start), list[PathStep]()
         while True:
@@ -210,26 +264,63 @@ class WindowPlanner:
                 if first and coming is None:
                     alone, coming = steps, iter(())
                     break
-                given.append((steps, submit((steps, near))))
+                work = partial(submit, (steps, near))
+                given.append((steps, memory.find(self._describe(steps, near), steps, work)))
                 near, first = split_turns(self.machine, [step.piece for step in steps], near)[1][-1], False
             if given:
                 start = yield from self._take_share(*given.popleft(), start)
             elif coming is not None:
                 if len(alone) > self.pieces:
                     helpers.tell_alone(alone[0].piece.segment)
-                start = yield from self._plan_stretch(chain(alone, coming), start)
+                start = yield from self._plan_or_copy(chain(alone, coming), start, memory)
                 coming, alone, near, first = _find_next(stretches), [], self._near(start), False
             else:
                 return
 
+    def _plan_or_copy(
+        self, stretch: Iterator[PathStep], start: Start, memory: _Memory
+    ) -> Generator[Window, None, Start]:
+        """Plan a stretch in this process, or place the windows of an equal one."""
+        first, coming = take_items(stretch, 1)
+        if not self.copying or not first or first[0].piece.repetition is None:
+            return (yield from self._plan_stretch(chain(first, coming), start))
+        steps, rest = take_items(chain(first, coming), MAX_SHARED)
+        more, rest = take_items(rest, 1)
+        steps += more
+        if more:
+            return (yield from self._plan_stretch(chain(steps, rest), start))
+        planned = memory.find(self._describe(steps, self._near(start)), steps, _Here)
+        return (yield from self._take_share(steps, planned, start))
+
+    def _describe(self, steps: Sequence[PathStep], near: Array) -> Hashable:
+        """Return all that decides the windows of a stretch but its place; None for one that is not to be copied.
+
+        The numbers of segments and repetitions count from its first piece, so that places can be told again.
+        """
+        first = steps[0].piece
+        if not self.copying or first.repetition is None:
+            return None
+        numbers = tuple(
+            (
+                step.piece.segment - first.segment,
+                (step.piece.repetition or 0) - first.repetition,
+                step.piece.content,
+                step.stop,
+                step.dwell,
+                step.wait,
+            )
+            for step in steps
+        )
+        return numbers, near.tobytes() if self.machine.branched else b""
+
     def _near(self, start: Start) -> Array:
         return self.machine.home_q if start.near is None else start.near
 
-    def _take_share(self, steps: list[PathStep], share: Share, start: Start) -> Generator[Window, None, Start]:
-        """The windows that a helper planned, put where they are on the path."""
+    def _take_share(self, steps: list[PathStep], share: _PlannedOnce, start: Start) -> Generator[Window, None, Start]:
+        """The windows that were planned of a stretch or of an equal one, put where they are on the path."""
         done = 0
         for window in share.result(partial(self.plan_share, (steps, self._near(start)))):
-            placed = self._place(window, steps[done:], start)
+            placed = self._place(window, steps[done:], start, (share.first, steps[0].piece))
             yield placed
             done, start = window.next.steps, placed.next
         if done < len(steps):  # which cannot be planned, and raises here
@@ -250,15 +341,15 @@ class WindowPlanner:
                 found.append(replace(window, solution=solution))
         return found
 
-    def _place(self, window: Window, steps: Sequence[PathStep], start: Start) -> Window:
-        """A window that a helper planned, of the first of some steps, as it is where it begins."""
+    def _place(self, window: Window, steps: Sequence[PathStep], start: Start, firsts: tuple[Piece, Piece]) -> Window:
+        """A window that was planned, of the first of some steps, as it is where it begins.
+
+        firsts: the first pieces of the stretch that it was planned for and of the one that it is placed in.
+        """
         path, kept, onward = self._draw(steps[: window.steps], start), window.kept, window.next
         motion = replace(window.solution.trajectory, path=path)
         proof = window.solution.certificate
-        where = {
-            name: replace(at, s=start.length + at.s, t=None if at.t is None else start.begin + at.t)
-            for name, at in proof.where.items()
-        }
+        where = {name: _move_place(at, start, *firsts) for name, at in proof.where.items()}
         solution = replace(
             window.solution, trajectory=motion, certificate=replace(proof, where=where), limits=tuple(self.limit(path))
         )
@@ -368,6 +459,17 @@ class WindowPlanner:
         )
         elapsed, length = start.elapsed + Fraction(float(motion.knots[knot])), start.length + float(motion.s[knot])
         return Start(elapsed, length, start.steps + seam.steps, count, float(motion.v[knot]), state.q[0], continuation)
+
+
+def _move_place(at: Place, start: Start, planned: Piece, here: Piece) -> Place:
+    """Return a place of a window that begins at a start, in a stretch that begins with `here` instead of `planned`."""
+    segment, repetition = at.segment, at.repetition
+    if segment is not None:
+        segment += here.segment - planned.segment
+    if repetition is not None:
+        repetition += (here.repetition or 0) - (planned.repetition or 0)
+    t = None if at.t is None else start.begin + at.t
+    return replace(at, s=start.length + at.s, t=t, segment=segment, repetition=repetition)
 
 
 def _find_next(stretches: Iterator[Iterator[PathStep]]) -> Iterator[PathStep] | None:

@@ -1,6 +1,5 @@
 """The program and machine that a command line names, with the text of their files."""
 
-import re
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -72,19 +71,19 @@ class Inputs:
 
     @contextmanager
     def tell_lines(self) -> Iterator[None]:
-        """Of a segment that is refused inside, the line of its file is told first."""
+        """Note the line of a segment that an error inside is about, before the error is shown."""
         try:
             yield
         except FileError:
             raise
-        except MotionError as no:
-            self.tell_line(no)
+        except MotionError as error:
+            self.tell_line(error)
             raise
 
-    def tell_line(self, *refusals: MotionError) -> None:
-        """In which line of the program's file the segments are that refusals name, each once."""
-        named = [re.search(r"\bsegment (\d+)", str(no)) for no in refusals]
-        for number in dict.fromkeys(int(each[1]) for each in named if each is not None):
+    def tell_line(self, *errors: MotionError) -> None:
+        """Note the line of the program's file of each segment that errors are about, once each."""
+        numbers = [error.segment for error in errors if error.segment is not None]
+        for number in dict.fromkeys(numbers):
             segments = self.program.segments
             line = segments[number - 1].line_number if number <= len(segments) else None
             if line:

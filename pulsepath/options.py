@@ -1,7 +1,6 @@
 """Arguments and options that several commands share, and readers of the quantities in options."""
 
 import re
-import sys
 from collections.abc import Iterable
 from math import inf
 from pathlib import Path
@@ -9,7 +8,7 @@ from typing import Any
 
 import click
 
-from pulsepath import known_names
+from pulsepath import known_names, registries
 from pulsepath.known_names import make_completer
 
 LAWS = ("3", "6")
@@ -70,18 +69,18 @@ def refuse_unknown(
     ):
         if name is not None and find(package, what, name) == Path(name):  # no preset
             _refuse_unreadable(Path(name))
-    written = [("laws", "law", law, known_names.laws) for law in laws]
-    written += [] if rule is None else [("rules", "firing rule", rule, known_names.rules)]
-    written += [] if format is None else [("exports", "format", format, known_names.exports)]
-    for table, what, text, list_names in written:
+    written = [("law", law, "laws") for law in laws]
+    written += [] if rule is None else [("firing rule", rule, "rules")]
+    written += [] if format is None else [("format", format, "exports")]
+    for what, text, table in written:
         name = text.partition(":")[0].strip()
-        loaded = sys.modules.get(known_names.TABLES[table])
-        taken = known_names.CONTROLLERS.get(name.lower()) if table == "exports" else None
-        if taken is not None and name not in getattr(loaded, "FORMATS", ()):
+        known = known_names.list_names(table)
+        if name in known:
+            continue
+        taken = registries.CONTROLLERS.get(name.lower()) if table == "exports" else None
+        if taken is not None:
             raise BadValue(f'no format is called "{name}"; for that, give --format {taken}', nearest=taken)
-        # what is loaded may have got more names, and tells itself
-        if loaded is None and name not in list_names():
-            raise unknown_name(what, name, list_names())
+        raise unknown_name(what, name, known)
 
 
 def refuse_missing(file: Path) -> None:

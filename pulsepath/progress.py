@@ -124,7 +124,7 @@ def say(text: object, *, err: bool = False) -> None:
 
 
 def escape_text(text: str) -> str:
-    """As kinematics.files.plain_text has it, which would load all of kinematics here."""
+    """Return a text with all escaped that a terminal would obey."""
     escaped: str = load_alone("plain_text").plain(text)
     return escaped
 

@@ -20,6 +20,8 @@ from planner.sources.source import SOURCES
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("kinematics", "planner", "controllers", "benchmarks", "pulsepath")
 MOST_FILES = 4
+REGISTRIES = "pulsepath/registries.py"
+"""Lists the names of all tables for the command line; tests/pulsepath/test_registries.py compares."""
 
 TABLES = {
     "machine": ("kinematics/machine/machine_file.py", {kind for entry in KINDS.values() for kind in entry[:2]}),
@@ -80,7 +82,7 @@ def test_no_other_file_tells_kinds_of_machines_apart_by_name():
     """Words such as "hexapod" in code: names of presets as defaults, one to a file; never several kinds."""
     kinds = set(KINDS) - {"arm"}  # which is a word of its own
     for file, texts in parse_product()[1].items():
-        assert file == TABLES["machine"][0] or len(kinds & texts) <= 1, file
+        assert file in (TABLES["machine"][0], REGISTRIES) or len(kinds & texts) <= 1, file
 
 
 @pytest.mark.parametrize("point", TABLES)
@@ -90,6 +92,7 @@ def test_its_how_to_lists_few_files_that_all_are_there(point):
     assert 2 <= len(re.findall(r"^\d\. ", steps, re.MULTILINE)) <= MOST_FILES
     files = dict.fromkeys(re.findall(r"`((?:kinematics|planner|controllers)/[\w/]+\.(?:py|toml))`", steps))
     assert TABLES[point][0] in files
+    assert (f"`{REGISTRIES}`" in steps) == (point != "limit")  # no command lists limits
     assert len(files) <= MOST_FILES + (point == "limit")  # of a limit, either an axis' key or a program's
     for file in files:
         assert (ROOT / file).parent.is_dir()

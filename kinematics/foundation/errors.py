@@ -5,13 +5,23 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
 from pydantic_core import PydanticCustomError
 
 
 class MotionError(Exception):
-    """An error that the user can act on: the message names what, where, value, limit, unit and remedy."""
+    """An error that the user can act on: the message names what, where, value, limit, unit and remedy.
+
+    segment  number of the program's segment that the error is about, from 1; None: of none, or not known
+    """
+
+    segment: int | None = None
+
+    def in_segment(self, number: int | None) -> Self:
+        """Return the error, with the number of the segment that it is about."""
+        self.segment = number
+        return self
 
     def __reduce__(self) -> tuple[Any, ...]:
         """As it is: Python's own way calls the class with the message alone, which few of these take."""
@@ -141,9 +151,10 @@ def locate_errors(where: str) -> Iterator[None]:
     try:
         yield
     except BadValue as no:
-        raise BadValue(f"{where}: {no}", allowed=no.allowed, nearest=no.nearest) from None
+        located = BadValue(f"{where}: {no}", allowed=no.allowed, nearest=no.nearest)
+        raise located.in_segment(no.segment) from None
     except MotionError as no:
-        raise MotionError(f"{where}: {no}") from None
+        raise MotionError(f"{where}: {no}").in_segment(no.segment) from None
 
 
 @contextmanager

@@ -325,7 +325,7 @@ def classical(plan: Plan | Course, kind: str = "trapezoid") -> Classical:
     path, standing = _stopping_path(plan)
     limits = _reuse_limits(standing, limits_of(path, _axes(plan), shapes.order, _own(plan, path, shapes.order)))
     family = FamilyTiming(shapes)
-    solution = certified_solve(path, limits, shapes.order, timing=Timing(family.solve, family.tighten))
+    solution = certified_solve(path, limits, shapes.order, timing=Timing(family.solve, family.tighten, uniform=True))
     return Classical(kind, shapes.order, solution.trajectory, solution.certificate)
 
 

@@ -178,7 +178,7 @@ def deviation(
         segment = path.segment(int(first))
         found = machine.forward(moved.at(t).q, drawn[:: (CURVE_POINTS - 1) // (MOVE_INSTANTS - 1)], certify=False)
         if not found.residual.max() <= POSE_RESIDUAL:
-            raise MotionError(f"a point-to-point move has no pose in segment {segment}")
+            raise MotionError(f"a point-to-point move has no pose in segment {segment}").in_segment(segment)
         run, curve = found.pose.translation, drawn.translation
         for off, places in (
             (distance_to_curve(run, curve), np.linspace(s[0], s[-1], MOVE_INSTANTS)),

@@ -150,14 +150,17 @@ def prove_feasibility(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:
         place = path.place(float(state.along[first]), int(state.piece[first]))
         axes = ", ".join(name for name, q in zip(path.names, state.q[first], strict=True) if not np.isfinite(q))
         reach = f"no actuator coordinates reach the path at {place}: there is no position of {axes}"
-        return Standing((OutOfReach(f"{reach}; bring it nearer to home"),), {})
+        error = OutOfReach(f"{reach}; bring it nearer to home").in_segment(place.segment)
+        return Standing((error,), {})
     if isinstance(path, MachinePath):
         met = find_singularity(path, np.append(along.s, path.breaks[-1]), along.piece)
         if met is not None:
-            where = f"the pose at {path.place(*met)} is singular, or too close to a singularity"
+            place = path.place(*met)
+            where = f"the pose at {place} is singular, or too close to a singularity"
             jacobian = evaluate_jacobian(path, np.array(met[:1]), np.array(met[1:]))[0]
             loss = describe_singularity(path.machine, jacobian)
-            return Standing((OutOfReach(f"{where}: {loss}; route the path around it"),), {})
+            error = OutOfReach(f"{where}: {loss}; route the path around it").in_segment(place.segment)
+            return Standing((error,), {})
     use = prove_path_use(path, geometric)
     largest: dict[str, tuple[float, Place]] = {}
     found: dict[tuple[str, int, int], tuple[float, Infeasible]] = {}

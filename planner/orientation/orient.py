@@ -122,7 +122,7 @@ def _refuse(free: Free, number: int, machine: Machine) -> None:
         raise MotionError(
             f"segment {number} leaves free what machine {machine.name} does not control: {', '.join(missing)}; "
             f"it controls {', '.join(machine.freedom)}: leave free out"
-        )
+        ).in_segment(number)
 
 
 def _find_moving_ends(program: Program, machine: Machine, order: int) -> frozenset[int]:

@@ -315,6 +315,11 @@ class MachinePath:
         numbers = self.breaks, self.turns, self._near, self._start, self._shape_of, *self._parameters
         return maps, tuple(self._shapes), tuple(each.tobytes() for each in numbers)
 
+    def describe_pieces(self, first: int, last: int) -> Hashable:
+        """Return all that decides the geometry and caps of pieces first … last, except where on the path they are."""
+        pieces = tuple(piece.content for piece in self.pieces[first : last + 1])
+        return pieces, self._near[first : last + 1].tobytes(), self._stops[first + 1 : last + 1].tobytes()
+
     def constant(self, piece: int) -> float | None:
         return self.pieces[piece].tool_speed if self.pieces[piece].constant else None
 

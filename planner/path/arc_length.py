@@ -181,7 +181,7 @@ def _standstill_error(piece: Piece) -> MotionError:
     return MotionError(
         f"segment {piece.segment}: the tool nearly stops on it, or in the blend at its end, where the speed must be "
         'constant: write join = "stop" there, or remove speed_constant'
-    )
+    ).in_segment(piece.segment)
 
 
 def draw_by_length(piece: Piece) -> Piece:

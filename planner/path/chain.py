@@ -217,7 +217,8 @@ def _end_of_undrawn(segment: Moving, here: Pose) -> Pose | None:
 def _segments_error(program: Program, faults: Sequence[tuple[int, Moving, MotionError]]) -> MotionError:
     """Everything that is wrong with the segments of a program: of its file, if it is from one."""
     if not program.file:
-        return MotionError("\n".join(f"{_name(segment, number)}: {no}" for number, segment, no in faults))
+        lines = [f"{_name(segment, number)}: {error}" for number, segment, error in faults]
+        return MotionError("\n".join(lines)).in_segment(faults[0][0])
     return FileError(
         program.file,
         [
@@ -277,11 +278,13 @@ def _refuse_end_speed(end: str, speed: float, segment: Segment, number: int) -> 
     if speed == 0:
         return
     if isinstance(segment, Turn | Dwell):
-        raise MotionError(f"{_name(segment, number)}: it does not move the tool, so {end} cannot be kept; set it to 0")
+        raise MotionError(
+            f"{_name(segment, number)}: it does not move the tool, so {end} cannot be kept; set it to 0"
+        ).in_segment(number)
     if segment.speed is not None and speed > segment.speed:
         raise MotionError(
             f"{_name(segment, number)}: {end} {speed * 1e3:.6g} mm/s is above its speed {segment.speed * 1e3:.6g} mm/s"
-        )
+        ).in_segment(number)
 
 
 def _name(segment: Segment, number: int) -> str:

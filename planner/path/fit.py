@@ -295,7 +295,7 @@ def _fit(unit: _Unit, end: Array | None, spans: int, *, whole: bool) -> _Spline:
     raise MotionError(
         f"no curve within {unit.tolerance * 1e3:g} mm was proved from segment {unit.links[0].segment} to "
         f"{unit.links[-1].segment}: the best one leaves the path by {use:.3f} of the tolerance; use a blend there"
-    )
+    ).in_segment(unit.links[0].segment)
 
 
 def _halve_open_spans(spline: _Spline, knots: Array, unit: _Unit) -> Array:
@@ -334,7 +334,7 @@ def _refine(
             raise MotionError(
                 f"no curve stays within {unit.tolerance * 1e3:g} mm of segments {unit.links[0].segment} to "
                 f"{unit.links[-1].segment}; use a larger tolerance, or a blend there"
-            )
+            ).in_segment(unit.links[0].segment)
         middles = (knots[:-1] + knots[1:])[worst > 1] / 2
         knots = np.sort(np.concatenate([knots, middles]))
 

@@ -92,7 +92,9 @@ def _refuse_trigger(trigger: Trigger | None, number: int, moves: int) -> None:
     """An event along a way that is not run any more."""
     if trigger is not None and moves != 1 and not (moves > 1 and trigger.at == 1):
         what = "ends where it starts, so no move passes" if not moves else "becomes several moves, which part"
-        raise MotionError(f"segment {number}: it {what} its trigger {trigger.name}; put that on another segment")
+        raise MotionError(
+            f"segment {number}: it {what} its trigger {trigger.name}; put that on another segment"
+        ).in_segment(number)
 
 
 def _move(segment: Moving, start: Pose, end: Pose, last: bool) -> Synchronised:

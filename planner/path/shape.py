@@ -86,6 +86,12 @@ class Piece:
     repetition: int | None = None
     tool_jerk: float | None = None
 
+    @property
+    def content(self) -> Hashable:
+        """All that decides its geometry and its caps: every field but the numbers of segment and repetition."""
+        caps = self.tool_speed, self.tool_acceleration, self.tool_jerk, self.angular_speed, self.constant
+        return self.shape, self.parameters.tobytes(), self.length, self.start, self.turn, caps
+
     def cut(self, count: int) -> "list[Piece]":
         """The same curve in equal parts."""
         length, turn = self.length / count, self.turn / count

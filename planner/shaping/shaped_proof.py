@@ -143,7 +143,7 @@ def refuse_unshaped(limits: Sequence[Limit], path: ActuatorPath) -> None:
             raise MotionError(
                 f"segment {path.segment(piece)}: a constant tool speed cannot be held behind an input shaper, which "
                 "spreads every change of speed; remove speed_constant, or the shapers from the machine's file"
-            )
+            ).in_segment(path.segment(piece))
 
 
 def prove_shaped(

@@ -1,9 +1,16 @@
 """A few runs between stops, solved, certified and tightened by themselves: what any process can do with a part.
 
 A motion that exceeds a limit is solved again with less room there, or slowed as a whole.
+
+Of equal runs one is timed and proved, and the others have its motion. Runs are equal if the numbers of their pieces and
+of their limits are equal, bit for bit. A copy is then the same function of time, but for the path length at which it
+begins. Path lengths are rounded: measured from the start of its piece, a place of the copy is within `PLACE_ROUNDING`
+times the length of the path of the place that it copies. The proof encloses every motion whose places are that near
+(`planner.certificate.enclosure.expand_motion`), so that it holds for the copy. That copies join without a jump or a gap
+is proved of the whole motion, as always.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,8 +21,11 @@ from planner.certificate.certify import use_at_knots
 from planner.certificate.limit_use import ProvedUse, prove
 from planner.certificate.resonance_dwell import find_stays
 from planner.limits.limit import Limit
+from planner.limits.lowered import ALL
+from planner.limits.registry import AXIS_LIMITS, MACHINE_LIMITS
 from planner.limits.resonance import BAND_MARGIN, Resonance, SpeedCap
-from planner.path.actuation import ActuatorPath
+from planner.limits.tool import ToolLimit
+from planner.path.actuation import ActuatorPath, MachinePath
 from planner.timing.discretization import cut_intervals
 from planner.timing.problem import Block, Run, leave_out_idle
 from planner.timing.profile import (
@@ -161,11 +171,12 @@ class Timing:
     """How runs are timed: `solve` finds a motion, and `tighten` one that exceeds the limits less.
 
     use, the last of what tighten is given: what is proved of each time piece (M,), per limit. In the end only a fastest
-    motion is slowed as a whole, which no other may be.
+    motion is slowed as a whole, which no other may be. uniform: equal runs have equal motions.
     """
 
     solve: Callable[[ActuatorPath, Sequence[Limit], Run], RunSolution]
     tighten: Callable[[ActuatorPath, Sequence[Limit], RunSolution, Mapping[str, Array]], RunSolution]
+    uniform: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -328,3 +339,64 @@ NOTHING_KNOWN = ProvedUse({}, {}, np.zeros((6, 0)))
 def hold_axes(limits: Sequence[Limit], held: Sequence[SpeedCap]) -> tuple[Limit, ...]:
     """The limits, with axes held below resonance bands in more places."""
     return tuple(limit.hold_more(held) if held and isinstance(limit, Resonance) else limit for limit in limits)
+
+
+# Different runs that are remembered at a time: a path without repetition must not fill the memory with its numbers.
+MOST_REMEMBERED = 1024
+
+
+def find_first_equals(path: ActuatorPath, limits: Sequence[Limit], runs: Sequence[Run]) -> list[int]:
+    """Return for each run the index of an earlier run that equals it, or else its own index."""
+    firsts = list(range(len(runs)))
+    if not isinstance(path, MachinePath):
+        return firsts
+    # most runs differ from all others in the numbers of their first piece
+    begins = [path.pieces[run.first].parameters.tobytes() for run in runs]
+    if len(set(begins)) == len(runs) or not all(map(ignores_place, limits)):
+        return firsts
+    caps = [limit.caps for limit in limits if isinstance(limit, ToolLimit)]
+    remembered: dict[Hashable, int] = {}
+    for n, run in enumerate(runs):
+        # a run that continues a motion has that motion's numbers as well
+        if run.continuation is not None:
+            continue
+        key = _describe_run(path, caps, run)
+        firsts[n] = remembered.pop(key, n)
+        remembered[key] = firsts[n]  # now the last that is forgotten
+        if len(remembered) > MOST_REMEMBERED:
+            del remembered[next(iter(remembered))]
+    return firsts
+
+
+def ignores_place(limit: Limit) -> bool:
+    """Return whether a limit is the same for equal pieces of path, wherever they are on the path.
+
+    A limit of a caller's own may look at the number of the piece. Shares are lowered at stated path lengths, and so
+    are the speeds of axes that are held below a band of resonance.
+    """
+    if type(limit) not in AXIS_LIMITS and type(limit) not in MACHINE_LIMITS:
+        return False
+    if isinstance(limit, Resonance) and (limit.bands or limit.held):
+        return False
+    return limit.shares is ALL
+
+
+def _describe_run(path: MachinePath, caps: Sequence[Array], run: Run) -> Hashable:
+    """Return all that decides the motion of a run, except where on the path it is."""
+    own = slice(run.first, run.last + 1)
+    return (
+        replace(run, first=0, last=run.last - run.first),
+        path.describe_pieces(run.first, run.last),
+        tuple(cap[own].tobytes() for cap in caps),
+    )
+
+
+def move_run(path: ActuatorPath, one: CertifiedRun, run: Run) -> CertifiedRun:
+    """Return the motion and the proof of a run for another run that equals it."""
+    profile, onward = one.solution.profile, run.first - one.run.first
+    piece = profile.piece + onward
+    # the break itself stays exact: motions rest there
+    s = path.breaks[piece] + (profile.s - path.breaks[profile.piece])
+    moved = replace(profile, s=s, piece=piece)
+    known = ProvedUse(one.known.use, one.known.attained, moved.numbers())
+    return replace(one, run=run, solution=replace(one.solution, profile=moved), known=known)

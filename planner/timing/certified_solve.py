@@ -19,7 +19,16 @@ from planner.parallel import Progress, spread
 from planner.path.actuation import ActuatorPath
 from planner.path.stands import count_zero_derivatives
 from planner.request import EFFORT
-from planner.timing.certified_run import MAX_CERTIFY_ROUNDS, CertifiedRun, RunCertifier, Timing, hold_axes, tighten_run
+from planner.timing.certified_run import (
+    MAX_CERTIFY_ROUNDS,
+    CertifiedRun,
+    RunCertifier,
+    Timing,
+    find_first_equals,
+    hold_axes,
+    move_run,
+    tighten_run,
+)
 from planner.timing.duration_bound import DurationBound, bound_duration
 from planner.timing.parts import solve_in_parts, tighten_in_parts
 from planner.timing.problem import Continuation, Run, Solver
@@ -130,7 +139,7 @@ def certified_solve(
     that what becomes of it does not depend on who does it. Here refusals are raised that were values so far: Infeasible
     where a limit is broken, MotionError where no round holds.
 
-    progress  is told how many of the runs are solved, and of how many
+    progress  is told how many of the different runs are solved, and of how many
     timing    what is asked of the motion; None: that it is the fastest, along a path that is checked first
     solver    of order 2
     proving   else a motion of which no round holds is returned, its certificate as it is
@@ -145,8 +154,10 @@ def certified_solve(
     stops = np.flatnonzero(path.stops(order))
     runs = [replace(run, solver=solver, fineness=fineness, whole=not cruising) for run in _split_runs(path, stops)]
     runs[0] = replace(runs[0], continuation=continuation)
-    size = max(PART_RUNS, -(-len(runs) // MANY_PARTS))
-    parts = [runs[first : first + size] for first in range(0, len(runs), size)]
+    firsts = find_first_equals(path, limits, runs) if timing.uniform else list(range(len(runs)))
+    different = sorted(set(firsts))
+    size = max(PART_RUNS, -(-len(different) // MANY_PARTS))
+    parts = [[runs[n] for n in different[first : first + size]] for first in range(0, len(different), size)]
     found: list[CertifiedRun] = []
 
     def finish_part(part: Sequence[Run], outcome: list[CertifiedRun] | MotionError) -> None:
@@ -154,9 +165,11 @@ def certified_solve(
             raise outcome
         found.extend(outcome)
         if progress is not None:
-            progress(len(found), len(runs))
+            progress(len(found), len(different))
 
     spread(RunCertifier(path, tuple(limits), order, timing), parts, finish_part)
+    solved = dict(zip(different, found, strict=True))
+    found = [solved[n] if first == n else move_run(path, solved[first], runs[n]) for n, first in enumerate(firsts)]
     limits = hold_axes(limits, [held for one in found for held in one.held])
     trajectory, known = _join_runs(path, limits, found, stops)
     rounds, methods = max(one.rounds for one in found), tuple(one.solution.method for one in found)
@@ -201,8 +214,8 @@ def solve_within(
 def _fastest_timing(path: ActuatorPath, order: int) -> Timing:
     """The fastest motion, at the constant speeds that segments ask for."""
     if all(path.constant(piece) is None for piece in range(len(path.breaks) - 1)):
-        return Timing(partial(solve_run, order=order), tighten_run)
-    return Timing(partial(solve_in_parts, order=order), tighten_in_parts)
+        return Timing(partial(solve_run, order=order), tighten_run, uniform=True)
+    return Timing(partial(solve_in_parts, order=order), tighten_in_parts, uniform=True)
 
 
 def _split_runs(path: ActuatorPath, stops: np.ndarray) -> list[Run]:
@@ -241,8 +254,9 @@ def _unproved_error(trajectory: Trajectory, limits: Sequence[Limit], certificate
             return limit_violation(limit, float(limit.value(state)[0, channel]), channel, int(state.piece[0]), place)
     unproved = [name for name, worst in certificate.worst.items() if not np.isfinite(worst)]
     if unproved:
+        place = certificate.where[unproved[0]]
         return MotionError(
-            f"the motion could not be proved: {unproved[0]} at {certificate.where[unproved[0]]} has no bound; "
+            f"the motion could not be proved: {unproved[0]} at {place} has no bound; "
             "this is a bug in the planner: please report it"
-        )
+        ).in_segment(place.segment)
     return MotionError(f"no motion could be proved within {MAX_CERTIFY_ROUNDS} rounds; what remained:\n{certificate}")

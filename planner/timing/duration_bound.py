@@ -3,8 +3,8 @@
 What is proved is `planner.certificate.lower_bound`'s; here is chosen what it is proved with, near a known motion.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from math import ceil
 from typing import NamedTuple
@@ -27,6 +27,7 @@ from planner.limits.limit import Limit, Term
 from planner.limits.tool import ToolSpeed
 from planner.path.actuation import ActuatorPath
 from planner.path.stands import count_zero_derivatives
+from planner.timing.certified_run import find_first_equals
 from planner.timing.problem import Run
 from planner.timing.profile import Profile
 from planner.timing.run import solve_run
@@ -56,6 +57,9 @@ MANY_RUNS, FAIR_GAP = 32, 0.001
 # Use of a limit on speed from which a motion cruises, and the least share of its run that a cruise
 # is bounded by itself for: each span between cruises takes as many cells as a short run.
 CRUISING_USE, LEAST_CRUISE = 1 - 2e-4, 0.01
+# Share of its duration by which a time piece may differ from one of an equal motion: instants are rounded, by more late
+# in a long motion.
+SAME_DURATION = 1e-6
 # Where a cell loses more than it takes by such a share of the run's time, λ beside it is 0, and sought again; so often.
 PARTING_LOSS, MOST_PARTINGS = 0.005, 3
 
@@ -173,17 +177,77 @@ def bound_duration(
     every = list(pairwise(np.flatnonzero(path.stops(order)).tolist()))
     if gap is None and len(every) > MANY_RUNS:
         gap = FAIR_GAP
-    runs = [_bound_run(trajectory, limits, order, ends, gap) for ends in every]
-    return _sum_runs(trajectory, limits, runs)
+    firsts = _find_equal_motions(trajectory, limits, every)
+    bounds = {n: _bound_run(trajectory, limits, order, every[n], gap) for n in sorted(set(firsts))}
+    return _sum_runs(trajectory, limits, _copy_bounds(trajectory, every, firsts, bounds))
+
+
+def _find_equal_motions(trajectory: Trajectory, limits: Sequence[Limit], every: Sequence[tuple[int, int]]) -> list[int]:
+    """Return for each run the index of an earlier one with an equal path, limits and motion, or else its own index.
+
+    A bound is one of the pieces of a run, wherever they are on the path, so that it holds for equal runs. What is lost
+    on each cell depends on the motion as well. Where the path stands at an end of a run, the bound depends on what is
+    before and after it.
+    """
+    path = trajectory.path
+    still, last = count_zero_derivatives(path), len(path.breaks) - 1
+    runs = [
+        Run(
+            a,
+            b - 1,
+            path.end_speeds[0] if a == 0 else 0.0,
+            path.end_speeds[1] if b == last else 0.0,
+            start_acceleration=path.end_accelerations[0] if a == 0 else 0.0,
+            end_acceleration=path.end_accelerations[1] if b == last else 0.0,
+        )
+        for a, b in every
+    ]
+    firsts = find_first_equals(path, limits, runs)
+    for n, first in enumerate(firsts):
+        a, b = every[n]
+        stands = still[0, a] or still[1, b - 1]
+        if first != n and (stands or not _move_alike(trajectory, every[first], every[n])):
+            firsts[n] = n
+    return firsts
+
+
+def _move_alike(trajectory: Trajectory, one: tuple[int, int], other: tuple[int, int]) -> bool:
+    """Return whether the motions along two runs are the same, but for the rounding of instants."""
+    motions = []
+    for a, b in (one, other):
+        own = slice(*np.searchsorted(trajectory.piece, [a, b]))
+        motion = np.stack([trajectory.v[own], trajectory.a[own], trajectory.j[own], np.diff(trajectory.knots)[own]])
+        motions.append(motion[:, motion[:3].any(0)])
+    first, second = motions
+    if first.shape != second.shape or not np.array_equal(first[:3], second[:3]):
+        return False
+    return np.allclose(first[3], second[3], rtol=SAME_DURATION, atol=0.0)
+
+
+def _copy_bounds(
+    trajectory: Trajectory,
+    every: Sequence[tuple[int, int]],
+    firsts: Sequence[int],
+    bounds: "Mapping[int, _RunBound]",
+) -> "list[_RunBound]":
+    """Return the bound of each run: that of the first which equals it, with its places on this run."""
+    breaks, copies = trajectory.path.breaks, []
+    for n, first in enumerate(firsts):
+        bound = bounds[first]
+        piece = bound.piece + (every[n][0] - every[first][0])
+        s = bound.s if n == first else breaks[piece] + (bound.s - breaks[bound.piece])
+        copies.append(replace(bound, s=s, piece=piece))
+    return copies
 
 
 def _bound_quickly(trajectory: Trajectory, limits: Sequence[Limit], order: int, most_cells: int) -> DurationBound:
     """Share the cells out by time pieces; each span between cruises has LEAST_SHARED_CELLS at least."""
-    stops = np.flatnonzero(trajectory.path.stops(order))
-    runs = [split_run(trajectory, limits, ends) for ends in pairwise(stops.tolist())]
-    pieces = sum(len(span.pieces) for spans in runs for span in spans if not span.cruising)
-    bounds = []
-    for spans in runs:
+    every = list(pairwise(np.flatnonzero(trajectory.path.stops(order)).tolist()))
+    firsts = _find_equal_motions(trajectory, limits, every)
+    runs = {n: split_run(trajectory, limits, every[n]) for n in sorted(set(firsts))}
+    pieces = sum(len(span.pieces) for first in firsts for span in runs[first] if not span.cruising)
+    bounds = {}
+    for n, spans in runs.items():
         parts = []
         for span in spans:
             if span.cruising:
@@ -191,8 +255,8 @@ def _bound_quickly(trajectory: Trajectory, limits: Sequence[Limit], order: int, 
             else:
                 most = max(most_cells * len(span.pieces) // pieces, LEAST_SHARED_CELLS)
                 parts.append(_bound_span_quickly(trajectory, limits, order, span, most))
-        bounds.append(_join(parts))
-    return _sum_runs(trajectory, limits, bounds)
+        bounds[n] = _join(parts)
+    return _sum_runs(trajectory, limits, _copy_bounds(trajectory, every, firsts, bounds))
 
 
 def _bound_span_quickly(

@@ -64,7 +64,8 @@ def tighten_in_parts(
         if found.status in ("stopped", "too fast"):  # a ramp between given speeds, which does not know where it lies
             place = path.place(float(part.profile.s[0]), int(part.profile.piece[0]))
             remedy = 'lower the adjacent constant speed, or write join = "stop" between the segments'
-            return RunSolution.refused(MotionError(f"the ramp from {place}: {found.refusal}: {remedy}"))
+            error = MotionError(f"the ramp from {place}: {found.refusal}: {remedy}")
+            return RunSolution.refused(error.in_segment(place.segment))
         parts.append(found)
     return RunSolution.joined(parts, IN_PARTS)
 
@@ -169,5 +170,5 @@ def _end_speed_error(path: ActuatorPath, block: Run, run: Run, own: float | None
             if isinstance(no, Infeasible):
                 told = "constant speed", no.axis, place, no.value, no.limit, no.unit, remedy
                 return ConstantRefused(*told, asked=joint[end], possible=no.limit / 1e3)
-            return MotionError(f"{place}: {no}; {remedy}")
+            return MotionError(f"{place}: {no}; {remedy}").in_segment(place.segment)
     return no

@@ -128,8 +128,9 @@ def _refuse(path: ActuatorPath) -> None:
     pieces = range(len(path.breaks) - 1)
     asked = next((piece for piece in pieces if path.constant(piece) is not None), None)
     if asked is not None:
-        where = path.place(float(path.breaks[asked]), asked)
-        raise MotionError(f"{where}: a constant speed fixes the duration: omit one of the two")
+        place = path.place(float(path.breaks[asked]), asked)
+        error = MotionError(f"{place}: a constant speed fixes the duration: omit one of the two")
+        raise error.in_segment(place.segment)
     if max(path.end_speeds) > 0:
         raise MotionError(
             f"a stated duration goes from rest to rest, and this motion begins and ends at {path.end_speeds} along the "

@@ -18,7 +18,7 @@ from pulsepath.progress import say
     "--machine",
     metavar="MACHINE",
     help="Bundled machine or machine kind to start from, as equations. Default: the program's machine, else hexapod.",
-    shell_complete=make_completer(lambda: sorted({*known_names.machines(), *known_names.machine_kinds()})),
+    shell_complete=make_completer(known_names.machines, known_names.kinds),
 )
 @click.option(
     "--program",
@@ -71,6 +71,6 @@ def _find_machine(name: str) -> str:
     from kinematics.foundation.names import presets
 
     known = presets("kinematics")
-    if name in known or name not in known_names.machine_kinds():
+    if name in known or name not in known_names.kinds():
         return name
     return next(each for each, file in known.items() if tomllib.loads(file.read_text("utf-8"))["kind"] == name)

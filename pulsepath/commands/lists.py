@@ -1,24 +1,28 @@
-"""`pulsepath machines`, `programs`, `rigs`, `laws`, `rules`, `figures`: list what is there.
+"""`pulsepath machines`, `programs`, `rigs`, `laws`, `rules`, `figures`: print lists."""
 
-What is listed is kept on disk (`known_names.recall`), since the modules that tell it take seconds to load.
-"""
-
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from functools import partial
 from inspect import getdoc
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from pulsepath.known_names import recall
 from pulsepath.options import json_option
 from pulsepath.progress import as_json as to_json
-from pulsepath.progress import draw, say
+from pulsepath.progress import say
 
 if TYPE_CHECKING:
     from kinematics.foundation.table import Table
 
 Record = dict[str, Any]
+UNITS = {
+    "path": "m or rad",
+    "axis": "m or rad",
+    "axis²": "m² or rad²",
+    "axis/s³": "m/s³ or rad/s³",
+    "1": "share",
+}
+"""Units of figures that depend on the axis, in words."""
 
 
 @click.command()
@@ -34,7 +38,16 @@ def machines(as_json: bool) -> None:
 
     Example: pulsepath machines --json
     """
-    _show("machines", _list_machines, as_json)
+    from kinematics import NotInstalled, load_machine, machine_names
+    from pulsepath.output import record, tables
+
+    known = []
+    for name in machine_names():
+        try:
+            known.append(load_machine(name))
+        except NotInstalled as reason:  # the other machines are listed nevertheless
+            say(f"note: {name} is left out: {reason}", err=True)
+    _show([record.of_machine(machine) for machine in known], tables.of_machines(known), as_json)
 
 
 @click.command()
@@ -44,7 +57,16 @@ def programs(as_json: bool) -> None:
 
     Example: pulsepath programs
     """
-    _show("programs", _list_programs, as_json)
+    listed = [
+        {
+            "name": name,
+            "machine": data.get("machine"),
+            "segments": len(data["segment"]),
+            "about": about,
+        }
+        for name, data, about in _read_presets("planner")
+    ]
+    _show_list("bundled programs", listed, as_json)
 
 
 @click.command()
@@ -56,7 +78,16 @@ def rigs(as_json: bool) -> None:
 
     Example: pulsepath rigs
     """
-    _show("rigs", _list_rigs, as_json)
+    listed = [
+        {
+            "name": name,
+            "machine": data["machine"],
+            "tasks": list(dict.fromkeys(task["name"] for task in data.get("task", []))),
+            "about": about,
+        }
+        for name, data, about in _read_presets("controllers")
+    ]
+    _show_list("bundled rigs", listed, as_json)
 
 
 @click.command()
@@ -68,7 +99,19 @@ def laws(as_json: bool) -> None:
 
     Example: pulsepath laws --json
     """
-    _show("laws", _list_laws, as_json)
+    from controllers.laws.registry import LAWS
+
+    listed = []
+    for (number, name), make in LAWS.items():
+        law = make()
+        fixed = make.keywords if isinstance(make, partial) else {}
+        text = getdoc(make.func if isinstance(make, partial) else make) or ""
+        options = "".join(f" ({key}: {value})" for key, value in fixed.items())
+        # a class with several laws writes the formula of each
+        about = getattr(law, "formula", text.partition("\n")[0] + options)
+        gains = {gain: [float(value) for value in values] for gain, values in law.grid.items()}
+        listed.append({"number": number, "name": name, "gains": gains, "about": about})
+    _show_list("tracking laws", listed, as_json)
 
 
 @click.command()
@@ -80,7 +123,10 @@ def rules(as_json: bool) -> None:
 
     Example: pulsepath rules
     """
-    _show("rules", _list_rules, as_json)
+    from pulsepath.output import record, tables
+
+    listed = record.of_rules()
+    _show(listed, tables.of_rules(listed), as_json)
 
 
 @click.command()
@@ -92,113 +138,37 @@ def figures(as_json: bool) -> None:
 
     Example: pulsepath figures
     """
-    _show("figures", _list_figures, as_json)
-
-
-def _show(what: str, make: Callable[[], Record], as_json: bool) -> None:
-    listed = recall(what, make)
-    for note in listed.get("notes", ()):
-        say(note, err=True)
-    if as_json:
-        click.echo(to_json(listed["records"]), nl=False)
-    else:
-        draw(listed["tables"])
-
-
-def _lay_out(records: object, tables: "Iterable[Table]", notes: Iterable[str] = ()) -> Record:
-    """A list as it is kept: its records, and its tables as they are drawn."""
-    from pulsepath.output.tables import lay_out
-
-    return {"records": records, "tables": [lay_out(table) for table in tables], "notes": [*notes]}
-
-
-def _lay_out_list(title: str, listed: list[Record]) -> Record:
-    from pulsepath.output import tables
-
-    return _lay_out(listed, tables.of_list(title, listed))
-
-
-def _list_machines() -> Record:
-    from kinematics import NotInstalled, load_machine, machine_names
-    from pulsepath.output import record, tables
-
-    known, absent = [], []
-    for name in machine_names():
-        try:
-            known.append(load_machine(name))
-        except NotInstalled as reason:  # the others are there all the same
-            absent.append(f"note: {name} is left out: {reason}")
-    return _lay_out([record.of_machine(machine) for machine in known], tables.of_machines(known), absent)
-
-
-def _list_programs() -> Record:
-    return _lay_out_list(
-        "bundled programs",
-        [
-            {"name": name, "machine": data.get("machine"), "segments": len(data["segment"]), "about": about}
-            for name, data, about in _read_presets("planner")
-        ],
-    )
-
-
-def _list_rigs() -> Record:
-    return _lay_out_list(
-        "bundled rigs",
-        [
-            {
-                "name": name,
-                "machine": data["machine"],
-                "tasks": list(dict.fromkeys(task["name"] for task in data.get("task", []))),
-                "about": about,
-            }
-            for name, data, about in _read_presets("controllers")
-        ],
-    )
-
-
-def _list_laws() -> Record:
-    from controllers.laws.registry import LAWS
-
-    found = []
-    for (number, name), make in LAWS.items():
-        law = make()
-        own = make.keywords if isinstance(make, partial) else {}
-        text = getdoc(make.func if isinstance(make, partial) else make) or ""
-        options = "".join(f" ({key}: {value})" for key, value in own.items())
-        # a class with several laws writes the formula of each
-        about = getattr(law, "formula", text.partition("\n")[0] + options)
-        gains = {gain: [float(value) for value in values] for gain, values in law.grid.items()}
-        found.append({"number": number, "name": name, "gains": gains, "about": about})
-    return _lay_out_list("tracking laws", found)
-
-
-def _list_figures() -> Record:
     from controllers.metrics import FIGURES
 
-    units = {"path": "m or rad", "axis": "m or rad", "axis²": "m² or rad²", "axis/s³": "m/s³ or rad/s³", "1": "share"}
-    return _lay_out_list(
-        "figures of a run",
-        [
-            {
-                "name": one.name,
-                "unit": units.get(one.unit, one.unit),
-                "each axis": one.per_axis,
-                "about": one.meaning,
-            }
-            for one in FIGURES
-        ],
-    )
+    listed = [
+        {
+            "name": figure.name,
+            "unit": UNITS.get(figure.unit, figure.unit),
+            "each axis": figure.per_axis,
+            "about": figure.meaning,
+        }
+        for figure in FIGURES
+    ]
+    _show_list("figures of a run", listed, as_json)
 
 
-def _list_rules() -> Record:
-    from pulsepath.output import record, tables
+def _show(records: object, tables: "Iterable[Table]", as_json: bool) -> None:
+    if as_json:
+        click.echo(to_json(records), nl=False)
+        return
+    from pulsepath.output.tables import show
 
-    found = record.of_rules()
-    return _lay_out(found, tables.of_rules(found))
+    show(tables)
+
+
+def _show_list(title: str, records: list[Record], as_json: bool) -> None:
+    from pulsepath.output import tables
+
+    _show(records, tables.of_list(title, records), as_json)
 
 
 def _read_presets(package: str) -> list[tuple[str, Record, str]]:
-    """Name, data and the first sentence of each preset of a package."""
+    """Return name, data and the first sentence of each preset of a package."""
     import tomllib
 
     from kinematics.foundation.names import presets
@@ -208,7 +178,7 @@ def _read_presets(package: str) -> list[tuple[str, Record, str]]:
 
 
 def _sentence(text: str) -> str:
-    """The first of a comment at the head of a file."""
+    """Return the first sentence of the comment at the head of a file."""
     lines: list[str] = []
     for line in text.splitlines():
         if not line.startswith("# "):

@@ -9,8 +9,8 @@ from threading import Timer, main_thread
 from types import FrameType
 from typing import Any
 
-NAMES = ("SIGINT", "SIGTERM", "SIGHUP")
-"""As in kinematics.files.atomic_files, which would load all of kinematics here."""
+from pulsepath.process.supervisor import SIGNAL_NAMES
+
 RESEND_DELAY = 0.002
 """s until a signal is given again that would have been lost."""
 UNSAFE_MODULES = ("casadi.casadi", "importlib._bootstrap", "_frozen_importlib")
@@ -52,7 +52,7 @@ def raise_on_signal(last: bool = False) -> Iterator[None]:
         raise EndSignal(number)
 
     try:
-        for number in (signal.Signals[name] for name in NAMES if hasattr(signal, name)):
+        for number in (signal.Signals[name] for name in SIGNAL_NAMES if hasattr(signal, name)):
             if (before := signal.getsignal(number)) is not signal.SIG_IGN:
                 kept[number] = before
                 signal.signal(number, end)

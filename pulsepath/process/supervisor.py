@@ -19,7 +19,7 @@ from contextlib import suppress
 from typing import Any
 
 SIGNAL_NAMES = ("SIGINT", "SIGTERM", "SIGHUP")
-"""As in kinematics.files.atomic_files, which would load all of kinematics here."""
+"""Signals that end a command in good order, of which a system may not know all."""
 GRACE_PERIOD = 1.2
 """s that the worker has to end in good order, of the 2 s within which a signal ends a command."""
 SAME_SIGNAL_TIME = 0.05

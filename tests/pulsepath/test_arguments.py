@@ -22,7 +22,7 @@ BY_ITSELF = {"program", "machine", "limits", "plan", "law", "rig"} | {
 @pytest.fixture(scope="module")
 def given(tmp_path_factory):
     """Arguments of public functions, all as they should be."""
-    machine, plan = pp.load_machine("hexapod"), pp.plan("circle", "hexapod", order=2)
+    machine, plan = pp.load_machine("hexapod"), pp.plan("bare-circle", "hexapod", order=2)
     tracking = pp.track(plan, machine, "6", rig=RIG)
     folder = tmp_path_factory.mktemp("arguments")
     state = plan.trajectory.at([0.1])

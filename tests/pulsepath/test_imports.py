@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 import pulsepath as pp
-from pulsepath.known_names import recall
 from tests.pace import slowness
 
 SLOW = {
@@ -76,13 +75,12 @@ def call_fresh(commands, folder=ROOT):
 
 
 def test_help_loads_nothing_slow():
-    commands = [["--help"], ["plan", "--help"], ["console", "--help"], ["--version"]]
+    helped = ("plan", "console", "export", "import", "hold")
+    commands = [["--help"], *([name, "--help"] for name in helped), ["--version"]]
     for command, (code, _, loaded) in call_fresh(commands).items():
         assert (code, loaded) == (0, []), command
 
 
-LISTS = [[name] for name in ("machines", "programs", "rigs", "laws", "rules", "figures")]
-FORMATS = [[name, "--help"] for name in ("export", "import", "hold")]
 UNKNOWN = [
     ["check", "circel"],
     ["plan", "circle", "--machine", "hexapodd", "--out", "o"],
@@ -96,19 +94,6 @@ UNKNOWN = [
     ["compare", "servo", "--out", "o"],
     ["export", "o", "--format", "zabber"],
 ]
-
-
-@pytest.fixture(scope="module")
-def lists():
-    """Lists that are kept on disk, as a second process finds them: the first one makes them."""
-    call_fresh([*LISTS, *FORMATS])
-    return call_fresh([*LISTS, *FORMATS])
-
-
-def test_lists_that_are_kept_load_nothing_that_computes(lists):
-    for command, (code, _, loaded) in lists.items():
-        assert code == 0, command
-        assert set(loaded) <= {"rich"}, command
 
 
 def test_a_mistake_in_a_command_loads_nothing_that_computes(tmp_path):
@@ -156,42 +141,16 @@ REFUSED = {
 """What is refused by what files and arguments say, and with which words."""
 
 
-@pytest.mark.usefixtures("lists")
 def test_a_mistake_in_a_file_is_refused_before_what_computes_is_loaded(tmp_path):
     for name, text in FAULTY.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)
-    # What reads G-code loads the table of formats; from then on the other formats are asked, not the list on disk.
-    alone = [command for command in REFUSED if "part.nc" in command]
-    together = [command for command in REFUSED if command not in alone]
-    refusals = {}
-    for commands in (together, *([command] for command in alone)):
-        refusals |= call_fresh([command.split() for command in commands], tmp_path)
+    refusals = call_fresh([command.split() for command in REFUSED], tmp_path)
     assert refusals.keys() == REFUSED.keys()
     for command, (code, text, loaded) in refusals.items():
         assert code == 2, (command, text)
         assert REFUSED[command] in text, command
         assert not COMPUTING & set(loaded), command
-
-
-def test_lists_are_made_again_where_a_file_changes_or_what_is_kept_is_damaged(tmp_path, monkeypatch):
-    monkeypatch.setattr("pulsepath.known_names.__file__", str(tmp_path / "known_names.py"))
-    monkeypatch.setattr("pulsepath.known_names.PACKAGES", ("tests",))
-    monkeypatch.setattr("pulsepath.known_names._package_path", lambda _: tmp_path / "source")
-    (tmp_path / "source").mkdir()
-    (tmp_path / "source" / "law.py").write_text("one")
-    made = []
-
-    def make():
-        made.append(len(made))
-        return {"count": len(made)}
-
-    assert [recall("counts", make), recall("counts", make)] == [{"count": 1}] * 2
-    (tmp_path / "source" / "law.py").write_text("two, longer")
-    assert [recall("counts", make), recall("counts", make)] == [{"count": 2}] * 2
-    (kept,) = (tmp_path / "__pycache__").iterdir()
-    kept.write_text(kept.read_text()[:20])
-    assert [recall("counts", make), recall("counts", make)] == [{"count": 3}] * 2
 
 
 @pytest.mark.skipif(os.name != "posix", reason="Windows has no console")

@@ -78,7 +78,7 @@ def test_other_threads_hold_nothing():
 
 
 def test_the_command_line_ends_by_the_same_signals():
-    assert ending.NAMES == SIGNAL_NAMES
+    assert ending.SIGNAL_NAMES == SIGNAL_NAMES
 
 
 @pytest.mark.parametrize("broken", ["_make_directory", "end"])

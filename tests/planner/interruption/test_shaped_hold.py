@@ -151,7 +151,7 @@ def test_the_table_of_stops_is_of_what_is_shaped(shaped):
     assert found.distance[-1] == pytest.approx(held.distance, rel=1e-6)
 
 
-@pytest.mark.parametrize("shaped", [CORNERS], indirect=True, ids=["corners"])
+@pytest.mark.parametrize("shaped", [plan_corners], indirect=True, ids=["corners"])
 def test_a_stop_that_is_not_proved_is_refused_and_in_no_table(shaped, monkeypatch):
     prove = hold.prove_shaped
 

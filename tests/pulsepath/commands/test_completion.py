@@ -10,15 +10,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from controllers import rig_names
-from controllers.laws.registry import LAWS
-from kinematics import machine_names
-from kinematics.foundation.names import presets
 from planner import program_names
-from planner.export.format import FORMATS
-from planner.pulses import RULES
 from planner.sources.source import SOURCES
-from pulsepath import known_names
 from pulsepath.cli import main
 from tests.pace import slowness
 
@@ -41,17 +34,6 @@ BEGUN = {
     "completion z": {"zsh"},
     "-q plan --dump": {"--dump-config"},
 }
-
-
-def test_the_names_are_those_of_what_they_name():
-    assert set(known_names.machines()) == set(machine_names())
-    assert set(known_names.programs()) == set(program_names())
-    assert set(known_names.rigs()) == set(rig_names())
-    assert set(known_names.measurements()) == set(presets("kinematics.calibration"))
-    assert known_names.laws() == [word for words in LAWS for word in words]
-    assert set(known_names.rules()) == set(RULES)
-    assert known_names.exports() == list(FORMATS)
-    assert known_names.imports() == list(SOURCES)
 
 
 def protocol(shell, line):

@@ -15,7 +15,8 @@ from kinematics.foundation.options import options
 from planner.export.format import FORMATS, find_format
 from tests import read_lines
 
-LINE = 'schema = 1\nlength = "mm"\nangle = "deg"\n[[segment]]\nline = {{ to = [{}] }}\n'
+FEW = ("--no-figures", "--no-baselines", "--no-worth")
+"""What no export reads is left out of plans."""
 
 
 def test_pulses_are_those_of_the_plan(call, plan, job):
@@ -199,7 +200,7 @@ def test_an_arm_is_exported_with_its_links_from_beside_the_plan(call, tmp_path):
     (tmp_path / "p.toml").write_text(
         'schema = 1\nlength = "mm"\nangle = "deg"\n[[segment]]\nline = { to = [1, 0, 1] }\n'
     )
-    assert call("plan", tmp_path / "p.toml", "--machine", "arm", "--out", tmp_path / "o").exit_code == 0
+    assert call("plan", tmp_path / "p.toml", "--machine", "arm", "--out", tmp_path / "o", *FEW).exit_code == 0
     done = call("export", tmp_path / "o", "--format", "ros")
     assert done.exit_code == 0, done.stderr
 
@@ -233,7 +234,7 @@ def test_an_error_is_told_in_the_units_of_axes_that_move(call, tmp_path):
     for turn, known in (("", None), (", rotate = [0, 0, 9]", 9.9e3)):
         (tmp_path / "p.toml").write_text(text.format(turn))
         out = tmp_path / f"o{len(turn)}"
-        made = call("plan", tmp_path / "p.toml", "--machine", "traverser", "--out", out, "--no-figures")
+        made = call("plan", tmp_path / "p.toml", "--machine", "traverser", "--out", out, *FEW)
         assert made.exit_code == 0, made.stderr
         done = call("export", out, "--format", "sasidhar")
         assert done.exit_code == 0, done.stderr
@@ -254,7 +255,7 @@ def test_what_compensates_is_exported_as_its_motors_run(call, tmp_path):
         '[[segment]]\ndwell = "0.2 s"\n[[segment]]\nline = { to = [90, 50, 80] }\n'
     )
     out = tmp_path / "o"
-    made = call("plan", tmp_path / "p.toml", "--machine", tmp_path / "m.toml", "--out", out, "-v")
+    made = call("plan", tmp_path / "p.toml", "--machine", tmp_path / "m.toml", "--out", out, "-v", *FEW)
     assert made.exit_code == 0, made.stderr
     # 0.002 in of play while the axis rests, at the 0.3 in/s² of the axis
     assert "7.620 7.620" in " ".join(made.stdout.split())  # mm/s², of what is allowed

@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+import pulsepath as pp
 from kinematics import MotionError
 from planner.export.format import FORMATS, find_format, takes_stop
 from pulsepath import load_plan, read_pulses
@@ -61,11 +62,12 @@ def test_files_of_a_stop_say_what_exports_say(call, plan, job):
     assert any("a pulse is off by up to 1 us" in line for line in own)
 
 
-def test_a_loaded_plan_is_held_and_exported_as_a_fresh_one(plan, job, tmp_path):
-    taken, fresh = load_plan(plan), job.plan
+def test_a_loaded_plan_is_held_and_exported_as_a_fresh_one(corner, tmp_path):
+    taken = load_plan(corner)
+    fresh = pp.plan(pp.import_program(corner.parent / "corner.nc").program, "corexy", order=2)
     named = f"<StoredPlan {fresh.program.name} on {fresh.machine.name}: {fresh.duration:.6g} s, order {fresh.order}, "
     assert repr(taken) == f"{named}nearest pulses at {fresh.pulses.clock_hz} Hz>"
-    stop, other = taken.hold(0.6), fresh.hold(0.6)
+    stop, other = taken.hold(0.1), fresh.hold(0.1)
     assert stop.certificate.holds
     assert stop.duration == pytest.approx(other.duration, rel=1e-9)
     assert taken.resume(stop).since == stop.until
@@ -75,7 +77,7 @@ def test_a_loaded_plan_is_held_and_exported_as_a_fresh_one(plan, job, tmp_path):
         each.export("steps", file)
     assert files[0].read_bytes() == files[1].read_bytes()
     with pytest.raises(MotionError, match="expected a number in s"):
-        taken.hold("0.6 s")
+        taken.hold("0.1 s")
 
 
 @pytest.mark.parametrize("parts", [False, True])
@@ -111,15 +113,15 @@ def test_at_every_rest_of_a_plan_on_disk_the_stop_is_empty(call, tmp_path, parts
             assert ends[0] == ends[1]
 
 
-def test_the_way_on_at_a_share_of_the_speed(call, plan, tmp_path):
+def test_the_way_on_at_a_share_of_the_speed(call, corner, tmp_path):
     made, rest = tmp_path / "stop.bin", tmp_path / "rest.bin"
-    given = ("hold", plan, "--at", "0.6 s", "--format", "steps", "--out", made, "--resume", rest, "--json")
+    given = ("hold", corner, "--at", "0.1 s", "--format", "steps", "--out", made, "--resume", rest, "--json")
     fast = json.loads(call(*given).stdout)["resumed_s"]
     slow = json.loads(call(*given, "--speed", "50 %", "--force").stdout)["resumed_s"]
     assert slow == pytest.approx(2 * fast, rel=0.1)
     assert 'up to "100 %"' in call(*given, "--speed", "120 %", "--force").stderr
     assert "per cent" in call(*given, "--speed", "0.5", "--force").stderr
-    assert "give --resume FILE" in call("hold", plan, "--at", "0.6 s", "--speed", "50 %").stderr
+    assert "give --resume FILE" in call("hold", corner, "--at", "0.1 s", "--speed", "50 %").stderr
 
 
 def test_triggers_fire_in_the_stop_or_behind_it(call, tmp_path):

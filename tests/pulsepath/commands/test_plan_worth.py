@@ -7,7 +7,6 @@ import sys
 import numpy as np
 import pytest
 
-import pulsepath.commands.plan
 import pulsepath.job
 from pulsepath import load_plan
 from pulsepath.output import tables

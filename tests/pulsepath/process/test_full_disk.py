@@ -101,7 +101,7 @@ WRITING = {
     "stills, svg": (("view", "plan", "--stills", "out.svg"), "out.svg", 4096),
     "view": (("view", "plan", "--frames", "2", "--html", "out.html"), "out.html", 4096),
     "export, npz": (("export", "plan", "--format", "npz", "--out", "out.npz"), "out.npz", 4096),
-    "export, binary": (("export", "plan", "--format", "binary", "--out", "out.bin"), "out.bin", 4096),
+    "export, binary": (("export", "plan", "--format", "binary", "--out", "out.bin"), "out.bin", 500),
     "export, pulses": (("export", "plan", "--format", "pulses", "--out", "out.csv"), "out.csv", 4096),
     "export, steps": (("export", "plan", "--format", "steps", "--out", "out.txt"), "out.txt", 100),
     "hold": (("hold", "plan", "--at", "40 %", "--format", "npz", "--out", "out.npz"), "out.npz", 100),
