@@ -304,7 +304,8 @@ def make_plan(
     motion = solution.trajectory
     motors = counted_motion(motion, axes, machine.home_q)
     try:
-        pulses = generate(motors, axes, machine.home_q, clock_hz, request.rule, progress or ignore_progress)
+        tell = progress or ignore_progress
+        pulses = generate(motors, axes, machine.home_q, clock_hz, request.rule, tell)
     except Infeasible as error:
         raise _name_segment(error, motion) from None
     return Plan(
@@ -360,7 +361,8 @@ def _name_segment(error: Infeasible, motion: Trajectory) -> Infeasible:
         return error
     piece = int(motion.at(error.place.t).piece[0])
     place = motion.path.place(error.place.s, piece, error.place.t, error.place.axis)
-    return Infeasible(error.kind, error.axis, place, error.value, error.limit, error.unit, error.remedy)
+    bound = error.value, error.limit, error.unit
+    return Infeasible(error.kind, error.axis, place, *bound, error.remedy)
 
 
 @check_arguments("program", "machine", "limits")

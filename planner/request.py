@@ -1,4 +1,4 @@
-"""A request for a plan: everything that a caller can ask for, each with its range and a line of help.
+"""A request for a plan: everything that a caller can ask for, with its range and a line of help.
 
 The fields of `PlanRequest` are the source of the command's options and of the record in plan.json.
 The command line imports this module before anything that computes is loaded: so the modules that
@@ -86,9 +86,9 @@ def find_options(kind: type[Any]) -> dict[str, Option]:
 class PlanRequest:
     """Everything that a caller can ask of a plan, whole or in parts.
 
-    The command line does not offer the last three:
+    Only Python offers the last three:
 
-    solver  of order 2
+    solver  for order 2
     limits  the caller's own, in addition to those of machine and program
     pieces  pieces of path in the first window of a plan in parts
     """
@@ -124,7 +124,7 @@ class PlanRequest:
     )
     gap: float | None = option(
         None,
-        'Refine motion and lower bound until the motion is proved this close to the fastest, as "0.1 %".',
+        'Refine until the motion is proved this close to the fastest, as "0.1 %".',
         unit="%",
         above=0.0,
         refusal="must be a positive share, as 0.001 for 0.1 %",
@@ -158,7 +158,7 @@ class PlanRequest:
             if value is not None and not facts.allows(value):
                 raise MotionError(f"{name} {value!r:.60} {facts.refusal}")
 
-        # A name without options is checked in `resolve`, since loading the rules takes a while.
+        # The rules take a while to load, so that a name without options is checked in `resolve`.
         if isinstance(self.rule, str) and ":" in self.rule:
             from planner.pulses import find_rule
 
@@ -166,12 +166,11 @@ class PlanRequest:
         heated = self.heat > 0
         if self.duration is not None and heated:
             raise MotionError(
-                f'objective "{self.objective}" finds a duration of its own: omit it, or the one of {self.duration:g} s'
+                f'objective "{self.objective}" finds a duration of its own: '
+                f"omit it, or the one of {self.duration:g} s, which was stated"
             )
         if self.gap is not None and (self.duration is not None or heated):
-            raise MotionError(
-                "a gap is one to the fastest motion: omit it, or the duration or objective that is stated"
-            )
+            raise MotionError("a gap is one to the fastest motion: omit it, or the stated duration or objective")
         if self.solver != "passes":
             self._check_solver(heated)
 
@@ -181,16 +180,22 @@ class PlanRequest:
         from planner.timing.solvers.toppra_ import require
 
         if self.solver != "toppra":
-            raise MotionError(f"solver {self.solver!r} is not known; solvers: passes (our own) and toppra")
+            raise MotionError(
+                f"solver {self.solver!r} is not known; solvers: passes (our own) and toppra",
+            )
         if self.order == 3:
-            raise MotionError("solver toppra has no jerk limits: give order=2, or omit the solver for order 3")
+            raise MotionError(
+                "solver toppra has no jerk limits: give order=2, or omit the solver for order 3",
+            )
         if self.duration is not None:
             raise MotionError(
                 f"solver toppra finds the fastest motion, not one of {self.duration:g} s: "
                 "omit the solver or the duration"
             )
         if heated:
-            raise MotionError(f'solver toppra finds the fastest motion: omit it, or objective "{self.objective}"')
+            raise MotionError(
+                f'solver toppra finds the fastest motion: omit it, or objective "{self.objective}"',
+            )
         require("solver toppra")
 
     def resolve(self, program: "Program", machine: "Machine") -> "PlanRequest":
@@ -237,20 +242,29 @@ class PlanRequest:
 
 def record_request(request: PlanRequest) -> dict[str, Any]:
     """Return what the command line can ask for as plain data, in SI units."""
-    values = {name: getattr(request, name) for name in find_options(PlanRequest)}
-    values["duration_s"] = values.pop("duration")
-    return values | {name: str(values[name]) for name in ("objective", "rule")}
+    record = {}
+    for name, key in _find_keys().items():
+        value = getattr(request, name)
+        is_plain = value is None or isinstance(value, int | float)
+        record[key] = value if is_plain else str(value)
+    return record
 
 
 def read_request_record(record: Mapping[str, Any]) -> PlanRequest:
     """Return the request of a record. Raises MotionError for one that is invalid, and KeyError."""
     from planner.tradeoffs.objective import read_objective
 
-    values = {name: record[name] for name in find_options(PlanRequest) if name != "duration"}
+    values = {name: record[key] for name, key in _find_keys().items()}
     values["objective"] = read_objective(values["objective"])
-    request = PlanRequest(duration=record["duration_s"], **values)
+    request = PlanRequest(**values)
     request.check()
     return request
+
+
+def _find_keys() -> dict[str, str]:
+    """Return the keys in a record, which name the unit, by the fields of a request."""
+    options = find_options(PlanRequest).items()
+    return {name: f"{name}_s" if facts.unit == "s" else name for name, facts in options}
 
 
 class Requested(ABC):

@@ -34,9 +34,10 @@ def choose_parts(inputs: Inputs, request: PlanRequest, report: ReportRequest) ->
     program, stream, why = inputs.program, report.stream, None
     if stream is False or (stream is None and program.repeat * len(program.segments) <= MOST_WHOLE):
         return False
+    rule = find_rule(str(request.rule))
     if whole := _list_whole_options(request, report):
         why = f" with {whole[0]}: omit that{INSTEAD.get(whole[0], '')}"
-    elif (reason := find_whole_reason(program, inputs.machine, find_rule(str(request.rule)))) is not None:
+    elif (reason := find_whole_reason(program, inputs.machine, rule)) is not None:
         why = f", because {reason}"
     if why is not None and stream:
         of = f"program {program.name} on {inputs.machine.name}"

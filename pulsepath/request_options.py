@@ -18,7 +18,7 @@ Command = Callable[..., Any]
 def request_options(*kinds: type[Any]) -> Callable[[Command], Command]:
     """Return a decorator that gives a command the options of requests.
 
-    An option that is not given is None: its default is in the request.
+    An option that is not given is None, because its default belongs to the request.
     """
 
     def decorate(command: Command) -> Command:
@@ -31,6 +31,7 @@ def request_options(*kinds: type[Any]) -> Callable[[Command], Command]:
 
 
 def _make_option(each: Field[Any]) -> Callable[[Command], Command]:
+    """Return the decorator of a field's option."""
     facts: Option = each.metadata["option"]
     flag = find_flag(each.name)
     names = flag
@@ -61,7 +62,8 @@ def _find_type(each: Field[Any], facts: Option) -> click.ParamType[Any]:
     if facts.unit == "Hz":
         return Frequency()
     if _takes(each, int):
-        least, most = (int(bound) if isfinite(bound) else None for bound in (facts.least, facts.most))
+        bounds = facts.least, facts.most
+        least, most = (int(bound) if isfinite(bound) else None for bound in bounds)
         return click.IntRange(least, most)
     return click.STRING
 

@@ -29,7 +29,7 @@ class InputRequest:
     machine: str | None = None
     fit: float | None = option(
         None,
-        'Fit smooth curves to the path within this tolerance, as "0.02 mm"; other corners are rounded within it.',
+        'Tolerance of smooth curves fitted to the path, and of rounded corners, as "0.02 mm".',
         unit="m",
         like="0.02 mm",
         above=0.0,
@@ -44,7 +44,7 @@ class InputRequest:
     given: Mapping[str, Any] = field(default_factory=dict)
 
     def read(self, ready: Callable[[], object] = lambda: None) -> "Inputs":
-        """Read both files. Raises as `pulsepath.inputs.read_inputs`, which also explains `ready`."""
+        """Read both files. Raises as `pulsepath.inputs.read_inputs`, which explains `ready`."""
         from pulsepath.inputs import read_inputs
 
         origin = None
@@ -72,7 +72,7 @@ def _synchronise(inputs: "Inputs") -> "Inputs":
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReportRequest:
-    """Results that the command `plan` computes and writes in addition to the plan, and its ways of work."""
+    """Results that the command `plan` adds to a plan, and how it plans."""
 
     figures: bool = option(
         True,
@@ -101,18 +101,18 @@ class ReportRequest:
     )
     pulses: str = option(
         "binary",
-        "Format of the pulse file: pulses.csv, one row per edge; pulses.bin, compressed; or no file.",
+        "Pulse file: pulses.csv, one row per edge; pulses.bin, compressed; or none.",
         choices=("csv", "binary", "none"),
     )
     stops: int | None = option(
         None,
-        "Also prove the earliest stop along the path from COUNT instants: stops.csv, and a figure in the report.",
+        "Also prove the earliest stop along the path from COUNT instants: stops.csv, and a figure.",
         least=1,
         metavar="COUNT",
     )
     rig: str | None = option(
         None,
-        'Also track the plan on this rig, preset or file; "pulsepath rigs" lists them. Default: no tracking.',
+        'Also track the plan on this rig, preset or file; "pulsepath rigs" lists them.',
         metavar="RIG",
         names="rigs",
         files=True,

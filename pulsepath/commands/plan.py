@@ -1,4 +1,4 @@
-"""`pulsepath plan`: write the time-optimal motion, its certificate, its pulses and a report to a directory."""
+"""`pulsepath plan`: write the time-optimal motion, its certificate, pulses and a report."""
 
 from contextlib import ExitStack
 from pathlib import Path
@@ -43,8 +43,8 @@ SHORT_FILE = 1 << 12
 def plan(out: Path | None, dumped: Path | None, force: bool, as_json: bool, **options: Any) -> None:
     """Plan PROGRAM; write motion, pulses and report to DIR.
 
-    The motion is the fastest that the machine's limits allow, and is proved to respect every limit. PROGRAM is a
-    preset, a TOML file, or a file that pulsepath import reads.
+    The motion is the fastest that the machine's limits allow, and is proved to respect every limit.
+    PROGRAM is a preset, a TOML file, or a file that pulsepath import reads.
 
     Example: pulsepath plan circle --out out/circle
     """
