@@ -18,7 +18,6 @@ from planner.limits.limit import Limit
 from planner.parallel import Progress, spread
 from planner.path.actuation import ActuatorPath
 from planner.path.stands import count_zero_derivatives
-from planner.request import EFFORT
 from planner.timing.certified_run import (
     MAX_CERTIFY_ROUNDS,
     CertifiedRun,
@@ -187,7 +186,7 @@ def solve_within(
     limits: Sequence[Limit],
     order: int,
     gap: float,
-    effort: int = EFFORT,
+    effort: int,
     progress: Progress | None = None,
     *,
     solver: Solver = "passes",
