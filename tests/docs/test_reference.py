@@ -55,7 +55,3 @@ def test_examples_of_commands_are_code_that_can_be_copied(extensions):
             told += 1
         assert not re.search(r"^Example: ", text, re.MULTILINE), path
     assert told > 15
-
-
-def test_the_site_sets_no_typographic_dashes_and_quotes():
-    assert "smartquotes = False" in (DOCS / "conf.py").read_text(encoding="utf-8")

@@ -8,13 +8,13 @@ from scipy.spatial.transform import RigidTransform
 
 from kinematics import load_machine
 from planner import plan, plan_parts
-from planner.certificate.certify import certify
+from planner.certificate import certify
 from planner.limits import limits_of
 from planner.limits.limit import Limit, Rows, Term
 from planner.path.chain import walk_path
 from planner.program.model import Arc, Dwell, Line, Program
 from planner.program.modifiers import Blend
-from planner.timing.duration_bound import bound_duration
+from planner.timing import bound_duration
 from planner.windows import WindowPlanner
 
 REPEAT = 5

@@ -395,12 +395,6 @@ class TestOverwriting:
         assert {path.name for path in old.iterdir()} == FILES
         assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
-    def test_force_spares_what_is_no_plan(self, call, old):
-        (old / "plan.json").unlink()
-        done = call("plan", "bare-circle", "--out", old, "--force")
-        assert done.exit_code == 2
-        assert {path.name for path in old.iterdir()} == {"only-old"}
-
     @pytest.mark.parametrize(
         ("end", "code", "told"),
         [

@@ -176,7 +176,6 @@ def test_a_file_of_the_plan_itself_is_written_again_but_not_changed(call, plan, 
 @pytest.mark.parametrize(
     ("options", "told"),
     [
-        (["--format", "pulsse"], 'no format is called "pulsse", nearest is "pulses"'),
         (["--format", "pulses", "--width", "1"], "1"),
         (["--format", "pulses", "--width", "1 mm"], "mm"),
         (["--format", "pulses", "--width", "1 s"], "pulse width"),

@@ -224,13 +224,6 @@ def test_whole_or_not_at_all(call, tmp_path, monkeypatch):
     assert (tmp_path / "machine.toml").read_text() == "mine"
 
 
-def test_a_machine_that_is_not_known(call, tmp_path):
-    done = call("init", tmp_path / "o", "--machine", "hexapot")
-    assert done.exit_code == 2
-    assert 'nearest is "hexapod"' in done.stderr
-    assert not (tmp_path / "o").exists()
-
-
 @pytest.mark.parametrize("kind", sorted(KINDS))
 def test_a_kind_is_something_to_start_from(tmp_path, kind):
     main(["init", str(tmp_path), "--machine", kind], standalone_mode=False)

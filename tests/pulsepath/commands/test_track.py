@@ -115,9 +115,6 @@ def test_an_earlier_result_is_replaced_only_by_force(call, plan):
 @pytest.mark.parametrize(
     ("name", "text", "told"),
     [
-        ("plan.json", "{}", "holds no plan"),
-        ("machine.toml", "# touched", "machine.toml was changed after it was written"),
-        ("program.toml", "# touched", "program.toml was changed after it was written"),
         ("motion.bin", '{"knots": [0, 1]}', "motion.bin: is not a binary file of pulsepath"),
         ("motion.bin", {"j": [np.nan]}, "do not make a motion"),
         ("motion.bin", {"knots": [1.0, 0.0]}, "do not make a motion"),
