@@ -86,7 +86,8 @@ def test_where_there_is_no_plan_it_says_what_track_says(call, tmp_path):
 @pytest.mark.parametrize(("order", "words"), [(4, "order 4 is not known"), (None, "states no order")])
 def test_a_plan_without_the_order_of_its_limits_is_refused(call, plan, order, words):
     record = json.loads((plan / "plan.json").read_text(encoding="utf-8"))
-    (plan / "plan.json").write_text(json.dumps({**record, "request": record["request"] | {"order": order}}), encoding="utf-8")
+    record["request"]["order"] = order
+    (plan / "plan.json").write_text(json.dumps(record), encoding="utf-8")
     done = call("view", plan, "--no-browser")
     assert done.exit_code == 2
     assert words in done.stderr
