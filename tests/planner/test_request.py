@@ -7,9 +7,8 @@ from inspect import signature
 import pytest
 
 from kinematics import MotionError
-from planner import plan, plan_parts
+from planner import Objective, plan, plan_parts
 from planner.request import PlanRequest, find_options, read_request_record, record_request
-from planner.tradeoffs.objective import Objective
 
 OUTSIDE = {
     "order": (1, 4, -2),
