@@ -23,6 +23,7 @@ from planner.avoidable_stops import AvoidableStops, find_stops_of_part
 from planner.certificate.certify import Certificate
 from planner.certificate.summary import join_certificates, summarise_part
 from planner.limits import Limit, OwnLimit, limits_of
+from planner.limits.registry import AXIS_LIMITS, MACHINE_LIMITS, PLACELESS
 from planner.limits.resonance import Resonance
 from planner.parallel import Progress, ignore_progress
 from planner.path.actuation import MachinePath
@@ -184,7 +185,7 @@ def make_parts(
     order = request.resolved_order
     paced = pace_axes(machine.axes, clock_hz, rule)
     find_limits = partial(limits_of, axes=paced, order=order, own=request.limits)
-    copying = not request.limits
+    copying = not request.limits and {*AXIS_LIMITS, *MACHINE_LIMITS} <= PLACELESS
     planner = WindowPlanner(
         machine,
         find_limits,

@@ -281,13 +281,14 @@ class WindowPlanner:
         self, stretch: Iterator[PathStep], start: Start, memory: _Memory
     ) -> Generator[Window, None, Start]:
         """Plan a stretch in this process, or place the windows of an equal one."""
-        first, coming = take_items(stretch, 1)
+        first, rest = take_items(stretch, 1)
+        coming = chain(first, rest)
         if not self.copying or not first or first[0].piece.repetition is None:
-            return (yield from self._plan_stretch(chain(first, coming), start))
-        steps, rest = take_items(chain(first, coming), MAX_SHARED)
-        more, rest = take_items(rest, 1)
-        steps += more
-        if more:
+            return (yield from self._plan_stretch(coming, start))
+        steps, rest = take_items(coming, MAX_SHARED + 1)
+        # steps that end with a refusal are planned up to it, and raise it then
+        refused = rest is not coming
+        if refused or len(steps) > MAX_SHARED:
             return (yield from self._plan_stretch(chain(steps, rest), start))
         planned = memory.find(self._describe(steps, self._near(start)), steps, _Here)
         return (yield from self._take_share(steps, planned, start))
@@ -295,7 +296,7 @@ class WindowPlanner:
     def _describe(self, steps: Sequence[PathStep], near: Array) -> Hashable:
         """Return all that decides the windows of a stretch but its place; None for one that is not to be copied.
 
-        The numbers of segments and repetitions count from its first piece, so that places can be told again.
+        The numbers of segments and repetitions count from its first piece, so that places can be moved.
         """
         first = steps[0].piece
         if not self.copying or first.repetition is None:

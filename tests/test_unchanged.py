@@ -361,13 +361,9 @@ def flatten(record: Any, skip: tuple[str, ...] = (), at: str = "") -> Iterator[t
         yield at, record
 
 
-# Keys of features that are being removed.
-REMOVED = ("tradeoff",)
-
-
 def outline(record: Any) -> list[str]:
     """Return the paths of a record's keys, each once."""
-    return sorted({re.sub(r"\[\d+\]", "[]", path) for path, _ in flatten(record, REMOVED)})
+    return sorted({re.sub(r"\[\d+\]", "[]", path) for path, _ in flatten(record)})
 
 
 def describe_record(name: str, record: Any, skip: tuple[str, ...] = ()) -> Values:
@@ -376,7 +372,7 @@ def describe_record(name: str, record: Any, skip: tuple[str, ...] = ()) -> Value
     skip: keys of what jumps when two values are almost equal, as the place of a largest value.
     """
     values = {}
-    for path, value in flatten(record, skip + REMOVED):
+    for path, value in flatten(record, skip):
         if isinstance(value, bool) or value is None:
             values[f"{name}: {path}"] = exact(value)
         elif not isinstance(value, str) and _are_numbers(value):

@@ -20,6 +20,9 @@ from kinematics.foundation.errors import MotionError
 
 Measure = Callable[..., Iterator[Table | str]]
 
+BAD_INPUT, INTERRUPTED = 2, 130
+"""Exit codes, as those of the command line: of argparse for a wrong option, of a shell for Ctrl-C."""
+
 CASES = {
     "assembly_modes": "how often all forty modes of Dietmaier's platform are found, and in which time",
     "cam_files": "planning of G-code files: motion, baseline, bound, time and memory",
@@ -79,7 +82,8 @@ def main() -> None:
         return
     name, *rest = words
     if name not in CASES:
-        sys.exit(f"{name!r} is no case of the evidence\n\n{list_cases()}")
+        print(f"{name!r} is no case of the evidence\n\n{list_cases()}", file=sys.stderr)
+        sys.exit(BAD_INPUT)
     case = find_case(name)
     options = vars(build_parser(name, case).parse_args(rest))
     out = options.pop("out")
@@ -87,6 +91,8 @@ def main() -> None:
         write_lines(render_lines(case.measure(**options)), out)
     except (MotionError, OSError) as error:
         sys.exit(f"{name}: {error}")
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)
 
 
 def list_cases() -> str:
@@ -128,7 +134,9 @@ def add_option(parser: argparse.ArgumentParser, parameter: inspect.Parameter) ->
         choices = get_args(kind)
         settings = {"type": type(choices[0]), "choices": choices}
     if not required:
-        settings |= {"default": parameter.default, "help": f"default: {parameter.default}"}
+        settings["default"] = parameter.default
+    if parameter.default not in (None, "", inspect.Parameter.empty):
+        settings["help"] = f"default: {parameter.default}"
     parser.add_argument(flag, required=required, **settings)
 
 
@@ -138,6 +146,7 @@ def write_lines(lines: Iterator[str], path: Path | None) -> None:
         for line in lines:
             print(line, flush=True)
         return
-    text = "\n".join(lines) + "\n"
+    # before the measurement, which may take hours
     path.parent.mkdir(parents=True, exist_ok=True)
+    text = "\n".join(lines) + "\n"
     path.write_text(text, encoding="utf-8")

@@ -142,7 +142,14 @@ class OutOfReach(MotionError):
 
 
 class NotFree(OutOfReach):
-    """A pose that is off home in a component that its machine does not move: no scale of the others helps."""
+    """A pose that is off home in a component that its machine does not move: no scale of the others helps.
+
+    pose  its number among those that were given, from 0
+    """
+
+    def __init__(self, message: str, pose: int) -> None:
+        self.pose = pose
+        super().__init__(message)
 
 
 @contextmanager

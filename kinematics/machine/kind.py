@@ -249,7 +249,8 @@ def refuse_uncontrolled(machine: Kind, x: Array, name_of: Callable[[int], str] =
         value = f"{off[pose, entry] * 1e3:.6g} mm" if held[entry] < 3 else f"{np.rad2deg(off[pose, entry]):.6g} deg"
         raise NotFree(
             f"machine {machine.name} holds {name}: {name_of(pose)} has {name} {value} off home; "
-            f"it moves {', '.join(machine.freedom)} only; leave {name} as it is at home"
+            f"it moves {', '.join(machine.freedom)} only; leave {name} as it is at home",
+            pose,
         )
 
 

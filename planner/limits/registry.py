@@ -46,6 +46,20 @@ MACHINE_LIMITS: dict[type[Limit], Callable[[Machine, MachinePath], Limit]] = {
     TorqueSpeed: TorqueSpeed,
 }
 
+PLACELESS: frozenset[type[Limit]] = frozenset(
+    {
+        *(Speed, Acceleration, PulseRate, Resonance, Jerk),
+        *(Travel, Room, Tilt, Clearance),
+        *(ToolSpeed, ToolAcceleration, ToolJerk, AngularSpeed),
+        *(Holding, Force, TorqueSpeed),
+    }
+)
+"""Limits that are equal wherever geometry and caps of a piece are equal.
+
+Equal runs are timed and proved once, unless a limit is missing here. A limit that depends on the number of a piece or
+on the path length does not belong here: its proof in one place says nothing about another.
+"""
+
 
 OwnLimit = Limit | Callable[[Machine, MachinePath], Limit]
 """A limit of a caller's own: itself, or what makes it for a machine and a path, where it depends on them."""

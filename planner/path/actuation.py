@@ -14,7 +14,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.casadi_function import Expression
-from kinematics.foundation.errors import MotionError
+from kinematics.foundation.errors import MotionError, NotFree
 from kinematics.foundation.taylor_model import Series
 from kinematics.machine.kind import columns, refuse_uncontrolled
 from kinematics.machine.machine import Machine
@@ -307,7 +307,14 @@ class MachinePath:
         piece = np.repeat(np.arange(len(self.pieces)), FREEDOM_POINTS)
         s = (self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * np.linspace(0, 1, FREEDOM_POINTS)).ravel()
         shares = self._evaluate(pose_map, s, piece)
-        refuse_uncontrolled(self.machine, shares, lambda k: f"the path at {self.place(float(s[k]), int(piece[k]))}")
+
+        def find_place(k: int) -> Place:
+            return self.place(float(s[k]), int(piece[k]))
+
+        try:
+            refuse_uncontrolled(self.machine, shares, lambda k: f"the path at {find_place(k)}")
+        except NotFree as error:
+            raise error.in_segment(find_place(error.pose).segment) from None
 
     @property
     def content(self) -> Hashable:

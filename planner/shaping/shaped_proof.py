@@ -280,7 +280,7 @@ class _CellSearch:
                 f"behind its input shapers the machine is not proved to stay near the path at {lost}: it is "
                 "too near to a singularity there, or the shapers are too long; keep away from it, or "
                 f"{self.advice}"
-            )
+            ).in_segment(lost.segment)
         for n, limit in enumerate(self.limits):
             above = round_reached_use(uses[n]) > 1
             if above.any() and not limit.geometric:

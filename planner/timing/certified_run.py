@@ -22,7 +22,7 @@ from planner.certificate.limit_use import ProvedUse, prove
 from planner.certificate.resonance_dwell import find_stays
 from planner.limits.limit import Limit
 from planner.limits.lowered import ALL
-from planner.limits.registry import AXIS_LIMITS, MACHINE_LIMITS
+from planner.limits.registry import PLACELESS
 from planner.limits.resonance import BAND_MARGIN, Resonance, SpeedCap
 from planner.limits.tool import ToolLimit
 from planner.path.actuation import ActuatorPath, MachinePath
@@ -374,7 +374,7 @@ def ignores_place(limit: Limit) -> bool:
     A limit of a caller's own may look at the number of the piece. Shares are lowered at stated path lengths, and so
     are the speeds of axes that are held below a band of resonance.
     """
-    if type(limit) not in AXIS_LIMITS and type(limit) not in MACHINE_LIMITS:
+    if type(limit) not in PLACELESS:
         return False
     if isinstance(limit, Resonance) and (limit.bands or limit.held):
         return False
@@ -383,11 +383,11 @@ def ignores_place(limit: Limit) -> bool:
 
 def _describe_run(path: MachinePath, caps: Sequence[Array], run: Run) -> Hashable:
     """Return all that decides the motion of a run, except where on the path it is."""
-    own = slice(run.first, run.last + 1)
+    pieces = slice(run.first, run.last + 1)
     return (
         replace(run, first=0, last=run.last - run.first),
         path.describe_pieces(run.first, run.last),
-        tuple(cap[own].tobytes() for cap in caps),
+        tuple(cap[pieces].tobytes() for cap in caps),
     )
 
 

@@ -138,7 +138,7 @@ def certified_solve(
     that what becomes of it does not depend on who does it. Here refusals are raised that were values so far: Infeasible
     where a limit is broken, MotionError where no round holds.
 
-    progress  is told how many of the different runs are solved, and of how many
+    progress  called with the number of different runs that are solved, and their number in all
     timing    what is asked of the motion; None: that it is the fastest, along a path that is checked first
     solver    of order 2
     proving   else a motion of which no round holds is returned, its certificate as it is
@@ -168,13 +168,14 @@ def certified_solve(
 
     spread(RunCertifier(path, tuple(limits), order, timing), parts, finish_part)
     solved = dict(zip(different, found, strict=True))
-    found = [solved[n] if first == n else move_run(path, solved[first], runs[n]) for n, first in enumerate(firsts)]
-    limits = hold_axes(limits, [held for one in found for held in one.held])
-    trajectory, known = _join_runs(path, limits, found, stops)
-    rounds, methods = max(one.rounds for one in found), tuple(one.solution.method for one in found)
-    least = sum(one.solution.bound for one in found) + float(path.dwells.sum())
-    room = found[-1].room
-    found.clear()  # as much again as what was joined of it
+    certified = [solved[n] if first == n else move_run(path, solved[first], runs[n]) for n, first in enumerate(firsts)]
+    limits = hold_axes(limits, [held for one in certified for held in one.held])
+    trajectory, known = _join_runs(path, limits, certified, stops)
+    rounds, methods = max(one.rounds for one in certified), tuple(one.solution.method for one in certified)
+    least = sum(one.solution.bound for one in certified) + float(path.dwells.sum())
+    room = certified[-1].room
+    for each in (found, solved, certified):
+        each.clear()  # as much again as what was joined of it
     certificate = certify(trajectory, limits, known)
     if proving and not certificate.holds:
         raise _unproved_error(trajectory, limits, certificate)
@@ -258,4 +259,7 @@ def _unproved_error(trajectory: Trajectory, limits: Sequence[Limit], certificate
             f"the motion could not be proved: {unproved[0]} at {place} has no bound; "
             "this is a bug in the planner: please report it"
         ).in_segment(place.segment)
-    return MotionError(f"no motion could be proved within {MAX_CERTIFY_ROUNDS} rounds; what remained:\n{certificate}")
+    worst = max(certificate.worst, key=certificate.worst.__getitem__)
+    return MotionError(
+        f"no motion could be proved within {MAX_CERTIFY_ROUNDS} rounds; what remained:\n{certificate}"
+    ).in_segment(certificate.where[worst].segment)

@@ -247,7 +247,7 @@ def count_intervals(rule: Rule, path: ActuatorPath, run: Run, on_top: bool = Fal
         raise MotionError(
             f"from {since} to {until} the motion does not stop, and takes {count_noun(size, 'interval')} to time, "
             f'at most {most}: write join = "stop" on the way, or split a segment that turns many times{order}'
-        )
+        ).in_segment(since.segment)
     return size
 
 

@@ -185,9 +185,8 @@ def bound_duration(
 def _find_equal_motions(trajectory: Trajectory, limits: Sequence[Limit], every: Sequence[tuple[int, int]]) -> list[int]:
     """Return for each run the index of an earlier one with an equal path, limits and motion, or else its own index.
 
-    A bound is one of the pieces of a run, wherever they are on the path, so that it holds for equal runs. What is lost
-    on each cell depends on the motion as well. Where the path stands at an end of a run, the bound depends on what is
-    before and after it.
+    A bound belongs to the pieces of a run, wherever they are on the path, so that it holds for equal runs. The loss on
+    each cell depends on the motion as well. Where q′ = 0 at an end of a run, the bound also depends on the neighbours.
     """
     path = trajectory.path
     still, last = count_zero_derivatives(path), len(path.breaks) - 1
@@ -205,8 +204,8 @@ def _find_equal_motions(trajectory: Trajectory, limits: Sequence[Limit], every: 
     firsts = find_first_equals(path, limits, runs)
     for n, first in enumerate(firsts):
         a, b = every[n]
-        stands = still[0, a] or still[1, b - 1]
-        if first != n and (stands or not _move_alike(trajectory, every[first], every[n])):
+        turns_back = still[0, a] or still[1, b - 1]
+        if first != n and (turns_back or not _move_alike(trajectory, every[first], every[n])):
             firsts[n] = n
     return firsts
 
@@ -215,8 +214,9 @@ def _move_alike(trajectory: Trajectory, one: tuple[int, int], other: tuple[int, 
     """Return whether the motions along two runs are the same, but for the rounding of instants."""
     motions = []
     for a, b in (one, other):
-        own = slice(*np.searchsorted(trajectory.piece, [a, b]))
-        motion = np.stack([trajectory.v[own], trajectory.a[own], trajectory.j[own], np.diff(trajectory.knots)[own]])
+        part = slice(*np.searchsorted(trajectory.piece, [a, b]))
+        lengths = np.diff(trajectory.knots[part.start : part.stop + 1])
+        motion = np.stack([trajectory.v[part], trajectory.a[part], trajectory.j[part], lengths])
         motions.append(motion[:, motion[:3].any(0)])
     first, second = motions
     if first.shape != second.shape or not np.array_equal(first[:3], second[:3]):

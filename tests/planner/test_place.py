@@ -3,11 +3,12 @@
 import pickle
 
 import pytest
+from scipy.spatial.transform import Rotation
 
 import planner
 from kinematics import MotionError, load_machine
-from kinematics.foundation.errors import BadValue, locate_errors
-from planner import Line, Program
+from kinematics.foundation.errors import BadValue, NotFree, locate_errors
+from planner import Line, Program, Turn
 from planner.place import Infeasible, Place
 
 NEAR, NEARER, FAR = (0.0, 0.0, 0.02), (0.0, 0.0, 0.01), (0.0, 0.0, 9.0)
@@ -41,6 +42,14 @@ def test_a_segment_that_cannot_be_drawn_is_named(program, segment):
         planner.check(program, load_machine("hexapod"))
     assert f"segment {segment}" in str(caught.value)
     assert caught.value.segment == segment
+
+
+def test_a_pose_that_the_machine_does_not_move_to_is_about_its_segment():
+    program = Program((Line(NEAR), Turn(Rotation.from_euler("x", 5, degrees=True))))
+    with pytest.raises(NotFree, match="segment 2 has rx") as caught:
+        planner.check(program, "tripod")
+    assert caught.value.segment == 2
+    assert pickle.loads(pickle.dumps(caught.value)).pose == caught.value.pose
 
 
 @pytest.mark.parametrize("kind", [MotionError, BadValue])

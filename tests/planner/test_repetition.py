@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from kinematics import load_machine
+from kinematics import MotionError, load_machine
 from planner import plan, plan_parts
 from planner.certificate import certify
 from planner.limits import limits_of
 from planner.limits.limit import Limit, Rows, Term
+from planner.limits.registry import MACHINE_LIMITS
 from planner.path.chain import walk_path
 from planner.program.model import Arc, Dwell, Line, Program
 from planner.program.modifiers import Blend
@@ -138,6 +139,37 @@ def test_runs_that_differ_in_a_cap_alone_are_not_copied():
     np.testing.assert_allclose(fastest, np.repeat(speeds, 2), rtol=1e-6)
 
 
+class SlowThird(FarAway):
+    """A limit that only the third piece of the path keeps below 5 mm/s."""
+
+    name = "slow third piece"
+
+    def use(self, low, high, piece):
+        return np.maximum(-low, high) / self.caps[piece][:, None]
+
+    def rows(self, points):
+        return Rows({Term.SD: points.derivatives[1][:, :1]}, self.caps[points.piece][:, None])
+
+    def __init__(self, pieces):
+        self.caps = np.where(np.arange(pieces) == 2, 0.005, 1e6)
+
+
+def test_a_limit_that_depends_on_the_place_is_not_copied(monkeypatch):
+    """Even if the table has it: a proof of one place would be taken for that of another."""
+    monkeypatch.setitem(MACHINE_LIMITS, SlowThird, lambda machine, path: SlowThird(len(path.pieces)))
+    there = Line(np.array([0.01, 0.0, 0.025]))
+    program = Program(
+        start=RigidTransform.from_translation(START),
+        segments=(there, Line(START)),
+        repeat=3,
+    )
+    planned = plan(program, load_machine("cartesian"))
+    fastest = [planned.trajectory.v[planned.trajectory.piece == k].max() for k in range(6)]
+    assert planned.certificate.holds
+    assert fastest[2] <= 0.005
+    assert min(fastest[0], fastest[4]) > 0.01
+
+
 def test_parts_with_copies_are_those_without(program):
     machine = load_machine("hexapod")
     for pieces in (4, 14):
@@ -178,3 +210,14 @@ def test_a_stretch_longer_than_a_window_is_planned_once(program):
                 (path.pieces[k].segment, path.pieces[k].repetition) for k in np.clip(near, 0, len(path.pieces) - 1)
             }
             assert (at.segment, at.repetition) in numbers
+
+
+@pytest.mark.parametrize("join", [Blend(5e-5), None])
+def test_a_repetition_that_cannot_be_drawn_is_refused_in_parts(join):
+    """The second repetition begins where its first line ends."""
+    joins = {} if join is None else {"join": join}
+    ends = [START + 0.004 * np.array(way) for way in ([1, 0, 0], [1, 1, 0], [1, 0, 0])]
+    lines = tuple(Line(end, **joins) for end in ends)
+    program = Program(start=RigidTransform.from_translation(START), segments=lines, repeat=2)
+    with pytest.raises(MotionError, match="repetition 2"):
+        list(plan_parts(program, load_machine("cartesian"), pieces=2))

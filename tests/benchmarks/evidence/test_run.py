@@ -68,7 +68,7 @@ def test_without_a_name_all_cases_are_listed(start, words):
 
 def test_an_unknown_name_is_refused_with_the_list(start):
     code, out, err = start("no-such-case")
-    assert code != 0
+    assert code == 2
     assert out == ""
     assert "'no-such-case'" in err
     assert all(name in err for name in run.CASES)
@@ -145,3 +145,27 @@ def test_a_file_that_cannot_be_written_is_named(start, use_measure, tmp_path):
     code, _, err = start("circle", "--out", tmp_path)
     assert code == 1
     assert str(tmp_path) in err
+
+
+def test_a_file_that_cannot_be_written_is_refused_before_the_measurement(start, use_measure, tmp_path):
+    (tmp_path / "file").write_text("")
+    rows = []
+
+    def measure() -> Iterator[Table | str]:
+        rows.append("measured")
+        yield "text"
+
+    use_measure(measure)
+    assert start("circle", "--out", tmp_path / "file" / "page.md")[0] == 1
+    assert rows == []
+
+
+def test_an_interrupt_leaves_no_traceback(start, use_measure, tmp_path):
+    def measure() -> Iterator[Table | str]:
+        yield "first"
+        raise KeyboardInterrupt
+
+    use_measure(measure)
+    assert start("circle") == (130, "first\n", "")
+    assert start("circle", "--out", tmp_path / "page.md") == (130, "", "")
+    assert list(tmp_path.iterdir()) == []
