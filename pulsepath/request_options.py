@@ -18,7 +18,7 @@ Command = Callable[..., Any]
 def request_options(*kinds: type[Any]) -> Callable[[Command], Command]:
     """Return a decorator that gives a command the options of requests.
 
-    An option that is not given is None, because its default belongs to the request.
+    Every option defaults to None, because the request states the default.
     """
 
     def decorate(command: Command) -> Command:
