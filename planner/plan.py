@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -32,45 +32,42 @@ from planner.path.point_to_point import Departure, departure_tables, departures
 from planner.place import Infeasible, LostPath
 from planner.program.model import Program
 from planner.program.program_file import ProgramSource, load_program
-from planner.pulses import AxesMotion, PulseSchedule, RealisedPath, Rule, find_rule, generate, pace_axes, realised
+from planner.pulses import AxesMotion, PulseSchedule, RealisedPath, Rule, generate, pace_axes, realised
 from planner.pulses.compensation.compensate import counted_motion
-from planner.pulses.generation.motion_parts import refuse_long
 from planner.pulses.schedule import schedule_tables
 from planner.pulses.triggers import Triggered, find_triggers, trigger_tables
+from planner.request import EFFORT, PlanRequest, Requested
 from planner.shaping.keep_limits import Solve, solve_shaped
 from planner.shaping.shaped_motion import find_delays, shorten_duration
 from planner.shaping.shaped_proof import ShapedProof, describe_exceeded
-from planner.timing.certified_solve import EFFORT, Solution, certified_solve, refuse_gap, solve_within, timing_table
+from planner.timing.certified_solve import Solution, certified_solve, solve_within, timing_table
 from planner.timing.duration_bound import DurationBound, bound_duration
 from planner.timing.problem import Solver
-from planner.timing.solvers.toppra_ import refuse_solver
 from planner.timing.stated_duration import solve_stated
 from planner.tradeoffs.heat import solve_objective
-from planner.tradeoffs.objective import TIME, Objective, read_objective
+from planner.tradeoffs.objective import TIME, Objective
 from planner.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from planner.tradeoffs.limit_worth import Worth
 
-MAX_CLOCK_HZ = 10**18
-"""Ticks per second: of a faster clock, ten seconds are more ticks than int64 holds."""
-
 
 @dataclass(frozen=True, slots=True)
-class Plan(Result, Interruptible):
-    """A program on a machine: the path in actuator coordinates, the fastest motion, its certificate and pulses.
+class Plan(Result, Interruptible, Requested):
+    """A program on a machine: path in actuator coordinates, fastest motion, certificate and pulses.
 
-    counted          what the pulses count: the motion, behind its shapers, as motors that compensate make it
-    order            2: to acceleration, 3: to jerk
-    rounds, methods  of solving until the proof held; the solver of each run
-    lower_estimate   s, about the least within the limits on speed and acceleration, and at constant speeds asked for;
-                     NaN: not known, of a loaded plan that was made in parts
-    stated_duration  s, what was asked for instead of the fastest, if anything
-    objective        what it has least of: time, or a weighed sum with heat
-    own_limits       what was asked for beside the machine's and the program's own limits
-    shaped           the motion behind input shapers, and its proof; trajectory and certificate are those before them
+    request          what the caller asked for, with order, duration and objective filled in
+    trajectory, certificate
+                     before any input shapers
+    counted          motion that the pulses count: after the shapers, with any compensation of the motors
+    rounds, methods  rounds of solving until the proof held; solver of each run
+    lower_estimate   s, approximate least duration within the limits on speed and acceleration, and at
+                     the constant speeds of segments; NaN: not known, of a loaded plan made in parts
+    known            lower bound, once it was computed
+    shaped           motion after the input shapers, and its proof
     """
 
+    request: PlanRequest
     program: Program
     machine: Machine
     path: MachinePath
@@ -79,13 +76,9 @@ class Plan(Result, Interruptible):
     certificate: Certificate
     counted: AxesMotion = field(repr=False)
     pulses: PulseSchedule = field(repr=False)
-    order: int
     rounds: int
     methods: tuple[str, ...]
     lower_estimate: float
-    stated_duration: float | None = None
-    objective: Objective = TIME
-    own_limits: tuple[OwnLimit, ...] = field(default=(), repr=False)
     known: list[DurationBound] = field(default_factory=list, repr=False, compare=False)
     shaped: ShapedProof | None = field(default=None, repr=False)
 
@@ -96,11 +89,6 @@ class Plan(Result, Interruptible):
     def duration(self) -> float:
         """s that the machine moves for: behind its input shapers, if it has any."""
         return self.trajectory.duration if self.shaped is None else self.shaped.duration
-
-    @property
-    def fastest(self) -> bool:
-        """Whether it was to be as fast as it can, and nothing else."""
-        return self.stated_duration is None and self.objective.heat == 0
 
     @property
     def bound(self) -> DurationBound:
@@ -204,12 +192,6 @@ class Plan(Result, Interruptible):
             *trigger_tables(self.triggers, self.path.names),
         )
 
-    def describe_objective(self) -> str:
-        """What it was to be instead of the fastest; nothing if it was."""
-        if self.stated_duration is not None:
-            return "as stated"
-        return "" if self.fastest else f"with the least {self.objective}"
-
     def whole(self) -> Whole:
         """What sections of it are made of (`planner.interruption`)."""
         motion = self.path, self.trajectory, self.certificate, self.pulses
@@ -242,29 +224,33 @@ def plan(
     Parameters
     ----------
     program, machine
-        As they are, by the name of a bundled one, or by the path of a file.
+        A program and a machine, names of bundled ones, or paths of files.
     order
-        2 keeps speed and acceleration, 3 jerk as well. None: 3 where the machine states jerk limits.
+        2 limits speed and acceleration, 3 limits jerk too. None: 3 if the machine limits jerk.
     clock_hz
-        Ticks per second of the pulses' clock. The pulse rates that the motion keeps are those that whole ticks and the
-        rule can hold (`planner.pulses.pace_axes`).
+        Ticks per second of the pulses' clock. The motion keeps the pulse rates that are possible
+        with whole ticks and the rule (`planner.pulses.pace_axes`).
     duration
-        s, of the smoothest motion that takes so long instead (`solve_stated`). None: what the program states, if any.
+        Duration (s) of the smoothest motion that is planned instead (`solve_stated`). None: the
+        duration that the program states, if any.
     objective
-        "time", or the least of a weighed sum with heat, as "time + 0.2 heat" (`planner.tradeoffs.objective`).
+        "time", or a weighted sum with heat, as "time + 0.2 heat" (`planner.tradeoffs.objective`).
     gap, effort
-        The share of the least time that it is to be proved within (`solve_within`; `Plan.gap` says what is proved), and
-        the rounds of finer bounds and grids for that, at most.
+        Largest share by which the motion may be longer than its proved lower bound, and the largest
+        number of rounds that refine bound and grid for it (`solve_within`). `Plan.gap` is the share
+        that is proved.
     rule
-        Of firing, or its name and options ("sampled:period=50us").
+        Firing rule, or its name and options ("sampled:period=50us").
     solver
-        Of order 2: "passes" (our own) or "toppra", whose motion is solved anew or slowed like ours until its proof
-        holds.
+        For order 2: "passes" (our own) or "toppra". A motion of toppra is solved again or slowed
+        down like ours until its proof holds.
     limits
-        Of your own, kept and proved beside the others by this call alone: instances of `planner.limits.Limit`, or
-        functions of the machine and the path that return one. An orientation left free is chosen without them.
+        Limits of your own, which this call keeps and proves in addition to the others: instances of
+        `planner.limits.Limit`, or functions of the machine and the path that return one. A free
+        orientation is chosen without them.
     progress
-        Called with how many of the runs between stops are solved, and of how many; then with how far the pulses are.
+        Called with the number of runs between stops that are solved, and the number of all; then
+        with the progress of the pulses.
 
     Returns
     -------
@@ -274,94 +260,109 @@ def plan(
     Raises
     ------
     Infeasible
-        What breaks a limit, where, by how much, and the remedy.
+        The message names limit, place, excess and remedy.
     OutOfReach
-        A pose that no axis position leads to.
+        No axis position leads to a pose.
     MotionError
-        What is asked for cannot be.
+        The request is invalid.
     """
-    program = program if isinstance(program, Program) else load_program(program)
-    machine = machine if isinstance(machine, Machine) else load_machine(machine)
-    if order is None:
-        order = usual_order(machine.axes, program)
-    if order not in (2, 3):
-        raise MotionError(f"order {order} is not known; 2 limits speed and acceleration, 3 jerk too")
-    if not 0 < clock_hz <= MAX_CLOCK_HZ:
-        raise MotionError(f"clock_hz {clock_hz!r:.60} must be above 0, and at most {MAX_CLOCK_HZ:g} ticks per second")
-    duration = program.duration if duration is None else duration
-    if duration is not None and not 0 < duration < np.inf:
-        raise MotionError(f"duration {duration:g} s must be positive and finite")
-    if duration is not None:
-        refuse_long(duration, int(clock_hz))
-    objective = read_objective(objective) if isinstance(objective, str) else objective
-    if duration is not None and objective.heat > 0:
-        raise MotionError(f'objective "{objective}" finds a duration of its own: omit it, or the one of {duration:g} s')
-    if gap is not None or effort != EFFORT:
-        refuse_gap(gap, effort, duration is None and objective.heat == 0)
-    rule = find_rule(rule) if isinstance(rule, str) else rule
-    if solver != "passes":
-        refuse_solver(solver, order, duration)
-        if objective.heat > 0:
-            raise MotionError(f'solver toppra finds the fastest motion: omit it, or objective "{objective}"')
+    request = PlanRequest(
+        order=order,
+        clock_hz=clock_hz,
+        duration=duration,
+        objective=objective,
+        gap=gap,
+        effort=effort,
+        rule=rule,
+        solver=solver,
+        limits=limits,
+    )
+    return make_plan(request, load_program(program), load_machine(machine), progress)
+
+
+def make_plan(
+    request: PlanRequest,
+    program: Program,
+    machine: Machine,
+    progress: Progress | None = None,
+) -> Plan:
+    """Plan what a request asks for. Raises as `plan`."""
+    request = request.resolve(program, machine)
+    order = request.resolved_order
+    axes = machine.axes
+    clock_hz = int(request.clock_hz)
+    paced_axes = pace_axes(axes, clock_hz, request.rule)
     program = orient_open(program, machine, order)
     try:
         path = actuate(program, machine)
-        kept = limits_of(path, pace_axes(machine.axes, int(clock_hz), rule), order, limits)
-        axes = machine.axes
-        # shaping looks at the motion piece by piece: those of a grid tell where a limit is exceeded
-        shaped_axes = any(axis.shaper for axis in axes)
-        fastest = partial(
-            certified_solve,
-            path,
-            order=order,
-            progress=progress,
-            solver=solver,
-            cruising=not shaped_axes,
-        )
-        solve: Solve[Solution] = fastest
-        if objective.heat > 0:
-            solve = partial(solve_objective, path, axes=axes, order=order, objective=objective, progress=progress)
-        elif gap is not None:
-            solve = partial(solve_within, path, order=order, gap=gap, effort=effort, progress=progress, solver=solver)
-        elif duration is not None:
-            before = shorten_duration(duration, axes)
-            solve = partial(solve_stated, path, axes=axes, order=order, duration=before, progress=progress)
-        if shaped_axes:
-            solution, certificate, shaped, first = solve_shaped(solve, path, kept, axes, fastest)
-        else:
-            first = solution = solve(kept)
-            certificate, shaped = solution.certificate, None
-    except (Infeasible, OutOfReach) as no:
-        raise _add_advice(no, program, machine, order) from None
+        limits = limits_of(path, paced_axes, order, request.limits)
+        solve, fastest = _choose_solvers(request, path, machine, progress)
+        solution, certificate, shaped, first = solve_shaped(solve, path, limits, axes, fastest)
+    except (Infeasible, OutOfReach) as error:
+        raise _add_advice(error, program, machine, order) from None
+
     motion = solution.trajectory
+    motors = counted_motion(motion, axes, machine.home_q)
     try:
-        motors = counted_motion(motion, axes, machine.home_q)
-        pulses = generate(motors, axes, machine.home_q, int(clock_hz), rule, progress or ignore_progress)
-    except Infeasible as no:  # which names the segment here: pulses alone do not know it
-        if no.place is None or no.place.t is None:
-            raise
-        piece = int(motion.at(no.place.t).piece[0])
-        place = motion.path.place(no.place.s, piece, no.place.t, no.place.axis)
-        raise Infeasible(no.kind, no.axis, place, no.value, no.limit, no.unit, no.remedy) from None
+        tell = progress or ignore_progress
+        pulses = generate(motors, axes, machine.home_q, clock_hz, request.rule, tell)
+    except Infeasible as error:
+        raise _name_segment(error, motion) from None
     return Plan(
+        replace(request, limits=tuple(request.limits)),
         program,
         machine,
         path,
-        kept,
+        limits,
         motion,
         certificate,
         motors,
         pulses,
-        order,
         solution.rounds,
         solution.methods,
         first.lower_estimate,
-        duration,
-        objective,
-        tuple(limits),
-        solution.known if first is solution else [],
-        shaped,
+        known=solution.known if first is solution else [],
+        shaped=shaped,
     )
+
+
+def _choose_solvers(
+    request: PlanRequest,
+    path: MachinePath,
+    machine: Machine,
+    progress: Progress | None,
+) -> tuple[Solve[Solution], Solve[Solution]]:
+    """Return the solver for the goal of a request, and the one of the fastest motion."""
+    axes = machine.axes
+    options: dict[str, Any] = {"order": request.order, "progress": progress}
+    fastest = partial(
+        certified_solve,
+        path,
+        solver=request.solver,
+        # Shaping examines each time piece: those of a grid show where a limit is exceeded.
+        cruising=not any(axis.shaper for axis in axes),
+        **options,
+    )
+    if request.heat > 0:
+        options |= {"axes": axes, "objective": request.objective}
+        return partial(solve_objective, path, **options), fastest
+    if request.gap is not None:
+        options |= {"gap": request.gap, "effort": request.effort, "solver": request.solver}
+        return partial(solve_within, path, **options), fastest
+    if request.duration is not None:
+        before = shorten_duration(request.duration, axes)
+        return partial(solve_stated, path, axes=axes, duration=before, **options), fastest
+    return fastest, fastest
+
+
+def _name_segment(error: Infeasible, motion: Trajectory) -> Infeasible:
+    """Add the segment to a refusal of the pulses, which know only the time."""
+    if error.place is None or error.place.t is None:
+        return error
+    piece = int(motion.at(error.place.t).piece[0])
+    place = motion.path.place(error.place.s, piece, error.place.t, error.place.axis)
+    bound = error.value, error.limit, error.unit
+    return Infeasible(error.kind, error.axis, place, *bound, error.remedy)
 
 
 @check_arguments("program", "machine", "limits")

@@ -1,7 +1,6 @@
 """Many programs planned in parallel, on this computer's cores or on a cluster of computers."""
 
 from collections.abc import Iterable, Sequence
-from typing import Any
 
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import check_arguments
@@ -10,9 +9,10 @@ from kinematics.machine.machine_file import MachineSource, load_machine
 from planner.cluster import LostTask, run_on_cluster
 from planner.limits import OwnLimit
 from planner.parallel import Progress, ignore_progress
-from planner.plan import Plan, plan
+from planner.plan import Plan, make_plan
 from planner.program.model import Program
 from planner.program.program_file import ProgramSource, load_program
+from planner.request import PlanRequest
 
 
 @check_arguments("machine")
@@ -51,16 +51,16 @@ def plan_many(
     """
     asked, machine = [load_program(program) for program in programs], load_machine(machine)
     found: dict[int, Plan | MotionError] = {}
-    how = machine, {"order": order, "clock_hz": clock_hz, "limits": limits}
+    how = machine, PlanRequest(order=order, clock_hz=clock_hz, limits=limits)
     for n, one in run_on_cluster(_plan_one, asked, how, address) if asked else ():
         found[n] = MotionError(f"program {asked[n].name}: {one}") if isinstance(one, LostTask) else one
         progress(len(found), len(asked))
     return [found[n] for n in range(len(asked))]
 
 
-def _plan_one(program: Program, how: tuple[Machine, dict[str, Any]]) -> Plan | MotionError:
-    machine, options = how
+def _plan_one(program: Program, how: tuple[Machine, PlanRequest]) -> Plan | MotionError:
+    machine, request = how
     try:
-        return plan(program, machine, **options)
+        return make_plan(request, program, machine)
     except MotionError as error:
         return error.with_traceback(None)

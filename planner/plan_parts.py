@@ -22,7 +22,7 @@ from kinematics.machine.machine_file import MachineSource, load_machine
 from planner.avoidable_stops import AvoidableStops, find_stops_of_part
 from planner.certificate.certify import Certificate
 from planner.certificate.summary import join_certificates, summarise_part
-from planner.limits import Limit, OwnLimit, limits_of, usual_order
+from planner.limits import Limit, OwnLimit, limits_of
 from planner.limits.registry import AXIS_LIMITS, MACHINE_LIMITS, PLACELESS
 from planner.limits.resonance import Resonance
 from planner.parallel import Progress, ignore_progress
@@ -37,15 +37,17 @@ from planner.pulses.generation.stream import PulseStream
 from planner.pulses.schedule import schedule_tables
 from planner.pulses.trigger_stream import Crossing, Mark, MarkedStep, count_crossings, find_crossings, mark_steps
 from planner.pulses.triggers import Triggered
+from planner.request import PIECES, PlanRequest, Requested
 from planner.timing.certified_solve import timing_table
 from planner.trajectory import Trajectory
-from planner.windows import PIECES, Helpers, Start, Window, WindowPlanner
+from planner.windows import Helpers, Start, Window, WindowPlanner
 
 
 @dataclass(frozen=True, slots=True)
-class PlanStanding(Result):
+class PlanStanding(Result, Requested):
     """A plan up to the end of one of its parts, with the fields of `Plan` that can be known there.
 
+    request      what the caller asked for, with order, duration and objective filled in
     start        start of the next part: its time is the duration so far, its length that of the path
     segment      number of the last planned segment, from 1
     windows      number of windows
@@ -58,9 +60,9 @@ class PlanStanding(Result):
     avoidable    stops at joins that do not ask for one, and an estimate of their cost
     """
 
+    request: PlanRequest
     program: str
     machine: Machine
-    order: int
     start: Start
     segment: int
     windows: int
@@ -156,16 +158,42 @@ def plan_parts(
     MotionError
         The program can only be planned as a whole; or as `plan`, after the parts before the refusal.
     """
-    program, machine = load_program(program), load_machine(machine)
+    request = PlanRequest(
+        order=order,
+        clock_hz=clock_hz,
+        rule=rule,
+        limits=limits,
+        pieces=pieces,
+    )
+    return make_parts(request, load_program(program), load_machine(machine), helpers, progress)
+
+
+def make_parts(
+    request: PlanRequest,
+    program: Program,
+    machine: Machine,
+    helpers: Helpers | None = None,
+    progress: Progress = ignore_progress,
+) -> Iterator[PlanPart]:
+    """Plan what a request asks for part by part. Raises as `plan_parts`."""
+    rule, clock_hz = request.rule, request.clock_hz
     rule = find_rule(rule) if isinstance(rule, str) else rule
     if (reason := find_whole_reason(program, machine, rule)) is not None:
         job = f"program {program.name} on {machine.name}"
         raise MotionError(f"{job} is planned as a whole only, because {reason}, or call plan")
-    order = usual_order(machine.axes, program) if order is None else order
+    request = request.resolve(program, machine)
+    order = request.resolved_order
     paced = pace_axes(machine.axes, clock_hz, rule)
-    find_limits = partial(limits_of, axes=paced, order=order, own=limits)
-    copying = not limits and {*AXIS_LIMITS, *MACHINE_LIMITS} <= PLACELESS
-    planner = WindowPlanner(machine, find_limits, order, program.tool, pieces, copying=copying)
+    find_limits = partial(limits_of, axes=paced, order=order, own=request.limits)
+    copying = not request.limits and {*AXIS_LIMITS, *MACHINE_LIMITS} <= PLACELESS
+    planner = WindowPlanner(
+        machine,
+        find_limits,
+        order,
+        program.tool,
+        request.pieces,
+        copying=copying,
+    )
     steps = _Steps(
         mark_steps(walk_path(program, machine), program, machine), len(program.segments), program.repeat, progress
     )
@@ -191,7 +219,7 @@ def plan_parts(
         passed = len(steps.pop_marks(window.next.steps))
         triggers, waiting = count_crossings((*waiting, *ahead[:passed]), pulses, None if last else stream.until)
         rest_triggers = count_crossings((*waiting, *ahead[passed:]), rest_pulses or pulses, None)[0]
-        standing = _add_window(standing, program, machine, order, window, kept, steps, pulses, len(triggers))
+        standing = _add_window(standing, request, program, machine, window, kept, steps, pulses, len(triggers))
         yield PlanPart(
             window.start,
             window.steps,
@@ -334,9 +362,9 @@ def _end_pulses(before: PulseStream, motion: Trajectory, until: int) -> PulseSch
 
 def _add_window(
     before: PlanStanding | None,
+    request: PlanRequest,
     program: Program,
     machine: Machine,
-    order: int,
     window: Window,
     kept: Trajectory,
     steps: _Steps,
@@ -344,7 +372,7 @@ def _add_window(
     triggers: int,
 ) -> PlanStanding:
     """Return the standing of a plan after a window."""
-    solution, joins = window.solution, steps.pop(window.next.steps)
+    solution, joins, order = window.solution, steps.pop(window.next.steps), window.solution.order
     blends = [step.blend for step in joins if step.blend is not None]
     fit = summarise_fits([step.fitted for step in joins if step.fitted is not None], blends)
     segment = kept.path.place(0.0, int(kept.piece[-1])).segment or 0
@@ -356,9 +384,9 @@ def _add_window(
     assert isinstance(path, MachinePath)
     avoidable = find_stops_of_part(program, path, limits, order, int(kept.piece[-1]) + 1, unasked)
     here = PlanStanding(
+        request,
         program.name,
         machine,
-        order,
         window.next,
         segment,
         1,

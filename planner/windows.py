@@ -30,11 +30,10 @@ from planner.path.actuation import MachinePath, split_turns
 from planner.path.join_and_blend import PathStep, list_avoidable
 from planner.path.shape import Piece
 from planner.place import Place
+from planner.request import PIECES
 from planner.timing.certified_solve import Solution, certified_solve
 from planner.timing.problem import Continuation
 
-PIECES = 120
-"""Of a window, if a stop does not end it before."""
 BRAKINGS = 4.0
 """Times the way to its stop takes a window longer, from where the next goes on, than braking for it."""
 MAX_GROWTH = 8

@@ -201,6 +201,15 @@ def read_rig(name_or_path: str | None, machine: "Machine") -> "Rig | None":
     return None if name_or_path is None else choose_rig(machine, name_or_path)
 
 
+def refuse_faulty_rig(rig: str | None) -> None:
+    """Raise MotionError for a faulty file of a rig. A bundled one has no faults."""
+    if rig is None or rig in presets("controllers"):
+        return
+    from controllers.rig_file import validate_rig_file
+
+    validate_rig_file(find("controllers", "rig", rig))
+
+
 def _add_machine_fault(error: FileError, source: str) -> FileError:
     """The faults of a program, and that the machine which it names is not to be found: all in one pass."""
     try:

@@ -16,22 +16,25 @@ from controllers.rig import Rig
 from controllers.tracking import track_each
 from kinematics import Machine, MotionError
 from kinematics.foundation.names import count_noun
-from planner import LimitChange, Plan, Program, Worth, plan
+from planner import LimitChange, Plan, Program, Worth
 from planner.baselines import KINDS, Classical, classical, pick_baseline
 from planner.baselines.classical import Course, course
 from planner.baselines.shapes import S_CURVE
 from planner.cross_check import CrossCheck, cross_check
 from planner.interruption.hold import Stops
-from planner.limits import find_unkept_limits, usual_order
+from planner.limits import find_unkept_limits
 from planner.orientation.orient import orient_open
 from planner.parallel import NO_PROCESS, SideProcess
 from planner.path.overshoot import overshoot_warnings
+from planner.plan import make_plan
 from planner.pulses import RealisedPath
-from planner.timing.certified_solve import EFFORT
+from planner.request import PlanRequest
 from planner.timing.duration_bound import LEAST_SHARED_CELLS, bound_duration
-from planner.tradeoffs.objective import read_objective
-from pulsepath.options import LAWS, MOST_BOUNDED
+from planner.timing.solvers.toppra_ import require
+from pulsepath.inputs import read_rig
+from pulsepath.options import LAWS
 from pulsepath.progress import detail, note, step
+from pulsepath.requests import MOST_BOUNDED, ReportRequest
 
 if TYPE_CHECKING:
     from benchmarks.reports.page import Picture
@@ -39,8 +42,8 @@ if TYPE_CHECKING:
 REALISED_SAMPLES = 25_000
 """Intervals between pulses at which the realised path is looked at: well below a second, and within 2 % in its RMS."""
 
+# Time pieces for which a bound takes one second, approximately.
 BOUNDED_EACH_SECOND = 1_000
-"""Time pieces of which a lower bound of the duration takes about a second."""
 
 CELLS_PER_PIECE, CELLS_PER_RUN, CELLS_BESIDE = {2: 0.2, 3: 0.5}, 10, 12
 """Cost of planning, in cells of a quick bound: of a time piece by order, and of a run between stops in addition; and
@@ -197,50 +200,26 @@ class Job:
 def run(
     program: Program,
     machine: Machine,
-    order: int | None,
-    clock_hz: int,
-    duration: float | None = None,
-    rule: str = "nearest",
+    request: PlanRequest,
+    report: ReportRequest,
     other: SideProcess = NO_PROCESS,
-    figures: bool = True,
-    rig: Rig | None = None,
-    crossed: bool = False,
-    objective: str = "time",
-    gap: float | None = None,
-    effort: int = EFFORT,
-    stops: int | None = None,
-    baselines: bool | None = True,
-    worth: bool | None = None,
-    bound: str = "full",
 ) -> Job:
-    """Plan, prove and compare, in the other process as well. Raises as `planner.plan`.
-
-    baselines: whether to time every baseline; None: only the one with the plan's own limits
-    worth: whether to work out what limits are worth; None: where the bound is proved
-    bound: effort on the lower bound: "auto" takes as long as planning at most, "full" goes on until it is near, "none";
-    without "full", no bound is proved for more than MOST_BOUNDED time pieces
-    """
+    """Plan, prove and compare, in the other process as well. Raises as `planner.plan`."""
     for field in find_unkept_limits(machine):
         note(f"note: {machine.name} states {field} but no masses, so no plan can respect it")
-    aim = read_objective(objective)  # refused before the work
+    request = request.resolve(program, machine)  # refuses before the work
+    rig = read_rig(report.rig, machine)
+    if report.cross_check:
+        require("--cross-check")
+    gap = request.gap
+    worth, bound = report.worth, report.bound_effort
     with step(f"planning {program.name} on {machine.name}") as tell:
-        kind = usual_order(machine.axes, program) if order is None else order
-        program = orient_open(program, machine, kind)
-        like = kind if baselines is None else None
+        order = request.resolved_order
+        program = orient_open(program, machine, order)
+        like = order if report.baselines is None else None
         ahead = partial(time_baselines_ahead, program, machine, like)
-        timing = None if baselines is False else other.start(ahead)
-        planned = plan(
-            program,
-            machine,
-            order=order,
-            clock_hz=clock_hz,
-            duration=duration,
-            objective=aim,
-            gap=gap,
-            effort=effort,
-            rule=rule,
-            progress=tell,
-        )
+        timing = None if report.baselines is False else other.start(ahead)
+        planned = make_plan(request, program, machine, tell)
     if near := planned.conditioning.warning:
         note(f"warning: {near}")
     for warning in overshoot_warnings(planned.path.overshoots):
@@ -250,9 +229,9 @@ def run(
     if gap is not None and planned.bound.gap > gap:
         note(
             f"note: you asked for a motion within {100 * gap:g} % of the fastest; {100 * planned.bound.gap:.3g} % is "
-            f"proved after {count_noun(effort, 'round')}. More rounds (--effort) may prove less"
+            f"proved after {count_noun(request.effort, 'round')}. More rounds (--effort) may prove less"
         )
-    look = partial(review_plan, planned, figures, rig)
+    look = partial(review_plan, planned, report.figures, rig)
     looking = other.start(look)
     quick = bound == "auto" and not planned.known
     unbounded = _prove_bound(planned, bound, worth)
@@ -272,15 +251,15 @@ def run(
         detail(line)
     baseline = pick_baseline(planned, timed.timings) if timed.timings else None
     others = tuple(timing for timing in timed.timings if timing is not baseline)
-    beside = _run_cross_check(planned) if crossed else None
-    held = None
-    if stops is not None:
-        with step(f"stopping from {count_noun(stops, 'instant')}"):
-            held = planned.stops(stops)
+    crossed = _run_cross_check(planned) if report.cross_check else None
+    stops = None
+    if report.stops is not None:
+        with step(f"stopping from {count_noun(report.stops, 'instant')}"):
+            stops = planned.stops(report.stops)
     seen = cache(partial(looking.result, look))
     left_out = _list_left_out(planned, quick, worths, like)
-    outcomes = (beside, worths, change, held, unbounded, left_out)
-    return Job(planned, baseline, others, realised, seen, figures, rig, *outcomes)
+    outcomes = (crossed, worths, change, stops, unbounded, left_out)
+    return Job(planned, baseline, others, realised, seen, report.figures, rig, *outcomes)
 
 
 def _prove_bound(planned: Plan, bound: str, worth: bool | None) -> str:

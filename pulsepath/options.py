@@ -1,25 +1,16 @@
-"""Arguments and options that several commands share, such as --motion: as the program says, or synchronised moves."""
+"""Arguments and options that several commands share, and readers of the quantities in options."""
 
 import re
 from collections.abc import Iterable
-from dataclasses import replace
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from pulsepath import known_names, registries
 from pulsepath.known_names import make_completer
-from pulsepath.progress import note
 
-if TYPE_CHECKING:
-    from pulsepath.inputs import Inputs
-
-MOST_WHOLE = 1000
-"""Segments up to which a program is planned as a whole, unless something else is asked for."""
-MOST_BOUNDED = 20_000
-"""Time pieces up to which a lower bound of the duration is proved unasked."""
 LAWS = ("3", "6")
 """Tracking laws by default: open and closed loop."""
 MACHINE_FILE, PROGRAM_FILE = "machine.toml", "program.toml"
@@ -39,11 +30,6 @@ dump_option = click.option(
     type=click.Path(path_type=Path, file_okay=False),
     metavar="DIR",
     help="Only write machine and program with all defaults to DIR (-: print them) and print the options.",
-)
-fit_option = click.option(
-    "--fit",
-    metavar="LENGTH",
-    help='Fit smooth curves to the path within this tolerance, as "0.02 mm"; other corners are rounded within it.',
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
 unverified_option = click.option(
@@ -163,31 +149,3 @@ def read_speed_share(text: str) -> float:
     if share > 1:
         raise BadValue(f'option --speed: "{text}": write up to "100 %", which is the plan\'s own speed')
     return share
-
-
-PROGRAMMED, SYNCHRONISED = "programmed", "synchronised"
-
-motion_option = click.option(
-    "--motion",
-    type=click.Choice([PROGRAMMED, SYNCHRONISED]),
-    default=PROGRAMMED,
-    show_default=True,
-    help="synchronised: point to point with a stop at each pose, all axes starting and stopping together; "
-    "the deviation from a straight line is reported.",
-)
-
-
-def apply_motion(motion: str, inputs: "Inputs") -> "Inputs":
-    """The inputs, their program one of synchronised moves where that is asked for: what is left out is told."""
-    if motion == PROGRAMMED:
-        return inputs
-    from planner import synchronise
-    from planner.program.program_writer import program_toml
-
-    program, left_out = synchronise(inputs.program, inputs.machine)
-    if left_out:
-        for number in left_out:
-            note(f"note: segment {number} ends where it starts: skipped, since no axis would move")
-    about = f"The program {program.name} as synchronised moves, by --motion {SYNCHRONISED}."
-    text = program_toml(program, about).encode()
-    return replace(inputs, program=program, program_toml=text, origin=None, fit=None)

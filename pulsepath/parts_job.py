@@ -1,6 +1,6 @@
 """What the command `plan` computes of a long program: its plan part by part, written as it goes."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from itertools import islice
 from pathlib import Path
@@ -9,14 +9,14 @@ from time import perf_counter
 from kinematics import MotionError
 from planner.limits import find_unkept_limits
 from planner.parallel import LocalHelpers
-from planner.plan_parts import PlanStanding, find_whole_reason, plan_parts
+from planner.plan_parts import PlanStanding, find_whole_reason, make_parts
 from planner.pulses import find_rule
+from planner.request import MOST_WHOLE, PlanRequest
 from planner.windows import Helpers
 from pulsepath.inputs import Inputs
-from pulsepath.options import MOST_WHOLE
 from pulsepath.output import parts_directory
-from pulsepath.output.parts_directory import PartsRequest
 from pulsepath.progress import note, step
+from pulsepath.requests import ReportRequest
 
 INSTEAD = {
     "--rig": ", and run pulsepath track on the plan later",
@@ -26,17 +26,18 @@ INSTEAD = {
 """What has the same effect as an option that needs all of a motion, once that is planned."""
 
 
-def choose_parts(stream: bool | None, inputs: Inputs, rule: str, whole: Sequence[str]) -> bool:
-    """Whether a program is planned in parts; stream: as asked, None: as it is best.
+def choose_parts(inputs: Inputs, request: PlanRequest, report: ReportRequest) -> bool:
+    """Return whether a program is planned in parts: as the report states, else as is best.
 
-    whole: options that were given and need all of a motion. Raises MotionError where it is asked for and cannot be.
+    Raises MotionError where --stream is given and the program can only be planned as a whole.
     """
-    program, why = inputs.program, None
+    program, stream, why = inputs.program, report.stream, None
     if stream is False or (stream is None and program.repeat * len(program.segments) <= MOST_WHOLE):
         return False
-    if whole:
+    rule = find_rule(str(request.rule))
+    if whole := _list_whole_options(request, report):
         why = f" with {whole[0]}: omit that{INSTEAD.get(whole[0], '')}"
-    elif (reason := find_whole_reason(program, inputs.machine, find_rule(rule))) is not None:
+    elif (reason := find_whole_reason(program, inputs.machine, rule)) is not None:
         why = f", because {reason}"
     if why is not None and stream:
         of = f"program {program.name} on {inputs.machine.name}"
@@ -44,6 +45,22 @@ def choose_parts(stream: bool | None, inputs: Inputs, rule: str, whole: Sequence
     if why is not None:
         note(f"note: planned as a whole, which takes long and much memory; it cannot be planned in parts{why}")
     return why is None
+
+
+def _list_whole_options(request: PlanRequest, report: ReportRequest) -> list[str]:
+    """Return the options that were given and need all of a motion."""
+    needed = {
+        "--duration": request.duration is not None,
+        "--objective": request.heat > 0,
+        "--gap": request.gap is not None,
+        "--rig": report.rig is not None,
+        "--stops": report.stops is not None,
+        "--cross-check": report.cross_check,
+        "--worth": report.worth is True,
+        "--bound full": report.bound == "full",
+        "--pulses csv": report.pulses == "csv",
+    }
+    return [option for option, given in needed.items() if given]
 
 
 @contextmanager
@@ -62,7 +79,11 @@ def open_helpers(cluster: str | None) -> Iterator[Helpers]:
 
 
 def run_parts(
-    inputs: Inputs, request: PartsRequest, folder: Path, helpers: Helpers | None = None
+    inputs: Inputs,
+    request: PlanRequest,
+    report: ReportRequest,
+    folder: Path,
+    helpers: Helpers | None = None,
 ) -> tuple[PlanStanding, MotionError | None]:
     """Plan into a folder. Return and raise as `parts_directory.write`.
 
@@ -103,17 +124,9 @@ def run_parts(
             if first is None:
                 tell(0, of)
 
-        parts = plan_parts(
-            program,
-            machine,
-            order=request.order,
-            clock_hz=request.clock_hz,
-            rule=request.rule,
-            helpers=helpers,
-            progress=tell_read,
-        )
+        parts = make_parts(request, program, machine, helpers, tell_read)
         with inputs.tell_lines():
-            standing, refusal = parts_directory.write(folder, inputs, parts, request, tell_standing)
+            standing, refusal = parts_directory.write(folder, inputs, parts, report, tell_standing)
     if refusal is not None:
         inputs.tell_line(refusal)
     return standing, refusal

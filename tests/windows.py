@@ -2,17 +2,21 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import partial
+from dataclasses import replace
 
 import pytest
 
-from planner.plan_parts import plan_parts
+from planner.plan_parts import make_parts
 from pulsepath import parts_job
 
 
 @contextmanager
 def small_windows(pieces: int) -> Iterator[None]:
     """Let the command `plan --stream` plan so many pieces of the path at a time."""
+
+    def make(request, *rest):
+        return make_parts(replace(request, pieces=pieces), *rest)
+
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(parts_job, "plan_parts", partial(plan_parts, pieces=pieces))
+        patch.setattr(parts_job, "make_parts", make)
         yield

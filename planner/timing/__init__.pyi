@@ -1,7 +1,6 @@
 from .certified_run import Timing as Timing
 from .certified_solve import (
     BEFORE_SHAPERS as BEFORE_SHAPERS,
-    EFFORT as EFFORT,
     Solution as Solution,
     certified_solve as certified_solve,
     solve_within as solve_within,

@@ -38,8 +38,6 @@ from planner.trajectory import Trajectory
 # Runs that are solved and proved together: what one of them takes is more than handing it to another process. Of many,
 # more, which takes less time each; parts that are left for each process to be through at about the same time.
 PART_RUNS, MANY_PARTS = 8, 32
-EFFORT = 3
-"""Rounds in which a motion and its bound come nearer to each other, if not told."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,24 +182,12 @@ def certified_solve(
     return Solution(trajectory, certificate, limits, order, rounds, methods, least, room)
 
 
-def refuse_gap(gap: float | None, effort: int, fastest: bool) -> None:
-    """Raise MotionError for a gap or an effort that is none, and for a gap where the motion is not the fastest."""
-    if effort < 0:
-        raise MotionError(f"effort {effort} must be 0 rounds or more")
-    if gap is None:
-        return
-    if not 0 < gap < np.inf:
-        raise MotionError(f"gap {gap:g} must be a positive share, as 0.001 for 0.1 %")
-    if not fastest:
-        raise MotionError("a gap is one to the fastest motion: omit it, or the duration or objective that is stated")
-
-
 def solve_within(
     path: ActuatorPath,
     limits: Sequence[Limit],
     order: int,
     gap: float,
-    effort: int = EFFORT,
+    effort: int,
     progress: Progress | None = None,
     *,
     solver: Solver = "passes",

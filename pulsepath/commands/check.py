@@ -1,6 +1,5 @@
 """`pulsepath check`: limits that slowing down cannot fix: reach, travel, tilt, clearance."""
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -8,38 +7,26 @@ import click
 
 from pulsepath.command_group import ProgramCommand
 from pulsepath.options import (
-    apply_motion,
     dump_option,
-    fit_option,
     json_option,
     machine_option,
-    motion_option,
     program_argument,
-    read_quantity,
     refuse_unknown,
 )
 from pulsepath.process.exits import INFEASIBLE
 from pulsepath.progress import VERBOSE, level, say
+from pulsepath.request_options import read_request, request_options
+from pulsepath.requests import InputRequest
 
 
 @click.command(cls=ProgramCommand)
 @program_argument
 @machine_option
-@fit_option
-@motion_option
+@request_options(InputRequest)
 @dump_option
 @click.option("--force", is_flag=True, help="Overwrite the files of --dump-config.")
 @json_option
-def check(
-    program: str,
-    machine: str | None,
-    fit: str | None,
-    motion: str,
-    dumped: Path | None,
-    force: bool,
-    as_json: bool,
-    given: Mapping[str, Any],
-) -> None:
+def check(dumped: Path | None, force: bool, as_json: bool, **options: Any) -> None:
     """Check limits that slowing down cannot fix, or a plan.
 
     These are reach, travel, tilt and clearance. Lists every violation along the path of PROGRAM or, if there is none,
@@ -48,22 +35,15 @@ def check(
 
     Example: pulsepath check circle --machine hexapod
     """
-    if Path(program).is_dir():
-        if machine is not None or dumped is not None or fit is not None:
+    source = read_request(InputRequest, options)
+    if Path(source.program).is_dir():
+        if source.machine is not None or dumped is not None or source.fit is not None:
             raise click.UsageError("A plan has its own machine and program.", click.get_current_context())
-        _check_plan(Path(program), as_json)
+        _check_plan(Path(source.program), as_json)
         return
-    refuse_unknown(program, machine)
-    from pulsepath.inputs import read_inputs
-
-    tolerance = None if fit is None else read_quantity("--fit", fit, "m", above=0.0, like="0.02 mm")
-    origin = None
-    if given:  # only then are the formats worth their loading
-        from pulsepath.format_options import find_origin
-
-        origin = find_origin(program, given, tolerance)
-    inputs = apply_motion(motion, read_inputs(program, machine, tolerance, origin))
-    # after what files say wrong, which is told sooner so
+    refuse_unknown(source.program, source.machine)
+    inputs = source.read()
+    # Faults of files are reported before these load.
     import planner
     from pulsepath.output import record, tables
     from pulsepath.output.dump import dump

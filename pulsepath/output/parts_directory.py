@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
 
 from kinematics import Axis, MotionError
@@ -29,26 +28,7 @@ from pulsepath.output.plan_record import of_parts, of_pulse_file, of_pulses
 from pulsepath.output.record import as_json
 from pulsepath.output.verification import digest_pulses, seal_record
 from pulsepath.progress import step
-
-
-@dataclass(frozen=True, slots=True)
-class PartsRequest:
-    """Settings of a plan in parts, and of its files.
-
-    order     2: limit speed and acceleration; 3: jerk too; None: 3 if the machine limits jerk
-    clock_hz  ticks/s of the pulse times
-    rule      firing rule, with its options
-    pulses    write the file of pulses
-    figures   draw figures in the report
-    keep      if a part cannot be planned, write the parts before it, which then end with a stop
-    """
-
-    order: int | None
-    clock_hz: int
-    rule: str
-    pulses: bool
-    figures: bool
-    keep: bool
+from pulsepath.requests import ReportRequest
 
 
 class PartsWriter:
@@ -119,22 +99,23 @@ def write(
     folder: Path,
     inputs: Inputs,
     parts: Iterable[PlanPart],
-    request: PartsRequest,
+    report: ReportRequest,
     tell: Callable[[PlanStanding, int], None],
 ) -> tuple[PlanStanding, MotionError | None]:
     """Write the files of a plan into a folder as its parts come, the record last.
 
     Return the plan at its end, and the refusal that ended it early, if any.
     tell: called after each part with the plan so far, and its number of segments in all repetitions.
-    Raises what the parts raise, unless the request keeps the parts before that.
+    Raises what the parts raise, unless the report keeps the parts before that.
     """
     _write_inputs(folder, inputs)
+    has_pulses = report.pulses != "none"
     extremes, activity = Overview(), Activity(inputs.program)
     part: PlanPart | None = None
     refusal: MotionError | None = None
     with ExitStack() as files:
         axes, marked = inputs.machine.axes, holds_triggers(inputs.program)
-        writer = PartsWriter(folder, axes, files, pulses=request.pulses, triggers=marked)
+        writer = PartsWriter(folder, axes, files, pulses=has_pulses, triggers=marked)
         try:
             for part in parts:
                 writer.add(part)
@@ -142,7 +123,7 @@ def write(
                 activity.add(part.motion, part.start.begin, part.limits)
                 tell(part.standing, _count_segments(part, inputs.program))
         except MotionError as error:
-            if not request.keep or part is None:
+            if not report.keep_certified or part is None:
                 raise
             refusal = error
         assert part is not None  # a program has a segment that moves, or is refused
@@ -155,7 +136,7 @@ def write(
     standing = come_to_rest(part)
     ending = "" if refusal is None else f"It ends before the program does, with a stop: {refusal}"
     verdict, digest = None, None
-    if request.pulses:
+    if has_pulses:
         verdict = _check_pulses(folder, standing, inputs, ending)
         digest = digest_pulses(open_pulses(folder / BINARY).parts())
     pulses = of_pulses(standing.pulses, standing.machine, standing.counted, digest, verdict)
@@ -172,7 +153,7 @@ def write(
             activity,
             verdict,
             folder / REPORT,
-            figures=request.figures,
+            figures=report.figures,
             note=ending,
             drives=tabulate_drives(pulses),
             triggers=triggers,

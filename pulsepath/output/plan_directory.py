@@ -29,8 +29,8 @@ from planner.program.joins import fit_joins
 from planner.pulses import PulseCheck, PulseSchedule, check, check_file
 from planner.pulses.checking.pulse_reader import read_compensation
 from planner.pulses.schedule import AxisPulses, MovedPulses
+from planner.request import PlanRequest, read_request_record
 from planner.shaping.shaped_motion import shaper_length
-from planner.tradeoffs.objective import TIME, read_objective
 from pulsepath.inputs import Inputs, Origin
 from pulsepath.job import Defect, Job
 from pulsepath.options import LAWS
@@ -199,9 +199,7 @@ def _load(folder: Path, unverified: bool, proving: AbstractContextManager[object
     clock, rule, digest = (pulses.get(what) if isinstance(pulses, dict) else None for what in FIRING_KEYS)
     if not isinstance(clock, int) or clock <= 0 or not isinstance(rule, str):
         raise MotionError(f"{folder / RECORD} states no pulse clock or firing rule: plan it again")
-    order = record.get("order")
-    if order not in (2, 3):
-        raise MotionError(f"{folder / RECORD} states no order, 2 or 3: plan it again")
+    request = _read_request(record, folder / RECORD)
     origin = _origin(record)
     source = SOURCES["program"] if origin is None else f"program{origin.suffix}"
     doubts = find_differences(record, folder, RECORD, (source, SOURCES["machine"], MOTION), DERIVED)
@@ -229,7 +227,7 @@ def _load(folder: Path, unverified: bool, proving: AbstractContextManager[object
         load,
         clock,
         rule,
-        order,
+        request,
         follow,
         digest,
         stated,
@@ -248,19 +246,28 @@ def _load(folder: Path, unverified: bool, proving: AbstractContextManager[object
     return taken
 
 
+def _read_request(record: Record, file: Path) -> PlanRequest:
+    """Return the request that a record states. Raises MotionError where it states none."""
+    try:
+        request = read_request_record(record["request"])
+    except (MotionError, KeyError, TypeError, ValueError, OverflowError) as error:
+        raise MotionError(f"{file} does not state its request ({error}): plan it again") from None
+    if request.order not in (2, 3):
+        raise MotionError(f"{file} states no order, 2 or 3: plan it again")
+    return request
+
+
 def _read_solution(record: Record, file: Path) -> StatedSolution:
     """Return what a record states of the solution. Raises MotionError where it states none."""
     try:
         solver, bound = record["solver"], record.get("lower_bound") or {}
-        methods, stated = solver["methods"], record.get("stated_duration_s")
+        methods = solver["methods"]
         if isinstance(methods, dict):  # of a plan in parts: how many runs each solved
             methods = [name for name, count in methods.items() for _ in range(int(count))]
         return StatedSolution(
             int(solver["rounds"]),
             tuple(str(method) for method in methods),
             float(bound.get("duration_s", nan)),
-            None if stated is None else float(stated),
-            read_objective(str(record.get("objective", TIME))),
         )
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise MotionError(f"{file} does not state its solution ({error!r}): plan it again") from None

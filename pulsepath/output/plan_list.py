@@ -138,12 +138,13 @@ def _facts(record: Mapping[str, Any]) -> dict[str, str]:
     """What two plans are compared by in words."""
     pulses, shaping = record["pulses"], record.get("shaping") or {}
     digests = record["provenance"]["sha256"]
-    stated = record.get("stated_duration_s")
+    request = record["request"]
+    stated = request["duration_s"]
     fit = record["inputs"]["fit_m"]
     cost = shaping.get("cost") or {}
     return {
         **{of: f"{record[of]} (file {str(digests[of])[:8]})" for of in ("program", "machine")},
-        "objective": str(record.get("objective") or "time") if stated is None else f"a duration of {stated:g} s",
+        "objective": str(request["objective"]) if stated is None else f"a duration of {stated:g} s",
         "order": str(record["order"]),
         "input shapers": _describe_shapers(shaping.get("axes") or {}),
         "limits lowered for them": _describe_lowered(cost.get("lowered") or []),

@@ -18,6 +18,7 @@ from planner.limits import find_unkept_limits
 from planner.path.arc_length import measure_travel
 from planner.plan_parts import PlanStanding
 from planner.pulses import PulseCheck, PulseSchedule
+from planner.request import record_request
 from planner.shaping.shaped_proof import ShapedProof
 from planner.shaping.shaping_cost import ShapingCost
 from pulsepath import __version__
@@ -50,8 +51,7 @@ def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
         "machine": plan.machine.name,
         "order": plan.order,
         "duration_s": plan.pulses.duration,
-        "stated_duration_s": plan.stated_duration,
-        "objective": str(plan.objective),
+        "request": record_request(plan.request),
         "path_length_m": measure_travel(plan.path.pieces),
         "classical": None if job.classical is None else _baselines(job, job.classical),
         "certificate": _certificate(plan.certificate),
@@ -132,6 +132,7 @@ def of_parts(
         "program": standing.program,
         "machine": standing.machine.name,
         "order": standing.order,
+        "request": record_request(standing.request),
         "windows": standing.windows,
         "ends_before": ending or None,
         "duration_s": standing.duration,

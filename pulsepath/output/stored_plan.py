@@ -18,7 +18,7 @@ from planner.certificate.constant_speed import Stretch
 from planner.certificate.lower_bound import find_left_out
 from planner.interruption.interruptible import Interruptible
 from planner.interruption.section import Whole
-from planner.limits import Limit, OwnLimit, limits_of
+from planner.limits import Limit, limits_of
 from planner.limits.registry import tabulate_axis_bounds
 from planner.parallel import Progress, ignore_progress
 from planner.path.actuation import MachinePath
@@ -39,10 +39,10 @@ from planner.pulses.checking.pulse_reader import list_statements
 from planner.pulses.compensation.compensate import counted_motion
 from planner.pulses.motion import AxesMotion
 from planner.pulses.triggers import Triggered, find_triggers, holds_triggers
+from planner.request import PlanRequest, Requested
 from planner.shaping.shaped_motion import find_delays
 from planner.shaping.shaped_proof import ShapedProof
 from planner.timing.duration_bound import DurationBound, bound_duration
-from planner.tradeoffs.objective import TIME, Objective
 from pulsepath.output.directory import MOTION
 from pulsepath.output.verification import digest_pulses, prove_motion, refuse
 
@@ -61,21 +61,17 @@ class StatedSolution:
 
     rounds, methods  of solving, as a `Plan` has them
     lower_estimate   s; NaN: none is stated, as of a plan that was made in parts
-    stated_duration  s, what was asked for instead of the fastest, if anything
-    objective        what the motion has least of
     """
 
     rounds: int
     methods: tuple[str, ...]
     lower_estimate: float = nan
-    stated_duration: float | None = None
-    objective: Objective = TIME
 
 
 @Plan.register  # so that whatever takes a plan takes this one
 @dataclass(frozen=True, slots=True)
-class StoredPlan(Result, Interruptible):
-    """A loaded plan: its motion, exactly as proved; clock and rule of its pulses, order of its limits.
+class StoredPlan(Result, Interruptible, Requested):
+    """A loaded plan: its motion, exactly as proved; clock and rule of its pulses; the request.
 
     It has all that a `Plan` has. What takes long is worked out when it is first asked for.
 
@@ -90,7 +86,7 @@ class StoredPlan(Result, Interruptible):
     load: Callable[[], Trajectory]
     clock_hz: int
     rule: str
-    order: int
+    request: PlanRequest
     follow: Callable[[], Iterator[Trajectory]] | None = None
     pulse_digest: str | None = None
     stated: PulseSchedule | None = None
@@ -126,6 +122,7 @@ class StoredPlan(Result, Interruptible):
             solution = self.solution
             self.made.append(
                 Plan(
+                    self.request,
                     self.program,
                     self.machine,
                     self.path,
@@ -134,12 +131,9 @@ class StoredPlan(Result, Interruptible):
                     self.certificate,
                     counted_motion(motion, axes, self.machine.home_q),
                     self.pulses,
-                    self.order,
                     solution.rounds,
                     solution.methods,
                     solution.lower_estimate,
-                    solution.stated_duration,
-                    solution.objective,
                     known=self.known,
                     shaped=self.shaped,
                 )
@@ -187,26 +181,6 @@ class StoredPlan(Result, Interruptible):
     def lower_estimate(self) -> float:
         """s, as of a `Plan`; NaN for one that was made in parts."""
         return self.solution.lower_estimate
-
-    @property
-    def stated_duration(self) -> float | None:
-        """s, what was asked for instead of the fastest, if anything."""
-        return self.solution.stated_duration
-
-    @property
-    def objective(self) -> Objective:
-        """The objective of the motion: time, or a weighted sum with heat."""
-        return self.solution.objective
-
-    @property
-    def own_limits(self) -> tuple[OwnLimit, ...]:
-        """No limit: plans on disk keep those of machine and program alone."""
-        return ()
-
-    @property
-    def fastest(self) -> bool:
-        """True for a plan whose only objective is time, without a stated duration."""
-        return self.stated_duration is None and self.objective.heat == 0
 
     @property
     def bound(self) -> DurationBound:
@@ -281,10 +255,6 @@ class StoredPlan(Result, Interruptible):
     def axis_bounds(self) -> Table:
         """The bounds of each axis, as of a `Plan`."""
         return tabulate_axis_bounds(self.machine.axes, self.limits, self.order)
-
-    def describe_objective(self) -> str:
-        """Describe the objective of a plan that is not the fastest; "" for one that is."""
-        return self.plan.describe_objective()
 
     def realised(self, *, stride: int = 1) -> RealisedPath:
         """Compare the pose that the pulses stand for with the planned one, as `Plan.realised`."""

@@ -7,10 +7,12 @@ from click.testing import CliRunner
 
 from benchmarks.reports.page import draw_figure
 from kinematics import NotInstalled
+from planner.request import PlanRequest
 from pulsepath.cli import main
 from pulsepath.inputs import read_inputs
 from pulsepath.job import run
 from pulsepath.process.exits import describe_error
+from pulsepath.requests import ReportRequest
 from tests.drawing import draw_dots, drawing
 
 
@@ -38,7 +40,7 @@ def inputs():
 
 @pytest.fixture(scope="session")
 def job(inputs):
-    return run(inputs.program, inputs.machine, None, 10_000_000)
+    return run(inputs.program, inputs.machine, PlanRequest(), ReportRequest(bound="full", baselines=True))
 
 
 @pytest.fixture(autouse=True)

@@ -74,16 +74,3 @@ def _toppra(what: str = "this solver") -> tuple[Any, Any]:
             return (*self.rows, both, np.ones(2 * count), None, xbound)
 
     return Ready, algorithm.TOPPRA
-
-
-def refuse_solver(solver: str, order: int, duration: float | None) -> None:
-    """Raise MotionError for a solver that is unknown, not there, or not for what is asked of it."""
-    if solver != "toppra":
-        raise MotionError(f"solver {solver!r} is not known; solvers: passes (our own) and toppra")
-    if order != 2:
-        raise MotionError("solver toppra has no jerk limits: give order=2, or omit the solver for order 3")
-    if duration is not None:
-        raise MotionError(
-            f"solver toppra finds the fastest motion, not one of {duration:g} s: omit the solver or the duration"
-        )
-    require("solver toppra")

@@ -113,7 +113,8 @@ def test_differences_tell_what_two_plans_were_made_of(two):
         "axes": {"leg1": leg, "leg2": leg, "leg3": {"shapers": []}},
         "limits": {"jerk": {"worst_ratio": 1.0}},
     }
-    record |= {"order": 2, "stated_duration_s": 20.0}
+    record["order"] = 2
+    record["request"]["duration_s"] = 20.0
     record["provenance"]["sha256"]["machine"] = "0123456789abcdef"
     for axis in record["pulses"]["axes"].values():
         axis["drive_needs_s"] = {"high": 1e-6, "low": 1e-6, "setup": 1e-6, "hold": 1e-6, "max_rate": None}
@@ -203,7 +204,7 @@ DAMAGE = {
     "pulses beyond all differences": lambda record: record["pulses"].update(total=10**308),
     "pulses as a list": lambda record: record["pulses"].update(total=[1]),
     "a clock beyond floats": lambda record: record["pulses"].update(clock_hz=10**400),
-    "a stated duration beyond floats": lambda record: record.update(stated_duration_s=10**400),
+    "a stated duration beyond floats": lambda record: record["request"].update(duration_s=10**400),
     "a share beyond floats": lambda record: record.update(lower_bound={"duration_s": 1.0, "gap": 10**400}),
     "a fit beyond floats": lambda record: record["inputs"].update(fit_m=10**400),
 }

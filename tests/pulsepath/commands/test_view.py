@@ -83,12 +83,14 @@ def test_where_there_is_no_plan_it_says_what_track_says(call, tmp_path):
     assert "holds no plan" in viewed.stderr
 
 
-def test_a_plan_without_the_order_of_its_limits_is_refused(call, plan):
+@pytest.mark.parametrize(("order", "words"), [(4, "order 4 is not known"), (None, "states no order")])
+def test_a_plan_without_the_order_of_its_limits_is_refused(call, plan, order, words):
     record = json.loads((plan / "plan.json").read_text(encoding="utf-8"))
-    (plan / "plan.json").write_text(json.dumps({**record, "order": 4}), encoding="utf-8")
+    record["request"]["order"] = order
+    (plan / "plan.json").write_text(json.dumps(record), encoding="utf-8")
     done = call("view", plan, "--no-browser")
     assert done.exit_code == 2
-    assert "states no order" in done.stderr
+    assert words in done.stderr
 
 
 @pytest.fixture

@@ -58,12 +58,20 @@ def test_the_options_as_they_come_out(call, tmp_path):
     assert tomllib.loads(done.stdout)["options"] == {
         "order": 2,
         "clock-hz": 10_000_000,
+        "objective": "time",
         "rule": "floor",
         "pulses": "binary",
     }
     given = ["--duration", "9 s", "--pulses", "csv"]
     told = json.loads(call("plan", "circle", *given, "--dump-config", tmp_path / "e", "--json").stdout)
-    expected = {"order": 3, "clock-hz": 10_000_000, "rule": "nearest", "pulses": "csv", "duration": "9 s"}
+    expected = {
+        "order": 3,
+        "clock-hz": 10_000_000,
+        "duration": "9 s",
+        "objective": "time",
+        "rule": "nearest",
+        "pulses": "csv",
+    }
     assert told["options"] == expected
     assert {path.name for path in (tmp_path / "e").iterdir()} == {"machine.toml", "program.toml"}
     # given back, it is the same again

@@ -5,7 +5,6 @@ import shutil
 import pytest
 
 import kinematics.files.atomic_files
-import pulsepath.commands.plan
 import pulsepath.job
 import pulsepath.output.directory
 import pulsepath.parts_job
@@ -13,6 +12,7 @@ import pulsepath.sections
 from kinematics import MotionError
 from kinematics.files.atomic_files import stage_directory
 from pulsepath.output.directory import KIND, replace_directory
+from pulsepath.requests import InputRequest
 
 LINE = 'schema = 1\nlength = "mm"\n[[segment]]\nline = { to = [0, 0, 0.1] }\n'
 COMMANDS = {
@@ -128,8 +128,8 @@ def test_plan_with_force_leaves_what_comes_while_it_runs(tmp_path, call, monkeyp
         return work
 
     module, name = {
-        "reading": (pulsepath.commands.plan, "_read"),
-        "planning": (pulsepath.parts_job, "plan_parts") if way == "--stream" else (pulsepath.job, "plan"),
+        "reading": (InputRequest, "read"),
+        "planning": (pulsepath.parts_job, "make_parts") if way == "--stream" else (pulsepath.job, "make_plan"),
     }[when]
     monkeypatch.setattr(module, name, interfere(getattr(module, name)))
     done = call(*asked, "--out", out)

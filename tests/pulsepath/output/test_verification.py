@@ -15,9 +15,11 @@ from planner import load_program
 from planner.export.formats import binary
 from planner.orientation.orient import apply_choice, find_choice
 from planner.path.shape import DEGREE
+from planner.request import PlanRequest
 from pulsepath.inputs import Inputs, read_inputs
 from pulsepath.job import run
 from pulsepath.output import plan_directory, stored_plan, verification
+from pulsepath.requests import ReportRequest
 from tests import motion_pieces
 
 
@@ -181,7 +183,7 @@ def test_chosen_orientation_is_taken_up_again(tmp_path):
     controls[2, 3:5] = 0.002
     program = apply_choice(load_program(tmp_path / "p.toml"), {0: controls})
     machine_toml = read_inputs("circle", "hexapod").machine_toml
-    job = run(program, machine, 2, 10_000_000, figures=False)
+    job = run(program, machine, PlanRequest(order=2), ReportRequest(figures=False))
     made = tmp_path / "o"
     made.mkdir()
     plan_directory.write(made, job, Inputs(program, machine, text.encode(), machine_toml))
