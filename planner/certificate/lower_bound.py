@@ -19,7 +19,7 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.kernels import kernel
 from kinematics.foundation.taylor_model import EPS, Series
-from planner.certificate.enclosure import Enclosure
+from planner.certificate.enclosure import PLACE_ROUNDING, Enclosure
 from planner.limits.axis import Acceleration, Jerk, PulseRate, Speed
 from planner.limits.limit import AxisLimit, Limit
 from planner.limits.tool import AngularSpeed, ToolLimit, ToolSpeed
@@ -62,6 +62,8 @@ def enclose_rows(path: ActuatorPath, limits: Sequence[Limit], nodes: Array, piec
     mid = np.tile(np.stack([centre, half]), 2)
     rad = np.zeros((2, 2 * count))
     rad[0, count:] = half * (1 + 16 * EPS)
+    # equal runs elsewhere on the path share the bound, and their breaks are rounded differently
+    rad[0] += PLACE_ROUNDING * np.abs(path.breaks[[0, -1]]).max()
     along = Enclosure(path, Series(mid, rad, PATH_ORDER), np.tile(1 / half, 2)[:, None], piece)
     within = (nodes[:-1] - centre) / half, (nodes[1:] - centre) / half
     derivatives = [_end_values(each, within) for each in (along.qd, along.qdd, along.qddd)]
