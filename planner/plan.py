@@ -57,8 +57,8 @@ class Plan(Result, Interruptible, Requested):
     """A program on a machine: path in actuator coordinates, fastest motion, certificate and pulses.
 
     request          what the caller asked for, with order, duration and objective filled in
-    trajectory, certificate
-                     before any input shapers
+    trajectory       motion before any input shapers
+    certificate      its proof
     counted          motion that the pulses count: after the shapers, with any compensation of the motors
     rounds, methods  rounds of solving until the proof held; solver of each run
     lower_estimate   s, approximate least duration within the limits on speed and acceleration, and at
@@ -297,7 +297,12 @@ def make_plan(
         path = actuate(program, machine)
         limits = limits_of(path, paced_axes, order, request.limits)
         solve, fastest = _choose_solvers(request, path, machine, progress)
-        solution, certificate, shaped, first = solve_shaped(solve, path, limits, axes, fastest)
+        shaped = None
+        if any(axis.shaper for axis in axes):
+            solution, certificate, shaped, first = solve_shaped(solve, path, limits, axes, fastest)
+        else:
+            first = solution = solve(limits)
+            certificate = solution.certificate
     except (Infeasible, OutOfReach) as error:
         raise _add_advice(error, program, machine, order) from None
 

@@ -213,7 +213,8 @@ def format_distinct(*values: float, digits: int = 6) -> tuple[str, ...]:
     texts: tuple[str, ...] = ()
     for some in range(digits, MAX_DIGITS + 1):
         texts = tuple(f"{value:.{some}g}" for value in values)
-        if len(set(texts)) == len(set(values)):
+        # near powers of ten, two texts may read as the same number
+        if len({float(text) for text in texts}) == len(set(values)):
             break
     return texts
 

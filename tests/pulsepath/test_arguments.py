@@ -273,4 +273,4 @@ def test_names_do_where_machines_and_programs_are_asked_for(given):
 def test_limits_and_path_are_told_in_a_line(given):
     plan = given["realised"]["plan"]
     assert "<Speed of 6>" in repr(plan.limits)
-    assert repr(plan.path).startswith("<MachinePath on hexapod: 300.863 mm")
+    assert repr(plan.path).startswith("<MachinePath on hexapod: 94.2478 mm")

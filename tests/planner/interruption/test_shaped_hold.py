@@ -143,7 +143,7 @@ def test_the_way_on_can_be_held_behind_shapers(shaped, stop_at):
     assert [axis.final for axis in last.pulses.axes] == [axis.final for axis in shaped.pulses.axes]
 
 
-@pytest.mark.parametrize("shaped", [CORNERS], indirect=True, ids=["corners"])
+@pytest.mark.parametrize("shaped", [plan_corners], indirect=True, ids=["corners"])
 def test_the_table_of_stops_is_of_what_is_shaped(shaped):
     found = shaped.stops(1)
     held = shaped.hold(found.t[-1])

@@ -1,5 +1,6 @@
 """Triggers of a plan in parts: places as the whole has them, times by the parts' motion, counts by all its pulses."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -63,9 +64,11 @@ def test_names_and_places_are_those_of_the_whole(parts, whole):
     assert parts[-1].rest_triggers == ()
 
 
-def test_in_one_window_they_are_the_whole_to_the_last_bit(hexapod, whole):
-    (part,) = plan_parts(program(), hexapod, pieces=200)
-    for event, other in zip(part.triggers, whole.triggers, strict=True):
+def test_in_one_window_they_are_the_whole_to_the_last_bit(hexapod):
+    """Without repetitions, between which a window ends."""
+    once = replace(program(), repeat=1)
+    (part,) = plan_parts(once, hexapod, pieces=200)
+    for event, other in zip(part.triggers, plan(once, hexapod).triggers, strict=True):
         assert (event.name, event.time, event.where) == (other.name, other.time, other.where)
         np.testing.assert_array_equal(event.counts, other.counts)
         np.testing.assert_array_equal(event.pose.as_matrix(), other.pose.as_matrix())
