@@ -8,12 +8,10 @@ from benchmarks.evidence.cases.cam_files import (
     find_files,
     make_machine,
     plan_file,
-    plan_in_parts,
     read_program,
     try_file,
 )
 from benchmarks.evidence.workpieces import FEEDS, SHAPES, generate_cam_file, write_shape
-from kinematics import load_machine
 from planner import plan
 
 # m
@@ -121,13 +119,3 @@ def test_a_folder_is_planned_with_its_refusals(write_file, machine, tmp_path):
 def test_every_shape_is_read(name, tmp_path):
     program = read_program(write_shape(name, 60, tmp_path / "part.nc"), None)
     assert 50 <= len(program.segments) <= 80
-
-
-def test_a_part_is_planned_as_fast_in_windows_as_at_once(tmp_path):
-    file = write_shape("slots", 60, tmp_path / "part.nc")
-    parts = plan_in_parts(file, 2)
-    whole = plan_file(file, load_machine("hexapod"), 2, None)
-    assert parts.certified
-    assert parts.motion == pytest.approx(whole.motion, rel=1e-3)
-    assert 0 < parts.processor < 60
-    assert 1e8 < parts.memory < 6e8

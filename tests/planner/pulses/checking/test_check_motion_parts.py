@@ -95,7 +95,7 @@ def test_only_a_few_parts_of_the_motion_are_held():
 
     def come():
         nonlocal most
-        for part, _ in cut_motion(motion, np.linspace(0, motion.duration, 60)[1:-1]):
+        for part, _ in cut_motion(motion, np.linspace(0, motion.duration, 25)[1:-1]):
             held = Held(part)
             alive.add(held)
             gc.collect()
