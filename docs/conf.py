@@ -27,7 +27,7 @@ html_css_files = ["site.css"]
 html_copy_source = False
 html_show_sourcelink = False
 html_math_renderer = "drawn"
-html_sidebars = {"installing": [], "tutorial": [], "help": [], "changelog": []}
+html_sidebars = {"installing": [], "tutorial": [], "help": [], "architecture": [], "changelog": []}
 html_theme_options = {
     "header_links_before_dropdown": 9,
     "navbar_align": "left",

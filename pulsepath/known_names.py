@@ -22,7 +22,7 @@ def list_presets(folder: str) -> list[str]:
 
 
 def list_names(what: str) -> list[str]:
-    """Return the names in a table of `registries.TABLES`, with those that a program added."""
+    """Return the names in a table of `registries.TABLES`, and the names that a program added."""
     return [*registries.NAMES[what], *find_added(what)]
 
 

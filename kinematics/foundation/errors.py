@@ -144,7 +144,7 @@ class OutOfReach(MotionError):
 class NotFree(OutOfReach):
     """A pose that is off home in a component that its machine does not move: no scale of the others helps.
 
-    pose  its number among those that were given, from 0
+    pose  index of the pose in the call, from 0
     """
 
     def __init__(self, message: str, pose: int) -> None:
