@@ -46,7 +46,8 @@ def test_the_words_of_the_page_hold():
     for case in (CIRCLE, SPLINE):
         *_, copp = select(answers, case, "2", "copp-py")
         finest, *_, passes = select(answers, case, "2", "ours, uncertified")
-        assert float(copp[TIME]) < float(passes[TIME])  # "take less time than ours"
+        # "take less time than ours on the circle, and about as much on the spline"
+        assert float(copp[TIME]) < (1.0 if case == CIRCLE else 1.3) * float(passes[TIME])
         (certified,) = select(answers, case, "2", OURS)
         assert 0.999 < float(finest[SLOWED]) / float(certified[SLOWED]) < 1  # "a little shorter"
     reference, ours = (select(answers, CIRCLE, "3", method)[0] for method in ("IPOPT", OURS))

@@ -124,4 +124,4 @@ def measure_row(problem: PathProblem, method: Method) -> list[str]:
     uses = motion.uses(problem.bounds)
     slowed = slow_to_hold(motion.duration, uses[:order])
     numbers = [f"{value:.6f}" for value in (motion.duration, *uses, slowed)]
-    return [*cells, f"{first:.4f}", f"{median(others):.4f}", *numbers, ""]
+    return [*cells, f"{first:.6f}", f"{median(others):.6f}", *numbers, ""]
