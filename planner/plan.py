@@ -249,8 +249,8 @@ def plan(
         `planner.limits.Limit`, or functions of the machine and the path that return one. A free
         orientation is chosen without them.
     progress
-        Called with the number of runs between stops that are solved, and the number of all; then
-        with the progress of the pulses.
+        Called with the number of different runs between stops that are solved, and the number of
+        all; then with the progress of the pulses.
 
     Returns
     -------

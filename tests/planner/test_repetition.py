@@ -1,6 +1,6 @@
 """Equal runs are planned and proved once: the motion and its proof are those of planning each of them."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -13,6 +13,7 @@ from planner.limits import limits_of
 from planner.limits.limit import Limit, Rows, Term
 from planner.limits.registry import MACHINE_LIMITS
 from planner.path.chain import walk_path
+from planner.path.shape import Piece
 from planner.program.model import Arc, Dwell, Line, Program
 from planner.program.modifiers import Blend
 from planner.timing import bound_duration
@@ -221,3 +222,28 @@ def test_a_repetition_that_cannot_be_drawn_is_refused_in_parts(join):
     program = Program(start=RigidTransform.from_translation(START), segments=lines, repeat=2)
     with pytest.raises(MotionError, match="repetition 2"):
         list(plan_parts(program, load_machine("cartesian"), pieces=2))
+
+
+OTHER_VALUES = {
+    "length": 2.0,
+    "tool_speed": 0.5,
+    "start": 0.25,
+    "turn": 0.125,
+    "tool_acceleration": 3.0,
+    "angular_speed": 0.75,
+    "constant": True,
+    "tool_jerk": 40.0,
+}
+
+
+@pytest.mark.parametrize("name", [field.name for field in fields(Piece)])
+def test_every_field_of_a_piece_decides_whether_it_equals_another(name, program):
+    """A piece that differs in anything but its numbers is not timed and proved by another's motion."""
+    machine = load_machine("cartesian")
+    first, *others = [step.piece for step in walk_path(program, machine)]
+    other = next(piece for piece in others if piece.shape != first.shape)
+    if name in ("segment", "repetition"):
+        assert replace(first, **{name: 7}).content == first.content
+        return
+    value = OTHER_VALUES.get(name, getattr(other, name))
+    assert replace(first, **{name: value}).content != first.content
