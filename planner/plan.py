@@ -1,8 +1,9 @@
 """The main job, top to bottom: program -> path -> limits -> certified motion -> pulses."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from math import nan
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,12 +31,13 @@ from planner.path.outcome import blend_tables, fit_tables
 from planner.path.overshoot import overshoot_tables
 from planner.path.point_to_point import Departure, departure_tables, departures
 from planner.place import Infeasible, LostPath
+from planner.plan_source import MadePlan, PlanSource
 from planner.program.model import Program
 from planner.program.program_file import ProgramSource, load_program
 from planner.pulses import AxesMotion, PulseSchedule, RealisedPath, Rule, generate, pace_axes, realised
 from planner.pulses.compensation.compensate import counted_motion
 from planner.pulses.schedule import schedule_tables
-from planner.pulses.triggers import Triggered, find_triggers, trigger_tables
+from planner.pulses.triggers import Triggered, find_triggers, holds_triggers, trigger_tables
 from planner.request import EFFORT, PlanRequest, Requested
 from planner.shaping.keep_limits import Solve, solve_shaped
 from planner.shaping.shaped_motion import find_delays, shorten_duration
@@ -56,62 +58,102 @@ if TYPE_CHECKING:
 class Plan(Result, Interruptible, Requested):
     """A program on a machine: path in actuator coordinates, fastest motion, certificate and pulses.
 
+    `plan` makes one, `pulsepath.load_plan` reads one from its folder.
+
     request          what the caller asked for, with order, duration and objective filled in
-    trajectory       motion before any input shapers
-    certificate      its proof
-    counted          motion that the pulses count: after the shapers, with any compensation of the motors
+    source           motion, proof and pulses
     rounds, methods  rounds of solving until the proof held; solver of each run
     lower_estimate   s, approximate least duration within the limits on speed and acceleration, and at
-                     the constant speeds of segments; NaN: not known, of a loaded plan made in parts
+                     the constant speeds of segments; NaN: unknown, as for a plan made in parts
     known            lower bound, once it was computed
-    shaped           motion after the input shapers, and its proof
+    doubts           why the plan may differ from the one that was proved; only for `unverified` ones
     """
 
     request: PlanRequest
     program: Program
     machine: Machine
-    path: MachinePath
-    limits: tuple[Limit, ...] = field(repr=False)
-    trajectory: Trajectory = field(repr=False)
-    certificate: Certificate
-    counted: AxesMotion = field(repr=False)
-    pulses: PulseSchedule = field(repr=False)
+    source: PlanSource = field(repr=False)
     rounds: int
     methods: tuple[str, ...]
-    lower_estimate: float
+    lower_estimate: float = nan
     known: list[DurationBound] = field(default_factory=list, repr=False, compare=False)
-    shaped: ShapedProof | None = field(default=None, repr=False)
+    doubts: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
-        return f"<Plan {self.program.name} on {self.machine.name}: {self.trajectory!r}, {self.certificate!r}>"
+        schedule = self.source.schedule
+        pulses = f"{schedule.rule} pulses at {schedule.clock_hz} Hz"
+        name = f"{self.program.name} on {self.machine.name}"
+        doubt = ", not proved" if self.doubts else ""
+        return f"<Plan {name}: {self.duration:.6g} s, order {self.order}, {pulses}{doubt}>"
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """Whole motion, before any input shapers."""
+        return self.source.trajectory
+
+    @property
+    def path(self) -> MachinePath:
+        """Path in actuator coordinates."""
+        path = self.trajectory.path
+        assert isinstance(path, MachinePath)  # as every plan's
+        return path
+
+    @property
+    def limits(self) -> tuple[Limit, ...]:
+        """Limits that the motion is proved to keep."""
+        return self.source.limits
+
+    @property
+    def certificate(self) -> Certificate:
+        """Proof of the motion. A loaded plan is proved again."""
+        return self.source.certificate
+
+    @property
+    def shaped(self) -> ShapedProof | None:
+        """Motion after the input shapers, and its proof."""
+        return self.source.shaped
+
+    @property
+    def counted(self) -> AxesMotion:
+        """Motion that the pulses count: after the shapers, with any compensation of the motors."""
+        return self.source.counted
+
+    @property
+    def pulses(self) -> PulseSchedule:
+        """Exact pulse times of every axis. Raises MotionError if those of a folder were changed."""
+        return self.source.read_pulses(ignore_progress)
 
     @property
     def duration(self) -> float:
-        """s that the machine moves for: behind its input shapers, if it has any."""
-        return self.trajectory.duration if self.shaped is None else self.shaped.duration
+        """Time (s) for which the machine moves, after any input shapers."""
+        return self.source.duration
+
+    def follow(self) -> Iterator[Trajectory]:
+        """Yield the motion part by part, each on its own path, with a time from 0."""
+        return self.source.follow()
 
     @property
     def bound(self) -> DurationBound:
-        """What is proved of the least time; worked out when first asked for, in some times the time of solving."""
+        """Proved lower bound of the duration, computed at its first use, which takes a few times as long as solving."""
         if not self.known:
             self.known.append(bound_duration(self.trajectory, self.limits, self.order))
         return self.known[0]
 
     @property
     def lower_bound(self) -> float:
-        """s; no motion along this path that keeps the limits takes less, proved, whatever `left_out` names."""
+        """Proved lower bound (s) of all motions along this path within the limits, apart from `left_out`."""
         return self.bound.value
 
     @property
     def gap(self) -> float | None:
-        """How far the duration is above the proven lower bound, as a share; None if it was not to be the fastest."""
+        """Excess of the duration over the lower bound, as a share. None: another goal than time."""
         return self.bound.gap if self.fastest else None
 
     @property
     def worth(self) -> "Worth | None":
-        """What one per cent more of each limit saves, to first order, by the bound's multipliers.
+        """Time that one per cent more of each limit saves, to first order, by the bound's multipliers.
 
-        None if it was not to be the fastest.
+        None: another goal than time.
         """
         if not self.fastest:
             return None
@@ -121,53 +163,58 @@ class Plan(Result, Interruptible, Requested):
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """What the lower bound leaves out: it may lie below the least time by what that costs."""
+        """Limits that the lower bound leaves out. The least time may be longer by their cost."""
         return find_left_out(self.path, self.limits)
 
     @property
     def exceeded(self) -> str:
-        """What is said where a blend or fit tolerance is not proved behind the input shapers; else ""."""
+        """Warning about a blend or fit tolerance that is not proved after the input shapers; or ""."""
         return "" if self.shaped is None else describe_exceeded(self.path, self.shaped)
 
     @property
     def conditioning(self) -> Conditioning:
-        """The poorest of the Jacobian along the path: near 0 it comes near a singular pose."""
+        """Poorest conditioning of the Jacobian along the path. Near 0, the pose is nearly singular."""
         return find_poorest(self.path)
 
     @property
     def triggers(self) -> tuple[Triggered, ...]:
-        """What the program marks by `trigger`: when, where, and the counts by then."""
-        return find_triggers(self.program, self.path, self.trajectory, self.pulses, *find_delays(self.machine.axes))
+        """Events that the program marks by `trigger`: time, place and counts."""
+        return self.find_triggers(self.pulses) if holds_triggers(self.program) else ()
+
+    def find_triggers(self, pulses: PulseSchedule) -> tuple[Triggered, ...]:
+        """Return the program's triggers, with the counts of these pulses."""
+        delays = find_delays(self.machine.axes)
+        return find_triggers(self.program, self.path, self.trajectory, pulses, *delays)
 
     @property
     def avoidable_stops(self) -> AvoidableStops:
-        """Stops at joins that nobody asked for, with an estimate of their cost and the remedy."""
+        """Stops at joins that do not ask for one, with an estimate of their cost and the remedy."""
         return find_avoidable_stops(self.program, self.path, self.limits, self.order)
 
     @property
     def departures(self) -> tuple[Departure, ...]:
-        """How far the tool leaves the straight line in each synchronised move."""
+        """Distance of the tool from the straight line in each synchronised move."""
         return departures(self.path)
 
     @property
     def constant_speeds(self) -> tuple[Stretch, ...]:
-        """Where the tool runs at exactly the speeds that segments with `speed_constant` ask for, to one part in 10⁹."""
+        """Stretches at exactly the speeds that segments with `speed_constant` ask for, to one part in 10⁹."""
         return find_stretches(
             self.trajectory, self.certificate.use.get(CONSTANT_SPEED, np.zeros(len(self.trajectory.s)))
         )
 
     @check_arguments()
     def realised(self, *, stride: int = 1) -> RealisedPath:
-        """How far the pose that the pulses stand for is from the planned one; stride k looks at every k-th interval."""
+        """Compare the pose that the pulses stand for with the planned one, at every stride-th interval."""
         return realised(self, stride=stride)
 
     @property
     def axis_bounds(self) -> Table:
-        """What each axis may do at most, by the limits as they were planned with, and what says so."""
+        """Largest values of each axis by the limits of this plan, and the limit that sets each."""
         return tabulate_axis_bounds(self.machine.axes, self.limits, self.order)
 
     def tables(self) -> tuple[Table, ...]:
-        """How long it takes, what is proved of it, what its axes may do, its blends, its pulses and its triggers."""
+        """Return tables of duration, proof, axis bounds, joins, pulses and triggers."""
         stated = None if self.fastest else self.describe_objective()
         least = None if np.isnan(self.lower_estimate) else self.lower_estimate
         title = f"{self.program.name} on {self.machine.name}, order {self.order}"
@@ -192,14 +239,15 @@ class Plan(Result, Interruptible, Requested):
             *trigger_tables(self.triggers, self.path.names),
         )
 
-    def whole(self) -> Whole:
-        """What sections of it are made of (`planner.interruption`)."""
-        motion = self.path, self.trajectory, self.certificate, self.pulses
+    def whole(self, progress: Progress = ignore_progress) -> Whole:
+        """Return the data that sections of the plan are made from (`planner.interruption`)."""
+        pulses = self.source.read_pulses(progress)
+        motion = self.path, self.trajectory, self.certificate, pulses
         own = self.program.tool, self.own_limits, self.fastest, self.triggers
         return Whole(self.program.name, self.machine, *motion, self.order, *own)
 
     def data(self) -> Table:
-        """The motion over time; `certificate` and `pulses` have data of their own."""
+        """Return the motion over time. `certificate` and `pulses` have data of their own."""
         return self.trajectory.data()
 
 
@@ -317,17 +365,11 @@ def make_plan(
         replace(request, limits=tuple(request.limits)),
         program,
         machine,
-        path,
-        limits,
-        motion,
-        certificate,
-        motors,
-        pulses,
+        MadePlan(motion, limits, certificate, shaped, motors, pulses),
         solution.rounds,
         solution.methods,
         first.lower_estimate,
         known=solution.known if first is solution else [],
-        shaped=shaped,
     )
 
 

@@ -20,7 +20,7 @@ _REPORTS = {
     **dict.fromkeys(("animate", "four_views", "save_four_views"), "benchmarks.animation"),
     **dict.fromkeys(("Comparison", "compare", "verdict_of"), "benchmarks.reports.gain"),
     "write_report": "benchmarks.reports.plan_report",
-    "load_plan": "pulsepath.output.plan_directory",
+    "load_plan": "pulsepath.store.read",
     **dict.fromkeys(("Grid", "read_setting", "settings_of", "sweep"), "benchmarks.sweep"),
 }
 

@@ -6,6 +6,6 @@ from controllers import *
 from kinematics import *
 from planner import *
 from pulsepath import plots as plots
-from pulsepath.output.plan_directory import load_plan as load_plan
+from pulsepath.store.read import load_plan as load_plan
 
 __version__: str

@@ -14,9 +14,9 @@ from planner.pulses import find_rule
 from planner.request import MOST_WHOLE, PlanRequest
 from planner.windows import Helpers
 from pulsepath.inputs import Inputs
-from pulsepath.output import parts_directory
 from pulsepath.progress import note, step
 from pulsepath.requests import ReportRequest
+from pulsepath.store.write import write_parts
 
 INSTEAD = {
     "--rig": ", and run pulsepath track on the plan later",
@@ -85,7 +85,7 @@ def run_parts(
     folder: Path,
     helpers: Helpers | None = None,
 ) -> tuple[PlanStanding, MotionError | None]:
-    """Plan into a folder. Return and raise as `parts_directory.write`.
+    """Plan into a folder. Return and raise as `write_parts`.
 
     helpers: processes that plan the stretches between stops; the result is the same without them.
     """
@@ -126,7 +126,7 @@ def run_parts(
 
         parts = make_parts(request, program, machine, helpers, tell_read)
         with inputs.tell_lines():
-            standing, refusal = parts_directory.write(folder, inputs, parts, report, tell_standing)
+            standing, refusal = write_parts(folder, inputs, parts, report, tell_standing)
     if refusal is not None:
         inputs.tell_line(refusal)
     return standing, refusal

@@ -8,17 +8,18 @@ from typing import Any
 
 from kinematics.files.atomic_files import Destination
 from kinematics.files.chunk_file import holds_chunks
+from planner import Plan
 from planner.export.format import write_export_to
 from planner.interruption.section import Section, Whole
-from pulsepath.output import plan_directory, record
-from pulsepath.output.stored_plan import StoredPlan
+from pulsepath.output import record
 from pulsepath.progress import say, step
+from pulsepath.store.read import read
 
 FINE = {"m": ("µm", 1e6), "rad": ("m°", 1e3 * degrees(1))}
 """Unit of errors of axes, and its number in an SI unit."""
 
 
-def _measure(planned: StoredPlan, by_axis: Sequence[float]) -> str:
+def _measure(planned: Plan, by_axis: Sequence[float]) -> str:
     """Convert the errors of axes in pulses to their units, and return the largest of each unit."""
     largest = dict[str, float]()
     for axis, pulses in zip(planned.machine.axes, by_axis, strict=True):
@@ -33,16 +34,16 @@ def _measure(planned: StoredPlan, by_axis: Sequence[float]) -> str:
     return f" (at most {', '.join(texts)} of an axis)"
 
 
-def read_whole(directory: Path, unverified: bool) -> tuple[StoredPlan, Whole]:
+def read_whole(directory: Path, unverified: bool) -> tuple[Plan, Whole]:
     """Read a plan, prove it again, and return it with the parts that its sections are made from."""
-    planned = plan_directory.read(directory, unverified)
+    planned = read(directory, unverified)
     with read_pulses(planned) as progress:
         return planned, planned.whole(progress)
 
 
-def read_pulses(planned: StoredPlan) -> AbstractContextManager[Callable[[int, int], None]]:
+def read_pulses(planned: Plan) -> AbstractContextManager[Callable[[int, int], None]]:
     """Return the step that reads a plan's pulses, or makes them again if there is no file of them."""
-    file = planned.pulse_file
+    file = planned.source.pulse_file
     if file is None or not holds_chunks(file):
         return step("generating pulses")
     return step(f"reading {file.name}")
@@ -72,7 +73,7 @@ def list_triggers(section: Section) -> list[dict[str, Any]]:
     ]
 
 
-def say_errors(files: Sequence[Mapping[str, Any]], planned: StoredPlan) -> None:
+def say_errors(files: Sequence[Mapping[str, Any]], planned: Plan) -> None:
     """Print the error of each file against its motion, and its notes.
 
     files: their records.

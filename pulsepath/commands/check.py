@@ -69,19 +69,24 @@ def _check_plan(folder: Path, as_json: bool) -> None:
     from pulsepath.output.directory import refuse_no_plan
 
     refuse_no_plan(folder)
-    from pulsepath.output import plan_directory, record
-    from pulsepath.output.stored_plan import check_pulses
+    from pulsepath.output import record
     from pulsepath.progress import step
+    from pulsepath.store.read import read
+    from pulsepath.store.verify import check_pulses, refuse
 
-    taken = plan_directory.read(folder)
-    duration, file, pulses = taken.duration, None, None
-    if taken.pulse_file is not None:
+    plan = read(folder)
+    duration = plan.duration
+    file: str | None = None
+    pulses: int | None = None
+    if (path := plan.source.pulse_file) is not None:
         with step("checking the pulses") as tell:
-            found = check_pulses(taken.pulse_file, taken, tell)
-        file, pulses = taken.pulse_file.name, sum(axis.pulses for axis in found.axes)
+            verdict = check_pulses(path, plan.machine, plan.source, tell)
+        refuse([f"{path}: {fault}" for fault in verdict.faults[:1]])
+        file = path.name
+        pulses = sum(axis.pulses for axis in verdict.axes)
     if as_json:
-        told = {"holds": True, "duration_s": duration, "pulse_file": file, "pulses": pulses}
-        click.echo(record.as_json(told), nl=False)
+        result = {"holds": True, "duration_s": duration, "pulse_file": file, "pulses": pulses}
+        click.echo(record.as_json(result), nl=False)
         return
     say(f"{folder}: its files are unchanged, and its motion of {duration:.6f} s is proved again")
     say(

@@ -56,17 +56,19 @@ def export(
     from kinematics.files.atomic_files import Destination
     from planner.export.format import ExportSource, export, find_format
     from pulsepath.format_options import EXPORTS
-    from pulsepath.output import plan_directory, record
+    from pulsepath.output import record
     from pulsepath.progress import step
     from pulsepath.sections import read_pulses, say_errors
+    from pulsepath.store.read import read
+    from pulsepath.store.verify import refuse_own
 
     target = out or directory / _name_file(directory, name, find_format(name).suffix)
     destination = Destination(target, force=force)
     writes(target)
     format_ = EXPORTS.make(name, given)
-    planned = plan_directory.read(directory, unverified)
+    planned = read(directory, unverified)
     with read_pulses(planned) as tell:
-        pulses = planned.read_pulses(tell)
+        pulses = planned.source.read_pulses(tell)
     with step(f"writing {target}") as tell, destination.stage() as file:
         source = ExportSource(
             planned.program.name,
@@ -77,7 +79,7 @@ def export(
             triggers=planned.find_triggers(pulses),
         )
         done = export(format_, name, source, file)
-        plan_directory.refuse_own(directory, target, file)
+        refuse_own(directory, target, file)
     written = record.of_export(name, str(target), done, planned.doubts)
     if as_json:
         click.echo(record.as_json(written), nl=False)

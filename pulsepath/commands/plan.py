@@ -70,8 +70,9 @@ def plan(out: Path | None, dumped: Path | None, force: bool, as_json: bool, **op
         # Faults of files are reported before the rest loads, which both processes then do at once.
         inputs, other = _read(source, report, stack)
         from pulsepath.job import run
-        from pulsepath.output import plan_directory, tables
+        from pulsepath.output import tables
         from pulsepath.parts_job import choose_parts, open_helpers, run_parts
+        from pulsepath.store.write import write_whole
 
         # A directory that cannot be written is reported before the work.
         directory = replace_directory(out, force, before=before)
@@ -86,7 +87,7 @@ def plan(out: Path | None, dumped: Path | None, force: bool, as_json: bool, **op
         with directory as folder:
             with inputs.tell_lines():
                 job = run(inputs.program, inputs.machine, request, report, other)
-            plan_directory.write(folder, job, inputs, report.pulses)
+            write_whole(folder, job, inputs, report.pulses)
     tables.show_plan(out, as_json, lambda: tables.of_plan(job), lambda: tables.sum_up(job))
 
 

@@ -56,12 +56,14 @@ def track(
     from controllers.rig_choice import choose_rig
     from kinematics.files.atomic_files import Destination
     from planner.shaping.shaped_motion import shape_motion
-    from pulsepath.output import plan_directory, record, tables
+    from pulsepath.output import record, tables
     from pulsepath.progress import note, step
+    from pulsepath.store.files import TRACK
+    from pulsepath.store.read import read
 
-    target = Destination(directory / plan_directory.TRACK, force=force)
+    target = Destination(directory / TRACK, force=force)
     settings = [read_setting(law) for law in laws]
-    planned = plan_directory.read(directory, unverified)
+    planned = read(directory, unverified)
     behind = choose_rig(planned.machine, rig)
     if rig is None:
         note(f"on rig {behind.about}: the bundled rig that fits {planned.machine.name}; choose another with --rig")

@@ -109,11 +109,11 @@ def view(
 
 def _load_drawn_plan(directory: Path, unverified: bool) -> "tuple[DrawnPlan, tuple[str, ...]]":
     from benchmarks.animation.frames import DrawnPlan
-    from pulsepath.output import plan_directory
     from pulsepath.sections import read_pulses
+    from pulsepath.store.read import read
 
-    planned = plan_directory.read(directory, unverified)
+    planned = read(directory, unverified)
     with read_pulses(planned) as tell:
-        pulses = planned.read_pulses(tell)
+        pulses = planned.source.read_pulses(tell)
     drawn = DrawnPlan(planned.program, planned.machine, planned.trajectory, planned.limits, pulses)
     return drawn, planned.doubts

@@ -18,7 +18,7 @@ from kinematics.machine.machine_writer import machine_toml
 from pulsepath import __version__
 from pulsepath.output.directory import CALIBRATION, CALIBRATION_KIND, REPORT
 from pulsepath.output.record import SCHEMA, Record, as_json
-from pulsepath.output.verification import seal_record
+from pulsepath.store.verify import seal_record
 
 MACHINE = "machine.toml"
 SOURCES = {"machine": "nominal.toml", "measurements": "measurements.toml"}

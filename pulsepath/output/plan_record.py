@@ -37,7 +37,7 @@ from pulsepath.output.record import (
     pose_record,
     realised_record,
 )
-from pulsepath.output.verification import digest, digest_pulses
+from pulsepath.store.verify import digest, digest_pulses
 
 
 def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:

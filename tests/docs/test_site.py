@@ -55,10 +55,10 @@ def test_signatures_and_names_are_set_as_python_and_code(site):
         assert "`" not in prose, (page.name, prose[max(0, prose.find("`") - 60) :][:120])
 
 
-def test_a_stored_plan_is_shown_with_all_that_it_can_be_asked_for(site):
+def test_a_plan_is_shown_with_all_that_it_can_be_asked_for(site):
     page = (site / "api" / "planning.html").read_text(encoding="utf-8")
     for name in ("pulses", "hold", "resume", "stops", "export"):
-        assert f'id="pulsepath.output.stored_plan.StoredPlan.{name}"' in page
+        assert f'id="pulsepath.Plan.{name}"' in page
     for name in ("q", "qd", "pose_rate", "tool_rate", "evaluate"):
         assert f'id="planner.limits.limit.LimitState.{name}"' in page
 

@@ -441,7 +441,8 @@ def test_pulses_that_fail_their_check_are_not_written(call, tmp_path, monkeypatc
 
     first, *others = job.plan.pulses.axes
     late = replace(first, ticks=first.ticks + (np.arange(len(first)) == 7))
-    corrupted = replace(job.plan, pulses=replace(job.plan.pulses, axes=(late, *others)))
+    pulses = replace(job.plan.pulses, axes=(late, *others))
+    corrupted = replace(job.plan, source=replace(job.plan.source, schedule=pulses))
     monkeypatch.setattr("pulsepath.job.make_plan", lambda *_, **__: corrupted)
     done = call("plan", "bare-circle", "--out", tmp_path / "out")
     assert done.exit_code == 3

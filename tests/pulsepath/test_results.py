@@ -12,7 +12,6 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pandas as pd
 import pytest
-from click.testing import CliRunner
 from scipy.interpolate import CubicSpline
 
 import pulsepath as pp
@@ -26,7 +25,6 @@ from kinematics.machine.shaper import Shaper
 from planner.cross_check import CrossCheck
 from planner.interruption import hold as _hold  # noqa: F401  # so that the walk meets what it makes
 from planner.sources.source import Imported
-from pulsepath.cli import main
 
 NAME = "<b>"
 """Of the machine: nothing of it may reach a page as markup."""
@@ -57,15 +55,6 @@ def straight():
 def folder():
     """Where a stored plan lies as long as the tests run."""
     return TemporaryDirectory()
-
-
-def stored():
-    place = Path(folder().name)
-    machine().save(place / f"{NAME}.toml", force=True)
-    given = ["--machine", str(place / f"{NAME}.toml"), "--no-figures", "--no-baselines", "--no-worth"]
-    done = CliRunner().invoke(main, ["plan", "bare-circle", *given, "--out", str(place / "out"), "--force"])
-    assert done.exit_code == 0, done.stderr
-    return pp.load_plan(place / "out")
 
 
 @cache
@@ -122,7 +111,6 @@ PATH = PathAccuracy(3, np.array([1e-6, 2e-6]), np.array([3e-6, 4e-6]))
 POSE = PoseAccuracy(3, 1e-6, 2e-6)
 MAKERS = {
     "Plan": plan,
-    "StoredPlan": stored,
     "Trajectory": lambda: plan().trajectory,
     "Certificate": lambda: plan().certificate,
     "DurationBound": lambda: plan().bound,

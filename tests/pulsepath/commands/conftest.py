@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from pulsepath.output.verification import find_violation
+from pulsepath.store.verify import find_violation
 
 
 @pytest.fixture(autouse=True)
 def shared_proof(monkeypatch, request):
     """The motion of the shared plan is proved once, when it is made: that a command does so too has tests of its own.
 
-    They are those of pulsepath.output.verification.
+    They are those of pulsepath.store.verify.
     """
 
     def prove(trajectory, limits, axes):
@@ -19,4 +19,4 @@ def shared_proof(monkeypatch, request):
         same = all(np.array_equal(getattr(trajectory, name), getattr(shared, name)) for name in names)
         return None if same else find_violation(trajectory, limits, axes)
 
-    monkeypatch.setattr("pulsepath.output.plan_directory.find_violation", prove)
+    monkeypatch.setattr("pulsepath.store.read.find_violation", prove)

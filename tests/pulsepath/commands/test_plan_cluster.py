@@ -8,8 +8,8 @@ from functools import partial
 import pytest
 
 from planner import parallel
-from pulsepath.output import parts_directory
 from pulsepath.process.exits import describe_error
+from pulsepath.store import write as store
 from tests.windows import small_windows
 
 ASKED = ("--machine", "hexapod", "--order", "2", "--no-figures")
@@ -72,8 +72,8 @@ def when_written(monkeypatch, number, act):
         if len(written) == number:
             act()
 
-    add = parts_directory.PartsWriter.add
-    monkeypatch.setattr(parts_directory.PartsWriter, "add", write)
+    add = store.PartsWriter.add
+    monkeypatch.setattr(store.PartsWriter, "add", write)
     return written
 
 

@@ -21,7 +21,7 @@ from planner.path.actuation import actuate
 from planner.path.chain import walk_path
 from planner.sources.source import import_program
 from pulsepath import load_plan, progress
-from pulsepath.output.verification import seal_record
+from pulsepath.store.verify import seal_record
 from tests.windows import small_windows
 
 LINES, PIECES = 120, 6
@@ -292,7 +292,7 @@ def test_every_file_states_the_same_duration(call, folder, lines):
         assert call("plan", file, "--machine", "hexapod", *more, "--out", out).exit_code == 0
     checked = call("check", out)
     assert checked.exit_code == 0, checked.stderr
-    assert load_plan(out).open_pulses() is not None
+    assert load_plan(out).source.open_pulses() is not None
 
 
 def test_turns_go_on_behind_a_stop(call, folder):

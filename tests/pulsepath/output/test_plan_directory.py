@@ -143,7 +143,7 @@ def test_a_plan_without_a_file_of_pulses_is_proved_and_makes_them_again(write_pl
     assert not list(tmp_path.glob("pulses.*"))
     certificate = json.loads((tmp_path / "certificate.json").read_text())
     assert (certificate["file"], certificate["sha256"], certificate["holds"]) == (None, None, True)
-    assert pp.load_plan(tmp_path).open_pulses() is None
+    assert pp.load_plan(tmp_path).source.open_pulses() is None
     assert holds_same_pulses(job.plan.pulses, [pp.load_plan(tmp_path).pulses])
     assert holds_same_pulses(job.plan.pulses, [pp.load_plan(edges).pulses])
 
@@ -153,7 +153,7 @@ def test_pulses_are_taken_from_their_file_and_where_it_is_gone_made_again(direct
         (tmp_path / path.name).write_bytes(path.read_bytes())
     again = pp.load_plan(tmp_path)
     assert holds_same_pulses(job.plan.pulses, [again.pulses])
-    assert holds_same_pulses(job.plan.pulses, again.open_pulses().parts())
+    assert holds_same_pulses(job.plan.pulses, again.source.open_pulses().parts())
     (tmp_path / "pulses.bin").unlink()
     assert holds_same_pulses(job.plan.pulses, [pp.load_plan(tmp_path).pulses])
     earlier = replace(job.plan.pulses.axes[0], ticks=job.plan.pulses.axes[0].ticks - 1)
@@ -161,13 +161,16 @@ def test_pulses_are_taken_from_their_file_and_where_it_is_gone_made_again(direct
     with pytest.raises(MotionError, match=r"pulses\.bin was changed"):
         pp.load_plan(tmp_path)
     # and never from another plan's, were it not told
-    assert holds_same_pulses(job.plan.pulses, [replace(again, pulse_file=tmp_path / "pulses.bin").pulses])
+    other = pp.load_plan(directory)
+    other.source.pulse_file = tmp_path / "pulses.bin"
+    assert other.source.open_pulses() is None
+    assert holds_same_pulses(job.plan.pulses, [other.pulses])
 
 
 def test_a_plan_taken_up_again_fires_by_its_rule(write_plan, job, tmp_path):
     plan, rule = job.plan, "sampled:period=1e-05 s"
     pulses = generate(plan.trajectory, plan.machine.axes, plan.machine.home_q, rule=rule)
-    write_plan(replace(job, plan=replace(plan, pulses=pulses)), tmp_path)
+    write_plan(replace(job, plan=replace(plan, source=replace(plan.source, schedule=pulses))), tmp_path)
     record = json.loads((tmp_path / "plan.json").read_text())["pulses"]
     assert record["rule"] == rule
     assert record["check"] == {**record["check"], "holds": True, "time_error_ticks": 0.0}

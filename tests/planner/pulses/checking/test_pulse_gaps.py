@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from math import ceil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from planner import Infeasible, Line, Program, PulseSchedule
 from planner import plan as planned
 from planner.export.formats import pulse_csv
 from planner.pulses import AxisPulses, check, generate, pace_axes
-from pulsepath.output.stored_plan import StoredPlan
+from pulsepath.store.read import StoredSource
 from tests.planner.motions import PULSE, in_pulses, one_axis
 
 CLOCK = 10_000_000
@@ -158,8 +159,10 @@ def test_a_plan_at_a_drives_own_rate_keeps_the_rate_that_the_clock_can_hold(cloc
     assert check(made.pulses, made.trajectory, machine.axes, machine.home_q).holds
     assert made.pulses.smallest_interval >= 3.8e-6 * clock
     # a plan that is taken up again is held to the limits that it was made to keep
-    again = StoredPlan(made.program, machine, lambda: made.trajectory, clock, "nearest", made.request)
-    assert [limit.bounds.tolist() for limit in again.limits] == [limit.bounds.tolist() for limit in made.limits]
+    source = StoredSource(made.program, machine, made.order, Path("motion.bin"))
+    source.schedule = made.pulses
+    again = source.find_limits(made.trajectory)
+    assert [limit.bounds.tolist() for limit in again] == [limit.bounds.tolist() for limit in made.limits]
 
 
 @pytest.mark.parametrize("rule", ["timer", "sampled:period=3us"])

@@ -6,18 +6,25 @@ whenever it is loaded, and pulses are compared with those that were checked.
 
 import json
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from hashlib import file_digest, sha256
 from pathlib import Path
 from typing import Any
 
+from kinematics.files.chunk_file import holds_chunks
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import Axis
+from kinematics.machine.machine import Machine
 from planner.certificate.certify import Certificate, certify
 from planner.limits import Limit
-from planner.pulses import PulseSchedule
+from planner.parallel import Progress, ignore_progress
+from planner.plan_source import PlanSource
+from planner.pulses import AxesMotion, PulseCheck, PulseSchedule, check, check_file
+from planner.pulses.checking.edge_reader import check_file_parts
 from planner.shaping.shaped_motion import shape_motion
 from planner.shaping.shaped_proof import ShapedProof, prove_shaped
 from planner.trajectory import Trajectory
+from pulsepath.output.directory import RECORD
 
 Record = dict[str, Any]
 
@@ -129,3 +136,40 @@ def refuse(doubts: Sequence[str]) -> None:
 
 def _digest_record(record: Any) -> str:
     return sha256(json.dumps(record, sort_keys=True).encode()).hexdigest()
+
+
+def refuse_own(folder: Path, target: Path, made: Path) -> None:
+    """Raise MotionError where `made`, in the target's place, would change a file of the plan in a folder."""
+    record = json.loads((folder / RECORD).read_bytes())
+    if changes(record, folder, RECORD, target, made):
+        raise MotionError(
+            f"{target} is one of the plan's own files, and replacing it would invalidate the plan: give another --out"
+        )
+
+
+def check_pulses(
+    file: Path | None,
+    machine: Machine,
+    source: PlanSource,
+    progress: Progress = ignore_progress,
+) -> PulseCheck:
+    """Check a file of pulses, or without a file the pulses themselves, against the motion of a plan.
+
+    The motion of a plan that was made in parts is followed part by part, in little memory. A file of
+    edges is checked against the whole motion.
+    """
+    if file is None:
+        pulses = source.read_pulses(progress)
+        return check(pulses, source.counted, machine.axes, machine.home_q)
+    if source.in_parts and holds_chunks(file):
+        return check_file_parts(file, source.schedule, machine, source.follow(), progress)
+    return check_file(file, StatedPulses(machine, source.counted, source.schedule), progress)
+
+
+@dataclass(frozen=True, slots=True)
+class StatedPulses:
+    """Statements about the pulses of a motion, which a file is checked against."""
+
+    machine: Machine
+    counted: AxesMotion
+    pulses: PulseSchedule
