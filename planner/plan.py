@@ -83,8 +83,8 @@ class Plan(Result, Interruptible, Requested):
         schedule = self.source.schedule
         pulses = f"{schedule.rule} pulses at {schedule.clock_hz} Hz"
         name = f"{self.program.name} on {self.machine.name}"
-        doubt = ", not proved" if self.doubts else ""
-        return f"<Plan {name}: {self.duration:.6g} s, order {self.order}, {pulses}{doubt}>"
+        proof = "not proved" if self.doubts else "proved"
+        return f"<Plan {name}: {self.duration:.6g} s, order {self.order}, {proof}, {pulses}>"
 
     @property
     def trajectory(self) -> Trajectory:

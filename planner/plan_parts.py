@@ -13,7 +13,6 @@ from itertools import takewhile
 
 import numpy as np
 
-from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import count_noun
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Table
@@ -24,18 +23,25 @@ from planner.certificate.certify import Certificate
 from planner.certificate.summary import join_certificates, summarise_part
 from planner.limits import Limit, OwnLimit, limits_of
 from planner.limits.registry import AXIS_LIMITS, MACHINE_LIMITS, PLACELESS
-from planner.limits.resonance import Resonance
+from planner.needs_whole import find_whole_reason
 from planner.parallel import Progress, ignore_progress
 from planner.path.actuation import MachinePath
 from planner.path.chain import walk_path
 from planner.path.join_and_blend import PathStep
 from planner.path.outcome import FitSummary, fit_tables, merge_fits, summarise_fits
-from planner.program.model import Dwell, Program, SegmentStream, Synchronised
+from planner.plan import Plan, make_plan
+from planner.program.model import Program
 from planner.program.program_file import ProgramSource, load_program
 from planner.pulses import PulseSchedule, Rule, find_rule, pace_axes
 from planner.pulses.generation.stream import PulseStream
 from planner.pulses.schedule import schedule_tables
-from planner.pulses.trigger_stream import Crossing, Mark, MarkedStep, count_crossings, find_crossings, mark_steps
+from planner.pulses.trigger_stream import (
+    Crossing,
+    Mark,
+    count_crossings,
+    find_crossings,
+    mark_steps,
+)
 from planner.pulses.triggers import Triggered
 from planner.request import PIECES, PlanRequest, Requested
 from planner.timing.certified_solve import timing_table
@@ -140,7 +146,8 @@ def plan_parts(
     """Plan a program as it is read: the fastest motion, its proof and its pulses, in constant memory.
 
     The motion takes up to 0.1 % longer than if the whole were planned at once, as each window looks ahead only as far
-    as it reaches (`planner.windows`).
+    as it reaches (`planner.windows`). If a stage needs the whole motion (`planner.needs_whole`), there
+    is one part, which is that of `plan`.
 
     Parameters
     ----------
@@ -156,7 +163,7 @@ def plan_parts(
     Raises
     ------
     MotionError
-        The program can only be planned as a whole; or as `plan`, after the parts before the refusal.
+        As `plan`, after the parts before the refusal.
     """
     request = PlanRequest(
         order=order,
@@ -176,17 +183,24 @@ def make_parts(
     progress: Progress = ignore_progress,
 ) -> Iterator[PlanPart]:
     """Plan what a request asks for part by part. Raises as `plan_parts`."""
-    rule, clock_hz = request.rule, request.clock_hz
-    rule = find_rule(rule) if isinstance(rule, str) else rule
-    if (reason := find_whole_reason(program, machine, rule)) is not None:
-        job = f"program {program.name} on {machine.name}"
-        raise MotionError(f"{job} is planned as a whole only, because {reason}, or call plan")
     request = request.resolve(program, machine)
+    if find_whole_reason(request, program, machine) is not None:
+        yield _make_only_part(make_plan(request, program, machine))
+        return
+    steps = _Steps(program, machine, progress)
+    maker = _PartMaker(request, program, machine, steps)
+    for window in _make_planner(request, program, machine)(steps, helpers):
+        yield maker.add(window)
+
+
+def _make_planner(request: PlanRequest, program: Program, machine: Machine) -> WindowPlanner:
+    """Return the planner of windows for a request."""
     order = request.resolved_order
-    paced = pace_axes(machine.axes, clock_hz, rule)
+    paced = pace_axes(machine.axes, int(request.clock_hz), request.rule)
     find_limits = partial(limits_of, axes=paced, order=order, own=request.limits)
+    # A caller's own limit may depend on the place, so that equal stretches differ.
     copying = not request.limits and {*AXIS_LIMITS, *MACHINE_LIMITS} <= PLACELESS
-    planner = WindowPlanner(
+    return WindowPlanner(
         machine,
         find_limits,
         order,
@@ -194,33 +208,62 @@ def make_parts(
         request.pieces,
         copying=copying,
     )
-    steps = _Steps(
-        mark_steps(walk_path(program, machine), program, machine), len(program.segments), program.repeat, progress
-    )
-    stream = PulseStream(machine, clock_hz, rule)
-    standing: PlanStanding | None = None
-    waiting: tuple[Crossing, ...] = ()  # triggers that the motion has passed, but not its pulses
-    for window in planner(steps, helpers):
-        before, stream = stream, stream.copy()
-        motion = window.solution.trajectory
-        kept, rest = motion.cut(0, window.kept), None
-        # The motion ends with a window only if that has the last step; else it continues, possibly from rest.
-        last = window.kept == len(motion.s) and steps.ended and window.next.steps == steps.taken
-        pulses, rest_pulses, rest_proof = stream.add(kept, last), None, None
-        if window.kept < len(motion.s):
-            rest = motion.cut(window.kept, len(motion.s))
+
+
+class _PartMaker:
+    """Makes the parts of a plan from its windows: pulses, triggers and the standing."""
+
+    def __init__(
+        self,
+        request: PlanRequest,
+        program: Program,
+        machine: Machine,
+        steps: "_Steps",
+    ) -> None:
+        rule = find_rule(request.rule) if isinstance(request.rule, str) else request.rule
+        self._request = request
+        self._program = program
+        self._machine = machine
+        self._steps = steps
+        self._stream = PulseStream(machine, int(request.clock_hz), rule)
+        self._standing: PlanStanding | None = None
+        # Triggers that the motion has passed, but not its pulses.
+        self._waiting: tuple[Crossing, ...] = ()
+
+    def add(self, window: Window) -> PlanPart:
+        """Return the part that a window adds to the plan."""
+        before = self._stream
+        stream = before.copy()
+        solution = window.solution
+        motion = solution.trajectory
+        end = len(motion.s)
+        kept = motion.cut(0, window.kept)
+        last = window.kept == end and self._is_last(window)
+        pulses = stream.add(kept, last)
+
+        # The way to rest if nothing follows. A part that ends at a stop of the path needs none, but
+        # its last pulses may still be held back.
+        rest: Trajectory | None = None
+        rest_pulses: PulseSchedule | None = None
+        rest_proof: Certificate | None = None
+        if window.kept < end:
+            rest = motion.cut(window.kept, end)
             rest_pulses = stream.copy().add(rest, last=True)
             rest_proof = summarise_part(
-                window.solution.certificate, motion, window.solution.limits, slice(window.kept, len(motion.s))
+                solution.certificate,
+                motion,
+                solution.limits,
+                slice(window.kept, end),
             )
         elif not last:
             rest_pulses = _end_pulses(before, kept, stream.until)
-        ahead = find_crossings(motion, window.start.steps, steps.find_marks(window.start.steps + window.steps))
-        passed = len(steps.pop_marks(window.next.steps))
-        triggers, waiting = count_crossings((*waiting, *ahead[:passed]), pulses, None if last else stream.until)
-        rest_triggers = count_crossings((*waiting, *ahead[passed:]), rest_pulses or pulses, None)[0]
-        standing = _add_window(standing, request, program, machine, window, kept, steps, pulses, len(triggers))
-        yield PlanPart(
+
+        until = None if last else stream.until
+        triggers, rest_triggers = self._count_triggers(window, pulses, rest_pulses, until)
+        here = self._describe(window, kept, pulses, len(triggers))
+        self._standing = here if self._standing is None else _join(self._standing, here)
+        self._stream = stream
+        return PlanPart(
             window.start,
             window.steps,
             kept,
@@ -228,12 +271,150 @@ def make_parts(
             pulses,
             rest_pulses,
             stream.until,
-            window.solution.limits,
+            solution.limits,
             rest_proof,
             triggers,
             rest_triggers,
-            standing,
+            self._standing,
         )
+
+    def _is_last(self, window: Window) -> bool:
+        """Return whether a window has the last step. Otherwise the motion continues, maybe from rest."""
+        return self._steps.ended and window.next.steps == self._steps.taken
+
+    def _count_triggers(
+        self,
+        window: Window,
+        pulses: PulseSchedule,
+        rest_pulses: PulseSchedule | None,
+        until: int | None,
+    ) -> tuple[tuple[Triggered, ...], tuple[Triggered, ...]]:
+        """Return the triggers that the pulses of a part pass, and those that the stop passes."""
+        motion = window.solution.trajectory
+        marks = self._steps.find_marks(window.start.steps + window.steps)
+        ahead = find_crossings(motion, window.start.steps, marks)
+        passed = len(self._steps.pop_marks(window.next.steps))
+        arrived = (*self._waiting, *ahead[:passed])
+        triggers, self._waiting = count_crossings(arrived, pulses, until)
+        stopping = (*self._waiting, *ahead[passed:])
+        rest_triggers = count_crossings(stopping, rest_pulses or pulses, None)[0]
+        return triggers, rest_triggers
+
+    def _describe(
+        self,
+        window: Window,
+        kept: Trajectory,
+        pulses: PulseSchedule,
+        triggers: int,
+    ) -> PlanStanding:
+        """Return the standing of a plan that consists of this window alone."""
+        solution = window.solution
+        order = solution.order
+        path = solution.trajectory.path
+        assert isinstance(path, MachinePath)  # as every plan's
+        joins = self._steps.pop(window.next.steps)
+        blends = [step.blend for step in joins if step.blend is not None]
+        fits = [step.fitted for step in joins if step.fitted is not None]
+        unasked = sum(step.avoidable and step.stop <= order for step in joins)
+        last_piece = int(kept.piece[-1])
+        first = pulses if self._standing is None else self._standing.pulses
+        return PlanStanding(
+            self._request,
+            self._program.name,
+            self._machine,
+            window.next,
+            segment=kept.path.place(0.0, last_piece).segment or 0,
+            windows=1,
+            certificate=summarise_part(
+                solution.certificate,
+                solution.trajectory,
+                solution.limits,
+                slice(0, window.kept),
+            ),
+            fit=summarise_fits(fits, blends),
+            blends=len(blends),
+            stops=sum(bool(blend.stop) for blend in blends),
+            pulses=_without_pulses(pulses, first),
+            counted=tuple((len(axis), axis.final - axis.start) for axis in pulses.axes),
+            rounds=solution.rounds,
+            methods=Counter(solution.methods),
+            triggers=triggers,
+            avoidable=find_stops_of_part(
+                self._program,
+                path,
+                solution.limits,
+                order,
+                last_piece + 1,
+                unasked,
+            ),
+        )
+
+
+def _join(before: PlanStanding, here: PlanStanding) -> PlanStanding:
+    """Return the standing of a plan after one more window, whose own standing is `here`."""
+    counted = tuple(
+        (number + more, net + change)
+        for (number, net), (more, change) in zip(before.counted, here.counted, strict=True)
+    )
+    avoidable = here.avoidable
+    if before.avoidable is not None and avoidable is not None:
+        avoidable = before.avoidable + avoidable
+    return replace(
+        here,
+        windows=before.windows + here.windows,
+        certificate=join_certificates(before.certificate, here.certificate),
+        fit=merge_fits(before.fit, here.fit),
+        blends=before.blends + here.blends,
+        stops=before.stops + here.stops,
+        counted=counted,
+        rounds=max(before.rounds, here.rounds),
+        methods=Counter(before.methods) + Counter(here.methods),
+        triggers=before.triggers + here.triggers,
+        avoidable=avoidable,
+    )
+
+
+def _make_only_part(plan: Plan) -> PlanPart:
+    """Return the part of a plan that was made as a whole."""
+    path = plan.path
+    blends = path.blends
+    pulses = plan.pulses
+    last_ticks = [int(axis.ticks[-1]) for axis in pulses.axes if len(axis)]
+    until = 1 + max(last_ticks, default=0)
+    # The machine moves for longer than its trajectory if axes have input shapers.
+    end = Start(Fraction(plan.duration), float(path.breaks[-1]), len(path.pieces))
+    standing = PlanStanding(
+        plan.request,
+        plan.program.name,
+        plan.machine,
+        end,
+        segment=len(plan.program.segments),
+        windows=1,
+        certificate=plan.certificate,
+        fit=path.fit,
+        blends=len(blends),
+        stops=sum(bool(blend.stop) for blend in blends),
+        pulses=_without_pulses(pulses, pulses),
+        counted=tuple((len(axis), axis.final - axis.start) for axis in pulses.axes),
+        rounds=plan.rounds,
+        methods=Counter(plan.methods),
+        triggers=len(plan.triggers),
+        avoidable=plan.avoidable_stops,
+    )
+    return PlanPart(
+        Start(),
+        len(path.pieces),
+        plan.trajectory,
+        rest=None,
+        pulses=pulses,
+        rest_pulses=None,
+        until=until,
+        limits=plan.limits,
+        rest_proof=None,
+        triggers=plan.triggers,
+        rest_triggers=(),
+        standing=standing,
+    )
 
 
 def come_to_rest(part: PlanPart) -> PlanStanding:
@@ -254,7 +435,13 @@ def come_to_rest(part: PlanPart) -> PlanStanding:
     stated = _without_pulses(pulses, standing.pulses)
     triggers = standing.triggers + len(part.rest_triggers)
     return replace(
-        standing, start=start, segment=segment, certificate=proof, pulses=stated, counted=counted, triggers=triggers
+        standing,
+        start=start,
+        segment=segment,
+        certificate=proof,
+        pulses=stated,
+        counted=counted,
+        triggers=triggers,
     )
 
 
@@ -266,45 +453,18 @@ def _without_pulses(pulses: PulseSchedule, first: PulseSchedule) -> PulseSchedul
     return replace(pulses, axes=bare)
 
 
-def find_whole_reason(program: Program, machine: Machine, rule: Rule) -> str | None:
-    """Return why a program can only be planned as a whole, with a remedy; None if it can be planned in parts."""
-    if rule.whole_reason:
-        return f"rule {rule.name} needs the whole motion, as {rule.whole_reason}: choose rule nearest"
-    if program.duration is not None:
-        return "it states a duration, which is that of the whole: omit the duration"
-    if program.start_speed or program.end_speed:
-        return "it begins or ends in motion: let it begin and end at rest"
-    if Resonance(machine.axes).bands:
-        return "the machine may cross bands of resonance, proved of the whole only: take resonance_time out of its file"
-    if any(axis.compensate for axis in machine.axes):
-        return "the machine makes up for play or lead error, which looks ahead: take compensate out of its file"
-    if any(axis.shaper for axis in machine.axes):
-        return "the machine has input shapers, which reach from each part into the next: take them out of its file"
-    if isinstance(program.segments, SegmentStream):
-        return None
-    for number, segment in enumerate(program.segments, 1):
-        if isinstance(segment, Dwell):
-            continue
-        for is_whole, reason in (
-            (isinstance(segment, Synchronised), "is a synchronised move"),
-            (getattr(segment, "speed_constant", False), "asks for a constant speed"),
-            (getattr(segment, "free", None) is not None, "leaves orientation free"),
-        ):
-            if is_whole:
-                return f"segment {number} {reason}: plan that segment by itself"
-    return None
-
-
 class _Steps:
     """The steps of a path in order, and the joins, chains and triggers that are still to be planned."""
 
-    def __init__(self, steps: Iterator[MarkedStep], segments: int, repeat: int, progress: Progress) -> None:
-        """segments: of the program, which runs `repeat` times. progress: called with those read, and with all."""
-        self._segments, self._total, self._tell = segments, repeat * segments, progress
-        self._steps = steps
+    def __init__(self, program: Program, machine: Machine, progress: Progress) -> None:
+        """progress: called with the number of segments read, and of all."""
+        self._segments = len(program.segments)
+        self._total = program.repeat * self._segments
+        self._tell = progress
+        self._steps = mark_steps(walk_path(program, machine), program, machine)
         self._joins = deque[tuple[int, PathStep]]()
         self._marks = deque[Mark]()
-        self._next = next(steps, None)
+        self._next = next(self._steps, None)
         self.taken = 0
 
     @property
@@ -318,7 +478,10 @@ class _Steps:
             self._next = next(self._steps, None)
             self.taken += 1
             self._marks.extend(marks)
-            self._tell(((step.piece.repetition or 1) - 1) * self._segments + step.piece.segment, self._total)
+            self._tell(
+                ((step.piece.repetition or 1) - 1) * self._segments + step.piece.segment,
+                self._total,
+            )
             if step.blend is not None or step.fitted is not None or step.avoidable:
                 self._joins.append((self.taken, step))
             yield step
@@ -358,61 +521,3 @@ def _end_pulses(before: PulseStream, motion: Trajectory, until: int) -> PulseSch
             )
         )
     return replace(every, axes=tuple(axes))
-
-
-def _add_window(
-    before: PlanStanding | None,
-    request: PlanRequest,
-    program: Program,
-    machine: Machine,
-    window: Window,
-    kept: Trajectory,
-    steps: _Steps,
-    pulses: PulseSchedule,
-    triggers: int,
-) -> PlanStanding:
-    """Return the standing of a plan after a window."""
-    solution, joins, order = window.solution, steps.pop(window.next.steps), window.solution.order
-    blends = [step.blend for step in joins if step.blend is not None]
-    fit = summarise_fits([step.fitted for step in joins if step.fitted is not None], blends)
-    segment = kept.path.place(0.0, int(kept.piece[-1])).segment or 0
-    proved = summarise_part(solution.certificate, solution.trajectory, solution.limits, slice(0, window.kept))
-    counted = [(len(axis), axis.final - axis.start) for axis in pulses.axes]
-    stops = sum(bool(blend.stop) for blend in blends)
-    unasked = sum(step.avoidable and step.stop <= order for step in joins)
-    path, limits = solution.trajectory.path, solution.limits
-    assert isinstance(path, MachinePath)
-    avoidable = find_stops_of_part(program, path, limits, order, int(kept.piece[-1]) + 1, unasked)
-    here = PlanStanding(
-        request,
-        program.name,
-        machine,
-        window.next,
-        segment,
-        1,
-        proved,
-        fit,
-        len(blends),
-        stops,
-        _without_pulses(pulses, pulses if before is None else before.pulses),
-        tuple(counted),
-        solution.rounds,
-        Counter(solution.methods),
-        triggers,
-        avoidable,
-    )
-    if before is None:
-        return here
-    return replace(
-        here,
-        windows=before.windows + 1,
-        certificate=join_certificates(before.certificate, proved),
-        fit=merge_fits(before.fit, fit),
-        blends=before.blends + here.blends,
-        stops=before.stops + stops,
-        counted=tuple((n + m, a + b) for (n, a), (m, b) in zip(before.counted, counted, strict=True)),
-        rounds=max(before.rounds, here.rounds),
-        methods=Counter(before.methods) + Counter(here.methods),
-        triggers=before.triggers + triggers,
-        avoidable=avoidable if before.avoidable is None else before.avoidable + avoidable,
-    )

@@ -1,12 +1,13 @@
-"""A path of any length, timed window by window: each goes on with the motion of the one before, and ends at rest.
+"""Plan a path of any length window by window. Each window continues the previous one, and ends at rest.
 
-A window is solved to a stop at its end and proved as a whole. The next one goes on from a break before that stop, with
-the speed and the acceleration there: what has been planned by any instant is a whole motion that is proved and comes to
-rest. The stop is so far behind that break that it changes the motion up to it next to nothing.
+A window is solved to a stop at its end, and proved as a whole. The next window continues from a break
+before that stop, at the speed and acceleration there. So the motion planned up to any instant is proved
+and comes to rest. The stop is so far after the break that it hardly changes the motion before it.
 
-From one stop of the path to another, windows depend on nothing else: such stretches can be planned anywhere, and those
-of a program that repeats are planned and proved once. The path of a window begins at length 0, so that the windows of
-equal stretches are the same numbers, bit for bit; only the path and the limits are made for each place.
+Between two stops of the path, windows depend on nothing else. Such stretches can be planned in any
+process, and equal ones are planned and proved once. The path of a window begins at length 0, so that
+the windows of equal stretches are the same numbers, bit for bit. Only path and limits are made for
+each place.
 """
 
 from bisect import bisect_left
@@ -34,29 +35,36 @@ from planner.request import PIECES
 from planner.timing.certified_solve import Solution, certified_solve
 from planner.timing.problem import Continuation
 
+# Time from the break to the end of a window, in braking times: a larger number changes the motion
+# before the break less, and solves more of the path twice.
 BRAKINGS = 4.0
-"""Times the way to its stop takes a window longer, from where the next goes on, than braking for it."""
+# Largest window, in initial window sizes, for a machine that brakes over many pieces.
 MAX_GROWTH = 8
-"""Times as many pieces as PIECES are put into a window at most, for a machine that brakes over many."""
+# Share of the intervals after a break whose grid the next window takes over. Near the stop the grid is
+# far too fine for it.
 KNOWN_SHARE = 0.5
-"""Of the time pieces behind a place that is gone on from, those whose grid stays; beside a stop it is far too fine."""
+# Breaks from which the next window may continue. They are tried in turn until one leads to a motion.
 SEAMS = 3
-"""Breaks at most from which is gone on, one after the other, until one is found that leads to a motion."""
+# Largest stretch for a helper, in steps. A longer one is planned in this process as its steps come, in
+# little memory.
 MAX_SHARED = 4096
-"""Steps at most of a stretch that helpers plan: a longer one is planned here as its steps come, in little memory."""
+# Steps of all stretches whose windows are remembered: it bounds the memory.
 MOST_REMEMBERED = 2 * MAX_SHARED
-"""Steps in all of the stretches whose windows are remembered: more would take memory that grows with the path."""
 # Share of a path by which rounding may put the same place before itself.
 SEAM_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """How a window begins: at rest, or in the midst of a motion, whose rest it may take.
+    """The beginning of a window: at rest, or at a break of the previous window.
 
-    elapsed  s, when it begins, counted from the start of the first window, exactly; length: m of the path before it
-    steps   of the path before it
-    pieces  how many it takes at first; None: as many as the planner says, where a stretch from stop to stop begins
+    elapsed       exact time (s) from the start of the first window
+    length        length (m) of the path before the window
+    steps         number of steps of the path before the window
+    pieces        initial size of the window; None: the planner's own, at the beginning of a stretch
+    speed         ṡ at the beginning
+    near          (n,) coordinates near which the window begins; None: near home's
+    continuation  motion of the previous window from the break on
     """
 
     elapsed: Fraction = Fraction(0)
@@ -69,17 +77,18 @@ class Start:
 
     @property
     def begin(self) -> float:
-        """s, when it begins: a running sum would drift."""
+        """Time (s) from the start of the first window."""
         return float(self.elapsed)
 
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """A certified motion from where the window before was left, to rest; the next one goes on in its midst.
+    """A certified motion from a start to rest. The next window replaces its end.
 
-    start  how it began; steps: of the path, that it has
-    kept   time pieces of it that stay: with the next window's those before these are the motion; the last has all
-    next   how the following window begins
+    start  beginning of the window
+    steps  number of steps of the path in the window
+    kept   number of time pieces before the break; all of them in the last window of a stretch
+    next   beginning of the next window
     """
 
     solution: Solution
@@ -90,36 +99,36 @@ class Window:
 
     @property
     def duration(self) -> float:
-        """s of what stays of it."""
+        """Time (s) from the start to the break."""
         return float(self.solution.trajectory.knots[self.kept])
 
 
 Stretch = tuple[list[PathStep], Array]
-"""Steps from a stop to a stop, and the coordinates near which they begin."""
+"""Steps between two stops, and the coordinates near which they begin."""
 
 
 class Share(Protocol):
-    """A stretch that was given to a helper."""
+    """A stretch that a helper plans."""
 
     def result(self, here: Callable[[], list[Window]]) -> list[Window]:
-        """Wait for its windows; `here` plans them in this process, where that is all that is left."""
+        """Wait for the windows. `here` plans them in this process if no helper can."""
 
 
 class Helpers(Protocol):
     """Other processes, here or on other computers, that plan stretches."""
 
     def prepare(self, work: Callable[[Stretch], list[Window]]) -> Callable[[Stretch], Share]:
-        """Have them know the work; returns what gives a stretch to one of them."""
+        """Send the work to the helpers. Return the function that submits a stretch."""
 
     def room(self) -> int:
-        """How many stretches they can be given before the first is done; 0: plan the next without them."""
+        """Return how many more stretches can be submitted. 0: plan the next one in this process."""
 
     def tell_alone(self, segment: int) -> None:
-        """From this segment on it is a long way to the next stop, which is planned here."""
+        """Report that a long stretch from this segment on is planned in this process."""
 
 
 class _Here:
-    """A share of this process: nobody else plans it."""
+    """A stretch that this process plans."""
 
     def result(self, here: Callable[[], list[Window]]) -> list[Window]:
         return here()
@@ -127,7 +136,7 @@ class _Here:
 
 @dataclass(slots=True)
 class _PlannedOnce:
-    """A share whose windows serve all stretches that equal its own, which begins with the piece `first`."""
+    """A share whose windows serve all equal stretches. first: first piece of its own stretch."""
 
     share: Share
     first: Piece
@@ -140,21 +149,21 @@ class _PlannedOnce:
 
 
 class _Memory:
-    """The last stretches that were planned, by all that decides their windows."""
+    """The stretches planned last, by the data that determine their windows."""
 
     def __init__(self) -> None:
         self._planned: dict[Hashable, tuple[_PlannedOnce, int]] = {}
         self._steps = 0
 
     def find(self, key: Hashable, steps: Sequence[PathStep], submit: Callable[[], Share]) -> _PlannedOnce:
-        """Return the share of an equal stretch, or else submit this one; a stretch without a key equals no other."""
+        """Return the share of an equal stretch, or submit this one. Without a key it equals no other."""
         if key is None:
             return _PlannedOnce(submit(), steps[0].piece)
         planned, count = self._planned.pop(key, (None, 0))
         if planned is None:
             planned, count = _PlannedOnce(submit(), steps[0].piece), len(steps)
             self._steps += count
-        self._planned[key] = planned, count  # now the last that is forgotten
+        self._planned[key] = planned, count  # used last, so forgotten last
         while self._steps > MOST_REMEMBERED:
             self._steps -= self._planned.pop(next(iter(self._planned)))[1]
         return planned
@@ -162,15 +171,15 @@ class _Memory:
 
 @dataclass(frozen=True, slots=True)
 class _Seam:
-    """Where a window may be left: at the end of so many of its steps and time pieces."""
+    """A break from which the next window may continue, after this number of steps and time pieces."""
 
     steps: int
     knot: int
 
 
 @dataclass(frozen=True, slots=True)
-class _Held:
-    """A window whose successor is not planned yet, of so many steps; seams: where to leave it, the best place last."""
+class _Pending:
+    """A solved window whose successor is not solved yet. seams: its breaks, the best one last."""
 
     solution: Solution
     steps: int
@@ -179,13 +188,14 @@ class _Held:
 
 @dataclass(frozen=True, slots=True)
 class WindowPlanner:
-    """The fastest certified motion along steps, window by window, as they come.
+    """Plans the fastest certified motion along steps, window by window, as they come.
 
-    limit   a path -> its limits
-    tool    its frame in the platform's, whose path length the pieces have; None: the platform's own
-    pieces  of a window at first
-    placed  whether places in proofs and refusals count from where the path starts; else from where the window does
-    copying  whether equal stretches have equal limits, so that one is planned for all: not with a caller's own limits
+    limit    function of a path that returns its limits
+    tool     frame of the tool in the platform's, if the pieces count the tool's path length
+    pieces   initial size of a window
+    placed   whether places in proofs and refusals count from the start of the path; else of the window
+    copying  whether equal stretches have equal limits, so that one is planned for all; a caller's own
+             limits may depend on the place
     """
 
     machine: Machine
@@ -197,9 +207,9 @@ class WindowPlanner:
     copying: bool = False
 
     def __call__(self, steps: Iterable[PathStep], helpers: Helpers | None = None) -> Iterator[Window]:
-        """Plan all steps of a path, from rest to rest; the windows are the same with and without helpers.
+        """Plan all steps of a path, from rest to rest. The windows are the same with and without helpers.
 
-        Raises as `certified_solve`, and as the steps do, when all windows before the step that is refused are given.
+        Raises as `certified_solve` and as the steps, after all windows before the refused step.
         """
         stretches = self._split(steps)
         if helpers is not None:
@@ -210,17 +220,18 @@ class WindowPlanner:
             start = yield from self._plan_or_copy(stretch, start, memory)
 
     def _split(self, steps: Iterable[PathStep]) -> Iterator[Iterator[PathStep]]:
-        """Stretches from stop to stop, each to be taken before the next.
+        """Yield stretches from stop to stop. Each must be consumed before the next.
 
-        Up to the last stop that a window at first reaches, or else to the next: which depends on the path alone. Stops
-        between repetitions come first, so that the stretches of all repetitions are equal.
+        A stretch ends at the last stop within the initial size of a window, or at the next stop. That
+        depends on the path alone. Stops between repetitions are preferred, so that the stretches of all
+        repetitions are equal.
         """
         coming, ahead = iter(steps), list[PathStep]()
         while True:
             more, coming = take_items(coming, self.pieces - len(ahead))
             ahead += more
             if not ahead:
-                next(coming, None)  # raises what the steps end with, if that is a refusal
+                next(coming, None)  # raises the refusal of the steps, if there is one
                 return
             stops = [n + 1 for n, step in enumerate(ahead) if self._stops(step)]
             if stops:
@@ -234,7 +245,7 @@ class WindowPlanner:
                 ahead = []
 
     def _stops(self, step: PathStep) -> bool:
-        """Whether a motion of this order rests behind it."""
+        """Return whether a motion of this order rests after a step."""
         return 0 < step.stop <= self.order
 
     def _take_to_stop(self, steps: Iterator[PathStep]) -> Iterator[PathStep]:
@@ -244,18 +255,18 @@ class WindowPlanner:
                 return
 
     def _share(self, stretches: Iterator[Iterator[PathStep]], helpers: Helpers) -> Iterator[Window]:
-        """Give stretches to helpers, and yield their windows in order.
+        """Submit stretches to helpers, and yield their windows in order.
 
-        Planned here are a stretch that is long, one that is the only one, and one whose steps end with a refusal, so
+        This process plans a long stretch, an only stretch, and one whose steps end with a refusal, so
         that the refusal comes after the same windows as without helpers.
         """
         submit = helpers.prepare(self.plan_share)
-        given = deque[tuple[list[PathStep], _PlannedOnce]]()
+        submitted = deque[tuple[list[PathStep], _PlannedOnce]]()
         start, memory = Start(), _Memory()
         coming, first = _find_next(stretches), True
         near, alone = self._near(start), list[PathStep]()
         while True:
-            while coming is not None and not alone and len(given) < helpers.room():
+            while coming is not None and not alone and len(submitted) < helpers.room():
                 steps, rest = take_items(coming, MAX_SHARED + 1)
                 if rest is not coming or len(steps) > MAX_SHARED:
                     alone, coming = steps, rest
@@ -265,10 +276,13 @@ class WindowPlanner:
                     alone, coming = steps, iter(())
                     break
                 work = partial(submit, (steps, near))
-                given.append((steps, memory.find(self._describe(steps, near), steps, work)))
-                near, first = split_turns(self.machine, [step.piece for step in steps], near)[1][-1], False
-            if given:
-                start = yield from self._take_share(*given.popleft(), start)
+                submitted.append((steps, memory.find(self._describe(steps, near), steps, work)))
+                near, first = (
+                    split_turns(self.machine, [step.piece for step in steps], near)[1][-1],
+                    False,
+                )
+            if submitted:
+                start = yield from self._take_share(*submitted.popleft(), start)
             elif coming is not None:
                 if len(alone) > self.pieces:
                     helpers.tell_alone(alone[0].piece.segment)
@@ -286,17 +300,18 @@ class WindowPlanner:
         if not self.copying or not first or first[0].piece.repetition is None:
             return (yield from self._plan_stretch(coming, start))
         steps, rest = take_items(coming, MAX_SHARED + 1)
-        # steps that end with a refusal are planned up to it, and raise it then
-        refused = rest is not coming
-        if refused or len(steps) > MAX_SHARED:
+        # Steps that end with a refusal are planned up to it, and then raise it.
+        is_refused = rest is not coming
+        if is_refused or len(steps) > MAX_SHARED:
             return (yield from self._plan_stretch(chain(steps, rest), start))
         planned = memory.find(self._describe(steps, self._near(start)), steps, _Here)
         return (yield from self._take_share(steps, planned, start))
 
     def _describe(self, steps: Sequence[PathStep], near: Array) -> Hashable:
-        """Return all that decides the windows of a stretch but its place; None for one that is not to be copied.
+        """Return the data that determine the windows of a stretch, apart from its place.
 
-        The numbers of segments and repetitions count from its first piece, so that places can be moved.
+        None: the stretch must not be copied. Numbers of segments and repetitions count from its first
+        piece, so that places can be moved.
         """
         first = steps[0].piece
         if not self.copying or first.repetition is None:
@@ -318,41 +333,46 @@ class WindowPlanner:
         return self.machine.home_q if start.near is None else start.near
 
     def _take_share(self, steps: list[PathStep], share: _PlannedOnce, start: Start) -> Generator[Window, None, Start]:
-        """The windows that were planned of a stretch or of an equal one, put where they are on the path."""
+        """Yield the windows of a stretch, planned for it or for an equal one, at its place on the path."""
         done = 0
         for window in share.result(partial(self.plan_share, (steps, self._near(start)))):
             placed = self._place(window, steps[done:], start, (share.first, steps[0].piece))
             yield placed
             done, start = window.next.steps, placed.next
-        if done < len(steps):  # which cannot be planned, and raises here
+        if done < len(steps):  # the rest cannot be planned, and raises here
             start = yield from self._plan_stretch(iter(steps[done:]), start)
         return start
 
     def plan_share(self, stretch: Stretch) -> list[Window]:
-        """What a helper does: the windows of a stretch, up to one that cannot be; without their paths and limits.
+        """Return the windows of a stretch up to a refusal, without their paths and limits: a helper's work.
 
-        What they count begins with the stretch, their places with themselves.
+        Time, length and steps count from the start of the stretch, places from that of each window.
         """
         steps, near = stretch
-        found: list[Window] = []
+        windows: list[Window] = []
         with suppress(MotionError):
             for window in replace(self, placed=False)._plan_stretch(iter(steps), Start(near=near)):
                 motion = replace(window.solution.trajectory, path=cast(MachinePath, None))
                 solution = replace(window.solution, trajectory=motion, limits=(), last_room=None)
-                found.append(replace(window, solution=solution))
-        return found
+                windows.append(replace(window, solution=solution))
+        return windows
 
     def _place(self, window: Window, steps: Sequence[PathStep], start: Start, firsts: tuple[Piece, Piece]) -> Window:
-        """A window that was planned, of the first of some steps, as it is where it begins.
+        """Return a planned window at its place, on the first of these steps.
 
-        firsts: the first pieces of the stretch that it was planned for and of the one that it is placed in.
+        firsts: first piece of the stretch that it was planned for, and of the one that it is placed in.
         """
-        path, kept, onward = self._draw(steps[: window.steps], start), window.kept, window.next
+        path = self._draw(steps[: window.steps], start)
+        kept = window.kept
+        onward = window.next
         motion = replace(window.solution.trajectory, path=path)
         proof = window.solution.certificate
         where = {name: _move_place(at, start, *firsts) for name, at in proof.where.items()}
         solution = replace(
-            window.solution, trajectory=motion, certificate=replace(proof, where=where), limits=tuple(self.limit(path))
+            window.solution,
+            trajectory=motion,
+            certificate=replace(proof, where=where),
+            limits=tuple(self.limit(path)),
         )
         length = float(motion.s[kept] if kept < len(motion.s) else path.breaks[-1])
         onward = replace(
@@ -364,59 +384,65 @@ class WindowPlanner:
         return Window(solution, start, window.steps, kept, onward)
 
     def _plan_stretch(self, coming: Iterator[PathStep], start: Start) -> Generator[Window, None, Start]:
-        """The windows of a stretch, or of what is left of it behind one of them; returns how the next begins."""
-        ahead = list[PathStep]()  # from where the window held begins
-        held: _Held | None = None  # to be left in its midst
-        rest: _Held | None = None  # the same, or one whose stop is near all of it: what to come to rest by
+        """Yield the windows of a stretch, or of the rest of one. Return the start of the next stretch.
+
+        A solved window stays pending until its successor is solved from one of its breaks. If no
+        successor can be solved, the motion ends with the stop of the last solved window.
+        """
+        ahead = list[PathStep]()  # steps from the start of the pending window on
+        pending: _Pending | None = None  # solved, with breaks to continue from
+        last_stop: _Pending | None = None  # solved last: its stop is the way to come to rest
         count = start.pieces or self.pieces
         while True:
-            skip = held.seams[-1].steps if held is not None else 0
+            skip = pending.seams[-1].steps if pending is not None else 0
             more, coming = take_items(coming, max(0, skip + count + 1 - len(ahead)))
             ahead += more
             if len(ahead) == skip:
                 next(coming, None)
                 return start
             own = ahead[skip : skip + count]
-            onward = start if held is None else self._start_from(held, start, count)
-            found = attempt(partial(self._solve, own, onward))
-            if isinstance(found, MotionError) and held is not None:
-                held.seams.pop()
-                if held.seams:
+            onward = start if pending is None else self._start_from(pending, start, count)
+            solution = attempt(partial(self._solve, own, onward))
+            if isinstance(solution, MotionError) and pending is not None:
+                pending.seams.pop()
+                if pending.seams:
                     continue
-            if isinstance(found, MotionError):
-                if rest is None:
-                    if self.placed:  # else whoever places the windows does so
+            if isinstance(solution, MotionError):
+                if last_stop is None:
+                    if self.placed:  # else the caller that places the windows does so
                         yield from self._plan_before(own, start, count)
-                    raise found
-                start = yield from self._stop(rest.solution, start, rest.steps, count)  # its stop remains
-                del ahead[: rest.steps]
-                held = rest = None
+                    raise solution
+                start = yield from self._stop(last_stop.solution, start, last_stop.steps, count)
+                del ahead[: last_stop.steps]
+                pending = last_stop = None
                 continue
-            if held is not None:
-                yield Window(held.solution, start, held.steps, held.seams[-1].knot, onward)
+            if pending is not None:
+                knot = pending.seams[-1].knot
+                yield Window(pending.solution, start, pending.steps, knot, onward)
                 start = onward
                 del ahead[:skip]
             ends = len(own) == len(ahead)
-            held = rest = _Held(found, len(own), [] if ends else _find_seams(found, own))
-            if held.seams:
+            seams = [] if ends else _find_seams(solution, own)
+            pending = last_stop = _Pending(solution, len(own), seams)
+            if seams:
                 continue
-            held = None
+            pending = None
             if not ends and count < MAX_GROWTH * self.pieces:
-                count *= 2  # the stop is near all of it
+                count *= 2  # the stop is close to every break
                 continue
-            start = yield from self._stop(found, start, len(own), None if ends else count)
-            rest = None
+            start = yield from self._stop(solution, start, len(own), None if ends else count)
+            last_stop = None
             del ahead[: len(own)]
 
     def _plan_before(self, steps: Sequence[PathStep], start: Start, count: int) -> Generator[Window, None, None]:
-        """Of steps that are refused as a whole a window of those before the one that is, if there are any."""
+        """Yield a window of the steps before the first refused one, if there are any."""
         solve = cache(lambda number: attempt(partial(self._solve, steps[:number], start)))
         fine = bisect_left(range(1, len(steps)), True, key=lambda number: isinstance(solve(number), MotionError))
         if fine:
             yield from self._stop(require(solve(fine)), start, fine, count)
 
     def _stop(self, solution: Solution, start: Start, steps: int, count: int | None) -> Generator[Window, None, Start]:
-        """A window of which all stays, and how the next begins."""
+        """Yield a window with its stop. Return the start of the next."""
         motion = solution.trajectory
         length = start.length + float(motion.path.breaks[-1])
         end = motion.within(np.array([len(motion.s) - 1]), np.diff(motion.knots)[-1:])
@@ -426,7 +452,7 @@ class WindowPlanner:
         return onward
 
     def _solve(self, steps: Sequence[PathStep], start: Start) -> Solution:
-        """From a start to a stop behind the last step."""
+        """Solve the motion from a start to a stop after the last step."""
         path = self._draw(steps, start)
         return certified_solve(path, self.limit(path), self.order, continuation=start.continuation)
 
@@ -438,15 +464,20 @@ class WindowPlanner:
             np.array([steps[0].wait, *(step.dwell for step in steps)]),
             tool=self.tool,
             end_speeds=(start.speed, 0.0),
-            end_accelerations=(0.0 if start.continuation is None else start.continuation.acceleration, 0.0),
+            end_accelerations=(
+                0.0 if start.continuation is None else start.continuation.acceleration,
+                0.0,
+            ),
             near=start.near,
             origin=(start.length, start.begin) if self.placed else (0.0, 0.0),
             avoidable=list_avoidable(steps[:-1]),
         )
 
-    def _start_from(self, held: _Held, start: Start, count: int) -> Start:
-        """Where the window held, which began at a start, is left."""
-        seam, motion, room = held.seams[-1], held.solution.trajectory, held.solution.last_room
+    def _start_from(self, pending: _Pending, start: Start, count: int) -> Start:
+        """Return the start of the successor of a pending window, which began at `start`."""
+        seam = pending.seams[-1]
+        motion = pending.solution.trajectory
+        room = pending.solution.last_room
         knot = seam.knot
         state = motion.within(np.array([knot]), np.zeros(1))
         s = np.append(motion.s[knot:], motion.path.breaks[-1]) - motion.s[knot]
@@ -458,12 +489,23 @@ class WindowPlanner:
             {} if room is None else {name: values[first:last] for name, values in room.items()},
             float(motion.a[knot]),
         )
-        elapsed, length = start.elapsed + Fraction(float(motion.knots[knot])), start.length + float(motion.s[knot])
-        return Start(elapsed, length, start.steps + seam.steps, count, float(motion.v[knot]), state.q[0], continuation)
+        elapsed, length = (
+            start.elapsed + Fraction(float(motion.knots[knot])),
+            start.length + float(motion.s[knot]),
+        )
+        return Start(
+            elapsed,
+            length,
+            start.steps + seam.steps,
+            count,
+            float(motion.v[knot]),
+            state.q[0],
+            continuation,
+        )
 
 
 def _move_place(at: Place, start: Start, planned: Piece, here: Piece) -> Place:
-    """Return a place of a window that begins at a start, in a stretch that begins with `here` instead of `planned`."""
+    """Move a place of a window to its start, in a stretch that begins with `here` instead of `planned`."""
     segment, repetition = at.segment, at.repetition
     if segment is not None:
         segment += here.segment - planned.segment
@@ -474,7 +516,7 @@ def _move_place(at: Place, start: Start, planned: Piece, here: Piece) -> Place:
 
 
 def _find_next(stretches: Iterator[Iterator[PathStep]]) -> Iterator[PathStep] | None:
-    """A stretch that raises where finding it does."""
+    """Return the next stretch. A refusal is raised by its steps."""
     try:
         return next(stretches, None)
     except MotionError as error:
@@ -482,10 +524,10 @@ def _find_next(stretches: Iterator[Iterator[PathStep]]) -> Iterator[PathStep] | 
 
 
 def _find_seams(solution: Solution, steps: Sequence[PathStep]) -> list[_Seam]:
-    """Ends of steps behind which the way to the stop takes BRAKINGS times as long as braking for it; the last last."""
+    """Return breaks from which the way to the stop takes BRAKINGS times as long as braking, in order."""
     motion = solution.trajectory
     run = 0 if solution.last_room is None else len(motion.s) - len(next(iter(solution.last_room.values()), ()))
-    slower = np.flatnonzero(np.diff(motion.v) > 0)  # ṡ falls all the way from the knot behind
+    slower = np.flatnonzero(np.diff(motion.v) > 0)  # ṡ falls from the knot after the last of these
     braking = motion.duration - float(motion.knots[slower[-1] + 1 if len(slower) else 0])
     ends = np.cumsum([step.piece.length for step in steps])[:-1]
     knots = np.searchsorted(motion.s, ends - SEAM_ROUNDING * motion.path.breaks[-1])

@@ -8,9 +8,9 @@ from time import perf_counter
 
 from kinematics import MotionError
 from planner.limits import find_unkept_limits
+from planner.needs_whole import find_whole_reason
 from planner.parallel import LocalHelpers
-from planner.plan_parts import PlanStanding, find_whole_reason, make_parts
-from planner.pulses import find_rule
+from planner.plan_parts import PlanStanding, make_parts
 from planner.request import MOST_WHOLE, PlanRequest
 from planner.windows import Helpers
 from pulsepath.inputs import Inputs
@@ -34,10 +34,9 @@ def choose_parts(inputs: Inputs, request: PlanRequest, report: ReportRequest) ->
     program, stream, why = inputs.program, report.stream, None
     if stream is False or (stream is None and program.repeat * len(program.segments) <= MOST_WHOLE):
         return False
-    rule = find_rule(str(request.rule))
     if whole := _list_whole_options(request, report):
         why = f" with {whole[0]}: omit that{INSTEAD.get(whole[0], '')}"
-    elif (reason := find_whole_reason(program, inputs.machine, rule)) is not None:
+    elif (reason := find_whole_reason(request, program, inputs.machine)) is not None:
         why = f", because {reason}"
     if why is not None and stream:
         of = f"program {program.name} on {inputs.machine.name}"

@@ -323,7 +323,14 @@ def _state_pulses(record: Record, duration: float, machine: Machine, clock: int,
     none = np.empty(0, np.int64), np.empty(0, np.int8)
     try:
         axes = [
-            AxisPulses(axis.name, *none, int(each["start_count"]), axis.pulse, float(home), float(each["bound_pulses"]))
+            AxisPulses(
+                axis.name,
+                *none,
+                int(each["start_count"]),
+                axis.pulse,
+                float(home),
+                float(each["bound_pulses"]),
+            )
             for axis, home, each in zip(machine.axes, machine.home_q, record["axes"].values(), strict=True)
         ]
         moves = tuple(MovedPulses(**one) for one in record["moved_for_drives"])

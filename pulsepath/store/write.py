@@ -34,7 +34,15 @@ from pulsepath.output.plan_record import of_parts, of_plan, of_pulse_file, of_pu
 from pulsepath.output.record import Record, as_json
 from pulsepath.progress import note, step
 from pulsepath.requests import ReportRequest
-from pulsepath.store.files import BINARY, CERTIFICATE, ORIENTATION, PULSES, SOURCES, STOPS, TRAJECTORY
+from pulsepath.store.files import (
+    BINARY,
+    CERTIFICATE,
+    ORIENTATION,
+    PULSES,
+    SOURCES,
+    STOPS,
+    TRAJECTORY,
+)
 from pulsepath.store.read import StoredSource
 from pulsepath.store.verify import check_pulses, digest_pulses, seal_record
 

@@ -1,5 +1,6 @@
 """A plan in parts: the motion and the pulses of the whole, which a stop may end after any part."""
 
+import re
 import tracemalloc
 from itertools import pairwise
 
@@ -9,11 +10,12 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import MotionError, load_machine
 from planner import Arc, Blend, Dwell, Fit, Line, Program, Trigger, plan, plan_parts
+from planner.needs_whole import find_whole_reason
 from planner.overview import FINENESS, MOST_WINDOWS, ROW_PERIOD, Overview
 from planner.path.chain import walk_path
-from planner.plan_parts import come_to_rest, find_whole_reason
-from planner.pulses import find_rule
+from planner.plan_parts import come_to_rest
 from planner.pulses.schedule import join_schedules
+from planner.request import PlanRequest
 from planner.trajectory import rows
 
 MIDDLE = RigidTransform.from_translation([0.0, 0.0, 0.025])
@@ -133,20 +135,49 @@ def test_a_part_that_cannot_be_is_refused_after_those_that_can(hexapod):
 )
 def test_what_needs_the_whole_says_so(program, machine, why):
     machine = load_machine(machine)
-    found = find_whole_reason(program, machine, find_rule("nearest"))
-    assert found is None if why is None else why in found
+    reason = find_whole_reason(PlanRequest(), program, machine)
+    assert reason is None if why is None else why in reason
     if why is not None:
-        with pytest.raises(MotionError, match=f"is planned as a whole only, because {found}, or call plan$"):
-            next(iter(plan_parts(program, machine)))
+        (part,) = plan_parts(program, machine)
+        assert_is_whole(part, plan(program, machine))
 
 
 @pytest.mark.parametrize("rule", ["dda", "sampled"])
 def test_rules_that_look_at_the_whole_say_so(hexapod, rule):
-    with pytest.raises(
-        MotionError,
-        match=f"as a whole only, because rule {rule} needs the whole motion, as it .*: choose rule nearest",
-    ):
-        next(iter(plan_parts(draw_walk(4), hexapod, rule=rule)))
+    program = draw_walk(4)
+    reason = find_whole_reason(PlanRequest(rule=rule), program, hexapod)
+    assert re.fullmatch(f"rule {rule} needs the whole motion, as it .*: choose rule nearest", reason)
+    (part,) = plan_parts(program, hexapod, rule=rule)
+    assert_is_whole(part, plan(program, hexapod, rule=rule))
+
+
+@pytest.mark.parametrize(
+    ("request_", "why"),
+    [
+        (PlanRequest(duration=9.0), "a duration is a goal"),
+        (PlanRequest(objective="time + 0.2 heat"), "an objective with heat is a goal"),
+        (PlanRequest(gap=0.001), "a gap is a goal"),
+        (PlanRequest(solver="toppra"), "solver toppra solves the whole motion"),
+    ],
+)
+def test_a_goal_for_the_whole_motion_says_so(hexapod, request_, why):
+    assert find_whole_reason(request_, draw_walk(4), hexapod).startswith(why)
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_a_window_over_the_whole_path_gives_the_pulses_of_the_whole_plan(hexapod, order):
+    program = draw_walk(40)
+    (part,) = plan_parts(program, hexapod, order=order, pieces=1000)
+    assert_is_whole(part, plan(program, hexapod, order=order))
+
+
+def assert_is_whole(part, whole):
+    assert part.rest is part.rest_pulses is None
+    assert part.standing.duration == whole.duration
+    assert part.standing.certificate.holds
+    for one, other in zip(part.pulses.axes, whole.pulses.axes, strict=True):
+        np.testing.assert_array_equal(one.ticks, other.ticks)
+        np.testing.assert_array_equal(one.direction, other.direction)
 
 
 def test_steps_are_the_path(hexapod):

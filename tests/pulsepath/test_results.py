@@ -285,7 +285,7 @@ def test_reprs_tell_the_main_thing_with_its_unit():
     assert not axis.rotary
     assert turning.rotary
     assert f"{plan().trajectory.duration:.6g} s" in repr(plan())
-    assert "Certificate holds" in repr(plan())
+    assert "order 3, proved, nearest pulses at 10000000 Hz" in repr(plan())
     assert repr(pp.Line([0, 0, 0.1], speed=0.02)) == "Line(to=[0.0, 0.0, 0.1], speed=0.02)"
 
 

@@ -65,7 +65,7 @@ def test_files_of_a_stop_say_what_exports_say(call, plan, job):
 def test_a_loaded_plan_is_held_and_exported_as_a_fresh_one(corner, tmp_path):
     taken = load_plan(corner)
     fresh = pp.plan(pp.import_program(corner.parent / "corner.nc").program, "corexy", order=2)
-    named = f"<Plan {fresh.program.name} on {fresh.machine.name}: {fresh.duration:.6g} s, order {fresh.order}, "
+    named = f"<Plan {fresh.program.name} on {fresh.machine.name}: {fresh.duration:.6g} s, order {fresh.order}, proved, "
     assert repr(taken) == f"{named}nearest pulses at {fresh.pulses.clock_hz} Hz>"
     stop, other = taken.hold(0.1), fresh.hold(0.1)
     assert stop.certificate.holds

@@ -88,7 +88,7 @@ def test_each_part_is_proved_by_itself_on_its_own_path(folder, planned):
     parts = list(follow_motion(file, walk_path(program, hexapod), hexapod, None))
     assert len(parts) == planned["windows"]
     for part in parts:
-        assert certify(part, taken.find_limits(part)).holds
+        assert certify(part, taken.source.find_limits(part)).holds
     whole = read_motion(file, actuate(program, hexapod))
     begin = Fraction(0)  # sums of floats would round
     for part, held in zip(parts, join_parts(motion_parts(file)), strict=True):

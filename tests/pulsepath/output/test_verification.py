@@ -175,8 +175,9 @@ def test_pulses_that_differ_are_checked_again(plan, monkeypatch):
         return replace(made, axes=axes)
 
     monkeypatch.setattr(store, "generate", shifted)
+    again = pp.load_plan(plan)
     with pytest.raises(MotionError, match="pulses made again"):
-        _ = taken.pulses
+        _ = again.pulses
 
 
 def test_chosen_orientation_is_taken_up_again(tmp_path):
