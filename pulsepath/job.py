@@ -1,6 +1,6 @@
-"""What the command `plan` computes: plan, baseline timings, quantization error, tracking errors.
+"""The job of the command `plan`: plan, baseline timings, quantization error, tracking errors.
 
-Its second process does the baseline timings, the tracking errors and some figures.
+A second process computes the baseline timings, the tracking errors and some figures.
 """
 
 from collections import Counter
@@ -39,33 +39,38 @@ from pulsepath.requests import MOST_BOUNDED, ReportRequest
 if TYPE_CHECKING:
     from benchmarks.reports.page import Picture
 
+# Intervals between pulses at which the realised path is computed: more take over a second, fewer change
+# its RMS by more than 2 %.
 REALISED_SAMPLES = 25_000
-"""Intervals between pulses at which the realised path is looked at: well below a second, and within 2 % in its RMS."""
 
 # Time pieces for which a bound takes one second, approximately.
 BOUNDED_EACH_SECOND = 1_000
 
-CELLS_PER_PIECE, CELLS_PER_RUN, CELLS_BESIDE = {2: 0.2, 3: 0.5}, 10, 12
-"""Cost of planning, in cells of a quick bound: of a time piece by order, and of a run between stops in addition; and
-the cost of a run's bound in addition to its cells. Measured. Cells are counted instead of timed, so that the result
-does not depend on the computer."""
+# Cost of planning in cells of a quick bound, measured: of a time piece by order, and of each run between
+# stops. Cells are counted instead of timed, so that the result does not depend on the computer.
+CELLS_PER_PIECE = {2: 0.2, 3: 0.5}
+CELLS_PER_RUN = 10
+# Cost of the bound of a run in addition to its cells, in cells.
+CELLS_OVERHEAD = 12
+# Cells of a bound that takes less time than starting the command.
 CELLS_AT_ONCE = 300
-"""Cells of a bound that takes less than starting the command."""
 
-FRAME_RATE, LEAST_FRAMES, MOST_FRAMES = 25, 120, 1000
-"""Frames of the machine in a report: 1/s, and how many."""
+# Frames of the machine in a report: per second, and in all.
+FRAME_RATE = 25
+LEAST_FRAMES = 120
+MOST_FRAMES = 1000
 
+# Share by which the most valuable limit is raised, to show the saving.
 RAISED = 0.2
-"""By how much the most valuable limit is raised, to tell what that saves."""
 
 
 class Defect(MotionError):
-    """A fault of this program rather than of what it was given."""
+    """A fault of this program rather than of its input."""
 
 
 @dataclass(frozen=True, slots=True)
 class BaselineTimings:
-    """The baseline timings of a path that the program and the machine allow, and why there are no more."""
+    """Baseline timings of a path. notes: why a timing is missing."""
 
     timings: tuple[Classical, ...]
     notes: tuple[str, ...]
@@ -77,7 +82,7 @@ NO_BASELINES = BaselineTimings((), ())
 def time_like_baseline(course: Course | Plan, order: int) -> BaselineTimings:
     """Time the baseline with a plan's own limits: an s-curve at order 3, else a trapezoid.
 
-    Where no s-curve is possible it is the trapezoid. Raises as `planner.classical`.
+    If no s-curve is possible, it is the trapezoid. Raises as `planner.classical`.
     """
     jerk = any(axis.max_jerk is not None for axis in course.machine.axes)
     notes: tuple[str, ...] = ()
@@ -90,32 +95,37 @@ def time_like_baseline(course: Course | Plan, order: int) -> BaselineTimings:
 
 
 def time_baselines(course: Course | Plan) -> BaselineTimings:
-    """Every baseline timing along a course. Raises as `planner.classical`, of the first of them.
+    """Compute every baseline timing along a course. Raises as `planner.classical` for the first.
 
-    Without a limit of jerk an s-curve is asked for by nothing, so that none needs no excuse.
+    Without jerk limits there is no s-curve, and no note about it.
     """
-    found, notes = [classical(course)], []
+    timings = [classical(course)]
+    notes: list[str] = []
     jerk = any(axis.max_jerk is not None for axis in course.machine.axes)
     for kind in KINDS[1:]:
         if kind == S_CURVE.name and not jerk:
             continue
         try:
-            found.append(classical(course, kind))
+            timings.append(classical(course, kind))
         except MotionError as error:
             notes.append(f"no {kind} timing: {error}")
-    return BaselineTimings(tuple(found), tuple(notes))
+    return BaselineTimings(tuple(timings), tuple(notes))
 
 
 def time_baselines_ahead(program: Program, machine: Machine, like: int | None = None) -> BaselineTimings:
-    """Time the baselines while the plan is being made; like: only the one for a plan of this order."""
+    """Compute the baselines while the plan is made. like: only the one for a plan of this order."""
     untimed = course(program, machine, 2)
     return time_baselines(untimed) if like is None else time_like_baseline(untimed, like)
 
 
 @dataclass(frozen=True, slots=True)
 class PlanReview:
-    """Of a plan: the errors of each law on a rig, some of the figures, and the machine in motion as a page of its own;
-    note: why there are no errors.
+    """Results of the second process.
+
+    metrics  errors of each law on a rig
+    figures  some of the report's figures
+    note     why there are no errors
+    scene    page of the machine in motion
     """
 
     metrics: tuple[Metrics, ...]
@@ -125,7 +135,7 @@ class PlanReview:
 
 
 def review_plan(plan: Plan, figures: bool, rig: Rig | None) -> PlanReview:
-    """No errors without a rig, nor where its card or drives cannot run the motion, which is no fault of the plan."""
+    """Track the plan on a rig and draw figures. A rig that cannot run the motion gives a note."""
     metrics: tuple[Metrics, ...] = ()
     note = ""
     if rig is not None:
@@ -141,7 +151,7 @@ def review_plan(plan: Plan, figures: bool, rig: Rig | None) -> PlanReview:
 
 
 def _record_machine(plan: Plan) -> str:
-    """The machine in motion; nothing where it cannot be drawn."""
+    """Return the page of the machine in motion; "" if it cannot be drawn."""
     from benchmarks.animation.animate import document
 
     frames = round(FRAME_RATE * plan.trajectory.duration)
@@ -159,17 +169,20 @@ def _track_laws(plan: Plan, rig: Rig) -> tuple[Metrics, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """A plan, the baseline timing of its path, the path of its pulses, and the errors of the laws on a rig.
+    """A plan, and the results that its report shows.
 
-    classical: what the saving is told against, as `planner.baselines.pick_baseline` picks it; None: not asked for
-    others: the other baseline timings, as far as the program and the machine allow them
-    seen: waits for the errors of the laws, and for some figures if the report is to have any
-    rig: None: the plan is not tracked
-    crossed: toppra's motion beside ours, where that was asked for
-    worth: what each limit is worth, where the bound is proved; change: the plan with the best of them RAISED
-    stops: how soon it can be stopped, where that was asked for
-    unbounded: why there is neither a proved bound nor worth, and how to get them; "": there are, or nobody wants them
-    left_out: what was left out to save time, each with the option that asks for it
+    classical  baseline of the saving, chosen by `planner.baselines.pick_baseline`; None: not requested
+    others     the other baseline timings
+    realised   path that the pulses make
+    seen       function that waits for the results of the second process
+    rig        None: the plan is not tracked
+    crossed    comparison with toppra's motion, if requested
+    worth      saving by each limit, if there is a proved bound
+    change     plan with the most valuable limit RAISED
+    stops      soonest stops, if requested
+    unbounded  why there is no proved bound and no worth, and how to get them; "": there are, or they
+               were not requested
+    left_out   results that were left out to save time, each with the option that asks for it
     """
 
     plan: Plan
@@ -188,9 +201,9 @@ class Job:
 
     @property
     def time_saved(self) -> float:
-        """s that the plan is shorter than the baseline timing; negative where that keeps fewer limits and is.
+        """Time (s) saved against the baseline; negative if the baseline is faster, with fewer limits.
 
-        NaN without a baseline timing.
+        NaN: there is no baseline.
         """
         if self.classical is None:
             return nan
@@ -204,7 +217,7 @@ def run(
     report: ReportRequest,
     other: SideProcess = NO_PROCESS,
 ) -> Job:
-    """Plan, prove and compare, in the other process as well. Raises as `planner.plan`."""
+    """Plan, prove and compare, with the second process. Raises as `planner.plan`."""
     for field in find_unkept_limits(machine):
         note(f"note: {machine.name} states {field} but no masses, so no plan can respect it")
     request = request.resolve(program, machine)  # refuses before the work
@@ -258,8 +271,21 @@ def run(
             stops = planned.stops(report.stops)
     seen = cache(partial(looking.result, look))
     left_out = _list_left_out(planned, quick, worths, like)
-    outcomes = (crossed, worths, change, stops, unbounded, left_out)
-    return Job(planned, baseline, others, realised, seen, report.figures, rig, *outcomes)
+    return Job(
+        planned,
+        baseline,
+        others,
+        realised,
+        seen,
+        report.figures,
+        rig,
+        crossed,
+        worths,
+        change,
+        stops,
+        unbounded,
+        left_out,
+    )
 
 
 def _prove_bound(planned: Plan, bound: str, worth: bool | None) -> str:
@@ -281,9 +307,9 @@ def _prove_bound(planned: Plan, bound: str, worth: bool | None) -> str:
 
 
 def find_affordable_cells(planned: Plan) -> int:
-    """Return how many cells a bound may have that takes no longer than planning; 0 where even the fewest do."""
+    """Return the number of cells of a bound that takes as long as planning; 0: the fewest take longer."""
     pieces, runs = len(planned.trajectory.s), _count_runs(planned)
-    cells = int(CELLS_PER_PIECE[planned.order] * pieces) + (CELLS_PER_RUN - CELLS_BESIDE) * runs
+    cells = int(CELLS_PER_PIECE[planned.order] * pieces) + (CELLS_PER_RUN - CELLS_OVERHEAD) * runs
     cells = max(cells, CELLS_AT_ONCE)
     return cells if cells >= LEAST_SHARED_CELLS * runs else 0
 
@@ -305,13 +331,13 @@ def _list_left_out(planned: Plan, quick: bool, worth: Worth | None, like: int | 
 
 
 def describe_unbounded(pieces: int) -> str:
-    """Why no bound was proved of a motion of so many time pieces, and how to get it."""
+    """Return why a motion with this number of time pieces has no bound, and how to get it."""
     takes = f"{pieces} time pieces would take some {ceil(pieces / BOUNDED_EACH_SECOND)} s"
     return f"not worked out, as {takes} (more than {MOST_BOUNDED} are left out): give --worth to have it all the same"
 
 
 def _replan_best(worth: Worth | None) -> LimitChange | None:
-    """Plan with more of the limit that is worth most; None where none is worth anything, or no motion is found."""
+    """Plan with the most valuable limit raised. None: no limit saves time, or there is no motion."""
     if worth is None or worth.best is None:
         return None
     try:
@@ -327,14 +353,14 @@ def _run_cross_check(planned: Plan) -> CrossCheck:
 
 
 def _describe_solution(planned: Plan) -> str:
-    """How the motion was found."""
+    """Describe how the motion was solved."""
     runs = ", ".join(f"{count} by {method}" for method, count in Counter(planned.methods).items())
     near = f"; {planned.bound.describe()}" if planned.known and planned.fastest else ""
     return f"order {planned.order}, solve rounds: {planned.rounds}, runs between stops: {runs}{near}"
 
 
 def _compute_realised_path(planned: Plan) -> RealisedPath | None:
-    """The path that the pulses make; None where the machine is singular on the way, so that counts tell no pose."""
+    """Return the path that the pulses make. None: the machine is singular on the way, so that counts give no pose."""
     try:
         with step("computing quantization error"):
             return planned.realised(stride=max(1, planned.pulses.total // REALISED_SAMPLES))

@@ -1,4 +1,4 @@
-"""What the command `plan` computes of a long program: its plan part by part, written as it goes."""
+"""The job of the command `plan` for a long program: the plan is written part by part."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -18,20 +18,22 @@ from pulsepath.progress import note, step
 from pulsepath.requests import ReportRequest
 from pulsepath.store.write import write_parts
 
+# Commands that do later what an option does while a whole plan is made.
 INSTEAD = {
     "--rig": ", and run pulsepath track on the plan later",
     "--stops": ", and run pulsepath hold --stops on the plan later",
     "--pulses csv": ", and run pulsepath export --format pulses on the plan later",
 }
-"""What has the same effect as an option that needs all of a motion, once that is planned."""
 
 
 def choose_parts(inputs: Inputs, request: PlanRequest, report: ReportRequest) -> bool:
-    """Return whether a program is planned in parts: as the report states, else as is best.
+    """Return whether a program is planned in parts: as the report states, else by its length.
 
-    Raises MotionError where --stream is given and the program can only be planned as a whole.
+    Raises MotionError for --stream with a program that can only be planned as a whole.
     """
-    program, stream, why = inputs.program, report.stream, None
+    program = inputs.program
+    stream = report.stream
+    why: str | None = None
     if stream is False or (stream is None and program.repeat * len(program.segments) <= MOST_WHOLE):
         return False
     if whole := _list_whole_options(request, report):
@@ -47,7 +49,7 @@ def choose_parts(inputs: Inputs, request: PlanRequest, report: ReportRequest) ->
 
 
 def _list_whole_options(request: PlanRequest, report: ReportRequest) -> list[str]:
-    """Return the options that were given and need all of a motion."""
+    """Return the given options that need the whole motion."""
     needed = {
         "--duration": request.duration is not None,
         "--objective": request.heat > 0,
@@ -64,7 +66,7 @@ def _list_whole_options(request: PlanRequest, report: ReportRequest) -> list[str
 
 @contextmanager
 def open_helpers(cluster: str | None) -> Iterator[Helpers]:
-    """The workers of a Dask scheduler by its address or file; None: processes of this computer.
+    """Open the workers of a Dask scheduler by its address or file; None: processes of this computer.
 
     Raises as `planner.cluster.open_cluster`.
     """
@@ -132,7 +134,7 @@ def run_parts(
 
 
 class _Place:
-    """Where in a program's file planning is: its lines are read once more, as far as that has come."""
+    """Line of the program's file that planning has reached. The file is read once more for it."""
 
     def __init__(self, inputs: Inputs) -> None:
         self._repeats = inputs.program.repeat > 1
@@ -142,7 +144,7 @@ class _Place:
         self._line: int | None = None
 
     def find(self, segment: int, of: int) -> str:
-        """The line of a segment, or where it has none its number; none before those asked for already."""
+        """Return the line of a segment, or its number if it has no line. Segments must come in order."""
         if self._repeats:
             return f"segment {segment} of {of}, all repetitions"
         for line in islice(self._lines, max(0, segment - self._segment)):
