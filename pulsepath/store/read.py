@@ -44,15 +44,19 @@ from pulsepath.output.record import Record
 from pulsepath.progress import step
 from pulsepath.store.files import BINARY, DERIVED, ORIENTATION, PULSES, SOURCES
 from pulsepath.store.verify import (
+    describe_violation,
     digest_pulses,
     find_differences,
-    find_violation,
     prove_motion,
     refuse,
 )
 
 NOT_VERIFIED = ", NOT VERIFIED"
 """Suffix of the program's name in a plan that was read with `unverified`."""
+
+
+# The certificate of a motion, and its proof after the input shapers, if there are any.
+Proofs = tuple[Certificate, ShapedProof | None]
 
 
 class StoredSource:
@@ -112,8 +116,16 @@ class StoredSource:
         paced = pace_axes(self.machine.axes, self.schedule.clock_hz, self.schedule.rule)
         return limits_of(motion.path, paced, self.order)
 
+    def prove(self) -> Iterator[Proofs]:
+        """Prove the motion part by part. The proofs of a whole motion are kept."""
+        if not self.in_parts:
+            yield self._proofs
+            return
+        for motion in self.follow():
+            yield prove_motion(motion, self.find_limits(motion), self.machine.axes)
+
     @cached_property
-    def _proofs(self) -> tuple[Certificate, ShapedProof | None]:
+    def _proofs(self) -> Proofs:
         return prove_motion(self.trajectory, self.limits, self.machine.axes)
 
     @property
@@ -189,9 +201,9 @@ def load_plan(folder: str | PathLike[str], unverified: bool = False) -> Plan:
     Parameters
     ----------
     folder
-        That holds plan.json and the other files, as they were written.
+        Folder with plan.json and the other files.
     unverified
-        Take what does not hold too: it then has doubts, and nothing is proved.
+        Load a changed plan too. It then has `doubts`, and is not proved.
 
     Returns
     -------
@@ -201,7 +213,7 @@ def load_plan(folder: str | PathLike[str], unverified: bool = False) -> Plan:
     Raises
     ------
     MotionError
-        There is no plan, or it does not hold.
+        There is no plan, a file was changed, or the motion does not keep its limits.
     """
     return _load(Path(folder), unverified, nullcontext())
 
@@ -253,8 +265,8 @@ def _load(folder: Path, unverified: bool, proving: AbstractContextManager[object
     files = [folder / name for name in names if name and (folder / name).is_file()]
     source.pulse_file = files[0] if files else None
     with proving:
-        for motion in source.follow():
-            violation = find_violation(motion, source.find_limits(motion), machine.axes)
+        for proofs in source.prove():
+            violation = describe_violation(*proofs)
             refuse([] if violation is None else [f"{folder / MOTION}: {violation}"])
     if record.get("duration_s") != duration:
         refuse([f"{file} belongs to another motion than {MOTION}"])
@@ -292,7 +304,7 @@ def _read_inputs(
 
 
 def _read_request(record: Record, file: Path) -> PlanRequest:
-    """Return the request that a record states. Raises MotionError where it states none."""
+    """Return the request that a record states. Raises MotionError if it states none."""
     try:
         request = read_request_record(record["request"])
     except (MotionError, KeyError, TypeError, ValueError, OverflowError) as error:
@@ -303,7 +315,7 @@ def _read_request(record: Record, file: Path) -> PlanRequest:
 
 
 def _read_solution(record: Record, file: Path) -> StatedSolution:
-    """Return what a record states of the solution. Raises MotionError where it states none."""
+    """Return the solution that a record states. Raises MotionError if it states none."""
     try:
         solver, bound = record["solver"], record.get("lower_bound") or {}
         methods = solver["methods"]
@@ -319,7 +331,10 @@ def _read_solution(record: Record, file: Path) -> StatedSolution:
 
 
 def _state_pulses(record: Record, duration: float, machine: Machine, clock: int, rule: str) -> PulseSchedule:
-    """The schedule that plan.json states, without its pulses. Raises MotionError where it states none."""
+    """Return the schedule that plan.json states, without its pulses.
+
+    Raises MotionError if it states none.
+    """
     none = np.empty(0, np.int64), np.empty(0, np.int8)
     try:
         axes = [
@@ -341,15 +356,23 @@ def _state_pulses(record: Record, duration: float, machine: Machine, clock: int,
 
 
 def _origin(record: Record) -> Origin | None:
-    """How the program is read, where it is a file of another format. Raises MotionError where that is not told."""
-    told = record.get("inputs")
-    if not isinstance(told, dict) or not {"format", "options", "suffix", "fit_m"} <= told.keys():
+    """Return how a program in another format is read. None: the program is in our own format.
+
+    Raises MotionError if the record does not state it.
+    """
+    inputs = record.get("inputs")
+    if not isinstance(inputs, dict) or not {"format", "options", "suffix", "fit_m"} <= inputs.keys():
         raise MotionError(f"{RECORD} does not say how its program is read: plan it again")
-    return None if told["format"] is None else Origin(told["format"], told["options"], told["suffix"])
+    if inputs["format"] is None:
+        return None
+    return Origin(inputs["format"], inputs["options"], inputs["suffix"])
 
 
 def _restore_orientation(program: Program, file: Path) -> Program:
-    """The program as it was planned. Raises MotionError where what it leaves free was chosen, and that is not told."""
+    """Return the program with the orientation that was chosen for its free segments.
+
+    Raises MotionError if the choice is missing or unreadable.
+    """
     try:
         chosen = {int(k): np.array(controls, float) for k, controls in json.loads(file.read_bytes()).items()}
         program = apply_choice(program, chosen)

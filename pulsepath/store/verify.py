@@ -1,7 +1,7 @@
-"""Verify that a directory still holds what was proved: digests of its files, and the proof itself.
+"""Verify the folder of a plan: the digests of its files, the proof of its motion, and its pulses.
 
-Digests show accidental changes. They can be forged, so nothing relies on them alone: a motion is certified again
-whenever it is loaded, and pulses are compared with those that were checked.
+Digests show accidental changes. They can be forged, so no command relies on them alone: a motion is
+certified again whenever it is loaded, and pulses are compared with those that were checked.
 """
 
 import json
@@ -47,48 +47,58 @@ def digest(path: Path) -> str:
 
 
 def digest_pulses(parts: Iterable[PulseSchedule]) -> str:
-    """SHA-256 of the SHA-256 of each axis' ticks, and of its directions, in turn: int64 and int8, little end first.
+    """Return a SHA-256 of pulses, which does not depend on how they are cut into parts.
 
-    Of a schedule in one or more parts, wherever it is cut.
+    It is the SHA-256 of the SHA-256 of each axis' ticks and of its directions, in turn, as
+    little-endian int64 and int8.
     """
-    found: list[Any] = []
+    hashes: list[Any] = []
     for part in parts:
-        found = found or [sha256() for _ in range(2 * len(part.axes))]
+        hashes = hashes or [sha256() for _ in range(2 * len(part.axes))]
         for k, axis in enumerate(part.axes):
-            found[2 * k].update(axis.ticks.astype("<i8", copy=False).tobytes())
-            found[2 * k + 1].update(axis.direction.astype("i1", copy=False).tobytes())
-    return sha256(b"".join(each.digest() for each in found)).hexdigest()
+            hashes[2 * k].update(axis.ticks.astype("<i8", copy=False).tobytes())
+            hashes[2 * k + 1].update(axis.direction.astype("i1", copy=False).tobytes())
+    return sha256(b"".join(each.digest() for each in hashes)).hexdigest()
 
 
 def find_differences(
-    record: Record, folder: Path, name: str, needed: Sequence[str] = (), derived: Sequence[str] = ()
+    record: Record,
+    folder: Path,
+    name: str,
+    needed: Sequence[str] = (),
+    derived: Sequence[str] = (),
 ) -> list[str]:
-    """What in a folder is not as its record, the file `name`, has it.
+    """Return the differences between the files of a folder and the digests in its record.
 
-    needed: files that the record must have; derived: those that may be gone
+    name: file of the record. needed: files that the record must list. derived: files that may be
+    missing.
     """
     provenance = record.get(PROVENANCE)
     files = provenance.get(FILES) if isinstance(provenance, dict) else None
     if not isinstance(provenance, dict) or not isinstance(files, dict):
-        return [f"{folder / name} has no digests of the files beside it"]
-    known = {**record, PROVENANCE: {key: value for key, value in provenance.items() if key != SELF}}
-    found = (
-        [] if _digest_record(known) == provenance.get(SELF) else [f"{folder / name} was changed after it was written"]
-    )
+        return [f"{folder / name} has no digests of the other files"]
+    without_own = {key: value for key, value in provenance.items() if key != SELF}
+    known = {**record, PROVENANCE: without_own}
+    differences: list[str] = []
+    if _digest_record(known) != provenance.get(SELF):
+        differences.append(f"{folder / name} was changed after it was written")
     for file in dict.fromkeys((*needed, *files)):
         path = folder / file
         if file not in files:
-            found.append(f"{path} is not in {name}")
+            differences.append(f"{path} is not in {name}")
         elif path.is_file():
             if digest(path) != files[file]:
-                found.append(f"{path} was changed after it was written")
+                differences.append(f"{path} was changed after it was written")
         elif file.partition("/")[0] not in derived:
-            found.append(f"{path} is not there")
-    return found
+            differences.append(f"{path} is missing")
+    return differences
 
 
 def changes(record: Record, folder: Path, name: str, target: Path, made: Path) -> bool:
-    """Whether `made`, in the target's place, would differ from what the record, the file `name` of a folder, holds."""
+    """Return whether `made`, in the target's place, would change a file that a record lists.
+
+    name: file of the record in the folder.
+    """
     provenance = record.get(PROVENANCE)
     files = provenance.get(FILES) if isinstance(provenance, dict) else None
     place = target.resolve()
@@ -112,24 +122,21 @@ def prove_motion(
     return certificate, prove_shaped(shaped, trajectory, axes, limits, certificate)
 
 
-def find_violation(trajectory: Trajectory, limits: Sequence[Limit], axes: Sequence[Axis] = ()) -> str | None:
-    """Return why a motion does not keep its limits, of several the worst; None where it is proved that it does.
-
-    axes: behind whose input shapers it has to keep them as well
-    """
-    certificate, shaped = prove_motion(trajectory, limits, axes)
+def describe_violation(certificate: Certificate, shaped: ShapedProof | None) -> str | None:
+    """Return why a motion does not keep its limits, by its worst one. None: it is proved that it does."""
     proofs: list[tuple[str, Certificate | ShapedProof]] = [("", certificate)]
     if shaped is not None:
-        proofs.append((" behind its input shapers", shaped))
-    for where, proof in proofs:
+        proofs.append((" after its input shapers", shaped))
+    for name, proof in proofs:
         if not proof.holds:
-            name = max(proof.worst, key=lambda each: proof.worst[each])
-            return f"the motion{where} uses {proof.worst[name]:.6g} times its limit on {name}, at {proof.where[name]}"
+            limit = max(proof.worst, key=lambda each: proof.worst[each])
+            use = f"{proof.worst[limit]:.6g} times its limit on {limit}, at {proof.where[limit]}"
+            return f"the motion{name} uses {use}"
     return None
 
 
 def refuse(doubts: Sequence[str]) -> None:
-    """Raise MotionError for what was found, if anything."""
+    """Raise MotionError if there is any doubt."""
     if doubts:
         raise MotionError(f"{'; '.join(doubts)}: {REMEDY}")
 
@@ -139,7 +146,7 @@ def _digest_record(record: Any) -> str:
 
 
 def refuse_own(folder: Path, target: Path, made: Path) -> None:
-    """Raise MotionError where `made`, in the target's place, would change a file of the plan in a folder."""
+    """Raise MotionError if `made`, in the target's place, would change a file of the plan in a folder."""
     record = json.loads((folder / RECORD).read_bytes())
     if changes(record, folder, RECORD, target, made):
         raise MotionError(

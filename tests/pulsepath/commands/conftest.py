@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pulsepath.store.verify import find_violation
+from pulsepath.store.verify import prove_motion
 
 
 @pytest.fixture(autouse=True)
@@ -14,9 +14,10 @@ def shared_proof(monkeypatch, request):
     """
 
     def prove(trajectory, limits, axes):
-        shared = request.getfixturevalue("job").plan.trajectory
+        plan = request.getfixturevalue("job").plan
+        shared = plan.trajectory
         names = ("knots", "s", "v", "a", "j", "piece")
         same = all(np.array_equal(getattr(trajectory, name), getattr(shared, name)) for name in names)
-        return None if same else find_violation(trajectory, limits, axes)
+        return (plan.certificate, plan.shaped) if same else prove_motion(trajectory, limits, axes)
 
-    monkeypatch.setattr("pulsepath.store.read.find_violation", prove)
+    monkeypatch.setattr("pulsepath.store.read.prove_motion", prove)

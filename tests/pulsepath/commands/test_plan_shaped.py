@@ -9,7 +9,7 @@ import pytest
 import pulsepath as pp
 from kinematics.machine.machine_writer import machine_toml
 from kinematics.machine.shaper import Shaper
-from pulsepath.store.verify import find_violation
+from pulsepath.store.verify import prove_motion
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +23,7 @@ def machine_file(tmp_path_factory):
 
 @pytest.fixture
 def proved_again(monkeypatch):
-    monkeypatch.setattr("pulsepath.store.read.find_violation", find_violation)
+    monkeypatch.setattr("pulsepath.store.read.prove_motion", prove_motion)
 
 
 def test_record_motion_and_pulses_are_of_the_shaped_motion(call, machine_file, tmp_path, proved_again):

@@ -122,7 +122,7 @@ def test_every_file_counts(directory, tmp_path):
         if path.name in DERIVED:
             pp.load_plan(copy)
         else:
-            with pytest.raises(MotionError, match=f"{path.name} is not there"):
+            with pytest.raises(MotionError, match=f"{path.name} is missing"):
                 pp.load_plan(copy)
         shutil.rmtree(copy)
 
