@@ -92,8 +92,9 @@ class StoredSource:
     @cached_property
     def trajectory(self) -> Trajectory:
         """Whole motion, before any input shapers."""
-        if not self.in_parts:
+        if self.complete:
             return read_motion(self.motion, actuate(self.program, self.machine))
+        # The program cannot be drawn to its end: as much of it as was planned.
         steps = walk_path(self.program, self.machine)
         return read_parts(self.motion, steps, self.machine, self.program.tool)
 

@@ -120,7 +120,7 @@ def test_its_tables_figure_bound_and_worth_are_those_of_a_fresh_one(stored):
 
 def test_one_that_was_planned_in_parts_has_a_certificate_and_a_realised_path(tmp_path, call):
     program, out = tmp_path / "part.nc", tmp_path / "out"
-    program.write_text("G21 G90 F1200\nG1 X5 Y5\nX10 Y0\nG4 P0.1\nX20 Y3\n", encoding="utf-8")
+    program.write_text("G21 G90 G64 P0.05 F1200\nG1 X5 Y5\nX10 Y0\nG4 P0.1\nX20 Y3\n", encoding="utf-8")
     given = ("--machine", "corexy", "--order", "2", "--stream", "--no-figures", "--out", out)
     with small_windows(1):
         assert call("plan", program, *given).exit_code == 0
@@ -139,3 +139,4 @@ def test_one_that_was_planned_in_parts_has_a_certificate_and_a_realised_path(tmp
     assert loaded.lower_bound == pytest.approx(whole.lower_bound, rel=1e-6)
     assert 0 <= loaded.gap < whole.gap + 1e-3
     assert loaded.worth.best == whole.worth.best
+    assert loaded.path.fit == whole.path.fit
