@@ -26,31 +26,31 @@ from kinematics.foundation.errors import BadValue, MotionError
 from pulsepath.options import read_percent, read_quantity
 from pulsepath.process.exits import find_file
 
+# Record of each kind of result, and the kind that it states.
 RECORD, KIND = "plan.json", "pulsepath plan"
-"""The file by which a directory that `plan` wrote is known, and what it says it is."""
 CALIBRATION, CALIBRATION_KIND = "calibration.json", "pulsepath calibrate"
-"""The same of `calibrate`."""
 COMPARISON, COMPARISON_KIND = "compare.json", "pulsepath compare"
-"""The same of `compare`."""
 RECORDS = {KIND: RECORD, CALIBRATION_KIND: CALIBRATION, COMPARISON_KIND: COMPARISON}
+# Folder of runs, as in benchmarks.sweep.result, which takes long to load.
 CELLS = "cells"
-"""As in benchmarks.sweep.result, which takes long to load."""
+# Motion of a plan.
 MOTION = "motion.bin"
-"""The motion of a plan."""
+# Page of a result.
 REPORT = "report.html"
-"""Of each of them the page for its reader."""
+# Triggers of a plan, if its program has any.
 TRIGGERS = "triggers.csv"
-"""Only where the program of a plan has triggers."""
 
-
+# All files in a directory, by path, each with its stamp.
 Content = frozenset[tuple[str, Stamp]]
-"""All that is in a directory, by path, with the stamp of each."""
 
 PLAIN_NUMBER = re.compile(r"\s*(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\s*", re.ASCII)
 
 
 def refuse_overwrite(target: Path, force: bool, kind: str = KIND) -> None:
-    """Raise MotionError unless the target can be made: absent, or an empty directory; with `force`, one of its kind."""
+    """Raise MotionError unless the target can be written.
+
+    It must be absent, or an empty directory, or with `force` a directory of the same kind.
+    """
     _refuse_file_above(target)
     if not os.path.lexists(target):
         return
@@ -76,14 +76,14 @@ def list_replaceable(target: Path, force: bool, kind: str = KIND) -> Content:
 
 
 def _refuse_file_above(target: Path) -> None:
-    """Raise MotionError where one of the folders that a path leads through is a file."""
+    """Raise MotionError if one of the folders in a path is a file."""
     above = next((parent for parent in target.parents if os.path.lexists(parent)), None)
     if above is not None and not above.is_dir():
         raise MotionError(f"{target}: {above} is a file, not a directory; give another")
 
 
 def is_ours(directory: Path, kind: str = KIND) -> bool:
-    """Whether the command of a kind, by default `plan`, wrote a directory."""
+    """Return whether the command of a kind, by default `plan`, wrote a directory."""
     try:
         record = json.loads((directory / RECORDS[kind]).read_bytes())
     except (OSError, ValueError):
@@ -92,16 +92,16 @@ def is_ours(directory: Path, kind: str = KIND) -> bool:
 
 
 def refuse_no_plan(folder: Path) -> None:
-    """Raise MotionError for a directory that `plan` did not write."""
+    """Raise MotionError if `plan` did not write a directory."""
     if not is_ours(folder):
         raise MotionError(f"{folder} holds no plan: make one with pulsepath plan PROGRAM --out {folder}")
 
 
 def read_instant(folder: Path, text: str) -> float:
-    """t (s) of --at: a time within the motion of the plan in a folder, or a share of its duration, as "40 %".
+    """Return the time (s) of --at: within the motion of a plan, or a share of its duration, as "40 %".
 
-    Raises BadValue, and MotionError for a time at which the motion has ended, by what the plan's record states. What
-    the record does not state is told when the plan is read.
+    Raises BadValue for another text, and MotionError for a time after the duration that the record
+    states. A record without a duration is refused later, when the plan is read.
     """
     duration = None
     with suppress(OSError, ValueError, AttributeError):
@@ -126,9 +126,9 @@ def read_instant(folder: Path, text: str) -> float:
 
 
 def write_files(folder: Path, files: Mapping[str, bytes], force: bool) -> None:
-    """Write files into a directory, which may be there already: all of them, or none.
+    """Write all files into a new or an existing directory, or none.
 
-    Raises MotionError where one is there already, unless `force` replaces it.
+    Raises MotionError for an existing file, unless `force` replaces it.
     """
     _refuse_file_above(folder / "any")
     remedy = "give --force to replace it, or another directory"
@@ -148,14 +148,14 @@ def write_files(folder: Path, files: Mapping[str, bytes], force: bool) -> None:
 
 @contextmanager
 def replace_directory(target: Path, force: bool, kind: str = KIND, before: Content | None = None) -> Iterator[Path]:
-    """A new directory to fill, which becomes `target` when the block ends well.
+    """Create a directory to fill, which becomes `target` at the end of the block.
 
-    Whatever else happens, an interruption included, nothing of it remains and what stood there before still does. Where
-    the process is killed, the target is whole or absent, and the next run there clears what is left beside it
-    (`kinematics.files.atomic_files`). What comes to the target while the block runs, or changes there, is left as it
-    is: raises MotionError then, and the new directory is kept under a name that the error states.
+    After an error or an interruption the previous content is unchanged. After a kill the target is
+    complete or absent, and the next run there removes the rest (`kinematics.files.atomic_files`). If
+    another program changes the target during the block, its files stay: MotionError is raised, and the
+    new directory is kept under a name that the error states.
 
-    before: the content of the target that may be replaced, from `list_replaceable`; None: its content now.
+    before: content of the target that may be replaced, from `list_replaceable`; None: its present one.
     """
     place = target.resolve()
     if before is None:
@@ -163,13 +163,13 @@ def replace_directory(target: Path, force: bool, kind: str = KIND, before: Conte
     created = [parent for parent in place.parents if not parent.exists()]
     place.parent.mkdir(parents=True, exist_ok=True)
     try:
-        with stage_directory(place) as made:
-            new = made / NEW
+        with stage_directory(place) as staged:
+            new = staged / NEW
             new.mkdir()
             with _name_files_in(target, new):
                 yield new
             with defer_signals():
-                _put_in_place(new, made / OLD, target, place, before)
+                _put_in_place(new, staged / OLD, target, place, before)
     except BaseException:
         for parent in created:
             with suppress(OSError):
@@ -179,9 +179,9 @@ def replace_directory(target: Path, force: bool, kind: str = KIND, before: Conte
 
 @contextmanager
 def _name_files_in(target: Path, folder: Path) -> Iterator[None]:
-    """Within, an error of the disk that names a file of a folder names its place in the target.
+    """Let disk errors name files by their place in the target, instead of in the folder.
 
-    A file that cannot be closed, because its disk is full, is named by the error before that.
+    A file that cannot be closed on a full disk is named by the preceding error.
     """
     try:
         yield
@@ -195,25 +195,26 @@ def _name_files_in(target: Path, folder: Path) -> Iterator[None]:
 
 
 def list_content(target: Path) -> Content:
-    """Return all files below a directory with their stamps; none for an empty or a missing directory."""
+    """Return all files below a directory with their stamps; none if it is empty or missing."""
     place = target.resolve()
     return frozenset((str(path.relative_to(place)), stamp(path)) for path in place.rglob("*"))
 
 
 def _put_in_place(new: Path, old: Path, target: Path, place: Path, before: Content) -> None:
-    """Move a new directory to its place, if the content of that is as it was before.
+    """Move a new directory to its place, if the content there did not change.
 
-    Else raise MotionError, and keep the new directory under a name that the error states.
-    old: where the replaced directory goes. target: the place as the user names it.
+    Otherwise raise MotionError, and keep the new directory under a name that the error states.
+
+    old: place for the replaced directory. target: the place as the user names it.
     """
     changed = bool(before)
-    stood = changed and os.path.lexists(place)
-    if stood:
+    existed = changed and os.path.lexists(place)
+    if existed:
         if list_content(place) != before:
             raise conflict_error(target, changed, [move_aside(new, place)])
-        place.rename(old)  # until the new one is there, a moment: else it returns
+        place.rename(old)  # for a moment; an error brings it back
     try:
-        new.rename(place)  # which replaces no file, and no directory but an empty one
+        new.rename(place)  # replaces only an empty directory
     except OSError as error:
         if error.errno not in (*OCCUPIED_ERRNOS, errno.EACCES) or not os.path.lexists(place):
             raise
@@ -221,7 +222,7 @@ def _put_in_place(new: Path, old: Path, target: Path, place: Path, before: Conte
         if old.exists():
             results.append(move_aside(old, place))
         raise conflict_error(target, changed, results) from None
-    if stood and list_content(old) != before:  # changed in the last moment
+    if existed and list_content(old) != before:  # changed meanwhile
         place.rename(new)
         old.rename(place)
         raise conflict_error(target, changed, [move_aside(new, place)])
