@@ -224,68 +224,91 @@ def run(
     rig = read_rig(report.rig, machine)
     if report.cross_check:
         require("--cross-check")
-    gap = request.gap
-    worth, bound = report.worth, report.bound_effort
+
+    order = request.resolved_order
+    like = order if report.baselines is None else None
     with step(f"planning {program.name} on {machine.name}") as tell:
-        order = request.resolved_order
         program = orient_open(program, machine, order)
-        like = order if report.baselines is None else None
         ahead = partial(time_baselines_ahead, program, machine, like)
         timing = None if report.baselines is False else other.start(ahead)
-        planned = make_plan(request, program, machine, tell)
-    if near := planned.conditioning.warning:
-        note(f"warning: {near}")
-    for warning in overshoot_warnings(planned.path.overshoots):
-        note(f"warning: {warning}")
-    if planned.exceeded:
-        note(f"warning: {planned.exceeded}")
-    if gap is not None and planned.bound.gap > gap:
-        note(
-            f"note: you asked for a motion within {100 * gap:g} % of the fastest; {100 * planned.bound.gap:.3g} % is "
-            f"proved after {count_noun(request.effort, 'round')}. More rounds (--effort) may prove less"
-        )
-    look = partial(review_plan, planned, report.figures, rig)
-    looking = other.start(look)
-    quick = bound == "auto" and not planned.known
-    unbounded = _prove_bound(planned, bound, worth)
-    worths, change = None, None
-    if planned.known and worth is not False:
-        with step("finding what limits are worth"):
-            worths = planned.worth
-            change = None if quick else _replan_best(worths)
-    detail(_describe_solution(planned))
-    realised = _compute_realised_path(planned)
+        plan = make_plan(request, program, machine, tell)
+    _warn(plan)
+
+    review = partial(review_plan, plan, report.figures, rig)
+    reviewing = other.start(review)
+    worth = _find_worth(plan, report)
+    detail(_describe_solution(plan))
+    realised = _compute_realised_path(plan)
     timed = NO_BASELINES
     if timing is not None:
         with step("computing baseline timings"):
             again = time_baselines if like is None else partial(time_like_baseline, order=like)
-            timed = timing.result(partial(again, planned))
+            timed = timing.result(partial(again, plan))
     for line in timed.notes:
         detail(line)
-    baseline = pick_baseline(planned, timed.timings) if timed.timings else None
-    others = tuple(timing for timing in timed.timings if timing is not baseline)
-    crossed = _run_cross_check(planned) if report.cross_check else None
-    stops = None
-    if report.stops is not None:
-        with step(f"stopping from {count_noun(report.stops, 'instant')}"):
-            stops = planned.stops(report.stops)
-    seen = cache(partial(looking.result, look))
-    left_out = _list_left_out(planned, quick, worths, like)
+    baseline = pick_baseline(plan, timed.timings) if timed.timings else None
     return Job(
-        planned,
+        plan,
         baseline,
-        others,
+        tuple(timing for timing in timed.timings if timing is not baseline),
         realised,
-        seen,
+        cache(partial(reviewing.result, review)),
         report.figures,
         rig,
-        crossed,
-        worths,
-        change,
-        stops,
-        unbounded,
-        left_out,
+        _run_cross_check(plan) if report.cross_check else None,
+        worth.worth,
+        worth.change,
+        _find_stops(plan, report.stops),
+        worth.unbounded,
+        _list_left_out(plan, worth, like),
     )
+
+
+def _warn(plan: Plan) -> None:
+    """Print warnings about a plan, and whether its gap is as requested."""
+    if near := plan.conditioning.warning:
+        note(f"warning: {near}")
+    for warning in overshoot_warnings(plan.path.overshoots):
+        note(f"warning: {warning}")
+    if plan.exceeded:
+        note(f"warning: {plan.exceeded}")
+    gap = plan.request.gap
+    if gap is not None and plan.bound.gap > gap:
+        note(
+            f"note: you asked for a motion within {100 * gap:g} % of the fastest; "
+            f"{100 * plan.bound.gap:.3g} % is proved after "
+            f"{count_noun(plan.request.effort, 'round')}. More rounds (--effort) may prove less"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class _WorthOfLimits:
+    """Worth of the limits, as of a `Job`. quick: whether the bound took no longer than planning."""
+
+    worth: Worth | None
+    change: LimitChange | None
+    unbounded: str
+    quick: bool
+
+
+def _find_worth(plan: Plan, report: ReportRequest) -> _WorthOfLimits:
+    """Prove a lower bound and find the worth of the limits, as far as the report requests them."""
+    quick = report.bound_effort == "auto" and not plan.known
+    unbounded = _prove_bound(plan, report.bound_effort, report.worth)
+    if not plan.known or report.worth is False:
+        return _WorthOfLimits(None, None, unbounded, quick)
+    with step("finding what limits are worth"):
+        worth = plan.worth
+        change = None if quick else _replan_best(worth)
+    return _WorthOfLimits(worth, change, unbounded, quick)
+
+
+def _find_stops(plan: Plan, count: int | None) -> Stops | None:
+    """Find the stops from evenly spaced instants, if requested."""
+    if count is None:
+        return None
+    with step(f"stopping from {count_noun(count, 'instant')}"):
+        return plan.stops(count)
 
 
 def _prove_bound(planned: Plan, bound: str, worth: bool | None) -> str:
@@ -318,12 +341,12 @@ def _count_runs(planned: Plan) -> int:
     return int(planned.path.stops(planned.order).sum()) - 1
 
 
-def _list_left_out(planned: Plan, quick: bool, worth: Worth | None, like: int | None) -> tuple[str, ...]:
+def _list_left_out(plan: Plan, worth: _WorthOfLimits, like: int | None) -> tuple[str, ...]:
     """List the results that were left out to save time, each with the option that asks for it."""
     names = []
-    if quick and planned.known and planned.fastest:
+    if worth.quick and plan.known and plan.fastest:
         names.append("a nearer lower bound (--bound full)")
-    if quick and worth is not None and worth.best is not None:
+    if worth.quick and worth.worth is not None and worth.worth.best is not None:
         names.append("a plan with more of the best limit (--worth)")
     if like is not None:
         names.append("other baseline timings (--baselines)")
