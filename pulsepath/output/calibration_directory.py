@@ -37,7 +37,7 @@ def write(folder: Path, calibration: Calibration, sources: dict[str, bytes]) -> 
 
 
 def record(calibration: Calibration, sources: dict[str, bytes]) -> Record:
-    """A calibration as plain data: SI units, RMS per component; null for what the data do not tell."""
+    """Return a calibration as plain data, in SI units: RMS per component, null if it was not measured."""
     observed, data = calibration.observability, calibration.measurements
     stages = {"before": calibration.before, "after": calibration.after, "left_out": calibration.left_out}
     return {
@@ -107,6 +107,6 @@ def _comment(calibration: Calibration) -> str:
 
 
 def _group_errors(errors: Array) -> dict[str, Any]:
-    """Errors of what was measured of a pose, by group."""
+    """Return the errors of a measured pose, by group."""
     found = {group: [finite_or_none(value) for value in errors[part].tolist()] for group, part in GROUPS.items()}
     return {group: values for group, values in found.items() if any(value is not None for value in values)}

@@ -16,11 +16,12 @@ TABLE = "runs.csv"
 
 
 def destinations(target: Path, force: bool) -> list[Destination]:
-    """What a comparison writes: the report, its table, the record.
+    """Write a comparison: report, table and record.
 
-    Raises MotionError unless it may be written: nothing there but saved runs, or, with `force`, another comparison.
+    Raises MotionError unless the folder is empty, has saved runs only, or with `force` another comparison.
 
-    Saved runs may stay since each is found by the hash of what it depends on: an interrupted comparison goes on.
+    Saved runs may stay: each is identified by the hash of its inputs, so that an interrupted comparison
+    continues.
     """
     if target.exists() and not target.is_dir():
         raise MotionError(f"{target} exists and is not a directory; give another --out")

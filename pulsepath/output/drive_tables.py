@@ -1,4 +1,4 @@
-"""The lines of STEP and DIR against what drives need of them, from the record of a plan's pulses."""
+"""Times on the lines STEP and DIR against the needs of the drives, from the record of a plan's pulses."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -8,14 +8,14 @@ from typing import Any
 from kinematics.foundation.table import Column, Table
 
 CLOSE = 1.2
-"""A time less than so many times what the drive needs is told on the first screen."""
+"""Multiple of a drive's need below which a time is reported on the first screen."""
 TIMES = {"high": "STEP high", "low": "STEP low", "setup": "DIR set-up", "hold": "DIR hold"}
 BY_MOTION = ("low", "setup")
 """The times that the pulses decide; the others are the width of STEP, which is chosen."""
 
 
 def tabulate_drives(pulses: Mapping[str, Any]) -> list[Table]:
-    """Each axis' least times on its lines and highest rate, and what its drive needs; none where nothing is known."""
+    """Return tables of the shortest times and highest rates of each axis, and of its drive's needs."""
     timed = {name: axis for name, axis in pulses["axes"].items() if axis.get("lines_s")}
     if not timed:
         return []
@@ -39,7 +39,7 @@ def tabulate_drives(pulses: Mapping[str, Any]) -> list[Table]:
 
 
 def add_close_drives(tables: Sequence[Table], pulses: Mapping[str, Any]) -> list[Table]:
-    """The first screen with a line on the drive that is closest to what it needs, if one is."""
+    """Add a line to the first screen about the drive that is closest to its needs, if one is close."""
     close = sorted(_find_close(pulses))
     if not close:
         return [*tables]
@@ -59,9 +59,9 @@ def add_close_drives(tables: Sequence[Table], pulses: Mapping[str, Any]) -> list
 
 
 def find_drive_margin(pulses: Mapping[str, Any]) -> float | None:
-    """How many times what the drives need the least of their line times is; None where nothing states what they need.
+    """Return the smallest ratio of a line's time to the drive's need. None: no drive states its needs.
 
-    Rates count too: the most that an axis takes over the highest that it has.
+    Rates count too: the largest that an axis allows over its highest.
     """
     shares = []
     for axis in pulses["axes"].values():
@@ -73,7 +73,7 @@ def find_drive_margin(pulses: Mapping[str, Any]) -> float | None:
 
 
 def _find_close(pulses: Mapping[str, Any]) -> Iterator[tuple[float, str]]:
-    """How many times what it needs each close one has, and in words."""
+    """Return the ratio and a description of each drive that is close to its needs."""
     for name, axis in pulses["axes"].items():
         lines, needs = axis.get("lines_s"), axis.get("drive_needs_s")
         if not lines or not needs:
@@ -99,6 +99,6 @@ def _find_rate(axis: Mapping[str, Any]) -> float | None:
 
 
 def _pair(kept: float | None, needed: float | None, scale: float) -> str:
-    """Kept / needed; – where there is nothing to time, and nothing after it where nothing is needed."""
+    """Format kept / needed; "–" without pulses to time, and kept alone without a need."""
     had = "–" if kept is None else f"{scale * kept:.6g}"
     return had if needed is None else f"{had} / {scale * needed:.6g}"

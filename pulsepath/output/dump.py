@@ -22,12 +22,12 @@ STDOUT = Path("-")
 def dump(
     folder: Path, inputs: Inputs, command: str, options: Mapping[str, int | str], force: bool, as_json: bool
 ) -> None:
-    """Write machine and program with every default filled in; print the options as TOML, and the command for it all.
+    """Write machine and program with all defaults, and print the options as TOML and the command.
 
-    folder   - : print machine and program as well, and write nothing
-    options  by their names on the command line, without dashes; True: one that takes no value
+    folder   - : print machine and program too, and write no file
+    options  by their names on the command line, without dashes; True: one without a value
 
-    A machine that names files beside it, as an arm does, stays as its file has it.
+    A machine that names other files, as an arm does, keeps the text of its file.
     """
     told = f'"pulsepath {command}" uses it'
     if inputs.companions:

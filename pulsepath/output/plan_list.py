@@ -1,4 +1,4 @@
-"""The plans, comparisons and calibrations below a folder, with what their records say on one line each."""
+"""Plans, comparisons and calibrations below a folder, each with the main facts of its record."""
 
 import errno
 import json
@@ -20,16 +20,16 @@ MAX_LISTED = 500
 MAX_RECORD_SIZE = 1 << 26
 """Bytes of a record that is read: one of a program of a million blends has as many."""
 MAX_FIGURE = 1e18
-"""A larger figure is damage: differences and shares of it could not be written as numbers."""
+"""Largest figure: a larger one is damage, and differences and shares of it would overflow."""
 
 
 @dataclass(frozen=True, slots=True)
 class Listed:
-    """A folder with a report: its name below the folder that was looked through, and what its record says.
+    """A folder with a report, by its name below the listed folder.
 
-    stamp    when its record was written (ns) and its size: another one where it is written again
-    figures  of a plan, in SI units; None where it has no such figure
-    facts    of a plan, in words: what it was made of, and how
+    stamp    time (ns) and size of its record; it changes when the record is written again
+    figures  of a plan, in SI units; None: the plan has no such figure
+    facts    of a plan, in words: its inputs and options
     """
 
     name: str
@@ -42,7 +42,7 @@ class Listed:
 
     @property
     def label(self) -> str:
-        """What people call it: its name, or that of the folder itself where it is what was looked through."""
+        """Name on the page: the folder's own name if it is the listed folder itself."""
         return self.name if self.name != "." else find_folder_name(self.folder)
 
     @property
@@ -51,7 +51,7 @@ class Listed:
 
 
 class PlanList:
-    """What is below a folder; a record is read once, and again when it has changed."""
+    """The results below a folder. A record is read once, and again when it has changed."""
 
     def __init__(self, root: Path) -> None:
         self.root = root
@@ -135,7 +135,7 @@ def _title(record: Mapping[str, Any]) -> str:
 
 
 def _facts(record: Mapping[str, Any]) -> dict[str, str]:
-    """What two plans are compared by in words."""
+    """Return the facts of a plan in words, by which two plans are compared."""
     pulses, shaping = record["pulses"], record.get("shaping") or {}
     digests = record["provenance"]["sha256"]
     request = record["request"]
@@ -165,7 +165,7 @@ def _describe_shapers(axes: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def _describe_lowered(stretches: Sequence[Mapping[str, Any]]) -> str:
-    """Each limit, and the least share of it that was planned with."""
+    """Describe the least share of each lowered limit."""
     least: dict[str, float] = {}
     for each in stretches:
         least[each["limit"]] = min(each["share"], least.get(each["limit"], 1.0))
@@ -173,7 +173,7 @@ def _describe_lowered(stretches: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _figures(record: Mapping[str, Any]) -> dict[str, float | None]:
-    """What two plans are compared by in numbers, in SI units; None where a plan does not have it."""
+    """Return the figures of a plan in SI units, by which two plans are compared. None: not in the plan."""
     limits, shaping, pulses = record["certificate"]["limits"], record.get("shaping") or {}, record["pulses"]
     errors = (record.get("realised") or {}).get("errors") or {}
     laws = (record.get("tracking") or {}).get("laws") or {}

@@ -122,9 +122,9 @@ def _baselines(job: Job, baseline: Classical) -> Record:
 def of_parts(
     standing: PlanStanding, inputs: Inputs, digest: str | None, verdict: PulseCheck | None, ending: str = ""
 ) -> Record:
-    """The same of a plan that was made in parts, as far as that knows it.
+    """Return the record of a plan that was made in parts.
 
-    digest, verdict: of its pulses, where there is a file of them; ending: why it ends before its program does
+    digest, verdict: of its pulses, if there is a file of them; ending: why it ends before its program
     """
     return {
         "schema": SCHEMA,
@@ -164,7 +164,7 @@ def _certificate(certificate: Certificate) -> Record:
 
 
 def _shaping(shaped: ShapedProof) -> Record:
-    """The motion behind input shapers: what is proved of it, and how far it is from the path (upper bounds)."""
+    """Return the record of the shaped motion: its proof, and upper bounds of its distance from the path."""
     return {
         "duration_before_s": shaped.motion.base.duration,
         "cost": None if shaped.cost is None else _shaping_cost(shaped.cost),
@@ -200,7 +200,7 @@ def _shaping(shaped: ShapedProof) -> Record:
 
 
 def _shaping_cost(cost: ShapingCost) -> Record:
-    """How much longer the machine takes than without its shapers, and of which limits less was planned with, where."""
+    """Return the record of the time that the shapers cost, and of the limits that were lowered for them."""
     return {
         "total_s": cost.total,
         "length_s": cost.length,
@@ -226,9 +226,9 @@ def of_pulses(
     digest: str | None,
     verdict: PulseCheck | None,
 ) -> Record:
-    """A schedule, what its check found, and the times on the lines of each axis.
+    """Return the record of a schedule, its verdict, and the times on the lines of each axis.
 
-    counted: of each axis how many it has, and their net count
+    counted: number of pulses and net count of each axis
     """
     return {
         "clock_hz": pulses.clock_hz,
@@ -265,7 +265,7 @@ def of_pulses(
 
 
 def _origin(inputs: Inputs, packages: Sequence[str]) -> Record:
-    """What it was made of, and by which versions: ours, and those of packages beside the usual."""
+    """Return the record of the inputs, and of the versions of pulsepath and packages."""
     return {
         "inputs": {
             "program": inputs.program_file,
@@ -286,7 +286,7 @@ def _origin(inputs: Inputs, packages: Sequence[str]) -> Record:
 
 
 def _segments(plan: Plan) -> list[Record]:
-    """How long each segment takes, and what holds it back; the line of its file, None where it has none."""
+    """Return the time of each segment, its limit, and its line in the file if known."""
     columns = {column.name: column.raw for column in tabulate_segments(plan).columns}
     columns.setdefault(FILE_LINE, [None] * len(columns["segment"]))
     keys = {
@@ -307,7 +307,7 @@ def _trigger(event: Triggered, axes: Sequence[Axis]) -> Record:
 
 
 def _versions(*packages: str) -> dict[str, str | None]:
-    """Installed versions; None for what is not there."""
+    """Return installed versions; None: not installed."""
     found: dict[str, str | None] = {}
     for package in packages:
         try:
@@ -324,9 +324,9 @@ def of_pulse_file(
     verdict: PulseCheck,
     counted: Sequence[tuple[int, int]] | None = None,
 ) -> Record:
-    """What was proved of a file of pulses, None: of the pulses; times in s, None where there is nothing to time.
+    """Return the verdict on a file of pulses, or on the pulses themselves; times in s, None: not measured.
 
-    counted: of each axis how many it has and their net count, where the schedule is without them
+    counted: number of pulses and net count of each axis, for a schedule without its pulses
     """
     counted = counted or [(len(axis), axis.final - axis.start) for axis in pulses.axes]
     return {
@@ -360,7 +360,7 @@ def of_pulse_file(
 
 
 def _drive_times(verdict: PulseCheck | None, clock_hz: int, machine: Machine) -> list[Record]:
-    """Of each axis the highest rate, the least times on its lines, and what its drive needs of them."""
+    """Return the highest rate of each axis, the shortest times on its lines, and its drive's needs."""
     if verdict is None:
         return [{}] * len(machine.axes)
     return [
@@ -377,7 +377,7 @@ def _drive_times(verdict: PulseCheck | None, clock_hz: int, machine: Machine) ->
 
 
 def _worth(worth: Worth, change: LimitChange | None) -> Record:
-    """What one per cent more of each limit saves, to first order, and what was planned again with more of one."""
+    """Return the saving by one per cent more of each limit, and the plan with more of one limit."""
     rows = zip(worth.limits, worth.axes, worth.saved.tolist(), worth.together.tolist(), strict=True)
     keys = ("limit", "axis", "saved_s", "saved_with_what_binds_beside_it_s")
     return {

@@ -52,7 +52,7 @@ def of_tracking(rig: Rig, metrics: Iterable[Metrics]) -> Record:
 
 
 def of_check(found: Standing) -> Record:
-    """The findings of a geometric check: what is violated, or how near the path comes to each limit; its joins."""
+    """Return the record of a geometric check: violations or use of each limit, and joins."""
     largest = found.largest.items()
     return {
         "feasible": not found.violations,
@@ -70,7 +70,7 @@ def of_check(found: Standing) -> Record:
 
 
 def of_export(name: str, file: str, done: Exported, doubts: Sequence[str] = ()) -> Record:
-    """A file that was written: how far what it holds is from the plan."""
+    """Return the record of an exported file, with its error against the plan."""
     return {
         "format": name,
         "file": file,
@@ -83,12 +83,12 @@ def of_export(name: str, file: str, done: Exported, doubts: Sequence[str] = ()) 
 
 
 def of_doubts(doubts: Sequence[str]) -> Record:
-    """Whether a plan that was taken up is known to be what was proved, and if not, why."""
+    """Return whether a loaded plan is verified, and if not, why."""
     return {"verified": not doubts, "doubts": list(doubts)}
 
 
 def of_import(name: str, found: Imported, way: Outline, file: str, figure: str) -> Record:
-    """A program from another format: what was understood of it; lengths in m."""
+    """Return the record of an imported program; lengths in m."""
     return {
         "format": name,
         "file": file,
@@ -103,7 +103,7 @@ def of_import(name: str, found: Imported, way: Outline, file: str, figure: str) 
 
 
 def of_posture(found: Posture) -> Record:
-    """One pose: where it is, what every axis and joint does in it, the margins, and its proof."""
+    """Return the record of one pose: axes, joints, margins and proof."""
     margins = found.margins
     return {
         "machine": found.machine.name,
@@ -167,7 +167,7 @@ def of_arms(found: ArmSimulation, file: str) -> Record:
 
 
 def of_rules() -> Record:
-    """The firing rules by name: what each is, and its options; values in SI units."""
+    """Return the firing rules by name, with their options in SI units."""
     from planner.pulses import RULES
 
     return {
@@ -183,7 +183,7 @@ def of_rules() -> Record:
 
 
 def of_machine(machine: Machine) -> Record:
-    """A machine: its axes as they are, None for what is unlimited."""
+    """Return the record of a machine; None: unlimited."""
     return {
         "name": machine.name,
         "kind": type(machine).__name__.lower(),
@@ -193,13 +193,13 @@ def of_machine(machine: Machine) -> Record:
 
 
 def _fields(of: object, *names: str) -> Record:
-    """What a result has under these names; a place as a record of its own."""
+    """Return some fields of a result, with a place as a record."""
     values = {name: getattr(of, name) for name in names}
     return {name: place_record(value) if isinstance(value, Place) else value for name, value in values.items()}
 
 
 def fit_record(found: FitSummary | None) -> Record | None:
-    """What fitting did: pieces before and after, the largest deviation that is proved, and corners that stay."""
+    """Return the record of a fit: pieces before and after, proved deviation, and corners."""
     if found is None:
         return None
     return {
@@ -216,7 +216,7 @@ def fit_record(found: FitSummary | None) -> Record | None:
 
 
 def blend_records(blends: Sequence[Blended]) -> list[Record]:
-    """After which segment each is, what it may leave the path by and does, and which segments cut it short."""
+    """Return the record of each blend: its segment, tolerances, deviations, and the segments that limit it."""
     return [
         {
             "segment": blend.segment,
@@ -233,7 +233,7 @@ def blend_records(blends: Sequence[Blended]) -> list[Record]:
 
 
 def departure_records(departures: Sequence[Departure]) -> list[Record]:
-    """How far the tool leaves the straight line in synchronised moves, in space and turning, and the axes theirs."""
+    """Return the deviation from the straight line in synchronised moves, in space, in angle and by axis."""
     return [
         {
             "where": place_record(one.where),
@@ -266,7 +266,7 @@ def place_record(place: Place) -> Record:
 
 
 def violation_record(violation: MotionError) -> Record:
-    """What a path or a motion breaks: where, by how much, and the remedy."""
+    """Return the record of a violation: place, excess and remedy."""
     if not isinstance(violation, Infeasible):
         return {"kind": "reach", "message": str(violation)}
     named = _fields(violation, "kind", "axis", "value", "limit", "unit", "remedy")

@@ -16,7 +16,7 @@ from kinematics.foundation.errors import MotionError
 KIND = "pulsepath console"
 SCHEMA = 2
 EARLIER_SCHEMA = 1
-"""Of files whose registers counted from travel's zero, which they can be told from."""
+"""Kind of files whose registers count from the travel's zero."""
 GIVE_STATE = "give a file for the registers with --state FILE"
 """The remedy where the file cannot be read or written."""
 MAX_DIGITS = 40
@@ -71,9 +71,9 @@ def write(path: Path, saved: SavedSession) -> None:
 
 
 class Keeper:
-    """Writes what is to be saved, and goes on where it cannot: that is told once, and so is when it can again.
+    """Saves registers, and continues without saving after an error, which is reported once, as its end is.
 
-    kept  whether the file has what was last to be saved
+    kept  whether the file has the latest registers
     """
 
     __slots__ = ("_path", "_tell", "kept")
@@ -83,7 +83,7 @@ class Keeper:
 
     @property
     def describe(self) -> str:
-        """Where the registers are."""
+        """Path of the register file."""
         return f"saved in {self._path}" if self.kept else f"not saved: {self._path} could not be written"
 
     def save(self, saved: SavedSession) -> None:
@@ -106,7 +106,7 @@ class Keeper:
 
 
 def read(path: Path) -> SavedSession | None:
-    """Return what was saved; None where nothing was. Raises MotionError for a file that is not whole, or not ours."""
+    """Return the saved registers. None: nothing was saved. Raises MotionError for a damaged or foreign file."""
     try:
         record = json.loads(path.read_bytes())
     except FileNotFoundError:

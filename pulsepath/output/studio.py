@@ -1,4 +1,4 @@
-"""What `pulsepath studio` serves: a page with the list of plans, their reports, and the state of planning anew."""
+"""The pages of `pulsepath studio`: the list of plans, their reports, and the state of replanning."""
 
 import subprocess
 import sys
@@ -98,14 +98,15 @@ def _stamp(file: Path) -> tuple[int, int] | None:
 
 
 class Studio:
-    """Answers what a browser asks for: / with ?show=NAME of a plan, /compare?left=NAME&right=NAME of two,
-    /report?of=NAME, /stamp."""
+    """Answers requests of a browser: / with ?show=NAME of a plan, /compare?left=NAME&right=NAME of two,
+    /report?of=NAME, /stamp.
+    """
 
     def __init__(self, folder: Path, replanner: Replanner | None = None) -> None:
         self._folder, self._plans, self._replanner = folder, PlanList(folder), replanner
 
     def answer(self, path: str, query: Query) -> tuple[str, bytes] | None:
-        """What is asked for, and its type; None: there is no such thing."""
+        """Return the type and content of a page. None: there is no such page."""
         listed = self._plans.find()
         if path == "/":
             return PAGE, self._draw(listed, query.get("show", ())[:1]).encode()
@@ -173,7 +174,7 @@ SAME_SHARE = 1e-5
 
 
 def list_differences(first: Listed, second: Listed) -> list[tuple[str, str, str, str]]:
-    """Rows: label, both values, and by how much the second is more; of what either of two plans states."""
+    """Return rows of label, both values, and the difference, for each figure that either plan states."""
     rows: list[tuple[str, str, str, str]] = []
     for label in dict.fromkeys((*first.facts, *second.facts)):
         one, other = (each.facts.get(label, "–") for each in (first, second))
@@ -190,7 +191,7 @@ def list_differences(first: Listed, second: Listed) -> list[tuple[str, str, str,
 
 
 def _name_figure(key: str) -> tuple[str, float, str]:
-    """What a figure is called, and its unit for people with the factor to it."""
+    """Return the label of a figure, and the factor and name of its unit for people."""
     if key.startswith(SHARES):
         return key, 100.0, "%"
     return (key, 1e6, "µm") if key.startswith(ERRORS) else UNITS.get(key, (key, 1.0, ""))

@@ -36,18 +36,18 @@ def show(tables: Iterable[Table]) -> None:
 
 
 def lay_out(table: Table) -> Layout:
-    """What is drawn of a table, as data for JSON."""
+    """Return the layout of a table, as data for JSON."""
     columns = [(column.title, column.numeric, column.whole) for column in table.read]
     return {"title": table.title, "columns": columns, "rows": table.cells(), "notes": [*table.notes]}
 
 
 def of_results(*results: Result) -> list[Table]:
-    """What results tell of themselves."""
+    """Return the tables of results."""
     return [table for result in results for table in result.tables()]
 
 
 def of_plan(job: Job) -> list[Table]:
-    """Duration and saving, and what the plan tells of itself."""
+    """Return the tables of a plan: duration and saving, segments, proof and pulses."""
     from planner.active_limits import tabulate_segments
     from planner.baselines import missing_limits
     from planner.timing.certified_solve import BEFORE_SHAPERS
@@ -88,7 +88,7 @@ def of_plan(job: Job) -> list[Table]:
 
 
 def _cost_rows(plan: Plan, shaped: ShapedProof) -> list[tuple[str, float | None, str]]:
-    """What the shapers cost the fastest motion, and what was lowered for them: rows of the table of times."""
+    """Return rows about the shapers' cost, and the limits that were lowered for them."""
     cost = shaped.cost
     if cost is None or not plan.fastest:
         return []
@@ -97,11 +97,11 @@ def _cost_rows(plan: Plan, shaped: ShapedProof) -> list[tuple[str, float | None,
 
 
 COST, LOWERED = "cost of the shapers", "lowered for them"
-"""What is said of the shapers' cost."""
+"""Labels of the shapers' cost."""
 
 
 def _describe_cost(plan: Plan, shaped: ShapedProof) -> list[tuple[str, str]]:
-    """The same on the first screen, and what is left of the vibrations."""
+    """Return rows of the first screen about the shapers' cost and the remaining vibration."""
     from kinematics.analysis.residual_vibration import find_residuals
 
     told = [(what, note) for what, _, note in _cost_rows(plan, shaped)]
@@ -114,13 +114,13 @@ def _describe_cost(plan: Plan, shaped: ShapedProof) -> list[tuple[str, str]]:
 UNBOUNDED = "gap, worth of limits"
 LEFT_OUT = "left out"
 MOST_TOLD = 3
-"""Stops instead of blends up to which each is told with its reason on a line."""
+"""Number of stops at blends up to which each is listed with its reason."""
 NEARLY = 0.999
 """Proven share of a limit from which a motion is said to use it up."""
 
 
 def sum_up(job: Job) -> list[Table]:
-    """A plan on a screen: its duration, how good it is, what it is proved to keep, what holds it back, its pulses."""
+    """Return the first screen of a plan: duration, saving, limits, joins and pulses."""
     from planner.baselines import describe_differences, missing_limits
     from planner.limits.registry import geometric_limits
     from planner.timing.certified_solve import BEFORE_SHAPERS
@@ -207,7 +207,7 @@ def sum_up_parts(standing: PlanStanding) -> list[Table]:
 
 
 def sum_up_check(found: Standing) -> list[Table]:
-    """What a check found on a screen: the limits' uses, and a line each for fits, blends and synchronised moves."""
+    """Return the first screen of a check: use of the limits, and a line each for fits, blends and moves."""
     uses, *rest = found.tables()
     told = [("blends", _sum_up_blends(found.blends))] if found.blends else []
     if found.fit is not None and found.fit.before:
@@ -245,7 +245,7 @@ def _sum_up_overshoots(overshoots: Sequence[Overshoot]) -> str:
 
 
 def _describe_timing(plan: Plan, timing: Classical, *first: str) -> str:
-    """What a baseline timing is, and does otherwise than the plan."""
+    """Describe a baseline timing and its differences from the plan."""
     from planner.baselines import describe_differences
 
     return "; ".join([*first, *describe_differences(plan, timing)])
@@ -321,7 +321,7 @@ def _bound(bound: Magnitude | None, scale: float, unit: str) -> str:
 def show_plan(
     out: Path, as_json: bool, all_tables: Callable[[], Sequence[Table]], first_screen: Callable[[], Sequence[Table]]
 ) -> None:
-    """Print a plan that was written to a directory, as much of it as was asked for."""
+    """Print a plan that was written to a directory, at the requested verbosity."""
     import click
 
     from pulsepath.output import record
@@ -344,7 +344,7 @@ def show_plan(
 
 
 def _lay_out_shown(table: Table, record: Path) -> Layout:
-    """As `lay_out`; of a long table of a plan's parts the rows that text shows, and where the others are."""
+    """Lay out a table; for a long one the rows that text shows, and the file that has the others."""
     layout = lay_out(table)
     if len(table) > MAX_SHOWN_ROWS:
         layout["rows"] = table.shown_cells()

@@ -14,11 +14,7 @@ from pulsepath.process.supervisor import SIGNAL_NAMES
 RESEND_DELAY = 0.002
 """s until a signal is given again that would have been lost."""
 UNSAFE_MODULES = ("casadi.casadi", "importlib._bootstrap", "_frozen_importlib")
-"""Modules in whose calls nothing may be raised.
-
-CasADi calls Python to convert arguments, and clears errors. A compiled module that is being loaded makes an ImportError
-of it, or, where its initialization may not throw, aborts.
-"""
+"""Modules in whose calls no exception may be raised."""
 
 
 class EndSignal(KeyboardInterrupt):
@@ -77,7 +73,7 @@ def _resend(number: signal.Signals) -> None:
 
 
 def _is_swallowed(where: FrameType | None, outermost: FrameType) -> bool:
-    """Whether what is raised in a frame would be lost, or end the process, on its way to the outermost."""
+    """Return whether an exception raised in a frame would be lost, or end the process."""
     while where is not None and where is not outermost:
         if where.f_globals.get("__name__") in UNSAFE_MODULES:
             return True

@@ -1,4 +1,4 @@
-"""An error as data: what `--json` prints on stdout when a command fails."""
+"""An error as data, which `--json` prints on stdout when a command fails."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +16,7 @@ KINDS = {
     "reach": (ERRORS, "OutOfReach"),
     "input": (ERRORS, "MotionError"),
 }
-"""What went wrong, by the module and name of its class, the most special first."""
+"""Kind of an error, by the module and name of its class, the most special first."""
 
 
 def error_json(error: Exception, code: int) -> str:
@@ -43,7 +43,7 @@ def error_json(error: Exception, code: int) -> str:
 
 
 def _message(error: Exception) -> str:
-    """As it is printed; of the command line's own errors, with the option."""
+    """Return the printed message; for errors of the command line with the option."""
     return error.format_message() if isinstance(error, click.ClickException) else str(error)
 
 

@@ -13,15 +13,15 @@ from typing import Any
 
 INFEASIBLE, BAD_INPUT, INTERNAL, INTERRUPTED = 1, 2, 3, 130
 SCHEMA = 1
-"""Of what --json prints."""
+"""Version of the data that --json prints."""
 JSON = "pulsepath.json"
-"""Where a context keeps whether JSON is asked for."""
+"""Key of a context under which the request for JSON is stored."""
 TRACEBACK = "PULSEPATH_TRACEBACK"
 """Set to 1 in the environment, it lets the traceback of an error through."""
 
 
 def describe_error(error: Exception) -> tuple[int, str]:
-    """The exit code that an error asks for, and what to say about it."""
+    """Return the exit code and the message of an error."""
     if is_of(error, "pulsepath.job", "Defect"):
         return INTERNAL, f"internal error: {error}; please report it"
     if is_of(error, "planner.place", "Infeasible") or is_of(error, ERRORS, "OutOfReach"):
@@ -49,7 +49,7 @@ ERRORS = "kinematics.foundation.errors"
 
 
 def is_of(error: Exception, module: str, name: str) -> bool:
-    """Whether an error is of a class, whose module is not loaded for it: who raised one has loaded it."""
+    """Return whether an error is of a class, without loading the module of the class."""
     return isinstance(error, getattr(sys.modules.get(module), name, ()))
 
 
@@ -57,7 +57,7 @@ Stamp = list[int] | None
 
 
 def of_interruption(intent: Mapping[str, Any]) -> str:
-    """The line for an interrupted command, by what it was about to write, as `intent.writes` states it."""
+    """Return the line for an interrupted command, about the files that it was writing (`intent.writes`)."""
     before, kept = intent.get("writes", ()), intent.get("kept", "")
     if not before:
         return "interrupted"
@@ -69,7 +69,7 @@ def of_interruption(intent: Mapping[str, Any]) -> str:
 
 
 def read_stamp(path: str | Path) -> Stamp:
-    """Tells a file or directory from another that takes its place; None: there is none."""
+    """Return the identity of a file or directory. None: it does not exist."""
     try:
         found = os.lstat(path)
     except OSError:

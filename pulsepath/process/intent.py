@@ -1,4 +1,4 @@
-"""What a command is about to write, so that an interrupted command can say whether it did."""
+"""The files that a command is about to write, so that an interrupted command can report on them."""
 
 import os
 from pathlib import Path
@@ -8,11 +8,11 @@ from pulsepath.process import supervisor
 from pulsepath.process.exits import of_interruption, read_stamp
 
 _INTENT = "pulsepath.process.intent"
-"""Where a context stores what is about to be written."""
+"""Key of a context under which the files to be written are stored."""
 
 
 def writes(*targets: Path, kept: str = "") -> None:
-    """Have the message of an interrupted command say whether these changed. kept: what stays of unfinished work."""
+    """Let the message of an interrupted command say whether these files changed. kept: unfinished work that stays."""
     import click
 
     intent = {

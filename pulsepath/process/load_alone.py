@@ -8,7 +8,7 @@ from types import ModuleType
 
 @cache
 def load_alone(name: str) -> ModuleType:
-    """A module that imports nothing but the standard library."""
+    """Load a module that imports only the standard library."""
     home = find_spec("kinematics")
     assert home is not None  # it comes with this package
     assert home.origin is not None

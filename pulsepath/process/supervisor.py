@@ -27,7 +27,7 @@ SAME_SIGNAL_TIME = 0.05
 MAX_READ_BYTES = 1 << 16
 
 _tell: int | None = None
-"""In the worker, where the first process is told: lines of JSON, and signals as bytes that no such line has."""
+"""File descriptor of the worker's messages to the supervisor: lines of JSON, and signals as single bytes."""
 
 
 def supervise() -> None:
@@ -48,9 +48,10 @@ def supervise() -> None:
 
 
 def tell(**what: Any) -> None:
-    """Tell the first process, where there is one: what is about to be written, or how long an orderly end may take.
+    """Send a message to the supervisor, if there is one: files to be written, or time for an orderly end.
 
-    code: all is done, and how it ends: what is left is Python's own end, which may take long on a computer at work.
+    code: exit code, sent when all is done; the rest is Python's own end, which may take long on a busy
+    computer.
     """
     if _tell is not None:
         import json
@@ -60,9 +61,9 @@ def tell(**what: Any) -> None:
 
 
 def leave(code: int) -> None:
-    """End the worker at once where its compiler is at work, which cannot bear that the interpreter ends under it.
+    """End the worker at once while its compiler runs, which cannot bear the end of the interpreter.
 
-    What is to be done at exit is done, and where there is no first process it goes on as before.
+    Exit handlers run first. Without a supervisor the command continues as before.
     """
     kernels = sys.modules.get("kinematics.foundation.kernels")
     if _tell is None or kernels is None or not kernels.is_compiling():
@@ -77,7 +78,7 @@ def leave(code: int) -> None:
 
 
 def _pipe() -> tuple[int, int]:
-    """A pipe that is none of the standard streams, though they may be closed; its end to write to never waits."""
+    """Open a pipe apart from the standard streams, which may be closed. Writing to it never blocks."""
     import fcntl
 
     ends = os.pipe()
@@ -109,7 +110,7 @@ def _end_with_parent(first: int) -> None:
 
 
 class _Watch:
-    """What the first process knows of the worker: the signal that is to end it, by when, and what it told."""
+    """The supervisor's knowledge of the worker: the signal that ends it, its deadline, and its messages."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
@@ -128,7 +129,7 @@ class _Watch:
             self.forward.setdefault(number, now + SAME_SIGNAL_TIME)
 
     def read(self, content: bytes) -> None:
-        """What the worker told, and the signals that reached it."""
+        """Return the messages of the worker, and the signals that reached it."""
         for byte in content:
             if byte in _numbers():
                 now = self._clock()
@@ -209,7 +210,7 @@ def _watch(worker: int, told: int) -> int:
 
 
 def _read_rest(told: int) -> Iterator[int]:
-    """What a worker that is no more told before it ended."""
+    """Read the last messages of a worker that has ended."""
     os.set_blocking(told, False)
     try:
         while content := os.read(told, MAX_READ_BYTES):
@@ -219,7 +220,7 @@ def _read_rest(told: int) -> Iterator[int]:
 
 
 def _clear_up(worker: int, watch: _Watch, mode: list[Any] | None) -> int:
-    """After a worker that had to be killed: the terminal and the folders as they were, and a word of it."""
+    """Restore terminal and folders after a worker was killed, and print a message."""
     _remove_leftovers(worker, watch, mode)
     from pulsepath.process.exits import of_interruption
     from pulsepath.process.load_alone import load_alone
@@ -234,7 +235,7 @@ def _clear_up(worker: int, watch: _Watch, mode: list[Any] | None) -> int:
 
 
 def _remove_leftovers(worker: int, watch: _Watch, mode: list[Any] | None) -> None:
-    """Remove what the worker left: for its own processes, beside the places of its results, and folders made for them.
+    """Remove the files of a killed worker: shared memory of its processes, unfinished results, new folders.
 
     planner.parallel names the first by the worker's number, and so does loky.
     """
@@ -266,7 +267,7 @@ def _remove_leftovers(worker: int, watch: _Watch, mode: list[Any] | None) -> Non
 
 
 def _kill(worker: int) -> None:
-    """End the worker and all that it started, but for what has left its process group, as a browser."""
+    """End the worker and its processes, apart from those that left its process group, as a browser."""
     os.kill(worker, signal.SIGSTOP)  # so that it starts nothing more
     group, parents = os.getpgrp(), _parents()
     found, below = [worker], {worker}
@@ -302,7 +303,7 @@ def _parents() -> dict[int, int]:
 
 
 def _terminal_mode() -> list[Any] | None:
-    """How the terminal is set that commands are typed at, if there is one: a console that is killed leaves it raw."""
+    """Return the settings of the terminal, if there is one: a killed console leaves it raw."""
     if not os.isatty(0):
         return None
     import termios
