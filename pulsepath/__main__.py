@@ -11,7 +11,7 @@ loads much and ends soon look through all of it again and again, for a tenth of 
 
 
 def main() -> None:
-    """Run it. Before the commands have loaded, and after they are done, Ctrl-C ends the process and says nothing."""
+    """Run the command line. Ctrl-C before the commands have loaded, or after their end, exits silently."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else it is ignored, and stays so
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     supervise()

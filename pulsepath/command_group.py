@@ -24,9 +24,9 @@ OTHERS_TITLE, OTHER_FORMAT = "Others", "pulsepath.other_format"
 
 
 class Commands(click.Group):
-    """Commands that take -q and -v, and whose errors become exit codes; click's own usage errors exit with 2.
+    """Commands with -q and -v, whose errors become exit codes. Usage errors of click exit with 2.
 
-    sections  titles of the commands' list, and the names under each; those that are in none come last
+    sections  titles in the list of commands, and the names under each; other commands come last
     """
 
     def __init__(self, *args: Any, sections: Mapping[str, Sequence[str]] | None = None, **kwargs: Any) -> None:
@@ -144,7 +144,7 @@ def _is_of_output(error: OSError) -> bool:
 
 
 def _drop_unwritable() -> None:
-    """What is still buffered for a reader that has gone must not fail when the interpreter ends."""
+    """Discard buffered output for a reader that has gone, so that the interpreter can end without an error."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
@@ -170,7 +170,7 @@ def _replace_unprintable() -> None:
 CLASHES = {"order": "import_order", "rule": "import_rule"}
 """Options of formats that programs come in, which commands that plan have others of: there they are called so."""
 OWN = ("machine", "fit")
-"""Those that such commands have themselves."""
+"""Options that such commands have themselves."""
 
 
 class ProgramCommand(click.Command):

@@ -18,18 +18,18 @@ if TYPE_CHECKING:
 USUAL = re.compile(r'as "([^"]+)"|Default:? (\d[\d.]* [a-z/]+)')
 """A usual value of an option that is a quantity, in its help."""
 TYPES = {"int": click.INT, "float": click.FLOAT, "str": click.STRING}
-"""What click calls the types of options."""
+"""Names of option types in click."""
 
 
 @dataclass(frozen=True, slots=True)
 class Formats:
     """The formats of a command.
 
-    what     the table that has them, in `registries.TABLES`
-    listed   help by name, as `registries` has it; formats that a program added describe themselves
-    known    options, likewise
-    find     finds the dataclass of a name
-    offered  tells which formats that a program added the command offers
+    what     name of their table in `registries.TABLES`
+    listed   help by name, as in `registries`; formats that a program added describe themselves
+    known    options by name, likewise
+    find     function that returns the dataclass of a name
+    offered  function that returns whether the command offers an added format
     """
 
     what: str
@@ -170,7 +170,7 @@ def _flag(name: str) -> str:
 
 
 def _find_type(field: Field[Any], hint: Any) -> str | tuple[str, ...]:
-    """Find what an option takes: "quantity", the name of a type, or one of several words."""
+    """Return the kind of an option's value: "quantity", the name of a type, or one of several words."""
     if field.metadata["unit"]:
         return "quantity"
     if get_origin(hint) is not Literal:  # as float, or str | None

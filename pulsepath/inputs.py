@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """How a file of another format is read: the format's name, and its options, in SI units.
+    """The way to read a file of another format: name of the format, and its options in SI units.
 
     suffix: of the file
     """
@@ -37,7 +37,7 @@ class Origin:
         return self.read_import(file, machine).program
 
     def read_import(self, file: Path, machine: str) -> "Imported":
-        """Return the program of a file with what was read of it, and show its warnings."""
+        """Read the program of a file, and show its warnings."""
         from planner.sources.source import find_source, stream_program
 
         source = find_source(self.format)(**{**self.options, **_joint_machine(self.format, file, machine)})
@@ -51,9 +51,9 @@ class Origin:
 class Inputs:
     """A program and a machine, with the content of their files.
 
-    companions: what the machine's file names beside it, such as an arm's URDF
-    origin      of a program of another format: its name, and the options by which it was read
-    fit         m, within which all of a TOML program's path was asked to be fitted
+    companions  files that the machine's file names, such as an arm's URDF
+    origin      format and options of a program of another format
+    fit         tolerance (m) of the requested fit of a TOML program's path
     """
 
     program: Program
@@ -66,7 +66,7 @@ class Inputs:
 
     @property
     def program_file(self) -> str:
-        """What the program's file is called beside a plan."""
+        """Name of the program's file in the folder of a plan."""
         return "program.toml" if self.origin is None else f"program{self.origin.suffix}"
 
     @contextmanager
@@ -138,7 +138,7 @@ def _note_lost_angles(turned: frozenset[str], machine: "Machine", name: str) -> 
 
 
 def _joint_machine(name: str, file: Path, machine: str) -> dict[str, str]:
-    """The machine of a file of joint axes, for a format that needs to be told."""
+    """Return the machine for a file of joint axes."""
     from planner.sources.rs274.joints import find_header
     from planner.sources.source import decode_text
 
@@ -146,9 +146,9 @@ def _joint_machine(name: str, file: Path, machine: str) -> dict[str, str]:
 
 
 def _find_machine(machine: str) -> Callable[[], tuple["Machine", bytes, Mapping[str, bytes]]]:
-    """What loads a machine, its file's content, and what that names beside it.
+    """Return a function that loads a machine, the content of its file, and the files that it names.
 
-    Faults of the file are told at once; a bundled one has none, and is not looked at before it is loaded.
+    Faults of the file are reported at once. A bundled one has none, and is read when it is loaded.
     """
     file = find("kinematics", "machine", machine)
     if isinstance(file, Path) and not file.exists():  # said before what is slow to load
@@ -195,7 +195,7 @@ def _read_native(program: str, machine: str | None, ready: Callable[[], object])
 
 
 def read_rig(name_or_path: str | None, machine: "Machine") -> "Rig | None":
-    """The rig of a name or of a file, behind this machine; None for none. Raises MotionError if it does not fit."""
+    """Return the rig of a name or of a file for a machine. Raises MotionError if it does not fit."""
     from controllers.rig_choice import choose_rig
 
     return None if name_or_path is None else choose_rig(machine, name_or_path)

@@ -16,7 +16,7 @@ LAWS = ("3", "6")
 MACHINE_FILE, PROGRAM_FILE = "machine.toml", "program.toml"
 """Files that a command writes for the user to start from."""
 FIRST_LOOK = 1 << 16
-"""Bytes of a file up to which reading it twice costs nothing that is felt."""
+"""Size (bytes) of a file that is read twice without a noticeable delay."""
 PERCENT = re.compile(r"\s*(\d*\.?\d+(?:[eE][+-]?\d+)?)\s*%\s*")
 FREQUENCY = re.compile(r"\s*(\d+(?:\.\d*)?(?:[eE]\+?\d{1,2})?)\s*(|Hz|kHz|MHz|GHz)\s*", re.ASCII)
 MULTIPLES = {"": 1, "Hz": 1, "kHz": 10**3, "MHz": 10**6, "GHz": 10**9}
@@ -53,11 +53,11 @@ def refuse_unknown(
     rule: str | None = None,
     format: str | None = None,
 ) -> None:
-    """Raise MotionError for a name that nothing has, before the modules load that would tell it seconds later.
+    """Raise MotionError for an unknown name, before the modules load that would report it seconds later.
 
-    Files are looked at as far as that is light: they are there, and TOML. What their keys say is read later.
+    Files must exist and be TOML. Their keys are checked later.
 
-    laws   with their gains or not; rule: with its options or not; format: of exports
+    laws: with or without gains; rule: with or without options; format: of exports
     """
     from kinematics.foundation.errors import BadValue
     from kinematics.foundation.names import find, unknown_name
@@ -92,7 +92,7 @@ def refuse_missing(file: Path) -> None:
 
 
 def _refuse_unreadable(file: Path) -> None:
-    """Raise FileError for a user's file that is missing or is no TOML; what is long is read once only, later."""
+    """Raise FileError for a missing file, and for a short one that is not TOML. Long files are read once, later."""
     from kinematics.files.toml_document import read
 
     is_short = file.suffix == ".toml" and file.is_file() and file.stat().st_size <= FIRST_LOOK
@@ -119,7 +119,7 @@ class Frequency(click.ParamType[int]):
     name = "frequency"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
-        """The number of Hz; fails the parameter with what is wrong."""
+        """Return a frequency in Hz. A wrong text fails the parameter."""
         from fractions import Fraction
 
         found = FREQUENCY.fullmatch(str(value))
@@ -142,7 +142,7 @@ def read_percent(flag: str, text: str, from_zero: bool = False) -> float:
 
 
 def read_speed_share(text: str) -> float:
-    """That of --speed, at most all of the plan's own. Raises BadValue."""
+    """Return the share of --speed, at most that of the plan. Raises BadValue."""
     from kinematics.foundation.errors import BadValue
 
     share = read_percent("--speed", text)

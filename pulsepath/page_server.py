@@ -37,17 +37,17 @@ Reports of pulsepath need no more (benchmarks.animation.animate.POLICY, which ta
 
 Query = Mapping[str, Sequence[str]]
 FindPage = Callable[[str, Query], tuple[str, bytes] | None]
-"""From path and query of a request to the type and content of what it asks for; None: there is none."""
+"""Function from the path and query of a request to the type and content of the answer; None: no such page."""
 
 
 def answer_page(page: str) -> FindPage:
-    """What finds one page, and nothing else."""
+    """Return a function that answers requests for one page."""
     content = page.encode()
     return lambda path, _: (PAGE, content) if path == "/" else None
 
 
 def serve_until_interrupted(find: FindPage, port: int, told: dict[str, Any], no_browser: bool, as_json: bool) -> None:
-    """Serve pages until Ctrl-C, which is how this ends well; told: what is printed beside the address.
+    """Serve pages until Ctrl-C, which ends this normally. told: text printed next to the address.
 
     Raises as `serve_pages`.
     """
@@ -72,9 +72,9 @@ def serve_until_interrupted(find: FindPage, port: int, told: dict[str, Any], no_
 
 @contextmanager
 def serve_pages(find: FindPage, port: int = 0) -> Iterator[str]:
-    """Serve pages at the address that it yields, until the block ends; port 0: any free one.
+    """Serve pages at the address that it yields, until the block ends. port 0: any free one.
 
-    Requests are answered in threads. Raises MotionError where nothing can listen there.
+    Requests are answered in threads. Raises MotionError if no server can listen there.
     """
 
     class Handler(BaseHTTPRequestHandler):
@@ -128,7 +128,7 @@ def serve_pages(find: FindPage, port: int = 0) -> Iterator[str]:
 
 
 class _Server(ThreadingHTTPServer):
-    """A server that says nothing about browsers that leave before they have their answer."""
+    """A server without messages about browsers that leave before the answer."""
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         if not isinstance(sys.exception(), ConnectionError):

@@ -1,6 +1,6 @@
-"""The figures of all results: each function draws on `ax`, or on a new figure.
+"""Figures of all results. Each function draws on `ax`, or on a new figure.
 
-They return the axes (those of a gain report a list of them); `axes.figure` is the figure, which a notebook shows.
+It returns the axes (of a gain report a list of them); `axes.figure` is the figure, which a notebook shows.
 """
 
 from benchmarks.reports.gain.setting_figures import gains, pareto

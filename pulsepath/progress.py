@@ -1,7 +1,7 @@
-"""What a command says beside its result: the progress of long work on stderr, as much as -q and -v ask for.
+"""Messages of a command besides its result: progress on stderr, as -q and -v request.
 
-On a terminal a bar, elsewhere a line per step, and after two, six, fourteen seconds and then every ten how far it is;
-plain where NO_COLOR or a dumb terminal asks for it.
+On a terminal there is a bar, elsewhere a line per step, with its progress after two, six, fourteen
+seconds and then every ten. The output is plain with NO_COLOR or on a dumb terminal.
 """
 
 import os
@@ -20,15 +20,16 @@ FIRST_PERIOD, REPORT_PERIOD = 2.0, 10.0
 REDRAW_PERIOD, BAR_WIDTH = 0.1, 20
 """s between two that are; and columns of the bar before them."""
 MAX_COUNTED = 1000
-"""Up to so many, things are told by number; of more, as of ticks or bytes, their share says enough."""
+"""Number of things up to which progress shows counts; of more, as ticks or bytes, it shows the share."""
 
 
 @contextmanager
 def step(what: str, describe: Callable[[int, int], str] | None = None) -> Iterator[Callable[[int, int], None]]:
-    """Announce a step, which yields a function that reports progress (done, total).
+    """Announce a step. Yields a function that reports progress (done, total).
 
-    On a terminal or with -v its duration is told when it ends.
-    describe: what is said of progress; None: its share, or the numbers where they are small.
+    On a terminal or with -v the duration is shown at the end.
+
+    describe: text for a state of progress; None: its share, or the counts if they are small
     """
     begin, what, describe = perf_counter(), escape_text(what), describe or _format_progress
     if level() == QUIET:
@@ -55,7 +56,7 @@ def step(what: str, describe: Callable[[int, int], str] | None = None) -> Iterat
 
 @contextmanager
 def _draw_bar(what: str, describe: Callable[[int, int], str]) -> Iterator[Callable[[int, int], None]]:
-    """A bar on a terminal, which moves to and fro until something is told; behind it what is said of that."""
+    """A bar on a terminal, which moves to and fro until there is a report; the report follows the bar."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
     from rich.table import Column
@@ -80,7 +81,7 @@ def _draw_bar(what: str, describe: Callable[[int, int], str]) -> Iterator[Callab
 
 
 def _report_nothing(done: int, of: int) -> None:
-    """What is told of progress where all is to be quiet."""
+    """Ignore progress, in quiet mode."""
 
 
 def _format_progress(done: int, of: int) -> str:
@@ -119,7 +120,7 @@ def level() -> int:
 
 
 def say(text: object, *, err: bool = False) -> None:
-    """A line, or more of them, with all escaped that a terminal would obey: names in it come from files."""
+    """Escape control characters of a text, whose names come from files."""
     click.echo(escape_text(str(text)), err=err)
 
 
@@ -256,5 +257,5 @@ def _split_columns(widths: Sequence[int], room: int) -> list[list[int]]:
 
 
 def is_styled(stream: IO[str]) -> bool:
-    """Whether a stream shows colours, and lines drawn over each other [no-color.org]."""
+    """Return whether a stream shows colours and lines that are drawn again [no-color.org]."""
     return stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") not in ("dumb", "unknown")

@@ -15,7 +15,7 @@ TABLES = {
 """Module and name of each table that a program may add its own entries to."""
 
 Option = tuple[str, str | tuple[str, ...], str, str]
-"""An option: its name, what it takes ("quantity", a type, or one of these words), formats, help."""
+"""An option: its name, type ("quantity", a type, or one of these words), formats, help."""
 
 EXPORTS = {
     "pulses": "Every edge of the step and direction lines, as a logic analyser records them.",

@@ -54,7 +54,7 @@ class Screen(Vt100_Output):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Terminal(Link):
-    """Keyboard and screen. What the server reads is a pipe: it wakes when a line has been typed, and is told to STOP.
+    """Keyboard and screen. The server reads a pipe, which wakes it for a typed line and for STOP.
 
     wake  the pipe's other end
     loop  of the prompt's thread, while there is one
@@ -68,7 +68,7 @@ class Terminal(Link):
         return self.show(partial(Link.send_bytes, self, data))
 
     def show(self, write: Callable[[], bytes | None]) -> bytes | None:
-        """Write, above the prompt and what is typed at it where there is one."""
+        """Write above the prompt, if there is one."""
 
         async def write_above() -> bytes | None:
             return await run_in_terminal(write)
@@ -131,7 +131,7 @@ def open_terminal(names: tuple[str, ...]) -> Terminal:
 
 @contextmanager
 def _run_in_thread(loop: asyncio.AbstractEventLoop) -> Iterator[None]:
-    """The loop runs within, in a thread of its own; what is left in it is cancelled, and brought to its end."""
+    """Run the loop in a thread of its own. At the end, its tasks are cancelled."""
     over = asyncio.Event()
 
     def run() -> None:

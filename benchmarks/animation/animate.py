@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from viser import SceneApi, ViserServer
 
 RADII: dict[Sort, float] = {"frame": 0.005, "actuator": 0.006, "link": 0.010, "platform": 0.007}
-"""Of bars, as shares of the size of all that is drawn."""
+"""Radii of bars, as shares of the size of the scene."""
 BARREL, BARREL_LENGTH_SHARE = 0.011, 0.6
 """An actuator's outer tube: its radius as such a share, and its length as a share of the least that the bar has."""
 MIN_BAR_LENGTH = 1e-12
@@ -70,7 +70,7 @@ class Solids:
 
 
 def make_cylinders(bars: Sequence[Bar], ends: Array, size: float) -> Solids:
-    """Of bars with their ends (N, bars, 2, 3): an actuator is a rod in a tube of constant length."""
+    """Return the bodies of bars with ends (N, bars, 2, 3). An actuator is a rod in a tube of constant length."""
     parts = [part for k, bar in enumerate(bars) for part in _bar_cylinders(bar, ends[:, k], size)]
     start, end = (np.stack([part[n] for part in parts], 1) for n in (0, 1))
     radius = np.broadcast_to([part[2] for part in parts], start.shape[:2])
@@ -81,7 +81,7 @@ def make_cylinders(bars: Sequence[Bar], ends: Array, size: float) -> Solids:
 
 
 def _bar_cylinders(bar: Bar, ends: Array, size: float) -> Iterator[tuple[Array, Array, float, str]]:
-    """Start and end (N, 3), radius and axis of what a bar is drawn as."""
+    """Return start and end (N, 3), radius and axis of each body of a bar."""
     start, end = ends[:, 0], ends[:, 1]
     yield start, end, RADII[bar.sort] * size, bar.axis
     if bar.sort == "actuator":
@@ -112,7 +112,7 @@ BALL, BASE_AXES_LENGTH = 0.012, 0.12
 SKY, SUN = 1.9, 1.0
 """Light from all over, and from aside above."""
 CYLINDER_SIDES = 16
-"""Of the cylinders."""
+"""Sides of the cylinders."""
 GROUND_CELLS = 10
 """Of the grid on the ground, over the size of all that is drawn."""
 
@@ -170,7 +170,7 @@ def record_scene(frames: Frames) -> str:
 
 
 def _add_surroundings(scene: SceneApi, frames: Frames) -> None:
-    """What stands still: the ground, the axes of the base frame, and both paths."""
+    """Add the ground, the axes of the base frame, and both paths, which do not move."""
     size, (low, high) = frames.size, frames.box
     middle = (low + high) / 2
     # viser's own surrounding and lights bleach colours that are to be read
@@ -197,7 +197,7 @@ def _add_surroundings(scene: SceneApi, frames: Frames) -> None:
 
 @contextmanager
 def _server() -> Iterator[ViserServer]:
-    """A server that says nothing: what it tells, by rich's own console, would stand among the data on stdout."""
+    """A server that prints no messages, which would mix with the data on stdout."""
     from rich import get_console
     from viser import ViserServer
 
@@ -218,7 +218,7 @@ def _as_float32(values: Array) -> np.ndarray:
 
 
 FRAMES, MAX_FRAMES = 240, 5000
-"""Frames by default, and so many at most: more would make pages that no one can open."""
+"""Frames by default, and at most: more would make pages that browsers cannot open."""
 
 
 @check_arguments()
@@ -270,7 +270,7 @@ POLICY = (
     "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval' blob: data:; style-src 'unsafe-inline'; "
     "img-src data: blob:; font-src data:; connect-src data: blob:; worker-src data: blob:"
 )
-"""What a browser lets the page load: nothing but what is in it."""
+"""Content policy of the page: a browser loads only the content of the page itself."""
 QUIET = """console.log = () => {};
 const warn = console.warn;
 console.warn = (...told) => String(told[0]).startsWith("THREE.Clock") || warn(...told);"""
@@ -326,7 +326,11 @@ def _overlay(frames: Frames) -> str:
 
 
 def _data(frames: Frames) -> dict[str, Any]:
-    """What the page's script goes by; `near`: of every row in every frame, which of `names`, and per mille of it."""
+    """Return the data for the page's script.
+
+    `near` has, for every row in every frame, the nearest limit as index in `names`, and its use per
+    mille.
+    """
     known, joints = frames.nearest, np.isfinite(frames.tilt).any(0)
     rows, names, which, use = list(known.owners), list(known.limits), known.which, known.use
     if joints.any():
@@ -364,14 +368,15 @@ def _round_rows(values: Array, units: Sequence[str]) -> list[list[float]]:
 
 
 def first_view(frames: Frames) -> View:
-    """In space, but from above of a machine that is flat."""
+    """Return the view in space, which is from above for a flat machine."""
     return next(view for view in VIEWS if view.parallel is frames.flat)
 
 
 def _camera(view: View) -> dict[str, Any]:
-    """From where a view looks, and what is to the right, upwards and towards it in its picture.
+    """Return the directions of a view: towards the camera, right and up in its picture.
 
-    The page knows its window: it puts the camera where all that is drawn fits beside the legend.
+    The page knows the size of its window: it puts the camera where the whole scene fits next to the
+    legend.
     """
     right = view.right / np.linalg.norm(view.right)
     return {

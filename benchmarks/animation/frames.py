@@ -1,8 +1,8 @@
-"""What an animation shows: the machine at even instants of a plan, how near it is to its limits, and both paths.
+"""The frames of an animation: the machine at even instants of a plan, its use of limits, and both paths.
 
-Which limit is nearest to its bound at an instant, for every axis and the tool, and how tilted the joints are: from the
-limits' own `value` and `use`, which the certificate is made of too. How that looks: the four views, and the colours of
-a limit's use.
+For every axis and the tool, a frame has the limit that is nearest to its bound, and the tilt of the
+joints. They come from the limits' own `value` and `use`, as the certificate does. This module also has
+the four views, and the colours of a limit's use.
 """
 
 from collections.abc import Sequence
@@ -28,9 +28,9 @@ from planner.shaping.shaped_motion import find_copies
 from planner.trajectory import State, Trajectory
 
 TOOL = "tool"
-"""Who owns what is no axis': the caps of a program."""
+"""Owner of limits that belong to no axis: the caps of a program."""
 NO_LIMIT = -1
-"""In `which`, where nothing limits an owner."""
+"""Index in `which` of an owner without a limit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ class NearestLimit:
 
 
 def nearest(limits: Sequence[Limit], state: State, axes: Sequence[str]) -> NearestLimit:
-    """Of all limits but tilt, which is the joints' own. A clearance between two legs belongs to both."""
+    """Return the owners of all limits but tilt, which belongs to the joints. A clearance belongs to both legs."""
     owners = (*axes, TOOL)
     use, which = np.zeros((len(state.t), len(owners))), np.full((len(state.t), len(owners)), NO_LIMIT)
     for n, limit in enumerate(limits):
@@ -96,7 +96,7 @@ FLATNESS_SHARE = 1e-6
 
 
 class AnimatablePlan(Protocol):
-    """What can be shown: a plan is one, and so is what `DrawnPlan` holds."""
+    """The data that an animation draws, as a plan or a `DrawnPlan` has them."""
 
     @property
     def program(self) -> Program: ...
@@ -158,7 +158,7 @@ class Frames:
     what: str
 
     def use_of(self, owners: Sequence[str]) -> Array:
-        """(N, owners) the use of each one's nearest limit; NaN for those that none concerns, as "" is."""
+        """Return (N, owners) the use of each owner's nearest limit; NaN: no limit concerns it."""
         known = self.nearest
         found = [known.use[:, known.owners.index(owner)] if owner in known.owners else np.nan for owner in owners]
         return np.stack([np.broadcast_to(use, self.t.shape) for use in found], 1)
@@ -177,7 +177,7 @@ class Frames:
 
     @property
     def flat(self) -> bool:
-        """Whether all of it lies in one plane, z = constant."""
+        """Return whether the whole scene lies in one plane, z = constant."""
         return bool(np.ptp(self.box[:, 2]) <= FLATNESS_SHARE * self.size)
 
     @property
@@ -274,9 +274,9 @@ def _add_tool_bar(
 def _draw_tool_axes(
     placed: PlacedSkeleton, x: Array, tip: Array, extent: float
 ) -> tuple[tuple[Bar, ...], PlacedSkeleton]:
-    """Of a machine without a skeleton: the tool's three axes at its place (N, 3), long as a share of the path's extent.
+    """Return the tool's three axes at its place (N, 3), for a machine without a skeleton.
 
-    extent: m; 0: of a metre
+    extent: size (m) of the path, which scales them; 0: as for a metre
     """
     length = TOOL_AXES_SHARE * (extent or 1.0)
     ends = tip[:, None] + length * x[:, 3:].reshape(-1, 3, 3).swapaxes(1, 2)
@@ -301,7 +301,7 @@ def _numbers(state: State) -> Array:
 RAMP = ((0.0, "#B4C0CA"), (0.5, "#56B4E9"), (0.8, "#E69F00"), (1.0, "#C8102E"))
 """Share of a limit and its colour, straight between: ever darker, so that it reads without hue too."""
 NO_LIMIT_COLOUR = "#3C464E"
-"""What no limit colours."""
+"""Colour of parts without a limit."""
 PLANNED_COLOUR, REALISED_COLOUR = "#6B7178", "#009E73"
 """The two paths."""
 
@@ -333,7 +333,7 @@ VIEWS = (
 
 
 def colour_uses(use: Array) -> np.ndarray:
-    """(…, 3) uint8 colours of shares of a limit; NaN, where there is none, is plain."""
+    """Return (…, 3) uint8 colours of shares of a limit; NaN: the plain colour."""
     shares = np.clip(use, 0.0, 1.0)
     places = [place for place, _ in RAMP]
     stops = np.array([parse_colour(colour) for _, colour in RAMP])

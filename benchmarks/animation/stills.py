@@ -172,7 +172,7 @@ def _draw(ax: Any, frames: Frames, view: View) -> None:
 
 
 def _plane(view: View) -> Array:
-    """(3, 2) what points are multiplied by to lie in the picture."""
+    """Return the (3, 2) matrix that projects points into the picture."""
     return np.stack([view.right, view.up], 1)
 
 

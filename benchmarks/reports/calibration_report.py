@@ -1,4 +1,4 @@
-"""The report of a calibration: one HTML page that holds everything it shows, and its figures as PNG files beside it."""
+"""The report of a calibration: one self-contained HTML page, and its figures as PNG files."""
 
 from math import isfinite
 from pathlib import Path
@@ -29,7 +29,7 @@ MEANINGS = {
 
 
 def write_calibration_report(calibration: Calibration, path: Path) -> None:
-    """Write the page to `path` and its figures to `figures/*.png` beside it."""
+    """Write the page to `path`, and its figures as `figures/*.png` in the same folder."""
     figures = draw(calibration)
     path.write_text(_page(calibration, figures), encoding="utf-8")
     save_figures(figures, path)
@@ -55,7 +55,7 @@ def rms_by_stage(calibration: Calibration) -> dict[str, tuple[float, float, floa
 
 
 def explain_pulse(pulse: Pulse) -> str:
-    """A sentence or two on what an identified pulse says."""
+    """Describe an identified pulse in a sentence or two."""
     unit, scale = MICRO_UNITS[pulse.unit]
     more = pulse.value / pulse.nominal - 1
     error = f" ± {scale * pulse.error:.4f}" if isfinite(pulse.error) else ""

@@ -1,4 +1,4 @@
-"""What every report page is made with: figures as PNG, numbers as text, and the template engine."""
+"""The parts of every report page: figures as PNG, numbers as text, and the template engine."""
 
 from base64 import b64encode
 from collections.abc import Callable, Mapping
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
 DPI, SMALL_DPI = 150, 115
 NARROW = 5.4
-"""Inches: width of a figure whose letters a telephone shows large enough when all of it is seen."""
+"""Width (inches) of a figure whose letters are large enough on the screen of a telephone."""
 COLOURS, NEARLY_WHITE = 128, 248
-"""Of the palette of a figure, enough for a colour map and for soft edges; from where on a channel counts as full."""
+"""Colours in the palette of a figure, enough for a colour map and soft edges; channel value that counts as white."""
 EDGE = 12
 """Blank dots that stay at the left and the right of a figure."""
 MAX_TEXT_LENGTH = 1 << 16
@@ -42,16 +42,16 @@ def style() -> AbstractContextManager[None]:
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A figure as a PNG image, and what of it is over time, which a page draws anew where it can."""
+    """A figure as a PNG image, and its panels over time, which a page can redraw."""
 
     png: bytes
     panels: tuple[Panel, ...] = ()
 
 
 def draw_figure(*axes: "Axes", small: bool = False) -> Picture:
-    """The figure that the axes belong to; of those that share their time axis only the last is labelled.
+    """Return the picture of the figure that the axes belong to. Axes that share a time axis have one label.
 
-    small: with fewer dots, where many figures must make a small page.
+    small: fewer dots, for pages with many figures.
     """
     panels = read_panels(axes)
     for ax in axes[:-1]:
@@ -68,7 +68,7 @@ def draw_figure(*axes: "Axes", small: bool = False) -> Picture:
 
 
 def _render_png(figure: "Figure") -> bytes:
-    """With a palette of its own: a quarter of the bytes, in the time that they would take to compress."""
+    """Render with a palette of 128 colours: a quarter of the bytes, in the time of their compression."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image  # comes with matplotlib
 
@@ -88,7 +88,7 @@ def _render_png(figure: "Figure") -> bytes:
 
 
 def render(template: str, figures: Mapping[str, Picture], **values: object) -> str:
-    """The page of a template; its figures are part of it, and names in it are no markup, and nothing that is obeyed."""
+    """Return the page of a template, with its figures. Names in it are escaped."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
 
@@ -113,7 +113,7 @@ def _read_template_file(name: str) -> str:
 
 
 def save_figures(figures: Mapping[str, Picture], page: Path) -> None:
-    """Every figure of a page as `figures/*.png` beside it."""
+    """Save every figure of a page as `figures/*.png` in its folder."""
     folder = page.parent / "figures"
     for name, drawing in figures.items():
         folder.mkdir(exist_ok=True)
@@ -121,7 +121,7 @@ def save_figures(figures: Mapping[str, Picture], page: Path) -> None:
 
 
 def _escape_text(value: object) -> object:
-    """What an expression of a template gives; markup and figures are ours."""
+    """Escape the value of an expression in a template. Markup and figures are our own."""
     return plain(value) if type(value) is str and len(value) < MAX_TEXT_LENGTH else value
 
 

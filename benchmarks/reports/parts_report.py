@@ -38,11 +38,14 @@ def write_report(
     drives: Sequence[Table] = (),
     triggers: Sequence[Table] = (),
 ) -> None:
-    """Write the page and, with figures, `figures/*.png` beside it.
+    """Write the page and, with figures, `figures/*.png` in its folder.
 
-    seen, held: what the motion does, and what holds it back. verdict: of the check of its pulses; None: they were not
-    asked for. note: why it ends where it does. drives: tables of the times on the lines of its drives; triggers: of the
-    first of them
+    seen     extremes of the motion
+    held     active limits
+    verdict  on the pulses; None: no file of pulses was requested
+    note     reason why the motion ends before the program
+    drives   tables of the times on the lines of the drives
+    triggers  tables of the first triggers
     """
     drawn = draw(standing, seen, held) if figures else {}
     path.write_text(
@@ -116,7 +119,7 @@ QUANTITIES: "tuple[tuple[str, Quantity, str], ...]" = (
     ("qdd", "acceleration", "/s²"),
     ("qddd", "jerk", "/s³"),
 )
-"""Of an axis: in the columns of an overview, in words, and by which time its unit is divided."""
+"""Quantities of an axis: name in the columns of an overview, label, and unit of time."""
 
 
 def _draw_axes(standing: PlanStanding, seen: Overview, held: Activity) -> Picture:

@@ -1,4 +1,4 @@
-"""The report of a plan: one HTML page that holds everything it shows, and its figures as PNG files beside it."""
+"""The report of a plan: one self-contained HTML page, and its figures as PNG files."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import cycle
@@ -30,7 +30,7 @@ from planner.pulses.schedule import RATE_WINDOWS
 from planner.tradeoffs.limit_worth import LimitChange, Worth
 
 POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
-"""What a browser lets the page load: nothing but what is in it."""
+"""Content policy of the page: a browser loads only the content of the page itself."""
 MOST_WORTH = 5
 """Limits on the first screen."""
 
@@ -114,7 +114,7 @@ def draw(
 
 
 def draw_axes(plan: Plan) -> dict[str, Picture]:
-    """The figures of what the axes do."""
+    """Draw the motion of the axes, and the pulse rates."""
     from planner.figures import pulse_rate
 
     with style():
@@ -227,7 +227,7 @@ def _stack_axes(count: int, height: float, share: bool = True, width: float = 9.
 
 
 def _add_legend(ax: "Axes", columns: int = 6) -> "Axes":
-    """The axes with their legend above, where it hides nothing: in the middle of the figure, and as wide at most."""
+    """Put the legend above the axes, in the middle of the figure and no wider than it."""
     from matplotlib.transforms import blended_transform_factory
 
     figure = ax.get_figure(root=True)
@@ -303,9 +303,10 @@ CLAIMS = {CROSSING: "the time of its axis", CONSTANT_SPEED: f"{SPEED_TOLERANCE:g
 
 
 def _format_bounds(limit: Limit, plan: Plan) -> str:
-    """What a limit allows at the place where it is used most: that of its channel and segment, as people read it.
+    """Format the bounds of a limit at the place of its largest use.
 
-    A place has both its ends (lo … hi); a rate that differs by direction has both, towards smaller positions first.
+    A place has two ends (lo … hi). A rate that differs by direction has both values, first the one
+    towards smaller positions.
     """
     worst = plan.certificate.where[limit.name]
     piece = next(k for k in range(len(plan.path.pieces)) if plan.path.segment(k) == worst.segment)

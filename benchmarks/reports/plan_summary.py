@@ -21,7 +21,7 @@ SAME_LENGTH = 5e-7
 def summary(
     plan: Plan, classical: Classical | None, verdict: PulseCheck, left_out: Sequence[str] = ()
 ) -> dict[str, str]:
-    """Return the table that the page begins with; left_out: what was left out to save time, and how to get it."""
+    """Return the first table of the page. left_out: results that were left out to save time, and their options."""
     kept = "speed and acceleration" if plan.order == 2 else "speed, acceleration and jerk"
     again = f", run {plan.program.repeat} times" if plan.program.repeat > 1 else ""
     radian = f"a pure turn counts its angle times {1e3 * plan.machine.characteristic_length:.3f} mm"
@@ -48,7 +48,7 @@ def summary(
 
 
 def _baseline(plan: Plan, classical: Classical) -> dict[str, str]:
-    """The baseline timing, and what the plan saves."""
+    """Return rows about the baseline timing, and the saving."""
     saved = classical.duration - plan.trajectory.duration
     missing = missing_limits(plan, classical)
     unlike = f"; the baseline timing is without {', '.join(missing)}" if missing else ""
@@ -60,7 +60,7 @@ def _baseline(plan: Plan, classical: Classical) -> dict[str, str]:
 
 
 def _shaping(plan: Plan) -> dict[str, str]:
-    """What input shapers make of it, where there are any."""
+    """Return rows about the input shapers, if there are any."""
     if plan.shaped is None:
         return {}
     before = f"{plan.trajectory.duration:.6f} s; all that is not said to be behind them is of this motion"
@@ -72,7 +72,7 @@ def _shaping(plan: Plan) -> dict[str, str]:
 
 
 def _bound(plan: Plan) -> dict[str, str]:
-    """How near to the fastest it is, where that was proved: reading it proves it, which may take long."""
+    """Return a row about the lower bound, if it is known: its computation may take long."""
     if not plan.known:
         return {}
     near = f" ({plan.bound.describe()})" if plan.fastest else ""
@@ -80,7 +80,7 @@ def _bound(plan: Plan) -> dict[str, str]:
 
 
 def _departures(plan: Plan) -> dict[str, str]:
-    """How far synchronised moves leave the straight line at most, where there are any."""
+    """Return a row about the largest deviation of synchronised moves from the straight line."""
     found = plan.departures
     if not found:
         return {}
@@ -91,13 +91,13 @@ def _departures(plan: Plan) -> dict[str, str]:
 
 
 def _overshoots(plan: Plan) -> dict[str, str]:
-    """How far splines leave the polygon of their points at most, where there are any."""
+    """Return a row about the largest deviation of splines from the polygon of their points."""
     overshoots = plan.path.overshoots
     return {"Splines off their polygons": describe_overshoot(overshoots)} if overshoots else {}
 
 
 def _exactness(plan: Plan, verdict: PulseCheck) -> str:
-    """What the check proved of the pulses: exact times where they stand for crossings, else the bounds they state."""
+    """Describe the verdict on the pulses: exact times of crossings, or the bounds that the rule states."""
     if verdict.time_error is not None:
         return f"largest time error {verdict.time_error:.4f} ticks"
     widest = max(axis.bound for axis in plan.pulses.axes)

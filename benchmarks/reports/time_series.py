@@ -37,7 +37,7 @@ class TimeSeries:
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """What one pair of axes shows over time; levels: horizontal lines, most of them limits, and their colours."""
+    """The lines of one pair of axes over time. levels: values and colours of horizontal lines, mostly limits."""
 
     label: str
     series: tuple[TimeSeries, ...]
@@ -130,5 +130,5 @@ def _pack_series(series: TimeSeries, times: dict[str, int]) -> dict[str, Any]:
 
 
 def _pack(values: Array) -> str:
-    """As the base64 of little-endian float32."""
+    """Return values as the base64 of little-endian float32."""
     return b64encode(np.ascontiguousarray(values, "<f4").tobytes()).decode("ascii")

@@ -1,4 +1,4 @@
-"""What a report's scrubber shows along the time of a plan: which limit is active, and the program's segments."""
+"""The scrubber of a report over the time of a plan: active limit, and segments of the program."""
 
 from typing import Any
 
@@ -8,11 +8,11 @@ from planner.active_limits import active_limits, find_segments, name_segment
 from planner.plan import Plan
 
 MOST_RUNS = 2000
-"""Changes of the active limit that are told."""
+"""Largest number of changes of the active limit in a band."""
 
 
 def make_band(plan: Plan) -> dict[str, Any]:
-    """From when on which limit is active: (s, its index or −1), and the names and colours of those that ever are."""
+    """Return the changes of the active limit (s, index or −1), and the names and colours of active limits."""
     from planner.figures import style_limits
 
     active, knots = active_limits(plan), plan.trajectory.knots
@@ -29,6 +29,6 @@ def make_band(plan: Plan) -> dict[str, Any]:
 
 
 def list_segments(plan: Plan) -> list[tuple[float, str]]:
-    """When each segment of the program begins, and what it is called (`name_segment`)."""
+    """Return the time at which each segment of the program begins, and its name (`name_segment`)."""
     segments, knots = plan.program.segments, plan.trajectory.knots
     return [(float(knots[k]), name_segment(n, segments[n - 1])) for k, n in find_segments(plan)]

@@ -34,7 +34,7 @@ TIMED_RUNS, TIMED_STEPS = 8, 3
 THESIS_LAWS = ("1", "2", "3", "4", "5", "6", "7")
 """The algorithms of [Sahbaz 2007, Table 7.5]."""
 MODEL_LAWS = ("ff", "mpc")
-"""Laws that know a model of the drives, of which one setting each is quick and shows what the others leave."""
+"""Laws with a model of the drives. One setting of each is quick to compute, and shows the limit of the others."""
 
 
 @click.command()
@@ -245,7 +245,7 @@ def _run(
 
 
 def _announce(grid: "Grid", rig: "Rig", out: Path) -> str:
-    """What is to be run, and about how long it takes; runs that are saved already take none of it."""
+    """Describe the runs to do and their approximate time, without the saved runs."""
     from benchmarks.sweep import list_cells
     from kinematics.foundation.names import count_noun
     from planner.parallel import cores as count_cores
@@ -313,7 +313,7 @@ def _time_command(setting: "Setting", rig: "Rig", task: "Task") -> float:
 
 
 def _make_pace(clock: Callable[[], float]) -> Callable[[int, int], str]:
-    """What says how many runs are done and, by the pace of those since the first call, how long the others take."""
+    """Return a function that reports the runs done, and the time left by their pace since the first call."""
     begin: tuple[float, int] | None = None
 
     def describe(done: int, of: int) -> str:

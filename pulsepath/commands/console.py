@@ -155,7 +155,10 @@ def console(
 
 
 def _run_script(server: "Server", remote: bool) -> None:
-    """Serve until the script has ended and all stands; with a remote line, in mode REM, until interrupted."""
+    """Serve until the script has ended and all motion has stopped.
+
+    With a remote line in mode REM, serve until interrupted.
+    """
     server.serve_until(
         lambda desk: not server.script_left and server.is_idle and not (remote and desk.session.mode == "REM")
     )

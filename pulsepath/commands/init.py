@@ -67,7 +67,7 @@ def init(directory: Path, machine: str | None, program: str | None, force: bool,
 
 
 def _find_machine(name: str) -> str:
-    """The name of a machine, and of a kind that no machine is called by that of the first machine of it."""
+    """Return the name of a machine; for a kind, the name of its first machine."""
     from kinematics.foundation.names import presets
 
     known = presets("kinematics")

@@ -104,7 +104,7 @@ def _read_turn(text: str) -> list[float]:
 
 
 def _place(machine: "Machine", position: list[float] | None, turn: list[float] | None, frame: str) -> "Pose":
-    """In the base frame. Raises MotionError for what states what the machine lets follow."""
+    """Return the pose in the base frame. Raises MotionError for a coordinate that the machine does not control."""
     from scipy.spatial.transform import RigidTransform
 
     from kinematics.analysis.posture import refuse_dependent

@@ -14,14 +14,14 @@ if TYPE_CHECKING:
     from planner.sources.position_list import PositionList
 
 SIMULATED = (".csv", ".json", *FIGURE_SUFFIXES)
-"""What a simulation of the arms is saved as."""
+"""Suffix of a saved simulation of the arms."""
 
 
 @dataclass(frozen=True, slots=True)
 class ListFile:
-    """The file that a command is about, whether it prints JSON, and the file as it stood when the command began.
+    """The file of a command, whether it prints JSON, and the identity of the file when the command began.
 
-    bundled  whether it is a list of this package, which nothing changes
+    bundled  whether it is a list of this package, which stays unchanged
     """
 
     path: Path
@@ -41,7 +41,7 @@ class ListFile:
         return Positions(arms=machine).load(self.path)[0]
 
     def write(self, listed: "PositionList") -> None:
-        """Whole or not at all. Raises MotionError for what is no CSV file by its suffix."""
+        """Write a CSV file, completely or not at all. Raises MotionError for another suffix."""
         from kinematics import MotionError
         from planner.sources.position_list import positions_csv
 
@@ -62,7 +62,7 @@ class ListFile:
 
 
 class ListCommands(Commands):
-    """What is done to a list; --json may stand anywhere."""
+    """Commands on a list; --json may stand at any place."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         asked = ["--json"] if "--json" in args else []

@@ -69,7 +69,7 @@ def studio(
 
 
 def _split(options: str) -> Sequence[str]:
-    """The options of a plan, as a shell would split them; not those that say where it goes."""
+    """Return the options of a plan, split as a shell does, without options of its directory."""
     try:
         arguments = shlex.split(options)
     except ValueError as error:

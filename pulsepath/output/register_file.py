@@ -16,7 +16,7 @@ from kinematics.foundation.errors import MotionError
 KIND = "pulsepath console"
 SCHEMA = 2
 EARLIER_SCHEMA = 1
-"""Kind of files whose registers count from the travel's zero."""
+"""Schema of files whose registers counted from the travel's zero."""
 GIVE_STATE = "give a file for the registers with --state FILE"
 """The remedy where the file cannot be read or written."""
 MAX_DIGITS = 40

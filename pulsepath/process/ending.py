@@ -27,10 +27,11 @@ class EndSignal(KeyboardInterrupt):
 
 @contextmanager
 def raise_on_signal(last: bool = False) -> Iterator[None]:
-    """Within, each of the signals raises EndSignal, the first time: what then brings things in order is not broken off.
+    """Let each of the signals raise EndSignal once, so that the clean-up that follows is not interrupted.
 
-    last  whether the process ends after it: then a second one is ignored until it has
-    One that is ignored already, as by nohup, stays so.
+    last  whether the process ends after the block: then a second signal is ignored
+
+    A signal that is ignored already, as by nohup, stays ignored.
     """
     kept: dict[signal.Signals, Any] = {}
     later: list[Timer] = []

@@ -20,10 +20,10 @@ KINDS = {
 
 
 def error_json(error: Exception, code: int) -> str:
-    """JSON text: the exit code, the message, the faults of a file, and what an infeasible plan breaks and would keep.
+    """Return an error as JSON text: exit code, message, faults of a file, and the excess of an infeasible plan.
 
-    A fault has its file, line (from 1) and key, the value as it is written, what is allowed there and the nearest valid
-    name, null for what it has not.
+    A fault has its file, line (from 1), key, written value, allowed values and nearest valid name; null:
+    unknown.
     """
     known = (name for name, each in KINDS.items() if is_of(error, *each))
     kind = "internal" if code == INTERNAL else next(known, "input")

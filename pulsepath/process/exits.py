@@ -1,8 +1,8 @@
 """Exit codes and error messages of the commands: on stderr, without a traceback.
 
-With --json an error is told on stdout as well, as data: {"schema": 1, "error": {…}} (pulsepath.process.error_record).
-Of an interrupted command it is said what becomes of what it was about to write. Standard library only: see
-`supervisor`.
+With --json an error is printed on stdout too, as data: {"schema": 1, "error": {…}}
+(pulsepath.process.error_record). An interrupted command reports on the files that it was writing.
+Standard library only: see `supervisor`.
 """
 
 import os
