@@ -41,7 +41,7 @@ def read_whole(directory: Path, unverified: bool) -> tuple[StoredPlan, Whole]:
 
 
 def read_pulses(planned: StoredPlan) -> AbstractContextManager[Callable[[int, int], None]]:
-    """Return the step that reads a plan's pulses, or makes them again if there is no file of them."""
+    """Return the step that reads a plan's pulses, or makes them again without a file of pulses."""
     file = planned.pulse_file
     if file is None or not holds_chunks(file):
         return step("generating pulses")
