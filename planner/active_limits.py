@@ -54,7 +54,7 @@ def active_limits(plan: Plan) -> np.ndarray:
 def find_active(
     motion: Trajectory, limits: Sequence[Limit], lowered: Mapping[str, Shares] = NOT_LOWERED
 ) -> tuple[Array, np.ndarray]:
-    """Return the sampled share of each limit in each time piece (limits, M), and the active one (M,).
+    """Return the sampled share of each limit in each time piece (limits, M), and the active one.
 
     Geometric limits have share 0. The active limit is an index in `limits`, as in `active_limits`.
     lowered: by name, the shares of limits that the plan used, if lower than 1.
@@ -143,7 +143,12 @@ def name_kind(segment: Segment) -> str:
     return type(segment).__name__.lower()
 
 
-def measured_columns(way: Array, time: Array, active: Array, names: Sequence[str]) -> tuple[Column, ...]:
+def measured_columns(
+    way: Array,
+    time: Array,
+    active: Array,
+    names: Sequence[str],
+) -> tuple[Column, ...]:
     """Return the columns of segments (N,): way (m), time (s) and longest active limit.
 
     active: s (N, limits) for which each of the limits `names` is active.

@@ -23,7 +23,7 @@ MOST_SEGMENTS = 50
 MOST_SLOW = 10
 """Segments listed of the slowest."""
 NUMBER, TIME, WAY, IDLE = range(4)
-"""Columns for a segment: its number from 0 over all repetitions, s, m, and s without active limit."""
+"""Columns of a segment: its number from 0 over all repetitions, s, m, s without active limit."""
 
 
 class Activity:
@@ -90,7 +90,8 @@ class Activity:
         pieces, place = np.unique(motion.piece, return_inverse=True)
         places = [motion.path.place(0.0, int(piece)) for piece in pieces]
         total = len(self.program.segments)
-        numbers = np.array([((one.repetition or 1) - 1) * total + (one.segment or 1) - 1 for one in places])
+        turns = np.array([(one.repetition or 1) - 1 for one in places])
+        numbers = turns * total + [(one.segment or 1) - 1 for one in places]
         times = np.diff(motion.knots)
         rests = motion.resting & (times > 0)
         number = numbers[place] + rests

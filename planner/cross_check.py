@@ -51,9 +51,7 @@ class CrossCheck(Result):
             Column("certified", ["yes" if proof.holds else "NO" for proof in proofs.values()]),
         )
         names = list(dict.fromkeys(name for proof in proofs.values() for name in proof.worst))
-        uses = (
-            Column(by, [proof.worst.get(name) for name in names], form=".7f", up=True) for by, proof in proofs.items()
-        )
+        uses = (Column(by, list(map(proof.worst.get, names)), form=".7f", up=True) for by, proof in proofs.items())
         title = "cross-check: value/limit, bounded over continuous time"
         return (
             Table("cross-check at order 2, without limits on jerk", motions, (note,)),

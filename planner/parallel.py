@@ -130,7 +130,7 @@ def spread(
 
 
 def _pickle_work(work: Callable[[Any], Any]) -> bytes | None:
-    """Pickle work for a process; None if it cannot leave this one, as code of the caller's script."""
+    """Pickle work for a process; None if it cannot leave this one, as the caller's script."""
     try:
         packed = pickle.dumps(work)
     except Exception:  # pickling runs the object's own code
@@ -202,7 +202,7 @@ class PendingResult(Generic[Result]):
 
 
 class Pool:
-    """Processes for one kind of work. If one dies, all end, and every future raises BrokenExecutor."""
+    """Processes for one kind of work. If one dies, all end, and each future raises BrokenExecutor."""
 
     def __init__(self, executor: Any, folder: Path) -> None:
         self._executor = executor
@@ -236,7 +236,12 @@ def open_pool(work: bytes, processes: int, modules: Sequence[str] = ()) -> Itera
         for end in ends:
             stack.enter_context(end)
         begin = (ends[0], tuple(modules))
-        executor = ProcessPoolExecutor(processes, initializer=_begin_process, initargs=begin, env=_ENVIRONMENT)
+        executor = ProcessPoolExecutor(
+            processes,
+            initializer=_begin_process,
+            initargs=begin,
+            env=_ENVIRONMENT,
+        )
         stack.callback(executor.shutdown, kill_workers=True)
         with hold_interrupts():
             executor.submit(int)  # the first task starts the processes

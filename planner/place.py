@@ -25,8 +25,10 @@ class Place:
 
     def __str__(self) -> str:
         parts = [self.axis] if self.axis else []
-        parts.append(f"s = {self.s * 1e3:.4g} mm" if self.segment is not None else f"s = {self.s:.6g}")
-        if self.segment is not None:
+        if self.segment is None:
+            parts.append(f"s = {self.s:.6g}")
+        else:
+            parts.append(f"s = {self.s * 1e3:.4g} mm")
             again = "" if self.repetition is None else f" of repetition {self.repetition}"
             parts.append(f"segment {self.segment}{again}")
         if self.t is not None:
@@ -93,7 +95,7 @@ class Infeasible(MotionError):
         return self._remedy
 
     @property
-    def _arguments(self) -> tuple[Any, ...]:
+    def _arguments(self) -> tuple[str, str, Place | None, float, float, str]:
         return self.kind, self.axis, self.place, self.value, self.limit, self.unit
 
     def add_advice(self, more: Callable[[], object]) -> "Infeasible":

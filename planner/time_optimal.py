@@ -89,7 +89,7 @@ def time_optimal(
 
 
 def _choose_faster(section: PathSection, axes: Sequence[Axis], order: int) -> PolynomialPath:
-    """Choose the fastest path of a section: with all rests, or with some of them passed."""
+    """Choose the fastest path of a section: with all rests, or with some rests passed."""
     if not section.passing:
         return section.resting
     ways = (section.resting, *section.passing)

@@ -106,10 +106,12 @@ class State:
 
 @dataclass(frozen=True, slots=True)
 class Trajectory(Result):
-    """s(t) = s + v τ + a τ²/2 + j τ³/6 with τ = t - knots[k] on piece k, which runs inside path piece `piece[k]`.
+    """A motion s(t) = s + v τ + a τ²/2 + j τ³/6 with τ = t - knots[k] on time piece k.
+
+    Time piece k lies inside path piece `piece[k]`.
 
     knots  (M+1,) s, from 0 to the duration; never decreasing
-    s, v, a, j  (M,) path length, speed, acceleration at the start of each time piece, and its constant jerk
+    s, v, a, j  (M,) path length, speed, acceleration at the start of each time piece, and its jerk
     piece  (M,) index of the path piece
     """
 
@@ -169,7 +171,8 @@ class Trajectory(Result):
     def data(self) -> Table:
         """Return the motion every millisecond (above 1000 s, less often): distance, pose and axes."""
         values = rows(self, row_instants(self.duration))
-        columns = (Column(name, values[:, k], unit) for k, (name, unit) in enumerate(column_headings(self.path)))
+        headings = column_headings(self.path)
+        columns = (Column(name, values[:, k], unit) for k, (name, unit) in enumerate(headings))
         return Table(f"motion of {self.duration:.6f} s", tuple(columns))
 
     def cut(self, first: int, last: int) -> "Trajectory":
@@ -217,9 +220,17 @@ class Trajectory(Result):
 
     def _place(self, k: np.ndarray, tau: Array) -> Array:
         """Return the timed coordinate (N,) `tau` (s) after the start of time piece k."""
-        return self.s[k] + tau * (self.v[k] + tau * (self.a[k] / 2 + tau * self.j[k] / 6))
+        speed = self.v[k] + tau * (self.a[k] / 2 + tau * self.j[k] / 6)
+        return np.asarray(self.s[k] + tau * speed)
 
-    def _within(self, k: np.ndarray, tau: Array, share: Array, jerk: bool, axis: int | None = None) -> State:
+    def _within(
+        self,
+        k: np.ndarray,
+        tau: Array,
+        share: Array,
+        jerk: bool,
+        axis: int | None = None,
+    ) -> State:
         """Return the state in time pieces; share (N,): 1, or 0 for instants at which it rests."""
         s = self._place(k, tau)
         sd = share * (self.v[k] + tau * (self.a[k] + tau * self.j[k] / 2))
@@ -321,7 +332,8 @@ PER_RADIAN = 4
 def unit_speed_trajectory(path: ActuatorPath) -> Trajectory:
     """Return the motion along the whole path at ṡ = 1, each piece in equal parts."""
     counts = np.maximum(MIN_PARTS, np.ceil(PER_RADIAN * path.turns)).astype(int)
-    s = [np.linspace(path.breaks[k], path.breaks[k + 1], count + 1)[:-1] for k, count in enumerate(counts)]
+    ends = zip(path.breaks[:-1], path.breaks[1:], counts, strict=True)
+    s = [np.linspace(first, last, count + 1)[:-1] for first, last, count in ends]
     knots = np.append(np.concatenate(s), path.breaks[-1])
     zeros = np.zeros(len(knots) - 1)
     piece = np.repeat(np.arange(len(counts)), counts)

@@ -46,9 +46,12 @@ from planner.trajectory import Trajectory
 
 PIECES = ("s", "v", "a", "j", "piece")
 """Arrays of `Trajectory` with one entry per time piece; knots have one more."""
-KIND, SCHEMA = "pulsepath motion", 1
-PART, MOTION = "PART", "MOTN"
-"""Kinds of the chunks with the head of a part, and with pieces."""
+KIND = "pulsepath motion"
+SCHEMA = 1
+PART = "PART"
+"""Kind of the chunks with the head of a part."""
+MOTION = "MOTN"
+"""Kind of the chunks with pieces."""
 UNITS = {"knots": "s", "s": "m", "v": "m/s", "a": "m/s^2", "j": "m/s^3", "piece": ""}
 MAX_CHUNK_PIECES = 1 << 14
 """Largest number of pieces in a chunk: it bounds the memory for writing and reading."""
@@ -235,7 +238,8 @@ def read_motion(path: Path, along: ActuatorPath) -> Trajectory:
     before = Fraction(0)  # s, exactly: the duration is what the file states, to the last bit
     for part in join_parts(motion_parts(path)):
         _check_numbers(part, path)
-        begin, first = 0.0, 0
+        begin = 0.0
+        first = 0
         if part.head is not None:
             begin = part.head.begin
             # the nearest break: sums of lengths round differently
@@ -260,10 +264,10 @@ def read_parts(path: Path, steps: Iterator[PathStep], machine: Machine, tool: Po
     """
     heads = [part.head for part in motion_parts(path) if part.head is not None]
     count = max((head.step + head.steps for head in heads), default=0)
-    own = list(islice(steps, count))
-    if len(own) < count or not own:
-        raise FileError(str(path), [Fault("piece", "belongs to another path: plan it again")])
-    return read_motion(path, _draw_path(machine, own, tool))
+    covered = list(islice(steps, count))
+    if len(covered) < count or not covered:
+        raise _other_path(path)
+    return read_motion(path, _draw_path(machine, covered, tool))
 
 
 def _draw_path(machine: Machine, steps: Sequence[PathStep], tool: Pose | None, **of: Any) -> MachinePath:
@@ -304,7 +308,8 @@ def follow_motion(
     parts = join_parts(motion_parts(path))
     following = next(parts, None)
     while following is not None:
-        part, following = following, next(parts, None)
+        part = following
+        following = next(parts, None)
         head = part.head
         _check_numbers(part, path)
         if head is None:
@@ -320,17 +325,20 @@ def follow_motion(
         if head.near is not None and len(head.near) != len(machine.axes):
             counts = f"{len(head.near)} coordinates, and the machine has {len(machine.axes)} axes"
             raise _refusal(path, f"the part from {head.begin} s begins near {counts}")
-        skipped, after = head.step, head.step + head.steps
+        skipped = head.step
+        after = head.step + head.steps
         ahead += islice(steps, max(0, head.steps - len(ahead)))
-        own = ahead[: head.steps]
-        if len(own) < head.steps or not own:
-            raise FileError(str(path), [Fault("piece", "belongs to another path: plan it again")])
-        v, a = 0.0, 0.0
+        covered = ahead[: head.steps]
+        if len(covered) < head.steps or not covered:
+            raise _other_path(path)
+        v = 0.0
+        a = 0.0
         if following is not None:
-            v, a = float(following.columns[1][0]), float(following.columns[2][0])
+            v = float(following.columns[1][0])
+            a = float(following.columns[2][0])
         along = _draw_path(
             machine,
-            own,
+            covered,
             tool,
             end_speeds=(speed, v),
             end_accelerations=(acceleration, a),
@@ -338,10 +346,11 @@ def follow_motion(
             origin=(head.length, head.begin),
         )
         _check_piece(part.columns[-1], len(along.breaks) - 1, path)
-        own_s, own_v, own_a, own_j, piece = part.columns
-        motion = Trajectory(along, part.knots - part.knots[0], own_s, own_v, own_a, own_j, piece)
-        behind = 0.0 if head.step == first else float(piece_end_lengths(last)[-1]) if last is not None else 0.0
-        if abs(float(own_s[0]) - behind) > SEAM_JUMP * float(along.breaks[-1]):
+        motion = Trajectory(along, part.knots - part.knots[0], *part.columns)
+        start = 0.0
+        if head.step != first and last is not None:
+            start = float(piece_end_lengths(last)[-1])
+        if abs(float(motion.s[0]) - start) > SEAM_JUMP * float(along.breaks[-1]):
             raise _refusal(
                 path,
                 f"the part from {head.begin} s does not continue the path of the previous part",
@@ -349,7 +358,9 @@ def follow_motion(
         if last is not None:
             _check_seam(last, motion, path)
         yield motion
-        speed, acceleration, last = v, a, motion
+        speed = v
+        acceleration = a
+        last = motion
     if whole and (last is None or len(ahead) > after - skipped or next(steps, None) is not None):
         raise _refusal(path, "ends before the path of the program does")
 
@@ -379,7 +390,11 @@ def _check_numbers(part: PieceBatch, path: Path) -> None:
 
 def _check_piece(piece: Array, count: int, path: Path) -> None:
     if piece.min() < 0 or piece.max() >= count:
-        raise FileError(str(path), [Fault("piece", "belongs to another path: plan it again")])
+        raise _other_path(path)
+
+
+def _other_path(path: Path) -> FileError:
+    return FileError(str(path), [Fault("piece", "belongs to another path: plan it again")])
 
 
 def _encode(motion: Trajectory, first: int, last: int) -> bytes:

@@ -225,7 +225,7 @@ def _draw_from(
 
 
 def _solve_stop(whole: Whole, running: Running, now: Instant) -> ProvedMotion:
-    """Find the soonest stop before any shapers.
+    """Find the soonest stop before any shaping.
 
     The better of those from the first two instants at which the motion can be left: a rough search
     may miss the nearest place from one of them. If neither has one, the motion's own next rest.
