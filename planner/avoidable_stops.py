@@ -1,13 +1,14 @@
-"""Avoidable stops: at joins where nobody asked for one. Their count, an estimate of their cost, and the remedy.
+"""Avoidable stops, which the program does not ask for: count, estimated cost and remedy.
 
-The path is taken in legs from break to break. Two motions of it are estimated, both within the limits on speed,
-acceleration and jerk along the path: one that rests where the plan rests, and one that passes these joins at the speed
-v that a blend of the proposed tolerance allows. The cost is the difference of their times. At a corner a blend that
-reaches d to both sides has at most
+Two motions are estimated, piece by piece, within the limits on speed, acceleration and jerk along
+the path: one that rests where the plan rests, and one that passes these joins at the speed v that
+a blend of the proposed tolerance allows. The cost is the difference of their times. At a corner a
+blend that reaches d to both sides has at most
 
     q″ = 15/16 Δq′/d,   q‴ = 1.443 Δq′/d² + 1.1 Δq″/d,   v² |q″| ≤ A,   v³ |q‴| ≤ J,
 
-where Δ is the jump at the join (planner.path.join_and_blend). d follows from the tolerance, and is at most half a leg.
+where Δ is the jump at the join (planner.path.join_and_blend). d follows from the tolerance, and is
+at most half a piece.
 """
 
 from collections.abc import Sequence
@@ -31,33 +32,40 @@ from planner.program.model import Dwell, Program, SegmentStream
 from planner.program.modifiers import Stop
 
 PROPOSED_TOLERANCE = 2e-5
-"""m; what is proposed for paths that are not small beside it."""
+"""Tolerance (m) proposed for paths that are large against it."""
 LEAST_COST = 5e-4
-"""s, below which the cost is not told."""
+"""Cost (s) below which no number is stated: the estimate is no better."""
 MOST_OF_PATH = 1e-3
-"""Share of the path's length that a proposed tolerance is at most."""
-# Places of a leg at which its limits are looked up, and legs that are looked at together.
-LEG_PLACES, LEG_BATCH = 5, 4096
-# Of a blend that reaches d: its largest second and third derivative where the direction jumps, as multiples of 1/d and
-# 1/d², and the third where the curvature does, of 1/d; how far it leaves the join, of d and of d².
-BEND, TWIST, CURVE_TWIST = 15 / 16, 1.443, 1.1
-CORNER_DEVIATION, CURVE_DEVIATION = 5 / 32, 0.0122
-# Halvings of the range in which the largest speed of a leg lies.
+"""Largest proposed tolerance as a share of the path's length."""
+# Places of a piece at which its limits are sampled: more take longer and change the estimate little.
+LEG_PLACES = 5
+# Pieces sampled together: more need more memory, fewer more time.
+LEG_BATCH = 4096
+# Blend that reaches d: its largest second and third derivative where the direction jumps, as
+# multiples of 1/d and 1/d², and its third where the curvature jumps, as a multiple of 1/d.
+BEND = 15 / 16
+TWIST = 1.443
+CURVE_TWIST = 1.1
+# Its distance from the join, as multiples of d and of d².
+CORNER_DEVIATION = 5 / 32
+CURVE_DEVIATION = 0.0122
+# Halvings of the range in which the largest speed of a piece lies: 40 leave rounding.
 BISECTIONS = 40
-# m/s, or /s; the largest speed of a leg where nothing limits it.
+# m/s, or /s; the largest speed of a piece without limits.
 TOP_SPEED = 1e3
 TINY = 1e-300
 
 
 @dataclass(frozen=True, slots=True)
 class AvoidableStops:
-    """Stops between moving segments that neither a dwell, a join, a trigger nor a reversal asks for.
+    """Stops between moving segments without a dwell, a join, a trigger or a reversal as the reason.
 
-    count      of the stops; joins: of all joins between moving segments, 0 where these were not counted
-    cost       s that they take, about; NaN where that is not known
-    tolerance  m, within which the joins would be passed
-    remedy     the option, word or key that lets the motion pass them
-    assumed    what was assumed for the cost, as the machine of a program that names none; "": nothing
+    count      number of stops
+    joins      number of joins between moving segments; 0 if they were not counted
+    cost       s, estimated; NaN if unknown
+    tolerance  m, within which the motion would pass the joins
+    remedy     option, word or key that lets the motion pass them
+    assumed    assumption for the cost, as the machine of a program that names none; or ""
     """
 
     count: int
@@ -68,7 +76,7 @@ class AvoidableStops:
     assumed: str = ""
 
     def describe(self) -> str:
-        """Return the count, the cost and the remedy in one line; an empty text if there are no such stops."""
+        """Return the count, the cost and the remedy in one line; "" without such stops."""
         if not self.count:
             return ""
         of = f", of {count_noun(self.joins, 'join')}" if self.joins else ""
@@ -77,12 +85,14 @@ class AvoidableStops:
 
     def describe_cost(self) -> str:
         """Return the cost, and the motion it is compared with."""
-        seconds = f"about {float(f'{self.cost:.2g}'):g} s" if self.cost >= LEAST_COST else "hardly any time"
+        seconds = "hardly any time"
+        if self.cost >= LEAST_COST:
+            seconds = f"about {float(f'{self.cost:.2g}'):g} s"
         assumed = f" {self.assumed}" if self.assumed else ""
         return f"{seconds}{assumed} against passing within {1e3 * self.tolerance:g} mm"
 
     def record(self) -> dict[str, object]:
-        """Return the same as data, in SI units; the cost None where it is not known."""
+        """Return the stops as data, in SI units; an unknown cost is None."""
         return {
             "count": self.count,
             "joins": self.joins or None,
@@ -94,7 +104,7 @@ class AvoidableStops:
         }
 
     def __add__(self, other: "AvoidableStops") -> "AvoidableStops":
-        """Return those of two parts of a path."""
+        """Return the stops of two parts of a path."""
         return replace(self, count=self.count + other.count, cost=self.cost + other.cost)
 
 
@@ -102,7 +112,7 @@ COST_METHOD = (
     "the time along the path with these rests, less the time without them: both estimated from the limits on speed, "
     "acceleration and jerk, and each join passed at the speed that a blend of the tolerance allows"
 )
-"""How the cost is estimated."""
+"""Method of the cost estimate."""
 
 
 def propose_remedy(program: Program, tolerance: float) -> str:
@@ -125,7 +135,7 @@ def _states_stops(program: Program) -> bool:
 
 
 def propose_tolerance(length: float) -> float:
-    """Return the tolerance (m) to propose for a path: the usual one, or 1, 2 or 5 times a power of ten below it."""
+    """Return the tolerance (m) to propose: the usual one, or 1, 2 or 5 times a power of ten."""
     most = MOST_OF_PATH * length
     if most >= PROPOSED_TOLERANCE or most <= 0:
         return PROPOSED_TOLERANCE
@@ -145,10 +155,10 @@ def find_avoidable_stops(program: Program, path: MachinePath, limits: Sequence[L
 
 
 def find_stops_of_import(program: Program) -> AvoidableStops:
-    """Count the stops of a program that names no machine, for a machine with jerk limits, and estimate their cost.
+    """Count the stops of a program and estimate their cost, for a machine with jerk limits.
 
-    The cost is that on the machine that it names, or else on ASSUMED_MACHINE; NaN where that cannot follow the path.
-    Of a long program the first segments are looked at.
+    The machine is the program's, or else ASSUMED_MACHINE. The cost is NaN if it cannot follow the
+    path. In a long program only the first MOST_SEGMENTS count.
     """
     name = program.machine or ASSUMED_MACHINE
     machine = load_machine(name)
@@ -169,26 +179,34 @@ def find_stops_of_import(program: Program) -> AvoidableStops:
 
 ASSUMED_MACHINE = "cartesian"
 MOST_SEGMENTS = 5000
-"""Of a program that is imported, which are looked at: some 0.4 ms each."""
+"""Segments of an imported program that are examined: each takes some 0.4 ms."""
 
 
 def find_stops_of_part(
-    program: Program, path: MachinePath, limits: Sequence[Limit], order: int, pieces: int, count: int
+    program: Program,
+    path: MachinePath,
+    limits: Sequence[Limit],
+    order: int,
+    pieces: int,
+    count: int,
 ) -> AvoidableStops:
-    """Estimate what the stops in the first pieces of a path cost that is a part of a program's.
+    """Estimate the cost of the stops in the first `pieces` of a part of a program's path.
 
-    count: of these stops, with the one at the path's end, of which the path does not know what follows: it counts as
-    the mean of the others
+    count: number of these stops, with any at the part's end. The part does not contain the piece
+    after its end: that stop costs the mean of the others.
     """
-    cost, known = 0.0, int(path.avoidable_stops(order)[: pieces + 1].sum())
+    tolerance = PROPOSED_TOLERANCE
+    cost = 0.0
+    known = int(path.avoidable_stops(order)[: pieces + 1].sum())
     if known:
-        cost = max(float(cost_legs(path, limits, order, PROPOSED_TOLERANCE)[:pieces].sum()), 0.0) * count / known
-    return AvoidableStops(count, 0, cost, PROPOSED_TOLERANCE, propose_remedy(program, PROPOSED_TOLERANCE))
+        costs = cost_legs(path, limits, order, tolerance)[:pieces]
+        cost = max(float(costs.sum()), 0.0) * count / known
+    return AvoidableStops(count, 0, cost, tolerance, propose_remedy(program, tolerance))
 
 
 @dataclass(frozen=True, slots=True)
 class _Legs:
-    """A path from break to break: lengths (P,), limits along it (P,), and speeds (P+1,) at which joins are passed."""
+    """The pieces of a path: lengths (P,), limits along them (P,), and speeds (P+1,) at the joins."""
 
     length: Array
     speed: Array
@@ -198,22 +216,23 @@ class _Legs:
 
 
 def cost_legs(path: MachinePath, limits: Sequence[Limit], order: int, tolerance: float) -> Array:
-    """(P,) s that each piece of a path takes longer for the stops that nobody asked for, about."""
+    """Estimate the time (P,) s that avoidable stops add to each piece of a path."""
     stops = path.avoidable_stops(order)
     legs = _measure_legs(path, limits, order, tolerance, stops)
     required = path.stops(order) & ~stops
     without = np.where(required, 0.0, legs.passing)
     without[[0, -1]] = np.minimum(path.end_speeds, legs.passing[[0, -1]])
-    times = [_time_legs(legs, speeds) for speeds in (np.where(stops, 0.0, without), without)]
-    return times[0] - times[1]
+    return _time_legs(legs, np.where(stops, 0.0, without)) - _time_legs(legs, without)
 
 
 def _measure_legs(path: MachinePath, limits: Sequence[Limit], order: int, tolerance: float, stops: np.ndarray) -> _Legs:
     count = len(path.breaks) - 1
-    along, passing = np.empty((3, count)), np.full(count + 1, TOP_SPEED)
+    along = np.empty((3, count))
+    passing = np.full(count + 1, TOP_SPEED)
     for first in range(0, count, LEG_BATCH):
-        # with the leg before, whose end meets the first
-        begin, last = max(first - 1, 0), min(first + LEG_BATCH, count)
+        # with the piece before, whose end meets the first
+        begin = max(first - 1, 0)
+        last = min(first + LEG_BATCH, count)
         piece = np.repeat(np.arange(begin, last), LEG_PLACES)
         share = np.tile(np.linspace(0.0, 1.0, LEG_PLACES), last - begin)
         s = path.breaks[piece] * (1 - share) + path.breaks[piece + 1] * share
@@ -224,20 +243,21 @@ def _measure_legs(path: MachinePath, limits: Sequence[Limit], order: int, tolera
         corners = np.flatnonzero(stops[begin + 1 : last])
         at = begin + 1 + corners
         passing[at] = np.minimum(passing[at], _pass_corners(points, limits, tolerance, corners))
-        passing[begin], passing[last] = min(passing[begin], rates[0, 0, 0]), rates[0, -1, -1]
+        passing[begin] = min(passing[begin], rates[0, 0, 0])
+        passing[last] = rates[0, -1, -1]
     speed, acceleration, jerk = along
     return _Legs(np.diff(path.breaks), speed, acceleration, jerk, passing)
 
 
 def _limit_rates(points: Points, limits: Sequence[Limit], count: int) -> Array:
-    """(3, count, LEG_PLACES): the largest ṡ at a steady speed, the largest s̈ from rest, and the largest s⃛."""
+    """Return the largest steady ṡ, s̈ from rest, and s⃛ (3, count, LEG_PLACES)."""
     rates = np.full((3, len(points.s)), np.inf)
     rates[0] = TOP_SPEED
     for limit in limits:
         rows = None if limit.geometric else _unconditional(limit.rows(points))
         if rows is None:
             continue
-        still = rows.coefficients.get(Term.ONE, 0.0)  # what acts at rest leaves less
+        still = rows.coefficients.get(Term.ONE, 0.0)  # a load at rest, as weight, leaves less room
         below = rows.bound if rows.below is None else rows.below
         room = np.maximum(np.minimum(rows.bound - still, below + still), 0.0)
         for term, (kind, root) in _RATES.items():
@@ -249,17 +269,18 @@ def _limit_rates(points: Points, limits: Sequence[Limit], count: int) -> Array:
 
 
 _RATES = {Term.SD: (0, 1), Term.SD2: (0, 2), Term.SD3: (0, 3), Term.SDD: (1, 1), Term.SDDD: (2, 1)}
-"""Which of the three rates a term limits, and to which power it has ṡ."""
+"""Index of the rate that a term limits, and its power in the term."""
 
 
 def _unconditional(rows: Rows) -> Rows | None:
-    """Rows that hold whatever the speed is."""
+    """Return the rows that hold at every speed; None if there are none."""
     return rows if rows.about is None else rows.hull
 
 
 def _pass_corners(points: Points, limits: Sequence[Limit], tolerance: float, corners: np.ndarray) -> Array:
-    """(C,) ṡ at which blends of a tolerance pass the ends of some legs."""
-    before, after = LEG_PLACES * corners + LEG_PLACES - 1, LEG_PLACES * (corners + 1)
+    """Return the ṡ (C,) at which blends of a tolerance pass the ends of the pieces `corners`."""
+    after = LEG_PLACES * (corners + 1)
+    before = after - 1
     path = points.path
     assert isinstance(path, MachinePath)
     size = np.concatenate([np.ones(3), np.full(9, path.machine.characteristic_length / np.sqrt(2))])
@@ -273,25 +294,26 @@ def _pass_corners(points: Points, limits: Sequence[Limit], tolerance: float, cor
     speed = np.full(len(corners), TOP_SPEED)
     for limit in limits:
         if _limits_axes(limit) and _limits_acceleration(limit):
-            bound = _find_lesser_bounds(limit)
-            speed = np.minimum(speed, np.sqrt(_least(bound, BEND * jumps[0] / reach[:, None])))
+            bend = BEND * jumps[0] / reach[:, None]
+            speed = np.minimum(speed, np.sqrt(_least(_find_lesser_bounds(limit), bend)))
         elif _limits_axes(limit) and Term.SDDD in limit.terms:
-            bound = _find_lesser_bounds(limit)
             twist = TWIST * jumps[0] / reach[:, None] ** 2 + CURVE_TWIST * jumps[1] / reach[:, None]
-            speed = np.minimum(speed, np.cbrt(_least(bound, twist)))
+            speed = np.minimum(speed, np.cbrt(_least(_find_lesser_bounds(limit), twist)))
         elif isinstance(limit, ToolLimit) and _limits_acceleration(limit):
             cap = np.minimum(limit.caps[points.piece[before]], limit.caps[points.piece[after]])
-            speed = np.minimum(speed, np.sqrt(_least(cap[:, None], (BEND * turned / reach)[:, None])))
+            bend = (BEND * turned / reach)[:, None]
+            speed = np.minimum(speed, np.sqrt(_least(cap[:, None], bend)))
     return speed * _share_saved(points, limits, before, after)
 
 
 def _share_saved(points: Points, limits: Sequence[Limit], before: np.ndarray, after: np.ndarray) -> Array:
-    """(C,) share of the ramps to and from rest that passing a corner saves, as that of its speed.
+    """Return the share (C,) of the ramps to and from rest that passing a corner saves.
 
-    At a speed v resting takes max |q′| v/A of both sides, and passing max |Δq′| v/A: an axis that turns back saves
-    nothing, and one that keeps its speed all.
+    At a speed v resting takes max |q′| v/A on each side, and passing max |Δq′| v/A. An axis that
+    turns back saves no time; one that keeps its speed saves all of it.
     """
-    resting, passing = np.full(len(before), TINY), np.zeros(len(before))
+    resting = np.full(len(before), TINY)
+    passing = np.zeros(len(before))
     slope = points.derivatives[1]
     for limit in limits:
         if _limits_axes(limit) and _limits_acceleration(limit):
@@ -309,7 +331,7 @@ def _limits_axes(limit: Limit) -> bool:
 
 
 def _find_lesser_bounds(limit: Limit) -> Array:
-    """(n,) the lesser bound of each axis' two directions."""
+    """Return the lesser bound (n,) of each axis' two directions."""
     assert isinstance(limit, AxisLimit)
     return np.asarray(np.minimum(limit.bounds, limit.below))
 
@@ -323,32 +345,39 @@ def _least(bound: Array, size: Array) -> Array:
 
 
 def _time_legs(legs: _Legs, passing: Array) -> Array:
-    """(P,) s of each leg: at the largest speeds (P+1,) at its ends that acceleration allows, and with ramps between."""
+    """Estimate the time (P,) s of each piece, with ramps between the speeds at its ends.
+
+    passing (P+1,): largest speeds at the joins, which acceleration may lower.
+    """
     speeds = passing.tolist()
     gains = (2 * legs.acceleration * legs.length).tolist()
     for k, gain in enumerate(gains):
         speeds[k + 1] = min(speeds[k + 1], (speeds[k] ** 2 + gain) ** 0.5)
     for k in range(len(gains) - 1, -1, -1):
         speeds[k] = min(speeds[k], (speeds[k + 1] ** 2 + gains[k]) ** 0.5)
-    first, last = np.array(speeds[:-1]), np.array(speeds[1:])
+    first = np.array(speeds[:-1])
+    last = np.array(speeds[1:])
     low = np.maximum(first, last)
     high = np.maximum(legs.speed, low)
     for _ in range(BISECTIONS):
         middle = (low + high) / 2
         fits = _ramp_lengths(legs, first, last, middle)[0] <= legs.length
-        low, high = np.where(fits, middle, low), np.where(fits, high, middle)
+        low = np.where(fits, middle, low)
+        high = np.where(fits, high, middle)
     way, ramps = _ramp_lengths(legs, first, last, low)
     ramped = ramps + (legs.length - way) / np.maximum(low, TINY)
-    # ramps that reach over several legs: the jerk in between is left out
+    # ramps that reach over several pieces: the jerk in between is left out
     spanned = 2 * legs.length / np.maximum(first + last, TINY)
     return np.asarray(np.where(way <= legs.length, ramped, spanned))
 
 
 def _ramp_lengths(legs: _Legs, first: Array, last: Array, top: Array) -> tuple[Array, Array]:
-    """Lengths (P,) of the ramps from the first speed to the top and on to the last, and the times (P,) of both."""
-    way, time = np.zeros(len(top)), np.zeros(len(top))
+    """Return length and time (P,) of the ramps from the first speed to the top and to the last."""
+    way = np.zeros(len(top))
+    time = np.zeros(len(top))
     with np.errstate(invalid="ignore", over="ignore"):
-        jerky = legs.acceleration**2 / legs.jerk  # the change of speed up to which the full acceleration is not reached
+        # change of speed up to which the ramp does not attain the full acceleration
+        jerky = legs.acceleration**2 / legs.jerk
         for end in (first, last):
             gain = top - end
             ramp = np.where(
@@ -356,5 +385,6 @@ def _ramp_lengths(legs: _Legs, first: Array, last: Array, top: Array) -> tuple[A
                 gain / legs.acceleration + legs.acceleration / legs.jerk,
                 2 * np.sqrt(gain / legs.jerk),
             )
-            way, time = way + (top + end) / 2 * ramp, time + ramp
+            way = way + (top + end) / 2 * ramp
+            time = time + ramp
     return way, time

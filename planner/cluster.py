@@ -1,4 +1,4 @@
-"""Work on a cluster: Dask's, on this computer or on any number of others: programs, and the windows of a long one."""
+"""Work on a Dask cluster of one or more computers: whole programs, or windows of a long program."""
 
 import asyncio
 import json
@@ -25,25 +25,26 @@ Task = TypeVar("Task")
 Shared = TypeVar("Shared")
 Result = TypeVar("Result")
 
-# s to wait for a cluster that is said to be there, and for a worker where there is none any more.
+# s to wait for a scheduler or a worker: a shorter time refuses slow networks, a longer one delays
+# the message about a wrong address.
 MAX_CONNECTION_TIME = 10.0
 ALONE = "the motion goes on for long without a stop: its windows need each other, and this computer plans them in turn"
-# Between two looks (s) for a file that a scheduler is about to write.
+# s between two attempts to read the file that a scheduler is about to write.
 FILE_PERIOD = 0.1
-# What Dask says of itself: what goes wrong is raised here, and all it adds is said of clusters that are ended midway.
+# Dask's own loggers are silenced: errors are raised here, and the rest concerns interrupted clusters.
 LOGGERS = "distributed", "distributed.client", "tornado.application", "asyncio"
 WORKER_LOGS = {"distributed.nanny.pre-spawn-environ.DASK_LOGGING__DISTRIBUTED": "critical"}
 
 
 class LostTask(MotionError):
-    """A task that killed every worker it was given to."""
+    """A task that killed every worker that ran it."""
 
 
 def is_installed() -> bool:
-    """Whether Dask is there."""
+    """Return whether Dask is installed."""
     try:
         return find_spec("distributed") is not None
-    except ValueError:  # what stands in sys.modules under its name has no spec
+    except ValueError:  # the entry in sys.modules has no spec
         return False
 
 
@@ -55,26 +56,34 @@ def run_on_cluster(
     *,
     packages: Sequence[str] = PACKAGES,
 ) -> Iterator[tuple[int, Result | LostTask]]:
-    """(n, work(tasks[n], shared)) of every task as it is done, or that it was lost; a worker that dies costs time only.
+    """Yield (n, work(tasks[n], shared)) of each task as it is done, or a LostTask.
 
-    address: of a Dask scheduler whose workers have this package, such as "tcp://10.0.0.1:8786"; None: one worker for
-    each core of this computer, for as long as this takes. `shared` goes to each worker once. What `work` raises is
-    raised here.
+    A worker that dies costs time only. `shared` goes to each worker once. An exception of `work`
+    is raised here.
 
-    packages: whose sources make the results. They, Python and the libraries must be the same on every worker: this is
-    compared before any work is given out, and by each worker again before each task, for those that join later.
+    address: of a Dask scheduler whose workers have this package, such as "tcp://10.0.0.1:8786".
+    None: one worker for each core of this computer, until all tasks are done.
 
-    Raises MotionError where Dask is not installed, nothing answers, there is no worker, or one differs.
+    packages: packages whose sources determine the results. They, Python and the libraries must be
+    the same on every worker. This is compared before the first task, and again by each worker
+    before each task, since workers may join later.
+
+    Raises MotionError if Dask is not installed, if no scheduler answers, or if there is no worker
+    or a different one.
     """
     with open_cluster(address, packages, most=len(tasks)) as cluster:
         from distributed import KilledWorker, as_completed
 
-        checked, everywhere = _wrap_checked(work, cluster.look, cluster.look()), cluster.send(shared)
-        waiting, futures, done = iter(enumerate(tasks)), dict[Any, int](), as_completed()
+        checked = _wrap_checked(work, cluster.look, cluster.look())
+        everywhere = cluster.send(shared)
+        waiting = iter(enumerate(tasks))
+        futures = dict[Any, int]()
+        done = as_completed()
 
         def submit() -> None:
             for n, task in waiting:
-                futures[future := cluster.client.submit(checked, pickle.dumps(task), everywhere, pure=False)] = n
+                future = cluster.client.submit(checked, pickle.dumps(task), everywhere, pure=False)
+                futures[future] = n
                 done.add(future)
                 if len(futures) >= cluster.room():
                     return
@@ -85,8 +94,8 @@ def run_on_cluster(
             submit()
             try:
                 result, theirs = future.result()
-            except KilledWorker as lost:
-                yield n, LostTask(f"every worker that ran it died, possibly out of memory: {lost}")
+            except KilledWorker as error:
+                yield n, LostTask(f"every worker that ran it died, possibly out of memory: {error}")
                 continue
             future.release()
             if theirs is not None:
@@ -102,79 +111,97 @@ def open_cluster(
     most: int | None = None,
     tell: Callable[[str], None] | None = None,
 ) -> "Iterator[Cluster]":
-    """The workers of a Dask scheduler: at an address, or in the file that it wrote; None: of this computer's cores.
+    """Connect to the workers of a Dask scheduler until the block ends.
 
-    most: of these workers. tell: what is told of workers that do not do what they were given; None: the logger
-    `pulsepath`. Raises MotionError as `run_on_cluster`.
+    address: of the scheduler, or the file that it wrote; None: one worker for each core.
+    most: largest number of these workers. tell: prints a message about workers that fail; None: the
+    logger `pulsepath`. Raises MotionError as `run_on_cluster`.
     """
     try:
         import dask
         from distributed import Client, LocalCluster
-    except ImportError as missing:
-        raise NotInstalled("a cluster", "Dask", "cluster") from missing
+    except ImportError as error:
+        raise NotInstalled("a cluster", "Dask", "cluster") from error
     with _hush_logs(), ExitStack() as stack:
-        there: Any = None if address is None else _find_scheduler(address)
+        scheduler: Any
         if address is None:
-            # workers inherit that no Ctrl-C comes to them: this process ends them, once they have started
+            # workers inherit the blocked Ctrl-C: this process ends them, once they have started
             with _hide_main(), hold_interrupts(), dask.config.set(WORKER_LOGS):
-                count = min(cores(), most or cores())
                 local = LocalCluster(
-                    n_workers=count, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0"
+                    n_workers=min(cores(), most or cores()),
+                    threads_per_worker=1,
+                    processes=True,
+                    dashboard_address="127.0.0.1:0",
                 )
-                there = stack.enter_context(local)
+                scheduler = stack.enter_context(local)
+        else:
+            scheduler = _find_scheduler(address)
         try:
-            client = stack.enter_context(Client(there, timeout=MAX_CONNECTION_TIME))
-        except (OSError, ValueError, TypeError, ImportError) as silent:  # of a tls:// address without keys a TypeError
-            told = f"{silent}" or type(silent).__name__
-            raise MotionError(f"no Dask scheduler answers at {there}: {told}; check the address") from silent
-        look, tell = make_fact_finder(packages), tell or logging.getLogger("pulsepath").warning
+            client = stack.enter_context(Client(scheduler, timeout=MAX_CONNECTION_TIME))
+        except (OSError, ValueError, TypeError, ImportError) as error:
+            # a tls:// address without keys raises TypeError
+            reason = f"{error}" or type(error).__name__
+            raise MotionError(
+                f"no Dask scheduler answers at {scheduler}: {reason}; check the address",
+            ) from error
+        look = make_fact_finder(packages)
+        tell = tell or logging.getLogger("pulsepath").warning
         _check_workers(client, look)
         _tell_processors(client, tell)
         yield Cluster(client, look, tell)
 
 
 def _find_scheduler(address: str) -> str:
-    """What `dask scheduler --scheduler-file` wrote into a file that is named, or an address as it is."""
+    """Return the address in a .json file of `dask scheduler --scheduler-file`, else `address`."""
     if not address.endswith(".json"):
         return address
-    file, end = Path(address), time.monotonic() + MAX_CONNECTION_TIME
+    file = Path(address)
+    end = time.monotonic() + MAX_CONNECTION_TIME
     while True:
         try:
             return str(json.loads(file.read_bytes())["address"])
         except FileNotFoundError:
-            no = "there is no such file"
+            reason = "there is no such file"
         except (OSError, ValueError, KeyError, TypeError) as error:
-            no = f"it cannot be read ({error})"
+            reason = f"it cannot be read ({error})"
         if time.monotonic() > end:
-            raise MotionError(f"{file}: {no}; give the address, or the --scheduler-file of a Dask scheduler")
+            raise MotionError(
+                f"{file}: {reason}; give the address, or the --scheduler-file of a Dask scheduler",
+            )
         time.sleep(FILE_PERIOD)
 
 
 class Cluster:
-    """Workers of a Dask scheduler that compute what this process would: `planner.windows.Helpers`."""
+    """Workers of a Dask scheduler that share this process's work: `planner.windows.Helpers`."""
 
     def __init__(self, client: Any, look: Look, tell: Callable[[str], None]) -> None:
-        self.client, self.look, self._tell = client, look, tell
-        self._refused, self._told = set[str](), set[str]()  # addresses, and what was told already
+        self.client = client
+        self.look = look
+        self._tell = tell
+        self._refused = set[str]()  # addresses
+        self._messages = set[str]()  # printed already
 
     def find_workers(self) -> list[str]:
-        """Addresses of those that are there and are not refused."""
+        """Return the addresses of the present workers, without the refused ones."""
         if not self._there():
             return []
         try:
             return [worker for worker in self.client.nthreads() if worker not in self._refused]
-        except Exception:  # of a scheduler that ends meanwhile whatever its client meets
+        except Exception:  # the client raises any exception when its scheduler ends meanwhile
             return []
 
     def _there(self) -> bool:
         return self.client.status not in ("closing", "closed")
 
     def room(self) -> int:
-        """How many tasks they are given at a time; none where the scheduler is no more."""
+        """Return how many tasks are sent at a time; 0 after the scheduler has ended."""
         return TASKS_EACH * max(1, len(self.find_workers())) if self._there() else 0
 
     def send(self, value: Any) -> Any:
-        """To each worker that needs it, once: as a task, which is done again where all that had it died."""
+        """Send a value to each worker that needs it, once.
+
+        It is sent as a task, which Dask does again if all workers that have the value died.
+        """
         packed = pickle.dumps(value)
 
         def give() -> bytes:
@@ -183,51 +210,56 @@ class Cluster:
         return self.client.submit(give, pure=False)
 
     def prepare(self, work: Callable[[Task], Result]) -> "Callable[[Task], SharedTask[Result]]":
-        """What gives a task of this work to a worker."""
-        checked, everywhere = _wrap_checked(_call, self.look, self.look()), self.send(work)
+        """Return the function that sends a task of this work to a worker."""
+        checked = _wrap_checked(_call, self.look, self.look())
+        everywhere = self.send(work)
 
         def submit(task: Task) -> SharedTask[Result]:
             chosen = self.find_workers() if self._refused else None
             try:
-                future = self.client.submit(checked, pickle.dumps(task), everywhere, pure=False, workers=chosen)
-            except Exception as no:  # pickle raises whatever an object's own code does, and so does a client that ends
-                return SharedTask(self, None, f"it cannot be sent: {no}")
+                packed = pickle.dumps(task)
+                future = self.client.submit(checked, packed, everywhere, pure=False, workers=chosen)
+            except Exception as error:  # pickling runs the task's own code; the client may end
+                return SharedTask(self, None, f"it cannot be sent: {error}")
             return SharedTask(self, future)
 
         return submit
 
     def refuse(self, future: Any, theirs: Facts) -> str:
-        """Give the worker that has looked instead of working no more; returns why."""
-        self._refused |= {worker for each in self.client.who_has([future]).values() for worker in each}
-        return str(_mismatch_error("a worker that joined later", describe_mismatches(self.look(), theirs)))
+        """Send no more tasks to the worker of a future, whose facts differ; return the reason."""
+        owners = self.client.who_has([future]).values()
+        self._refused |= {worker for each in owners for worker in each}
+        mismatches = describe_mismatches(self.look(), theirs)
+        return str(_mismatch_error("a worker that joined later", mismatches))
 
     def tell_lost(self, why: str) -> None:
-        """Of work that no worker did, that it is done here: once of each reason."""
-        if why not in self._told:
-            self._told.add(why)
-            self._tell(f"done by this computer instead of the cluster: {why}")
+        """Report that this computer does work that no worker did: once per reason."""
+        self._tell_once(why, f"done by this computer instead of the cluster: {why}")
 
     def tell_alone(self, segment: int) -> None:
-        """That windows without a stop between them are not shared: once."""
-        if ALONE not in self._told:
-            self._told.add(ALONE)
-            self._tell(f"from segment {segment} on {ALONE}")
+        """Report once that windows without a stop between them are not shared."""
+        self._tell_once(ALONE, f"from segment {segment} on {ALONE}")
+
+    def _tell_once(self, reason: str, message: str) -> None:
+        if reason not in self._messages:
+            self._messages.add(reason)
+            self._tell(message)
 
 
 @dataclass(frozen=True, slots=True)
 class SharedTask(Generic[Result]):
-    """What a worker of a cluster was asked for, or why none was."""
+    """A task sent to a worker of a cluster, or the reason (`unsent`) why it was not sent."""
 
     cluster: Cluster
     future: Any
     unsent: str = ""
 
     def result(self, here: Callable[[], Result]) -> Result:
-        """Wait for it; `here` does in this process what no worker does, be it for want of one or because it raises."""
+        """Wait for the result. `here` does the task in this process if no worker does it."""
         try:
             return self._wait()
-        except _LostShareError as lost:
-            self.cluster.tell_lost(str(lost))
+        except _LostShareError as error:
+            self.cluster.tell_lost(str(error))
             return here()
         finally:
             if self.future is not None:
@@ -238,28 +270,28 @@ class SharedTask(Generic[Result]):
             raise _LostShareError(self.unsent)
         while True:
             try:
-                found: tuple[Result, Facts | None] = self.future.result(MAX_CONNECTION_TIME)
+                answer: tuple[Result, Facts | None] = self.future.result(MAX_CONNECTION_TIME)
             except TimeoutError:
                 if self.cluster.find_workers():
                     continue
                 raise _LostShareError("it has no worker any more") from None
             except (asyncio.CancelledError, CancelledError) as error:
                 raise _LostShareError("its scheduler is no more") from error
-            except Exception as error:  # a worker lacks what it lacks
+            except Exception as error:  # for example, a library that only the worker lacks
                 raise _LostShareError(f"{type(error).__name__}: {error}") from error
-            result, theirs = found
+            result, theirs = answer
             if theirs is not None:
                 raise _LostShareError(self.cluster.refuse(self.future, theirs))
             return result
 
 
 class _LostShareError(Exception):
-    """Why no worker did something."""
+    """The reason why no worker did a task."""
 
 
 @contextmanager
 def _hide_main() -> Iterator[None]:
-    """Around the start of Dask's processes: each would run the caller's script again, and few are made for it."""
+    """Hide the caller's script while Dask's processes start: each would run it again."""
     main = sys.modules["__main__"]
     sys.modules["__main__"] = ModuleType("__main__")
     try:
@@ -270,8 +302,10 @@ def _hide_main() -> Iterator[None]:
 
 @contextmanager
 def _hush_logs() -> Iterator[None]:
-    """Around a cluster: nothing of Dask's own logs; as before after it, unless Ctrl-C ends all: what is left of it then
-    would speak after the last line."""
+    """Silence Dask's own logs until the block ends.
+
+    After Ctrl-C they stay silent: they would print below the program's last line.
+    """
     before = {name: logging.getLogger(name).level for name in LOGGERS}
     for name in LOGGERS:
         logging.getLogger(name).setLevel(logging.CRITICAL)
@@ -286,33 +320,36 @@ def _hush_logs() -> Iterator[None]:
 
 
 def _check_workers(client: Any, look: Look) -> None:
-    """Raise MotionError unless there are workers, all of which compute with what is here."""
+    """Raise MotionError unless there are workers, all with this process's facts."""
     try:
         client.wait_for_workers(1, timeout=MAX_CONNECTION_TIME)
     except TimeoutError:
         raise MotionError(f"the Dask cluster has no worker after {MAX_CONNECTION_TIME:g} s: start some") from None
     versions = client.get_versions()
     python = versions["client"]["host"]["python"]
-    for worker, there in versions["workers"].items():
-        if there["host"]["python"] != python:  # which does not run the code that looks
-            raise _mismatch_error(worker, [f"python {there['host']['python']} (here {python})"])
+    for worker, facts in versions["workers"].items():
+        if facts["host"]["python"] != python:  # another Python cannot run `look`
+            raise _mismatch_error(worker, [f"python {facts['host']['python']} (here {python})"])
     ours = look()
-    others = {worker: describe_mismatches(ours, theirs) for worker, theirs in client.run(look).items()}
-    others = {worker: found for worker, found in others.items() if found}
+    others = [(worker, theirs) for worker, theirs in client.run(look).items() if theirs != ours]
     if others:
-        worker, found = next(iter(others.items()))
-        raise _mismatch_error(f"{len(others)} of the cluster's workers, as {worker},", found)
+        worker, theirs = others[0]
+        who = f"{len(others)} of the cluster's workers, as {worker},"
+        raise _mismatch_error(who, describe_mismatches(ours, theirs))
 
 
 def _tell_processors(client: Any, tell: Callable[[str], None]) -> None:
-    """Of workers whose processor has other instructions: numpy and BLAS choose theirs by that, and round otherwise."""
+    """Report workers whose processor has other instructions.
+
+    numpy and BLAS choose their code by the processor, and so round differently.
+    """
 
     def look() -> tuple[str, ...]:
         from platform import machine
 
         import numpy as np
 
-        known = np.show_config(mode="dicts").get("SIMD Extensions", {})  # which leaves out what is empty
+        known = np.show_config(mode="dicts").get("SIMD Extensions", {})  # empty entries are missing
         return machine(), *known.get("found", ())
 
     others = [worker for worker, theirs in client.run(look).items() if theirs != look()]
@@ -323,16 +360,18 @@ def _tell_processors(client: Any, tell: Callable[[str], None]) -> None:
         )
 
 
-def _mismatch_error(who: str, found: Sequence[str]) -> MotionError:
+def _mismatch_error(who: str, mismatches: Sequence[str]) -> MotionError:
     return MotionError(
-        f"{who} would give different results: {'; '.join(found)}. Install the same there, and start the workers again"
+        f"{who} would give different results: {'; '.join(mismatches)}. "
+        "Install the same there, and start the workers again",
     )
 
 
 def _wrap_checked(work: Callable[[Any, Any], Any], look: Look, ours: Facts) -> Callable[[bytes, bytes], Any]:
-    """What a worker does: its result and None, or none and its facts where they are not ours.
+    """Wrap `work` for a worker: return (result, None), or (None, its facts) if they are not ours.
 
-    Local and of bytes, so that nothing of this project is unpacked where it is another.
+    The wrapper is local and takes bytes, so that a worker with other sources of this project
+    unpacks none of its objects.
     """
     packed = pickle.dumps(work)
 
@@ -347,12 +386,12 @@ def _wrap_checked(work: Callable[[Any, Any], Any], look: Look, ours: Facts) -> C
     return do
 
 
-# Of a worker with several threads, which would share what is made for one.
+# The threads of a worker would share caches that are made for one thread.
 _ONE_TASK = Lock()
 
 
 def do_task(work: bytes, task: bytes, shared: bytes) -> Any:
-    """On a worker, one at a time: what all tasks share is unpacked for the first, and with it what is built on it."""
+    """Do a task on a worker, one at a time. `shared` is unpacked once, with the caches built on it."""
     with _ONE_TASK, without_processes():
         return _unpack(work)(pickle.loads(task), _unpack(shared))
 

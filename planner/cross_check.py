@@ -1,4 +1,4 @@
-"""A second opinion on a plan: the fastest motion of order 2 by toppra beside our own, each with its certificate."""
+"""A comparison of a plan with toppra's fastest motion of order 2, each with its certificate."""
 
 from dataclasses import dataclass, field
 from functools import partial
@@ -15,11 +15,14 @@ from planner.timing.solvers.toppra_ import require
 
 @dataclass(frozen=True, slots=True)
 class CrossCheck(Result):
-    """The motions of order 2 of one path within the same limits, those on jerk left out.
+    """The motions of order 2 of one path within the same limits, without those on jerk.
 
-    ours: the plan's own where it is of order 2, else made for this; theirs: toppra's, certified or not, None where it
-    gives no motion, and `failure` tells why. toppra solves the rows that our own solver solves (on a grid, kept at both
-    ends of every interval), and its motion is proved, and solved again with less room, as ours is.
+    ours     the plan's motion if it is of order 2, else a new one
+    theirs   toppra's motion, certified or not; None if it gives none
+    failure  the reason if toppra gives none
+
+    toppra solves the rows of our own solver, on a grid, at both ends of each interval. Its motion
+    is proved as ours is, and solved again with smaller limits if the proof fails.
     """
 
     ours: Solution = field(repr=False)
@@ -28,35 +31,42 @@ class CrossCheck(Result):
 
     @property
     def difference(self) -> float | None:
-        """By what share of ours toppra's motion takes longer; negative where it is shorter."""
+        """Share of our duration by which toppra's motion takes longer; negative if it is shorter."""
         if self.theirs is None:
             return None
         return self.theirs.trajectory.duration / self.ours.trajectory.duration - 1
 
     def tables(self) -> tuple[Table, ...]:
-        """Both durations, whether each is certified, and the worst proven use of every limit."""
-        both = {"pulsepath": self.ours} | ({} if self.theirs is None else {"toppra": self.theirs})
-        times = Column("duration", [one.trajectory.duration for one in both.values()], "s", form=".6f")
-        certified = Column("certified", ["yes" if one.certificate.holds else "NO" for one in both.values()])
-        if self.difference is None:
-            told = f"toppra gave no motion: {self.failure}"
-        else:
-            told = f"toppra's motion takes {100 * self.difference:+.6f} % longer"
-        names = list(dict.fromkeys(name for one in both.values() for name in one.certificate.worst))
-        uses = (
-            Column(by, [one.certificate.worst.get(name) for name in names], form=".7f", up=True)
-            for by, one in both.items()
+        """Return both durations, whether each is certified, and the worst use of each limit."""
+        both = {"pulsepath": self.ours}
+        note = f"toppra gave no motion: {self.failure}"
+        if self.theirs is not None and self.difference is not None:
+            both["toppra"] = self.theirs
+            note = f"toppra's motion takes {100 * self.difference:+.6f} % longer"
+        durations = [one.trajectory.duration for one in both.values()]
+        proofs = {by: one.certificate for by, one in both.items()}
+        motions = (
+            Column("by", [*both]),
+            Column("duration", durations, "s", form=".6f"),
+            Column("certified", ["yes" if proof.holds else "NO" for proof in proofs.values()]),
         )
+        names = list(dict.fromkeys(name for proof in proofs.values() for name in proof.worst))
+        uses = (Column(by, list(map(proof.worst.get, names)), form=".7f", up=True) for by, proof in proofs.items())
+        title = "cross-check: value/limit, bounded over continuous time"
         return (
-            Table("cross-check at order 2, without limits on jerk", (Column("by", [*both]), times, certified), (told,)),
-            Table("cross-check: value/limit, bounded over continuous time", (Column("limit", names), *uses)),
+            Table("cross-check at order 2, without limits on jerk", motions, (note,)),
+            Table(title, (Column("limit", names), *uses)),
         )
 
     def record(self) -> dict[str, object]:
-        """Both motions as plain data; None where toppra gave none, and why."""
-        both = {"pulsepath": self.ours, "toppra": self.theirs}
-        told = {name: None if one is None else _record(one) for name, one in both.items()}
-        return {"order": 2, **told, "difference": self.difference, "failure": self.failure or None}
+        """Return both motions as plain data; None if toppra gave none, and the reason."""
+        return {
+            "order": 2,
+            "pulsepath": _record(self.ours),
+            "toppra": None if self.theirs is None else _record(self.theirs),
+            "difference": self.difference,
+            "failure": self.failure or None,
+        }
 
 
 def _record(one: Solution) -> dict[str, object]:
@@ -66,13 +76,23 @@ def _record(one: Solution) -> dict[str, object]:
 
 
 def cross_check(plan: Plan) -> CrossCheck:
-    """Both motions of order 2 of a plan's path. Raises NotInstalled where toppra is not there."""
+    """Compare both motions of order 2 of a plan's path. Raises NotInstalled without toppra."""
     require("a cross-check")
     limits = tuple(limit for limit in plan.limits if Term.SDDD not in limit.terms)
     if plan.order == 2 and plan.fastest and not any("toppra" in method for method in plan.methods):
-        own = plan.trajectory, plan.certificate, limits, 2, plan.rounds, plan.methods, plan.lower_estimate
-        ours = Solution(*own)
+        ours = Solution(
+            plan.trajectory,
+            plan.certificate,
+            limits,
+            2,
+            plan.rounds,
+            plan.methods,
+            plan.lower_estimate,
+        )
     else:
         ours = certified_solve(plan.path, limits, 2)
-    theirs = attempt(partial(certified_solve, plan.path, limits, 2, solver="toppra", proving=False))
-    return CrossCheck(ours, None, str(theirs)) if isinstance(theirs, MotionError) else CrossCheck(ours, theirs)
+    solve = partial(certified_solve, plan.path, limits, 2, solver="toppra", proving=False)
+    theirs = attempt(solve)
+    if isinstance(theirs, MotionError):
+        return CrossCheck(ours, None, str(theirs))
+    return CrossCheck(ours, theirs)

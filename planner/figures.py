@@ -1,4 +1,4 @@
-"""Figures of this package's results: each draws on `ax`, or on a figure of its own, and returns the axes."""
+"""Figures of results: each draws on `ax`, or on a figure of its own, and returns the axes."""
 
 from collections.abc import Iterable, Sequence
 from itertools import groupby
@@ -46,14 +46,14 @@ from planner.tradeoffs import figures as _tradeoff_figures  # noqa: F401  # regi
 from planner.trajectory import Trajectory
 
 DRAWN_INSTANTS = 2000
-"""Instants drawn, beside the knots of the trajectory."""
+"""Instants drawn, besides the knots of the trajectory. More make files larger and show no more."""
 VISIBLE_SHARE = 1 / 150
-"""Of a path's extent, from which on the distance of another is seen."""
+"""Distance between two paths that a reader can see, as a share of their extent."""
 
 
 @draws(Trajectory)
 def path_speed(trajectory: Trajectory, ax: Axes | None = None, **style: Any) -> Axes:
-    """Draw the speed along the path over time: on a machine that of the tool, else that of the path's parameter.
+    """Draw the speed over time: of the tool on a machine, else of the path's parameter.
 
     The parameter of a machine's path may run faster than the tool, as in a blend; caps hold for the
     tool. `style` goes to the line, so that two timings can share the axes.
@@ -73,13 +73,13 @@ def path_speed(trajectory: Trajectory, ax: Axes | None = None, **style: Any) -> 
 
 @draws(Section)
 def section_speed(section: Section, ax: Axes | None = None, **style: Any) -> Axes:
-    """The speed along the path over the time since it began."""
+    """Draw the speed along the path over the time since the section began."""
     return path_speed(section.trajectory, ax, **style)
 
 
 @draws(Stops)
 def time_and_distance_to_rest(stops: Stops, ax: Axes | None = None) -> Axes:
-    """How long and how far it is to rest from each instant of a plan; the distance on an axis of its own."""
+    """Draw time and distance to rest from each instant of a plan; the distance on a second axis."""
     ax = new_axes(ax)
     ax.plot(stops.t, 1e3 * stops.time, label="time to rest", **line_style(0))
     ax.set(xlabel="time (s)", ylabel="time to rest (ms)", ylim=(0, None))
@@ -91,54 +91,81 @@ def time_and_distance_to_rest(stops: Stops, ax: Axes | None = None) -> Axes:
 
 
 def pick_instants(trajectory: Trajectory) -> Array:
-    """Instants (N,) to draw a trajectory at: evenly spaced ones, and its knots."""
+    """Return the instants (N,) at which a trajectory is drawn: evenly spaced ones, and its knots."""
     return np.union1d(np.linspace(0, trajectory.duration, DRAWN_INSTANTS), trajectory.knots)
 
 
 Quantity = Literal["position", "speed", "acceleration", "jerk"]
 
 _UNIT = {"linear": ("mm", 1e3), "rotary": ("°", 180 / np.pi)}
-_DERIVATIVE = {"position": ("q", ""), "speed": ("qd", "/s"), "acceleration": ("qdd", "/s²"), "jerk": ("qddd", "/s³")}
+_DERIVATIVE = {
+    "position": ("q", ""),
+    "speed": ("qd", "/s"),
+    "acceleration": ("qdd", "/s²"),
+    "jerk": ("qddd", "/s³"),
+}
 
 
 @draws(Plan)
 def path_in_space(plan: Plan, ax: Axes3D | None = None) -> Axes3D:
-    """The way of the tool (else the platform's origin) in the program's frame, coloured by its speed; its rests."""
+    """Draw the path of the tool (or else the platform's origin), coloured by its speed; its rests.
+
+    Coordinates are those of the program's frame.
+    """
     ax = new_axes_3d(ax)
     state = plan.trajectory.at(pick_instants(plan.trajectory))
     pose = from_numbers(state.tool_rate(0))
     from_home = plan.program.frame == "home"
     mover = "platform's origin" if plan.path.tool is None else "tool"
-    position = 1e3 * (plan.machine.home.inv() * pose if from_home else pose).translation
+    if from_home:
+        pose = plan.machine.home.inv() * pose
+    position = 1e3 * pose.translation
     speed = 1e3 * np.linalg.norm(state.tool_velocity, axis=1)
     ax = draw_way(ax, position, speed, f"speed of the {mover} (mm/s)")
-    if plan.shaped is not None and 1e3 * plan.shaped.contour > VISIBLE_SHARE * np.ptp(position, axis=0).max():
+    visible = VISIBLE_SHARE * np.ptp(position, axis=0).max()
+    if plan.shaped is not None and 1e3 * plan.shaped.contour > visible:
+        motion = plan.shaped.motion
         t = np.linspace(0, plan.shaped.duration, 2 * DRAWN_INSTANTS)
-        reached = reached_poses(plan.trajectory, plan.shaped.motion, t, plan.shaped.motion.positions_at(t))
-        x = to_numbers(plan.machine.home.inv() * reached if from_home else reached)
+        pose = reached_poses(plan.trajectory, motion, t, motion.positions_at(t))
+        x = to_numbers(plan.machine.home.inv() * pose if from_home else pose)
         place = 1e3 * (x if plan.path.tool is None else plan.path.tool(x))[:, :3]
-        ax.plot(*place.T, color=PALETTE[3], linewidth=1, label="behind the input shapers", zorder=5, clip_on=False)
+        ax.plot(
+            *place.T,
+            color=PALETTE[3],
+            linewidth=1,
+            label="behind the input shapers",
+            zorder=5,
+            clip_on=False,
+        )
         ax.legend(loc="upper left", frameon=False)
     ax.set_title(f"Path in space, from the machine's {'home pose' if from_home else 'base frame'}")
     return ax
 
 
 def draw_way(ax: Axes3D, position: Array, speed: Array, label: str = "speed along the path (mm/s)") -> Axes3D:
-    """Points (N, 3) mm one after the other, coloured by the speed (N,) mm/s there; where they rest."""
+    """Draw a line through points (N, 3) mm, coloured by the speed (N,) mm/s; mark its rests."""
     strokes = list(np.stack([position[:-1], position[1:]], 1))
-    # fast is dark: it stands out from the paper, and from the inverted paper of a dark page too
-    # and thin where the way is long for its room: strokes beside each other would run together
+    # thin lines for a path that is long for its extent: neighbouring strokes would run together
     extent = np.ptp(position, axis=0)
-    turns = float(np.linalg.norm(np.diff(position, axis=0), axis=1).sum()) / max(float(extent.max()), 1e-9)
-    line = Line3DCollection(
-        strokes, cmap="viridis_r", linewidths=float(np.clip(60 / max(turns, 1.0), 0.3, 2.5)), clip_on=False
-    )
+    length = float(np.linalg.norm(np.diff(position, axis=0), axis=1).sum())
+    turns = length / max(float(extent.max()), 1e-9)
+    width = float(np.clip(60 / max(turns, 1.0), 0.3, 2.5))
+    # fast is dark: it contrasts with the paper, and with the inverted paper of a dark page
+    line = Line3DCollection(strokes, cmap="viridis_r", linewidths=width, clip_on=False)
     line.set_array((speed[:-1] + speed[1:]) / 2)
     if strokes:
         ax.add_collection3d(line)
     rest = position[speed <= 1e-6 * speed.max(initial=0.0)]
     ax.scatter(*rest.T, color="black", s=14, depthshade=False, clip_on=False, label="at rest")
-    ax.scatter(*position[0], s=80, facecolor="none", edgecolor="black", depthshade=False, clip_on=False, label="start")
+    ax.scatter(
+        *position[0],
+        s=80,
+        facecolor="none",
+        edgecolor="black",
+        depthshade=False,
+        clip_on=False,
+        label="start",
+    )
     for name, low, size in zip("xyz", position.min(0), extent, strict=True):
         half = max(size, extent.max() / 10) / 2
         ax.set(**{f"{name}lim": (low + size / 2 - half, low + size / 2 + half)})
@@ -151,13 +178,17 @@ def draw_way(ax: Axes3D, position: Array, speed: Array, label: str = "speed alon
 
 
 def axis_motion(
-    plan: Plan, quantity: Quantity, ax: Axes | None = None, kind: Literal["linear", "rotary"] | None = None
+    plan: Plan,
+    quantity: Quantity,
+    ax: Axes | None = None,
+    kind: Literal["linear", "rotary"] | None = None,
 ) -> Axes:
-    """Position (from home), speed, acceleration or jerk of every axis over time, between its limits.
+    """Draw position (from home), speed, acceleration or jerk of each axis over time, and limits.
 
-    kind  which axes, since lengths and angles share no scale; None: the kind of the first axis
+    kind  kind of the drawn axes, since lengths and angles share no scale; None: that of the first
     """
-    alone, ax = ax is None, new_axes(ax)
+    alone = ax is None
+    ax = new_axes(ax)
     axes = plan.machine.axes
     kind = axes[0].kind if kind is None else kind
     unit, scale = _UNIT[kind]
@@ -176,7 +207,10 @@ def axis_motion(
 
 
 def list_levels(axes: Sequence[Axis], quantity: Quantity, kind: str) -> list[tuple[float, str]]:
-    """The limits of the axes of a kind, in SI units, each once: in the colour of its axis, black where all share it."""
+    """List the limits of the axes of a kind, in SI units, each once, with their colours.
+
+    The colour is that of the axis, or black for a limit that all axes share.
+    """
     chosen = [n for n, axis in enumerate(axes) if axis.kind == kind]
     bounds = [_quantity_range(axes[n], quantity) for n in chosen]
     levels = []
@@ -191,38 +225,44 @@ TIMED_COLOURS = (
     "#D55E00", "#5D3A9B", "#8A5A00", "#882255", "#004D40",
     "#7F7F7F",
 )  # fmt: skip
-"""One for each limit that depends on timing, in the order of the tables: the band of active limits shows no more."""
+"""Colours of the limits that depend on timing, in the order of the tables."""
 
 
 def style_limits(names: Iterable[str]) -> dict[str, dict[str, Any]]:
-    """How every figure and page draws each limit: alike for one of a name, whatever else a plan is limited by.
+    """Return the line style of each limit, the same by name in every figure and page.
 
-    Limits that depend on timing have a colour each, geometric ones are dashed, and those of a caller are dotted.
+    Limits that depend on timing have a colour each, geometric ones are dashed, and those of a
+    caller are dotted.
     """
     still = geometric_limits()
     timed = [limit.name for limit in (*AXIS_LIMITS, *MACHINE_LIMITS) if limit.name not in still]
     styles: dict[str, dict[str, Any]] = {}
     for n, name in enumerate(names):
         if name in timed:
-            color, line = TIMED_COLOURS[timed.index(name) % len(TIMED_COLOURS)], "-"
+            line = "-"
+            color = TIMED_COLOURS[timed.index(name) % len(TIMED_COLOURS)]
         elif name in still:
-            color, line = PALETTE[still.index(name) % len(PALETTE)], "--"
+            line = "--"
+            color = PALETTE[still.index(name) % len(PALETTE)]
         else:
-            color, line = PALETTE[n % len(PALETTE)], ":"
+            line = ":"
+            color = PALETTE[n % len(PALETTE)]
         styles[name] = {**line_style(0), "color": color, "linestyle": line}
     return styles
 
 
 def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] = "path") -> Axes:
-    """The use of every limit, along the path or over time, under a band in the colour of the active limit.
+    """Draw the use of each limit, along the path or over time, and a band of the active limits.
 
-    On a figure of its own it has a legend; of given axes the figure has that, as for several of them.
+    A figure of its own gets a legend. On axes of the caller, the caller adds one.
     """
-    own, ax = ax is None, new_axes(ax)
+    alone = ax is None
+    ax = new_axes(ax)
     trajectory = plan.trajectory
     s = np.append(trajectory.s, trajectory.at(trajectory.duration).s)
     edges = trajectory.knots if over == "time" else 1e3 * s
-    shares, styles = limit_shares(plan), style_limits(limit.name for limit in plan.limits)
+    shares = limit_shares(plan)
+    styles = style_limits(limit.name for limit in plan.limits)
     for name, drawn in styles.items():
         _draw_stairs(ax, shares[name], edges, label=literal_label(name), **drawn)
     ax.set_axisbelow(True)
@@ -235,10 +275,15 @@ def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] 
     for owner, spans in bands.items():
         color = "#E8E8E8" if owner < 0 else styles[plan.limits[owner].name]["color"]
         ax.broken_barh(spans, (1.06, 0.12), facecolor=color, linewidth=0)
-    for edge, number in ((edges[k], number) for k, number in find_segments(plan)):
-        ax.axvline(edge, color="#B0B0B0", linewidth=0.8, zorder=0)
+    for k, number in find_segments(plan):
+        ax.axvline(edges[k], color="#B0B0B0", linewidth=0.8, zorder=0)
         ax.annotate(
-            f"{number}", (edge, 1.2), xytext=(2, 0), textcoords="offset points", fontsize="small", color="#606060"
+            f"{number}",
+            (edges[k], 1.2),
+            xytext=(2, 0),
+            textcoords="offset points",
+            fontsize="small",
+            color="#606060",
         )
     ax.axhline(1.0, color="black", linestyle=(0, (6, 3)), linewidth=1)
     label = "time (s)" if over == "time" else "distance along the path (mm)"
@@ -249,13 +294,13 @@ def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] 
         ylim=(0, 1.3),
         yticks=np.linspace(0, 1, 5),
     )
-    if own:
+    if alone:
         ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, frameon=False)
     return ax
 
 
 def pulse_rate(plan: Plan, ax: Axes | None = None) -> Axes:
-    """Pulses per second of every axis over time, as of the schedule alone, and their limits."""
+    """Draw pulses per second of each axis over time, and their limits."""
     ax = draw_pulse_rate(plan.pulses, ax)
     for rate in {axis.max_pulse_rate for axis in plan.machine.axes if axis.max_pulse_rate is not None}:
         ax.axhline(rate / 1e3, color="black", linestyle=(0, (6, 3)), linewidth=1)
@@ -263,7 +308,7 @@ def pulse_rate(plan: Plan, ax: Axes | None = None) -> Axes:
 
 
 def realised_error(result: RealisedPath, name: str = "position", ax: Axes | None = None, **style: Any) -> Axes:
-    """One error of a realised path over time, the largest in each of its windows, under what bounds it.
+    """Draw one error of a realised path over time, the largest in each window, and its bound.
 
     `style` goes to the error's line, so that the paths of several firing rules can share the axes.
     """
@@ -278,7 +323,7 @@ def realised_error(result: RealisedPath, name: str = "position", ax: Axes | None
 
 
 def _draw_stairs(ax: Axes, values: Array, edges: Array, **style: Any) -> None:
-    """What `Axes.stairs` draws, which takes longer to find the ends of every step than to draw it."""
+    """Draw stairs as `Axes.stairs` does, but faster: it spends most time on the ends of the steps."""
     ax.add_artist(StepPatch(values, edges, baseline=None, fill=False, **style))  # type: ignore[arg-type]  # a float only
     ax.update_datalim([(edges[0], values.min()), (edges[-1], values.max())])
     ax.autoscale_view()
@@ -294,13 +339,13 @@ def _quantity_range(axis: Axis, quantity: Quantity) -> tuple[float, float]:
 @draws(Classical)
 @draws(Solution)
 def timing_speed(timing: Classical | Solution, ax: Axes | None = None) -> Axes:
-    """The speed along the path over time."""
+    """Draw the speed along the path over time."""
     return path_speed(timing.trajectory, ax)
 
 
 @draws(CrossCheck)
 def cross_checked_speeds(check: CrossCheck, ax: Axes | None = None) -> Axes:
-    """The speeds of both motions along the path over time."""
+    """Draw the speeds of both motions along the path over time."""
     ax = path_speed(check.ours.trajectory, ax, label="pulsepath")
     if check.theirs is not None:
         path_speed(check.theirs.trajectory, ax, label="toppra")
@@ -310,13 +355,13 @@ def cross_checked_speeds(check: CrossCheck, ax: Axes | None = None) -> Axes:
 
 @draws(PlanStanding)
 def window_uses(standing: PlanStanding, ax: Axes | None = None) -> Axes:
-    """The largest share of each limit that is proved in each window of planning."""
+    """Draw the largest proved share of each limit in each window of planning."""
     ax = new_axes(ax)
     styles = style_limits(standing.certificate.use)
     for name, use in standing.certificate.use.items():
         edges = np.linspace(0.5, standing.windows + 0.5, len(use) + 1)
         _draw_stairs(ax, use, edges, label=literal_label(name), **styles[name])
-    ax.axhline(1.0, color="#9AA4AE", linewidth=4, alpha=0.5, zorder=0)  # most limits are used up: it lies under them
+    ax.axhline(1.0, color="#9AA4AE", linewidth=4, alpha=0.5, zorder=0)  # below the lines: many limits are used in full
     ax.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     ax.set_xlim(0.5, standing.windows + 0.5)
     ax.set(xlabel="window", ylabel="largest share of the limit, proved", ylim=(0, 1.1))
@@ -326,20 +371,20 @@ def window_uses(standing: PlanStanding, ax: Axes | None = None) -> Axes:
 
 @draws(Certificate)
 def proven_uses(certificate: Certificate, ax: Axes | None = None) -> Axes:
-    """The worst proven use of each limit; `limit_use` shows that of a plan over time."""
+    """Draw the worst proven use of each limit; `limit_use` shows that of a plan over time."""
     return draw_bars([*certificate.worst], [*certificate.worst.values()], "bound of value/limit", ax, 1.0)
 
 
 @draws(Standing)
 def geometric_uses(standing: Standing, ax: Axes | None = None) -> Axes:
-    """The largest use of each limit."""
+    """Draw the largest use of each limit."""
     uses = [use for use, _ in standing.largest.values()]
     return draw_bars([*standing.largest], uses, "bound of value/limit along the path", ax, 1.0)
 
 
 @draws(DurationBound)
 def bound_losses(bound: DurationBound, ax: Axes | None = None) -> Axes:
-    """Where along the path the duration may be above the least: what all cells up to a place leave open."""
+    """Draw the sum of the open gap to the least duration over all cells up to a place."""
     ax = new_axes(ax)
     ax.step(np.append(bound.s, bound.s[-1:]), 1e3 * np.append(0.0, np.cumsum(bound.loss)), where="post")
     ax.set(xlabel="path length", ylabel="left open so far (ms)")
@@ -348,7 +393,7 @@ def bound_losses(bound: DurationBound, ax: Axes | None = None) -> Axes:
 
 @draws(RealisedPath)
 def realised_in_space(realised: RealisedPath, ax: Axes | None = None) -> Axes:
-    """The error in space over time and its bound; `realised_error` has the other errors."""
+    """Draw the error in space over time and its bound; `realised_error` has the other errors."""
     ax = realised_error(realised, ax=ax)
     ax.legend(frameon=False, loc="lower center")
     return ax
@@ -356,20 +401,23 @@ def realised_in_space(realised: RealisedPath, ax: Axes | None = None) -> Axes:
 
 @draws(PulseSchedule)
 def schedule_rates(schedule: PulseSchedule, ax: Axes | None = None) -> Axes:
-    """Pulse rates over time."""
+    """Draw pulse rates over time."""
     ax = draw_pulse_rate(schedule, ax)
     ax.legend(frameon=False, loc="center left", bbox_to_anchor=(1, 0.5))
     return ax
 
 
 def draw_pulse_rate(schedule: PulseSchedule, ax: Axes | None = None) -> Axes:
-    """Pulses per second of every axis over time, averaged over windows of 1/600 of the duration."""
+    """Draw pulses per second of each axis over time, averaged over 1/600 of the duration."""
     ax = new_axes(ax)
     edges = np.linspace(0, schedule.duration, RATE_WINDOWS + 1)
     for n, axis in enumerate(schedule.axes):
         fired, _ = np.histogram(axis.ticks / schedule.clock_hz, edges)
         ax.plot(
-            (edges[1:] + edges[:-1]) / 2, fired / np.diff(edges) / 1e3, label=literal_label(axis.name), **line_style(n)
+            (edges[1:] + edges[:-1]) / 2,
+            fired / np.diff(edges) / 1e3,
+            label=literal_label(axis.name),
+            **line_style(n),
         )
     ax.set(xlabel="time (s)", ylabel="pulse rate (1000/s)", xlim=(0, schedule.duration))
     ax.set_ylim(bottom=0)

@@ -1,10 +1,13 @@
-"""Independent work in several processes, where there is enough of it: the same results, in the same order.
+"""Independent tasks in several processes, if they take long enough: same results, same order.
 
-The processes are loky's. Unlike those of Python's own pool they do not run the caller's script again, and where one is
-killed nothing waits for a lock that it held. What loky leaves open is done here: tasks and results go through files,
-since whoever reads a long message waits for ever where its writer is killed in the midst of it; the processes ignore
-Ctrl-C, which a terminal sends to all of a group, even before Python has started in them; and they end with the process
-that started them.
+The processes are loky's. Unlike those of Python's own pool they do not run the caller's script
+again, and a killed process leaves no lock that others wait for. Three problems that loky leaves
+open are solved here:
+
+- Tasks and results go through files: the reader of a pipe waits for ever if its writer is killed
+  in the middle of a long message.
+- The processes ignore Ctrl-C, which a terminal sends to a whole group, even before Python starts.
+- They end with the process that started them.
 """
 
 import gc
@@ -34,49 +37,50 @@ if TYPE_CHECKING:
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 Progress = Callable[[int, int], None]
-"""Called with how much is done, and of how much; what it counts is its giver's to say."""
+"""Callback (done, of): how many units are done, and of how many. The caller defines the unit."""
 
-# s of work left from which on processes pay: to start one, with all that it imports, takes a second or two.
+# s of work left above which processes pay: to start one, with its imports, takes 1 to 2 s.
 MIN_POOL_WORK = 4.0
-# Tasks done here first, to see what one takes: the first of all also builds what all share.
+# Tasks done here first, to measure the time of one: the first also builds shared caches.
 FIRST_TASKS = 2
-# Tasks that a process is given at a time: one that it does, and one to go on with.
+# Tasks that a process has at a time: the one that it does, and the next. More would delay sharing.
 TASKS_EACH = 2
-# Processes that a task may take along before it is done here, and pools that are begun anew for it.
+# Processes that a task may kill before it is done here, and pools that are started for all tasks.
 MAX_DEATHS, MAX_POOLS = 2, 8
 # As in pulsepath.__main__.
 GC_THRESHOLDS = 50_000, 20, 100
-# loky would start a process anew that has grown by 300 MB, and find modules in the folder that the caller stands in.
+# loky would restart a process that has grown by 300 MB, and import modules of the current folder.
 _ENVIRONMENT = {"LOKY_MAX_MEMORY_LEAK_SIZE": "1e18", "PYTHONSAFEPATH": "1"}
 _WORK = "work"
 
 
 def ignore_progress(done: int, of: int) -> None:
-    """Progress that nobody asked about."""
+    """Ignore progress."""
 
 
 def share_progress(progress: Progress, nth: int, shares: int) -> Progress:
-    """Of work in several shares, done one after the other and taken to be as long, the progress of one (from 0)."""
+    """Return the progress callback for share `nth` (from 0) of work in equal, successive shares."""
     return lambda done, of: progress(nth * of + done, shares * of)
 
 
 def cores() -> int:
-    """Processor cores that this process may use."""
+    """Return how many processor cores this process may use."""
     try:
         return len(os.sched_getaffinity(0))
-    except AttributeError:  # not on every system
+    except AttributeError:  # some systems lack it
         return os.cpu_count() or 1
 
 
 _WITHOUT = False
-"""Whether no processes are started for now."""
+"""True while `without_processes` is active."""
 
 
 @contextmanager
 def without_processes() -> Iterator[None]:
-    """Inside it, all is done by this process: as a worker of a cluster, which is one of many on its computer."""
+    """Start no processes until the block ends: a worker of a cluster shares its computer."""
     global _WITHOUT
-    before, _WITHOUT = _WITHOUT, True
+    before = _WITHOUT
+    _WITHOUT = True
     try:
         yield
     finally:
@@ -84,7 +88,7 @@ def without_processes() -> Iterator[None]:
 
 
 def _may_start() -> bool:
-    """Whether other processes help: not inside a process of another pool."""
+    """Return whether processes may be started: never inside a process of another pool."""
     return cores() > 1 and not _WITHOUT and multiprocessing.parent_process() is None
 
 
@@ -93,114 +97,120 @@ def spread(
     tasks: Sequence[Task],
     done: Callable[[Task, Result], None] = lambda task, result: None,
 ) -> list[Result]:
-    """[work(task) for task in tasks], in several processes where that is faster; `done` is told of each result in turn.
+    """Return [work(task) for task in tasks], in several processes if that is faster.
 
-    Each process is given `work` once and the tasks one by one. What a task raises is raised here, of several the first
-    in order; Ctrl-C ends all of them. A process that dies costs the time of its task: another does it, and this one
-    what kills them all. Inside a process of another pool, everything is done here.
+    `done` is called with each result in order. Each process gets `work` once and the tasks one by
+    one. The exception of the first task in order that raises is raised here. Ctrl-C ends all
+    processes. If a process dies, another does its task; a task that kills several is done here.
     """
     results: list[Result] = []
 
-    def have(result: Result) -> None:
+    def append(result: Result) -> None:
         results.append(result)
         done(tasks[len(results) - 1], result)
 
     while len(results) < len(tasks):
         begin = perf_counter()
-        have(work(tasks[len(results)]))
+        append(work(tasks[len(results)]))
         waiting = (len(tasks) - len(results)) * (perf_counter() - begin)
         if len(results) >= FIRST_TASKS and waiting > MIN_POOL_WORK and _may_start():
             break
-    tried, early = len(results), dict[int, Result]()
-    packed = _pickle_work(work) if tried < len(tasks) else None
+    first = len(results)
+    early = dict[int, Result]()
+    packed = _pickle_work(work) if first < len(tasks) else None
     if packed is not None:
-        with closing(_run_tasks(packed, tasks[tried:])) as found:
-            for n, result in found:
-                early[tried + n] = result
+        with closing(_run_tasks(packed, tasks[first:])) as finished:
+            for n, result in finished:
+                early[first + n] = result
                 while len(results) in early:
-                    have(early.pop(len(results)))
-    while (n := len(results)) < len(tasks):  # what processes cannot do, or what raises
-        have(early.pop(n) if n in early else work(tasks[n]))
+                    append(early.pop(len(results)))
+    while (n := len(results)) < len(tasks):  # tasks that processes cannot do, or that raise
+        append(early.pop(n) if n in early else work(tasks[n]))
     return results
 
 
 def _pickle_work(work: Callable[[Any], Any]) -> bytes | None:
-    """What a process is given; None where that cannot leave this one, as what the caller's own script defines."""
+    """Pickle work for a process; None if it cannot leave this one, as the caller's script."""
     try:
         packed = pickle.dumps(work)
-    except Exception:  # pickle raises whatever an object's own code does
+    except Exception:  # pickling runs the object's own code
         return None
     return None if b"__main__" in packed else packed
 
 
 def _run_tasks(work: bytes, tasks: Sequence[Any]) -> Generator[tuple[int, Any], None, None]:
-    """(n, result) of tasks as they are done; close it, and the processes are no more.
+    """Yield (n, result) of tasks as they are done; closing the generator ends the processes.
 
-    Left out are a task that raised and those after it, tasks that took several processes along, and all where too many
-    died.
+    A task that raised and those after it are left out, as are tasks that killed several processes,
+    and all remaining tasks after too many deaths.
     """
-    todo, deaths = list(range(len(tasks))), Counter[int]()
+    todo = list(range(len(tasks)))
+    deaths = Counter[int]()
     for _ in range(MAX_POOLS):
         if not todo:
             return
-        given, ready = dict[int, PendingResult[Any]](), list[tuple[int, Any]]()
+        pending = dict[int, PendingResult[Any]]()
+        ready = list[tuple[int, Any]]()
         processes = min(cores(), len(todo))
         with suppress(BrokenExecutor, OSError), open_pool(work, processes) as pool:
-            while todo or given:
-                while todo and len(given) < processes:
-                    given[todo[0]] = pool.submit(tasks[todo[0]])
+            while todo or pending:
+                while todo and len(pending) < processes:
+                    pending[todo[0]] = pool.submit(tasks[todo[0]])
                     del todo[0]
-                yield from ready  # with all at work meanwhile
+                yield from ready  # all processes work meanwhile
                 ready.clear()
-                wait([each.future for each in given.values()], return_when=FIRST_COMPLETED)
-                for n in [n for n, each in given.items() if each.future.done()]:
-                    if given[n].future.result():
-                        ready.append((n, given.pop(n).read()))
+                wait([each.future for each in pending.values()], return_when=FIRST_COMPLETED)
+                for n in [n for n, each in pending.items() if each.future.done()]:
+                    if pending[n].future.result():
+                        ready.append((n, pending.pop(n).read()))
                     else:
-                        del given[n]
+                        del pending[n]
                         todo = [k for k in todo if k < n]
         yield from ready
-        deaths.update([*given])
-        todo = sorted([*todo, *(n for n in given if deaths[n] < MAX_DEATHS)])
+        deaths.update([*pending])
+        todo = sorted([*todo, *(n for n in pending if deaths[n] < MAX_DEATHS)])
 
 
 @dataclass(frozen=True, slots=True)
 class PendingResult(Generic[Result]):
-    """What a process was asked to do: whether that is done, and its result is in `file`."""
+    """A task sent to a process. `future` is True once the result is in `file`."""
 
     future: "Future[bool]"
     file: Path
 
     @classmethod
     def none(cls) -> "PendingResult[Result]":
-        """Of what no process was asked for."""
-        nowhere: Future[bool] = Future()
-        nowhere.set_result(False)
-        return cls(nowhere, Path())
+        """Return the pending result of a task that no process gets."""
+        future: Future[bool] = Future()
+        future.set_result(False)
+        return cls(future, Path())
 
     def read(self) -> Result:
-        """The result of what is done, once."""
+        """Read the result of a task that is done, and delete its file."""
         result: Result = pickle.loads(self.file.read_bytes())
         self.file.unlink()
         return result
 
     def result(self, here: Callable[[], Result]) -> Result:
-        """Wait for it; `here` does the same in this process.
+        """Wait for the result. `here` does the task in this process if no other did.
 
-        That is asked for what cannot be done there, for want of a process or because one died of it, or because
-        something cannot leave a process; and for what raised there, so that it raises here.
+        There may have been no process, it may have died, or its result could not be pickled. A task
+        that raised there raises again here.
         """
-        return here() if self.future.exception() is not None or not self.future.result() else self.read()
+        failed = self.future.exception() is not None or not self.future.result()
+        return here() if failed else self.read()
 
 
 class Pool:
-    """Processes that do one kind of work; when any dies, all do, and every future raises BrokenExecutor."""
+    """Processes for one kind of work. If one dies, all end, and each future raises BrokenExecutor."""
 
     def __init__(self, executor: Any, folder: Path) -> None:
-        self._executor, self._folder, self._numbers = executor, folder, count()
+        self._executor = executor
+        self._folder = folder
+        self._numbers = count()
 
     def submit(self, task: Any) -> PendingResult[Any]:
-        """Have it done. Raises BrokenExecutor, and what pickling the task raises."""
+        """Send a task to a process. Raises BrokenExecutor, and any exception of pickling the task."""
         file = self._folder / str(next(self._numbers))
         file.write_bytes(pickle.dumps(task))
         return PendingResult(self._executor.submit(_do_task, file), file)
@@ -208,37 +218,43 @@ class Pool:
 
 @contextmanager
 def open_pool(work: bytes, processes: int, modules: Sequence[str] = ()) -> Iterator[Pool]:
-    """Processes that load modules, and then wait for tasks of pickled work; when the block ends, they are no more.
+    """Start processes that load `modules` and wait for tasks of pickled work, until the block ends.
 
-    Raises OSError where the system has no room for them.
+    Raises OSError if the system has no room for them.
     """
     from loky import ProcessPoolExecutor
     from loky.backend import resource_tracker as tracker
 
     with ExitStack() as stack:
-        prefix = f"pulsepath-{os.getpid()}-"  # by which the command line clears up after a kill
-        folder = Path(stack.enter_context(TemporaryDirectory(prefix=prefix, ignore_cleanup_errors=True)))
-        tracker.register(str(folder), "folder")  # which goes even where this process is killed
+        prefix = f"pulsepath-{os.getpid()}-"  # the command line clears up by it after a kill
+        temporary = TemporaryDirectory(prefix=prefix, ignore_cleanup_errors=True)
+        folder = Path(stack.enter_context(temporary))
+        tracker.register(str(folder), "folder")  # removes it even if this process is killed
         stack.callback(tracker.unregister, str(folder), "folder")
         (folder / _WORK).write_bytes(work)
         ends = multiprocessing.Pipe(duplex=False)
         for end in ends:
             stack.enter_context(end)
         begin = (ends[0], tuple(modules))
-        executor = ProcessPoolExecutor(processes, initializer=_begin_process, initargs=begin, env=_ENVIRONMENT)
+        executor = ProcessPoolExecutor(
+            processes,
+            initializer=_begin_process,
+            initargs=begin,
+            env=_ENVIRONMENT,
+        )
         stack.callback(executor.shutdown, kill_workers=True)
         with hold_interrupts():
-            executor.submit(int)  # on which they start
+            executor.submit(int)  # the first task starts the processes
         yield Pool(executor, folder)
 
 
 @contextmanager
 def hold_interrupts() -> Iterator[None]:
-    """No Ctrl-C in processes that start meanwhile: what is held off here is held off in them."""
+    """Block Ctrl-C until the block ends: processes that start meanwhile inherit the mask."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    resource_tracker.ensure_running()  # else started with them, when it would let Ctrl-C in again
+    resource_tracker.ensure_running()  # if it started with them, it would unblock Ctrl-C
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -247,7 +263,7 @@ def hold_interrupts() -> Iterator[None]:
 
 
 def _begin_process(parent: "Connection", modules: Sequence[str]) -> None:
-    """In a process: end with the one that started it, and load what its work takes."""
+    """Prepare a process: it ends with its parent, and loads the modules of its work."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the first process ends all
     Thread(target=_end_with_parent, args=(parent,), daemon=True).start()
     gc.set_threshold(*GC_THRESHOLDS)
@@ -257,14 +273,17 @@ def _begin_process(parent: "Connection", modules: Sequence[str]) -> None:
 
 
 def _end_with_parent(parent: "Connection") -> None:
-    """Even where that is killed: nothing ever comes through the pipe but its end."""
+    """End with the parent, even if that is killed: the pipe then reports its end."""
     with suppress(EOFError, OSError):
         parent.recv_bytes()
     os._exit(1)
 
 
 def _do_task(file: Path) -> bool:
-    """In a process: put the result in the task's place. Whether it is there: what raises is done again, and raises."""
+    """Do a task in a process, and replace its file by the result; False if it raised.
+
+    The parent then does the task again, and raises.
+    """
     try:
         result = _load_work(file.with_name(_WORK))(pickle.loads(file.read_bytes()))
         file.write_bytes(pickle.dumps(result))
@@ -280,15 +299,15 @@ def _load_work(file: Path) -> Callable[[Any], Any]:
 
 
 class SideProcess:
-    """A process beside this one, or none; it does one thing after the other."""
+    """A second process that does one task after the other, or none."""
 
     def __init__(self, pool: Pool | None = None) -> None:
         self._pool = pool
 
     def start(self, work: Callable[[], Result]) -> PendingResult[Result]:
-        """Have it begin, when it is through with what it was asked for before."""
+        """Start a task after the earlier ones."""
         if self._pool is not None:
-            with suppress(Exception):  # it is no more; and pickle raises whatever an object's own code does
+            with suppress(Exception):  # it has ended; and pickling runs the object's own code
                 return self._pool.submit(work)
         return PendingResult.none()
 
@@ -299,7 +318,7 @@ NO_PROCESS = SideProcess()
 
 @contextmanager
 def side_process(modules: Sequence[str] = ()) -> Iterator[SideProcess]:
-    """A process for a part of the work, with modules loaded, where there are a core and room for it."""
+    """Start a second process with modules loaded, if there are a core and memory for it."""
     with ExitStack() as stack:
         pool = None
         if _may_start():
@@ -309,40 +328,45 @@ def side_process(modules: Sequence[str] = ()) -> Iterator[SideProcess]:
 
 
 class LocalHelpers:
-    """Processes of this computer that plan stretches, as `planner.windows.Helpers`, once a plan has taken a while.
+    """Processes of this computer that plan runs between stops: `planner.windows.Helpers`.
 
-    One for each core but that of this process, which has other work too: what they have no time for, it does.
+    They start once a plan has taken MIN_POOL_WORK. There is one for each core but that of this
+    process, which also does the tasks that they have no time for.
     """
 
     def __init__(self, stack: ExitStack) -> None:
         """stack: ends the processes."""
-        self._stack, self._begin, self._deaths = stack, perf_counter(), 0
+        self._stack = stack
+        self._begin = perf_counter()
+        self._deaths = 0
         self._work: bytes | None = None
         self._pool: Pool | None = None
-        self._given: list[PendingResult[Any]] = []
+        self._pending: list[PendingResult[Any]] = []
 
     def prepare(self, work: Callable[[Task], Result]) -> Callable[[Task], PendingResult[Result]]:
-        """What gives a task of this work to a process."""
+        """Return the function that sends a task of this work to a process."""
         self._work = _pickle_work(work)
 
         def submit(task: Task) -> PendingResult[Result]:
-            self._given = [each for each in self._given if not each.future.done()]
-            if self._pool is not None and len(self._given) < self._most:
+            self._pending = [each for each in self._pending if not each.future.done()]
+            if self._pool is not None and len(self._pending) < self._most:
                 try:
-                    self._given.append(self._pool.submit(task))
-                    return self._given[-1]
-                except (BrokenExecutor, OSError):  # one was killed, and others are started once more
-                    self._pool, self._deaths = None, self._deaths + 1
-                except Exception:  # pickle raises whatever an object's own code does
+                    self._pending.append(self._pool.submit(task))
+                    return self._pending[-1]
+                except (BrokenExecutor, OSError):  # a process was killed: start a pool once more
+                    self._pool = None
+                    self._deaths += 1
+                except Exception:  # pickling runs the task's own code
                     self._deaths = MAX_DEATHS
             return PendingResult.none()
 
         return submit
 
     def room(self) -> int:
-        """How many tasks there are at a time, with one for this process: none at first, nor where nobody can help."""
+        """Return how many tasks may run at a time, with one for this process; 0 without processes."""
         late = perf_counter() - self._begin > MIN_POOL_WORK
-        if self._pool is None and self._work is not None and late and self._deaths < MAX_DEATHS and _may_start():
+        can_start = late and self._deaths < MAX_DEATHS and _may_start()
+        if self._pool is None and self._work is not None and can_start:
             try:
                 self._pool = self._stack.enter_context(open_pool(self._work, cores() - 1))
             except OSError:
@@ -354,4 +378,4 @@ class LocalHelpers:
         return TASKS_EACH * (cores() - 1)
 
     def tell_alone(self, segment: int) -> None:
-        """Nobody asked for processes."""
+        """Ignore the message: the caller did not ask for processes."""

@@ -1,4 +1,4 @@
-"""Where along a plan something happens, and the refusal that names it."""
+"""Places along a plan, and the errors that name them."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -11,9 +11,10 @@ from kinematics.foundation.units import format_distinct
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A place along a plan: path length s (m) and, where known, segment (from 1), time t (s) and whose limit.
+    """A place along a plan: path length s (m) and, if known, segment (from 1) and time t (s).
 
-    repetition  from 1, where the program is run more than once
+    axis        axis or body whose limit is concerned
+    repetition  from 1, if the program runs more than once
     """
 
     s: float
@@ -24,8 +25,10 @@ class Place:
 
     def __str__(self) -> str:
         parts = [self.axis] if self.axis else []
-        parts.append(f"s = {self.s * 1e3:.4g} mm" if self.segment is not None else f"s = {self.s:.6g}")
-        if self.segment is not None:
+        if self.segment is None:
+            parts.append(f"s = {self.s:.6g}")
+        else:
+            parts.append(f"s = {self.s * 1e3:.4g} mm")
             again = "" if self.repetition is None else f" of repetition {self.repetition}"
             parts.append(f"segment {self.segment}{again}")
         if self.t is not None:
@@ -33,8 +36,8 @@ class Place:
         return ", ".join(parts)
 
 
-def where_columns(places: "Sequence[Place]") -> tuple[Column, ...]:
-    """Whose limit, segment, distance and time of places, as far as any of them tells."""
+def where_columns(places: Sequence[Place]) -> tuple[Column, ...]:
+    """Return the columns of places: axis, segment, distance and time, as far as any is known."""
     units = "m" if any(place.segment is not None for place in places) else ""
     columns = (
         Column("at", [place.axis or None for place in places]),
@@ -47,62 +50,80 @@ def where_columns(places: "Sequence[Place]") -> tuple[Column, ...]:
 
 
 class Infeasible(MotionError):
-    """A motion that cannot respect a limit: kind, axis, place, value and limit in a unit, and the remedy."""
+    """A limit that no motion can keep: kind, axis, place, value and limit in a unit, and the remedy."""
 
     def __init__(
-        self, kind: str, axis: str, place: Place | None, value: float, limit: float, unit: str, remedy: str
+        self,
+        kind: str,
+        axis: str,
+        place: Place | None,
+        value: float,
+        limit: float,
+        unit: str,
+        remedy: str,
     ) -> None:
-        self.kind, self.axis, self.place = kind, axis, place
-        self.value, self.limit, self.unit = value, limit, unit
+        self.kind = kind
+        self.axis = axis
+        self.place = place
+        self.value = value
+        self.limit = limit
+        self.unit = unit
         self.segment = None if place is None else place.segment
         self._remedy = remedy
         self._more: Callable[[], object] | None = None
+
         where = "" if place is None else f" at {place}"
         who = f"{axis} " if axis and (place is None or not place.axis) else ""
-        reached, allowed = format_distinct(value, limit)
-        told = f"beyond {allowed} {unit}" if value >= limit else f"below the {allowed} {unit} minimum"
-        super().__init__(f"{who}{kind} {reached} {unit} is {told}{where}")
+        text, bound = format_distinct(value, limit)
+        excess = f"beyond {bound} {unit}" if value >= limit else f"below the {bound} {unit} minimum"
+        super().__init__(f"{who}{kind} {text} {unit} is {excess}{where}")
 
     def __str__(self) -> str:
         return f"{self.args[0]}; {self.remedy}"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """With its remedy worked out: what does that need not be known where it is sent."""
-        self.remedy  # noqa: B018  a cached property: looking at it works it out
+        """Pickle the error with its complete remedy: the function for more advice stays here."""
+        self.remedy  # noqa: B018  reading it completes it
         return super().__reduce__()
 
     @property
     def remedy(self) -> str:
-        """What to change, and by how much."""
+        """The change to make, and by how much."""
         if self._more is not None:
-            self._remedy, self._more = f"{self._remedy}; {self._more()}", None
+            self._remedy = f"{self._remedy}; {self._more()}"
+            self._more = None
         return self._remedy
 
+    @property
+    def _arguments(self) -> tuple[str, str, Place | None, float, float, str]:
+        return self.kind, self.axis, self.place, self.value, self.limit, self.unit
+
     def add_advice(self, more: Callable[[], object]) -> "Infeasible":
-        """With more to its remedy, which is worked out when it is read: that may take a second."""
-        advised = Infeasible(self.kind, self.axis, self.place, self.value, self.limit, self.unit, self.remedy)
+        """Return the error with more advice, computed when it is read: that may take a second."""
+        advised = Infeasible(*self._arguments, self.remedy)
         advised._more = more
         return advised
 
     @property
     def relaxation(self) -> float:
-        """The smallest factor on the limit that makes room for the value, and by which a speed asked for must fall.
+        """Smallest factor on the limit, or divisor of a requested speed, that admits the value.
 
-        ∞ where the limit is 0: an end of travel at home, which no factor moves.
+        It is ∞ if the limit is 0: an end of travel at home, which no factor moves.
         """
         return self.value / self.limit if self.limit else float("inf")
 
 
 class LostPath(OutOfReach):
-    """A path that leaves what the actuators reach or hold, and more to its remedy, worked out when it is read."""
+    """A path beyond the reach of the actuators, with more advice, computed when it is read."""
 
-    def __init__(self, told: str, more: Callable[[], object]) -> None:
+    def __init__(self, message: str, more: Callable[[], object]) -> None:
         self._more: Callable[[], object] | None = more
-        super().__init__(told)
+        super().__init__(message)
 
     def __str__(self) -> str:
         if self._more is not None:
-            self.args, self._more = (f"{self.args[0]}; {self._more()}",), None
+            self.args = (f"{self.args[0]}; {self._more()}",)
+            self._more = None
         return str(self.args[0])
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -111,14 +132,18 @@ class LostPath(OutOfReach):
 
 
 class ConstantRefused(Infeasible):
-    """A constant speed that cannot be kept or reached: asked, and possible, as far as that place goes (m/s)."""
+    """A constant speed that the machine cannot keep or attain.
 
-    def __init__(self, *told: Any, asked: float, possible: float) -> None:
-        self.asked, self.possible = asked, possible
-        super().__init__(*told)
+    asked     m/s, required by the segment
+    possible  m/s, largest that this place allows
+    """
+
+    def __init__(self, *arguments: Any, asked: float, possible: float) -> None:
+        self.asked = asked
+        self.possible = possible
+        super().__init__(*arguments)
 
     def add_possible_speed(self, speed: float) -> "ConstantRefused":
-        """With a speed of which it was proved that the whole run can be made at it."""
+        """Return the error with a speed (m/s) that is proved for the whole run."""
         remedy = f"{self.remedy}; {speed * 1e3:.6g} mm/s was found to hold"
-        told = self.kind, self.axis, self.place, self.value, self.limit, self.unit, remedy
-        return ConstantRefused(*told, asked=self.asked, possible=self.possible)
+        return ConstantRefused(*self._arguments, remedy, asked=self.asked, possible=self.possible)

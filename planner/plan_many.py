@@ -33,33 +33,36 @@ def plan_many(
     programs
         Each as it is, by name, or by the path of a file.
     machine, order, clock_hz, limits
-        As of `plan`.
+        As for `plan`.
     address
-        Of a Dask scheduler (`run_on_cluster`). None: this computer's cores.
+        Address of a Dask scheduler (`run_on_cluster`). None: this computer's cores.
     progress
-        Called with how many programs are done, and of how many.
+        Callback with how many programs are done, and of how many.
 
     Returns
     -------
     list
-        The Plan of each program, or the MotionError that it was refused with, in order.
+        The Plan of each program, or the MotionError that refuses it, in order.
 
     Raises
     ------
     MotionError
-        Dask is not installed, or nothing answers at the address.
+        Dask is not installed, or no scheduler answers at the address.
     """
-    asked, machine = [load_program(program) for program in programs], load_machine(machine)
-    found: dict[int, Plan | MotionError] = {}
-    how = machine, PlanRequest(order=order, clock_hz=clock_hz, limits=limits)
-    for n, one in run_on_cluster(_plan_one, asked, how, address) if asked else ():
-        found[n] = MotionError(f"program {asked[n].name}: {one}") if isinstance(one, LostTask) else one
-        progress(len(found), len(asked))
-    return [found[n] for n in range(len(asked))]
+    loaded = [load_program(program) for program in programs]
+    shared = (load_machine(machine), PlanRequest(order=order, clock_hz=clock_hz, limits=limits))
+    results: dict[int, Plan | MotionError] = {}
+    for n, result in run_on_cluster(_plan_one, loaded, shared, address) if loaded else ():
+        if isinstance(result, LostTask):
+            results[n] = MotionError(f"program {loaded[n].name}: {result}")
+        else:
+            results[n] = result
+        progress(len(results), len(loaded))
+    return [results[n] for n in range(len(loaded))]
 
 
-def _plan_one(program: Program, how: tuple[Machine, PlanRequest]) -> Plan | MotionError:
-    machine, request = how
+def _plan_one(program: Program, shared: tuple[Machine, PlanRequest]) -> Plan | MotionError:
+    machine, request = shared
     try:
         return make_plan(request, program, machine)
     except MotionError as error:

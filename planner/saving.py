@@ -1,4 +1,4 @@
-"""What results of this package are saved as, beside tables."""
+"""Files of this package's results, next to tables."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -21,13 +21,13 @@ Files = Mapping[str, Callable[[Path], object]]
 
 @saves(Program)
 def program_files(program: Program) -> Files:
-    """.toml: a file that `load_program` reads."""
+    """Save a program as .toml, which `load_program` reads."""
     return {".toml": lambda path: path.write_bytes(program_toml(program).encode())}
 
 
 @saves(Trajectory)
 def trajectory_files(trajectory: Trajectory) -> Files:
-    """.csv: `data()` in 12 digits; .bin and .json: the closed-form pieces, exact."""
+    """Save a trajectory as .csv: `data()` in 12 digits; .bin and .json: its exact pieces."""
     return {
         ".csv": partial(plan_files.write_trajectory_csv, trajectory),
         ".bin": partial(motion_file.write_motion, trajectory),
@@ -37,13 +37,13 @@ def trajectory_files(trajectory: Trajectory) -> Files:
 
 @saves(PulseSchedule)
 def schedule_files(schedule: PulseSchedule) -> Files:
-    """.bin and .npz: exact, as `export` writes them."""
+    """Save pulses as .bin and .npz: exact, as `export` writes them."""
     return {".bin": partial(binary.write, schedule), ".npz": partial(npz.write, schedule)}
 
 
 @saves(Stops)
 def stop_files(stops: Stops) -> Files:
-    """.npz: the arrays t, place, time and distance, little-endian float64, as `numpy.load` reads them."""
+    """Save stops as .npz: t, place, time and distance, little-endian float64, for `numpy.load`."""
 
     def write_arrays(path: Path) -> None:
         arrays = {name: getattr(stops, name).astype("<f8") for name in ("t", "place", "time", "distance")}
@@ -55,5 +55,5 @@ def stop_files(stops: Stops) -> Files:
 
 @saves(PositionList)
 def list_files(listed: PositionList) -> Files:
-    """.csv: a list that `load_positions` reads, in mm and degrees."""
+    """Save positions as .csv in mm and degrees, which `load_positions` reads."""
     return {".csv": lambda path: path.write_bytes(positions_csv(listed).encode())}

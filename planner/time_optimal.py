@@ -12,10 +12,17 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError, attempt
 from kinematics.machine.axis import Axis, Magnitude
 from planner.limits import limits_of
-from planner.path.polynomial import VALUE_ROUNDING, PathSection, PolynomialPath, cut_sections, join_sections
+from planner.path.polynomial import (
+    VALUE_ROUNDING,
+    PathSection,
+    PolynomialPath,
+    cut_sections,
+    join_sections,
+)
 from planner.timing.certified_solve import Solution, certified_solve
 
-# A jump of an axis' values at a break, as a share of their range, up to which it is rounding.
+# Share of an axis' range up to which a jump at a break counts as rounding. A larger share accepts
+# paths that jump; a smaller one refuses splines that other software wrote.
 MAX_JUMP = 1e-9
 
 
@@ -30,20 +37,20 @@ def time_optimal(
 ) -> Solution:
     """Find the fastest certified motion along s -> (n,) axis values, without a machine.
 
-    It stops at corners: breaks where q′ jumps, and under a jerk limit also where q″ jumps. A stretch on which nothing
-    moves is left out; where the path stands, q′ = 0, as where it turns back, the motion rests or passes, whichever is
-    the faster; straight stretches are timed by their way (planner.path.polynomial), so that a corner on one straight
-    line is none unless it turns back.
+    It stops at corners: breaks where q′ jumps, and under a jerk limit also where q″ jumps. Pieces
+    without motion are left out. Where q′ = 0, as where the path turns back, the motion rests or
+    passes, by the shorter time. Straight pieces are timed by their length
+    (planner.path.polynomial): a break on a straight line is no corner unless the path turns back.
 
     Parameters
     ----------
     path
         A SciPy piecewise polynomial (PPoly, CubicSpline, Akima, …, BSpline, BPoly) of any parameter.
     max_speed, max_acceleration, max_jerk
-        Bounds of |q̇|, |q̈| and, where given, |q⃛|, in units of the values per second: one number; (n,); or (n, 2),
-        towards smaller and towards greater values.
+        Bounds of |q̇|, |q̈| and, optionally, |q⃛|, in units of the values per second: one number;
+        (n,); or (n, 2), towards smaller and towards greater values.
     start_speed, end_speed
-        ṡ at the ends: how much of the parameter passes per second; under a jerk limit s̈ is 0 there.
+        ṡ at the ends: change of the parameter per second. Under a jerk limit s̈ is 0 there.
 
     Returns
     -------
@@ -53,36 +60,39 @@ def time_optimal(
     Raises
     ------
     MotionError
-        It is no path: it jumps, has a value that is not finite, or nothing moves.
+        The path is invalid: it jumps, has a value that is not finite, or does not move.
     Infeasible
-        A speed at an end cannot be.
+        A speed at an end is not attainable.
     """
     breaks, coefficients = _pieces(path)
     count = coefficients.shape[2]
-    bounds = [
-        _per_axis(name, values, count)
-        for name, values in (("max_speed", max_speed), ("max_acceleration", max_acceleration), ("max_jerk", max_jerk))
-    ]
+    speeds = _per_axis("max_speed", max_speed, count)
+    accelerations = _per_axis("max_acceleration", max_acceleration, count)
+    jerks = _per_axis("max_jerk", max_jerk, count)
     axes = [
-        Axis(name=f"axis{k + 1}", max_speed=speed, max_acceleration=acceleration, max_jerk=jerk)
-        for k, (speed, acceleration, jerk) in enumerate(zip(*bounds, strict=True))
+        Axis(
+            name=f"axis{k + 1}",
+            max_speed=speeds[k],
+            max_acceleration=accelerations[k],
+            max_jerk=jerks[k],
+        )
+        for k in range(count)
     ]
-    order = 2 if max_jerk is None else 3
-    actuated = PolynomialPath(
-        breaks, coefficients, [axis.name for axis in axes], _check_end_speeds(start_speed, end_speed)
-    )
+    names = [axis.name for axis in axes]
+    end_speeds = _check_end_speeds(start_speed, end_speed)
+    actuated = PolynomialPath(breaks, coefficients, names, end_speeds)
     _check(actuated)
-    parts = cut_sections(actuated, order)
-    chosen = [_choose_faster(part, axes, order) for part in parts]
-    whole = join_sections(chosen)
+    order = 2 if max_jerk is None else 3
+    sections = cut_sections(actuated, order)
+    whole = join_sections([_choose_faster(section, axes, order) for section in sections])
     return certified_solve(whole, limits_of(whole, axes, order), order)
 
 
-def _choose_faster(part: PathSection, axes: Sequence[Axis], order: int) -> PolynomialPath:
-    """Choose the fastest of a section's ways: all rests, or some of them passed."""
-    if not part.passing:
-        return part.resting
-    ways = (part.resting, *part.passing)
+def _choose_faster(section: PathSection, axes: Sequence[Axis], order: int) -> PolynomialPath:
+    """Choose the fastest path of a section: with all rests, or with some rests passed."""
+    if not section.passing:
+        return section.resting
+    ways = (section.resting, *section.passing)
     times = []
     for way in ways:
         motion = attempt(partial(certified_solve, way, limits_of(way, axes, order), order))
@@ -92,13 +102,14 @@ def _choose_faster(part: PathSection, axes: Sequence[Axis], order: int) -> Polyn
 
 def _check_end_speeds(start_speed: float, end_speed: float) -> tuple[float, float]:
     for name, speed in (("start_speed", start_speed), ("end_speed", end_speed)):
-        if isinstance(speed, bool) or not isinstance(speed, (int, float)) or not 0 <= speed < float("inf"):
+        is_number = isinstance(speed, int | float) and not isinstance(speed, bool)
+        if not is_number or not 0 <= speed < float("inf"):
             raise MotionError(f"{name} = {speed!r} must be a finite number, not negative")
     return float(start_speed), float(end_speed)
 
 
 MOST = 1e60
-"""Of a bound: what is beyond overflows when it is scaled. Give None where there is none."""
+"""Largest bound: larger ones overflow when they are scaled. None states no bound."""
 
 
 def _per_axis(name: str, values: ArrayLike | None, count: int) -> Sequence[Magnitude | None]:
@@ -119,19 +130,18 @@ def _per_axis(name: str, values: ArrayLike | None, count: int) -> Sequence[Magni
 
 
 def _pieces(path: Any) -> tuple[Array, Array]:
-    """Breaks (P+1,) and coefficients (degree+1, P, n), pieces of no length and those where nothing moves left out."""
+    """Return breaks (P+1,) and coefficients (degree+1, P, n) of the pieces with length and motion."""
     from scipy.interpolate import BPoly, BSpline, PPoly
 
+    low = -np.inf
+    high = np.inf
     if isinstance(path, BSpline):
-        low, high = path.t[path.k], path.t[len(path.t) - path.k - 1]
+        low = path.t[path.k]
+        high = path.t[len(path.t) - path.k - 1]
         path = polynomials(path)
-        inside = (path.x[:-1] >= low) & (path.x[1:] <= high)
     elif isinstance(path, BPoly):
         path = PPoly.from_bernstein_basis(path)
-        inside = np.ones(len(path.x) - 1, bool)
-    elif isinstance(path, PPoly):
-        inside = np.ones(len(path.x) - 1, bool)
-    else:
+    elif not isinstance(path, PPoly):
         raise MotionError(
             f"a path is a SciPy piecewise polynomial (PPoly, CubicSpline, BSpline, BPoly, …), not {type(path).__name__}"
         )
@@ -143,12 +153,12 @@ def _pieces(path: Any) -> tuple[Array, Array]:
         )
     if (np.diff(path.x) < 0).any():
         raise MotionError("the path's breaks decrease; reverse it so that they increase")
-    inside &= np.diff(path.x) > 0
+    inside = (path.x[:-1] >= low) & (path.x[1:] <= high) & (np.diff(path.x) > 0)
     if not inside.any():
         raise MotionError("the path has no length: all its breaks are the same")
     coefficients = path.c.reshape(*path.c.shape[:2], -1)
     still = inside & _find_still(np.diff(path.x), coefficients)
-    if still.any() and not (still == inside).all():  # a repeated point: the path goes on from there
+    if still.any() and not (still == inside).all():  # a repeated point: the path continues from it
         inside &= ~still
     else:
         still[:] = False
@@ -158,14 +168,14 @@ def _pieces(path: Any) -> tuple[Array, Array]:
 
 
 STILL_SHARE = 1e-10
-"""Of an axis' range, the way of pieces one after the other that is nothing: a tenth of a jump that is rounding."""
+"""Share of an axis' range up to which successive pieces count as still: a tenth of MAX_JUMP."""
 
 
 def _find_still(lengths: Array, coefficients: Array) -> np.ndarray:
-    """Return whether nothing moves on each piece (P,), nor on all such pieces in a row together.
+    """Return whether no axis moves on each piece (P,), nor over its neighbours of that kind.
 
-    Splines through equal points do not stand quite still: they swing about them, less and less, down
-    to rounding.
+    Splines through equal points move a little: they swing about them, less and less, down to
+    rounding.
     """
     powers = np.arange(len(coefficients) - 1, 0, -1)[:, None, None]
     way = np.abs(coefficients[:-1] * lengths[:, None] ** powers).sum(0)
@@ -173,7 +183,7 @@ def _find_still(lengths: Array, coefficients: Array) -> np.ndarray:
     most = STILL_SHARE * np.maximum(np.ptp(values, axis=0), way.max(0))
     least = (way <= most / 8).all(1)  # each swing is about a quarter of the one before, on both sides
     still = np.asarray(~coefficients[:-1].any((0, 2)), bool)
-    # of pieces one after the other that hardly move: none where together they come to more
+    # successive pieces that hardly move are still if all of them together hardly move
     begins = np.flatnonzero(np.diff(least.astype(int), prepend=0) == 1)
     stops = np.flatnonzero(np.diff(least.astype(int), append=0) == -1) + 1
     for first, last in zip(begins.tolist(), stops.tolist(), strict=True):
@@ -183,9 +193,10 @@ def _find_still(lengths: Array, coefficients: Array) -> np.ndarray:
 
 
 def polynomials(spline: Any) -> Any:
-    """Convert a B-spline of any degree to a PPoly: SciPy's own conversion reads beyond its memory above degree 5.
+    """Convert a B-spline of any degree to a PPoly.
 
-    Its derivatives come from differences of coefficients, which round by their size: so a common offset is left out.
+    SciPy's own conversion reads beyond its memory above degree 5. Derivatives are differences of
+    coefficients, whose rounding grows with their size: so a common offset is subtracted first.
     """
     from scipy.interpolate import BSpline, PPoly
 
@@ -200,7 +211,8 @@ def polynomials(spline: Any) -> Any:
 
 def _check(path: PolynomialPath) -> None:
     pieces = np.arange(len(path.breaks) - 1)
-    left, right = path.derivatives(path.breaks[:-1], pieces)[0], path.derivatives(path.breaks[1:], pieces)[0]
+    left = path.derivatives(path.breaks[:-1], pieces)[0]
+    right = path.derivatives(path.breaks[1:], pieces)[0]
     if not np.abs(path.coefficients[:-1]).max(initial=0.0) > 0:
         raise MotionError("nothing moves along the path: no axis changes")
     gap = np.abs(left[1:] - right[:-1])

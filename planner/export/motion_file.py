@@ -1,15 +1,17 @@
-"""motion.bin: the closed-form pieces of a motion, exact to the last bit: read back, it need not be solved again.
+"""motion.bin: the closed-form pieces of a motion, exact to the last bit.
 
 It is a file of `kinematics.files.chunk_file`:
 
     HEAD   JSON: kind "pulsepath motion", schema 1, and the unit of each array
-    PART   JSON: how a part of a motion begins that was planned in parts: begin (s) and length (m) from the start of
-           the whole; step: the first of its pieces of the whole path, steps: how many; near: coordinates (m or rad) of
-           the axes near which it begins. In what follows time and path length count from there, path pieces likewise.
-    MOTN   uint64 pieces n, at most 2¹⁴; deflated (zlib, RFC 1950): the bytes of 6n + 1 numbers, first the lowest byte
-           of all, then the next, up to the eighth; of float64 (little-endian) n + 1 knots, of which the first is the
-           last of the chunk before, n s, n v, n a, n j as `Trajectory` has them, and of int64 n indices of path pieces
-    MARK   JSON: complete (true), duration (s), pieces (how many)
+    PART   JSON: the beginning of a part, if the motion was planned in parts: begin (s) and length (m)
+           from the start of the whole; step: its first piece of the whole path, steps: their number;
+           near: coordinates (m or rad) of the axes near which it begins. After it, time, path length
+           and path pieces count from this beginning.
+    MOTN   uint64 pieces n, at most 2¹⁴; deflated (zlib, RFC 1950): the bytes of 6n + 1 numbers, first
+           the lowest byte of all, then the next, up to the eighth. The numbers are float64
+           (little-endian): n + 1 knots, of which the first is the last of the chunk before, and n s,
+           n v, n a, n j as in `Trajectory`; then int64: n indices of path pieces
+    MARK   JSON: complete (true), duration (s), pieces (their number)
 
 A motion that was planned as a whole has no PART.
 """
@@ -43,13 +45,16 @@ from planner.path.join_and_blend import PathStep
 from planner.trajectory import Trajectory
 
 PIECES = ("s", "v", "a", "j", "piece")
-"""One entry per time piece, as `Trajectory` has them; its knots are one more."""
-KIND, SCHEMA = "pulsepath motion", 1
-PART, MOTION = "PART", "MOTN"
-"""Kinds of the chunks with the head of a part, and with pieces."""
+"""Arrays of `Trajectory` with one entry per time piece; knots have one more."""
+KIND = "pulsepath motion"
+SCHEMA = 1
+PART = "PART"
+"""Kind of the chunks with the head of a part."""
+MOTION = "MOTN"
+"""Kind of the chunks with pieces."""
 UNITS = {"knots": "s", "s": "m", "v": "m/s", "a": "m/s^2", "j": "m/s^3", "piece": ""}
 MAX_CHUNK_PIECES = 1 << 14
-"""Largest number of pieces in a chunk: it bounds the memory for writing and reading, besides the motion itself."""
+"""Largest number of pieces in a chunk: it bounds the memory for writing and reading."""
 COUNT = struct.Struct("<Q")
 LEVEL = 1
 """zlib level. Higher levels save little, as most bytes of such numbers look random."""
@@ -57,10 +62,10 @@ LEVEL = 1
 
 @dataclass(frozen=True, slots=True)
 class PartHead:
-    """How a part of a motion begins.
+    """The beginning of a part of a motion.
 
     begin, length  s and m, from the start of the whole
-    step, steps    the first of its pieces of the whole path, from 0, and how many
+    step, steps    its first piece of the whole path, from 0, and their number
     near           (n,) coordinates of the axes near which it begins; None: near home's
     """
 
@@ -73,7 +78,10 @@ class PartHead:
 
 @dataclass(frozen=True, slots=True)
 class PieceBatch:
-    """Pieces of a motion: knots (n + 1,), and s, v, a, j and path piece (n,); head: of their part, if they have one."""
+    """Pieces of a motion: knots (n + 1,), and s, v, a, j and path piece (n,).
+
+    head: of their part; None if the motion has no parts.
+    """
 
     head: PartHead | None
     knots: Array
@@ -84,9 +92,10 @@ class PieceBatch:
 class _FileEnd:
     """End of a file that is written or read piece by piece.
 
-    pieces  how many come before it
-    head    of the part that it is in; knot: time (s) from the start of that part
-    before  time (s) of the parts before that, exact
+    pieces  number of pieces before it
+    head    of the current part
+    knot    time (s) from the start of that part
+    before  time (s) of the parts before it, exact
     """
 
     pieces: int = 0
@@ -99,10 +108,13 @@ class _FileEnd:
         return float(self.before + Fraction(self.knot or 0.0))
 
     def begin(self, head: PartHead) -> "_FileEnd":
-        """Return the end after the head of another part. Raises MotionError for a gap or an overlap in time."""
+        """Return the end after the head of another part.
+
+        Raises MotionError for a gap or an overlap in time.
+        """
         if head.begin != self.duration:
-            message = f"the part begins at {head.begin:.17g} s, and those before end at {self.duration:.17g} s"
-            raise MotionError(message)
+            end = f"those before end at {self.duration:.17g} s"
+            raise MotionError(f"the part begins at {head.begin:.17g} s, and {end}")
         return replace(self, head=head, knot=0.0, before=self.before + Fraction(self.knot or 0.0))
 
 
@@ -126,7 +138,8 @@ class MotionWriter:
             self._chunks.add(PART, json.dumps(asdict(head)).encode())
         knot = self._end.knot
         if knot is not None and len(motion.s) and motion.knots[0] != knot:
-            raise MotionError(f"the pieces begin at {motion.knots[0]:.17g} s, and those before end at {knot:.17g} s")
+            end = f"those before end at {knot:.17g} s"
+            raise MotionError(f"the pieces begin at {motion.knots[0]:.17g} s, and {end}")
         for first in range(0, len(motion.s), MAX_CHUNK_PIECES):
             last = min(first + MAX_CHUNK_PIECES, len(motion.s))
             self._chunks.add(MOTION, _encode(motion, first, last))
@@ -148,7 +161,8 @@ def write_motion(trajectory: Trajectory, path: Path) -> None:
 
 def write_motion_json(trajectory: Trajectory, path: Path) -> None:
     """Write knots and pieces; Python's shortest decimals read back as the same floats."""
-    path.write_text(json.dumps({name: getattr(trajectory, name).tolist() for name in ("knots", *PIECES)}) + "\n")
+    arrays = {name: getattr(trajectory, name).tolist() for name in ("knots", *PIECES)}
+    path.write_text(json.dumps(arrays) + "\n")
 
 
 def motion_parts(path: Path) -> Iterator[PieceBatch]:
@@ -157,26 +171,29 @@ def motion_parts(path: Path) -> Iterator[PieceBatch]:
     Raises FileError for another kind or version of file, and for one that is cut or damaged.
     """
     chunks = _open(path)
-    reached = _FileEnd()
+    end = _FileEnd()
     for chunk, contents in chunks.contents():
         if chunk.kind == PART:
             try:
-                reached = reached.begin(_decode_head(contents, chunk, path))
+                end = end.begin(_decode_head(contents, chunk, path))
             except MotionError as error:
                 raise _refusal(path, f"chunk {chunk.number}: {error}") from None
             continue
-        knots, columns = _decode(contents, chunk, path, _count_left(chunks, reached))
-        if reached.knot is not None and knots[0] != reached.knot:
-            message = f"begins at {knots[0]} s, where the one before ends at {reached.knot} s"
+        knots, columns = _decode(contents, chunk, path, _count_left(chunks, end))
+        if end.knot is not None and knots[0] != end.knot:
+            message = f"begins at {knots[0]} s, where the one before ends at {end.knot} s"
             raise _refusal(path, f"chunk {chunk.number} {message}")
-        reached = replace(reached, pieces=reached.pieces + len(columns[0]), knot=float(knots[-1]))
-        yield PieceBatch(reached.head, knots, columns)
-    if (reached.pieces, reached.duration) != (chunks.mark.get("pieces"), chunks.mark.get("duration")):
-        raise _refusal(path, f"holds {reached.pieces} pieces up to {reached.duration} s, and says otherwise")
+        end = replace(end, pieces=end.pieces + len(columns[0]), knot=float(knots[-1]))
+        yield PieceBatch(end.head, knots, columns)
+    if (end.pieces, end.duration) != (chunks.mark.get("pieces"), chunks.mark.get("duration")):
+        raise _refusal(path, f"holds {end.pieces} pieces up to {end.duration} s, and says otherwise")
 
 
 def read_duration(path: Path) -> float:
-    """Return the duration (s) of the whole motion in a file, as its last chunk states it. Raises as `motion_parts`."""
+    """Return the duration (s) of the whole motion that the last chunk of a file states.
+
+    Raises as `motion_parts`.
+    """
     try:
         return read_number(_open(path).mark.get("duration"), 0.0)
     except ValueError as error:
@@ -187,10 +204,10 @@ def _open(path: Path) -> ChunkFile:
     return open_chunks(path, KIND, SCHEMA, (PART, MOTION))
 
 
-def _count_left(chunks: ChunkFile, reached: _FileEnd) -> int:
-    """Return how many pieces follow, as the last chunk of a file states."""
+def _count_left(chunks: ChunkFile, end: _FileEnd) -> int:
+    """Return the number of the following pieces by the statement in the last chunk of a file."""
     pieces = chunks.mark.get("pieces")
-    return pieces - reached.pieces if type(pieces) is int else 0
+    return pieces - end.pieces if type(pieces) is int else 0
 
 
 def join_parts(parts: Iterable[PieceBatch]) -> Iterator[PieceBatch]:
@@ -212,16 +229,21 @@ def _join_chunks(chunks: list[PieceBatch]) -> PieceBatch:
 
 
 def read_motion(path: Path, along: ActuatorPath) -> Trajectory:
-    """Read the trajectory in a file, along its whole path. Raises FileError if it is damaged or of another path."""
+    """Read the trajectory in a file, along its whole path.
+
+    Raises FileError if it is damaged or belongs to another path.
+    """
     knots: list[Array] = []
     columns: list[list[Array]] = [[] for _ in PIECES]
     before = Fraction(0)  # s, exactly: the duration is what the file states, to the last bit
     for part in join_parts(motion_parts(path)):
         _check_numbers(part, path)
-        begin, first = 0.0, 0
+        begin = 0.0
+        first = 0
         if part.head is not None:
             begin = part.head.begin
-            first = int(np.abs(along.breaks - part.head.length).argmin())  # rounding of the sums of lengths apart
+            # the nearest break: sums of lengths round differently
+            first = int(np.abs(along.breaks - part.head.length).argmin())
         knots.append(begin + part.knots[:-1])
         before += Fraction(float(part.knots[-1]))
         end = float(before)
@@ -242,10 +264,10 @@ def read_parts(path: Path, steps: Iterator[PathStep], machine: Machine, tool: Po
     """
     heads = [part.head for part in motion_parts(path) if part.head is not None]
     count = max((head.step + head.steps for head in heads), default=0)
-    own = list(islice(steps, count))
-    if len(own) < count or not own:
-        raise FileError(str(path), [Fault("piece", "belongs to another path: plan it again")])
-    return read_motion(path, _draw_path(machine, own, tool))
+    covered = list(islice(steps, count))
+    if len(covered) < count or not covered:
+        raise _other_path(path)
+    return read_motion(path, _draw_path(machine, covered, tool))
 
 
 def _draw_path(machine: Machine, steps: Sequence[PathStep], tool: Pose | None, **of: Any) -> MachinePath:
@@ -255,19 +277,29 @@ def _draw_path(machine: Machine, steps: Sequence[PathStep], tool: Pose | None, *
     return MachinePath(machine, [step.piece for step in steps], stops, dwells, tool=tool, **of)
 
 
-# By how much coordinates and their rates may jump from one part to the next: a share of the largest of that rate, of
-# the coordinates of their speed in a second, and of the value itself.
-SEAM_JUMP, SEAM_ROUNDING = 1e-9, 1e-12
+# Largest jump from one part to the next. For rates: share of the largest rate; for coordinates:
+# share of the distance at the largest speed in a second. A larger one would hide an edited file.
+SEAM_JUMP = 1e-9
+# Added to it: share of the value itself, for rounding.
+SEAM_ROUNDING = 1e-12
 
 
 def follow_motion(
-    path: Path, steps: Iterator[PathStep], machine: Machine, tool: Pose | None, *, whole: bool = True
+    path: Path,
+    steps: Iterator[PathStep],
+    machine: Machine,
+    tool: Pose | None,
+    *,
+    whole: bool = True,
 ) -> Iterator[Trajectory]:
-    """Read the trajectory in a file part by part, each on its own path with the places and end speeds of the whole.
+    """Read the trajectory in a file part by part, each on its own path.
 
-    Each part begins where the one before ended, at its speed, and the last ends with the path; whole: False for a plan
-    that ends before its path does.
-    steps: of the whole path, from its start on, as `planner.path.chain.walk_path` has them. Raises as `read_motion`.
+    Each part begins where the one before ended, at its speed, and the last ends with the path.
+
+    whole: False for a plan that ends before its path does.
+    steps: of the whole path, from its start on, as `planner.path.chain.walk_path` yields them.
+
+    Raises as `read_motion`.
     """
     ahead = list[PathStep]()
     skipped = after = 0
@@ -276,7 +308,8 @@ def follow_motion(
     parts = join_parts(motion_parts(path))
     following = next(parts, None)
     while following is not None:
-        part, following = following, next(parts, None)
+        part = following
+        following = next(parts, None)
         head = part.head
         _check_numbers(part, path)
         if head is None:
@@ -284,22 +317,28 @@ def follow_motion(
             head = PartHead(0.0, 0.0, 0, len(ahead))
         first = after  # step of the path after the previous part; a stop continues on the path of that part
         if head.step not in (skipped, first):
-            raise _refusal(path, f"the part from {head.begin} s does not continue the path of the previous part")
+            raise _refusal(
+                path,
+                f"the part from {head.begin} s does not continue the path of the previous part",
+            )
         del ahead[: head.step - skipped]
         if head.near is not None and len(head.near) != len(machine.axes):
             counts = f"{len(head.near)} coordinates, and the machine has {len(machine.axes)} axes"
             raise _refusal(path, f"the part from {head.begin} s begins near {counts}")
-        skipped, after = head.step, head.step + head.steps
+        skipped = head.step
+        after = head.step + head.steps
         ahead += islice(steps, max(0, head.steps - len(ahead)))
-        own = ahead[: head.steps]
-        if len(own) < head.steps or not own:
-            raise FileError(str(path), [Fault("piece", "belongs to another path: plan it again")])
-        v, a = 0.0, 0.0
+        covered = ahead[: head.steps]
+        if len(covered) < head.steps or not covered:
+            raise _other_path(path)
+        v = 0.0
+        a = 0.0
         if following is not None:
-            v, a = float(following.columns[1][0]), float(following.columns[2][0])
+            v = float(following.columns[1][0])
+            a = float(following.columns[2][0])
         along = _draw_path(
             machine,
-            own,
+            covered,
             tool,
             end_speeds=(speed, v),
             end_accelerations=(acceleration, a),
@@ -307,15 +346,21 @@ def follow_motion(
             origin=(head.length, head.begin),
         )
         _check_piece(part.columns[-1], len(along.breaks) - 1, path)
-        own_s, own_v, own_a, own_j, piece = part.columns
-        motion = Trajectory(along, part.knots - part.knots[0], own_s, own_v, own_a, own_j, piece)
-        behind = 0.0 if head.step == first else float(piece_end_lengths(last)[-1]) if last is not None else 0.0
-        if abs(float(own_s[0]) - behind) > SEAM_JUMP * float(along.breaks[-1]):
-            raise _refusal(path, f"the part from {head.begin} s does not continue the path of the previous part")
+        motion = Trajectory(along, part.knots - part.knots[0], *part.columns)
+        start = 0.0
+        if head.step != first and last is not None:
+            start = float(piece_end_lengths(last)[-1])
+        if abs(float(motion.s[0]) - start) > SEAM_JUMP * float(along.breaks[-1]):
+            raise _refusal(
+                path,
+                f"the part from {head.begin} s does not continue the path of the previous part",
+            )
         if last is not None:
             _check_seam(last, motion, path)
         yield motion
-        speed, acceleration, last = v, a, motion
+        speed = v
+        acceleration = a
+        last = motion
     if whole and (last is None or len(ahead) > after - skipped or next(steps, None) is not None):
         raise _refusal(path, "ends before the path of the program does")
 
@@ -325,11 +370,12 @@ def _check_seam(one: Trajectory, other: Trajectory, path: Path) -> None:
     end = one.within(np.array([len(one.s) - 1]), np.diff(one.knots)[-1:])
     start = other.within(np.array([0]), np.zeros(1))
     both = [each.within(np.arange(len(each.s)), np.zeros(len(each.s))) for each in (one, other)]
-    kept = [("q", "qd"), ("qd", "qd")]
+    continuous = [("q", "qd"), ("qd", "qd")]
     if one.j.any() or other.j.any():
-        kept.append(("qdd", "qdd"))
-    for name, rate in kept:
-        before, after = getattr(end, name)[0], getattr(start, name)[0]
+        continuous.append(("qdd", "qdd"))
+    for name, rate in continuous:
+        before = getattr(end, name)[0]
+        after = getattr(start, name)[0]
         most = max(float(np.abs(getattr(each, rate)).max()) for each in both)
         jump = np.abs(after - before) - SEAM_JUMP * most - SEAM_ROUNDING * np.abs(before)
         if not jump.max() <= 0:
@@ -344,25 +390,36 @@ def _check_numbers(part: PieceBatch, path: Path) -> None:
 
 def _check_piece(piece: Array, count: int, path: Path) -> None:
     if piece.min() < 0 or piece.max() >= count:
-        raise FileError(str(path), [Fault("piece", "belongs to another path: plan it again")])
+        raise _other_path(path)
+
+
+def _other_path(path: Path) -> FileError:
+    return FileError(str(path), [Fault("piece", "belongs to another path: plan it again")])
 
 
 def _encode(motion: Trajectory, first: int, last: int) -> bytes:
     """Return the contents of a chunk: the pieces from `first` to before `last`."""
-    numbers = [motion.knots[first : last + 1], *(getattr(motion, name)[first:last] for name in PIECES[:4])]
+    numbers = [
+        motion.knots[first : last + 1],
+        *(getattr(motion, name)[first:last] for name in PIECES[:4]),
+    ]
     pieces = np.asarray(motion.piece[first:last], "<i8")
     words = np.frombuffer(np.concatenate(numbers).astype("<f8").tobytes() + pieces.tobytes(), np.uint8)
     return COUNT.pack(last - first) + compress(words.reshape(-1, 8).T.tobytes(), LEVEL)
 
 
 def _decode(contents: bytes, chunk: Chunk, path: Path, left: int) -> tuple[Array, list[Array]]:
-    """Return knots, and s, v, a, j and piece; left: how many pieces the file has from this chunk on, as it states."""
+    """Return knots, and s, v, a, j and piece.
+
+    left: number of pieces from this chunk on, by the statement in the file.
+    """
     try:
         (count,) = COUNT.unpack_from(contents)
         most = min(left, MAX_CHUNK_PIECES)
         if not 0 < count <= most:
             raise ValueError(f"it states {count} pieces, and there are 1 to {most}")
-        inflate, size = decompressobj(), 8 * (6 * count + 1)
+        inflate = decompressobj()
+        size = 8 * (6 * count + 1)
         planes = inflate.decompress(contents[COUNT.size :], size)
         if len(planes) != size or not inflate.eof or inflate.unused_data:
             raise ValueError(f"{count} pieces do not have {len(planes)} bytes")

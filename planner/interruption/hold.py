@@ -150,7 +150,7 @@ def _shape_stop(
     """Prove a stop after shaping, with copies of the running motion that are still under way."""
     motion = running.trajectory
     earliest = look(motion, max(now.t - copies.length, 0.0))
-    if earliest.t == now.t:  # nothing came before it: no copies are under way
+    if earliest.t == now.t:  # the motion begins here: no copies are under way
         return replace(stop, shaped=_prove_shaped(stop.trajectory, copies, whole, stop.limits, 0.0))
     until = now.s + float(stop.path.breaks[-1])
     last_dwell = bool(stop.path.dwells[-1] > 0)
@@ -225,7 +225,7 @@ def _draw_from(
 
 
 def _solve_stop(whole: Whole, running: Running, now: Instant) -> ProvedMotion:
-    """Find the soonest stop before any shapers.
+    """Find the soonest stop before any shaping.
 
     The better of those from the first two instants at which the motion can be left: a rough search
     may miss the nearest place from one of them. If neither has one, the motion's own next rest.

@@ -142,7 +142,7 @@ def find_near_rest(motion: Trajectory, now: Instant) -> Instant | None:
 
 def find_rest_left(motion: Trajectory, now: Instant) -> float:
     """Return how long (s) the motion still rests from an instant on; 0 where it moves."""
-    moves = np.flatnonzero((motion.v != 0) | (motion.a != 0) | (motion.j != 0))
+    moves = np.flatnonzero(~motion.resting)
     later = moves[moves >= now.knot]
     after = int(later[0]) if len(later) else len(motion.s)
     return float(motion.knots[after] - now.t) if after > now.knot else 0.0

@@ -19,7 +19,7 @@ class Interruptible(ABC):
 
     @abstractmethod
     def whole(self) -> Whole:
-        """Return what sections of the plan are made of."""
+        """Return the parts of the plan that its sections are made from."""
 
     @check_arguments()
     def hold(self, at: Annotated[float, Unit("s")], during: Section | None = None) -> Section:
@@ -70,8 +70,8 @@ class Interruptible(ABC):
 
         options: the fields of the format's dataclass, in SI units. force: replace an existing file.
 
-        Raises MotionError for an unknown format or option, an existing file, and what the format
-        cannot hold.
+        Raises MotionError for an unknown format or option, an existing file, and a motion that the
+        format cannot hold.
         """
         whole = self.whole()
         source = ExportSource(

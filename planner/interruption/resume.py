@@ -54,12 +54,14 @@ def resume(whole: Whole, stop: Section | float, share: float | None = None) -> S
 
 
 def _find_begin(whole: Whole, stop: Section | float) -> tuple[float, Sent]:
-    """Return the place (m) at which the way on begins, and what was sent before it."""
+    """Return the place (m) at which the way on begins, and the state sent before it."""
     length = float(whole.path.breaks[-1])
     if isinstance(stop, Section):
-        since, sent = stop.until, find_running(whole, stop).find_sent()
+        since = stop.until
+        sent = find_running(whole, stop).find_sent()
     else:
-        since, sent = stop, Sent.before(whole, stop)
+        since = stop
+        sent = Sent.before(whole, stop)
     if since == length:
         raise MotionError(f"resume from {since:g} m: the path ends there, so there is nothing to resume")
     if not 0 <= since < length:
@@ -176,9 +178,8 @@ def slow_motion(motion: Trajectory, share: float, path: MachinePath) -> Trajecto
 
     ṡ goes with the share, s̈ with its square, s⃛ with its cube.
     """
-    rests = (motion.v == 0) & (motion.a == 0) & (motion.j == 0)
     h = np.diff(motion.knots)
-    durations = np.where(rests, h, h / share)
+    durations = np.where(motion.resting, h, h / share)
     knots = np.concatenate([[0.0], np.cumsum(durations)])
     v = share * motion.v
     a = share**2 * motion.a

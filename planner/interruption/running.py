@@ -1,4 +1,4 @@
-"""The motion that the machine runs, and the pulses sent before an instant of it."""
+"""The motion that the machine runs, and the pulses sent before an instant."""
 
 from dataclasses import dataclass, replace
 
@@ -20,7 +20,7 @@ TICK_ROUNDING = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class Running:
-    """The motion that the machine runs: a plan or a section of it.
+    """The motion that the machine runs: a plan or one of its sections.
 
     trajectory  before any input shapers, with path lengths and pieces of the plan
     since       s of the trajectory at which time begins: a shaped section has a motion before it
@@ -41,7 +41,7 @@ class Running:
     sent: Sent = NONE_SENT
 
     def round_to_tick(self, at: float) -> tuple[float, Sent]:
-        """Return the nearest instant (s) at which the rule can begin, and what was sent before."""
+        """Return the nearest instant (s) at which the rule can begin, and the state before it."""
         clock = self.pulses.clock_hz
         rule = find_rule(self.pulses.rule)
         # a section of a rule that needs the whole motion begins anew, by its own clock
@@ -52,7 +52,7 @@ class Running:
         return tick / clock, self.find_sent(tick)
 
     def find_sent(self, tick: int | None = None) -> Sent:
-        """Return what was sent before a tick; None: all of it. Raises as `find_plays`."""
+        """Return the state before a tick; None: at the end. Raises as `find_plays`."""
         clock = self.pulses.clock_hz
         if tick is None:
             tick = round(self.duration * clock) + 1

@@ -87,13 +87,13 @@ class Whole:
         """Return the part of the path from one place (m) to another.
 
         A part that begins in motion has no dwells at its ends. One that begins at rest has those of
-        the program. Speeds that segments require to be constant are not required of the part.
+        the program. The part need not keep the constant speeds that segments require.
 
         speed, acceleration  ṡ and s̈ at the beginning
         time                 s at the beginning, from which its certificate counts
         near                 coordinates (n,) at the beginning; None: home's
         ends                 ṡ and s̈ at the end
-        rests                s for which the first dwell still lasts; None: all of it
+        rests                s for which the first dwell still lasts; None: its full time
         last_dwell           False leaves the last dwell out
         """
         path = self.path
@@ -281,13 +281,16 @@ class Section(Result):
 
     def tables(self) -> tuple[Table, ...]:
         """Return duration, distance and certificate."""
-        what = Column("what", ["duration", "distance along the path"])
-        values = Column("value", [f"{self.duration:.6f} s", f"{1e3 * self.distance:.3f} mm"])
+        values = [f"{self.duration:.6f} s", f"{1e3 * self.distance:.3f} mm"]
+        columns = (
+            Column("what", ["duration", "distance along the path"]),
+            Column("value", values),
+        )
         begin = "" if self.at is None else f" from {self.at:.6f} s on"
         notes: tuple[str, ...] = ()
         if self.at is not None:
             notes = ("below, certificates count t from the start of the plan; triggers from here",)
-        table = Table(f"{self.what} of {self.name}{begin}", (what, values), notes)
+        table = Table(f"{self.what} of {self.name}{begin}", columns, notes)
         shaped = () if self.shaped is None else self.shaped.tables()
         fired = trigger_tables(self.triggers, self.path.names)
         return (table, *self.certificate.tables(), *shaped, *fired)
@@ -317,10 +320,12 @@ def make_section(
     Raises MotionError where counts differ by more than pulses are moved, Infeasible for a limit
     that is not kept after shaping.
     """
-    axes, home, pulses = whole.machine.axes, whole.machine.home_q, whole.pulses
+    axes = whole.machine.axes
+    home = whole.machine.home_q
+    pulses = whole.pulses
     moves: AxesMotion = proved.trajectory
-    standing = proved.duration == 0
-    if standing:  # it lasts one tick of the rule, in which a pulse that is due can fall
+    is_empty = proved.duration == 0
+    if is_empty:  # it lasts one tick of the rule, in which a pulse that is due can fall
         tick = find_rule(pulses.rule).grain(pulses.clock_hz) / pulses.clock_hz
         moves = replace(proved.trajectory, knots=np.array([0.0, tick]))
         axes = tuple(replace(axis, shaper=None) for axis in axes)
@@ -333,7 +338,7 @@ def make_section(
         axes = tuple(replace(axis, shaper=None) for axis in axes)  # the motion is shaped already
     counted = counted_motion(moves, axes, home, sent.plays)
     fire = partial(generate, counted, axes, home, pulses.clock_hz, pulses.rule)
-    fired = _fire_standing(fire, sent) if standing else fire(sent=sent.pulses)
+    fired = _fire_at_rest(fire, sent) if is_empty else fire(sent=sent.pulses)
     return Section(
         what=what,
         name=whole.name,
@@ -352,22 +357,22 @@ def make_section(
     )
 
 
-def _fire_standing(fire: Callable[..., PulseSchedule], sent: Sent) -> PulseSchedule:
+def _fire_at_rest(fire: Callable[..., PulseSchedule], sent: Sent) -> PulseSchedule:
     """Return the pulses of axes at rest: none, except the last one of the way there if it is due.
 
     Counts of a rule that lags by more stay where they are: the bound says by how much.
     """
-    standing = replace(fire(), duration=0.0)
+    at_rest = replace(fire(), duration=0.0)
     if not sent.pulses:
-        return standing
-    pairs = list(zip(standing.axes, sent.pulses, strict=True))
+        return at_rest
+    pairs = list(zip(at_rest.axes, sent.pulses, strict=True))
     if all(abs(axis.start - last.count) <= 1 for axis, last in pairs):
         return replace(fire(sent=sent.pulses), duration=0.0)
     axes = []
     for axis, last in pairs:
         bound = axis.bound + abs(axis.start - last.count)
         axes.append(replace(axis, start=last.count, bound=bound))
-    return replace(standing, axes=tuple(axes))
+    return replace(at_rest, axes=tuple(axes))
 
 
 def refuse_other(whole: Whole, section: Section) -> None:
