@@ -41,10 +41,10 @@ class Origin:
         from planner.sources.source import find_source, stream_program
 
         source = find_source(self.format)(**{**self.options, **_joint_machine(self.format, file, machine)})
-        found = stream_program(file, source)
-        for warning in found.warnings:
+        result = stream_program(file, source)
+        for warning in result.warnings:
             note(f"note: {file.name}: {warning}")
-        return found
+        return result
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,8 +113,8 @@ def read_inputs(
     ready   called once what is told soon is known to be right: the program's file, and that there is the machine
     """
     if origin is None:
-        found = _read_native(program, machine, ready)
-        return found if fit is None else replace(found, program=fit_joins(found.program, fit), fit=fit)
+        result = _read_native(program, machine, ready)
+        return result if fit is None else replace(result, program=fit_joins(result.program, fit), fit=fit)
     file = Path(program)
     if machine is None:
         raise MotionError(f"{file.name} names no machine: give --machine")

@@ -122,8 +122,8 @@ class Frequency(click.ParamType[int]):
         """Return a frequency in Hz. A wrong text fails the parameter."""
         from fractions import Fraction
 
-        found = FREQUENCY.fullmatch(str(value))
-        ticks = Fraction(found[1]) * MULTIPLES[found[2]] if found else Fraction(0)
+        matches = FREQUENCY.fullmatch(str(value))
+        ticks = Fraction(matches[1]) * MULTIPLES[matches[2]] if matches else Fraction(0)
         if ticks < 1 or ticks.denominator != 1:
             self.fail(f'"{value}": write a whole number of Hz from 1 on, as 16000000 or "16 MHz"', param, ctx)
         return int(ticks)
@@ -133,8 +133,8 @@ def read_percent(flag: str, text: str, from_zero: bool = False) -> float:
     """The share that an option gives in per cent, above 0, or from 0 on. Raises BadValue, which names the option."""
     from kinematics.foundation.errors import BadValue
 
-    found = PERCENT.fullmatch(text)
-    share = float(found[1]) / 100 if found else -1.0
+    matches = PERCENT.fullmatch(text)
+    share = float(matches[1]) / 100 if matches else -1.0
     if not (0 < share < inf or (from_zero and share == 0)):
         kind = "share" if from_zero else "positive share"
         raise BadValue(f'option {flag}: "{text}": write a {kind} in per cent, as "0.1 %"')

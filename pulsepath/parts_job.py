@@ -93,7 +93,7 @@ def run_parts(
     program, machine = inputs.program, inputs.machine
     for field in find_unkept_limits(machine):
         note(f"note: {machine.name} states {field} but no masses, so no plan can respect it")
-    reached = 0.0
+    planned_until = 0.0
     planned, ahead, read = _Place(inputs), _Place(inputs), 0
     # Time at the end of the first part, its segments and its motion (s). Libraries are loaded and kernels are built
     # before that, which would spoil an estimate of the time left.
@@ -102,21 +102,21 @@ def run_parts(
     def describe(done: int, of: int) -> str:
         if first is None:
             return f"{ahead.find(read, of)} read, the first part not planned yet"
-        where = f"{planned.find(done, of)}, {reached:.1f} s of motion"
+        where = f"{planned.find(done, of)}, {planned_until:.1f} s of motion"
         if done == first[1]:
             return where
         spent = perf_counter() - first[0]
         left = spent * (of - done) / (done - first[1])
-        speed = (reached - first[2]) / max(spent, 1e-9)
+        speed = (planned_until - first[2]) / max(spent, 1e-9)
         return f"{where}, {speed:.1f} times real time, about {left:.0f} s left"
 
     with step(f"planning {program.name} on {machine.name} part by part", describe) as tell:
 
         def tell_standing(standing: PlanStanding, done: int) -> None:
-            nonlocal reached, first
+            nonlocal planned_until, first
             if first is None:
                 first = perf_counter(), done, standing.duration
-            reached = standing.duration
+            planned_until = standing.duration
             tell(done, program.repeat * len(program.segments))
 
         def tell_read(done: int, of: int) -> None:

@@ -73,19 +73,19 @@ def pose(
     from pulsepath.output import record, tables
 
     if coordinates is not None:
-        found = posture_of_axes(of, coordinates)
+        result = posture_of_axes(of, coordinates)
     else:
-        found = posture_of_pose(of, _place(of, place, angles, frame))
+        result = posture_of_pose(of, _place(of, place, angles, frame))
     if as_json:
-        click.echo(record.as_json(record.of_posture(found)), nl=False)
+        click.echo(record.as_json(record.of_posture(result)), nl=False)
     else:
-        tables.show(tables.of_results(found))
-    if broken := found.violations:
+        tables.show(tables.of_results(result))
+    if broken := result.violations:
         many = f"{len(broken)} limits are violated, the worst is " if len(broken) > 1 else ""
         say(f"infeasible: {many}{broken[0]}", err=True)
-    elif not found.certified:
-        say(f"infeasible: not certified: {found.doubt}", err=True)
-    if not found.margins.ok.all() or not found.certified:
+    elif not result.certified:
+        say(f"infeasible: not certified: {result.doubt}", err=True)
+    if not result.margins.ok.all() or not result.certified:
         click.get_current_context().exit(INFEASIBLE)
 
 

@@ -47,8 +47,8 @@ def write(
     from pulsepath.output import record
 
     verdict, page = gain_report(comparison, changes, judged)
-    told = comparison_record(comparison, verdict, changes, judged)
-    text = record.as_json({"schema": record.SCHEMA, "kind": COMPARISON_KIND, **told})
+    facts = comparison_record(comparison, verdict, changes, judged)
+    text = record.as_json({"schema": record.SCHEMA, "kind": COMPARISON_KIND, **facts})
     to[0].place.parent.mkdir(parents=True, exist_ok=True)
     with stage_files(to) as files:
         for file, content in zip(files, (page, runs_csv(comparison), text), strict=True):

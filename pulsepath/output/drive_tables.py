@@ -45,13 +45,13 @@ def add_close_drives(tables: Sequence[Table], pulses: Mapping[str, Any]) -> list
         return [*tables]
     first, *rest = tables
     what, values = first.columns
-    told = f"{close[0][1]}; all with -v"
+    message = f"{close[0][1]}; all with -v"
     return [
         replace(
             first,
             columns=(
                 replace(what, values=[*what.values, "drive timing"]),
-                replace(values, values=[*values.values, told]),
+                replace(values, values=[*values.values, message]),
             ),
         ),
         *rest,
@@ -81,8 +81,8 @@ def _find_close(pulses: Mapping[str, Any]) -> Iterator[tuple[float, str]]:
         for key in BY_MOTION:
             kept, needed = lines[key], needs[key]
             if kept is not None and kept < CLOSE * needed:
-                told = f"{TIMES[key]} of {name} {1e6 * kept:.4g} us, its drive needs {1e6 * needed:.4g}"
-                yield kept / needed, told
+                message = f"{TIMES[key]} of {name} {1e6 * kept:.4g} us, its drive needs {1e6 * needed:.4g}"
+                yield kept / needed, message
         rate, most = axis["highest_rate_hz"], needs["max_rate"]
         if rate and most and CLOSE * rate > most:
             yield most / rate, f"{name} up to {rate / 1e3:.4g} kHz, its drive takes {most / 1e3:.4g}"

@@ -29,13 +29,15 @@ def dump(
 
     A machine that names other files, as an arm does, keeps the text of its file.
     """
-    told = f'"pulsepath {command}" uses it'
+    purpose = f'"pulsepath {command}" uses it'
     if inputs.companions:
         machine = inputs.machine_toml
     else:
-        machine = machine_toml(inputs.machine, f"The machine {inputs.machine.name}, as {told}.", complete=True).encode()
-    own = replace(inputs.program, machine=MACHINE_FILE)
-    program = program_toml(own, f"The program {inputs.program.name}, as {told}.", complete=True).encode()
+        machine = machine_toml(
+            inputs.machine, f"The machine {inputs.machine.name}, as {purpose}.", complete=True
+        ).encode()
+    program_here = replace(inputs.program, machine=MACHINE_FILE)
+    program = program_toml(program_here, f"The program {inputs.program.name}, as {purpose}.", complete=True).encode()
     files = {MACHINE_FILE: machine, PROGRAM_FILE: program, **inputs.companions}
     if folder == STDOUT:
         _print(files, options, as_json)

@@ -118,11 +118,11 @@ def _look(root: Path) -> Iterator[tuple[Path, str, str]]:
         for kind, file in RECORDS.items():
             if file in files:
                 try:
-                    seen = (folder / file).stat()
+                    status = (folder / file).stat()
                 except OSError:  # it is just being replaced
                     break
-                if seen.st_size <= MAX_RECORD_SIZE:
-                    yield folder, kind, f"{seen.st_mtime_ns}-{seen.st_size}"
+                if status.st_size <= MAX_RECORD_SIZE:
+                    yield folder, kind, f"{status.st_mtime_ns}-{status.st_size}"
                 below.clear()
                 break
 

@@ -308,13 +308,13 @@ def _trigger(event: Triggered, axes: Sequence[Axis]) -> Record:
 
 def _versions(*packages: str) -> dict[str, str | None]:
     """Return installed versions; None: not installed."""
-    found: dict[str, str | None] = {}
+    installed: dict[str, str | None] = {}
     for package in packages:
         try:
-            found[package] = version(package)
+            installed[package] = version(package)
         except PackageNotFoundError:
-            found[package] = None
-    return found
+            installed[package] = None
+    return installed
 
 
 def of_pulse_file(

@@ -51,20 +51,20 @@ def of_tracking(rig: Rig, metrics: Iterable[Metrics]) -> Record:
     return {"rig": rig.name, "about": rig.about, "laws": laws, "lost_steps": lost}
 
 
-def of_check(found: Standing) -> Record:
+def of_check(result: Standing) -> Record:
     """Return the record of a geometric check: violations or use of each limit, and joins."""
-    largest = found.largest.items()
+    largest = result.largest.items()
     return {
-        "feasible": not found.violations,
-        "fit": fit_record(found.fit),
-        "blends": blend_records(found.blends),
-        "avoidable_stops": None if found.avoidable is None else found.avoidable.record(),
-        "synchronised_moves": departure_records(found.departures),
-        "splines": overshoot_records(found.overshoots),
-        "violations": [violation_record(violation) for violation in found.violations],
+        "feasible": not result.violations,
+        "fit": fit_record(result.fit),
+        "blends": blend_records(result.blends),
+        "avoidable_stops": None if result.avoidable is None else result.avoidable.record(),
+        "synchronised_moves": departure_records(result.departures),
+        "splines": overshoot_records(result.overshoots),
+        "violations": [violation_record(violation) for violation in result.violations],
         "conditioning": None
-        if found.conditioning is None
-        else {"value": found.conditioning.value, "where": place_record(found.conditioning.place)},
+        if result.conditioning is None
+        else {"value": result.conditioning.value, "where": place_record(result.conditioning.place)},
         "largest_use": {name: {"ratio": use, "where": place_record(place)} for name, (use, place) in largest},
     }
 
@@ -87,35 +87,35 @@ def of_doubts(doubts: Sequence[str]) -> Record:
     return {"verified": not doubts, "doubts": list(doubts)}
 
 
-def of_import(name: str, found: Imported, way: Outline, file: str, figure: str) -> Record:
+def of_import(name: str, result: Imported, way: Outline, file: str, figure: str) -> Record:
     """Return the record of an imported program; lengths in m."""
     return {
         "format": name,
         "file": file,
         "figure": figure,
-        "segments": len(found.program.segments),
-        "entities": dict(found.entities),
+        "segments": len(result.program.segments),
+        "entities": dict(result.entities),
         "low": way.low.tolist(),
         "high": way.high.tolist(),
         "length": way.length,
-        "warnings": list(found.warnings),
+        "warnings": list(result.warnings),
     }
 
 
-def of_posture(found: Posture) -> Record:
+def of_posture(result: Posture) -> Record:
     """Return the record of one pose: axes, joints, margins and proof."""
-    margins = found.margins
+    margins = result.margins
     return {
-        "machine": found.machine.name,
-        "pose": {"home": pose_record(found.from_home), "base": pose_record(found.pose)},
-        "directions_rad": found.directions.tolist(),
+        "machine": result.machine.name,
+        "pose": {"home": pose_record(result.from_home), "base": pose_record(result.pose)},
+        "directions_rad": result.directions.tolist(),
         "axes": [
             {"name": axis.name, "position": q, "from_home": away, "pulses": count, "unit": axis.unit, "travel_use": use}
             for axis, q, away, count, use in zip(
-                found.machine.axes,
-                found.q.tolist(),
-                found.travel.tolist(),
-                found.counts.tolist(),
+                result.machine.axes,
+                result.q.tolist(),
+                result.travel.tolist(),
+                result.counts.tolist(),
                 margins.travel[0].tolist(),
                 strict=True,
             )
@@ -123,7 +123,7 @@ def of_posture(found: Posture) -> Record:
         "joints": [
             {"name": name, "tilt_rad": tilt, "limit_rad": limit if limit < pi else None}
             for name, tilt, limit in zip(
-                margins.tilt_names, found.tilt.tolist(), margins.max_tilt.tolist(), strict=True
+                margins.tilt_names, result.tilt.tolist(), margins.max_tilt.tolist(), strict=True
             )
         ],
         "clearance_m": dict(zip(margins.clearance_names, margins.clearance[0].tolist(), strict=True)),
@@ -133,9 +133,9 @@ def of_posture(found: Posture) -> Record:
         "use": float(margins.use[0]),
         "worst": margins.worst(),
         "ok": bool(margins.ok[0]),
-        "violations": list(found.violations),
-        "certified": found.certified,
-        "residual": found.residual,
+        "violations": list(result.violations),
+        "certified": result.certified,
+        "residual": result.residual,
     }
 
 
@@ -150,19 +150,19 @@ def of_positions(listed: PositionList, file: str) -> Record:
     return {"file": file, "rotation": listed.order, "frame": listed.frame, **poses}
 
 
-def of_arms(found: ArmSimulation, file: str) -> Record:
+def of_arms(result: ArmSimulation, file: str) -> Record:
     """Arm lengths at poses, turned ones simulated only; m and rad. off: null where no held plate has the lengths."""
     return {
         "file": file,
-        "machine": found.machine,
-        "rotation": found.listed.order,
-        "frame": found.listed.frame,
-        "poses": found.listed.poses.tolist(),
-        "arm_lengths": found.lengths.tolist(),
-        "within_travel": found.within.tolist(),
-        "turned": found.turned.tolist(),
-        "off_if_held": [None if isnan(off) else off for off in found.off.tolist()],
-        "notes": list(found.notes),
+        "machine": result.machine,
+        "rotation": result.listed.order,
+        "frame": result.listed.frame,
+        "poses": result.listed.poses.tolist(),
+        "arm_lengths": result.lengths.tolist(),
+        "within_travel": result.within.tolist(),
+        "turned": result.turned.tolist(),
+        "off_if_held": [None if isnan(off) else off for off in result.off.tolist()],
+        "notes": list(result.notes),
     }
 
 
@@ -198,20 +198,20 @@ def _fields(of: object, *names: str) -> Record:
     return {name: place_record(value) if isinstance(value, Place) else value for name, value in values.items()}
 
 
-def fit_record(found: FitSummary | None) -> Record | None:
+def fit_record(result: FitSummary | None) -> Record | None:
     """Return the record of a fit: pieces before and after, proved deviation, and corners."""
-    if found is None:
+    if result is None:
         return None
     return {
-        "curves": found.curves,
-        "pieces_before": found.before,
-        "pieces_after": found.after,
-        "tolerance_m": found.tolerance,
-        "deviation_m": found.deviation,
-        "deviation_rad": found.turned,
-        "deviates_at": place_record(found.deviates_at),
-        "corners_rounded": found.rounded,
-        "corners_stopped": found.stopped,
+        "curves": result.curves,
+        "pieces_before": result.before,
+        "pieces_after": result.after,
+        "tolerance_m": result.tolerance,
+        "deviation_m": result.deviation,
+        "deviation_rad": result.turned,
+        "deviates_at": place_record(result.deviates_at),
+        "corners_rounded": result.rounded,
+        "corners_stopped": result.stopped,
     }
 
 

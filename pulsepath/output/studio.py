@@ -45,11 +45,11 @@ class Replanner:
 
     def _run(self) -> None:
         files: list[Path] = []
-        seen: list[tuple[int, int] | None] | None = None
-        while not self._ended.wait(0.0 if seen is None else SAVED_PERIOD):
-            if seen is None or [_stamp(file) for file in files] != seen:
+        stamps: list[tuple[int, int] | None] | None = None
+        while not self._ended.wait(0.0 if stamps is None else SAVED_PERIOD):
+            if stamps is None or [_stamp(file) for file in files] != stamps:
                 files = [self._program, *_list_machine(self._program, self._machine)]
-                seen = [_stamp(file) for file in files]
+                stamps = [_stamp(file) for file in files]
                 self._plan()
 
     def _plan(self) -> None:
@@ -59,14 +59,14 @@ class Replanner:
         ) as process:
             while True:
                 try:
-                    _, said = process.communicate(timeout=SAVED_PERIOD)
+                    _, text_of_errors = process.communicate(timeout=SAVED_PERIOD)
                     break
                 except subprocess.TimeoutExpired:
                     if self._ended.is_set():
                         _end(process)
                         return
         self.refused = process.returncode != 0
-        self.state = said.strip() if self.refused else ""
+        self.state = text_of_errors.strip() if self.refused else ""
 
 
 def _end(process: "subprocess.Popen[str]") -> None:
@@ -91,10 +91,10 @@ def _list_machine(program: Path, machine: str | None) -> list[Path]:
 
 def _stamp(file: Path) -> tuple[int, int] | None:
     try:
-        seen = file.stat()
+        stamps = file.stat()
     except OSError:  # a preset, or just being saved
         return None
-    return seen.st_mtime_ns, seen.st_size
+    return stamps.st_mtime_ns, stamps.st_size
 
 
 class Studio:
@@ -134,8 +134,8 @@ class Studio:
 
     def _draw(self, listed: Sequence[Listed], names: Sequence[str]) -> str:
         known = {one.name: one for one in listed}
-        wanted = list(dict.fromkeys(names))
-        shown = [known[name] for name in wanted if name in known]
+        requested = list(dict.fromkeys(names))
+        shown = [known[name] for name in requested if name in known]
         if not names and len(listed) == 1:
             shown = list(listed)
         state, refused = self._state
@@ -148,7 +148,7 @@ class Studio:
             proposed=str(self._folder / "circle"),
             listed=listed,
             shown=shown,
-            missing=[name for name in wanted if name not in known],
+            missing=[name for name in requested if name not in known],
             differences=list_differences(*shown) if both else [],
             state=state,
             refused=refused,
@@ -210,5 +210,5 @@ def _tell_change(before: float | None, after: float | None, scale: float, unit: 
         return "in one of them only"
     change = (after - before) * scale
     share = "" if unit == "%" or not before or not change else f" ({100 * (after - before) / before:+.3g} %)"
-    told = f"{int(change):+d}" if not unit and change == int(change) else f"{change:+.4g} {unit}".rstrip()
-    return told + share if change else ""
+    message = f"{int(change):+d}" if not unit and change == int(change) else f"{change:+.4g} {unit}".rstrip()
+    return message + share if change else ""

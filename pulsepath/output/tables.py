@@ -53,10 +53,10 @@ def of_plan(job: Job) -> list[Table]:
     from planner.timing.certified_solve import BEFORE_SHAPERS
 
     plan = job.plan
-    told = plan.describe_objective()
-    told += f"; the fastest motion takes {plan.lower_bound:.6f} s or more" if plan.known else ""
+    message = plan.describe_objective()
+    message += f"; the fastest motion takes {plan.lower_bound:.6f} s or more" if plan.known else ""
     rows: list[tuple[str, float | None, str]] = [
-        ("duration", plan.duration, "" if plan.fastest else told),
+        ("duration", plan.duration, "" if plan.fastest else message),
         *(() if plan.shaped is None else [(BEFORE_SHAPERS, plan.trajectory.duration, "the rows below refer to this")]),
         *(() if plan.shaped is None else _cost_rows(plan, plan.shaped)),
     ]
@@ -104,11 +104,11 @@ def _describe_cost(plan: Plan, shaped: ShapedProof) -> list[tuple[str, str]]:
     """Return rows of the first screen about the shapers' cost and the remaining vibration."""
     from kinematics.analysis.residual_vibration import find_residuals
 
-    told = [(what, note) for what, _, note in _cost_rows(plan, shaped)]
+    message = [(what, note) for what, _, note in _cost_rows(plan, shaped)]
     if shaped.cost is not None and shaped.cost.lowered and not plan.fastest:
-        told.append((LOWERED, shaped.cost.describe_lowered()))
+        message.append((LOWERED, shaped.cost.describe_lowered()))
     left = "; ".join(each.describe() for each in find_residuals(shaped.axes))
-    return [*told, ("vibration left", left)]
+    return [*message, ("vibration left", left)]
 
 
 UNBOUNDED = "gap, worth of limits"
@@ -126,8 +126,8 @@ def sum_up(job: Job) -> list[Table]:
     from planner.timing.certified_solve import BEFORE_SHAPERS
 
     plan, proof = job.plan, job.plan.certificate
-    told = plan.describe_objective()
-    rows = [("duration", f"{plan.duration:.6f} s{f', {told}' if told else ''}")]
+    message = plan.describe_objective()
+    rows = [("duration", f"{plan.duration:.6f} s{f', {message}' if message else ''}")]
     if plan.shaped is not None:
         rows.append((BEFORE_SHAPERS, f"{plan.trajectory.duration:.6f} s; saving and gap refer to this"))
         rows.append(("input shapers", plan.shaped.describe()))
@@ -135,8 +135,8 @@ def sum_up(job: Job) -> list[Table]:
     if plan.fastest and job.classical is not None and not missing_limits(plan, job.classical):  # else they are unlike
         percent = 100 * job.time_saved / job.classical.duration
         unlike = "".join(f", but it {each}" for each in describe_differences(plan, job.classical))
-        told = f"{percent:.2f} %: {job.time_saved:.3f} s less than {job.classical.kind}, the same limits{unlike}"
-        rows.append(("saved", told))
+        message = f"{percent:.2f} %: {job.time_saved:.3f} s less than {job.classical.kind}, the same limits{unlike}"
+        rows.append(("saved", message))
     if stops := plan.avoidable_stops.describe():
         rows.append(("stops", stops))
     if plan.fastest and plan.known:
@@ -163,11 +163,13 @@ def sum_up(job: Job) -> list[Table]:
         rows.append(("splines off their polygons", _sum_up_overshoots(plan.path.overshoots)))
     if plan.path.blends:
         rows.append(("blends", _sum_up_blends(plan.path.blends)))
-    asked = [blend.tolerance for blend in plan.path.blends]
-    asked += [] if plan.path.fit is None else [plan.path.fit.tolerance]
-    if asked and max(asked) > (length := float(plan.path.breaks[-1])):
-        told = f"{1e3 * max(asked):.6g} mm, more than the whole path of {1e3 * length:.6g} mm: is the unit as meant?"
-        rows.append(("tolerance", told))
+    tolerances = [blend.tolerance for blend in plan.path.blends]
+    tolerances += [] if plan.path.fit is None else [plan.path.fit.tolerance]
+    if tolerances and max(tolerances) > (length := float(plan.path.breaks[-1])):
+        message = (
+            f"{1e3 * max(tolerances):.6g} mm, more than the whole path of {1e3 * length:.6g} mm: is the unit as meant?"
+        )
+        rows.append(("tolerance", message))
     bound = max(axis.bound for axis in plan.pulses.axes)
     rows.append(("pulses", f"{plan.pulses.total} by the rule {plan.pulses.rule}, within {bound:.3f} of the motion"))
     what, values = zip(*rows, strict=True)
@@ -175,8 +177,8 @@ def sum_up(job: Job) -> list[Table]:
         f"{plan.program.name} on {plan.machine.name}, order {plan.order}", (Column("what", what), Column("", values))
     )
     crossed = () if job.crossed is None else job.crossed.tables()
-    held = () if job.stops is None else job.stops.tables()
-    return [summed, *held, *crossed]
+    stops_tables = () if job.stops is None else job.stops.tables()
+    return [summed, *stops_tables, *crossed]
 
 
 def sum_up_parts(standing: PlanStanding) -> list[Table]:
@@ -209,23 +211,23 @@ def sum_up_parts(standing: PlanStanding) -> list[Table]:
 def sum_up_check(found: Standing) -> list[Table]:
     """Return the first screen of a check: use of the limits, and a line each for fits, blends and moves."""
     uses, *rest = found.tables()
-    told = [("blends", _sum_up_blends(found.blends))] if found.blends else []
+    message = [("blends", _sum_up_blends(found.blends))] if found.blends else []
     if found.fit is not None and found.fit.before:
-        told.append(("fit", _sum_up_fit(found.fit)))
+        message.append(("fit", _sum_up_fit(found.fit)))
     if found.departures:
-        told.append(("off the line", _sum_up_departures(found.departures)))
+        message.append(("off the line", _sum_up_departures(found.departures)))
     if found.overshoots:
-        told.append(("splines off their polygons", _sum_up_overshoots(found.overshoots)))
+        message.append(("splines off their polygons", _sum_up_overshoots(found.overshoots)))
     more = ["with -v: a table of each"] if rest else []
-    return [replace(uses, notes=(*uses.notes, *(f"{what}: {text}" for what, text in told), *more))]
+    return [replace(uses, notes=(*uses.notes, *(f"{what}: {text}" for what, text in message), *more))]
 
 
 def _sum_up_blends(blends: Sequence[Blended]) -> str:
     stops = sum(bool(blend.stop) for blend in blends)
-    told = f"{stops} of them replaced by stops" if stops else "all passed without a stop"
+    message = f"{stops} of them replaced by stops" if stops else "all passed without a stop"
     where = [f"after segment {blend.segment}: {blend.stop}" for blend in blends if blend.stop]
     places = f" ({'; '.join(where)})" if 0 < stops <= MOST_TOLD else ""
-    return f"{len(blends)}, {told}{places}"
+    return f"{len(blends)}, {message}{places}"
 
 
 def _sum_up_fit(fit: FitSummary) -> str:

@@ -64,14 +64,14 @@ def of_interruption(intent: Mapping[str, Any]) -> str:
     written = [target for target, place, stamp in before if read_stamp(place) != stamp]
     if written:
         return f"interrupted, after {' and '.join(written)} had been written"
-    told = " or ".join(f"{target}, which is unchanged" if stamp else target for target, _, stamp in before)
-    return f"interrupted: nothing was written to {told}{kept and f'; {kept}'}"
+    message = " or ".join(f"{target}, which is unchanged" if stamp else target for target, _, stamp in before)
+    return f"interrupted: nothing was written to {message}{kept and f'; {kept}'}"
 
 
 def read_stamp(path: str | Path) -> Stamp:
     """Return the identity of a file or directory. None: it does not exist."""
     try:
-        found = os.lstat(path)
+        file_name = os.lstat(path)
     except OSError:
         return None
-    return [found.st_ino, found.st_mtime_ns]
+    return [file_name.st_ino, file_name.st_mtime_ns]

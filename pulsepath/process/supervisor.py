@@ -229,8 +229,8 @@ def _clear_up(worker: int, watch: _Watch, mode: list[Any] | None) -> int:
         if os.isatty(2):
             os.write(2, b"\r\x1b[K\x1b[?25h")  # the line of progress, and the cursor that was hidden over it
         if not watch.told.get("said"):
-            said = load_alone("plain_text").plain(of_interruption(watch.told))
-            os.write(2, f"{said}\n".encode(errors="replace"))
+            messages = load_alone("plain_text").plain(of_interruption(watch.told))
+            os.write(2, f"{messages}\n".encode(errors="replace"))
     return int(watch.told.get("code", 128 + (watch.asked or signal.SIGINT)))
 
 
@@ -270,11 +270,11 @@ def _kill(worker: int) -> None:
     """End the worker and its processes, apart from those that left its process group, as a browser."""
     os.kill(worker, signal.SIGSTOP)  # so that it starts nothing more
     group, parents = os.getpgrp(), _parents()
-    found, below = [worker], {worker}
+    paths, below = [worker], {worker}
     while below:
         below = {child for child, parent in parents.items() if parent in below}
-        found += below
-    for each in found:
+        paths += below
+    for each in paths:
         try:
             if os.getpgid(each) == group:
                 os.kill(each, signal.SIGKILL)
@@ -287,15 +287,15 @@ def _parents() -> dict[int, int]:
     from pathlib import Path
 
     if sys.platform == "linux":
-        found = {}
+        paths = {}
         for entry in Path("/proc").iterdir():
             if entry.name.isdigit():
                 try:
                     stat = (entry / "stat").read_bytes()
                 except OSError:
                     continue
-                found[int(entry.name)] = int(stat.rpartition(b")")[2].split()[1])  # a name may have any letters
-        return found
+                paths[int(entry.name)] = int(stat.rpartition(b")")[2].split()[1])  # a name may have any letters
+        return paths
     from subprocess import run
 
     lines = run(["/bin/ps", "-A", "-o", "pid=,ppid="], capture_output=True, check=False).stdout.splitlines()
