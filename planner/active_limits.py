@@ -120,8 +120,8 @@ def tabulate_segments(plan: Plan) -> Table:
     rates = find_travel_rates(plan.path.pieces)[motion.piece]
     ways = np.diff(np.append(motion.s, motion.path.breaks[-1])) * rates
     owner = np.repeat(numbers, np.diff((*begins, len(times)))) - 1
-    time = np.bincount(owner, times, len(segments)).astype(float)
-    way = np.bincount(owner, ways, len(segments)).astype(float)
+    time = np.asarray(np.bincount(owner, times, len(segments)), float)
+    way = np.asarray(np.bincount(owner, ways, len(segments)), float)
     # s for which each limit is active; last column: for which no limit is
     active = np.zeros((len(segments), len(plan.limits) + 1))
     np.add.at(active, (owner, active_limits(plan)), times)
