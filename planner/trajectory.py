@@ -198,7 +198,8 @@ class Trajectory(Result):
         """Return q (N, n) alone, in a third of the time of `at`."""
         inside = np.clip(t, 0.0, self.duration)
         k = self.locate(inside)
-        s = self._place(k, inside - self.knots[k])
+        tau = inside - self.knots[k]
+        s = self.s[k] + tau * (self.v[k] + tau * (self.a[k] / 2 + tau * self.j[k] / 6))
         return self.path.derivatives(s, self.piece[k], 0)[0]
 
     def axis_at(self, t: Array, axis: int) -> State:
@@ -208,45 +209,42 @@ class Trajectory(Result):
     def _at(self, t: Array, *, jerk: bool = False, axis: int | None = None) -> State:
         inside = np.clip(t, 0.0, self.duration)
         k = self.locate(inside)
-        share = (t == inside).astype(float)
-        return replace(self._within(k, inside - self.knots[k], share, jerk, axis), t=t)
+        state = self.within(k, inside - self.knots[k], jerk=jerk, axis=axis)
+        moves = t == inside
+        if moves.all():
+            return replace(state, t=t)
+        rates = {name: getattr(state, name) * moves for name in ("sd", "sdd", "sddd")}
+        rates |= {name: getattr(state, name) * moves[:, None] for name in ("qd", "qdd")}
+        known = None if state.known is None else state.known * moves[:, None]
+        return replace(state, t=t, known=known, **rates)
 
-    def within(self, k: np.ndarray, tau: Array, *, jerk: bool = False) -> State:
-        """Return the state `tau` (s) after the start of time piece k, each (N,).
-
-        On a knot the caller chooses the side by k. jerk: compute q⃛ at once, with the others.
-        """
-        return self._within(k, tau, np.ones(len(k)), jerk)
-
-    def _place(self, k: np.ndarray, tau: Array) -> Array:
-        """Return the timed coordinate (N,) `tau` (s) after the start of time piece k."""
-        speed = self.v[k] + tau * (self.a[k] / 2 + tau * self.j[k] / 6)
-        return np.asarray(self.s[k] + tau * speed)
-
-    def _within(
+    def within(
         self,
         k: np.ndarray,
         tau: Array,
-        share: Array,
-        jerk: bool,
+        *,
+        jerk: bool = False,
         axis: int | None = None,
     ) -> State:
-        """Return the state in time pieces; share (N,): 1, or 0 for instants at which it rests."""
-        s = self._place(k, tau)
-        sd = share * (self.v[k] + tau * (self.a[k] + tau * self.j[k] / 2))
-        sdd = share * (self.a[k] + tau * self.j[k])
-        sddd = share * self.j[k]
+        """Return the state `tau` (s) after the start of time piece k, each (N,).
+
+        On a knot the caller chooses the side by k. jerk: compute q⃛ at once, with the others. axis: of
+        this axis alone, always with `jerk`.
+        """
+        v, a, j = self.v[k], self.a[k], self.j[k]
+        s = self.s[k] + tau * (v + tau * (a / 2 + tau * j / 6))
+        sd = v + tau * (a + tau * j / 2)
+        sdd = a + tau * j
 
         derivatives = self.path.derivatives
         if axis is not None:
             derivatives = partial(self.path.axis_derivatives, axis)
         q, *slopes = derivatives(s, self.piece[k], 3 if jerk else 2)
-        v = sd[:, None]
-        qd = slopes[0] * v
-        qdd = slopes[0] * sdd[:, None] + slopes[1] * v**2
-        third = _third_derivative(slopes, (sd, sdd, sddd)) if jerk else None
+        qd = slopes[0] * sd[:, None]
+        qdd = slopes[0] * sdd[:, None] + slopes[1] * sd[:, None] ** 2
+        third = _third_derivative(slopes, (sd, sdd, j)) if jerk else None
         t = self.knots[k] + tau
-        return State(t, s, q, qd, qdd, sd, sdd, sddd, self.path, self.piece[k], third)
+        return State(t, s, q, qd, qdd, sd, sdd, j, self.path, self.piece[k], third)
 
 
 def _third_derivative(slopes: Sequence[Array], rates: Iterable[Array]) -> Array:

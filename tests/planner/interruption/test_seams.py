@@ -107,7 +107,7 @@ def test_sections_go_on_with_what_was_sent(cases, rule):
     """No instant is refused for the set-up of DIR, which stands right, nor for play that was taken up before."""
     for number, case in enumerate(cases):
         pulses = generate(case.counted, case.machine.axes, case.machine.home_q, case.pulses.clock_hz, rule)
-        made = replace(case, pulses=pulses)
+        made = replace(case, source=replace(case.source, schedule=pulses))
         rng = np.random.default_rng(number)
         for t in np.round(rng.uniform(0, made.duration, 3) / PERIOD) * PERIOD:
             first = (made.counted, made.pulses, float(t))
