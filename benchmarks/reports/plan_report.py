@@ -1,6 +1,7 @@
 """The report of a plan: one self-contained HTML page, and its figures as PNG files."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import cycle
 from math import isfinite
 from pathlib import Path
@@ -14,7 +15,6 @@ from benchmarks.reports.plan_summary import summary
 from benchmarks.reports.timeline import list_segments, make_band
 from controllers.metrics import Metrics
 from controllers.rig import Rig
-from kinematics.foundation.options import check_arguments
 from kinematics.foundation.table import MAX_SHOWN_ROWS, Table
 from planner.active_limits import ACTIVE_SHARE, active_limits, tabulate_segments
 from planner.baselines import Classical, describe_differences, missing_limits
@@ -40,77 +40,67 @@ if TYPE_CHECKING:
     from planner.figures import Quantity
 
 
-@check_arguments()
-def write_report(
-    plan: Plan,
-    classical: Classical | None,
-    metrics: Sequence[Metrics],
-    path: Path,
-    *,
-    verdict: PulseCheck,
-    others: Sequence[Classical] = (),
-    realised: RealisedPath | None = None,
-    figures: Mapping[str, Picture] | None = None,
-    rig: Rig | None = None,
-    untracked: str = "",
-    crossed: CrossCheck | None = None,
-    worth: Worth | None = None,
-    change: LimitChange | None = None,
-    stops: Stops | None = None,
-    scene: str = "",
-    unbounded: str = "",
-    drives: Sequence[Table] = (),
-    left_out: Sequence[str] = (),
-) -> None:
-    """Write the report of a plan: a page, and its figures as `figures/*.png` next to it.
+@dataclass(frozen=True, slots=True)
+class PlanReport:
+    """The content of a plan's report. A part of the page without its result is left out.
 
-    Parameters
-    ----------
-    plan
-        What is reported.
-    classical
-        The baseline of the saving. None: the page has no such part.
-    metrics
-        The errors of each tracking law. None of them: the page says how to get them.
-    path
-        Of the page.
-    verdict
-        Of the independent check of the plan's pulses.
-    others
-        Further baseline timings, for the table.
-    realised
-        The path that the pulses make. None: the page has no such part.
-    figures
-        As `draw` gives them, any of them, or none. None: they are drawn here.
-    rig
-        That the laws were run on, which the page names.
-    untracked
-        Why the page has no errors of laws, or what rig to take for them.
-    crossed, worth, change, stops
-        toppra's motion, for comparison; the worth of the limits, and a motion with more of one of them; the soonest
-        stops. None: the page has no such part.
-    scene
-        The page of the machine in motion, as `benchmarks.animation` makes it, if the page is to hold it.
-    unbounded
-        Why there is no worth, if the page is to say so.
-    drives
-        Tables of the times on the lines of STEP and DIR against what the drives need.
-    left_out
-        What was left out to save time, each with the option that asks for it.
+    plan       plan of the report
+    verdict    of the independent check of its pulses
+    classical  baseline of the saving
+    others     further baseline timings, for the table
+    metrics    errors of each tracking law; without them the page says how to get them
+    rig        rig that the laws were run on
+    untracked  reason why there are no errors, or the rig to choose for them
+    realised   path that the pulses make
+    crossed    comparison with toppra's motion
+    worth      worth of the limits
+    change     motion with more of one limit
+    unbounded  reason why there is no worth
+    stops      soonest stops
+    figures    figures as `draw` gives them, all or some; None: `write_report` draws them
+    scene      page of the machine in motion, from `benchmarks.animation`
+    drives     tables of the times on STEP and DIR against the needs of the drives
+    left_out   results that were left out to save time, each with the option that asks for it
     """
-    figures = draw(plan, classical, metrics, realised) | draw_worth(worth, stops) if figures is None else figures
-    results = crossed, worth, change, stops
-    texts = scene, unbounded, drives, left_out
-    page = _page(plan, classical, metrics, verdict, others, realised, figures, rig, untracked, *results, *texts)
-    path.write_text(page, encoding="utf-8")
+
+    plan: Plan
+    verdict: PulseCheck
+    classical: Classical | None = None
+    others: Sequence[Classical] = ()
+    metrics: Sequence[Metrics] = ()
+    rig: Rig | None = None
+    untracked: str = ""
+    realised: RealisedPath | None = None
+    crossed: CrossCheck | None = None
+    worth: Worth | None = None
+    change: LimitChange | None = None
+    unbounded: str = ""
+    stops: Stops | None = None
+    figures: Mapping[str, Picture] | None = None
+    scene: str = ""
+    drives: Sequence[Table] = ()
+    left_out: Sequence[str] = ()
+
+
+def write_report(report: PlanReport, path: Path) -> None:
+    """Write the page of a plan, and its figures as `figures/*.png` in its folder."""
+    figures = report.figures
+    if figures is None:
+        figures = draw(report)
+    path.write_text(_page(report, figures), encoding="utf-8")
     save_figures(figures, path)
 
 
-def draw(
-    plan: Plan, classical: Classical | None, metrics: Sequence[Metrics], realised: RealisedPath | None = None
-) -> dict[str, Picture]:
-    """Every figure of the page as a PNG, by name."""
-    return draw_axes(plan) | draw_path(plan) | draw_comparisons(plan, classical, realised) | draw_tracking(metrics)
+def draw(report: PlanReport) -> dict[str, Picture]:
+    """Draw every figure of the page, by name."""
+    plan = report.plan
+    return (
+        draw_axes(plan)
+        | draw_path(plan)
+        | draw_comparisons(plan, report.classical, report.realised)
+        | draw_tracking(report.metrics)
+        | draw_worth(report.worth, report.stops)
+    )
 
 
 def draw_axes(plan: Plan) -> dict[str, Picture]:
@@ -118,7 +108,10 @@ def draw_axes(plan: Plan) -> dict[str, Picture]:
     from planner.figures import pulse_rate
 
     with style():
-        return {"axes": draw_figure(*_draw_axis_motion(plan)), "pulses": draw_figure(_add_legend(pulse_rate(plan)))}
+        return {
+            "axes": draw_figure(*_draw_axis_motion(plan)),
+            "pulses": draw_figure(_add_legend(pulse_rate(plan))),
+        }
 
 
 def draw_path(plan: Plan) -> dict[str, Picture]:
@@ -235,70 +228,57 @@ def _add_legend(ax: "Axes", columns: int = 6) -> "Axes":
     middle = blended_transform_factory(figure.transFigure, ax.transAxes)
     for count in range(columns, 0, -1):
         legend = ax.legend(
-            loc="lower center", bbox_to_anchor=(0.5, 1.0), bbox_transform=middle, ncols=count, frameon=False
+            loc="lower center",
+            bbox_to_anchor=(0.5, 1.0),
+            bbox_transform=middle,
+            ncols=count,
+            frameon=False,
         )
         if legend.get_window_extent().width <= figure.bbox.width:
             break
     return ax
 
 
-def _page(
-    plan: Plan,
-    classical: Classical | None,
-    metrics: Sequence[Metrics],
-    verdict: PulseCheck,
-    others: Sequence[Classical],
-    realised: RealisedPath | None,
-    figures: Mapping[str, Picture],
-    rig: Rig | None,
-    untracked: str,
-    crossed: CrossCheck | None,
-    worth: Worth | None,
-    change: LimitChange | None,
-    stops: Stops | None,
-    scene: str,
-    unbounded: str,
-    drives: Sequence[Table],
-    left_out: Sequence[str],
-) -> str:
+def _page(report: PlanReport, figures: Mapping[str, Picture]) -> str:
+    plan, baseline = report.plan, report.classical
     return render(
         "report.html.j2",
         figures,
         plan=plan,
-        classical=classical,
-        others=others,
-        metrics=metrics,
-        rig=rig,
-        untracked=untracked,
-        crossed=crossed,
-        worth=worth,
-        change=change,
-        stops=stops,
-        verdict=verdict,
-        realised=realised,
+        classical=baseline,
+        others=report.others,
+        metrics=report.metrics,
+        rig=report.rig,
+        untracked=report.untracked,
+        crossed=report.crossed,
+        worth=report.worth,
+        change=report.change,
+        stops=report.stops,
+        verdict=report.verdict,
+        realised=report.realised,
         triggers=plan.triggers,
-        summary=summary(plan, classical, verdict, left_out),
-        saved=classical.duration - plan.trajectory.duration if classical else 0.0,
-        missing=missing_limits(plan, classical) if classical else (),
-        unbounded=unbounded,
-        drives=drives,
-        differences={one.kind: describe_differences(plan, one) for one in others},
+        summary=summary(plan, baseline, report.verdict, report.left_out),
+        saved=baseline.duration - plan.trajectory.duration if baseline else 0.0,
+        missing=missing_limits(plan, baseline) if baseline else (),
+        unbounded=report.unbounded,
+        drives=report.drives,
+        differences={one.kind: describe_differences(plan, one) for one in report.others},
         allowed={limit.name: _format_bounds(limit, plan) for limit in plan.limits} | CLAIMS,
         active=dict(_active_time(plan)),
         active_share=ACTIVE_SHARE,
         each=tabulate_segments(plan),
         most_rows=MAX_SHOWN_ROWS,
         window=plan.pulses.duration / RATE_WINDOWS,
-        scene=scene,
-        policy=PLAYER_POLICY if scene else POLICY,
-        top_worth=_list_top_worth(worth),
+        scene=report.scene,
+        policy=PLAYER_POLICY if report.scene else POLICY,
+        top_worth=_list_top_worth(report.worth),
         band=make_band(plan) if figures else {},  # which takes matplotlib along
         segments=list_segments(plan),
-        axes=list(zip(plan.pulses.axes, verdict.axes, plan.machine.axes, strict=True)),
+        axes=list(zip(plan.pulses.axes, report.verdict.axes, plan.machine.axes, strict=True)),
     )
 
 
-# What is proved beside the limits, and what it is held against.
+# Proved claims besides the limits, and the bound of each.
 CLAIMS = {CROSSING: "the time of its axis", CONSTANT_SPEED: f"{SPEED_TOLERANCE:g} off the speed"}
 
 
@@ -346,6 +326,10 @@ def _list_top_worth(worth: Worth | None) -> list[tuple[str, float, float]]:
         return []
     most = float(worth.saved[rows[0]])
     return [
-        (call(worth.limits[k], worth.axes[k]), 1e3 * float(worth.saved[k]), max(float(worth.saved[k]), 0.0) / most)
+        (
+            call(worth.limits[k], worth.axes[k]),
+            1e3 * float(worth.saved[k]),
+            max(float(worth.saved[k]), 0.0) / most,
+        )
         for k in rows
     ]

@@ -97,46 +97,48 @@ def _write_pulses(file: Path, plan: Plan, tell: Progress) -> None:
 
 
 def _write_report(page: Path, job: Job, verdict: PulseCheck) -> None:
-    from benchmarks.reports.plan_report import draw_axes, draw_comparisons, draw_worth, write_report
+    from benchmarks.reports import plan_report
 
     drawn = {}
     if job.figures:
         with step("drawing the figures"):
             drawn = (
-                draw_axes(job.plan)
-                | draw_comparisons(job.plan, job.classical, job.realised)
-                | draw_worth(job.worth, job.stops)
+                plan_report.draw_axes(job.plan)
+                | plan_report.draw_comparisons(job.plan, job.classical, job.realised)
+                | plan_report.draw_worth(job.worth, job.stops)
             )
     if job.rig is None:
-        seen = job.seen()
+        review = job.seen()
     else:
         with step(f"tracking under laws {' and '.join(LAWS)} on rig {job.rig.name}"):
-            seen = job.seen()
-    if seen.note:
-        note(seen.note)
+            review = job.seen()
+    if review.note:
+        note(review.note)
+    machine = job.plan.machine
     schedule = job.plan.pulses
     counted = [(len(axis), axis.final - axis.start) for axis in schedule.axes]
+    pulses = of_pulses(schedule, machine, counted, None, verdict)
     with step("writing the report"):
-        write_report(
+        report = plan_report.PlanReport(
             job.plan,
-            job.classical,
-            seen.metrics,
-            page,
-            verdict=verdict,
+            verdict,
+            classical=job.classical,
             others=job.others,
-            realised=job.realised,
-            figures={**seen.figures, **drawn},
+            metrics=review.metrics,
             rig=job.rig,
+            untracked=review.note or rig_hint(machine),
+            realised=job.realised,
             crossed=job.crossed,
             worth=job.worth,
-            left_out=job.left_out,
             change=job.change,
-            stops=job.stops,
             unbounded=job.unbounded,
-            scene=seen.scene,
-            untracked=seen.note or rig_hint(job.plan.machine),
-            drives=tabulate_drives(of_pulses(schedule, job.plan.machine, counted, None, verdict)),
+            stops=job.stops,
+            figures={**review.figures, **drawn},
+            scene=review.scene,
+            drives=tabulate_drives(pulses),
+            left_out=job.left_out,
         )
+        plan_report.write_report(report, page)
 
 
 class PartsWriter:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.animation.animate import document
-from benchmarks.reports.plan_report import write_report
+from benchmarks.reports.plan_report import PlanReport, write_report
 from kinematics import load_machine
 from planner import Line, Program, classical, plan
 from planner.pulses import check
@@ -104,14 +104,15 @@ def page(planned, tmp_path_factory):
     file = tmp_path_factory.mktemp("page") / "report.html"
     verdict = check(planned.pulses, planned.trajectory)
     write_report(
-        planned,
-        classical(planned),
-        [],
+        PlanReport(
+            planned,
+            verdict,
+            classical=classical(planned),
+            realised=planned.realised(stride=1000),
+            worth=planned.worth,
+            scene=document(planned, FRAMES),
+        ),
         file,
-        verdict=verdict,
-        realised=planned.realised(stride=1000),
-        worth=planned.worth,
-        scene=document(planned, FRAMES),
     )
     return file
 
@@ -172,7 +173,7 @@ def test_ticks_and_times_of_a_motion_of_a_millisecond_are_told_apart(tmp_path):
     assert brief.duration < 5e-3
     file = tmp_path / "report.html"
     verdict = check(brief.pulses, brief.trajectory)
-    write_report(brief, classical(brief), [], file, verdict=verdict, scene=document(brief, 2))
+    write_report(PlanReport(brief, verdict, classical=classical(brief), scene=document(brief, 2)), file)
     (drawn, now, values), log = act_in(tmp_path, file, TICKS)
     assert "Uncaught" not in log
     ticks = [text for text in drawn if re.fullmatch(r"0\.00\d+", text)]

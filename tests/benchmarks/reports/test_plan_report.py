@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from benchmarks.animation.animate import POLICY as PLAYER_POLICY
 from benchmarks.reports.page import round_up
-from benchmarks.reports.plan_report import POLICY, draw_axes, write_report
+from benchmarks.reports.plan_report import POLICY, PlanReport, draw_axes, write_report
 from benchmarks.reports.plan_summary import summary
 from benchmarks.reports.timeline import list_segments, make_band
 from controllers import evaluate, find_law, track
@@ -89,14 +89,10 @@ def folder(tmp_path_factory, planned, baseline, metrics, verdict, realised):
     worth = planned.worth
     change = worth.replan(*worth.best, 0.2)
     write_report(
-        planned,
-        baseline,
-        metrics,
+        PlanReport(
+            planned, verdict, classical=baseline, metrics=metrics, realised=realised, worth=worth, change=change
+        ),
         folder / "report.html",
-        verdict=verdict,
-        realised=realised,
-        worth=worth,
-        change=change,
     )
     return folder
 
@@ -224,7 +220,7 @@ def test_the_other_tables_show_the_plans_numbers(page, planned, baseline, metric
 def test_names_are_escaped(tmp_path, planned, baseline, verdict):
     name = "</title><script>alert('x')</script> & \"quoted\""
     renamed = replace(planned, program=replace(planned.program, name=name))
-    write_report(renamed, baseline, [], tmp_path / "report.html", verdict=verdict)
+    write_report(PlanReport(renamed, verdict, classical=baseline), tmp_path / "report.html")
     text = (tmp_path / "report.html").read_text()
     assert "<script>alert" not in text
     assert text.count("<script") == 4  # the data, uPlot, what draws with it, and what says how far it is read
@@ -237,10 +233,10 @@ def test_names_are_escaped(tmp_path, planned, baseline, verdict):
 
 def test_the_machine_in_space_is_data_until_it_is_opened(tmp_path, planned, baseline, verdict):
     scene = "</script><script>alert('x')</script><p id='machine'>"
-    write_report(planned, baseline, [], tmp_path / "report.html", verdict=verdict, figures={}, scene=scene)
+    write_report(PlanReport(planned, verdict, classical=baseline, figures={}, scene=scene), tmp_path / "report.html")
     assert "3-D" not in (tmp_path / "report.html").read_text()  # without figures there is nothing to follow
     drawn = draw_axes(planned)
-    write_report(planned, baseline, [], tmp_path / "report.html", verdict=verdict, figures=drawn, scene=scene)
+    write_report(PlanReport(planned, verdict, classical=baseline, figures=drawn, scene=scene), tmp_path / "report.html")
     text = (tmp_path / "report.html").read_text()
     assert "<script>alert" not in text
     (held,) = re.findall(r'<script type="application/json" id="machine">(.*?)</script>', text, re.DOTALL)
@@ -409,12 +405,8 @@ def test_a_limit_is_shown_as_it_is_where_it_is_used_most(tmp_path):
     moves = [Line(np.array([0.0, 0, 11e-3]), speed=2e-3), Line(np.array([10e-3, 0, 11e-3]), speed=20e-3)]
     planned = plan(Program(tuple(moves), name="lift"), load_machine(machine), order=2)
     write_report(
-        planned,
-        classical(planned),
-        [],
+        PlanReport(planned, check(planned.pulses, planned.trajectory), classical=classical(planned), figures={}),
         tmp_path / "report.html",
-        verdict=check(planned.pulses, planned.trajectory),
-        figures={},
     )
     head, *rows = Page((tmp_path / "report.html").read_text()).tables["certificate"]
     shown = {row[0]: dict(zip(head, row, strict=True)) for row in rows}
@@ -424,7 +416,7 @@ def test_a_limit_is_shown_as_it_is_where_it_is_used_most(tmp_path):
 
 
 def test_without_figures_no_heading_is_empty_and_no_figure_is_told_of(tmp_path, planned, baseline, verdict):
-    write_report(planned, baseline, [], tmp_path / "report.html", verdict=verdict, figures={})
+    write_report(PlanReport(planned, verdict, classical=baseline, figures={}), tmp_path / "report.html")
     text = (tmp_path / "report.html").read_text()
     assert "The figure" not in text
     # between two headings, or a heading and the end of its section, something is said
