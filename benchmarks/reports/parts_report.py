@@ -1,7 +1,7 @@
 """The report of a plan that was made in parts: one HTML page, whose figures show the extremes over windows of time."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,48 +26,51 @@ if TYPE_CHECKING:
 SHARES = {"linear": ("mm", 1e3), "rotary": ("°", 180 / np.pi)}
 
 
-def write_report(
-    standing: PlanStanding,
-    seen: Overview,
-    held: Activity,
-    verdict: PulseCheck | None,
-    path: Path,
-    *,
-    figures: bool,
-    note: str = "",
-    drives: Sequence[Table] = (),
-    triggers: Sequence[Table] = (),
-) -> None:
-    """Write the page and, with figures, `figures/*.png` in its folder.
+@dataclass(frozen=True, slots=True)
+class PartsReport:
+    """The content of the report of a plan in parts.
 
-    seen     extremes of the motion
-    held     active limits
-    verdict  on the pulses; None: no file of pulses was requested
-    note     reason why the motion ends before the program
-    drives   tables of the times on the lines of the drives
+    standing  the plan at its end
+    overview  extremes of the motion over windows of time
+    activity  active limits over windows of time
+    verdict   on the pulses; None: no file of pulses was requested
+    note      reason why the motion ends before the program
+    drives    tables of the times on STEP and DIR
     triggers  tables of the first triggers
     """
-    drawn = draw(standing, seen, held) if figures else {}
-    path.write_text(
-        render(
-            "parts.html.j2",
-            drawn,
-            standing=standing,
-            seen=seen,
-            verdict=verdict,
-            note=note,
-            drives=drives,
-            triggers=triggers,
-            summary=summary(standing),
-            held=held,
-            band=make_parts_band(held),
-            segments=list_segments(seen, held),
-            active_share=ACTIVE_SHARE,
-            most_segments=MOST_SEGMENTS,
-            axes=list(zip(standing.pulses.axes, standing.counted, standing.machine.axes, strict=True)),
-        ),
-        encoding="utf-8",
+
+    standing: PlanStanding
+    overview: Overview
+    activity: Activity
+    verdict: PulseCheck | None = None
+    note: str = ""
+    drives: Sequence[Table] = ()
+    triggers: Sequence[Table] = ()
+
+
+def write_report(report: PartsReport, path: Path, *, figures: bool) -> None:
+    """Write the page and, with figures, `figures/*.png` in its folder."""
+    standing, overview, activity = report.standing, report.overview, report.activity
+    drawn = draw(standing, overview, activity) if figures else {}
+    pulses = standing.pulses.axes
+    page = render(
+        "parts.html.j2",
+        drawn,
+        standing=standing,
+        seen=overview,
+        verdict=report.verdict,
+        note=report.note,
+        drives=report.drives,
+        triggers=report.triggers,
+        summary=summary(standing),
+        held=activity,
+        band=make_parts_band(activity),
+        segments=list_segments(overview, activity),
+        active_share=ACTIVE_SHARE,
+        most_segments=MOST_SEGMENTS,
+        axes=list(zip(pulses, standing.counted, standing.machine.axes, strict=True)),
     )
+    path.write_text(page, encoding="utf-8")
     save_figures(drawn, path)
 
 

@@ -255,23 +255,22 @@ def write_parts(
         digest = digest_pulses(open_pulses(folder / BINARY).parts())
     pulses = of_pulses(standing.pulses, machine, standing.counted, digest, verdict)
 
-    from benchmarks.reports.parts_report import write_report  # which takes matplotlib along
+    from benchmarks.reports import parts_report  # which takes matplotlib along
 
     triggers = []
     if standing.triggers:
         triggers.append(tabulate_trigger_csv(folder / TRIGGERS, standing.triggers))
     with step("writing the report"), name_file(folder / REPORT):
-        write_report(
+        content = parts_report.PartsReport(
             standing,
             extremes,
             activity,
             verdict,
-            folder / REPORT,
-            figures=report.figures,
-            note=ending,
-            drives=tabulate_drives(pulses),
-            triggers=triggers,
+            ending,
+            tabulate_drives(pulses),
+            triggers,
         )
+        parts_report.write_report(content, folder / REPORT, figures=report.figures)
     _write_record(folder, of_parts(standing, inputs, digest, verdict, ending))
     return standing, refusal
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.reports.parts_report import draw, list_segments, make_parts_band, write_report
+from benchmarks.reports.parts_report import PartsReport, draw, list_segments, make_parts_band, write_report
 from benchmarks.reports.plan_report import draw_axes
 from benchmarks.reports.time_series import pack_panels
 from benchmarks.reports.timeline import make_band
@@ -57,7 +57,7 @@ def made():
 def page(made, tmp_path_factory):
     standing, seen, held, _ = made
     file = tmp_path_factory.mktemp("page") / "report.html"
-    write_report(standing, seen, held, None, file, figures=True)
+    write_report(PartsReport(standing, seen, held), file, figures=True)
     return file
 
 
