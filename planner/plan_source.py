@@ -1,4 +1,4 @@
-"""Where a plan gets its motion, proof and pulses: from memory, or from its folder when asked for."""
+"""Sources of the results of a plan: memory, or the files of its folder, read at their first use."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -46,7 +46,7 @@ class PlanSource(Protocol):
 
     @property
     def in_parts(self) -> bool:
-        """Whether the plan was made in parts."""
+        """True if the plan was made in parts."""
 
     @property
     def pulse_file(self) -> Path | None:

@@ -47,7 +47,7 @@ def answer_page(page: str) -> FindPage:
 
 
 def serve_until_interrupted(find: FindPage, port: int, told: dict[str, Any], no_browser: bool, as_json: bool) -> None:
-    """Serve pages until Ctrl-C, which ends this normally. told: text printed next to the address.
+    """Serve pages until Ctrl-C, which ends this normally. told: text printed after the address.
 
     Raises as `serve_pages`.
     """
