@@ -13,9 +13,10 @@ from pulsepath.progress import VERBOSE, level, step
 
 @pytest.mark.usefixtures("planned")
 def test_quiet_says_the_result_alone(call, tmp_path, monkeypatch):
-    monkeypatch.setattr("benchmarks.reports.plan_report.write_report", lambda *args, **_: args[3].write_text(""))
+    monkeypatch.setattr("benchmarks.reports.plan_report.write_report", lambda report, page: page.write_text(""))
     arguments = ["plan", "bare-circle", "--out", tmp_path / "o", "--no-figures", "--json", "--force"]
     usual = call(*arguments)
+    assert usual.exit_code == 0
     assert "writing the report …" in usual.stderr
     for quiet in (call("-q", *arguments), call(*arguments, "--quiet")):
         assert (quiet.exit_code, quiet.stdout, quiet.stderr) == (0, usual.stdout, "")

@@ -115,7 +115,7 @@ def test_after_it_is_written_that_is_said(call, tmp_path, monkeypatch):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("pulsepath.output.tables.sum_up", come)
-    monkeypatch.setattr("benchmarks.reports.plan_report.write_report", lambda *args, **_: args[3].write_text(""))
+    monkeypatch.setattr("benchmarks.reports.plan_report.write_report", lambda report, page: page.write_text(""))
     done = call("plan", "bare-circle", "--out", tmp_path / "o")
     assert done.exit_code == 130
     assert done.stderr.splitlines()[-1] == f"interrupted, after {tmp_path / 'o'} had been written"
