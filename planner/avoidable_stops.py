@@ -92,7 +92,7 @@ class AvoidableStops:
         return f"{seconds}{assumed} against passing within {1e3 * self.tolerance:g} mm"
 
     def record(self) -> dict[str, object]:
-        """Return a record of the stops, in SI units; an unknown cost is None."""
+        """Return a record of the stops, in SI units, with null for an unknown cost."""
         return {
             "count": self.count,
             "joins": self.joins or None,

@@ -331,11 +331,12 @@ def _check_workers(client: Any, look: Look) -> None:
         if facts["host"]["python"] != python:  # another Python cannot run `look`
             raise _mismatch_error(worker, [f"python {facts['host']['python']} (here {python})"])
     ours = look()
-    others = [(worker, theirs) for worker, theirs in client.run(look).items() if theirs != ours]
+    every = {worker: describe_mismatches(ours, theirs) for worker, theirs in client.run(look).items()}
+    others = {worker: mismatches for worker, mismatches in every.items() if mismatches}
     if others:
-        worker, theirs = others[0]
+        worker, mismatches = next(iter(others.items()))
         who = f"{len(others)} of the cluster's workers, as {worker},"
-        raise _mismatch_error(who, describe_mismatches(ours, theirs))
+        raise _mismatch_error(who, mismatches)
 
 
 def _tell_processors(client: Any, tell: Callable[[str], None]) -> None:

@@ -179,12 +179,10 @@ class Plan(Result, Interruptible, Requested):
     @property
     def triggers(self) -> tuple[Triggered, ...]:
         """Events that the program marks by `trigger`: time, place and counts."""
-        return self.find_triggers(self.pulses) if holds_triggers(self.program) else ()
-
-    def find_triggers(self, pulses: PulseSchedule) -> tuple[Triggered, ...]:
-        """Return the program's triggers, with the counts of these pulses."""
+        if not holds_triggers(self.program):
+            return ()
         delays = find_delays(self.machine.axes)
-        return find_triggers(self.program, self.path, self.trajectory, pulses, *delays)
+        return find_triggers(self.program, self.path, self.trajectory, self.pulses, *delays)
 
     @property
     def avoidable_stops(self) -> AvoidableStops:

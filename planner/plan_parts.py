@@ -105,7 +105,8 @@ class PlanPart:
     """The part of a window that stays, and the stop that ends the motion if nothing follows.
 
     start, steps   start of the window, and its number of steps of the path
-    motion         trajectory of the part, on the path of the window
+    motion         trajectory of the part, on the path of the window; before any input shapers, after
+                   which the machine moves for the standing's duration
     rest           trajectory of the stop, on the same path; None: the motion rests at the end of the part
     pulses         final pulses of the part
     rest_pulses    pulses of the part that the next one may change, and those of the stop
@@ -156,9 +157,10 @@ def plan_parts(
     pieces
         Pieces of path in the first window.
     helpers
-        Other processes that solve windows; None: no others.
+        Other processes that solve windows; None: no others. An only part is solved without them.
     progress
-        Called with the number of segments read so far, and their number in all repetitions.
+        Called with the number of segments read so far, and their number in all repetitions; for an
+        only part as by `plan`.
 
     Raises
     ------
@@ -185,7 +187,7 @@ def make_parts(
     """Plan what a request asks for part by part. Raises as `plan_parts`."""
     request = request.resolve(program, machine)
     if find_whole_reason(request, program, machine) is not None:
-        yield _make_only_part(make_plan(request, program, machine))
+        yield _make_only_part(make_plan(request, program, machine, progress))
         return
     steps = _Steps(program, machine, progress)
     maker = _PartMaker(request, program, machine, steps)
@@ -237,9 +239,9 @@ class _PartMaker:
         solution = window.solution
         motion = solution.trajectory
         end = len(motion.s)
-        kept = motion.cut(0, window.kept)
+        part = motion.cut(0, window.kept)
         last = window.kept == end and self._is_last(window)
-        pulses = stream.add(kept, last)
+        pulses = stream.add(part, last)
 
         # The way to rest if nothing follows. A part that ends at a stop of the path needs none, but
         # its last pulses may still be held back.
@@ -256,17 +258,17 @@ class _PartMaker:
                 slice(window.kept, end),
             )
         elif not last:
-            rest_pulses = _end_pulses(before, kept, stream.until)
+            rest_pulses = _end_pulses(before, part, stream.until)
 
         until = None if last else stream.until
         triggers, rest_triggers = self._count_triggers(window, pulses, rest_pulses, until)
-        here = self._describe(window, kept, pulses, len(triggers))
+        here = self._describe(window, part, pulses, len(triggers))
         self._standing = here if self._standing is None else _join(self._standing, here)
         self._stream = stream
         return PlanPart(
             window.start,
             window.steps,
-            kept,
+            part,
             rest,
             pulses,
             rest_pulses,
@@ -289,7 +291,7 @@ class _PartMaker:
         rest_pulses: PulseSchedule | None,
         until: int | None,
     ) -> tuple[tuple[Triggered, ...], tuple[Triggered, ...]]:
-        """Return the triggers that the pulses of a part pass, and those that the stop passes."""
+        """Return the triggers that the pulses of a part pass, and the triggers of the stop."""
         motion = window.solution.trajectory
         marks = self._steps.find_marks(window.start.steps + window.steps)
         ahead = find_crossings(motion, window.start.steps, marks)
@@ -303,7 +305,7 @@ class _PartMaker:
     def _describe(
         self,
         window: Window,
-        kept: Trajectory,
+        part: Trajectory,
         pulses: PulseSchedule,
         triggers: int,
     ) -> PlanStanding:
@@ -316,14 +318,14 @@ class _PartMaker:
         blends = [step.blend for step in joins if step.blend is not None]
         fits = [step.fitted for step in joins if step.fitted is not None]
         unasked = sum(step.avoidable and step.stop <= order for step in joins)
-        last_piece = int(kept.piece[-1])
+        last_piece = int(part.piece[-1])
         first = pulses if self._standing is None else self._standing.pulses
         return PlanStanding(
             self._request,
             self._program.name,
             self._machine,
             window.next,
-            segment=kept.path.place(0.0, last_piece).segment or 0,
+            segment=part.path.place(0.0, last_piece).segment or 0,
             windows=1,
             certificate=summarise_part(
                 solution.certificate,
@@ -382,7 +384,8 @@ def _make_only_part(plan: Plan) -> PlanPart:
     last_ticks = [int(axis.ticks[-1]) for axis in pulses.axes if len(axis)]
     until = 1 + max(last_ticks, default=0)
     # The machine moves for longer than its trajectory if axes have input shapers.
-    end = Start(Fraction(plan.duration), float(path.breaks[-1]), len(path.pieces))
+    steps = len(path.ends) - 1
+    end = Start(Fraction(plan.duration), float(path.breaks[-1]), steps)
     standing = PlanStanding(
         plan.request,
         plan.program.name,
@@ -403,7 +406,7 @@ def _make_only_part(plan: Plan) -> PlanPart:
     )
     return PlanPart(
         Start(),
-        len(path.pieces),
+        steps,
         plan.trajectory,
         rest=None,
         pulses=pulses,

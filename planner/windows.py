@@ -363,7 +363,6 @@ class WindowPlanner:
         firsts: first piece of the stretch that it was planned for, and of the one that it is placed in.
         """
         path = self._draw(steps[: window.steps], start)
-        kept = window.kept
         onward = window.next
         motion = replace(window.solution.trajectory, path=path)
         proof = window.solution.certificate
@@ -374,14 +373,14 @@ class WindowPlanner:
             certificate=replace(proof, where=where),
             limits=tuple(self.limit(path)),
         )
-        length = float(motion.s[kept] if kept < len(motion.s) else path.breaks[-1])
+        length = float(motion.s[window.kept] if window.kept < len(motion.s) else path.breaks[-1])
         onward = replace(
             onward,
-            elapsed=start.elapsed + Fraction(float(motion.knots[kept])),
+            elapsed=start.elapsed + Fraction(float(motion.knots[window.kept])),
             length=start.length + length,
             steps=start.steps + onward.steps - window.start.steps,
         )
-        return Window(solution, start, window.steps, kept, onward)
+        return Window(solution, start, window.steps, window.kept, onward)
 
     def _plan_stretch(self, coming: Iterator[PathStep], start: Start) -> Generator[Window, None, Start]:
         """Yield the windows of a stretch, or of the rest of one. Return the start of the next stretch.

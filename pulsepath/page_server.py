@@ -46,17 +46,17 @@ def answer_page(page: str) -> FindPage:
     return lambda path, _: (PAGE, content) if path == "/" else None
 
 
-def serve_until_interrupted(find: FindPage, port: int, told: dict[str, Any], no_browser: bool, as_json: bool) -> None:
-    """Serve pages until Ctrl-C, which ends this normally. told: text printed after the address.
+def serve_until_interrupted(find: FindPage, port: int, record: dict[str, Any], no_browser: bool, as_json: bool) -> None:
+    """Serve pages until Ctrl-C, which ends this normally. Raises as `serve_pages`.
 
-    Raises as `serve_pages`.
+    record: printed with the address, as JSON.
     """
     import webbrowser
 
     with raise_on_signal():
         try:
             with serve_pages(find, port) as address:
-                click.echo(progress.as_json(told | {"address": address}) if as_json else address, nl=not as_json)
+                click.echo(progress.as_json(record | {"address": address}) if as_json else address, nl=not as_json)
                 sys.stdout.flush()
                 progress.note("press Ctrl-C to stop")
                 if not no_browser:

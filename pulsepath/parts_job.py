@@ -36,7 +36,7 @@ def choose_parts(inputs: Inputs, request: PlanRequest, report: ReportRequest) ->
     why: str | None = None
     if stream is False or (stream is None and program.repeat * len(program.segments) <= MOST_WHOLE):
         return False
-    if whole := _list_whole_options(request, report):
+    if whole := _list_whole_options(report):
         why = f" with {whole[0]}: omit that{INSTEAD.get(whole[0], '')}"
     elif (reason := find_whole_reason(request, program, inputs.machine)) is not None:
         why = f", because {reason}"
@@ -48,12 +48,9 @@ def choose_parts(inputs: Inputs, request: PlanRequest, report: ReportRequest) ->
     return why is None
 
 
-def _list_whole_options(request: PlanRequest, report: ReportRequest) -> list[str]:
-    """Return the given options that need the whole motion."""
+def _list_whole_options(report: ReportRequest) -> list[str]:
+    """Return the given options of the report that need the whole motion."""
     needed = {
-        "--duration": request.duration is not None,
-        "--objective": request.heat > 0,
-        "--gap": request.gap is not None,
         "--rig": report.rig is not None,
         "--stops": report.stops is not None,
         "--cross-check": report.cross_check,

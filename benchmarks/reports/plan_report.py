@@ -1,7 +1,7 @@
 """The report of a plan: one self-contained HTML page, and its figures as PNG files."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import cycle
 from math import isfinite
 from pathlib import Path
@@ -241,27 +241,16 @@ def _add_legend(ax: "Axes", columns: int = 6) -> "Axes":
 
 def _page(report: PlanReport, figures: Mapping[str, Picture]) -> str:
     plan, baseline = report.plan, report.classical
+    results = {each.name: getattr(report, each.name) for each in fields(report)}
+    del results["figures"]
     return render(
         "report.html.j2",
         figures,
-        plan=plan,
-        classical=baseline,
-        others=report.others,
-        metrics=report.metrics,
-        rig=report.rig,
-        untracked=report.untracked,
-        crossed=report.crossed,
-        worth=report.worth,
-        change=report.change,
-        stops=report.stops,
-        verdict=report.verdict,
-        realised=report.realised,
+        **results,
         triggers=plan.triggers,
         summary=summary(plan, baseline, report.verdict, report.left_out),
         saved=baseline.duration - plan.trajectory.duration if baseline else 0.0,
         missing=missing_limits(plan, baseline) if baseline else (),
-        unbounded=report.unbounded,
-        drives=report.drives,
         differences={one.kind: describe_differences(plan, one) for one in report.others},
         allowed={limit.name: _format_bounds(limit, plan) for limit in plan.limits} | CLAIMS,
         active=dict(_active_time(plan)),
@@ -269,7 +258,6 @@ def _page(report: PlanReport, figures: Mapping[str, Picture]) -> str:
         each=tabulate_segments(plan),
         most_rows=MAX_SHOWN_ROWS,
         window=plan.pulses.duration / RATE_WINDOWS,
-        scene=report.scene,
         policy=PLAYER_POLICY if report.scene else POLICY,
         top_worth=_list_top_worth(report.worth),
         band=make_band(plan) if figures else {},  # which takes matplotlib along

@@ -41,7 +41,7 @@ from kinematics.files.chunk_file import (
 from kinematics.foundation.arrays import Array
 from planner.certificate.continuity import piece_end_lengths
 from planner.path.actuation import ActuatorPath, MachinePath
-from planner.path.join_and_blend import PathStep
+from planner.path.join_and_blend import PathStep, list_avoidable
 from planner.trajectory import Trajectory
 
 PIECES = ("s", "v", "a", "j", "piece")
@@ -267,7 +267,16 @@ def read_parts(path: Path, steps: Iterator[PathStep], machine: Machine, tool: Po
     covered = list(islice(steps, count))
     if len(covered) < count or not covered:
         raise _other_path(path)
-    return read_motion(path, _draw_path(machine, covered, tool))
+    along = _draw_path(
+        machine,
+        covered,
+        tool,
+        blends=[step.blend for step in covered if step.blend is not None],
+        fits=[step.fitted for step in covered if step.fitted is not None],
+        overshoots=[step.overshoot for step in covered if step.overshoot is not None],
+        avoidable=list_avoidable(covered),
+    )
+    return read_motion(path, along)
 
 
 def _draw_path(machine: Machine, steps: Sequence[PathStep], tool: Pose | None, **of: Any) -> MachinePath:

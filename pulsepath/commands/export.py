@@ -76,7 +76,7 @@ def export(
             planned.trajectory,
             pulses,
             tell,
-            triggers=planned.find_triggers(pulses),
+            triggers=planned.triggers,
         )
         done = export(format_, name, source, file)
         refuse_own(directory, target, file)

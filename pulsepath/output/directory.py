@@ -33,12 +33,8 @@ COMPARISON, COMPARISON_KIND = "compare.json", "pulsepath compare"
 RECORDS = {KIND: RECORD, CALIBRATION_KIND: CALIBRATION, COMPARISON_KIND: COMPARISON}
 # Folder of runs, as in benchmarks.sweep.result, which takes long to load.
 CELLS = "cells"
-# Motion of a plan.
-MOTION = "motion.bin"
 # Page of a result.
 REPORT = "report.html"
-# Triggers of a plan, if its program has any.
-TRIGGERS = "triggers.csv"
 
 # All files in a directory, by path, each with its stamp.
 Content = frozenset[tuple[str, Stamp]]

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 from kinematics.foundation.names import count_noun
 from kinematics.foundation.table import MAX_SHOWN_ROWS, SCALES, Column, Table
 from kinematics.machine.axis import directional_bounds
-from pulsepath.output.directory import RECORD, REPORT, TRIGGERS
+from pulsepath.output.directory import RECORD, REPORT
 from pulsepath.progress import QUIET, VERBOSE, Layout, draw, level, say
+from pulsepath.store.files import TRIGGERS
 
 if TYPE_CHECKING:
     from controllers import Metrics

@@ -267,7 +267,7 @@ def _remove_leftovers(worker: int, watch: _Watch, mode: list[Any] | None) -> Non
 
 
 def _kill(worker: int) -> None:
-    """End the worker and its processes, apart from those that left its process group, as a browser."""
+    """End the worker and all processes of its group. A browser, for example, has left the group."""
     os.kill(worker, signal.SIGSTOP)  # so that it starts nothing more
     group, parents = os.getpgrp(), _parents()
     paths, below = [worker], {worker}

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import nan
 from os import PathLike
@@ -28,6 +28,7 @@ from planner.pulses import (
     PulseFile,
     PulseSchedule,
     check,
+    find_rule,
     generate,
     open_pulses,
     pace_axes,
@@ -39,10 +40,10 @@ from planner.request import PlanRequest, read_request_record
 from planner.shaping.shaped_motion import shaper_length
 from planner.shaping.shaped_proof import ShapedProof
 from pulsepath.inputs import Origin
-from pulsepath.output.directory import MOTION, RECORD, refuse_no_plan
+from pulsepath.output.directory import RECORD, refuse_no_plan
 from pulsepath.output.record import Record
 from pulsepath.progress import step
-from pulsepath.store.files import BINARY, DERIVED, ORIENTATION, PULSES, SOURCES
+from pulsepath.store.files import BINARY, CSV, DERIVED, MOTION, ORIENTATION, SOURCES
 from pulsepath.store.verify import (
     describe_violation,
     digest_pulses,
@@ -59,30 +60,30 @@ NOT_VERIFIED = ", NOT VERIFIED"
 Proofs = tuple[Certificate, ShapedProof | None]
 
 
+@dataclass(eq=False)
 class StoredSource:
     """The results of a plan in its folder. Each is read or computed at its first use.
 
+    motion      file of the motion
     schedule    clock, rule and duration of the pulses as plan.json states them, without the pulses
     digest      SHA-256 of the pulses that were checked
-    verified    whether the folder is as it was written
-    motion      file of the motion
+    verified    True if the folder is as it was written
     pulse_file  file of the pulses, if there is one
-    in_parts    whether the plan was made in parts
-    complete    whether the motion runs to the end of the program
+    in_parts    True if the plan was made in parts
+    complete    True if the motion runs to the end of the program
     """
 
-    def __init__(self, program: Program, machine: Machine, order: int, motion: Path) -> None:
-        self.program = program
-        self.machine = machine
-        self.order = order
-        self.motion = motion
-        self.schedule = PulseSchedule(1, (), 0.0, "")
-        self.digest: str | None = None
-        self.verified = False
-        self.pulse_file: Path | None = None
-        self.in_parts = False
-        self.complete = True
-        self._pulses: PulseSchedule | None = None
+    program: Program
+    machine: Machine
+    order: int
+    motion: Path
+    schedule: PulseSchedule
+    digest: str | None = None
+    verified: bool = False
+    pulse_file: Path | None = None
+    in_parts: bool = False
+    complete: bool = True
+    _pulses: PulseSchedule | None = field(default=None, init=False)
 
     @property
     def duration(self) -> float:
@@ -92,9 +93,8 @@ class StoredSource:
     @cached_property
     def trajectory(self) -> Trajectory:
         """Whole motion, before any input shapers."""
-        if self.complete:
+        if not self.in_parts:
             return read_motion(self.motion, actuate(self.program, self.machine))
-        # The program cannot be drawn to its end: as much of it as was planned.
         steps = walk_path(self.program, self.machine)
         return read_parts(self.motion, steps, self.machine, self.program.tool)
 
@@ -182,19 +182,6 @@ def _states_same(file: PulseSchedule, stated: PulseSchedule) -> bool:
     return len(file.axes) == len(axes) and all(list_statements(file, k) == list_statements(stated, k) for k in axes)
 
 
-@dataclass(frozen=True, slots=True)
-class StatedSolution:
-    """The solution as plan.json states it.
-
-    rounds, methods  of solving, as a `Plan` has them
-    lower_estimate   s; NaN: none is stated, as for a plan that was made in parts
-    """
-
-    rounds: int
-    methods: tuple[str, ...]
-    lower_estimate: float = nan
-
-
 @check_arguments()
 def load_plan(folder: str | PathLike[str], unverified: bool = False) -> Plan:
     """Load the plan that `pulsepath plan` wrote into a folder; its motion is proved again.
@@ -239,32 +226,29 @@ def _load(folder: Path, unverified: bool, proving: AbstractContextManager[object
     program, machine = _read_inputs(record, folder, origin, source_name)
     if unverified:
         program = replace(program, name=f"{program.name}{NOT_VERIFIED}")
-    solution = _read_solution(record, file)
+    rounds, methods, least = _read_solution(record, file)
 
-    source = StoredSource(program, machine, request.resolved_order, folder / MOTION)
-    source.in_parts = record.get("windows") is not None
-    source.complete = record.get("ends_before") is None
     duration = read_duration(folder / MOTION) + shaper_length(machine.axes)
-    source.schedule = _state_pulses(record["pulses"], duration, machine, clock, rule)
-    plan = Plan(
-        request,
+    pulse_files = [folder / name for name in (BINARY, CSV) if (folder / name).is_file()]
+    source = StoredSource(
         program,
         machine,
-        source,
-        solution.rounds,
-        solution.methods,
-        solution.lower_estimate,
+        request.resolved_order,
+        folder / MOTION,
+        _state_pulses(record["pulses"], duration, machine, clock, rule),
+        digest,
+        verified=not unverified,
+        # The pulses of an unverified plan are made again from its motion.
+        pulse_file=pulse_files[0] if pulse_files and not unverified else None,
+        in_parts=record.get("windows") is not None,
+        complete=record.get("ends_before") is None,
     )
+    plan = Plan(request, program, machine, source, rounds, methods, least)
     if unverified:
         if not source.in_parts:
             _ = source.trajectory  # refuses a damaged file at once
         return replace(plan, doubts=(*doubts, "the motion was not proved again"))
 
-    source.digest = digest
-    source.verified = True
-    names = (BINARY, PULSES["csv"])
-    files = [folder / name for name in names if name and (folder / name).is_file()]
-    source.pulse_file = files[0] if files else None
     with proving:
         for proofs in source.prove():
             violation = describe_violation(*proofs)
@@ -280,8 +264,12 @@ def _read_firing(record: Record, file: Path) -> tuple[int, str, str | None]:
     if not isinstance(pulses, dict):
         pulses = {}
     clock, rule = pulses.get("clock_hz"), pulses.get("rule")
-    if not isinstance(clock, int) or clock <= 0 or not isinstance(rule, str):
+    if type(clock) is not int or clock <= 0 or not isinstance(rule, str):
         raise MotionError(f"{file} states no pulse clock or firing rule: plan it again")
+    try:
+        find_rule(rule)
+    except MotionError as error:
+        raise MotionError(f"{file} states an unknown firing rule ({error}): plan it again") from None
     return clock, rule, pulses.get("sha256")
 
 
@@ -292,10 +280,10 @@ def _read_inputs(
     source_name: str,
 ) -> tuple[Program, Machine]:
     """Read program and machine of a plan, under the names that they had when it was made."""
-    own = str(folder / SOURCES["machine"])
-    machine = load_machine(own)
+    machine_file = str(folder / SOURCES["machine"])
+    machine = load_machine(machine_file)
     file = folder / source_name
-    program = load_program(file) if origin is None else origin.read(file, own)
+    program = load_program(file) if origin is None else origin.read(file, machine_file)
     if origin is None and (fit := record["inputs"]["fit_m"]) is not None:
         program = fit_joins(program, fit)
     program = _restore_orientation(program, folder / ORIENTATION)
@@ -315,14 +303,17 @@ def _read_request(record: Record, file: Path) -> PlanRequest:
     return request
 
 
-def _read_solution(record: Record, file: Path) -> StatedSolution:
-    """Return the solution that a record states. Raises MotionError if it states none."""
+def _read_solution(record: Record, file: Path) -> tuple[int, tuple[str, ...], float]:
+    """Return rounds, methods and lower estimate (s) of the solution, as a `Plan` has them.
+
+    The estimate is NaN if the record states none. Raises MotionError for a record without a solution.
+    """
     try:
         solver, bound = record["solver"], record.get("lower_bound") or {}
         methods = solver["methods"]
         if isinstance(methods, dict):  # of a plan in parts: how many runs each solved
             methods = [name for name, count in methods.items() for _ in range(int(count))]
-        return StatedSolution(
+        return (
             int(solver["rounds"]),
             tuple(str(method) for method in methods),
             float(bound.get("duration_s", nan)),
@@ -351,7 +342,7 @@ def _state_pulses(record: Record, duration: float, machine: Machine, clock: int,
         ]
         moves = tuple(MovedPulses(**one) for one in record["moved_for_drives"])
         compensations = tuple(read_compensation(one) for one in record["compensations"])
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise MotionError(f"{RECORD} does not state its pulses ({error!r}): plan it again") from None
     return PulseSchedule(clock, tuple(axes), duration, rule, moves, compensations)
 

@@ -1,7 +1,7 @@
 """Verify the folder of a plan: the digests of its files, the proof of its motion, and its pulses.
 
 Digests show accidental changes. They can be forged, so no command relies on them alone: a motion is
-certified again whenever it is loaded, and pulses are compared with those that were checked.
+certified again whenever it is loaded, and pulses are compared with the checked ones.
 """
 
 import json

@@ -28,7 +28,7 @@ from planner.pulses.triggers import holds_triggers
 from pulsepath.inputs import Inputs
 from pulsepath.job import Defect, Job
 from pulsepath.options import LAWS
-from pulsepath.output.directory import MOTION, RECORD, REPORT, TRIGGERS
+from pulsepath.output.directory import RECORD, REPORT
 from pulsepath.output.drive_tables import tabulate_drives
 from pulsepath.output.plan_record import of_parts, of_plan, of_pulse_file, of_pulses
 from pulsepath.output.record import Record, as_json
@@ -37,11 +37,13 @@ from pulsepath.requests import ReportRequest
 from pulsepath.store.files import (
     BINARY,
     CERTIFICATE,
+    MOTION,
     ORIENTATION,
     PULSES,
     SOURCES,
     STOPS,
     TRAJECTORY,
+    TRIGGERS,
 )
 from pulsepath.store.read import StoredSource
 from pulsepath.store.verify import check_pulses, digest_pulses, seal_record
@@ -159,7 +161,7 @@ class PartsWriter:
         names = [MOTION, *([BINARY] if pulses else []), *([TRIGGERS] if triggers else [])]
         self._files = {name: files.enter_context((folder / name).open("wb")) for name in names}
         self._motion = MotionWriter(self._files[MOTION])
-        self._pulses: PulseWriter | None = None  # its head needs what the first part states
+        self._pulses: PulseWriter | None = None  # its head needs the first part
         self._triggers = TriggerWriter(self._files[TRIGGERS], axes) if triggers else None
 
     def add(self, part: PlanPart) -> None:
@@ -284,10 +286,15 @@ def _check_parts(
 ) -> PulseCheck:
     """Check the file of pulses against the file of the motion, and write the verdict."""
     machine = inputs.machine
-    source = StoredSource(inputs.program, machine, standing.order, folder / MOTION)
-    source.schedule = standing.pulses
-    source.in_parts = True
-    source.complete = complete
+    source = StoredSource(
+        inputs.program,
+        machine,
+        standing.order,
+        folder / MOTION,
+        standing.pulses,
+        in_parts=True,
+        complete=complete,
+    )
     file = folder / BINARY
     with step("checking the pulses") as tell:
         verdict = check_pulses(file, machine, source, tell)

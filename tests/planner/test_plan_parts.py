@@ -145,6 +145,10 @@ def test_what_needs_the_whole_says_so(program, machine, why):
 @pytest.mark.parametrize("rule", ["dda", "sampled"])
 def test_rules_that_look_at_the_whole_say_so(hexapod, rule):
     program = draw_walk(4)
+    calls = []
+    list(plan_parts(program, hexapod, rule=rule, progress=lambda done, of: calls.append((done, of))))
+    assert calls
+    assert calls[-1][0] == calls[-1][1]
     reason = find_whole_reason(PlanRequest(rule=rule), program, hexapod)
     assert re.fullmatch(f"rule {rule} needs the whole motion, as it .*: choose rule nearest", reason)
     (part,) = plan_parts(program, hexapod, rule=rule)

@@ -336,14 +336,20 @@ def test_or_what_was_certified_before_it(call, folder):
     checked = call("check", folder / "kept", "--json")
     assert checked.exit_code == 0, checked.stderr
     assert json.loads(checked.stdout)["duration_s"] == record["duration_s"] > 5
-    motion = load_plan(folder / "kept").trajectory
+    loaded = load_plan(folder / "kept")
+    assert loaded.path.fit is not None
+    assert (loaded.path.fit.before, loaded.path.fit.after) == (
+        record["fit"]["pieces_before"],
+        record["fit"]["pieces_after"],
+    )
+    motion = loaded.trajectory
     assert np.abs(motion.at(motion.duration).qd).max() < 1e-9
 
 
 def test_what_needs_the_whole_is_refused_with_the_remedy(call, folder):
     for more, told in (
         (("--cross-check",), "with --cross-check: omit that, or give --whole\n"),
-        (("--duration", "20 s"), "with --duration: omit that, or give --whole\n"),
+        (("--duration", "20 s"), "because a duration is a goal for the whole motion: omit it, or give --whole\n"),
         (("--rig", "hexapod-steppers"), "with --rig: omit that, and run pulsepath track"),
         (("--pulses", "csv"), "with --pulses csv: omit that, and run pulsepath export --format pulses"),
     ):

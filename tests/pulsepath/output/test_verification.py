@@ -180,6 +180,21 @@ def test_pulses_that_differ_are_checked_again(plan, monkeypatch):
         _ = again.pulses
 
 
+def test_a_record_with_impossible_pulses_is_refused_by_its_name(plan):
+    original = json.loads((plan / "plan.json").read_text())["pulses"]
+    first, *_ = original["axes"]
+    endless = {**original["axes"], first: original["axes"][first] | {"start_count": float("inf")}}
+    for change, message in (
+        ({"clock_hz": True}, "states no pulse clock"),
+        ({"rule": "foo"}, "states an unknown firing rule .*foo"),
+        ({"axes": endless}, "does not state its pulses"),
+    ):
+        forge(plan, pulses=original | change)
+        for unverified in (False, True):
+            with pytest.raises(MotionError, match=rf"plan\.json {message}"):
+                pp.load_plan(plan, unverified)
+
+
 def test_chosen_orientation_is_taken_up_again(tmp_path):
     text = 'schema = 1\nlength = "mm"\n[[segment]]\nline = { to = [0.2, 0, 0.1] }\nfree = "yaw"\n'
     (tmp_path / "p.toml").write_text(text)

@@ -159,8 +159,7 @@ def test_a_plan_at_a_drives_own_rate_keeps_the_rate_that_the_clock_can_hold(cloc
     assert check(made.pulses, made.trajectory, machine.axes, machine.home_q).holds
     assert made.pulses.smallest_interval >= 3.8e-6 * clock
     # a plan that is taken up again is held to the limits that it was made to keep
-    source = StoredSource(made.program, machine, made.order, Path("motion.bin"))
-    source.schedule = made.pulses
+    source = StoredSource(made.program, machine, made.order, Path("motion.bin"), made.pulses)
     again = source.find_limits(made.trajectory)
     assert [limit.bounds.tolist() for limit in again] == [limit.bounds.tolist() for limit in made.limits]
 
