@@ -6,6 +6,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from platform import python_version
 
+from benchmarks.reports.plan_report import PlanReport
 from kinematics import Axis, Machine
 from kinematics.analysis.residual_vibration import find_residuals
 from kinematics.files.plain_text import finite_or_none
@@ -23,7 +24,6 @@ from planner.shaping.shaped_proof import ShapedProof
 from planner.shaping.shaping_cost import ShapingCost
 from pulsepath import __version__
 from pulsepath.inputs import Inputs
-from pulsepath.job import Job
 from pulsepath.output.directory import KIND
 from pulsepath.output.record import (
     SCHEMA,
@@ -40,9 +40,9 @@ from pulsepath.output.record import (
 from pulsepath.store.verify import digest, digest_pulses
 
 
-def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
+def of_plan(job: PlanReport, inputs: Inputs, verdict: PulseCheck) -> Record:
     """A plan and the check of its pulses: SI units, which the keys name where they are not plain."""
-    plan = job.plan
+    plan = job.whole
     counted = [(len(axis), axis.final - axis.start) for axis in plan.pulses.axes]
     return {
         "schema": SCHEMA,
@@ -53,7 +53,7 @@ def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
         "duration_s": plan.pulses.duration,
         "request": record_request(plan.request),
         "path_length_m": measure_travel(plan.path.pieces),
-        "classical": None if job.classical is None else _baselines(job, job.classical),
+        "classical": None if job.classical is None else _baselines(job, plan, job.classical),
         "certificate": _certificate(plan.certificate),
         "shaping": None if plan.shaped is None else _shaping(plan.shaped) | {"warning": plan.exceeded or None},
         "fit": fit_record(plan.path.fit),
@@ -80,7 +80,7 @@ def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
         },
         "solver": {"rounds": plan.rounds, "methods": list(plan.methods)},
         "pulses": of_pulses(plan.pulses, plan.machine, counted, digest_pulses([plan.pulses]), verdict),
-        "tracking": None if job.rig is None else of_tracking(job.rig, job.seen().metrics),
+        "tracking": None if job.rig is None else of_tracking(job.rig, job.metrics),
         "cross_check": None if job.crossed is None else job.crossed.record(),
         "realised": None if job.realised is None else realised_record(job.realised),
         "constant_speeds": [
@@ -98,8 +98,7 @@ def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
     }
 
 
-def _baselines(job: Job, baseline: Classical) -> Record:
-    plan = job.plan
+def _baselines(job: PlanReport, plan: Plan, baseline: Classical) -> Record:
     return {
         "kind": baseline.kind,
         "duration_s": baseline.duration,
@@ -129,7 +128,7 @@ def of_parts(
     return {
         "schema": SCHEMA,
         "kind": KIND,
-        "program": standing.program,
+        "program": standing.program.name,
         "machine": standing.machine.name,
         "order": standing.order,
         "request": record_request(standing.request),
@@ -140,7 +139,7 @@ def of_parts(
         "certificate": _certificate(standing.certificate),
         "fit": fit_record(standing.fit),
         "joins": {"blends": standing.blends, "stops_instead": standing.stops},
-        "avoidable_stops": None if standing.avoidable is None else standing.avoidable.record(),
+        "avoidable_stops": None if standing.avoidable_stops is None else standing.avoidable_stops.record(),
         "stated_but_not_kept": list(find_unkept_limits(standing.machine)),
         "solver": {"rounds": standing.rounds, "methods": dict(standing.methods)},
         "trigger_count": standing.triggers,

@@ -14,8 +14,9 @@ from matplotlib.figure import Figure
 
 from benchmarks.animation.animate import POLICY as PLAYER_POLICY
 from benchmarks.reports.page import round_up
-from benchmarks.reports.plan_report import POLICY, PlanReport, draw_axes, write_report
-from benchmarks.reports.plan_summary import summary
+from benchmarks.reports.plan_figures import draw_axes
+from benchmarks.reports.plan_report import POLICY, PlanReport, write_report
+from benchmarks.reports.plan_summary import summarise
 from benchmarks.reports.timeline import list_segments, make_band
 from controllers import evaluate, find_law, track
 from controllers.figures import contour_error, following_error
@@ -161,7 +162,7 @@ def test_it_says_what_limits_are_worth(text, page, planned):
 
 def test_the_summary_shows_the_plans_numbers(page, planned, baseline, verdict):
     rows = dict(page.tables["summary"])
-    assert rows == summary(planned, baseline, verdict)
+    assert rows == summarise(PlanReport(planned, verdict, classical=baseline))
     assert ("Lower bound, proved" in rows) == bool(planned.known)
     saved = baseline.duration - planned.trajectory.duration
     assert number(rows["Duration"]) == pytest.approx(planned.trajectory.duration, abs=5e-7)
