@@ -4,11 +4,9 @@ The figures of a plan in parts show the extremes over windows of time.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
-from math import isfinite, nan
+from dataclasses import dataclass, fields, replace
+from math import floor, isfinite, nan
 from pathlib import Path
-
-import numpy as np
 
 from benchmarks.animation.animate import POLICY as PLAYER_POLICY
 from benchmarks.reports.page import Picture, group_digits, render, save_figures
@@ -31,7 +29,7 @@ from benchmarks.reports.timeline import (
 from controllers.metrics import Metrics
 from controllers.rig import Rig
 from kinematics.foundation.table import MAX_SHOWN_ROWS, Column, Table
-from planner.active_limits import ACTIVE_SHARE, active_limits, tabulate_segments
+from planner.active_limits import ACTIVE_SHARE, tabulate_segments
 from planner.activity import MOST_SEGMENTS, Activity
 from planner.baselines import Classical, describe_differences, missing_limits
 from planner.certificate.certify import CROSSING, Certificate
@@ -183,6 +181,8 @@ def _describe_whole(report: PlanReport, plan: Plan) -> dict[str, object]:
     baseline = report.classical
     allowed = {limit.name: _format_bounds(limit, plan) for limit in plan.limits} | CLAIMS
     segments = tabulate_segments(plan)
+    activity = Activity(plan.program)
+    activity.add(plan.trajectory, 0.0, plan.limits)
     together = ", all its repetitions together" if plan.program.repeat > 1 else ""
     triggers = report.triggers
     if triggers is None:
@@ -196,7 +196,7 @@ def _describe_whole(report: PlanReport, plan: Plan) -> dict[str, object]:
         "saved": report.time_saved,
         "missing": missing_limits(plan, baseline) if baseline else (),
         "differences": {one.kind: describe_differences(plan, one) for one in report.others},
-        "active": _tabulate_active_time(plan),
+        "active": activity.tabulate_limits(),
         "segment_tables": {f"Each segment of the program{together}: {SEGMENT_FACTS}": segments},
         "folded": len(segments) if len(segments) > MAX_SHOWN_ROWS else 0,
         "certificate": _tabulate_certificate(plan.certificate, allowed),
@@ -244,25 +244,14 @@ def _describe_parts(report: PlanReport, plan: PlanStanding) -> dict[str, object]
 
 def _tabulate_certificate(certificate: Certificate, allowed: Mapping[str, str]) -> Table:
     """Tabulate the proved and the attained use of each limit. allowed: bounds by limit, or empty."""
-    names = [*certificate.worst]
-    places = [certificate.where[name] for name in names]
+    (table,) = certificate.tables()
+    names, proved, *where = table.columns
     # A lower bound is rounded down, so that the text is one too.
-    attained = [np.floor(1e7 * certificate.attained[name].max()) / 1e7 for name in names]
-    repetitions = [place.repetition for place in places]
-    columns = [
-        Column("limit", names),
-        Column("allowed", [allowed.get(name, "") for name in names], right=True),
-        Column("proven ≤", [certificate.worst[name] for name in names], form=".7f", up=True),
-        Column("attained ≥", attained, form=".7f"),
-        Column("worst at", [place.axis for place in places]),
-        Column("segment", [place.segment for place in places]),
-        Column("repetition", repetitions),
-        Column("at", [place.s for place in places], "m", "human", ".3f"),
-        Column("time", [place.t for place in places], "s", form=".4f"),
-    ]
-    optional = {"allowed": bool(allowed), "repetition": any(repetitions)}
-    title = "proved and attained use of each limit"
-    return Table(title, tuple(column for column in columns if optional.get(column.name, True)))
+    attained = [floor(1e7 * certificate.attained[name].max()) / 1e7 for name in names.values]
+    columns = [replace(proved, name="proven ≤"), Column("attained ≥", attained, form=".7f")]
+    if allowed:
+        columns.insert(0, Column("allowed", [allowed[name] for name in names.values], right=True))
+    return Table("proved and attained use of each limit", (names, *columns, *where))
 
 
 def _tabulate_pulses(report: PlanReport) -> Table:
@@ -294,22 +283,6 @@ def _tabulate_pulses(report: PlanReport) -> Table:
     if checked:
         notes.append("the time error is given if every pulse marks a crossing")
     return Table(clock, tuple(columns), tuple(notes))
-
-
-def _tabulate_active_time(plan: Plan) -> Table:
-    """Tabulate for how long each limit that depends on timing is active, and for how long none is."""
-    active = active_limits(plan)
-    lengths = np.diff(plan.trajectory.knots)
-    timed = [(n, limit.name) for n, limit in enumerate(plan.limits) if not limit.geometric]
-    seconds = [float(lengths[active == n].sum()) for n, _ in timed]
-    seconds.append(float(lengths[active < 0].sum()))
-    shares = [100 * each / plan.trajectory.duration for each in seconds]
-    columns = (
-        Column("limit", [*(name for _, name in timed), "none of them"]),
-        Column("time", seconds, "s", form=".3f"),
-        Column("of the duration", shares, "%", form=".1f"),
-    )
-    return Table("time for which each limit is active", columns)
 
 
 def _format_bounds(limit: Limit, plan: Plan) -> str:
