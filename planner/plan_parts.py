@@ -369,6 +369,7 @@ def _join(before: PlanStanding, here: PlanStanding) -> PlanStanding:
         fit=merge_fits(before.fit, here.fit),
         blends=before.blends + here.blends,
         stops=before.stops + here.stops,
+        pulses=_append_crossings(before.pulses, here.pulses),
         counted=counted,
         rounds=max(before.rounds, here.rounds),
         methods=Counter(before.methods) + Counter(here.methods),
@@ -436,7 +437,7 @@ def come_to_rest(part: PlanPart) -> PlanStanding:
         proof = join_certificates(proof, part.rest_proof)
         length = part.start.length + float(part.rest.path.breaks[-1])
         start = Start(start.elapsed + Fraction(part.rest.duration), length, part.start.steps + part.steps)
-    stated = _without_pulses(pulses, standing.pulses)
+    stated = _append_crossings(standing.pulses, _without_pulses(pulses, standing.pulses))
     triggers = standing.triggers + len(part.rest_triggers)
     return replace(
         standing,
@@ -455,6 +456,15 @@ def _without_pulses(pulses: PulseSchedule, first: PulseSchedule) -> PulseSchedul
     axes = zip(pulses.axes, first.axes, strict=True)
     bare = tuple(replace(axis, ticks=none[0], direction=none[1], start=one.start) for axis, one in axes)
     return replace(pulses, axes=bare)
+
+
+def _append_crossings(before: PulseSchedule, here: PulseSchedule) -> PulseSchedule:
+    """Return the schedule of a later part with the windows of all crossings of the play so far."""
+    pairs = zip(before.compensations, here.compensations, strict=True)
+    return replace(
+        here,
+        compensations=tuple(replace(after, windows=(*earlier.windows, *after.windows)) for earlier, after in pairs),
+    )
 
 
 class _Steps:

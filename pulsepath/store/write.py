@@ -164,7 +164,7 @@ class PartsWriter:
             with name_file(self._folder / BINARY):
                 if part.rest_pulses is not None:
                     self._pulses.add(part.rest_pulses, max(part.until, find_end(part.rest_pulses)))
-                self._pulses.finish(part.rest_pulses or part.pulses)
+                self._pulses.finish(come_to_rest(part).pulses)
 
         if self._triggers is not None:
             with name_file(self._folder / TRIGGERS):
