@@ -197,7 +197,7 @@ class Job:
                 figures = _draw_here(results)
         waiting: AbstractContextManager[object] = nullcontext()
         if results.rig is not None:
-            waiting = step(f"tracking under laws {' and '.join(LAWS)} on rig {results.rig.name}")
+            waiting = _tracking(results.rig)
         with waiting:
             review = self.review()
         if review.note:
@@ -302,6 +302,21 @@ def examine(plan: Plan, report: ReportRequest) -> PlanReport:
         stops=_find_stops(plan, report.stops),
         left_out=tuple(left_out),
     )
+
+
+def examine_loaded(plan: Plan, report: ReportRequest) -> PlanReport:
+    """Find what the report requests about the motion of a plan that was made in parts."""
+    results = examine(plan, report)
+    rig = read_rig(report.rig, plan.machine)
+    if rig is None:
+        return replace(results, untracked=rig_hint(plan.machine))
+    with _tracking(rig):
+        review = review_plan(plan, False, rig)
+    return replace(results, rig=rig, metrics=review.metrics, untracked=review.note)
+
+
+def _tracking(rig: Rig) -> AbstractContextManager[object]:
+    return step(f"tracking under laws {' and '.join(LAWS)} on rig {rig.name}")
 
 
 def _warn(plan: Plan) -> None:

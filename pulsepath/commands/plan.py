@@ -78,17 +78,17 @@ def plan(out: Path | None, dumped: Path | None, force: bool, as_json: bool, **op
         directory = replace_directory(out, force, before=before)
         if choose_parts(inputs, request, report):
             with open_helpers(report.cluster) as helpers, directory as folder:
-                standing, refusal = run_parts(inputs, request, report, folder, helpers)
-            tables.show_plan(out, as_json, standing.tables, lambda: tables.sum_up_parts(standing))
-            if refusal is not None:
-                raise refusal
-            return
-        _refuse_parts_options(report)
-        with directory as folder:
-            with inputs.tell_lines():
-                job = run(inputs.program, inputs.machine, request, report, other)
-            results = write_whole(folder, job, inputs, report.pulses)
+                results, refusal = run_parts(inputs, request, report, folder, helpers)
+        else:
+            refusal = None
+            _refuse_parts_options(report)
+            with directory as folder:
+                with inputs.tell_lines():
+                    job = run(inputs.program, inputs.machine, request, report, other)
+                results = write_whole(folder, job, inputs, report.pulses)
     tables.show_plan(out, as_json, lambda: tables.of_plan(results), lambda: tables.sum_up(results))
+    if refusal is not None:
+        raise refusal
 
 
 def _refuse_conflicts(request: PlanRequest, report: ReportRequest) -> None:

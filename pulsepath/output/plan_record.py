@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
+from math import isnan
 from pathlib import Path
 from platform import python_version
 
@@ -62,27 +63,10 @@ def of_plan(job: PlanReport, inputs: Inputs, verdict: PulseCheck) -> Record:
         "synchronised_moves": departure_records(plan.departures),
         "splines": overshoot_records(plan.path.overshoots),
         "stated_but_not_kept": list(find_unkept_limits(plan.machine)),
-        "lower_bound": {
-            "kind": "proved" if plan.known else "estimate",
-            "duration_s": plan.lower_bound if plan.known else plan.lower_estimate,
-            "gap": finite_or_none(plan.gap) if plan.known and plan.gap is not None else None,
-            "leaves_out": [*plan.left_out, *([] if plan.known or plan.order == 2 else ["jerk"])],
-        },
-        "worth": None if job.worth is None else _worth(job.worth, job.change),
-        "worth_left_out": job.unbounded or None,
-        "left_out": list(job.left_out),
-        "stops": None
-        if job.stops is None
-        else {
-            "instants": len(job.stops.t),
-            "longest_time_to_rest_s": float(job.stops.time.max()),
-            "longest_distance_to_rest_m": float(job.stops.distance.max()),
-        },
+        **_motion_results(job),
         "solver": {"rounds": plan.rounds, "methods": list(plan.methods)},
         "pulses": of_pulses(plan.pulses, plan.machine, counted, digest_pulses([plan.pulses]), verdict),
-        "tracking": None if job.rig is None else of_tracking(job.rig, job.metrics),
-        "cross_check": None if job.crossed is None else job.crossed.record(),
-        "realised": None if job.realised is None else realised_record(job.realised),
+        **_comparisons(job),
         "constant_speeds": [
             {
                 "speed_m_s": stretch.speed,
@@ -95,6 +79,59 @@ def of_plan(job: PlanReport, inputs: Inputs, verdict: PulseCheck) -> Record:
         "segments": _segments(plan),
         "triggers": [_trigger(event, plan.machine.axes) for event in plan.triggers],
         **_origin(inputs, () if job.crossed is None else ("toppra",)),
+    }
+
+
+def record_results(job: PlanReport) -> Record:
+    """Return the results about the whole motion of a plan in parts, if any were requested."""
+    if isinstance(job.plan, PlanStanding):
+        return {}
+    return _motion_results(job) | _comparisons(job)
+
+
+def _motion_results(job: PlanReport) -> Record:
+    """Return the lower bound, the worth of the limits and the stops."""
+    plan = job.whole
+    return {
+        "lower_bound": _lower_bound(plan),
+        "worth": None if job.worth is None else _worth(job.worth, job.change),
+        "worth_left_out": job.unbounded or None,
+        "left_out": list(job.left_out),
+        "stops": None
+        if job.stops is None
+        else {
+            "instants": len(job.stops.t),
+            "longest_time_to_rest_s": float(job.stops.time.max()),
+            "longest_distance_to_rest_m": float(job.stops.distance.max()),
+        },
+    }
+
+
+def _lower_bound(plan: Plan) -> Record | None:
+    """Return the proved bound, or the estimate that a plan made as a whole has."""
+    if plan.known:
+        return {
+            "kind": "proved",
+            "duration_s": plan.lower_bound,
+            "gap": None if plan.gap is None else finite_or_none(plan.gap),
+            "leaves_out": [*plan.left_out],
+        }
+    if isnan(plan.lower_estimate):
+        return None
+    return {
+        "kind": "estimate",
+        "duration_s": plan.lower_estimate,
+        "gap": None,
+        "leaves_out": [*plan.left_out, *([] if plan.order == 2 else ["jerk"])],
+    }
+
+
+def _comparisons(job: PlanReport) -> Record:
+    """Return the tracking errors, the cross-check and the quantization error."""
+    return {
+        "tracking": None if job.rig is None else of_tracking(job.rig, job.metrics),
+        "cross_check": None if job.crossed is None else job.crossed.record(),
+        "realised": None if job.realised is None else realised_record(job.realised),
     }
 
 

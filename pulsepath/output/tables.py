@@ -51,9 +51,12 @@ def of_plan(job: PlanReport) -> list[Table]:
     """Return the tables of a plan: duration and saving, segments, proof and pulses."""
     from planner.active_limits import tabulate_segments
     from planner.baselines import missing_limits
+    from planner.plan_parts import PlanStanding
     from planner.timing.certified_solve import BEFORE_SHAPERS
 
-    plan = job.whole
+    if isinstance(job.plan, PlanStanding):
+        return [*job.plan.tables()]
+    plan = job.plan
     message = plan.describe_objective()
     message += f"; the fastest motion takes {plan.lower_bound:.6f} s or more" if plan.known else ""
     rows: list[tuple[str, float | None, str]] = [
@@ -124,9 +127,12 @@ def sum_up(job: PlanReport) -> list[Table]:
     """Return the first screen of a plan: duration, saving, limits, joins and pulses."""
     from planner.baselines import describe_differences, missing_limits
     from planner.limits.registry import geometric_limits
+    from planner.plan_parts import PlanStanding
     from planner.timing.certified_solve import BEFORE_SHAPERS
 
-    plan = job.whole
+    if isinstance(job.plan, PlanStanding):
+        return _sum_up_parts(job.plan)
+    plan = job.plan
     proof = plan.certificate
     message = plan.describe_objective()
     rows = [("duration", f"{plan.duration:.6f} s{f', {message}' if message else ''}")]
@@ -183,7 +189,7 @@ def sum_up(job: PlanReport) -> list[Table]:
     return [summed, *stops_tables, *crossed]
 
 
-def sum_up_parts(standing: PlanStanding) -> list[Table]:
+def _sum_up_parts(standing: PlanStanding) -> list[Table]:
     """A plan made in parts on a screen, as `sum_up` does."""
     from planner.limits.registry import geometric_limits
 

@@ -3,6 +3,7 @@
 The record is written last. The verdict on the written pulses is in certificate.json.
 """
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
@@ -30,10 +31,10 @@ from planner.program.model import Program
 from planner.pulses import PulseCheck, open_pulses
 from planner.pulses.triggers import holds_triggers
 from pulsepath.inputs import Inputs
-from pulsepath.job import Defect, Job
+from pulsepath.job import Defect, Job, examine_loaded
 from pulsepath.output.directory import RECORD, REPORT
 from pulsepath.output.drive_tables import tabulate_drives
-from pulsepath.output.plan_record import of_parts, of_plan, of_pulse_file, of_pulses
+from pulsepath.output.plan_record import of_parts, of_plan, of_pulse_file, of_pulses, record_results
 from pulsepath.output.record import Record, as_json
 from pulsepath.progress import step
 from pulsepath.requests import ReportRequest
@@ -182,10 +183,10 @@ def write_parts(
     parts: Iterable[PlanPart],
     report: ReportRequest,
     tell: Callable[[PlanStanding, int], None],
-) -> tuple[PlanStanding, MotionError | None]:
+) -> tuple[PlanReport, MotionError | None]:
     """Write a plan into an empty folder as its parts come.
 
-    Return the plan at its end, and the refusal that ended it early, if any.
+    Return the content of its report, and the refusal that ended it early, if any.
 
     tell: called after each part with the plan so far, and its number of segments in all repetitions.
 
@@ -220,10 +221,20 @@ def write_parts(
         activity.add(part.rest, begin, part.limits)
     standing = come_to_rest(part)
     ending = "" if refusal is None else f"It ends before the program does, with a stop: {refusal}"
-    verdict, digest = None, None
+    source = StoredSource(
+        inputs.program,
+        machine,
+        standing.order,
+        folder / MOTION,
+        standing.pulses,
+        pulse_file=folder / BINARY if has_pulses else None,
+        in_parts=True,
+        complete=refusal is None,
+    )
+    verdict: PulseCheck | None = None
     if has_pulses:
-        verdict = _check_parts(folder, standing, inputs, complete=refusal is None)
-        digest = digest_pulses(open_pulses(folder / BINARY).parts())
+        verdict = _check_parts(folder, standing, source)
+        source.digest = digest_pulses(open_pulses(folder / BINARY).parts())
 
     results = PlanReport(
         standing,
@@ -234,29 +245,40 @@ def write_parts(
         untracked=rig_hint(machine),
         figures=None if report.figures else {},
     )
+    if report.examines_motion:
+        results = _examine(results, source, report)
     _write_report(folder, results, standing.triggers)
-    _write_record(folder, of_parts(standing, inputs, digest, verdict, ending))
-    return standing, refusal
+    if results.stops is not None:
+        results.stops.save(folder / STOPS)
+    record = of_parts(standing, inputs, source.digest, verdict, ending)
+    _write_record(folder, record | record_results(results))
+    return results, refusal
 
 
-def _check_parts(
-    folder: Path,
-    standing: PlanStanding,
-    inputs: Inputs,
-    *,
-    complete: bool,
-) -> PulseCheck:
-    """Check the file of pulses against the file of the motion, and write the verdict."""
-    machine = inputs.machine
-    source = StoredSource(
-        inputs.program,
-        machine,
-        standing.order,
-        folder / MOTION,
-        standing.pulses,
-        in_parts=True,
-        complete=complete,
+def _examine(results: PlanReport, source: StoredSource, report: ReportRequest) -> PlanReport:
+    """Return the content of the report of the whole motion, with the results that were requested."""
+    standing = results.plan
+    assert isinstance(standing, PlanStanding)
+    plan = Plan(
+        standing.request,
+        source.program,
+        source.machine,
+        source,
+        standing.rounds,
+        tuple(Counter(standing.methods).elements()),
     )
+    examined = examine_loaded(plan, report)
+    return replace(
+        examined,
+        verdict=results.verdict,
+        ending=results.ending,
+        figures=results.figures,
+    )
+
+
+def _check_parts(folder: Path, standing: PlanStanding, source: StoredSource) -> PulseCheck:
+    """Check the file of pulses against the file of the motion, and write the verdict."""
+    machine = source.machine
     file = folder / BINARY
     with step("checking the pulses") as tell:
         verdict = check_pulses(file, machine, source, tell)
