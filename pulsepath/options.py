@@ -20,7 +20,7 @@ FIRST_LOOK = 1 << 16
 PERCENT = re.compile(r"\s*(\d*\.?\d+(?:[eE][+-]?\d+)?)\s*%\s*")
 FREQUENCY = re.compile(r"\s*(\d+(?:\.\d*)?(?:[eE]\+?\d{1,2})?)\s*(|Hz|kHz|MHz|GHz)\s*", re.ASCII)
 MULTIPLES = {"": 1, "Hz": 1, "kHz": 10**3, "MHz": 10**6, "GHz": 10**9}
-FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
+MAX_PORT = 65535
 ALLOW_MINUS = {"ignore_unknown_options": True}
 """Settings of a command whose arguments may begin with a minus, as the poses "-5,5,35" and "-10 mm, 0 mm, 25 mm" do."""
 program_argument = click.argument("program", shell_complete=make_completer(known_names.programs, files=True))
@@ -31,7 +31,7 @@ dump_option = click.option(
     metavar="DIR",
     help="Only write machine and program with all defaults to DIR (-: print them) and print the options.",
 )
-json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
+json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
 unverified_option = click.option(
     "--unverified",
     is_flag=True,
@@ -100,17 +100,17 @@ def _refuse_unreadable(file: Path) -> None:
         read(file)
 
 
-def read_quantity(
-    flag: str, text: str, unit: str, above: float = -inf, least: float = -inf, like: str | None = None
-) -> float:
-    """The SI value of a quantity that an option gives; like: a usual one. Raises BadValue, which names the option."""
-    from kinematics.foundation.errors import BadValue
+def read_quantity(flag: str, text: str, unit: str, like: str | None = None, **bounds: float) -> float:
+    """Return the SI value of a quantity. Raises BadValue, which names the option.
+
+    like    a usual value, for messages
+    bounds  `above` and `least`, SI
+    """
+    from kinematics.foundation.errors import locate_errors
     from kinematics.foundation.units import Unit
 
-    try:
-        return Unit(unit, above=above, least=least, like=like).read(text, {})
-    except BadValue as error:
-        raise BadValue(f"option {flag}: {error}", allowed=error.allowed, nearest=error.nearest) from None
+    with locate_errors(f"option {flag}"):
+        return Unit(unit, like=like, **bounds).read(text, {})
 
 
 class Frequency(click.ParamType[int]):

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from pulsepath.command_group import Commands
-from pulsepath.options import ALLOW_MINUS, FIGURE_SUFFIXES, read_quantity
+from pulsepath.commands.common import FIGURE_SUFFIXES
+from pulsepath.options import ALLOW_MINUS, read_quantity
 
 if TYPE_CHECKING:
     from kinematics.files.atomic_files import Destination
