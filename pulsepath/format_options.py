@@ -92,10 +92,7 @@ class Formats:
                 values[key] = read_quantity(find_flag(key), value, facts["unit"], facts["like"])
             choices = get_args(kind) if get_origin(kind) is Literal else ()
             if choices and value not in choices:
-                raise MotionError(
-                    f'format {name}, option {find_flag(key)}: "{value}" is none of '
-                    f"{', '.join(choices)}"
-                )
+                raise MotionError(f'format {name}, option {find_flag(key)}: "{value}" is none of {", ".join(choices)}')
         return values
 
     def _added(self) -> Iterator[tuple[str, type[Any]]]:
@@ -138,18 +135,13 @@ def find_origin(program: str, given: Mapping[str, Any], fit: float | None) -> "O
         return Origin(name, options if fit is None else {**options, "fit": fit}, suffix)
     for key in (key for key, value in given.items() if value is not None):
         flag = find_flag(key)
-        raise MotionError(
-            f"option {flag} is for files of other formats, which {program} is not"
-        )
+        raise MotionError(f"option {flag} is for files of other formats, which {program} is not")
     return None
 
 
 def list_options(name: str, kind: type[Any]) -> list[Option]:
     """List the options of a format from the fields of its dataclass."""
-    return [
-        (field.name, _find_type(field, hint), name, field.metadata["help"])
-        for field, hint in _fields(kind)
-    ]
+    return [(field.name, _find_type(field, hint), name, field.metadata["help"]) for field, hint in _fields(kind)]
 
 
 def _fields(kind: type[Any]) -> list[tuple[Field[Any], Any]]:

@@ -100,7 +100,7 @@ def _refuse_unreadable(file: Path) -> None:
         read(file)
 
 
-def read_quantity(flag: str, text: str, unit: str, like: str | None = None, **bounds: float) -> float:
+def read_quantity(flag: str, text: str, unit: str, like: str | None = None, **bounds: Any) -> float:
     """Return the SI value of a quantity. Raises BadValue, which names the option.
 
     like    a usual value, for messages
@@ -125,7 +125,11 @@ class Frequency(click.ParamType[int]):
         matches = FREQUENCY.fullmatch(str(value))
         ticks = Fraction(matches[1]) * MULTIPLES[matches[2]] if matches else Fraction(0)
         if ticks < 1 or ticks.denominator != 1:
-            self.fail(f'"{value}": write a whole number of Hz from 1 on, as 16000000 or "16 MHz"', param, ctx)
+            self.fail(
+                f'"{value}": write a whole number of Hz from 1 on, as 16000000 or "16 MHz"',
+                param,
+                ctx,
+            )
         return int(ticks)
 
 

@@ -26,8 +26,7 @@ class CalibrateRequest:
     out: Path = option(MISSING, "Output directory.", metavar="DIR")
     model: str = option(
         "factor,frame-yaw",
-        "Parameters to identify, from: factor, factors (one per axis), offsets, joints, frame, "
-        "frame-yaw.",
+        "Parameters to identify, from: factor, factors (one per axis), offsets, joints, frame, frame-yaw.",
         metavar="PARTS",
     )
     use: Literal["position", "all"] | None = option(

@@ -90,7 +90,7 @@ class CompareRequest:
         (),
         "Exit with code 1 if CONDITION holds on any path for the setting that the verdict calls "
         "the best, or the closest to the baseline, by all criteria weighed. "
-        "\"contour_rms > 1.1x\" judges its mean over rigs and seeds, times the baseline's, on each "
+        '"contour_rms > 1.1x" judges its mean over rigs and seeds, times the baseline\'s, on each '
         'ranked path; "contour_max > 250 um" each of its runs on every path. With --against, a '
         "ratio judges every setting, times its own saved runs. Repeatable; the report has a table "
         "of them.",
@@ -110,13 +110,9 @@ class CompareRequest:
 
 
 @click.command()
-@click.argument(
-    "rig", required=False, shell_complete=make_completer(known_names.rigs, files=True)
-)
+@click.argument("rig", required=False, shell_complete=make_completer(known_names.rigs, files=True))
 @with_request(CompareRequest)
-@click.option(
-    "--force", is_flag=True, help="Replace an earlier comparison in DIR; saved runs are kept."
-)
+@click.option("--force", is_flag=True, help="Replace an earlier comparison in DIR; saved runs are kept.")
 @json_option
 def compare(request: CompareRequest, force: bool, as_json: bool) -> None:
     """Compare tracking laws and their gains on RIG.
@@ -258,10 +254,7 @@ def _run(
     from kinematics.foundation.errors import MotionError
 
     if old is not None and request.rig is None and old.record["rig"] != DEFAULT_RIG:
-        raise MotionError(
-            f"compare: the runs in {request.against} are of rig {old.record['rig']}: give the RIG "
-            "to run"
-        )
+        raise MotionError(f"compare: the runs in {request.against} are of rig {old.record['rig']}: give the RIG to run")
     rig = load_rig(request.rig or DEFAULT_RIG)
     grid = _choose_runs(rig, request, old)
     facts = described(grid, rig)
@@ -288,9 +281,7 @@ def _choose_runs(rig: "Rig", request: CompareRequest, old: "SavedRuns | None") -
     baseline = request.baseline
     if baseline is not None and read_setting(baseline) not in settings:
         names = ", ".join(setting.text for setting in settings)
-        raise MotionError(
-            f"compare: the baseline {baseline} is not among the settings to run: {names}"
-        )
+        raise MotionError(f"compare: the baseline {baseline} is not among the settings to run: {names}")
     tasks = request.tasks
     known = tuple(task.name for task in rig.tasks)
     if old is not None and not tasks:

@@ -43,8 +43,7 @@ class ConsoleRequest:
     baud: int = option(9600, "Serial baud rate.", least=110, most=115200)
     parity: str = option(
         "none",
-        "Serial parity (8 data bits, 1 stop bit). A character with a parity error invalidates its "
-        "line.",
+        "Serial parity (8 data bits, 1 stop bit). A character with a parity error invalidates its line.",
         choices=("none", "even", "odd"),
     )
     tcp: int | None = option(
@@ -108,7 +107,14 @@ def console(request: ConsoleRequest) -> None:
     driven = load_machine(request.machine)  # faults of its file are reported before the rest loads
     from controllers.console import Dispatcher, open_session, snapshot_session
     from controllers.console.interpret import describe_offer
-    from controllers.console.links import LOOPBACK, Socket, Transport, pipe, require_pollable, serial_line
+    from controllers.console.links import (
+        LOOPBACK,
+        Socket,
+        Transport,
+        pipe,
+        require_pollable,
+        serial_line,
+    )
     from controllers.console.serve import Clock, Server
     from pulsepath.output import register_file
 

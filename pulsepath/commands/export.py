@@ -35,8 +35,7 @@ class ExportRequest:
     )
     out: Path | None = option(
         None,
-        "Output file. Default: named after program and format, in DIR, as DIR/circle.steps or "
-        "DIR/circle.zaber.csv.",
+        "Output file. Default: named after program and format, in DIR, as DIR/circle.steps or DIR/circle.zaber.csv.",
         metavar="FILE",
     )
 

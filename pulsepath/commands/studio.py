@@ -20,8 +20,7 @@ class StudioRequest:
     directory: Path
     program: Path | None = option(
         None,
-        "Plan FILE to a folder of its name in DIR, and again whenever it or the machine's file is "
-        "saved.",
+        "Plan FILE to a folder of its name in DIR, and again whenever it or the machine's file is saved.",
         metavar="FILE",
     )
     machine: str | None = option(
@@ -80,9 +79,7 @@ def studio(request: StudioRequest, as_json: bool) -> None:
             read(request.program)  # reports why not
         replanner = Replanner(request.program, request.machine, arguments, folder)
     elif not folder.is_dir():
-        raise MotionError(
-            f"{folder}: there is no such folder; give that of a plan, or one above several"
-        )
+        raise MotionError(f"{folder}: there is no such folder; give that of a plan, or one above several")
     with replanner or nullcontext():
         answer = Studio(folder, replanner).answer
         about = {"folder": str(folder)}

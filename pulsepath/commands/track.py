@@ -20,8 +20,7 @@ class TrackRequest:
     directory: Path
     rig: str | None = option(
         None,
-        'Drives of the axes: preset or file; "pulsepath rigs" lists them. '
-        "Default: the bundled rig that fits.",
+        'Drives of the axes: preset or file; "pulsepath rigs" lists them. Default: the bundled rig that fits.',
         metavar="RIG",
         names="rigs",
         files=True,

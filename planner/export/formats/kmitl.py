@@ -267,7 +267,10 @@ class KmitlPositions:
 
     suffix: ClassVar[str] = ".txt"
     chord: float = option(
-        1e-5, "largest deviation from the path of the straight lines between poses. Default 0.01 mm", "m", like="0.01 mm"
+        1e-5,
+        "largest deviation from the path of the straight lines between poses. Default 0.01 mm",
+        "m",
+        like="0.01 mm",
     )
     unit_length: float = option(UNIT_LENGTH, "length of one unit. Default 1 mm", "m", like="1 mm")
 
