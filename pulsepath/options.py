@@ -11,18 +11,25 @@ import click
 from pulsepath import known_names, registries
 from pulsepath.known_names import make_completer
 
+# Tracking laws by default: open and closed loop.
 LAWS = ("3", "6")
-"""Tracking laws by default: open and closed loop."""
+# Names in messages, and tables of `registries`, of what options name.
+WORDS = {
+    "laws": ("law", "laws"),
+    "rule": ("firing rule", "rules"),
+    "format": ("format", "exports"),
+}
+# Files that a command writes for the user to start from.
 MACHINE_FILE, PROGRAM_FILE = "machine.toml", "program.toml"
-"""Files that a command writes for the user to start from."""
+# Size (bytes) of a file that is read twice without a noticeable delay.
 FIRST_LOOK = 1 << 16
-"""Size (bytes) of a file that is read twice without a noticeable delay."""
 PERCENT = re.compile(r"\s*(\d*\.?\d+(?:[eE][+-]?\d+)?)\s*%\s*")
-FREQUENCY = re.compile(r"\s*(\d+(?:\.\d*)?(?:[eE]\+?\d{1,2})?)\s*(|Hz|kHz|MHz|GHz)\s*", re.ASCII)
+NUMBER = r"(\d+(?:\.\d*)?(?:[eE]\+?\d{1,2})?)"
+FREQUENCY = re.compile(rf"\s*{NUMBER}\s*(|Hz|kHz|MHz|GHz)\s*", re.ASCII)
 MULTIPLES = {"": 1, "Hz": 1, "kHz": 10**3, "MHz": 10**6, "GHz": 10**9}
 MAX_PORT = 65535
+# Settings of a command whose arguments may begin with a minus, as the pose "-5,5,35".
 ALLOW_MINUS = {"ignore_unknown_options": True}
-"""Settings of a command whose arguments may begin with a minus, as the poses "-5,5,35" and "-10 mm, 0 mm, 25 mm" do."""
 program_argument = click.argument("program", shell_complete=make_completer(known_names.programs, files=True))
 dump_option = click.option(
     "--dump-config",
@@ -49,18 +56,15 @@ def refuse_unknown(
     program: str | None = None,
     machine: str | None = None,
     rig: str | None = None,
-    laws: Iterable[str] = (),
-    rule: str | None = None,
-    format: str | None = None,
+    **words: str | Iterable[str] | None,
 ) -> None:
-    """Raise MotionError for an unknown name, before the modules load that would report it seconds later.
+    """Raise MotionError for an unknown name before slow modules load.
 
     Files must exist and be TOML. Their keys are checked later.
 
-    laws: with or without gains; rule: with or without options; format: of exports
+    words: `laws` and `rule`, with or without options, and `format` of exports
     """
-    from kinematics.foundation.errors import BadValue
-    from kinematics.foundation.names import find, unknown_name
+    from kinematics.foundation.names import find
 
     for package, what, name in (
         ("planner", "program", program),
@@ -69,18 +73,35 @@ def refuse_unknown(
     ):
         if name is not None and find(package, what, name) == Path(name):  # no preset
             _refuse_unreadable(Path(name))
-    written = [("law", law, "laws") for law in laws]
-    written += [] if rule is None else [("firing rule", rule, "rules")]
-    written += [] if format is None else [("format", format, "exports")]
-    for what, text, table in written:
-        name = text.partition(":")[0].strip()
-        known = known_names.list_names(table)
-        if name in known:
-            continue
-        taken = registries.CONTROLLERS.get(name.lower()) if table == "exports" else None
-        if taken is not None:
-            raise BadValue(f'no format is called "{name}"; for that, give --format {taken}', nearest=taken)
+    for key, texts in words.items():
+        for text in (texts,) if isinstance(texts, str) else texts or ():
+            _refuse_unknown_word(*WORDS[key], text.partition(":")[0].strip())
+
+
+def _refuse_unknown_word(what: str, table: str, name: str) -> None:
+    """Raise BadValue unless a table of `registries` has a name."""
+    from kinematics.foundation.errors import BadValue
+    from kinematics.foundation.names import unknown_name
+
+    known = known_names.list_names(table)
+    if name in known:
+        return
+    other = registries.CONTROLLERS.get(name.lower()) if table == "exports" else None
+    if other is None:
         raise unknown_name(what, name, known)
+    raise BadValue(f'no format is called "{name}"; for that, give --format {other}', nearest=other)
+
+
+def _refuse_unreadable(file: Path) -> None:
+    """Raise FileError for a missing file, and for a short one that is not TOML.
+
+    Long files are read once, later.
+    """
+    from kinematics.files.toml_document import read
+
+    is_toml = file.suffix == ".toml" and file.is_file()
+    if not file.exists() or (is_toml and file.stat().st_size <= FIRST_LOOK):
+        read(file)
 
 
 def refuse_missing(file: Path) -> None:
@@ -88,15 +109,6 @@ def refuse_missing(file: Path) -> None:
     from kinematics.files.toml_document import read
 
     if not file.exists():
-        read(file)
-
-
-def _refuse_unreadable(file: Path) -> None:
-    """Raise FileError for a missing file, and for a short one that is not TOML. Long files are read once, later."""
-    from kinematics.files.toml_document import read
-
-    is_short = file.suffix == ".toml" and file.is_file() and file.stat().st_size <= FIRST_LOOK
-    if is_short or not file.exists():
         read(file)
 
 
@@ -134,7 +146,10 @@ class Frequency(click.ParamType[int]):
 
 
 def read_percent(flag: str, text: str, from_zero: bool = False) -> float:
-    """The share that an option gives in per cent, above 0, or from 0 on. Raises BadValue, which names the option."""
+    """Return the share that an option gives in per cent. Raises BadValue, which names the option.
+
+    from_zero: 0 is allowed
+    """
     from kinematics.foundation.errors import BadValue
 
     matches = PERCENT.fullmatch(text)

@@ -1,18 +1,14 @@
 """`pulsepath machines`, `programs`, `rigs`, `laws`, `rules`, `figures`: print lists."""
 
-from collections.abc import Iterable
 from functools import partial
 from inspect import getdoc
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+from pulsepath.commands.common import print_result
 from pulsepath.options import json_option
-from pulsepath.progress import as_json as to_json
 from pulsepath.progress import say
-
-if TYPE_CHECKING:
-    from kinematics.foundation.table import Table
 
 Record = dict[str, Any]
 UNITS = {
@@ -47,7 +43,7 @@ def machines(as_json: bool) -> None:
             known.append(load_machine(name))
         except NotInstalled as reason:  # the other machines are listed nevertheless
             say(f"note: {name} is left out: {reason}", err=True)
-    _show([record.of_machine(machine) for machine in known], tables.of_machines(known), as_json)
+    print_result([record.of_machine(machine) for machine in known], tables.of_machines(known), as_json)
 
 
 @click.command()
@@ -126,7 +122,7 @@ def rules(as_json: bool) -> None:
     from pulsepath.output import record, tables
 
     listed = record.of_rules()
-    _show(listed, tables.of_rules(listed), as_json)
+    print_result(listed, tables.of_rules(listed), as_json)
 
 
 @click.command()
@@ -152,19 +148,10 @@ def figures(as_json: bool) -> None:
     _show_list("figures of a run", listed, as_json)
 
 
-def _show(records: object, tables: "Iterable[Table]", as_json: bool) -> None:
-    if as_json:
-        click.echo(to_json(records), nl=False)
-        return
-    from pulsepath.output.tables import show
-
-    show(tables)
-
-
 def _show_list(title: str, records: list[Record], as_json: bool) -> None:
     from pulsepath.output import tables
 
-    _show(records, tables.of_list(title, records), as_json)
+    print_result(records, tables.of_list(title, records), as_json)
 
 
 def _read_presets(package: str) -> list[tuple[str, Record, str]]:

@@ -142,4 +142,4 @@ def _dump(folder: Path, options: dict[str, Any], force: bool, as_json: bool) -> 
     read_rig(options["rig"], inputs.machine)  # refuses one that does not fit
     request = read_request(PlanRequest, options).resolve(inputs.program, inputs.machine)
     options = {**options, "order": request.order}
-    dump(folder, inputs, "plan", list_options(options, PlanRequest, ReportRequest), force, as_json)
+    dump(folder, inputs, list_options(options, PlanRequest, ReportRequest), force, as_json)

@@ -20,7 +20,11 @@ STDOUT = Path("-")
 
 
 def dump(
-    folder: Path, inputs: Inputs, command: str, options: Mapping[str, int | str], force: bool, as_json: bool
+    folder: Path,
+    inputs: Inputs,
+    options: Mapping[str, int | str],
+    force: bool,
+    as_json: bool,
 ) -> None:
     """Write machine and program with all defaults, and print the options as TOML and the command.
 
@@ -29,6 +33,7 @@ def dump(
 
     A machine that names other files, as an arm does, keeps the text of its file.
     """
+    command = str(click.get_current_context().command.name)
     purpose = f'"pulsepath {command}" uses it'
     if inputs.companions:
         machine = inputs.machine_toml
