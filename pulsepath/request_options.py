@@ -49,6 +49,7 @@ def request_options(*kinds: type[Any]) -> Callable[[Command], Command]:
             words, settings = describe_option(each.name, each.type, facts)
             if each.default is MISSING:
                 settings["required"] = True
+                del settings["default"]  # even None would be a default
             settings["help"] += _describe_default(each)
             command = click.option(*words, **settings)(command)
         return command
