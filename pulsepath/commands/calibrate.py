@@ -49,8 +49,8 @@ class CalibrateRequest:
 def calibrate(request: CalibrateRequest, force: bool, as_json: bool) -> None:
     """Identify the parameters of MACHINE from MEASUREMENTS.
 
-    MEASUREMENTS are measured poses: a TOML file, or the bundled set cmm. They are refused if they state the name of
-    another machine. Writes the calibrated machine and a report to DIR.
+    MEASUREMENTS are measured poses: a TOML file, or the bundled set cmm. They are refused if they
+    state the name of another machine. Writes the calibrated machine and a report to DIR.
 
     Example: pulsepath calibrate hexapod cmm --out out/calibrated
     """

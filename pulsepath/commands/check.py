@@ -29,9 +29,10 @@ from pulsepath.requests import InputRequest
 def check(source: InputRequest, dumped: Path | None, force: bool, as_json: bool) -> None:
     """Check limits that slowing down cannot fix, or a plan.
 
-    These are reach, travel, tilt and clearance. Lists every violation along the path of PROGRAM or, if there is none,
-    how close the path comes to each limit. If PROGRAM is the directory of a plan, verifies the digests of its files,
-    proves its motion again and checks its file of pulses against it.
+    These are reach, travel, tilt and clearance. Lists every violation along the path of PROGRAM or,
+    if there is none, how close the path comes to each limit. If PROGRAM is the directory of a plan,
+    verifies the digests of its files, proves its motion again and checks its file of pulses against
+    it.
 
     Example: pulsepath check circle --machine hexapod
     """

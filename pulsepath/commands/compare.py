@@ -119,11 +119,12 @@ def compare(request: CompareRequest, force: bool, as_json: bool) -> None:
 
     RIG is a bundled rig or a TOML file. Default: servo-rig.
 
-    Every law runs over its gain grid on every task, with inertia and friction as stated and 30 % off; by default the
-    published ones, and feedforward and predictive with their usual gains, in about a minute on two cores. Prints first
-    the number of runs and about how long they take, then the time left, by their own pace. Runs are saved in DIR and
-    are not repeated if they are already there; `--from DIR` compares them later, and `--against DIR` runs the same
-    settings anew and guards against regression.
+    Every law runs over its gain grid on every task, with inertia and friction as stated and 30 %
+    off; by default the published ones, and feedforward and predictive with their usual gains, in
+    about a minute on two cores. Prints first the number of runs and about how long they take, then
+    the time left, by their own pace. Runs are saved in DIR and are not repeated if they are already
+    there; `--from DIR` compares them later, and `--against DIR` runs the same settings anew and
+    guards against regression.
 
     Example: pulsepath compare servo-rig --law 3 --law 6 --out out/laws
     """

@@ -92,14 +92,15 @@ def console(request: ConsoleRequest) -> None:
     the home switch. Until the switch position is known, an axis may move by one
     travel length at most.
 
-    On a remote line in mode REM, send P X + 100 Y - 40 Z + 80 and a carriage return; the reply after motion is DONE.
+    On a remote line in mode REM, send P X + 100 Y - 40 Z + 80 and a carriage return; the reply
+    after motion is DONE.
 
     STOP during a MOVE decelerates each axis independently, so the tool leaves its line.
 
     Example: pulsepath console --machine traverser --fast
 
-    Exit codes: 0 done, 2 bad input or a rejected script line, 3 internal error, 130 interrupted, 143 terminated, 129
-    hung up. After a signal the motion is stopped and the registers are saved.
+    Exit codes: 0 done, 2 bad input or a rejected script line, 3 internal error, 130 interrupted,
+    143 terminated, 129 hung up. After a signal the motion is stopped and the registers are saved.
     """
     refuse_unknown(machine=request.machine)
     from kinematics import load_machine

@@ -55,8 +55,8 @@ def export(
 ) -> None:
     """Write the plan in DIR in another format.
 
-    Verifies the digests of the plan's files and proves its motion again. Reports the error of the written file against
-    the plan. The brackets after an option name the formats that it applies to.
+    Verifies the digests of the plan's files and proves its motion again. Reports the error of the
+    written file against the plan. The brackets after an option name the formats that it applies to.
 
     Example: pulsepath export out/circle --format vcd
     """

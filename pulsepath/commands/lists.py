@@ -28,9 +28,9 @@ def machines(as_json: bool) -> None:
 
     Shows the travel and limits of their axes.
 
-    In a machine file, timing = "DRV8825" names the drive of an axis: plans then keep what it needs on STEP and DIR, and
-    plan -v shows it. Known drives: A4988, DRV8825, LV8729, DRV8884, TMC2209, Pacific-6410, Pacific-6410-filtered,
-    servo-differential, servo-open-collector, servo-high-speed.
+    In a machine file, timing = "DRV8825" names the drive of an axis: plans then keep what it needs
+    on STEP and DIR, and plan -v shows it. Known drives: A4988, DRV8825, LV8729, DRV8884, TMC2209,
+    Pacific-6410, Pacific-6410-filtered, servo-differential, servo-open-collector, servo-high-speed.
 
     Example: pulsepath machines --json
     """
@@ -115,7 +115,8 @@ def laws(as_json: bool) -> None:
 def rules(as_json: bool) -> None:
     """List the firing rules and their options.
 
-    "pulsepath plan --rule" takes a name, with options if needed: "sampled:period=50us", "dda:spacing=5ms,rate=200kHz".
+    "pulsepath plan --rule" takes a name, with options if needed: "sampled:period=50us",
+    "dda:spacing=5ms,rate=200kHz".
 
     Example: pulsepath rules
     """
@@ -130,7 +131,8 @@ def rules(as_json: bool) -> None:
 def figures(as_json: bool) -> None:
     """List the figures of tracked runs, for "pulsepath compare --fail-if".
 
-    A figure of axes is the worst axis', and with an axis' name behind a dot that axis' own: following_max.leg1.
+    A figure of axes is the worst axis', and with an axis' name behind a dot that axis' own:
+    following_max.leg1.
 
     Example: pulsepath figures
     """

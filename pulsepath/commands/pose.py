@@ -80,11 +80,13 @@ class PoseRequest:
 def pose(request: PoseRequest, as_json: bool) -> None:
     """Show all axes and joints of MACHINE at a POSE.
 
-    POSE is "x,y,z"; default: home. Plain numbers are mm and degrees; write other units out ("0.2 in"). Shows lengths,
-    pulses, tilts, the platform's direction angles α β γ, margins, and whether the pose is proved reachable from home.
-    With --lengths, --travel or --counts, computes the pose from the axes instead.
+    POSE is "x,y,z"; default: home. Plain numbers are mm and degrees; write other units out ("0.2
+    in"). Shows lengths, pulses, tilts, the platform's direction angles α β γ, margins, and whether
+    the pose is proved reachable from home. With --lengths, --travel or --counts, computes the pose
+    from the axes instead.
 
-    Exit code 1 if the pose is out of reach, violates a limit or is not certified: "limits kept" is of the limits alone.
+    Exit code 1 if the pose is out of reach, violates a limit or is not certified: "limits kept" is
+    of the limits alone.
 
     Example: pulsepath pose hexapod 5,5,35 --turn 3,-4,2
     """

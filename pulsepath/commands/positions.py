@@ -87,8 +87,8 @@ def positions(context: click.Context, file: Path, as_json: bool) -> None:
 
     "arms" shows the arm lengths of a three-armed machine at each pose, rotated poses included.
 
-    A POSE is "10 mm, 0 mm, 25 mm", followed by three angles if it is rotated. Run a list, or part of it, with
-    "pulsepath import FILE --first 2 --last 5 --out PROGRAM".
+    A POSE is "10 mm, 0 mm, 25 mm", followed by three angles if it is rotated. Run a list, or part
+    of it, with "pulsepath import FILE --first 2 --last 5 --out PROGRAM".
 
     Example: pulsepath positions poses.csv record "10 mm, 0 mm, 25 mm"
     """
@@ -201,9 +201,10 @@ class ArmsRequest(PartRequest):
 def arms(file: ListFile, request: ArmsRequest) -> None:
     """Show three arm lengths at each pose, rotated poses included.
 
-    The plate of a three-armed machine cannot rotate: rotated poses are simulated only, as its authors do, and are not
-    turned into motion. The last column is the error of the end point if the machine were driven to these lengths.
-    MACHINE may be the source's own geometry file, Basiclength.txt.
+    The plate of a three-armed machine cannot rotate: rotated poses are simulated only, as its
+    authors do, and are not turned into motion. The last column is the error of the end point if the
+    machine were driven to these lengths. MACHINE may be the source's own geometry file,
+    Basiclength.txt.
 
     Example: pulsepath positions poses.csv arms --steps
     """
@@ -254,8 +255,8 @@ class SaveRequest(PartRequest):
 def save(file: ListFile, request: SaveRequest) -> None:
     """Save the list, or part of it, as TARGET.
 
-    The suffix sets the format: CSV, or TXT as the three-armed machine reads it. A TXT file has seven characters per
-    number, in mm and degrees, and poses in the base frame of MACHINE.
+    The suffix sets the format: CSV, or TXT as the three-armed machine reads it. A TXT file has
+    seven characters per number, in mm and degrees, and poses in the base frame of MACHINE.
 
     Example: pulsepath positions poses.csv save part.csv --first 2 --last 5
     """

@@ -61,7 +61,8 @@ class ViewRequest:
 def view(request: ViewRequest, unverified: bool, force: bool, as_json: bool) -> None:
     """Animate the plan in DIR in 3-D and real time.
 
-    Without --html and --stills, the page is served on loopback (127.0.0.1) only, until Ctrl-C. It needs no network.
+    Without --html and --stills, the page is served on loopback (127.0.0.1) only, until Ctrl-C. It
+    needs no network.
 
     Example: pulsepath view out/circle --html circle.html
     """
