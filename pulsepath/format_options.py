@@ -84,7 +84,9 @@ class Formats:
         values = {key: value for key, value in given.items() if value is not None}
         for key in values.keys() - fields.keys():
             offered = ", ".join(map(find_flag, fields)) or "none"
-            raise MotionError(f"format {name} has no option {find_flag(key)}; its options: {offered}")
+            raise MotionError(
+                f"format {name} has no option {find_flag(key)}; its options: {offered}",
+            )
         for key, value in values.items():
             field, kind = fields[key]
             facts = field.metadata
@@ -92,7 +94,9 @@ class Formats:
                 values[key] = read_quantity(find_flag(key), value, facts["unit"], facts["like"])
             choices = get_args(kind) if get_origin(kind) is Literal else ()
             if choices and value not in choices:
-                raise MotionError(f'format {name}, option {find_flag(key)}: "{value}" is none of {", ".join(choices)}')
+                words = ", ".join(choices)
+                flag = find_flag(key)
+                raise MotionError(f'format {name}, option {flag}: "{value}" is none of {words}')
         return values
 
     def _added(self) -> Iterator[tuple[str, type[Any]]]:
@@ -141,7 +145,10 @@ def find_origin(program: str, given: Mapping[str, Any], fit: float | None) -> "O
 
 def list_options(name: str, kind: type[Any]) -> list[Option]:
     """List the options of a format from the fields of its dataclass."""
-    return [(field.name, _find_type(field, hint), name, field.metadata["help"]) for field, hint in _fields(kind)]
+    rows = []
+    for field, hint in _fields(kind):
+        rows.append((field.name, _find_type(field, hint), name, field.metadata["help"]))
+    return rows
 
 
 def _fields(kind: type[Any]) -> list[tuple[Field[Any], Any]]:

@@ -211,7 +211,7 @@ def _read_native(program: str, machine: str | None, ready: Callable[[], object])
 
 
 def read_rig(name_or_path: str | None, machine: "Machine") -> "Rig | None":
-    """Return the rig of a name or of a file for a machine. Raises MotionError if it does not fit."""
+    """Return the rig of a name or file for a machine. Raises MotionError if it does not fit."""
     from controllers.rig_choice import choose_rig
 
     return None if name_or_path is None else choose_rig(machine, name_or_path)
@@ -249,6 +249,8 @@ def _find_machine_name(machine: str | None, program: str) -> str:
     """Return the name or path of the machine that a program names."""
     if machine is None:
         name = Path(program).stem
-        raise MotionError(f'program {name} names no machine; give --machine, or write machine = "…" in it')
+        raise MotionError(
+            f'program {name} names no machine; give --machine, or write machine = "…" in it',
+        )
     is_path = find("kinematics", "machine", machine) == Path(machine)
     return str(Path(program).parent / machine) if is_path else machine

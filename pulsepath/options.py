@@ -30,7 +30,10 @@ MULTIPLES = {"": 1, "Hz": 1, "kHz": 10**3, "MHz": 10**6, "GHz": 10**9}
 MAX_PORT = 65535
 # Settings of a command whose arguments may begin with a minus, as the pose "-5,5,35".
 ALLOW_MINUS = {"ignore_unknown_options": True}
-program_argument = click.argument("program", shell_complete=make_completer(known_names.programs, files=True))
+program_argument = click.argument(
+    "program",
+    shell_complete=make_completer(known_names.programs, files=True),
+)
 dump_option = click.option(
     "--dump-config",
     "dumped",
@@ -166,5 +169,7 @@ def read_speed_share(text: str) -> float:
 
     share = read_percent("--speed", text)
     if share > 1:
-        raise BadValue(f'option --speed: "{text}": write up to "100 %", which is the plan\'s own speed')
+        raise BadValue(
+            f'option --speed: "{text}": write up to "100 %", which is the plan\'s own speed',
+        )
     return share

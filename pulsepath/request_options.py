@@ -106,7 +106,9 @@ def _find_type(kind: Any, facts: Option) -> click.ParamType[Any]:
         least, most = (int(bound) if isfinite(bound) else None for bound in bounds)
         return click.INT if least is most is None else click.IntRange(least, most)
     if _takes(kind, float):
-        return click.FloatRange(facts.above, min_open=True) if isfinite(facts.above) else click.FLOAT
+        if isfinite(facts.above):
+            return click.FloatRange(facts.above, min_open=True)
+        return click.FLOAT
     return click.STRING
 
 
@@ -149,7 +151,14 @@ def _read(name: str, value: Any, facts: Option) -> Any:
     if facts.unit == "%":
         return read_percent(flag, value)
     if facts.unit and isinstance(value, str):
-        return read_quantity(flag, value, facts.unit, facts.like, above=facts.above, least=facts.least)
+        return read_quantity(
+            flag,
+            value,
+            facts.unit,
+            facts.like,
+            above=facts.above,
+            least=facts.least,
+        )
     return value
 
 

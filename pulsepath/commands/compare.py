@@ -112,7 +112,11 @@ class CompareRequest:
 @click.command()
 @click.argument("rig", required=False, shell_complete=make_completer(known_names.rigs, files=True))
 @with_request(CompareRequest)
-@click.option("--force", is_flag=True, help="Replace an earlier comparison in DIR; saved runs are kept.")
+@click.option(
+    "--force",
+    is_flag=True,
+    help="Replace an earlier comparison in DIR; saved runs are kept.",
+)
 @json_option
 def compare(request: CompareRequest, force: bool, as_json: bool) -> None:
     """Compare tracking laws and their gains on RIG.
@@ -139,7 +143,7 @@ def compare(request: CompareRequest, force: bool, as_json: bool) -> None:
     if request.saved and request.runs_anything:
         raise MotionError(
             "compare: with --from nothing is run, so give no RIG, --law, --task, --seeds or "
-            "--address; to run RIG and compare it with saved runs, give --against DIR"
+            "--address; to run RIG and compare it with saved runs, give --against DIR",
         )
     # Wrong conditions are reported before anything that --force would remove.
     conditions: Sequence[Condition] = []
@@ -179,7 +183,7 @@ def compare(request: CompareRequest, force: bool, as_json: bool) -> None:
         note(
             f"--fail-if judges the best setting of all, which is of "
             f"{runs[verdict.best.source].name}; to guard every setting of other runs give them "
-            "alone by --from, and --against DIR"
+            "alone by --from, and --against DIR",
         )
     failed = _list_failures(conditions, comparison, verdict, changes)
     _print(request, verdict, changes, failed, as_json)
@@ -255,7 +259,9 @@ def _run(
     from kinematics.foundation.errors import MotionError
 
     if old is not None and request.rig is None and old.record["rig"] != DEFAULT_RIG:
-        raise MotionError(f"compare: the runs in {request.against} are of rig {old.record['rig']}: give the RIG to run")
+        raise MotionError(
+            f"compare: the runs in {request.against} are of rig {old.record['rig']}: give the RIG to run",
+        )
     rig = load_rig(request.rig or DEFAULT_RIG)
     grid = _choose_runs(rig, request, old)
     facts = described(grid, rig)
@@ -282,7 +288,9 @@ def _choose_runs(rig: "Rig", request: CompareRequest, old: "SavedRuns | None") -
     baseline = request.baseline
     if baseline is not None and read_setting(baseline) not in settings:
         names = ", ".join(setting.text for setting in settings)
-        raise MotionError(f"compare: the baseline {baseline} is not among the settings to run: {names}")
+        raise MotionError(
+            f"compare: the baseline {baseline} is not among the settings to run: {names}",
+        )
     tasks = request.tasks
     known = tuple(task.name for task in rig.tasks)
     if old is not None and not tasks:

@@ -1,4 +1,4 @@
-"""`pulsepath console`: drive a machine on the virtual motion card by operator and remote commands."""
+"""`pulsepath console`: drive the virtual motion card by operator and remote commands."""
 
 import os
 import sys
@@ -18,6 +18,7 @@ from pulsepath.progress import say
 from pulsepath.request_options import with_request
 
 if TYPE_CHECKING:
+    from controllers.console import Dispatcher
     from controllers.console.serve import Server
 
 STOPPING_PATIENCE = 50.0
@@ -163,7 +164,9 @@ def console(request: ConsoleRequest) -> None:
                 supervisor.tell(patience=STOPPING_PATIENCE)
                 server.say("STOP")
                 server.finish()
-                tell(f"interrupted: {server.desk.session.describe(server.clock.now)}, {keeper.describe}")
+                tell(
+                    f"interrupted: {server.desk.session.describe(server.clock.now)}, {keeper.describe}",
+                )
                 click.get_current_context().exit(end.code)
         if server.unwritten is not None:
             raise OSError(server.unwritten.errno, server.unwritten.strerror, "standard output")
@@ -176,9 +179,12 @@ def _run_script(server: "Server", remote: bool) -> None:
 
     With a remote line in mode REM, serve until interrupted.
     """
-    server.serve_until(
-        lambda desk: not server.script_left and server.is_idle and not (remote and desk.session.mode == "REM")
-    )
+
+    def is_done(desk: "Dispatcher") -> bool:
+        awaits_remote = remote and desk.session.mode == "REM"
+        return not server.script_left and server.is_idle and not awaits_remote
+
+    server.serve_until(is_done)
 
 
 def _tell(text: str) -> None:

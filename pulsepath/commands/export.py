@@ -102,6 +102,8 @@ def _name_file(directory: Path, name: str, suffix: str) -> str:
     "circle.zaber.csv"."""
     from pulsepath.output.directory import RECORD
 
-    program = str(json.loads((directory / RECORD).read_bytes()).get("program") or directory.resolve().name)
+    program = str(
+        json.loads((directory / RECORD).read_bytes()).get("program") or directory.resolve().name,
+    )
     stem = re.sub(r"[^\w.-]+", "_", program).strip("._") or "plan"
     return f"{stem}{suffix}" if suffix == f".{name}" else f"{stem}.{name}{suffix}"

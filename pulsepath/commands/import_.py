@@ -97,7 +97,7 @@ def import_(request: ImportRequest, force: bool, as_json: bool, **given: Any) ->
     if count > MOST_SEGMENTS:
         raise MotionError(
             f"{file}: {segments}; a TOML program has at most {MOST_SEGMENTS}: plan the file as it "
-            f"is (pulsepath plan {file.name}), or split it"
+            f"is (pulsepath plan {file.name}), or split it",
         )
     with step(f"writing {out} and {image}"), stage_files(destinations) as (written, drawn):
         from planner.sources.figures import program_path

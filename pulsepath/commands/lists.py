@@ -43,7 +43,11 @@ def machines(as_json: bool) -> None:
             known.append(load_machine(name))
         except NotInstalled as reason:  # the other machines are listed nevertheless
             say(f"note: {name} is left out: {reason}", err=True)
-    print_result([record.of_machine(machine) for machine in known], tables.of_machines(known), as_json)
+    print_result(
+        [record.of_machine(machine) for machine in known],
+        tables.of_machines(known),
+        as_json,
+    )
 
 
 @click.command()

@@ -1,4 +1,4 @@
-"""`pulsepath pose`: axes and joints of a machine at a pose, or the pose at given axis coordinates."""
+"""`pulsepath pose`: axes and joints of a machine at a pose, or the pose of axis coordinates."""
 
 import re
 from collections.abc import Sequence
@@ -127,7 +127,7 @@ def _read_turn(text: str) -> list[float]:
         if abs(angle) > WHOLE_TURN:
             raise MotionError(
                 f"--turn: {name} of {degrees(angle):.6g}° is more than a whole turn, which a pose "
-                "does not tell from none; give the rest of it, or the axes by --travel"
+                "does not tell from none; give the rest of it, or the axes by --travel",
             )
     return angles
 
@@ -197,7 +197,7 @@ def _split(what: str, text: str, names: Sequence[str]) -> list[str]:
     if len(parts) != len(names):
         raise MotionError(
             f"{what} {describe_value(text)}: {count_noun(len(parts), 'entry')}; write "
-            f"{len(names)}, with commas between: {', '.join(names)}"
+            f"{len(names)}, with commas between: {', '.join(names)}",
         )
     return parts
 

@@ -63,7 +63,11 @@ class ListFile:
         from pulsepath.output import record, tables
 
         name = self.name
-        print_result(record.of_positions(positions, name), tables.of_positions(positions, name), self.as_json)
+        print_result(
+            record.of_positions(positions, name),
+            tables.of_positions(positions, name),
+            self.as_json,
+        )
 
 
 class ListCommands(Commands):
@@ -268,7 +272,9 @@ def save(file: ListFile, request: SaveRequest) -> None:
     part = file.read().part(request.first, request.last)
     if target.suffix.lower() != ".txt":
         if request.machine is not None:
-            raise MotionError(f"{target}: --machine is for TXT files; a CSV file is for any machine")
+            raise MotionError(
+                f"{target}: --machine is for TXT files; a CSV file is for any machine",
+            )
         to.write(part)
         return
     from kinematics import load_machine

@@ -1,4 +1,4 @@
-"""`pulsepath studio`: the reports below a folder in a browser, shown again when they are written again."""
+"""`pulsepath studio`: the reports below a folder in a browser, which reload when rewritten."""
 
 import shlex
 from collections.abc import Sequence
@@ -80,7 +80,9 @@ def studio(request: StudioRequest, as_json: bool) -> None:
             read(request.program)  # reports why not
         replanner = Replanner(request.program, request.machine, arguments, folder)
     elif not folder.is_dir():
-        raise MotionError(f"{folder}: there is no such folder; give that of a plan, or one above several")
+        raise MotionError(
+            f"{folder}: there is no such folder; give that of a plan, or one above several",
+        )
     with replanner or nullcontext():
         answer = Studio(folder, replanner).answer
         about = {"folder": str(folder)}

@@ -37,17 +37,19 @@ def write(folder: Path, calibration: Calibration, sources: dict[str, bytes]) -> 
 
 
 def record(calibration: Calibration, sources: dict[str, bytes]) -> Record:
-    """Return a calibration as plain data, in SI units: RMS per component, null if it was not measured."""
+    """Return a calibration as plain data, in SI units. null: not measured"""
     data = calibration.measurements
     stages = {
         "before": calibration.before,
         "after": calibration.after,
         "left_out": calibration.left_out,
     }
-    rms = {}
+    rms: dict[str, Record] = {}
     for group in GROUPS:
         if isfinite(calibration.rms(calibration.before, group)):
-            rms[group] = {name: finite_or_none(calibration.rms(errors, group)) for name, errors in stages.items()}
+            rms[group] = {}
+            for name, errors in stages.items():
+                rms[group][name] = finite_or_none(calibration.rms(errors, group))
     errors_of_poses = []
     for k, (label, fit) in enumerate(zip(data.labels, data.fit, strict=True)):
         errors_of_pose = {name: _group_errors(errors[k]) for name, errors in stages.items()}
@@ -95,7 +97,7 @@ def record(calibration: Calibration, sources: dict[str, bytes]) -> Record:
 
 
 def _record_observability(calibration: Calibration) -> Record:
-    """Return the combinations of parameters that the measurements determine least, or not at all."""
+    """Return which combinations of parameters the measurements determine least, or not at all."""
     observed = calibration.observability
     names = calibration.names
     return {

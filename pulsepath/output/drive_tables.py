@@ -1,4 +1,4 @@
-"""Times on the lines STEP and DIR against the needs of the drives, from the record of a plan's pulses."""
+"""Times on the lines STEP and DIR against the needs of drives, from the record of pulses."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -23,25 +23,30 @@ class Margin(NamedTuple):
 
 
 def tabulate_drives(pulses: Mapping[str, Any]) -> list[Table]:
-    """Return tables of the shortest times and highest rates of each axis, and of its drive's needs."""
+    """Return the table of the shortest times and highest rates of axes, and of their drives' needs."""
     timed = {name: axis for name, axis in pulses["axes"].items() if axis.get("lines_s")}
     if not timed:
         return []
     columns = [Column("axis", [*timed])]
     for key, title in TIMES.items():
-        cells = [_pair(axis["lines_s"][key], (axis["drive_needs_s"] or {}).get(key), 1e6) for axis in timed.values()]
+        cells = []
+        for axis in timed.values():
+            needs = axis["drive_needs_s"] or {}
+            cells.append(_pair(axis["lines_s"][key], needs.get(key), 1e6))
         columns.append(Column(f"{title} (µs)", cells, right=True))
     rates = [_pair(axis["highest_rate_hz"], _find_rate(axis), 1e-3) for axis in timed.values()]
     columns.append(Column(f"{RATE} (kHz)", rates, right=True))
     notes = ["DIR changes when STEP falls, and is right for the first pulse from time 0 on"]
     if not any(axis["drive_needs_s"] for axis in timed.values()):
-        notes.append('the machine states no timing of its drives: timing = "DRV8825" in [axes] has it checked')
+        notes.append(
+            'the machine states no timing of its drives: timing = "DRV8825" in [axes] has it checked',
+        )
     title = "lines of STEP and DIR: the least time kept, and behind / what the drive needs"
     return [Table(title, tuple(columns), tuple(notes))]
 
 
 def add_close_drives(tables: Sequence[Table], pulses: Mapping[str, Any]) -> list[Table]:
-    """Add a line to the first screen about the drive that is closest to its needs, if one is close."""
+    """Add the drive that is closest to its needs to the first screen, if it is close."""
     margins = [each for each in _list_margins(pulses) if each.key not in CHOSEN]
     closest = min(margins, default=None)
     if closest is None or closest.ratio >= CLOSE:
@@ -56,7 +61,7 @@ def add_close_drives(tables: Sequence[Table], pulses: Mapping[str, Any]) -> list
 
 
 def find_drive_margin(pulses: Mapping[str, Any]) -> float | None:
-    """Return the smallest ratio of a line's time to the drive's need. None: no drive states its needs.
+    """Return the smallest ratio of a line's time to the drive's need. None: no drive states any.
 
     Rates count too: the largest that an axis allows over its highest.
     """
@@ -72,7 +77,8 @@ def _list_margins(pulses: Mapping[str, Any]) -> Iterator[Margin]:
             time = lines.get(key)
             needed = needs.get(key)
             if time is not None and needed:
-                message = f"{title} of {name} {1e6 * time:.4g} us, its drive needs {1e6 * needed:.4g}"
+                measured = f"{title} of {name} {1e6 * time:.4g} us"
+                message = f"{measured}, its drive needs {1e6 * needed:.4g}"
                 yield Margin(time / needed, message, key)
         rate = axis["highest_rate_hz"] if needs else None
         most = needs.get("max_rate")

@@ -39,10 +39,16 @@ def dump(
         machine = inputs.machine_toml
     else:
         machine = machine_toml(
-            inputs.machine, f"The machine {inputs.machine.name}, as {purpose}.", complete=True
+            inputs.machine,
+            f"The machine {inputs.machine.name}, as {purpose}.",
+            complete=True,
         ).encode()
     program_here = replace(inputs.program, machine=MACHINE_FILE)
-    program = program_toml(program_here, f"The program {inputs.program.name}, as {purpose}.", complete=True).encode()
+    program = program_toml(
+        program_here,
+        f"The program {inputs.program.name}, as {purpose}.",
+        complete=True,
+    ).encode()
     files = {MACHINE_FILE: machine, PROGRAM_FILE: program, **inputs.companions}
     if folder == STDOUT:
         _print(files, options, as_json)
@@ -73,4 +79,6 @@ def _print(files: Mapping[str, bytes], options: Mapping[str, int | str], as_json
 
 
 def _text(options: Mapping[str, int | str]) -> str:
-    return "\n".join(["[options]", *(f"{name} = {format_toml(value)}" for name, value in options.items())])
+    return "\n".join(
+        ["[options]", *(f"{name} = {format_toml(value)}" for name, value in options.items())],
+    )

@@ -1,4 +1,4 @@
-"""The file that keeps the console's registers between sessions, written before and after every motion."""
+"""The file of the console's registers, written before and after every motion."""
 
 import json
 import os
@@ -66,12 +66,16 @@ def lock_file(path: Path) -> Iterator[None]:
         opened = path.with_name(f"{path.name}.lock").open("w")
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
-        raise MotionError(f"{path}: position registers cannot be kept there: {reason}; {GIVE_STATE}") from None
+        raise MotionError(
+            f"{path}: position registers cannot be kept there: {reason}; {GIVE_STATE}",
+        ) from None
     with opened as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            raise MotionError(f"{path} is in use by another console; end it, or give another --state") from None
+            raise MotionError(
+                f"{path} is in use by another console; end it, or give another --state",
+            ) from None
         yield
 
 
@@ -97,7 +101,9 @@ class Keeper:
     @property
     def describe(self) -> str:
         """Text that says whether the file has the registers."""
-        return f"saved in {self._path}" if self.kept else f"not saved: {self._path} could not be written"
+        if self.kept:
+            return f"saved in {self._path}"
+        return f"not saved: {self._path} could not be written"
 
     def save(self, saved: SavedSession) -> None:
         """Write the registers. If that fails, remove the file, which would offer earlier ones."""

@@ -1,4 +1,4 @@
-"""The pages of `pulsepath studio`: the list of plans, their reports, and the state of replanning."""
+"""The pages of `pulsepath studio`: the list of plans, their reports, and replanning."""
 
 import subprocess
 import sys
@@ -25,7 +25,13 @@ END_TIME = 5.0
 class Replanner:
     """Plans a program in another process, again whenever its file or the machine's is saved."""
 
-    def __init__(self, program: Path, machine: str | None, options: Sequence[str], folder: Path) -> None:
+    def __init__(
+        self,
+        program: Path,
+        machine: str | None,
+        options: Sequence[str],
+        folder: Path,
+    ) -> None:
         """folder: where the folder of the plan is, which has the program's name"""
         self.state = ""
         self.refused = False
@@ -67,11 +73,7 @@ class Replanner:
     def _plan(self) -> None:
         self.state, self.refused = f"planning {self._program.name} …", False
         with subprocess.Popen(
-            self._command,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            encoding="utf-8",
-            errors="replace",
+            self._command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, encoding="utf-8", errors="replace"
         ) as process:
             while True:
                 try:
@@ -95,7 +97,7 @@ def _end(process: "subprocess.Popen[str]") -> None:
 
 
 def _list_machine(program: Path, machine: str | None) -> list[Path]:
-    """Return the machine's file: the given one, or the one that the program names. A preset has none."""
+    """Return the machine's file: given, or named by the program. A preset has none."""
     if machine is not None:
         return [Path(machine)]
     try:
@@ -199,7 +201,7 @@ SAME_SHARE = 1e-5
 
 
 def list_differences(first: Listed, second: Listed) -> list[tuple[str, str, str, str]]:
-    """Return rows of label, both values, and the difference, for each figure that either plan states."""
+    """Return a row of label, both values and the difference for each figure of either plan."""
     rows: list[tuple[str, str, str, str]] = []
     for label in dict.fromkeys((*first.facts, *second.facts)):
         left, right = (plan.facts.get(label, "–") for plan in (first, second))
