@@ -13,7 +13,7 @@ from pulsepath.known_names import make_completer
 
 # Tracking laws by default: open and closed loop.
 LAWS = ("3", "6")
-# Names in messages, and tables of `registries`, of what options name.
+# Word for a name in messages, and the table of `registries` that has the names.
 WORDS = {
     "laws": ("law", "laws"),
     "rule": ("firing rule", "rules"),
@@ -33,6 +33,11 @@ ALLOW_MINUS = {"ignore_unknown_options": True}
 program_argument = click.argument(
     "program",
     shell_complete=make_completer(known_names.programs, files=True),
+)
+plan_argument = click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
+machine_argument = click.argument(
+    "machine",
+    shell_complete=make_completer(known_names.machines, files=True),
 )
 dump_option = click.option(
     "--dump-config",

@@ -11,7 +11,7 @@ from planner.request import option
 from pulsepath import known_names
 from pulsepath.commands.common import print_json
 from pulsepath.known_names import make_completer
-from pulsepath.options import json_option, refuse_unknown
+from pulsepath.options import json_option, machine_argument, refuse_unknown
 from pulsepath.process.intent import writes
 from pulsepath.progress import say
 from pulsepath.request_options import with_request
@@ -41,7 +41,7 @@ class CalibrateRequest:
 
 
 @click.command()
-@click.argument("machine", shell_complete=make_completer(known_names.machines, files=True))
+@machine_argument
 @click.argument("measurements", shell_complete=make_completer(known_names.measurements, files=True))
 @with_request(CalibrateRequest)
 @click.option("--force", is_flag=True, help="Replace DIR if it holds an earlier calibration.")

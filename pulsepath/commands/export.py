@@ -11,7 +11,7 @@ import click
 from planner.request import option
 from pulsepath.command_group import FormatCommand
 from pulsepath.commands.common import print_json, read_plan_with_pulses
-from pulsepath.options import json_option, refuse_unknown, unverified_option
+from pulsepath.options import json_option, plan_argument, refuse_unknown, unverified_option
 from pulsepath.process.intent import writes
 from pulsepath.request_options import with_request
 
@@ -41,7 +41,7 @@ class ExportRequest:
 
 
 @click.command(cls=Export)
-@click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
+@plan_argument
 @with_request(ExportRequest)
 @unverified_option
 @click.option("--force", is_flag=True, help="Overwrite FILE.")

@@ -135,7 +135,7 @@ def rules(as_json: bool) -> None:
 def figures(as_json: bool) -> None:
     """List the figures of tracked runs, for "pulsepath compare --fail-if".
 
-    A figure of axes is the worst axis', and with an axis' name behind a dot that axis' own:
+    A figure of axes is that of the worst axis. Add a dot and a name for one axis:
     following_max.leg1.
 
     Example: pulsepath figures

@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING
 import click
 
 from planner.request import option
-from pulsepath import known_names
 from pulsepath.commands.common import print_result
-from pulsepath.known_names import make_completer
-from pulsepath.options import ALLOW_MINUS, json_option, refuse_unknown
+from pulsepath.options import ALLOW_MINUS, json_option, machine_argument, refuse_unknown
 from pulsepath.process.exits import INFEASIBLE
 from pulsepath.progress import say
 from pulsepath.request_options import find_flag, with_request
@@ -66,14 +64,14 @@ class PoseRequest:
         has_pose = self.pose is not None or self.turn is not None
         if len(given) > 1 or (given and has_pose):
             flags = " and ".join(flag for flag, _ in given)
-            beside = " beside a POSE" if len(given) == 1 else ""
+            with_pose = " beside a POSE" if len(given) == 1 else ""
             choices = ", ".join(texts)
-            raise MotionError(f"pose: {flags}{beside}: give a POSE, or one of {choices}")
+            raise MotionError(f"pose: {flags}{with_pose}: give a POSE, or one of {choices}")
         return given[0] if given else None
 
 
 @click.command(context_settings=ALLOW_MINUS)
-@click.argument("machine", shell_complete=make_completer(known_names.machines, files=True))
+@machine_argument
 @click.argument("pose", required=False)
 @with_request(PoseRequest)
 @json_option

@@ -59,11 +59,10 @@ FOLDER = click.Path(path_type=Path, file_okay=False)
 def studio(request: StudioRequest, as_json: bool) -> None:
     """Show the reports below DIR side by side.
 
-    DIR defaults to out. Opens a browser with the list of plans, comparisons and calibrations. Two
-    beside each other, with the differences between plans, have an address of their own:
-    /compare?left=NAME&right=NAME. A report reloads when it is rewritten. With --program, the
-    program is planned again whenever you save it. The pages are served on loopback (127.0.0.1)
-    only, until Ctrl-C.
+    DIR defaults to out. Opens a browser with the list of plans, comparisons and calibrations. The
+    address /compare?left=NAME&right=NAME shows two side by side, with the differences between
+    plans. A report reloads when it is rewritten. With --program, the program is planned again
+    whenever you save it. The pages are served on loopback (127.0.0.1) only, until Ctrl-C.
 
     Example: pulsepath studio out --program program.toml
     """

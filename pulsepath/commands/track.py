@@ -7,7 +7,7 @@ import click
 
 from planner.request import option
 from pulsepath.commands.common import say_doubts
-from pulsepath.options import LAWS, json_option, refuse_unknown, unverified_option
+from pulsepath.options import LAWS, json_option, plan_argument, refuse_unknown, unverified_option
 from pulsepath.process.intent import writes
 from pulsepath.progress import say
 from pulsepath.request_options import with_request
@@ -35,7 +35,7 @@ class TrackRequest:
 
 
 @click.command()
-@click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
+@plan_argument
 @with_request(TrackRequest)
 @unverified_option
 @click.option("--force", is_flag=True, help="Overwrite an earlier track.json.")

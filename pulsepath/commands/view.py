@@ -8,7 +8,7 @@ import click
 
 from planner.request import option
 from pulsepath.commands.common import print_json, read_plan_with_pulses, refuse_suffix, say_doubts
-from pulsepath.options import MAX_PORT, json_option, unverified_option
+from pulsepath.options import MAX_PORT, json_option, plan_argument, unverified_option
 from pulsepath.process.intent import writes
 from pulsepath.progress import say
 from pulsepath.request_options import with_request
@@ -53,7 +53,7 @@ class ViewRequest:
 
 
 @click.command()
-@click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
+@plan_argument
 @with_request(ViewRequest)
 @unverified_option
 @click.option("--force", is_flag=True, help="Replace FILE.")

@@ -15,7 +15,7 @@ RATE = "highest rate"
 
 
 class Margin(NamedTuple):
-    """What a plan leaves to an axis' drive: the ratio of a time to the need, or of rates."""
+    """Margin of an axis' drive: ratio of a time to the need, or of the largest rate to the highest."""
 
     ratio: float
     message: str

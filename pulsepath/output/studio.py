@@ -102,7 +102,7 @@ def _list_machine(program: Path, machine: str | None) -> list[Path]:
         return [Path(machine)]
     try:
         named = tomllib.loads(program.read_text(encoding="utf-8")).get("machine")
-    except (OSError, ValueError):  # being saved, or no TOML: planning reports what is wrong
+    except (OSError, ValueError):  # being saved, or no TOML, which planning reports
         return []
     return [program.parent / named] if isinstance(named, str) else []
 
