@@ -52,12 +52,6 @@ unverified_option = click.option(
     is_flag=True,
     help="Continue with a plan that was changed or is not proved; the output says so.",
 )
-machine_option = click.option(
-    "--machine",
-    metavar="MACHINE",
-    help="Preset or file. Default: the machine that the program names.",
-    shell_complete=make_completer(known_names.machines, files=True),
-)
 
 
 def refuse_unknown(

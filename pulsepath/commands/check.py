@@ -10,7 +10,6 @@ from pulsepath.commands.common import print_json
 from pulsepath.options import (
     dump_option,
     json_option,
-    machine_option,
     program_argument,
     refuse_unknown,
 )
@@ -22,7 +21,6 @@ from pulsepath.requests import InputRequest
 
 @click.command(cls=ProgramCommand)
 @program_argument
-@machine_option
 @with_request(InputRequest)
 @dump_option
 @click.option("--force", is_flag=True, help="Overwrite the files of --dump-config.")

@@ -11,6 +11,7 @@ import click
 from planner.request import option
 from pulsepath.options import MAX_PORT, json_option
 from pulsepath.request_options import with_request
+from pulsepath.requests import MACHINE_HELP
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,7 +26,7 @@ class StudioRequest:
     )
     machine: str | None = option(
         None,
-        "Preset or file. Default: the machine that the program names.",
+        MACHINE_HELP,
         metavar="MACHINE",
         names="machines",
         files=True,
