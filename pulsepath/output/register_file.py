@@ -90,18 +90,20 @@ class Keeper:
 
     The error and its end are reported once each.
 
-    kept  True if the file has the latest registers
+    is_saved  True if the file has the latest registers
     """
 
-    __slots__ = ("_path", "_tell", "kept")
+    __slots__ = ("_path", "_tell", "is_saved")
 
     def __init__(self, path: Path, tell: Callable[[str], None]) -> None:
-        self._path, self._tell, self.kept = path, tell, True
+        self._path = path
+        self._tell = tell
+        self.is_saved = True
 
     @property
     def describe(self) -> str:
         """Text that says whether the file has the registers."""
-        if self.kept:
+        if self.is_saved:
             return f"saved in {self._path}"
         return f"not saved: {self._path} could not be written"
 
@@ -115,13 +117,13 @@ class Keeper:
                 left = "home the axes next time"
             except OSError:
                 left = "it holds old positions: do not ACCEPT them next time"
-            if self.kept:
+            if self.is_saved:
                 self._tell(f"registers are no longer saved: {self._path}: {error.strerror}; {left}")
-            self.kept = False
+            self.is_saved = False
         else:
-            if not self.kept:
+            if not self.is_saved:
                 self._tell(f"registers are saved again in {self._path}")
-            self.kept = True
+            self.is_saved = True
 
 
 def read(path: Path) -> SavedSession | None:
