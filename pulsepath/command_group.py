@@ -14,10 +14,9 @@ from typing import Any, ClassVar, Literal, NoReturn
 import click
 
 from pulsepath import progress
-from pulsepath.process import supervisor
-from pulsepath.process.ending import EndSignal, raise_on_signal
-from pulsepath.process.exits import BAD_INPUT, INTERRUPTED, JSON, TRACEBACK, describe_error
-from pulsepath.process.intent import describe_interruption
+from pulsepath.process import intent
+from pulsepath.process.ending import EndSignal, raise_on_signal, set_exit_code
+from pulsepath.process.exits import BAD_INPUT, INTERRUPTED, JSON, TRACEBACK, describe_error, error_json
 from pulsepath.progress import say
 
 OTHERS_TITLE, OTHER_FORMAT = "Others", "pulsepath.other_format"
@@ -64,10 +63,10 @@ class Commands(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         if ctx.parent is not None:  # of a group within the group
             return super().invoke(ctx)
-        _reopen_closed_streams()
+        intent.writes()  # nothing yet
         _replace_unprintable()
         try:
-            with raise_on_signal(last=True):
+            with raise_on_signal():
                 result = super().invoke(ctx)
                 sys.stdout.flush()
                 return result
@@ -78,10 +77,10 @@ class Commands(click.Group):
             error.show(shown)
             _report(ctx, error, error.exit_code, shown.getvalue().rstrip("\n"))
         except KeyboardInterrupt as end:
-            supervisor.tell(said=True)
-            _say_error(describe_interruption(ctx))
             code = end.code if isinstance(end, EndSignal) else INTERRUPTED
-            supervisor.leave(code)
+            message = intent.describe_interruption()
+            set_exit_code(code)
+            _say_error(message)
             ctx.exit(code)
         except Exception as error:  # every kind of failure ends here
             _end_with_error(ctx, error)
@@ -104,8 +103,6 @@ def _report(ctx: click.Context, error: Exception, code: int, message: str) -> No
     """Print an error on stderr, where JSON is asked for on stdout too, and exit."""
     unwritten = None
     if ctx.meta[JSON]:
-        from pulsepath.process.error_record import error_json
-
         try:
             click.echo(error_json(error, code), nl=False)
         except BrokenPipeError:
@@ -150,13 +147,6 @@ def _drop_unwritable() -> None:
             stream.flush()
         except OSError:
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-
-
-def _reopen_closed_streams() -> None:
-    """Streams that a shell closed, as by >&-, lead to /dev/null: so no file that is opened is taken for one."""
-    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
-        if getattr(sys, name) is None:
-            setattr(sys, name, Path(os.devnull).open(mode, encoding="utf-8"))  # noqa: SIM115  # to the end
 
 
 def _replace_unprintable() -> None:

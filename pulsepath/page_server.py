@@ -14,8 +14,7 @@ import click
 
 from kinematics.foundation.errors import MotionError
 from pulsepath import progress
-from pulsepath.process import supervisor
-from pulsepath.process.ending import EndSignal, raise_on_signal
+from pulsepath.process.ending import EndSignal, set_exit_code
 from pulsepath.process.exits import INTERRUPTED
 
 LOOPBACK = "127.0.0.1"
@@ -53,21 +52,20 @@ def serve_until_interrupted(find: FindPage, port: int, record: dict[str, Any], n
     """
     import webbrowser
 
-    with raise_on_signal():
-        try:
-            with serve_pages(find, port) as address:
-                click.echo(progress.as_json(record | {"address": address}) if as_json else address, nl=not as_json)
-                sys.stdout.flush()
-                progress.note("press Ctrl-C to stop")
-                if not no_browser:
-                    webbrowser.open(address)
-                while True:
-                    time.sleep(3600)
-        except EndSignal as end:
-            progress.note("stopped")
-            code = 0 if end.code == INTERRUPTED else end.code
-            supervisor.tell(said=True, code=code)
-            click.get_current_context().exit(code)
+    try:
+        with serve_pages(find, port) as address:
+            click.echo(progress.as_json(record | {"address": address}) if as_json else address, nl=not as_json)
+            sys.stdout.flush()
+            progress.note("press Ctrl-C to stop")
+            if not no_browser:
+                webbrowser.open(address)
+            while True:
+                time.sleep(3600)
+    except EndSignal as end:
+        code = 0 if end.code == INTERRUPTED else end.code
+        set_exit_code(code)
+        progress.note("stopped")
+        click.get_current_context().exit(code)
 
 
 @contextmanager

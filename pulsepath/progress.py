@@ -13,8 +13,6 @@ from typing import IO, Any
 
 import click
 
-from pulsepath.process.load_alone import load_alone
-
 FIRST_PERIOD, REPORT_PERIOD = 2.0, 10.0
 """s between two lines of a long step, where they are not drawn over each other: at first, and at most."""
 REDRAW_PERIOD, BAR_WIDTH = 0.1, 20
@@ -126,16 +124,18 @@ def say(text: object, *, err: bool = False) -> None:
 
 def escape_text(text: str) -> str:
     """Return a text with all escaped that a terminal would obey."""
-    escaped: str = load_alone("plain_text").plain(text)
-    return escaped
+    from kinematics.files.plain_text import plain
+
+    return plain(text)
 
 
 def as_json(record: object) -> str:
     """JSON text, indented, with all escaped that a terminal would obey; refuses numbers that JSON does not have."""
     import json
 
-    text: str = load_alone("plain_text").plain_json(json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False))
-    return text + "\n"
+    from kinematics.files.plain_text import plain_json
+
+    return plain_json(json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False)) + "\n"
 
 
 def note(text: str) -> None:
