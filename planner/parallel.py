@@ -6,7 +6,7 @@ open are solved here:
 
 - Tasks and results go through files: the reader of a pipe waits for ever if its writer is killed
   in the middle of a long message.
-- The processes ignore Ctrl-C, which a terminal sends to a whole group, even before Python starts.
+- The processes ignore Ctrl-C and hang-ups, which a terminal sends to a whole group, even before Python starts.
 - They end with the process that started them.
 """
 
@@ -233,7 +233,8 @@ def open_pool(work: bytes, processes: int, modules: Sequence[str] = ()) -> Itera
     with ExitStack() as stack:
         temporary = TemporaryDirectory(prefix=f"pulsepath-{os.getpid()}-", ignore_cleanup_errors=True)
         folder = Path(stack.enter_context(temporary))
-        tracker.register(str(folder), "folder")  # removes it even if this process is killed
+        with hold_interrupts():
+            tracker.register(str(folder), "folder")  # removes it even if this process is killed
         stack.callback(tracker.unregister, str(folder), "folder")
         (folder / _WORK).write_bytes(work)
         ends = multiprocessing.Pipe(duplex=False)
@@ -254,13 +255,14 @@ def open_pool(work: bytes, processes: int, modules: Sequence[str] = ()) -> Itera
 
 @contextmanager
 def hold_interrupts() -> Iterator[None]:
-    """Block Ctrl-C until the block ends: processes that start meanwhile inherit the mask."""
+    """Block Ctrl-C and hang-ups until the block ends: processes that start meanwhile inherit the mask."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    resource_tracker.ensure_running()  # if it started with them, it would unblock Ctrl-C
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
     try:
+        resource_tracker.ensure_running()  # if it started with them, it would unblock Ctrl-C
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -209,6 +209,14 @@ def test_the_processes_of_its_pool_end_too(tmp_path, work):
     assert duration < 2.5  # one of the pool ends when the first process has
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
+def test_a_terminal_sends_it_to_all_processes(tmp_path, number):
+    process = start(tmp_path, "time.sleep(100)", POOL, start_new_session=True)
+    os.killpg(process.pid, number)
+    said, _ = end(process)
+    assert (process.returncode, said) == (128 + number, NOTHING_WRITTEN)
+
+
 def test_a_killed_process_leaves_no_process(tmp_path):
     process = start(tmp_path, "time.sleep(100)", POOL)
     _, duration = end(process, signal.SIGKILL)
