@@ -5,7 +5,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-# Inode and time of the last change (ns). None: the file does not exist.
+# Inode, and time of the last change (ns). None: the file does not exist.
 Stamp = tuple[int, int] | None
 
 
