@@ -28,7 +28,7 @@ OTHER_FORMAT = "pulsepath.other_format"
 class Commands(click.Group):
     """Commands with -q and -v, whose errors become exit codes. Usage errors of click exit with 2.
 
-    sections: commands by the title under which they are listed; those that are added later come last
+    sections: the commands under each title of the list; commands that are added later come last
     """
 
     def __init__(
@@ -149,7 +149,7 @@ def _is_of_output(error: OSError) -> bool:
 
 
 def _flush_streams() -> None:
-    """Write what is buffered, or drop it if there is no reader, so that the interpreter can end without an error."""
+    """Write buffered output, or drop it if there is no reader: the interpreter can then end without an error."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
@@ -182,9 +182,9 @@ class ProgramCommand(click.Command):
         return super().parse_args(ctx, args)
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
-        own = super().get_params(ctx)
+        params = super().get_params(ctx)
         if ctx.resilient_parsing or not ctx.meta.get(OTHER_FORMAT):
-            return own
+            return params
         from pulsepath.format_options import IMPORTS
 
         options = [option for option in IMPORTS.options() if option.name not in OWN]
@@ -192,12 +192,12 @@ class ProgramCommand(click.Command):
             if option.name in CLASHES:
                 option.name = CLASHES[option.name]
                 option.opts = ["--" + option.name.replace("_", "-")]
-        return _insert_options(own, options)
+        return _insert_options(params, options)
 
     def invoke(self, ctx: click.Context) -> Any:
-        own = {parameter.name for parameter in self.params}
+        stated = {parameter.name for parameter in self.params}
         names = {new: old for old, new in CLASHES.items()}
-        given = {name: ctx.params.pop(name) for name in [*ctx.params] if name not in own}
+        given = {name: ctx.params.pop(name) for name in [*ctx.params] if name not in stated}
         ctx.params["given"] = {names.get(name, name): value for name, value in given.items()}
         return super().invoke(ctx)
 
@@ -215,10 +215,10 @@ class FormatCommand(click.Command):
     formats: ClassVar[Literal["EXPORTS", "IMPORTS", "STOPS"]]
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
-        own = super().get_params(ctx)
+        params = super().get_params(ctx)
         if ctx.resilient_parsing:  # a shell completes, and must not wait for all formats to load
-            return own
-        return _insert_options(own, self._load_formats().options())
+            return params
+        return _insert_options(params, self._load_formats().options())
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         formatter.write_paragraph()
@@ -231,6 +231,6 @@ class FormatCommand(click.Command):
         return formats
 
 
-def _insert_options(own: list[click.Parameter], more: Sequence[click.Parameter]) -> list[click.Parameter]:
+def _insert_options(params: list[click.Parameter], more: Sequence[click.Parameter]) -> list[click.Parameter]:
     """Return the options of a command with more of them. --help stays last."""
-    return [*own[:-1], *more, own[-1]]
+    return [*params[:-1], *more, params[-1]]

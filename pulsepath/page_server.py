@@ -18,25 +18,23 @@ from pulsepath.process.ending import EndSignal, set_exit_code
 from pulsepath.process.exits import INTERRUPTED
 
 LOOPBACK = "127.0.0.1"
+# s between two looks whether the server is to end.
 POLL_PERIOD = 0.1
-"""s between two looks whether it is to end."""
 PAGE, DATA = "text/html; charset=utf-8", "application/json"
 
+# Path of reports, which others may have written.
 REPORT_PATH = "/report"
-"""Path of reports, which others may have written."""
+# Content-Security-Policy of a report: its scripts run at an origin of their own, and reach no address.
+# Reports of pulsepath need no more (benchmarks.animation.animate.POLICY, which takes long to load).
 REPORT_POLICY = (
     "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval' blob: data:; "
     "style-src 'unsafe-inline'; img-src data: blob:; font-src data:; connect-src data: blob:; "
     "worker-src data: blob:; base-uri 'none'; form-action 'none'"
 )
-"""Content-Security-Policy of a report: its scripts run at an origin of their own, and reach no address.
-
-Reports of pulsepath need no more (benchmarks.animation.animate.POLICY, which takes long to load).
-"""
 
 Query = Mapping[str, Sequence[str]]
+# Function from the path and query of a request to the type and content of the answer; None: no such page.
 FindPage = Callable[[str, Query], tuple[str, bytes] | None]
-"""Function from the path and query of a request to the type and content of the answer; None: no such page."""
 
 
 def answer_page(page: str) -> FindPage:

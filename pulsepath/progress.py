@@ -262,8 +262,8 @@ def _find_widths(layout: Layout) -> tuple[list[int], list[int]]:
 def _share_room(least: Sequence[int], full: Sequence[int], room: int) -> list[int | None]:
     """Return the width of each column, between its least and its full one; None if the least ones do not fit.
 
-    The columns share the rest of the room evenly, those that need little first. rich alone would take from all columns
-    alike, and drop the last one if their least widths then do not fit.
+    The columns share the remaining room evenly, narrow ones first. rich alone would shrink all columns alike, and drop
+    the last one if they still do not fit.
     """
     spare = room - _join_widths(least)
     if spare < 0:

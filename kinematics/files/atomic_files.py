@@ -47,10 +47,10 @@ class HeldSignals:
 
 @contextmanager
 def defer_signals() -> Iterator[HeldSignals]:
-    """Within, a signal that a function of Python's handles is noted, and given to that function at the end.
+    """Delay signals that have a handler in Python to the end of the block.
 
-    What is ignored, or left to the system, stays so. Only the main thread is ever told of signals. `remove_staged` in
-    another thread waits for the end of the block.
+    Ignored signals, and those that the system handles, stay as they are. Python handles signals in the main thread
+    only. `remove_staged` in another thread waits for the end of the block.
     """
     kept: dict[int, Any] = {}
     waiting = HeldSignals()

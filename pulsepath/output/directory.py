@@ -81,7 +81,7 @@ def is_ours(directory: Path, kind: str = KIND) -> bool:
 
 
 def _read_record(directory: Path, name: str) -> Mapping[str, object]:
-    """Return the record in a directory; empty if there is none, or none that can be read."""
+    """Return the record in a directory, or an empty one if it cannot be read."""
     try:
         record = json.loads((directory / name).read_bytes())
     except (OSError, ValueError):
@@ -124,7 +124,7 @@ def read_instant(folder: Path, text: str) -> float:
 
 @contextmanager
 def _create_folders(folder: Path) -> Iterator[None]:
-    """Create a folder and those above it. After an error or an interruption those that are new go again."""
+    """Create a folder and those above it. An error or an interruption removes the new ones."""
     new = [each for each in (folder, *folder.parents) if not each.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -81,7 +81,7 @@ def raise_on_signal() -> Iterator[None]:
 
     ended = False
     try:
-        for number in (signal.Signals[name] for name in SIGNAL_NAMES if hasattr(signal, name)):
+        for number in _list_numbers():
             handler = signal.getsignal(number)
             if handler is not signal.SIG_IGN:
                 before[number] = handler
@@ -93,6 +93,11 @@ def raise_on_signal() -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, _ignore if ended else handler)
+
+
+def _list_numbers() -> list[int]:
+    """Return the numbers of the signals that end a command."""
+    return [getattr(signal, name) for name in SIGNAL_NAMES if hasattr(signal, name)]
 
 
 def _ignore(number: int, frame: FrameType | None) -> None:
@@ -177,8 +182,7 @@ def _read_signal(reading: int, timeout: float | None) -> int | None:
     """Return the number of a signal that ends a command; None: none came."""
     ready, _, _ = select.select([reading], [], [], timeout)
     numbers = os.read(reading, 1 << 16) if ready else b""
-    known = [getattr(signal, name, None) for name in SIGNAL_NAMES]
-    return next((number for number in numbers if number in known), None)
+    return next((number for number in numbers if number in _list_numbers()), None)
 
 
 def _force_end(number: int) -> NoReturn:
