@@ -23,6 +23,30 @@ class Place:
     axis: str = ""
     repetition: int | None = None
 
+    def record(self) -> dict[str, Any]:
+        """Return the place as plain data, with its repetition only if the program runs more than once."""
+        repetition = {} if self.repetition is None else {"repetition": self.repetition}
+        return {
+            "axis": self.axis or None,
+            "segment": self.segment,
+            **repetition,
+            "distance_m": self.s,
+            "time_s": self.t,
+        }
+
+    @staticmethod
+    def columns(places: "Sequence[Place]") -> tuple[Column, ...]:
+        """Return the columns of places: axis, segment, distance and time, as far as any is known."""
+        units = "m" if any(place.segment is not None for place in places) else ""
+        columns = (
+            Column("at", [place.axis or None for place in places]),
+            Column("segment", [place.segment for place in places]),
+            Column("repetition", [place.repetition for place in places]),
+            Column("s", [place.s for place in places], units, "human", ".3f" if units else ".6g"),
+            Column("t", [place.t for place in places], "s", form=".4f"),
+        )
+        return tuple(each for each in columns if any(value is not None for value in each.values))
+
     def __str__(self) -> str:
         parts = [self.axis] if self.axis else []
         if self.segment is None:
@@ -34,19 +58,6 @@ class Place:
         if self.t is not None:
             parts.append(f"t = {self.t:.6g} s")
         return ", ".join(parts)
-
-
-def where_columns(places: Sequence[Place]) -> tuple[Column, ...]:
-    """Return the columns of places: axis, segment, distance and time, as far as any is known."""
-    units = "m" if any(place.segment is not None for place in places) else ""
-    columns = (
-        Column("at", [place.axis or None for place in places]),
-        Column("segment", [place.segment for place in places]),
-        Column("repetition", [place.repetition for place in places]),
-        Column("s", [place.s for place in places], units, "human", ".3f" if units else ".6g"),
-        Column("t", [place.t for place in places], "s", form=".4f"),
-    )
-    return tuple(column for column in columns if any(value is not None for value in column.values))
 
 
 class Infeasible(MotionError):

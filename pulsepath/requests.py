@@ -140,6 +140,12 @@ class ReportRequest:
     )
 
     @property
+    def examines_motion(self) -> bool:
+        """Whether a result is requested that takes the whole motion of a plan in parts into memory."""
+        given = (self.rig, self.stops, self.worth or None)
+        return self.cross_check or self.bound == "full" or any(each is not None for each in given)
+
+    @property
     def bound_effort(self) -> str:
         """Effort on the lower bound: "auto", "full" or "none"."""
         if self.bound is not None:

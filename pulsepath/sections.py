@@ -51,7 +51,7 @@ def list_triggers(section: Section) -> list[dict[str, Any]]:
     return [
         {
             "name": event.name,
-            "where": record.place_record(event.where),
+            "where": event.where.record(),
             "counts": dict(zip(names, map(int, event.counts), strict=True)),
         }
         for event in section.triggers

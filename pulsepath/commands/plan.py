@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 # Modules that the second process loads, the latter to draw figures.
 WORK_MODULES = ("pulsepath.job",)
-FIGURE_MODULES = ("benchmarks.reports.plan_report", "controllers.figures", "planner.figures")
+FIGURE_MODULES = ("benchmarks.reports.plan_figures", "controllers.figures", "planner.figures")
 # Bytes above which a program almost certainly has more than MOST_WHOLE segments.
 LONG_FILE = 1 << 16
 # Bytes up to which baseline timings take less than starting a process, 1.7 s of processor time.
@@ -78,17 +78,17 @@ def plan(out: Path | None, dumped: Path | None, force: bool, as_json: bool, **op
         directory = replace_directory(out, force, before=before)
         if choose_parts(inputs, request, report):
             with open_helpers(report.cluster) as helpers, directory as folder:
-                standing, refusal = run_parts(inputs, request, report, folder, helpers)
-            tables.show_plan(out, as_json, standing.tables, lambda: tables.sum_up_parts(standing))
-            if refusal is not None:
-                raise refusal
-            return
-        _refuse_parts_options(report)
-        with directory as folder:
-            with inputs.tell_lines():
-                job = run(inputs.program, inputs.machine, request, report, other)
-            write_whole(folder, job, inputs, report.pulses)
-    tables.show_plan(out, as_json, lambda: tables.of_plan(job), lambda: tables.sum_up(job))
+                results, refusal = run_parts(inputs, request, report, folder, helpers)
+        else:
+            refusal = None
+            _refuse_parts_options(report)
+            with directory as folder:
+                with inputs.tell_lines():
+                    job = run(inputs.program, inputs.machine, request, report, other)
+                results = write_whole(folder, job, inputs, report.pulses)
+    tables.show_plan(out, as_json, lambda: tables.of_plan(results), lambda: tables.sum_up(results))
+    if refusal is not None:
+        raise refusal
 
 
 def _refuse_conflicts(request: PlanRequest, report: ReportRequest) -> None:

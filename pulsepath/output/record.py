@@ -8,8 +8,9 @@ from math import isnan, pi
 from typing import TYPE_CHECKING, Any
 
 from kinematics.files.plain_text import finite_or_none
+from kinematics.foundation.facts import record
 from kinematics.foundation.options import options
-from planner.place import Infeasible, Place
+from planner.place import Infeasible
 from pulsepath.process.exits import SCHEMA as SCHEMA
 from pulsepath.progress import as_json as as_json
 
@@ -18,9 +19,6 @@ if TYPE_CHECKING:
     from kinematics import Axis, Machine, MotionError, Pose, Posture
     from planner import Standing
     from planner.export.format import Exported
-    from planner.path.outcome import Blended, FitSummary
-    from planner.path.point_to_point import Departure
-    from planner.path.shape import Overshoot
     from planner.pulses import RealisedPath
     from planner.sources.arm_simulation import ArmSimulation
     from planner.sources.outline import Outline
@@ -56,16 +54,16 @@ def of_check(result: Standing) -> Record:
     largest = result.largest.items()
     return {
         "feasible": not result.violations,
-        "fit": fit_record(result.fit),
-        "blends": blend_records(result.blends),
-        "avoidable_stops": None if result.avoidable is None else result.avoidable.record(),
-        "synchronised_moves": departure_records(result.departures),
-        "splines": overshoot_records(result.overshoots),
+        "fit": record(result.fit),
+        "blends": record(result.blends),
+        "avoidable_stops": record(result.avoidable),
+        "synchronised_moves": record(result.departures),
+        "splines": record(result.overshoots),
         "violations": [violation_record(violation) for violation in result.violations],
         "conditioning": None
         if result.conditioning is None
-        else {"value": result.conditioning.value, "where": place_record(result.conditioning.place)},
-        "largest_use": {name: {"ratio": use, "where": place_record(place)} for name, (use, place) in largest},
+        else {"value": result.conditioning.value, "where": record(result.conditioning.place)},
+        "largest_use": {name: {"ratio": use, "where": record(place)} for name, (use, place) in largest},
     }
 
 
@@ -195,74 +193,7 @@ def of_machine(machine: Machine) -> Record:
 def _fields(of: object, *names: str) -> Record:
     """Return some fields of a result, with a place as a record."""
     values = {name: getattr(of, name) for name in names}
-    return {name: place_record(value) if isinstance(value, Place) else value for name, value in values.items()}
-
-
-def fit_record(result: FitSummary | None) -> Record | None:
-    """Return the record of a fit: pieces before and after, proved deviation, and corners."""
-    if result is None:
-        return None
-    return {
-        "curves": result.curves,
-        "pieces_before": result.before,
-        "pieces_after": result.after,
-        "tolerance_m": result.tolerance,
-        "deviation_m": result.deviation,
-        "deviation_rad": result.turned,
-        "deviates_at": place_record(result.deviates_at),
-        "corners_rounded": result.rounded,
-        "corners_stopped": result.stopped,
-    }
-
-
-def blend_records(blends: Sequence[Blended]) -> list[Record]:
-    """Return the record of each blend: its segment, tolerances, deviations, and the segments that limit it."""
-    return [
-        {
-            "segment": blend.segment,
-            "tolerance_m": blend.tolerance,
-            "deviation_m": blend.deviation,
-            "tolerance_rad": blend.angle,
-            "deviation_rad": blend.turned,
-            "reach_m": blend.reach,
-            "half_of_segments": list(blend.half_of),
-            "stop": blend.stop or None,
-        }
-        for blend in blends
-    ]
-
-
-def departure_records(departures: Sequence[Departure]) -> list[Record]:
-    """Return the deviation from the straight line in synchronised moves, in space, in angle and by axis."""
-    return [
-        {
-            "where": place_record(one.where),
-            "off_the_line_m": one.distance,
-            "turned_off_rad": one.turned,
-            "axes_uneven_pulses": one.uneven,
-        }
-        for one in departures
-    ]
-
-
-def overshoot_records(overshoots: Sequence[Overshoot]) -> list[Record]:
-    """Return the overshoot of each spline, and its worst span against the shortest chord nearby."""
-    return [
-        {
-            "segment": one.segment,
-            "off_the_polygon_m": one.distance,
-            "at_m": one.s,
-            "worst_span_to_point": one.point,
-            "worst_span_off_m": one.beyond,
-            "shortest_chord_nearby_m": one.chord,
-        }
-        for one in overshoots
-    ]
-
-
-def place_record(place: Place) -> Record:
-    again = {} if place.repetition is None else {"repetition": place.repetition}
-    return {"axis": place.axis or None, "segment": place.segment, **again, "distance_m": place.s, "time_s": place.t}
+    return {name: record(value) for name, value in values.items()}
 
 
 def violation_record(violation: MotionError) -> Record:
@@ -270,7 +201,7 @@ def violation_record(violation: MotionError) -> Record:
     if not isinstance(violation, Infeasible):
         return {"kind": "reach", "message": str(violation)}
     named = _fields(violation, "kind", "axis", "value", "limit", "unit", "remedy")
-    where = None if violation.place is None else place_record(violation.place)
+    where = record(violation.place)
     return {**named, "relaxation": finite_or_none(violation.relaxation), "where": where, "message": str(violation)}
 
 

@@ -17,6 +17,7 @@ from pulsepath.progress import QUIET, VERBOSE, Layout, draw, level, say
 from pulsepath.store.files import TRIGGERS
 
 if TYPE_CHECKING:
+    from benchmarks.reports.plan_report import PlanReport
     from controllers import Metrics
     from kinematics import Axis, Machine
     from kinematics.foundation.result import Result
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from planner.plan_parts import PlanStanding
     from planner.shaping.shaped_proof import ShapedProof
     from planner.sources.position_list import PositionList
-    from pulsepath.job import Job
 
 
 def show(tables: Iterable[Table]) -> None:
@@ -47,12 +47,15 @@ def of_results(*results: Result) -> list[Table]:
     return [table for result in results for table in result.tables()]
 
 
-def of_plan(job: Job) -> list[Table]:
+def of_plan(job: PlanReport) -> list[Table]:
     """Return the tables of a plan: duration and saving, segments, proof and pulses."""
     from planner.active_limits import tabulate_segments
     from planner.baselines import missing_limits
+    from planner.plan_parts import PlanStanding
     from planner.timing.certified_solve import BEFORE_SHAPERS
 
+    if isinstance(job.plan, PlanStanding):
+        return [*job.plan.tables()]
     plan = job.plan
     message = plan.describe_objective()
     message += f"; the fastest motion takes {plan.lower_bound:.6f} s or more" if plan.known else ""
@@ -120,13 +123,17 @@ NEARLY = 0.999
 """Proven share of a limit from which a motion is said to use it up."""
 
 
-def sum_up(job: Job) -> list[Table]:
+def sum_up(job: PlanReport) -> list[Table]:
     """Return the first screen of a plan: duration, saving, limits, joins and pulses."""
     from planner.baselines import describe_differences, missing_limits
     from planner.limits.registry import geometric_limits
+    from planner.plan_parts import PlanStanding
     from planner.timing.certified_solve import BEFORE_SHAPERS
 
-    plan, proof = job.plan, job.plan.certificate
+    if isinstance(job.plan, PlanStanding):
+        return _sum_up_parts(job.plan)
+    plan = job.plan
+    proof = plan.certificate
     message = plan.describe_objective()
     rows = [("duration", f"{plan.duration:.6f} s{f', {message}' if message else ''}")]
     if plan.shaped is not None:
@@ -182,7 +189,7 @@ def sum_up(job: Job) -> list[Table]:
     return [summed, *stops_tables, *crossed]
 
 
-def sum_up_parts(standing: PlanStanding) -> list[Table]:
+def _sum_up_parts(standing: PlanStanding) -> list[Table]:
     """A plan made in parts on a screen, as `sum_up` does."""
     from planner.limits.registry import geometric_limits
 
@@ -195,8 +202,8 @@ def sum_up_parts(standing: PlanStanding) -> list[Table]:
     ]
     if standing.fit is not None and standing.fit.before:
         rows.append(("fit", _sum_up_fit(standing.fit)))
-    if standing.avoidable is not None and standing.avoidable.count:
-        rows.append(("stops", standing.avoidable.describe()))
+    if standing.avoidable_stops is not None and standing.avoidable_stops.count:
+        rows.append(("stops", standing.avoidable_stops.describe()))
     if standing.blends:
         rows.append(("blends", f"{standing.blends}, {standing.stops} of them replaced by stops"))
     total = sum(number for number, _ in standing.counted)
@@ -205,7 +212,7 @@ def sum_up_parts(standing: PlanStanding) -> list[Table]:
     if standing.triggers:
         rows.append(("triggers", f"{standing.triggers} in {TRIGGERS}"))
     what, values = zip(*rows, strict=True)
-    title = f"{standing.program} on {standing.machine.name}, order {standing.order}, in {windows}"
+    title = f"{standing.program.name} on {standing.machine.name}, order {standing.order}, in {windows}"
     return [Table(title, (Column("what", what), Column("", values)))]
 
 

@@ -194,8 +194,8 @@ def test_a_plan_in_parts_counts_the_same_stops_at_about_the_same_cost():
     whole = plan(program, "cartesian", order=3).avoidable_stops
     *_, last = plan_parts(program, "cartesian", order=3, pieces=20)
     assert last.standing.windows > 1
-    assert last.standing.avoidable.count == whole.count == 89
-    assert last.standing.avoidable.cost == pytest.approx(whole.cost, rel=0.1)
+    assert last.standing.avoidable_stops.count == whole.count == 89
+    assert last.standing.avoidable_stops.cost == pytest.approx(whole.cost, rel=0.1)
 
 
 def test_a_path_that_no_bundled_machine_follows_is_counted_without_a_cost():

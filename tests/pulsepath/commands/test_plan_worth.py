@@ -54,8 +54,8 @@ def test_what_nobody_wants_is_not_missed(few, call, tmp_path):
 
 def test_a_loaded_plan_knows_what_limits_are_worth(directory, job):
     loaded = load_plan(directory)
-    assert loaded.worth.best == job.worth.best
-    np.testing.assert_allclose(loaded.worth.saved, job.worth.saved, rtol=1e-9, atol=1e-12)
+    assert loaded.worth.best == job.results.worth.best
+    np.testing.assert_allclose(loaded.worth.saved, job.results.worth.saved, rtol=1e-9, atol=1e-12)
     assert loaded.bound.value == job.plan.bound.value
 
 
