@@ -16,6 +16,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from threading import Thread, main_thread
 from types import FrameType
 from typing import Any, NoReturn
@@ -120,6 +121,7 @@ def watch() -> None:
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
     signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
+    os.register_at_fork(after_in_child=partial(signal.set_wakeup_fd, -1))  # a signal to a child is not for its parent
     _STATE.watched = True
     Thread(target=_watch, args=(reading,), daemon=True).start()
 
