@@ -7,14 +7,14 @@ import sys
 
 from pulsepath.process import ending
 
-# New objects until the youngest, the younger and all are looked through. Python's own numbers have a process that
-# loads much and ends soon look through all of it again and again, for a tenth of its time.
+# New objects until the youngest, the younger and all are searched for garbage. With Python's own
+# numbers, a process that loads much and ends soon spends a tenth of its time on it.
 GC_THRESHOLDS = 50_000, 20, 100
 
 
 def main() -> None:
-    """Run the command line. Ctrl-C before the commands have loaded, or after their end, exits silently."""
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else it is ignored, and stays so
+    """Run the command line. Ctrl-C before a command begins, or after its end, exits silently."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else it stays ignored
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     _reopen_closed_streams()
     ending.watch()
@@ -28,10 +28,11 @@ def main() -> None:
 
 
 def _reopen_closed_streams() -> None:
-    """Open /dev/null for streams that a shell closed, as by >&-, so that no file is taken for one of them."""
+    """Open /dev/null for streams that a shell closed, as by >&-: no other file may replace them."""
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
-            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115, PTH123  # to the end
+            stream = open(os.devnull, mode, encoding="utf-8")  # noqa: SIM115, PTH123  # to the end
+            setattr(sys, name, stream)
 
 
 if __name__ == "__main__":

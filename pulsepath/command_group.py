@@ -1,6 +1,6 @@
 """The group of commands: common options, error handling and exit codes.
 
-A command whose formats have options of their own takes these too; the formats load only when needed.
+A command takes the options of its formats too, which load only when needed.
 """
 
 import os
@@ -16,7 +16,8 @@ import click
 from pulsepath import progress
 from pulsepath.process import intent
 from pulsepath.process.ending import EndSignal, raise_on_signal, set_exit_code
-from pulsepath.process.exits import BAD_INPUT, INTERRUPTED, JSON, TRACEBACK, describe_error, error_json
+from pulsepath.process.error_record import error_json
+from pulsepath.process.exits import BAD_INPUT, INTERRUPTED, JSON, TRACEBACK, describe_error
 from pulsepath.progress import say
 
 if TYPE_CHECKING:
@@ -51,7 +52,8 @@ class Commands(click.Group):
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         listed = [command for commands in self.sections.values() for command in commands]
-        others = [self.commands[name] for name in self.list_commands(ctx) if self.commands[name] not in listed]
+        sorted_commands = [self.commands[name] for name in self.list_commands(ctx)]
+        others = [command for command in sorted_commands if command not in listed]
         sections = {**self.sections, "Others" if listed else "Commands": others}
         width = max(map(len, self.commands), default=0)
         room = formatter.width - 6 - width
@@ -136,7 +138,7 @@ def _say_error(message: str) -> None:
 
 
 def _is_of_output(error: OSError) -> bool:
-    """Return whether an error came from writing to standard output, by click, by rich or when flushing at the end."""
+    """Return whether an error came from standard output: click's, rich's or the last flush."""
     trace = error.__traceback__
     while trace is not None and trace.tb_next is not None:
         trace = trace.tb_next
@@ -149,7 +151,7 @@ def _is_of_output(error: OSError) -> bool:
 
 
 def _flush_streams() -> None:
-    """Write buffered output, or drop it if there is no reader: the interpreter can then end without an error."""
+    """Write buffered output, or drop it without a reader, so that the interpreter ends well."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
@@ -164,15 +166,16 @@ def _replace_unprintable() -> None:
             stream.reconfigure(errors="replace")
 
 
-# Options of import formats whose names commands that plan use otherwise, with their names in those commands.
+# Options of import formats that have other names in commands that plan.
 CLASHES = {"order": "import_order", "rule": "import_rule"}
 # Options that such commands have themselves.
 OWN = ("machine", "fit")
 
 
 class ProgramCommand(click.Command):
-    """A command whose program may be a file of another format, whose options it then takes in the keyword `given`.
+    """A command whose program may be a file of another format.
 
+    The keyword `given` has the options of that format.
     Only an argument with such a suffix loads them.
     """
 
@@ -204,13 +207,13 @@ class ProgramCommand(click.Command):
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         formatter.write_paragraph()
         formatter.write_text(
-            "PROGRAM may be any file that `pulsepath import` reads, with the options of import (its --order and --rule "
-            "are called --import-order and --import-rule here)."
+            "PROGRAM may be any file that `pulsepath import` reads, with the options of import "
+            "(its --order and --rule are called --import-order and --import-rule here)."
         )
 
 
 class FormatCommand(click.Command):
-    """A command with the options of all its formats. formats: their name in `pulsepath.format_options`."""
+    """A command with the options of all its formats: `pulsepath.format_options` has them."""
 
     formats: ClassVar[Literal["EXPORTS", "IMPORTS", "STOPS"]]
 
@@ -231,6 +234,9 @@ class FormatCommand(click.Command):
         return formats
 
 
-def _insert_options(params: list[click.Parameter], more: Sequence[click.Parameter]) -> list[click.Parameter]:
+def _insert_options(
+    params: list[click.Parameter],
+    more: Sequence[click.Parameter],
+) -> list[click.Parameter]:
     """Return the options of a command with more of them. --help stays last."""
     return [*params[:-1], *more, params[-1]]

@@ -49,7 +49,7 @@ imports = partial(list_names, "imports")
 
 
 def make_completer(*sources: Callable[[], Iterable[str]], files: bool = False) -> Completer:
-    """Return a function that completes one of the names of `sources`, or with `files` the name of a file."""
+    """Return a function that completes names of `sources`, and with `files` those of files."""
 
     def complete(context: "click.Context", parameter: "click.Parameter", begun: str) -> list["CompletionItem"]:
         from click.shell_completion import CompletionItem

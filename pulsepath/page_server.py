@@ -24,16 +24,17 @@ PAGE, DATA = "text/html; charset=utf-8", "application/json"
 
 # Path of reports, which others may have written.
 REPORT_PATH = "/report"
-# Content-Security-Policy of a report: its scripts run at an origin of their own, and reach no address.
-# Reports of pulsepath need no more (benchmarks.animation.animate.POLICY, which takes long to load).
+# Content-Security-Policy of a report: its scripts run at an origin of their own, and reach no
+# address. Reports need no more (benchmarks.animation.animate.POLICY, which takes long to load).
 REPORT_POLICY = (
-    "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval' blob: data:; "
+    "sandbox allow-scripts; default-src 'none'; "
+    "script-src 'unsafe-inline' 'unsafe-eval' blob: data:; "
     "style-src 'unsafe-inline'; img-src data: blob:; font-src data:; connect-src data: blob:; "
     "worker-src data: blob:; base-uri 'none'; form-action 'none'"
 )
 
 Query = Mapping[str, Sequence[str]]
-# Function from the path and query of a request to the type and content of the answer; None: no such page.
+# Function (path, query) of a request that returns the type and content of a page; None: no page.
 FindPage = Callable[[str, Query], tuple[str, bytes] | None]
 
 
@@ -43,7 +44,13 @@ def answer_page(page: str) -> FindPage:
     return lambda path, _: (PAGE, content) if path == "/" else None
 
 
-def serve_until_interrupted(find: FindPage, port: int, record: dict[str, Any], no_browser: bool, as_json: bool) -> None:
+def serve_until_interrupted(
+    find: FindPage,
+    port: int,
+    record: dict[str, Any],
+    no_browser: bool,
+    as_json: bool,
+) -> None:
     """Serve pages until Ctrl-C, which ends this normally. Raises as `serve_pages`.
 
     record: printed with the address, as JSON.
@@ -52,7 +59,10 @@ def serve_until_interrupted(find: FindPage, port: int, record: dict[str, Any], n
 
     try:
         with serve_pages(find, port) as address:
-            click.echo(progress.as_json(record | {"address": address}) if as_json else address, nl=not as_json)
+            click.echo(
+                progress.as_json(record | {"address": address}) if as_json else address,
+                nl=not as_json,
+            )
             sys.stdout.flush()
             progress.note("press Ctrl-C to stop")
             if not no_browser:

@@ -19,7 +19,7 @@ FIRST_PERIOD, REPORT_PERIOD = 2.0, 10.0
 REDRAW_PERIOD = 0.1
 # Columns of a bar.
 BAR_WIDTH = 20
-# Number of things up to which progress shows counts. Of more, such as ticks or bytes, it shows the share.
+# Number up to which progress shows counts. Of more, such as ticks or bytes, it shows the share.
 MAX_COUNTED = 1000
 
 QUIET, USUAL, VERBOSE = -1, 0, 1
@@ -76,7 +76,7 @@ def _print_line(text: str) -> None:
 
 @contextmanager
 def _draw_bar(title: str, describe: Describe) -> Iterator[Report]:
-    """Draw a bar, which moves to and fro until there is a report; the progress as text follows it."""
+    """Draw a bar with a text. The bar moves to and fro until there is a report."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
     from rich.table import Column
@@ -144,7 +144,7 @@ def level() -> int:
 
 
 def say(text: object, *, err: bool = False) -> None:
-    """Print a text on stdout or stderr. Names in it come from files, so control characters are escaped."""
+    """Print a text, whose names may come from files, with control characters escaped."""
     click.echo(escape_text(str(text)), err=err)
 
 
@@ -168,7 +168,7 @@ def escape_text(text: str) -> str:
 
 
 def as_json(record: object) -> str:
-    """Return indented JSON text, escaped as `escape_text` does. Raises ValueError for infinity and NaN."""
+    """Return indented JSON text with control characters escaped; ValueError: infinity or NaN."""
     import json
 
     from kinematics.files.plain_text import plain_json
@@ -178,21 +178,22 @@ def as_json(record: object) -> str:
 
 def is_styled(stream: IO[str]) -> bool:
     """Return whether a stream shows colours and lines that are drawn again [no-color.org]."""
-    return stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") not in ("dumb", "unknown")
+    plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") in ("dumb", "unknown")
+    return stream.isatty() and not plain
 
 
-# A table as text: its title, columns (title, numeric, whole: never broken over lines), rows of cells, and notes.
+# A table as text: title, columns (title, numeric, whole: never broken), rows of cells, notes.
 Layout = dict[str, Any]
 # Characters of a line if the output is no terminal and COLUMNS is not set.
 WIDTH = 112
-# Characters up to which a word is not broken, those between two columns, and those of both edges of a table.
+# Characters: of words that are never broken, between two columns, of both edges of a table.
 LONG_WORD, COLUMN_GAP, EDGES = 14, 3, 2
 
 
 def draw(layouts: Iterable[Layout]) -> None:
     """Print tables. Names in them come from files, so they are printed without markup.
 
-    A table that is wider than the line continues below, with its first column repeated: no number is broken.
+    A table that is wider than the line continues below, with its first column repeated.
     """
     from rich.console import Console
 
@@ -205,7 +206,8 @@ def draw(layouts: Iterable[Layout]) -> None:
     )
     with console.capture() as printed:
         for layout in layouts:
-            console.print(layout["title"], style="table.title")  # rich's own title would be as narrow as the table
+            # A title inside the table would be as narrow as the table.
+            console.print(layout["title"], style="table.title")
             for table in _make_tables(layout, console.width):
                 console.print(table)
             if layout["notes"]:
@@ -239,7 +241,7 @@ def _make_tables(layout: Layout, room: int) -> Iterator[Any]:
 
 
 def _find_width() -> int | None:
-    """Return the characters of a line: COLUMNS if set, as for other programs; None: those of the terminal."""
+    """Return the characters of a line: COLUMNS, if set; None: those of the terminal."""
     stated = os.environ.get("COLUMNS", "")
     if stated.isascii() and stated.isdigit() and int(stated) > 0:
         return int(stated)
@@ -247,7 +249,7 @@ def _find_width() -> int | None:
 
 
 def _find_widths(layout: Layout) -> tuple[list[int], list[int]]:
-    """Return two widths of each column: the full one, after one that breaks only long words of texts."""
+    """Return two widths of each column: the least, which breaks only long words, and the full."""
     least = []
     full = []
     for k, (title, numeric, whole) in enumerate(layout["columns"]):
@@ -260,16 +262,16 @@ def _find_widths(layout: Layout) -> tuple[list[int], list[int]]:
 
 
 def _share_room(least: Sequence[int], full: Sequence[int], room: int) -> list[int | None]:
-    """Return the width of each column, between its least and its full one; None if the least ones do not fit.
+    """Return widths between the least and the full ones; None if the least ones do not fit.
 
-    The columns share the remaining room evenly, narrow ones first. rich alone would shrink all columns alike, and drop
-    the last one if they still do not fit.
+    The columns share the remaining room evenly, narrow ones first. rich alone would shrink all
+    columns alike, and drop the last one if they still do not fit.
     """
     spare = room - _join_widths(least)
     if spare < 0:
         return [None] * len(least)
     widths: list[int | None] = [*least]
-    needs = sorted((most - width, k) for k, (width, most) in enumerate(zip(least, full, strict=True)))
+    needs = sorted((full[k] - least[k], k) for k in range(len(least)))
     for n, (need, k) in enumerate(needs):
         added = min(need, spare // (len(needs) - n))
         widths[k] = least[k] + added
@@ -282,7 +284,7 @@ def _join_widths(widths: Sequence[int]) -> int:
 
 
 def _split_columns(widths: Sequence[int], room: int) -> list[list[int]]:
-    """Return the columns of each part of a table that fits into the room; every part begins with the first column."""
+    """Return the columns of each part of a table that fits the room; each has the first column."""
     if _join_widths(widths) <= room:
         return [list(range(len(widths)))]
     parts = [[0]]

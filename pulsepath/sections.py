@@ -27,7 +27,7 @@ def read_whole(directory: Path, unverified: bool) -> tuple[Plan, Whole]:
 
 
 def read_pulses(plan: Plan) -> AbstractContextManager[Callable[[int, int], None]]:
-    """Return the step that reads a plan's pulses, or makes them again if there is no file of them."""
+    """Return the step that reads a plan's pulses, or generates them without a file."""
     file = plan.source.pulse_file
     if file is None or not holds_chunks(file):
         return step("generating pulses")
@@ -73,7 +73,7 @@ def say_errors(files: Sequence[Mapping[str, Any]], plan: Plan) -> None:
 
 
 def _measure(plan: Plan, errors: Sequence[float]) -> str:
-    """Return the largest errors of axes in their units; empty without errors. errors: in pulses, by axis."""
+    """Return the largest error of axes in each unit, as text. errors: in pulses, by axis."""
     largest: dict[str, float] = {}
     for axis, pulses in zip(plan.machine.axes, errors, strict=True):
         if pulses > 0:

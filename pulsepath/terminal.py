@@ -1,7 +1,8 @@
-"""The console at a terminal: a prompt with history and completion, which prompt_toolkit draws in a thread of its own.
+"""The console at a terminal: a prompt with history and completion.
 
-The server stays in the main thread, which gets the signals, and waits for no key: remote lines are served, and motions
-end, while a line is half typed.
+prompt_toolkit draws the prompt in a thread of its own. The server stays in the main thread, which
+gets the signals, and waits for no key: remote lines are served, and motions end, while a line is
+half typed.
 """
 
 import asyncio
@@ -94,7 +95,10 @@ class Terminal(Link):
         server.serve_until(lambda _: server.is_idle)
 
     def _next_line(self, server: Server) -> str:
-        prompt = self.session.prompt_async(lambda: f"{server.desk.session.mode}> ", set_exception_handler=False)
+        prompt = self.session.prompt_async(
+            lambda: f"{server.desk.session.mode}> ",
+            set_exception_handler=False,
+        )
         line = asyncio.run_coroutine_threadsafe(prompt, self.loop)
         line.add_done_callback(lambda _: os.write(self.wake, b"\n"))
         while not line.done():

@@ -43,9 +43,10 @@ PLAIN_NUMBER = re.compile(r"\s*(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\s*", re.ASCI
 
 
 def list_replaceable(target: Path, force: bool, kind: str = KIND) -> Content:
-    """Return the content of a target that a result may replace, before the work on that result begins.
+    """Return the content of a target that a result may replace. The work begins after this.
 
-    Raises MotionError unless the target is absent, or an empty directory, or with `force` a directory of the same kind.
+    Raises MotionError unless the target is absent, or an empty directory, or with `force` a directory
+    of the same kind.
     """
     clear(target.resolve().parent)
     content = list_content(target)
@@ -150,7 +151,12 @@ def write_files(folder: Path, files: Mapping[str, bytes], force: bool) -> None:
 
 
 @contextmanager
-def replace_directory(target: Path, force: bool, kind: str = KIND, before: Content | None = None) -> Iterator[Path]:
+def replace_directory(
+    target: Path,
+    force: bool,
+    kind: str = KIND,
+    before: Content | None = None,
+) -> Iterator[Path]:
     """Create a directory to fill, which becomes `target` at the end of the block.
 
     After an error or an interruption the previous content is unchanged. After a kill the target is
@@ -158,7 +164,7 @@ def replace_directory(target: Path, force: bool, kind: str = KIND, before: Conte
     another program changes the target during the block, its files stay: MotionError is raised, and the
     new directory is kept under a name that the error states.
 
-    before: content of the target that may be replaced, from `list_replaceable`; None: its present one.
+    before: content that may be replaced, from `list_replaceable`; None: the present one
     """
     if before is None:
         before = list_replaceable(target, force, kind)
@@ -184,7 +190,8 @@ def _name_files_in(target: Path, folder: Path) -> Iterator[None]:
         file = Path(find_file(error) or "")
         if error.errno not in DISK_ERRNOS or not file.is_relative_to(folder):
             raise
-        raise OSError(error.errno, error.strerror, str(target / file.relative_to(folder))) from error
+        named = target / file.relative_to(folder)
+        raise OSError(error.errno, error.strerror, str(named)) from error
 
 
 def _put_in_place(new: Path, old: Path, target: Path, place: Path, before: Content) -> None:

@@ -1,9 +1,10 @@
 """Signals that end a command: Ctrl-C, a request to end, a terminal that hangs up.
 
-Python calls the handler of a signal in the main thread, between two of its instructions. The handler raises EndSignal,
-so that every `with` block cleans up, which takes a fraction of a second. A library that computes for long delays the
-handler, and some libraries swallow the exception. So `watch` starts a thread that the system itself wakes
-[signal.set_wakeup_fd]: GRACE_PERIOD after the first signal, or at a second one, it cleans up and ends the process.
+Python calls the handler of a signal in the main thread, between two of its instructions. The
+handler raises EndSignal, so that every `with` block cleans up, which takes a fraction of a second.
+A library that computes for long delays the handler, and some libraries swallow the exception. So
+`watch` starts a thread that the system itself wakes [signal.set_wakeup_fd]. GRACE_PERIOD after the
+first signal, or at a second one, this thread cleans up and ends the process.
 
 Only `pulsepath` as a program is watched. A program that calls its functions keeps its own signals.
 """
@@ -25,13 +26,13 @@ from pulsepath.process import intent
 
 # Signals that end a command in good order. A system may lack some.
 SIGNAL_NAMES = ("SIGINT", "SIGTERM", "SIGHUP")
-# s for an end in good order: of the 2 s within which a signal ends a command, the rest is for a busy computer.
+# s for an end in good order. A signal ends a command within 2 s: the rest is for a busy computer.
 GRACE_PERIOD = 1.4
 # s within which a signal is the same one again: `timeout` and some shells send it twice.
 REPEAT_TIME = 0.25
 # s between two attempts to raise EndSignal in a main thread that is inside one of UNSAFE_MODULES.
 RETRY_PERIOD = 0.005
-# CasADi discards exceptions of Python code that it calls; a module that is being loaded would be left half loaded.
+# CasADi discards exceptions of Python code that it calls; a module would be left half loaded.
 UNSAFE_MODULES = ("casadi.casadi", "importlib._bootstrap", "_frozen_importlib")
 
 
@@ -69,7 +70,8 @@ def raise_on_signal() -> Iterator[None]:
 
     A signal that is ignored already, as under nohup, stays ignored.
     """
-    outermost = sys._getframe(2)  # the frame of the with statement: this function's and contextlib's end before it
+    # The frame of the with statement: those of this function and of contextlib end before its body.
+    outermost = sys._getframe(2)
     before: dict[int, Any] = {}
 
     def end(number: int, frame: FrameType | None) -> None:
@@ -121,7 +123,8 @@ def watch() -> None:
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
     signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
-    os.register_at_fork(after_in_child=partial(signal.set_wakeup_fd, -1))  # a signal to a child is not for its parent
+    # A signal to a child does not end its parent.
+    os.register_at_fork(after_in_child=partial(signal.set_wakeup_fd, -1))
     _STATE.watched = True
     Thread(target=_watch, args=(reading,), daemon=True).start()
 
@@ -149,7 +152,7 @@ def on_forced_end(action: Callable[[], None]) -> Iterator[None]:
 def leave() -> None:
     """End the process at once if a signal has ended its command.
 
-    The interpreter's own end would wait for threads, and a compiler that runs in one does not survive it.
+    The interpreter's own end would wait for threads, and crash a compiler that runs in one.
     """
     if not _STATE.watched or _STATE.code is None:
         return
@@ -188,7 +191,7 @@ def _read_signal(reading: int, timeout: float | None) -> int | None:
 
 
 def _force_end(number: int) -> NoReturn:
-    """Remove unfinished results, print the message of an interrupted command, and end the process."""
+    """Remove unfinished results, print the command's last message, and end the process."""
     code = 128 + number if _STATE.code is None else _STATE.code
     try:
         for action in reversed(_ACTIONS):
@@ -199,7 +202,8 @@ def _force_end(number: int) -> NoReturn:
             atomic_files.remove_staged()
         intent.remove_new_folders()
         if os.isatty(2):
-            os.write(2, b"\r\x1b[K\x1b[?25h")  # the line of progress, and the cursor that was hidden over it
+            # Clear the line of progress, and show the cursor again.
+            os.write(2, b"\r\x1b[K\x1b[?25h")
         if _STATE.code is None:
             from kinematics.files.plain_text import plain
 

@@ -1,17 +1,6 @@
-"""Exit codes and messages of errors: on stderr, without a traceback.
-
-With --json an error is printed on stdout too, as data: {"schema": 1, "error": {…}}.
-"""
+"""Exit codes and messages of errors: on stderr, without a traceback."""
 
 import sys
-from typing import TYPE_CHECKING, Any
-
-import click
-
-from pulsepath.progress import as_json
-
-if TYPE_CHECKING:
-    from kinematics.foundation.errors import Fault
 
 INFEASIBLE, BAD_INPUT, INTERNAL, INTERRUPTED = 1, 2, 3, 130
 # Version of the data that --json prints.
@@ -22,7 +11,7 @@ JSON = "pulsepath.json"
 TRACEBACK = "PULSEPATH_TRACEBACK"
 
 _FOUNDATION = "kinematics.foundation.errors"
-# Exit code, kind in JSON and message of an error, by the module and name of its class; subclasses first.
+# Module and name of a class of errors, exit code, kind in JSON, message. Subclasses come first.
 _ERRORS = (
     ("pulsepath.job", "Defect", INTERNAL, "internal", "internal error: {}; please report it"),
     ("planner.place", "Infeasible", INFEASIBLE, "infeasible", "infeasible: {}"),
@@ -34,11 +23,11 @@ _ERRORS = (
 
 def describe_error(error: Exception) -> tuple[int, str]:
     """Return the exit code and the message of an error."""
-    code, _, message = _classify(error)
+    code, _, message = classify_error(error)
     return code, message
 
 
-def _classify(error: Exception) -> tuple[int, str, str]:
+def classify_error(error: Exception) -> tuple[int, str, str]:
     """Return the exit code of an error, its kind, and its message."""
     for module, name, code, kind, pattern in _ERRORS:
         # An error can only be of a class whose module is loaded.
@@ -52,46 +41,9 @@ def _classify(error: Exception) -> tuple[int, str, str]:
 
 
 def find_file(error: BaseException | None) -> str | None:
-    """Return the file that an error of the system names, or an error that led to it; None: none does."""
+    """Return the file that an error of the system, or one of its causes, names; None: none does."""
     while error is not None:
         if isinstance(error, OSError) and error.filename:
             return str(error.filename)
         error = error.__cause__ or error.__context__
     return None
-
-
-def error_json(error: Exception, code: int) -> str:
-    """Return an error as JSON text: exit code, message, faults of a file, and the excess of an infeasible plan.
-
-    A fault has its file, line (from 1), key, written value, allowed values and nearest valid name; null: unknown.
-    """
-    if isinstance(error, click.ClickException):
-        kind, message = "input", error.format_message()
-    else:
-        kind, message = _classify(error)[1], str(error)
-    described: dict[str, Any] = {"exit_code": code, "kind": kind, "message": message}
-    if kind == "file":
-        from kinematics.foundation.errors import FileError
-
-        assert isinstance(error, FileError)
-        described["faults"] = [{"file": error.file, **_describe_fault(fault)} for fault in error.faults]
-    if kind == "infeasible":
-        from planner import Infeasible
-        from pulsepath.output.record import violation_record
-
-        assert isinstance(error, Infeasible)
-        described["violation"] = violation_record(error)
-    return as_json({"schema": SCHEMA, "error": described})
-
-
-def _describe_fault(fault: "Fault") -> dict[str, Any]:
-    from kinematics.foundation.units import describe_value
-
-    return {
-        "line": fault.line,
-        "key": fault.key or None,
-        "value": None if fault.value is None else describe_value(fault.value),
-        "allowed": fault.allowed or None,
-        "nearest": fault.nearest or None,
-        "message": fault.message,
-    }

@@ -13,7 +13,7 @@ Stamp = tuple[int, int] | None
 class Intent:
     """Files that a command is about to write.
 
-    targets: files or directories as the user names them, each with its place and its stamp before the work
+    targets: files or directories as the user names them, their places and stamps before the work
     new_folders: folders that the command creates above them, the innermost first
     note: on unfinished work that stays
     """
@@ -27,11 +27,12 @@ _intent = Intent()
 
 
 def writes(*targets: Path, kept: str = "") -> None:
-    """State the files that the command writes from now on. kept: note on unfinished work that stays."""
+    """State the files that the command writes. kept: note on unfinished work that stays."""
     global _intent
     places = [Path(os.path.realpath(target)) for target in targets]
     stamps = [_read_stamp(place) for place in places]
-    missing = [folder for place in places for folder in place.parents if not os.path.lexists(folder)]
+    above = [folder for place in places for folder in place.parents]
+    missing = [folder for folder in above if not os.path.lexists(folder)]
     _intent = Intent(tuple(zip(targets, places, stamps, strict=True)), tuple(missing), kept)
 
 
