@@ -10,6 +10,9 @@ from kinematics.foundation.table import Column, Table
 from planner.path.shape import Fitted
 from planner.place import Place
 
+# Stops at blends up to which each is described with its reason.
+MOST_REASONS = 3
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Blended:
@@ -45,6 +48,16 @@ class Blended:
 def blend_tables(blends: Sequence[Blended]) -> tuple[Table, ...]:
     """Return a table of the deviation of each blend from its corner, and of what limits it, if there are any."""
     return tabulate("blends", blends, Column("note", [_note(blend) for blend in blends]))
+
+
+def describe_blends(blends: Sequence[Blended]) -> str:
+    """Return the number of blends, and of those replaced by stops, a few with reasons; "" without blends."""
+    if not blends:
+        return ""
+    stops = [f"after segment {blend.segment}: {blend.stop}" for blend in blends if blend.stop]
+    text = f"{len(stops)} of them replaced by stops" if stops else "all passed without a stop"
+    reasons = f" ({'; '.join(stops)})" if 0 < len(stops) <= MOST_REASONS else ""
+    return f"{len(blends)}, {text}{reasons}"
 
 
 def _note(blend: Blended) -> str:

@@ -72,7 +72,9 @@ def overshoot_warnings(overshoots: Sequence[Overshoot]) -> tuple[str, ...]:
 
 
 def describe_overshoot(overshoots: Sequence[Overshoot]) -> str:
-    """Return the largest overshoot of all splines, and where it is."""
+    """Return the largest overshoot of all splines, and where it is; "" without splines."""
+    if not overshoots:
+        return ""
     worst = max(overshoots, key=lambda one: one.distance)
     return f"up to {1e3 * worst.distance:.3g} mm, at {1e3 * worst.s:.3f} mm, segment {worst.segment}"
 

@@ -140,6 +140,16 @@ def departures(path: MachinePath) -> tuple[Departure, ...]:
     return tuple(_measure_departure(path, list(group)) for _, group in moves)
 
 
+def describe_departures(departures: "Sequence[Departure]") -> str:
+    """Return the largest deviation of the moves from the straight line; "" without such moves."""
+    if not departures:
+        return ""
+    worst = max(departures, key=lambda one: one.distance)
+    angle = np.rad2deg(max(one.turned for one in departures))
+    off = f"up to {1e3 * worst.distance:.4g} mm off the straight line, at {worst.where}"
+    return f"{len(departures)}, straight in the axes: {off}; up to {angle:.4g}° in angle"
+
+
 def departure_tables(departures: "Sequence[Departure]") -> tuple[Table, ...]:
     """Return a table of the distance of each synchronised move from the straight line, if there are any."""
     return tabulate("synchronised moves: straight in the axes, not in space", departures)
