@@ -330,7 +330,7 @@ IMPORT_OPTIONS: tuple[Option, ...] = (
 )
 
 NAMES: dict[str, tuple[str, ...]] = {
-    "kinds": "hexapod", "tripod", "linkage", "traverser", "arm", "equations",
+    "kinds": ("hexapod", "tripod", "linkage", "traverser", "arm", "equations"),
     "laws": (
         *("1", "open-velocity"),
         *("2", "open-velocity-sleep"),
@@ -346,7 +346,7 @@ NAMES: dict[str, tuple[str, ...]] = {
         *("ff", "feedforward"),
         *("mpc", "predictive"),
     ),
-    "rules": "nearest", "floor", "sampled", "dda", "timer",
+    "rules": ("nearest", "floor", "sampled", "dda", "timer"),
     "exports": (*EXPORTS,),
     "imports": (*IMPORTS,),
 }
