@@ -27,9 +27,13 @@ EXPORTS = {
     "xps": "Newport XPS PVT trajectory: relative moves and exit speeds, cubic between them.",
     "pmac": "PMAC motion program in PVT mode: relative moves and end speeds, cubic between them.",
     "g93": "G-code in inverse time (G93): joint axes, straight between points.",
-    "ros": "ROS JointTrajectory as YAML: positions, velocities, accelerations unless they jump; quintic or cubic between.",
+    "ros": (
+        "ROS JointTrajectory as YAML: positions, velocities, accelerations unless they jump; quintic or cubic between."
+    ),
     "halstreamer": "Positions at every sample of a real-time thread, for LinuxCNC's halstreamer.",
-    "csp": "EtherCAT (CiA 402) cyclic synchronous position: increments, velocity and torque offsets, a row per cycle.",
+    "csp": (
+        "EtherCAT (CiA 402) cyclic synchronous position: increments, velocity and torque offsets, a row per cycle."
+    ),
     "galil": "Galil contour mode: whole counts per axis and time interval.",
     "adlink": "Calls of the motion cards ADLINK PCI-8132 and PCI-8164, as C source.",
     "adlink-csv": "Calls of the motion cards ADLINK PCI-8132 and PCI-8164, as a table.",
@@ -138,8 +142,12 @@ EXPORT_OPTIONS: tuple[Option, ...] = (
 )
 
 IMPORTS = {
-    "dxf": "DXF drawings: lines, arcs, circles, polylines, ellipses, splines, blocks. Texts and the like are skipped.",
-    "gcode": "G-code (RS-274): lines, arcs, canned cycles and subprograms; other words are refused with line and column.",
+    "dxf": (
+        "DXF drawings: lines, arcs, circles, polylines, ellipses, splines, blocks. Texts and the like are skipped."
+    ),
+    "gcode": (
+        "G-code (RS-274): lines, arcs, canned cycles and subprograms; other words are refused with line and column."
+    ),
     "positions": "Position lists: CSV with units, and the position and arm-length files of the three-armed machine.",
 }
 """Formats that programs come in, likewise."""
