@@ -356,8 +356,8 @@ class _PartMaker:
 def _join(before: PlanStanding, here: PlanStanding) -> PlanStanding:
     """Return the standing of a plan after one more window, whose own standing is `here`."""
     counted = tuple(
-        (number + more, net + change)
-        for (number, net), (more, change) in zip(before.counted, here.counted, strict=True)
+        (number + added, net + change)
+        for (number, net), (added, change) in zip(before.counted, here.counted, strict=True)
     )
     avoidable = here.avoidable_stops
     if before.avoidable_stops is not None and avoidable is not None:

@@ -159,14 +159,14 @@ def _make_page(report: PlanReport, figures: Mapping[str, Picture]) -> str:
     results = {each.name: getattr(report, each.name) for each in fields(report)}
     del results["figures"]
     if isinstance(plan, Plan):
-        own = _describe_whole(report, plan)
-        own["band"] = make_band(plan) if figures else {}  # which takes matplotlib along
+        values = _describe_whole(report, plan)
+        values["band"] = make_band(plan) if figures else {}  # which takes matplotlib along
     else:
-        own = _describe_parts(report, plan)
+        values = _describe_parts(report, plan)
     return render(
         "report.html.j2",
         figures,
-        **{**results, **own},
+        **{**results, **values},
         headline=[*list_headline(report)],
         summary=summarise(report),
         active_share=ACTIVE_SHARE,

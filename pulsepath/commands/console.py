@@ -11,8 +11,7 @@ import click
 
 from planner.request import option
 from pulsepath.options import MAX_PORT, refuse_unknown
-from pulsepath.process import supervisor
-from pulsepath.process.ending import EndSignal, raise_on_signal
+from pulsepath.process.ending import EndSignal, allow_time, set_exit_code
 from pulsepath.process.exits import BAD_INPUT
 from pulsepath.progress import say
 from pulsepath.request_options import with_request
@@ -21,8 +20,8 @@ if TYPE_CHECKING:
     from controllers.console import Dispatcher
     from controllers.console.serve import Server
 
-STOPPING_PATIENCE = 50.0
-"""Times the usual that an orderly end may take: axes are ramped down, and their registers saved."""
+# s that the end may take after a signal: axes ramp down, and their registers are saved.
+MAX_STOP_TIME = 60.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,20 +153,18 @@ def console(request: ConsoleRequest) -> None:
             echo=tell,
         )
         _tell(f"{driven.name}: {describe_offer(session)}")
-        with raise_on_signal():
-            try:
-                if terminal is not None:
-                    terminal.prompt(server)
-                else:
-                    _run_script(server, bool(remote))
-            except EndSignal as end:
-                supervisor.tell(patience=STOPPING_PATIENCE)
-                server.say("STOP")
-                server.finish()
-                tell(
-                    f"interrupted: {server.desk.session.describe(server.clock.now)}, {keeper.describe}",
-                )
-                click.get_current_context().exit(end.code)
+        try:
+            if terminal is not None:
+                terminal.prompt(server)
+            else:
+                _run_script(server, bool(remote))
+        except EndSignal as end:
+            allow_time(MAX_STOP_TIME)
+            server.say("STOP")
+            server.finish()
+            tell(f"interrupted: {server.desk.session.describe(server.clock.now)}, {keeper.describe}")
+            set_exit_code(end.code)
+            click.get_current_context().exit(end.code)
         if server.unwritten is not None:
             raise OSError(server.unwritten.errno, server.unwritten.strerror, "standard output")
         if server.refused and terminal is None:

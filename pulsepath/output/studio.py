@@ -15,6 +15,7 @@ from benchmarks.reports.page import render
 from kinematics.files.atomic_files import Stamp, stamp
 from pulsepath.output.plan_list import Listed, PlanList, find_folder_name, read_below
 from pulsepath.page_server import DATA, PAGE, REPORT_PATH, Query
+from pulsepath.process.ending import on_forced_end
 
 # s between two checks whether a file was saved.
 SAVED_PERIOD = 0.3
@@ -72,9 +73,12 @@ class Replanner:
 
     def _plan(self) -> None:
         self.state, self.refused = f"planning {self._program.name} …", False
-        with subprocess.Popen(
-            self._command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, encoding="utf-8", errors="replace"
-        ) as process:
+        with (
+            subprocess.Popen(
+                self._command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, encoding="utf-8", errors="replace"
+            ) as process,
+            on_forced_end(process.kill),
+        ):
             while True:
                 try:
                     _, text_of_errors = process.communicate(timeout=SAVED_PERIOD)
