@@ -117,7 +117,7 @@ def hold(
             with destination.stage() as file:
                 table.files()[destination.path.suffix](file)
         if as_json:
-            data = {**_record_stops(table), **record.of_doubts(planned.doubts)}
+            data = {**_record_stops(table), **record.record_doubts(planned.doubts)}
             click.echo(record.as_json(data), nl=False)
         else:
             show(table.tables())
@@ -137,7 +137,7 @@ def hold(
         data = {
             **_record_sections(stop, onward),
             "files": files,
-            **record.of_doubts(planned.doubts),
+            **record.record_doubts(planned.doubts),
         }
         click.echo(record.as_json(data), nl=False)
         return
