@@ -291,8 +291,9 @@ def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] 
     for owner in np.unique(active):
         color = "#E8E8E8" if owner < 0 else styles[plan.limits[owner].name]["color"]
         own = active[first] == owner
-        begin = edges[first[own]]
-        spans = np.column_stack([begin, edges[last[own]] - begin])
+        low = edges[first[own]]
+        width = edges[last[own]] - low
+        spans = list(zip(low.tolist(), width.tolist(), strict=True))
         ax.broken_barh(spans, (1.06, 0.12), facecolor=color, linewidth=0)
     for k, number in find_segments(plan):
         ax.axvline(edges[k], color="#B0B0B0", linewidth=0.8, zorder=0)
@@ -314,14 +315,6 @@ def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] 
     )
     if alone:
         ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, frameon=False)
-    return ax
-
-
-def pulse_rate(plan: Plan, ax: Axes | None = None) -> Axes:
-    """Draw pulses per second of each axis over time, and their limits."""
-    ax = draw_pulse_rate(plan.pulses, ax)
-    for rate in {axis.max_pulse_rate for axis in plan.machine.axes} - {None}:
-        ax.axhline(rate / 1e3, color="black", **LIMIT_LINE)
     return ax
 
 
@@ -416,16 +409,13 @@ def realised_in_space(realised: RealisedPath, ax: Axes | None = None) -> Axes:
 
 
 @draws(PulseSchedule)
-def schedule_rates(schedule: PulseSchedule, ax: Axes | None = None) -> Axes:
-    """Draw pulse rates over time."""
-    ax = draw_pulse_rate(schedule, ax)
-    ax.legend(frameon=False, loc="center left", bbox_to_anchor=(1, 0.5))
-    return ax
+def pulse_rate(result: Plan | PulseSchedule, ax: Axes | None = None) -> Axes:
+    """Draw pulses per second of each axis over time, averaged over 1/600 of the duration.
 
-
-def draw_pulse_rate(schedule: PulseSchedule, ax: Axes | None = None) -> Axes:
-    """Draw pulses per second of each axis over time, averaged over 1/600 of the duration."""
+    The figure of a plan has the limits too, and that of a schedule a legend.
+    """
     ax = new_axes(ax)
+    schedule = result.pulses if isinstance(result, Plan) else result
     edges = np.linspace(0, schedule.duration, RATE_WINDOWS + 1)
     middle = (edges[1:] + edges[:-1]) / 2
     for n, axis in enumerate(schedule.axes):
@@ -434,4 +424,10 @@ def draw_pulse_rate(schedule: PulseSchedule, ax: Axes | None = None) -> Axes:
         ax.plot(middle, rate, label=literal_label(axis.name), **line_style(n))
     ax.set(xlabel="time (s)", ylabel="pulse rate (1000/s)", xlim=(0, schedule.duration))
     ax.set_ylim(bottom=0)
+    if isinstance(result, PulseSchedule):
+        ax.legend(frameon=False, loc="center left", bbox_to_anchor=(1, 0.5))
+        return ax
+    for limit in {axis.max_pulse_rate for axis in result.machine.axes}:
+        if limit is not None:
+            ax.axhline(limit / 1e3, color="black", **LIMIT_LINE)
     return ax
