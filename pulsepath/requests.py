@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 PROGRAMMED = "programmed"
 SYNCHRONISED = "synchronised"
+MACHINE_HELP = "Preset or file. Default: the machine that the program names."
 # Time pieces up to which a lower bound is proved without an option that asks for it.
 MOST_BOUNDED = 20_000
 
@@ -26,7 +27,13 @@ class InputRequest:
     """
 
     program: str
-    machine: str | None = None
+    machine: str | None = option(
+        None,
+        MACHINE_HELP,
+        metavar="MACHINE",
+        names="machines",
+        files=True,
+    )
     fit: float | None = option(
         None,
         'Tolerance of smooth curves fitted to the path, and of rounded corners, as "0.02 mm".',

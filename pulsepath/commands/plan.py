@@ -11,7 +11,6 @@ from pulsepath.command_group import ProgramCommand
 from pulsepath.options import (
     dump_option,
     json_option,
-    machine_option,
     program_argument,
     refuse_unknown,
 )
@@ -34,7 +33,6 @@ SHORT_FILE = 1 << 12
 
 @click.command(cls=ProgramCommand)
 @program_argument
-@machine_option
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Output directory.")
 @request_options(InputRequest, PlanRequest, ReportRequest)
 @dump_option
@@ -142,4 +140,4 @@ def _dump(folder: Path, options: dict[str, Any], force: bool, as_json: bool) -> 
     read_rig(options["rig"], inputs.machine)  # refuses one that does not fit
     request = read_request(PlanRequest, options).resolve(inputs.program, inputs.machine)
     options = {**options, "order": request.order}
-    dump(folder, inputs, "plan", list_options(options, PlanRequest, ReportRequest), force, as_json)
+    dump(folder, inputs, list_options(options, PlanRequest, ReportRequest), force, as_json)
