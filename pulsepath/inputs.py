@@ -99,7 +99,7 @@ class Inputs:
     def digests(self) -> dict[str, str]:
         """SHA-256 of each file's content."""
         files = {"program": self.program_toml, "machine": self.machine_toml}
-        return {what: sha256(content).hexdigest() for what, content in files.items()}
+        return {role: sha256(content).hexdigest() for role, content in files.items()}
 
 
 def read_inputs(

@@ -68,12 +68,12 @@ def refuse_unknown(
     """
     from kinematics.foundation.names import find
 
-    for package, what, name in (
+    for package, kind, name in (
         ("planner", "program", program),
         ("kinematics", "machine", machine),
         ("controllers", "rig", rig),
     ):
-        if name is not None and find(package, what, name) == Path(name):  # no preset
+        if name is not None and find(package, kind, name) == Path(name):  # no preset
             _refuse_unreadable(Path(name))
     for key, texts in words.items():
         for text in (texts,) if isinstance(texts, str) else texts or ():

@@ -149,8 +149,8 @@ class ReportRequest:
     @property
     def examines_motion(self) -> bool:
         """Whether a result is requested that takes the whole motion of a plan in parts into memory."""
-        given = (self.rig, self.stops, self.worth or None)
-        return self.cross_check or self.bound == "full" or any(each is not None for each in given)
+        requests = (self.rig, self.stops, self.worth or None)
+        return self.cross_check or self.bound == "full" or any(each is not None for each in requests)
 
     @property
     def bound_effort(self) -> str:

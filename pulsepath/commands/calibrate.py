@@ -82,7 +82,7 @@ def calibrate(request: CalibrateRequest, force: bool, as_json: bool) -> None:
     from kinematics import calibration
     from pulsepath.output import calibration_directory, tables
 
-    sources = {what: file.read_bytes() for what, file in files.items()}
+    sources = {role: file.read_bytes() for role, file in files.items()}
     # A directory that cannot be written is reported before the work.
     with replace_directory(out, force, CALIBRATION_KIND, before) as folder:
         with step(f"identifying {nominal.name} from {count_noun(len(measured), 'measurement')}"):
@@ -102,5 +102,5 @@ def calibrate(request: CalibrateRequest, force: bool, as_json: bool) -> None:
     if as_json:
         print_json({**json.loads((out / CALIBRATION).read_bytes()), "report": report})
         return
-    tables.show(tables.of_results(result))
+    tables.show(tables.list_tables(result))
     say(f"machine: {out / calibration_directory.MACHINE}\nreport: {report}")

@@ -57,11 +57,11 @@ def check(source: InputRequest, dumped: Path | None, force: bool, as_json: bool)
     violations = result.violations
     inputs.tell_line(*violations)
     if as_json:
-        print_json(record.of_check(result))
+        print_json(record.record_check(result))
     elif violations:
         say("\n".join(map(str, violations)))
     elif level() == VERBOSE:
-        tables.show(tables.of_results(result))
+        tables.show(tables.list_tables(result))
     else:
         tables.show(tables.sum_up_check(result))
     if violations:

@@ -314,7 +314,7 @@ def _announce(grid: "Grid", rig: "Rig", out: Path) -> str:
         "variations of the rig": len({cell.variation for cell in cells}),
         "seeds": len({cell.seed for cell in cells}),
     }
-    factors = [f"{count} {what}" for what, count in counts.items() if count > 1]
+    factors = [f"{count} {kind}" for kind, count in counts.items() if count > 1]
     # Seeds multiply the runs of those laws only that draw anything by chance.
     if counts["seeds"] > 1 and prod(counts.values()) != len(cells):
         factors[-1] = f"up to {factors[-1]}"

@@ -90,7 +90,7 @@ def export(
         )
         exported = export(format_, name, source, file)
         refuse_own(directory, target, file)
-    written = record.of_export(name, str(target), exported, plan.doubts)
+    written = record.record_export(name, str(target), exported, plan.doubts)
     if as_json:
         print_json(written)
     else:

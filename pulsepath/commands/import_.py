@@ -114,7 +114,7 @@ def import_(request: ImportRequest, force: bool, as_json: bool, **given: Any) ->
         if figure is not None:
             figure.savefig(drawn, dpi=150)
     if as_json:
-        about = record.of_import(name, imported, outline, str(out), str(image))
+        about = record.record_import(name, imported, outline, str(out), str(image))
         print_json({**about, "avoidable_stops": stops.record()})
         return
     say(f"{out}: {segments} from {file}, read as {name}; drawn in {image}")

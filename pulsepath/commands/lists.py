@@ -44,8 +44,8 @@ def machines(as_json: bool) -> None:
         except NotInstalled as reason:  # the other machines are listed nevertheless
             say(f"note: {name} is left out: {reason}", err=True)
     print_result(
-        [record.of_machine(machine) for machine in known],
-        tables.of_machines(known),
+        [record.record_machine(machine) for machine in known],
+        tables.tabulate_machines(known),
         as_json,
     )
 
@@ -126,8 +126,8 @@ def rules(as_json: bool) -> None:
     """
     from pulsepath.output import record, tables
 
-    listed = record.of_rules()
-    print_result(listed, tables.of_rules(listed), as_json)
+    listed = record.record_rules()
+    print_result(listed, tables.tabulate_rules(listed), as_json)
 
 
 @click.command()
@@ -157,7 +157,7 @@ def figures(as_json: bool) -> None:
 def _show_list(title: str, records: list[Record], as_json: bool) -> None:
     from pulsepath.output import tables
 
-    print_result(records, tables.of_list(title, records), as_json)
+    print_result(records, tables.tabulate_records(title, records), as_json)
 
 
 def _read_presets(package: str) -> list[tuple[str, Record, str]]:

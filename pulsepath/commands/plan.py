@@ -84,7 +84,7 @@ def plan(out: Path | None, dumped: Path | None, force: bool, as_json: bool, **op
                 with inputs.tell_lines():
                     job = run(inputs.program, inputs.machine, request, report, other)
                 results = write_whole(folder, job, inputs, report.pulses)
-    tables.show_plan(out, as_json, lambda: tables.of_plan(results), lambda: tables.sum_up(results))
+    tables.show_plan(out, as_json, lambda: tables.tabulate_plan(results), lambda: tables.sum_up(results))
     if refusal is not None:
         raise refusal
 
@@ -101,8 +101,8 @@ def _refuse_conflicts(request: PlanRequest, report: ReportRequest) -> None:
 
 def _refuse_parts_options(report: ReportRequest) -> None:
     """Raise UsageError for an option that only a plan in parts has."""
-    given = {"--keep-certified": report.keep_certified, "--cluster": report.cluster is not None}
-    for option in (name for name, is_given in given.items() if is_given):
+    options = {"--keep-certified": report.keep_certified, "--cluster": report.cluster is not None}
+    for option in (name for name, is_given in options.items() if is_given):
         raise click.UsageError(f"{option} is for --stream.", click.get_current_context())
 
 

@@ -60,14 +60,14 @@ class PoseRequest:
         from kinematics.foundation.errors import MotionError
 
         texts = {find_flag(name): getattr(self, name) for name in ("lengths", "travel", "counts")}
-        given = [(flag, text) for flag, text in texts.items() if text is not None]
+        coordinates = [(flag, text) for flag, text in texts.items() if text is not None]
         has_pose = self.pose is not None or self.turn is not None
-        if len(given) > 1 or (given and has_pose):
-            flags = " and ".join(flag for flag, _ in given)
-            with_pose = " beside a POSE" if len(given) == 1 else ""
+        if len(coordinates) > 1 or (coordinates and has_pose):
+            flags = " and ".join(flag for flag, _ in coordinates)
+            with_pose = " beside a POSE" if len(coordinates) == 1 else ""
             choices = ", ".join(texts)
             raise MotionError(f"pose: {flags}{with_pose}: give a POSE, or one of {choices}")
-        return given[0] if given else None
+        return coordinates[0] if coordinates else None
 
 
 @click.command(context_settings=ALLOW_MINUS)
@@ -105,7 +105,7 @@ def pose(request: PoseRequest, as_json: bool) -> None:
         result = posture_of_axes(machine, q)
     else:
         result = posture_of_pose(machine, _find_pose(machine, position, turn, request.frame))
-    print_result(record.of_posture(result), tables.of_results(result), as_json)
+    print_result(record.record_posture(result), tables.list_tables(result), as_json)
     if violations := result.violations:
         count = len(violations)
         many = f"{count} limits are violated, the worst is " if count > 1 else ""

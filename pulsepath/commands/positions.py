@@ -64,8 +64,8 @@ class ListFile:
 
         name = self.name
         print_result(
-            record.of_positions(positions, name),
-            tables.of_positions(positions, name),
+            record.record_positions(positions, name),
+            tables.tabulate_positions(positions, name),
             self.as_json,
         )
 
@@ -236,7 +236,7 @@ def arms(file: ListFile, request: ArmsRequest) -> None:
                 result.files()[suffix](staged)
             if figure is not None:
                 figure.savefig(staged, format=suffix[1:], dpi=150)
-    print_result(record.of_arms(result, file.name), tables.of_results(result), file.as_json)
+    print_result(record.record_arms(result, file.name), tables.list_tables(result), file.as_json)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -81,14 +81,14 @@ def track(request: TrackRequest, unverified: bool, force: bool, as_json: bool) -
         with step(f"tracking under {law.name}"):
             tracked = controllers.track(motion, plan.machine, law, rig=rig, period=PERIOD)
             metrics.append(controllers.evaluate(tracked, motion, plan.machine))
-    doubts = record.of_doubts(plan.doubts)
-    text = record.as_json({"schema": record.SCHEMA, **doubts, **record.of_tracking(rig, metrics)})
+    doubts = record.record_doubts(plan.doubts)
+    text = record.as_json({"schema": record.SCHEMA, **doubts, **record.record_tracking(rig, metrics)})
     target.write(text)
     if as_json:
         click.echo(text, nl=False)
         return
     say(f"rig {rig.about}")
-    tables.show(tables.of_tracking(metrics))
+    tables.show(tables.tabulate_tracking(metrics))
     blind = [] if all(map(reads_encoder, rig.drives)) else [rig.name]
     for sentence in describe_blind([setting.law for setting in settings], blind):
         say(sentence)

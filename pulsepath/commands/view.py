@@ -88,7 +88,7 @@ def view(request: ViewRequest, unverified: bool, force: bool, as_json: bool) -> 
     result: dict[str, Any] = {
         "program": plan.program.name,
         "machine": plan.machine.name,
-        **record.of_doubts(plan.doubts),
+        **record.record_doubts(plan.doubts),
     }
     if stills is not None:
         from benchmarks.animation.stills import write_four_views

@@ -28,8 +28,8 @@ def write(folder: Path, calibration: Calibration, sources: dict[str, bytes]) -> 
     """Write everything into an empty folder, the record last."""
     from benchmarks.reports.calibration_report import write_calibration_report
 
-    for what, name in SOURCES.items():
-        write_named(folder / name, sources[what])
+    for role, name in SOURCES.items():
+        write_named(folder / name, sources[role])
     write_named(folder / MACHINE, machine_toml(calibration.machine, _comment(calibration)))
     with name_file(folder / REPORT):
         write_calibration_report(calibration, folder / REPORT)
@@ -90,7 +90,7 @@ def record(calibration: Calibration, sources: dict[str, bytes]) -> Record:
             for check in axis_checks(calibration)
         ],
         "provenance": {
-            "sha256": {what: sha256(content).hexdigest() for what, content in sources.items()},
+            "sha256": {role: sha256(content).hexdigest() for role, content in sources.items()},
             "versions": {"pulsepath": __version__, "numpy": np.__version__},
         },
     }
