@@ -117,7 +117,7 @@ class Activity:
         return np.asarray(numbers)
 
     def _add_segments(self, rows: Array) -> None:
-        """Add the segments of a part. Of many, only those that a table may list are retained."""
+        """Add the segments of a part, and retain those that a table may list."""
         before = self._rows
         if len(rows) and len(before) and before[-1, NUMBER] == rows[0, NUMBER]:
             rows[0, TIME:] += before[-1, TIME:]
@@ -172,17 +172,18 @@ class Activity:
         active = self._rows[:, IDLE + 1 :]
         longest = self._rows[active.argmax(0), NUMBER]
         times = [time or None for time in active.max(0).tolist()]
-        numbers = [None if time is None else int(number) for number, time in zip(longest, times, strict=True)]
+        pairs = zip(longest, times, strict=True)
+        numbers = [None if time is None else int(number) for number, time in pairs]
         segments = self.find_segments(numbers)
         total = len(self.program.segments)
-        own = [None if number is None else segments[number % total] for number in numbers]
+        named = [None if number is None else segments[number % total] for number in numbers]
         seconds = np.roll(self._active.sum(0), -1)  # the time without active limit comes last
         columns = (
             Column("limit", [*self.names, "none of them"]),
             Column("active", seconds, "s", form=".3f"),
             Column("of the duration", 100 * seconds / max(self.end, 1e-300), "%", form=".1f"),
             *self._number_columns([*numbers, None], "longest in segment"),
-            *line_columns([*own, None]),
+            *line_columns([*named, None]),
             Column("there", [*times, None], "s", form=".4f"),
         )
         return Table("time for which each limit is active", columns)
@@ -190,10 +191,10 @@ class Activity:
     def _tabulate(self, title: str, rows: Array, notes: tuple[str, ...] = ()) -> Table:
         numbers: list[int] = rows[:, NUMBER].astype(int).tolist()
         segments = self.find_segments(numbers)
-        own = [segments[number % len(self.program.segments)] for number in numbers]
+        chosen = [segments[number % len(self.program.segments)] for number in numbers]
         columns = (
             *self._number_columns(numbers, "segment"),
-            *segment_columns(rows, own, [*self.names]),
+            *segment_columns(rows, chosen, [*self.names]),
         )
         return Table(title, columns, notes)
 

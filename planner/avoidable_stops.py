@@ -315,9 +315,11 @@ def _pass_corners(
     """Return the ṡ (C,) at which blends of a tolerance pass the breaks `corners`."""
     sides = np.concatenate([corners - 1, corners])  # pieces before, and pieces after
     points = make_points(path, np.tile(path.breaks[corners], 2), sides, order)
-    characteristic_length = path.machine.characteristic_length / np.sqrt(2)
-    size = np.concatenate([np.ones(3), np.full(9, characteristic_length)])
-    turned, bent = (np.linalg.norm(_jump(values) * size, axis=1) for values in points.tool_derivatives[1:3])
+    # a rotation by a small angle changes its matrix by √2 times the angle
+    size = np.ones(12)
+    size[3:] = path.machine.characteristic_length / np.sqrt(2)
+    jumps = [_jump(values) * size for values in points.tool_derivatives[1:3]]
+    turned, bent = np.linalg.norm(jumps, axis=2)
     half = np.minimum(*np.split(np.diff(path.breaks)[sides], 2)) / 2
     reach = np.minimum(half, tolerance / np.maximum(CORNER_DEVIATION * turned, TINY))
     reach = np.minimum(reach, np.sqrt(tolerance / np.maximum(CURVE_DEVIATION * bent, TINY)))

@@ -290,9 +290,9 @@ def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] 
     last = np.append(first[1:], len(active))
     for owner in np.unique(active):
         color = "#E8E8E8" if owner < 0 else styles[plan.limits[owner].name]["color"]
-        own = active[first] == owner
-        low = edges[first[own]]
-        width = edges[last[own]] - low
+        runs = active[first] == owner
+        low = edges[first[runs]]
+        width = edges[last[runs]] - low
         spans = list(zip(low.tolist(), width.tolist(), strict=True))
         ax.broken_barh(spans, (1.06, 0.12), facecolor=color, linewidth=0)
     for k, number in find_segments(plan):
@@ -345,8 +345,8 @@ def realised_error(
 
 def _draw_stairs(ax: Axes, values: Array, edges: Array, **style: Any) -> None:
     """Draw stairs faster than `Axes.stairs`, which spends most time on the ends of the steps."""
-    stairs = StepPatch(values, edges, baseline=None, fill=False, **style)  # type: ignore[arg-type]  # a float only
-    ax.add_artist(stairs)
+    baseline: Any = None  # matplotlib's types admit a float only
+    ax.add_artist(StepPatch(values, edges, baseline=baseline, fill=False, **style))
     ax.update_datalim([(edges[0], values.min()), (edges[-1], values.max())])
     ax.autoscale_view()
 
@@ -381,7 +381,8 @@ def window_uses(standing: PlanStanding, ax: Axes | None = None) -> Axes:
 @draws(Certificate)
 def proven_uses(certificate: Certificate, ax: Axes | None = None) -> Axes:
     """Draw the worst proven use of each limit; `limit_use` shows that of a plan over time."""
-    return draw_bars([*certificate.worst], [*certificate.worst.values()], "bound of value/limit", ax, 1.0)
+    worst = certificate.worst
+    return draw_bars([*worst], [*worst.values()], "bound of value/limit", ax, 1.0)
 
 
 @draws(Standing)
@@ -395,7 +396,9 @@ def geometric_uses(standing: Standing, ax: Axes | None = None) -> Axes:
 def bound_losses(bound: DurationBound, ax: Axes | None = None) -> Axes:
     """Draw the sum of the open gap to the least duration over all cells up to a place."""
     ax = new_axes(ax)
-    ax.step(np.append(bound.s, bound.s[-1:]), 1e3 * np.append(0.0, np.cumsum(bound.loss)), where="post")
+    s = np.append(bound.s, bound.s[-1:])
+    open_time = np.append(0.0, np.cumsum(bound.loss))
+    ax.step(s, 1e3 * open_time, where="post")
     ax.set(xlabel="path length", ylabel="left open so far (ms)")
     return ax
 

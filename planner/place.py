@@ -120,11 +120,11 @@ class Infeasible(MotionError):
 class ConstantRefused(Infeasible):
     """A constant speed that the machine cannot keep or attain.
 
-    asked     m/s, required by the segment
-    possible  m/s, largest that this place allows
+    requested  m/s, of the segment
+    possible   m/s, largest that this place allows
     """
 
-    asked: float = field(kw_only=True)
+    requested: float = field(kw_only=True)
     possible: float = field(kw_only=True)
 
     def add_possible_speed(self, speed: float) -> Self:

@@ -69,9 +69,10 @@ def time_optimal(
     speeds = _per_axis("max_speed", max_speed, count)
     accelerations = _per_axis("max_acceleration", max_acceleration, count)
     jerks = _per_axis("max_jerk", max_jerk, count)
+    caps = zip(speeds, accelerations, jerks, strict=True)
     axes = [
         Axis(name=f"axis{k}", max_speed=speed, max_acceleration=acceleration, max_jerk=jerk)
-        for k, (speed, acceleration, jerk) in enumerate(zip(speeds, accelerations, jerks, strict=True), start=1)
+        for k, (speed, acceleration, jerk) in enumerate(caps, start=1)
     ]
     names = [axis.name for axis in axes]
     end_speeds = _check_end_speeds(start_speed, end_speed)
