@@ -416,8 +416,7 @@ def _name_segment(error: Infeasible, motion: Trajectory) -> Infeasible:
         return error
     piece = int(motion.at(error.place.t).piece[0])
     place = motion.path.place(error.place.s, piece, error.place.t, error.place.axis)
-    bound = error.value, error.limit, error.unit
-    return Infeasible(error.kind, error.axis, place, *bound, error.remedy)
+    return replace(error, place=place)
 
 
 @check_arguments("program", "machine", "limits")
