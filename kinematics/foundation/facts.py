@@ -46,6 +46,13 @@ def record(result: Any) -> Any:
     return {fact.key: None if value == fact.null else record(value) for fact, value in values.items()}
 
 
+def record_fields(result: object, *names: str) -> dict[str, Any] | None:
+    """Return some attributes of a result by their names, as plain data. None: no result."""
+    if result is None:
+        return None
+    return {name: record(getattr(result, name)) for name in names}
+
+
 def tabulate(title: str, results: Sequence[Any], *more: Column) -> tuple[Table, ...]:
     """Return the table of results of one type, a row each, with more columns; none without results."""
     if not results:

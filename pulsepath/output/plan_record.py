@@ -1,6 +1,6 @@
 """A plan as plain data: the content of plan.json."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from math import isnan
@@ -10,8 +10,7 @@ from platform import python_version
 from benchmarks.reports.plan_report import PlanReport
 from kinematics import Axis, Machine
 from kinematics.analysis.residual_vibration import find_residuals
-from kinematics.files.plain_text import finite_or_none
-from kinematics.foundation.facts import record
+from kinematics.foundation.facts import record, record_fields
 from planner import Classical, LimitChange, Plan, Triggered, Worth
 from planner.active_limits import FILE_LINE, tabulate_segments
 from planner.baselines import describe_differences, missing_limits
@@ -101,7 +100,7 @@ def _lower_bound(plan: Plan) -> Record | None:
         return {
             "kind": "proved",
             "duration_s": plan.lower_bound,
-            "gap": None if plan.gap is None else finite_or_none(plan.gap),
+            "gap": record(plan.gap),
             "leaves_out": [*plan.left_out],
         }
     if isnan(plan.lower_estimate):
@@ -360,12 +359,12 @@ def record_pulse_file(
                 "pulses": one.pulses,
                 "start_count": axis.start,
                 "final_count": axis.start + net,
-                "final_error_pulses": finite_or_none(one.final_error),
+                "final_error_pulses": record(one.final_error),
                 "bound_pulses": axis.bound,
-                "time_error_ticks": None if one.time_error is None else finite_or_none(one.time_error),
-                "position_error_beyond_bound_pulses": finite_or_none(one.position_error),
-                "error_behind_play_and_screw_pulses": None if one.behind is None else finite_or_none(one.behind),
-                "smallest_interval_s": finite_or_none(one.smallest_interval),
+                "time_error_ticks": record(one.time_error),
+                "position_error_beyond_bound_pulses": record(one.position_error),
+                "error_behind_play_and_screw_pulses": record(one.behind),
+                "smallest_interval_s": record(one.smallest_interval),
                 **drive,
             }
             for one, axis, drive, (_, net) in zip(
@@ -383,8 +382,8 @@ def _drive_times(verdict: PulseCheck | None, clock_hz: int, machine: Machine) ->
         {
             "highest_rate_hz": 1 / one.smallest_interval if one.smallest_interval > 0 else None,
             "max_pulse_rate_hz": axis.max_pulse_rate,
-            "lines_s": _time_record(lines, ("high", "low", "setup", "hold")),
-            "drive_needs_s": _time_record(axis.timing, ("high", "low", "setup", "hold", "max_rate")),
+            "lines_s": record_fields(lines, "high", "low", "setup", "hold"),
+            "drive_needs_s": record_fields(axis.timing, "high", "low", "setup", "hold", "max_rate"),
         }
         for one, axis, lines in zip(
             verdict.axes, machine.axes, time_lines(verdict, clock_hz, machine.axes), strict=True
@@ -400,12 +399,6 @@ def _worth(worth: Worth, change: LimitChange | None) -> Record:
         "of_more": 0.01,
         "limits": [dict(zip(keys, row, strict=True)) for row in rows],
         "not_known": list(worth.unknown),
-        "explained": finite_or_none(worth.explained),
+        "explained": record(worth.explained),
         "planned_again": record(change),
     }
-
-
-def _time_record(of: object, names: Iterable[str]) -> Record | None:
-    if of is None:
-        return None
-    return {name: None if (value := getattr(of, name)) is None else finite_or_none(value) for name in names}

@@ -8,7 +8,7 @@ from math import isnan, pi
 from typing import TYPE_CHECKING, Any
 
 from kinematics.files.plain_text import finite_or_none
-from kinematics.foundation.facts import record
+from kinematics.foundation.facts import record, record_fields
 from kinematics.foundation.options import options
 from planner.place import Infeasible
 from pulsepath.process.exits import SCHEMA as SCHEMA
@@ -35,14 +35,14 @@ def record_realised(path: RealisedPath) -> Record:
         "instants": path.instants,
         "one_in": path.stride,
         "mechanics": list(path.mechanics),
-        "errors": {error.name: _fields(error, "rms", "max", "bound", "unit", "where") for error in path.errors},
+        "errors": {error.name: record_fields(error, "rms", "max", "bound", "unit", "where") for error in path.errors},
     }
 
 
 def record_tracking(rig: Rig, metrics: Iterable[Metrics]) -> Record:
     """The rig, and under each law the errors in m or rad, and the full steps that steppers lost."""
     laws = {
-        law.law: {series.name: _fields(series, "rms", "p95", "max", "unit", "where") for series in law.series}
+        law.law: {series.name: record_fields(series, "rms", "p95", "max", "unit", "where") for series in law.series}
         for law in metrics
     }
     lost = {law.law: 0 if law.lost_steps is None else int(law.lost_steps.sum()) for law in metrics}
@@ -190,19 +190,16 @@ def record_machine(machine: Machine) -> Record:
     }
 
 
-def _fields(of: object, *names: str) -> Record:
-    """Return some fields of a result, with a place as a record."""
-    values = {name: getattr(of, name) for name in names}
-    return {name: record(value) for name, value in values.items()}
-
-
 def record_violation(violation: MotionError) -> Record:
     """Return the record of a violation: place, excess and remedy."""
     if not isinstance(violation, Infeasible):
         return {"kind": "reach", "message": str(violation)}
-    named = _fields(violation, "kind", "axis", "value", "limit", "unit", "remedy")
-    where = record(violation.place)
-    return {**named, "relaxation": finite_or_none(violation.relaxation), "where": where, "message": str(violation)}
+    names = ("kind", "axis", "value", "limit", "unit", "remedy", "relaxation")
+    return {
+        **{name: record(getattr(violation, name)) for name in names},
+        "where": record(violation.place),
+        "message": str(violation),
+    }
 
 
 def _axis(axis: Axis) -> Record:
