@@ -221,7 +221,7 @@ def _draw_from(
 ) -> MachinePath:
     """Return the path from an instant to a place (m), with the rest of a dwell at the instant."""
     left = find_rest_left(motion, now)
-    return whole.draw(now.s, until, now.v, now.a, now.t, now.q, rests=left, last_dwell=last_dwell)
+    return whole.draw(now, until, dwells=(left, None if last_dwell else 0.0))
 
 
 def _solve_stop(whole: Whole, running: Running, now: Instant) -> ProvedMotion:
@@ -299,7 +299,7 @@ def _follow_first(
 ) -> ProvedMotion:
     """Join the motion up to where it is left and a ramp from there, and prove both together."""
     until = leave.s + float(ramp.path.breaks[-1])
-    path = whole.draw(now.s, until, now.v, now.a, now.t, now.q)
+    path = whole.draw(now, until)
     first = find_piece(whole.path, now.s)
     here = find_piece(whole.path, leave.s)
     before = shift_motion(cut_motion(motion, now, leave), 0.0, -first)

@@ -72,7 +72,7 @@ def find_ramps(
         until = now.s + farther * distance
         if until >= end:
             break
-        path = whole.draw(now.s, until, now.v, now.a, now.t, now.q, target(until))
+        path = whole.draw(now, until, target(until))
         limits = whole.limits(path)
         solve = partial(certified_solve, path, limits, whole.order, continuation=continuation)
         solution = attempt(solve)
@@ -95,7 +95,7 @@ class _Search:
         self.order = whole.order
         self.target = target
         self.continuation = continuation
-        self.path = whole.draw(now.s, end, now.v, now.a, now.t, now.q)
+        self.path = whole.draw(now, end)
         self.limits = whole.limits(self.path)
         self.farthest = float(self.path.breaks[-1])
 

@@ -17,7 +17,7 @@ from kinematics.machine.machine import Machine
 from kinematics.machine.pose import Pose
 from planner.certificate.certify import Certificate
 from planner.export.format import Exported, ExportSource, write_export
-from planner.interruption.instant import SAME_PLACE
+from planner.interruption.instant import SAME_PLACE, Instant
 from planner.limits import Limit, OwnLimit, limits_of
 from planner.path.actuation import MachinePath
 from planner.pulses import AxesMotion, PulseSchedule, find_rule, generate, pace_axes
@@ -74,32 +74,26 @@ class Whole:
 
     def draw(
         self,
-        since: float,
+        begin: Instant,
         until: float,
-        speed: float = 0.0,
-        acceleration: float = 0.0,
-        time: float = 0.0,
-        near: np.ndarray | None = None,
-        ends: tuple[float, float] = (0.0, 0.0),
-        rests: float | None = None,
-        last_dwell: bool = True,
+        end: tuple[float, float] = (0.0, 0.0),
+        dwells: tuple[float | None, float | None] = (None, None),
     ) -> MachinePath:
-        """Return the part of the path from one place (m) to another.
+        """Return the part of the path from an instant's place to another place (m).
 
         A part that begins in motion has no dwells at its ends. One that begins at rest has those of
         the program. The part need not keep the constant speeds that segments require.
 
-        speed, acceleration  ṡ and s̈ at the beginning
-        time                 s at the beginning, from which its certificate counts
-        near                 coordinates (n,) at the beginning; None: home's
-        ends                 ṡ and s̈ at the end
-        rests                s for which the first dwell still lasts; None: its full time
-        last_dwell           False leaves the last dwell out
+        begin   state at the beginning; certificates count time from its t
+        end     ṡ and s̈ at the end
+        dwells  s of the first and the last dwell; None: the program's
         """
         path = self.path
         length = float(path.breaks[-1])
         until = snap(path.breaks, until, length)
-        if speed == 0:  # a motion may begin nearer to a rest than rounding, and keeps its place
+        since = begin.s
+        moves = begin.v > 0
+        if begin.v == 0:  # a motion may begin nearer to a rest than rounding, and keeps its place
             since = snap(path.breaks, since, length)
         first = int(np.searchsorted(path.breaks, since, "right")) - 1
         first = int(np.clip(first, 0, len(path.pieces) - 1))
@@ -108,15 +102,17 @@ class Whole:
 
         pieces = [replace(piece, constant=False) for piece in path.pieces[first : last + 1]]
         stops = np.array(path.joins[first : last + 2])
-        dwells = np.array(path.dwells[first : last + 2])
+        rests = np.array(path.dwells[first : last + 2])
         before = since - path.breaks[first]
         after = path.breaks[last + 1] - until
-        if before > 0 or speed > 0:
-            dwells[0] = 0.0
-        elif rests is not None:
-            dwells[0] = rests
-        if after > 0 or speed > 0 or not last_dwell:
-            dwells[-1] = 0.0
+        if before > 0 or moves:
+            rests[0] = 0.0
+        elif dwells[0] is not None:
+            rests[0] = dwells[0]
+        if after > 0 or moves:
+            rests[-1] = 0.0
+        elif dwells[1] is not None:
+            rests[-1] = dwells[1]
         pieces[-1] = pieces[-1].trim(0.0, after)
         pieces[0] = pieces[0].trim(before, 0.0)
         stops[[0, -1]] = 1
@@ -124,12 +120,12 @@ class Whole:
             self.machine,
             pieces,
             stops,
-            dwells,
+            rests,
             tool=self.tool,
-            end_speeds=(speed, ends[0]),
-            end_accelerations=(acceleration, ends[1]),
-            near=near,
-            origin=(since, time),
+            end_speeds=(begin.v, end[0]),
+            end_accelerations=(begin.a, end[1]),
+            near=begin.q,
+            origin=(since, begin.t),
         )
 
 

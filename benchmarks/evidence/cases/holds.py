@@ -25,6 +25,7 @@ from benchmarks.evidence.table import Table, quantile_table
 from kinematics import load_machine
 from kinematics.foundation.errors import MotionError, attempt
 from planner import Line, Plan, Program, import_program, load_program, plan, program_names
+from planner.interruption.instant import look
 from planner.interruption.section import Section
 from planner.limits import usual_order
 from planner.pulses import AxesMotion, PulseSchedule, check
@@ -173,20 +174,19 @@ def find_soonest(planned: Plan, stop: Section) -> float:
     """Return s to rest at the soonest of many ends, and of stops that begin later."""
     whole = planned.whole()
     begin = stop.at or 0.0
-    now = planned.trajectory.at(begin)
-    speed, acceleration = float(now.sd[0]), float(now.sdd[0])
+    now = look(planned.trajectory, begin)
     going = None
     if planned.order == 3:
-        going = Continuation(np.zeros(1), np.zeros((4, 0)), {}, acceleration)
+        going = Continuation(np.zeros(1), np.zeros((4, 0)), {}, now.a)
     soonest = np.inf
     for share in ENDS:
         until = stop.since + share * stop.distance
         if until > planned.path.breaks[-1]:
             break
-        path = whole.draw(stop.since, until, speed, acceleration, begin, now.q[0])
+        path = whole.draw(now, until)
         if path.stops(planned.order)[1:-1].any():
             continue
-        run = Run(0, len(path.pieces) - 1, start_speed=speed, continuation=going)
+        run = Run(0, len(path.pieces) - 1, start_speed=now.v, continuation=going)
         solution = solve_run(path, whole.limits(path), run, planned.order, probing=True)
         if solution.solved:
             soonest = min(soonest, solution.duration)

@@ -9,6 +9,7 @@ import pytest
 from kinematics import load_machine
 from kinematics.foundation.errors import MotionError
 from planner import Blend, Line, Program, plan
+from planner.interruption.instant import look
 from planner.timing import Continuation, Run, solve_run
 
 INSTANTS = 20_000
@@ -61,13 +62,12 @@ def test_hardly_any_stop_is_sooner(circle, stop_at):
     """Than the soonest to any of many rests ahead, each by the engine's own solver on a fine grid."""
     held = stop_at(0.31)
     whole = circle.whole()
-    now = circle.trajectory.at(held.at)
-    speed, push = float(now.sd[0]), float(now.sdd[0])
+    now = look(circle.trajectory, held.at)
     soonest = np.inf
     for way in held.distance * np.array([0.9, 0.96, 1.0, 1.1]):
-        path = whole.draw(held.since, held.since + way, speed, push, held.at, now.q[0])
-        going = Continuation(np.zeros(1), np.zeros((4, 0)), {}, push) if circle.order == 3 else None
-        run = Run(0, len(path.pieces) - 1, start_speed=speed, continuation=going)
+        path = whole.draw(now, now.s + way)
+        going = Continuation(np.zeros(1), np.zeros((4, 0)), {}, now.a) if circle.order == 3 else None
+        run = Run(0, len(path.pieces) - 1, start_speed=now.v, continuation=going)
         found = solve_run(path, whole.limits(path), run, circle.order, probing=True)
         soonest = min(soonest, found.duration if found.solved else np.inf)
     assert held.duration < 1.05 * soonest
