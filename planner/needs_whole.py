@@ -8,9 +8,11 @@ How far the others look:
   (`planner.windows`).
 - Pulses look back by one pulse, and ahead by the hold time of the drive
   (`planner.pulses.generation.stream`).
+- Compensation of play looks ahead by eight times the duration of a take-up step, and by the time
+  until an axis that hardly reverses moves on (`planner.pulses.compensation.compensate`).
 - Input shapers would look back by their length, half a period of the vibration for ZV and one for
-  ZVD, and compensation of play ahead by the time to take it up. Both are still applied to the whole
-  motion.
+  ZVD. They are still applied to the whole motion, since limits that the shaped motion exceeds are
+  lowered and the motion is solved again.
 """
 
 from collections.abc import Callable
@@ -64,8 +66,6 @@ def _check_ends(request: PlanRequest, program: Program, machine: Machine) -> str
 def _check_machine(request: PlanRequest, program: Program, machine: Machine) -> str | None:
     if Resonance(machine.axes).bands:
         return "the machine may cross bands of resonance, proved of the whole only: take resonance_time out of its file"
-    if any(axis.compensate for axis in machine.axes):
-        return "the machine makes up for play or lead error, which looks ahead: take compensate out of its file"
     if any(axis.shaper for axis in machine.axes):
         return "the machine has input shapers, which reach from each part into the next: take them out of its file"
     return None

@@ -6,7 +6,7 @@ open are solved here:
 
 - Tasks and results go through files: the reader of a pipe waits for ever if its writer is killed
   in the middle of a long message.
-- The processes ignore Ctrl-C, which a terminal sends to a whole group, even before Python starts.
+- The processes ignore Ctrl-C and hang-ups, which a terminal sends to a whole group, even before Python starts.
 - They end with the process that started them.
 """
 
@@ -16,6 +16,7 @@ import operator
 import os
 import pickle
 import signal
+import sys
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
@@ -52,6 +53,8 @@ GC_THRESHOLDS = 50_000, 20, 100
 # loky would restart a process that has grown by 300 MB, and import modules of the current folder.
 _ENVIRONMENT = {"LOKY_MAX_MEMORY_LEAK_SIZE": "1e18", "PYTHONSAFEPATH": "1"}
 _WORK = "work"
+# Option -W of loky's tracker of resources, which cleans up after a killed process: it need not say so.
+_QUIET = "ignore:resource_tracker:UserWarning"
 
 
 def ignore_progress(done: int, of: int) -> None:
@@ -225,11 +228,13 @@ def open_pool(work: bytes, processes: int, modules: Sequence[str] = ()) -> Itera
     from loky import ProcessPoolExecutor
     from loky.backend import resource_tracker as tracker
 
+    if _QUIET not in sys.warnoptions:
+        sys.warnoptions.append(_QUIET)
     with ExitStack() as stack:
-        prefix = f"pulsepath-{os.getpid()}-"  # the command line clears up by it after a kill
-        temporary = TemporaryDirectory(prefix=prefix, ignore_cleanup_errors=True)
+        temporary = TemporaryDirectory(prefix=f"pulsepath-{os.getpid()}-", ignore_cleanup_errors=True)
         folder = Path(stack.enter_context(temporary))
-        tracker.register(str(folder), "folder")  # removes it even if this process is killed
+        with hold_interrupts():
+            tracker.register(str(folder), "folder")  # removes it even if this process is killed
         stack.callback(tracker.unregister, str(folder), "folder")
         (folder / _WORK).write_bytes(work)
         ends = multiprocessing.Pipe(duplex=False)
@@ -250,13 +255,14 @@ def open_pool(work: bytes, processes: int, modules: Sequence[str] = ()) -> Itera
 
 @contextmanager
 def hold_interrupts() -> Iterator[None]:
-    """Block Ctrl-C until the block ends: processes that start meanwhile inherit the mask."""
+    """Block Ctrl-C and hang-ups until the block ends: processes that start meanwhile inherit the mask."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    resource_tracker.ensure_running()  # if it started with them, it would unblock Ctrl-C
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
     try:
+        resource_tracker.ensure_running()  # if it started with them, it would unblock Ctrl-C
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -240,9 +240,19 @@ class Plan(Result, Interruptible, Requested):
     def whole(self, progress: Progress = ignore_progress) -> Whole:
         """Return the data that sections of the plan are made from (`planner.interruption`)."""
         pulses = self.source.read_pulses(progress)
-        motion = self.path, self.trajectory, self.certificate, pulses
-        own = self.program.tool, self.own_limits, self.fastest, self.triggers
-        return Whole(self.program.name, self.machine, *motion, self.order, *own)
+        return Whole(
+            self.program.name,
+            self.machine,
+            self.path,
+            self.trajectory,
+            self.certificate,
+            pulses,
+            self.order,
+            self.program.tool,
+            self.own_limits,
+            self.fastest,
+            self.triggers,
+        )
 
     def data(self) -> Table:
         """Return the motion over time. `certificate` and `pulses` have data of their own."""
@@ -437,8 +447,8 @@ def check(program: ProgramSource, machine: MachineSource, *, limits: Sequence[Ow
         path = actuate(program, machine)
     except OutOfReach as error:
         raise _add_advice(error, program, machine, 2) from None
-    own = (each for each in make_own_limits(path, limits) if each.geometric)
-    standing = prove_feasibility(path, (*limits_of(path, machine.axes, 2), *own))
+    geometric = (each for each in make_own_limits(path, limits) if each.geometric)
+    standing = prove_feasibility(path, (*limits_of(path, machine.axes, 2), *geometric))
     worst = tuple(_add_advice(error, program, machine, 2) for error in standing.violations[:1])
     violations = (*worst, *standing.violations[1:])
     standing = replace(
@@ -456,13 +466,18 @@ def check(program: ProgramSource, machine: MachineSource, *, limits: Sequence[Ow
     return replace(standing, conditioning=find_poorest(path), avoidable=stops)
 
 
-def _add_advice(no: MotionError, program: Program, machine: Machine, order: int) -> MotionError:
-    """Geometric violations, with how far the path must shrink or move; other refusals unchanged."""
+def _add_advice(
+    error: MotionError,
+    program: Program,
+    machine: Machine,
+    order: int,
+) -> MotionError:
+    """Add to a geometric violation how far the path must shrink or move. Others stay unchanged."""
     from planner.certificate.advice import find_remedy
 
-    if isinstance(no, NotFree):
-        return no
-    more = partial(find_remedy, program, machine, order)
-    if isinstance(no, Infeasible):
-        return no.add_advice(more) if no.kind in geometric_limits() else no
-    return LostPath(str(no), more).in_segment(no.segment)
+    if isinstance(error, NotFree):
+        return error
+    advice = partial(find_remedy, program, machine, order)
+    if isinstance(error, Infeasible):
+        return error.add_advice(advice) if error.kind in geometric_limits() else error
+    return LostPath(str(error), advice).in_segment(error.segment)

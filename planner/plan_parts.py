@@ -18,7 +18,7 @@ from kinematics.foundation.result import Result
 from kinematics.foundation.table import Table
 from kinematics.machine.machine import Machine
 from kinematics.machine.machine_file import MachineSource, load_machine
-from planner.avoidable_stops import AvoidableStops, find_stops_of_part
+from planner.avoidable_stops import AvoidableStops, cost_first_stops, state_stops
 from planner.certificate.certify import Certificate
 from planner.certificate.summary import join_certificates, summarise_part
 from planner.limits import Limit, OwnLimit, limits_of
@@ -53,21 +53,21 @@ from planner.windows import Helpers, Start, Window, WindowPlanner
 class PlanStanding(Result, Requested):
     """A plan up to the end of one of its parts, with the fields of `Plan` that can be known there.
 
-    request      what the caller asked for, with order, duration and objective filled in
-    start        start of the next part: its time is the duration so far, its length that of the path
-    segment      number of the last planned segment, from 1
-    windows      number of windows
-    certificate  of the whole motion; `use` and `attained` have one entry per window, or per several windows
-    blends       joins that ask for a blend or a curve and have one; stops: joins where the motion stops instead
-    pulses       the schedule so far, without its pulses
-    counted      for each axis, its number of pulses, and its last count minus its first
-    methods      solvers, with the number of runs of each
-    triggers     number of triggers that the pulses have passed
-    avoidable    stops at joins that do not ask for one, and an estimate of their cost
+    request          what the caller asked for, with order, duration and objective filled in
+    start            start of the next part: its time is the duration so far, its length that of the path
+    segment          number of the last planned segment, from 1
+    windows          number of windows
+    certificate      of the whole motion; `use` and `attained` have one entry per window, or per several windows
+    blends           joins that ask for a blend or a curve and have one; stops: joins where the motion stops instead
+    pulses           the schedule so far, without its pulses
+    counted          for each axis, its number of pulses, and its last count minus its first
+    methods          solvers, with the number of runs of each
+    triggers         number of triggers that the pulses have passed
+    avoidable_stops  stops at joins that do not ask for one, and an estimate of their cost
     """
 
     request: PlanRequest
-    program: str
+    program: Program
     machine: Machine
     start: Start
     segment: int
@@ -81,7 +81,7 @@ class PlanStanding(Result, Requested):
     rounds: int
     methods: Mapping[str, int]
     triggers: int = 0
-    avoidable: AvoidableStops | None = None
+    avoidable_stops: AvoidableStops | None = None
 
     @property
     def duration(self) -> float:
@@ -90,7 +90,8 @@ class PlanStanding(Result, Requested):
 
     def tables(self) -> tuple[Table, ...]:
         """Duration, proof, fit and pulses as tables."""
-        title = f"{self.program} on {self.machine.name}, order {self.order}, in {count_noun(self.windows, 'window')}"
+        windows = count_noun(self.windows, "window")
+        title = f"{self.program.name} on {self.machine.name}, order {self.order}, in {windows}"
         units = {axis.name: axis.unit for axis in self.machine.axes}
         return (
             timing_table(title, self.duration),
@@ -322,7 +323,7 @@ class _PartMaker:
         first = pulses if self._standing is None else self._standing.pulses
         return PlanStanding(
             self._request,
-            self._program.name,
+            self._program,
             self._machine,
             window.next,
             segment=part.path.place(0.0, last_piece).segment or 0,
@@ -341,13 +342,12 @@ class _PartMaker:
             rounds=solution.rounds,
             methods=Counter(solution.methods),
             triggers=triggers,
-            avoidable=find_stops_of_part(
-                self._program,
+            avoidable_stops=cost_first_stops(
+                state_stops(self._program, unasked),
                 path,
                 solution.limits,
                 order,
                 last_piece + 1,
-                unasked,
             ),
         )
 
@@ -355,12 +355,12 @@ class _PartMaker:
 def _join(before: PlanStanding, here: PlanStanding) -> PlanStanding:
     """Return the standing of a plan after one more window, whose own standing is `here`."""
     counted = tuple(
-        (number + more, net + change)
-        for (number, net), (more, change) in zip(before.counted, here.counted, strict=True)
+        (number + added, net + change)
+        for (number, net), (added, change) in zip(before.counted, here.counted, strict=True)
     )
-    avoidable = here.avoidable
-    if before.avoidable is not None and avoidable is not None:
-        avoidable = before.avoidable + avoidable
+    avoidable = here.avoidable_stops
+    if before.avoidable_stops is not None and avoidable is not None:
+        avoidable = before.avoidable_stops + avoidable
     return replace(
         here,
         windows=before.windows + here.windows,
@@ -368,11 +368,12 @@ def _join(before: PlanStanding, here: PlanStanding) -> PlanStanding:
         fit=merge_fits(before.fit, here.fit),
         blends=before.blends + here.blends,
         stops=before.stops + here.stops,
+        pulses=_append_crossings(before.pulses, here.pulses),
         counted=counted,
         rounds=max(before.rounds, here.rounds),
         methods=Counter(before.methods) + Counter(here.methods),
         triggers=before.triggers + here.triggers,
-        avoidable=avoidable,
+        avoidable_stops=avoidable,
     )
 
 
@@ -388,7 +389,7 @@ def _make_only_part(plan: Plan) -> PlanPart:
     end = Start(Fraction(plan.duration), float(path.breaks[-1]), steps)
     standing = PlanStanding(
         plan.request,
-        plan.program.name,
+        plan.program,
         plan.machine,
         end,
         segment=len(plan.program.segments),
@@ -402,7 +403,7 @@ def _make_only_part(plan: Plan) -> PlanPart:
         rounds=plan.rounds,
         methods=Counter(plan.methods),
         triggers=len(plan.triggers),
-        avoidable=plan.avoidable_stops,
+        avoidable_stops=plan.avoidable_stops,
     )
     return PlanPart(
         Start(),
@@ -435,7 +436,7 @@ def come_to_rest(part: PlanPart) -> PlanStanding:
         proof = join_certificates(proof, part.rest_proof)
         length = part.start.length + float(part.rest.path.breaks[-1])
         start = Start(start.elapsed + Fraction(part.rest.duration), length, part.start.steps + part.steps)
-    stated = _without_pulses(pulses, standing.pulses)
+    stated = _append_crossings(standing.pulses, _without_pulses(pulses, standing.pulses))
     triggers = standing.triggers + len(part.rest_triggers)
     return replace(
         standing,
@@ -454,6 +455,15 @@ def _without_pulses(pulses: PulseSchedule, first: PulseSchedule) -> PulseSchedul
     axes = zip(pulses.axes, first.axes, strict=True)
     bare = tuple(replace(axis, ticks=none[0], direction=none[1], start=one.start) for axis, one in axes)
     return replace(pulses, axes=bare)
+
+
+def _append_crossings(before: PulseSchedule, here: PulseSchedule) -> PulseSchedule:
+    """Return the schedule of a later part with the windows of all crossings of the play so far."""
+    pairs = zip(before.compensations, here.compensations, strict=True)
+    return replace(
+        here,
+        compensations=tuple(replace(after, windows=(*earlier.windows, *after.windows)) for earlier, after in pairs),
+    )
 
 
 class _Steps:

@@ -228,8 +228,8 @@ class WindowPlanner:
         """
         coming, ahead = iter(steps), list[PathStep]()
         while True:
-            more, coming = take_items(coming, self.pieces - len(ahead))
-            ahead += more
+            taken, coming = take_items(coming, self.pieces - len(ahead))
+            ahead += taken
             if not ahead:
                 next(coming, None)  # raises the refusal of the steps, if there is one
                 return
@@ -394,14 +394,14 @@ class WindowPlanner:
         count = start.pieces or self.pieces
         while True:
             skip = pending.seams[-1].steps if pending is not None else 0
-            more, coming = take_items(coming, max(0, skip + count + 1 - len(ahead)))
-            ahead += more
+            taken, coming = take_items(coming, max(0, skip + count + 1 - len(ahead)))
+            ahead += taken
             if len(ahead) == skip:
                 next(coming, None)
                 return start
-            own = ahead[skip : skip + count]
+            steps = ahead[skip : skip + count]
             onward = start if pending is None else self._start_from(pending, start, count)
-            solution = attempt(partial(self._solve, own, onward))
+            solution = attempt(partial(self._solve, steps, onward))
             if isinstance(solution, MotionError) and pending is not None:
                 pending.seams.pop()
                 if pending.seams:
@@ -409,7 +409,7 @@ class WindowPlanner:
             if isinstance(solution, MotionError):
                 if last_stop is None:
                     if self.placed:  # else the caller that places the windows does so
-                        yield from self._plan_before(own, start, count)
+                        yield from self._plan_before(steps, start, count)
                     raise solution
                 start = yield from self._stop(last_stop.solution, start, last_stop.steps, count)
                 del ahead[: last_stop.steps]
@@ -420,18 +420,18 @@ class WindowPlanner:
                 yield Window(pending.solution, start, pending.steps, knot, onward)
                 start = onward
                 del ahead[:skip]
-            ends = len(own) == len(ahead)
-            seams = [] if ends else _find_seams(solution, own)
-            pending = last_stop = _Pending(solution, len(own), seams)
+            ends = len(steps) == len(ahead)
+            seams = [] if ends else _find_seams(solution, steps)
+            pending = last_stop = _Pending(solution, len(steps), seams)
             if seams:
                 continue
             pending = None
             if not ends and count < MAX_GROWTH * self.pieces:
                 count *= 2  # the stop is close to every break
                 continue
-            start = yield from self._stop(solution, start, len(own), None if ends else count)
+            start = yield from self._stop(solution, start, len(steps), None if ends else count)
             last_stop = None
-            del ahead[: len(own)]
+            del ahead[: len(steps)]
 
     def _plan_before(self, steps: Sequence[PathStep], start: Start, count: int) -> Generator[Window, None, None]:
         """Yield a window of the steps before the first refused one, if there are any."""
@@ -530,6 +530,6 @@ def _find_seams(solution: Solution, steps: Sequence[PathStep]) -> list[_Seam]:
     braking = motion.duration - float(motion.knots[slower[-1] + 1 if len(slower) else 0])
     ends = np.cumsum([step.piece.length for step in steps])[:-1]
     knots = np.searchsorted(motion.s, ends - SEAM_ROUNDING * motion.path.breaks[-1])
-    kept = np.flatnonzero((motion.knots[knots] <= motion.duration - BRAKINGS * braking) & (knots > run))
-    kept = kept[-1 :: -max(1, len(kept) // SEAMS)][:SEAMS]
-    return [_Seam(int(n) + 1, int(knots[n])) for n in reversed(kept)]
+    far = np.flatnonzero((motion.knots[knots] <= motion.duration - BRAKINGS * braking) & (knots > run))
+    far = far[-1 :: -max(1, len(far) // SEAMS)][:SEAMS]
+    return [_Seam(int(n) + 1, int(knots[n])) for n in reversed(far)]

@@ -1,24 +1,38 @@
 """`python -m pulsepath`: the command line."""
 
 import gc
+import os
 import signal
+import sys
 
-from pulsepath.process.supervisor import supervise
+from pulsepath.process import ending
 
+# New objects until the youngest, the younger and all are searched for garbage. With Python's own
+# numbers, a process that loads much and ends soon spends a tenth of its time on it.
 GC_THRESHOLDS = 50_000, 20, 100
-"""New objects until the youngest, the younger and all are looked through. Python's own numbers have a process that
-loads much and ends soon look through all of it again and again, for a tenth of its time."""
 
 
 def main() -> None:
-    """Run the command line. Ctrl-C before the commands have loaded, or after their end, exits silently."""
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else it is ignored, and stays so
+    """Run the command line. Ctrl-C before a command begins, or after its end, exits silently."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else it stays ignored
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-    supervise()
+    _reopen_closed_streams()
+    ending.watch()
     gc.set_threshold(*GC_THRESHOLDS)
     from pulsepath.cli import main
 
-    main(prog_name="pulsepath")
+    try:
+        main(prog_name="pulsepath")
+    finally:
+        ending.leave()
+
+
+def _reopen_closed_streams() -> None:
+    """Open /dev/null for streams that a shell closed, as by >&-: no other file may replace them."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            stream = open(os.devnull, mode, encoding="utf-8")  # noqa: SIM115, PTH123  # to the end
+            setattr(sys, name, stream)
 
 
 if __name__ == "__main__":

@@ -23,10 +23,10 @@ from pulsepath.commands.view import view
 from pulsepath.process.exits import BAD_INPUT, INFEASIBLE, INTERNAL, INTERRUPTED
 
 SECTIONS = {
-    "Plan": ("init", "pose", "check", "plan", "view", "studio", "export", "hold"),
-    "Import programs": ("import", "positions"),
-    "Run and measure": ("track", "compare", "calibrate", "console"),
-    "List bundled data": ("machines", "programs", "rigs", "laws", "rules", "figures"),
+    "Plan": (init, pose, check, plan, view, studio, export, hold),
+    "Import programs": (import_, positions),
+    "Run and measure": (track, compare, calibrate, console),
+    "List bundled data": (machines, programs, rigs, laws, rules, figures),
 }
 
 
@@ -47,24 +47,4 @@ def main() -> None:
     """
 
 
-main.add_command(init)
-main.add_command(plan)
-main.add_command(pose)
-main.add_command(check)
-main.add_command(view)
-main.add_command(studio)
-main.add_command(export)
-main.add_command(hold)
-main.add_command(import_)
-main.add_command(positions)
-main.add_command(track)
-main.add_command(compare)
-main.add_command(calibrate)
-main.add_command(console)
-main.add_command(machines)
-main.add_command(programs)
-main.add_command(rigs)
-main.add_command(laws)
-main.add_command(rules)
-main.add_command(figures)
 main.add_command(completion)

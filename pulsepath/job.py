@@ -5,14 +5,17 @@ A second process computes the baseline timings, the tracking errors and some fig
 
 from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
 from functools import cache, partial
-from math import ceil, nan
+from math import ceil
 from typing import TYPE_CHECKING
 
+from benchmarks.reports.plan_report import PlanReport
 from controllers import Metrics, find_law
 from controllers.metrics.evaluate import PERIOD, evaluate_each
 from controllers.rig import Rig
+from controllers.rig_choice import rig_hint
 from controllers.tracking import track_each
 from kinematics import Machine, MotionError
 from kinematics.foundation.names import count_noun
@@ -27,7 +30,7 @@ from planner.orientation.orient import orient_open
 from planner.parallel import NO_PROCESS, SideProcess
 from planner.path.overshoot import overshoot_warnings
 from planner.plan import make_plan
-from planner.pulses import RealisedPath
+from planner.pulses import PulseCheck, RealisedPath
 from planner.request import PlanRequest
 from planner.timing.duration_bound import LEAST_SHARED_CELLS, bound_duration
 from planner.timing.solvers.toppra_ import require
@@ -145,7 +148,7 @@ def review_plan(plan: Plan, figures: bool, rig: Rig | None) -> PlanReview:
             note = f"not tracked: {error}"
     if not figures:
         return PlanReview(metrics, {}, note)
-    from benchmarks.reports.plan_report import draw_path, draw_tracking
+    from benchmarks.reports.plan_figures import draw_path, draw_tracking
 
     return PlanReview(metrics, draw_path(plan) | draw_tracking(metrics), note, _record_machine(plan))
 
@@ -169,45 +172,58 @@ def _track_laws(plan: Plan, rig: Rig) -> tuple[Metrics, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """A plan, and the results that its report shows.
+    """A plan with its results, some of which the second process is still working on.
 
-    classical  baseline of the saving, chosen by `planner.baselines.pick_baseline`; None: not requested
-    others     the other baseline timings
-    realised   path that the pulses make
-    seen       function that waits for the results of the second process
-    rig        None: the plan is not tracked
-    crossed    comparison with toppra's motion, if requested
-    worth      saving by each limit, if there is a proved bound
-    change     plan with the most valuable limit RAISED
-    stops      soonest stops, if requested
-    unbounded  why there is no proved bound and no worth, and how to get them; "": there are, or they
-               were not requested
-    left_out   results that were left out to save time, each with the option that asks for it
+    results  content of the report so far
+    figures  whether figures are to be drawn
+    review   function that waits for the results of the second process
     """
 
-    plan: Plan
-    classical: Classical | None
-    others: tuple[Classical, ...]
-    realised: RealisedPath | None
-    seen: Callable[[], PlanReview]
+    results: PlanReport
     figures: bool
-    rig: Rig | None
-    crossed: CrossCheck | None = None
-    worth: Worth | None = None
-    change: LimitChange | None = None
-    stops: Stops | None = None
-    unbounded: str = ""
-    left_out: tuple[str, ...] = ()
+    review: Callable[[], PlanReview]
 
     @property
-    def time_saved(self) -> float:
-        """Time (s) saved against the baseline; negative if the baseline is faster, with fewer limits.
+    def plan(self) -> Plan:
+        """Plan that was made."""
+        return self.results.whole
 
-        NaN: there is no baseline.
-        """
-        if self.classical is None:
-            return nan
-        return self.classical.duration - self.plan.trajectory.duration
+    def complete(self, verdict: PulseCheck) -> PlanReport:
+        """Draw the figures, wait for the second process, and return the content of the report."""
+        results = self.results
+        figures = {}
+        if self.figures:
+            with step("drawing the figures"):
+                figures = _draw_here(results)
+        waiting: AbstractContextManager[object] = nullcontext()
+        if results.rig is not None:
+            waiting = _tracking(results.rig)
+        with waiting:
+            review = self.review()
+        if review.note:
+            note(review.note)
+        return replace(
+            results,
+            verdict=verdict,
+            metrics=review.metrics,
+            untracked=review.note or rig_hint(results.plan.machine),
+            figures={**review.figures, **figures},
+            scene=review.scene,
+        )
+
+
+def _draw_here(results: PlanReport) -> "dict[str, Picture]":
+    """Draw the figures that the second process leaves to this one."""
+    from benchmarks.reports import plan_figures
+
+    plan = results.whole
+    return (
+        plan_figures.draw_axes(plan)
+        | plan_figures.draw_baseline(plan, results.classical)
+        | plan_figures.draw_realised(results.realised)
+        | plan_figures.draw_worth(results.worth)
+        | plan_figures.draw_stops(results.stops)
+    )
 
 
 def run(
@@ -226,6 +242,7 @@ def run(
         require("--cross-check")
 
     order = request.resolved_order
+    # Order of the only baseline timing; None: all are computed.
     like = order if report.baselines is None else None
     with step(f"planning {program.name} on {machine.name}") as tell:
         program = orient_open(program, machine, order)
@@ -236,9 +253,7 @@ def run(
 
     review = partial(review_plan, plan, report.figures, rig)
     reviewing = other.start(review)
-    worth = _find_worth(plan, report)
-    detail(_describe_solution(plan))
-    realised = _compute_realised_path(plan)
+    results = examine(plan, report)
     timed = NO_BASELINES
     if timing is not None:
         with step("computing baseline timings"):
@@ -247,21 +262,61 @@ def run(
     for line in timed.notes:
         detail(line)
     baseline = pick_baseline(plan, timed.timings) if timed.timings else None
-    return Job(
-        plan,
-        baseline,
-        tuple(timing for timing in timed.timings if timing is not baseline),
-        realised,
-        cache(partial(reviewing.result, review)),
-        report.figures,
-        rig,
-        _run_cross_check(plan) if report.cross_check else None,
-        worth.worth,
-        worth.change,
-        _find_stops(plan, report.stops),
-        worth.unbounded,
-        _list_left_out(plan, worth, like),
+    left_out = [*results.left_out]
+    if like is not None:
+        left_out.append("other baseline timings (--baselines)")
+    results = replace(
+        results,
+        rig=rig,
+        classical=baseline,
+        others=tuple(timing for timing in timed.timings if timing is not baseline),
+        left_out=tuple(left_out),
     )
+    return Job(results, report.figures, cache(partial(reviewing.result, review)))
+
+
+def examine(plan: Plan, report: ReportRequest) -> PlanReport:
+    """Find what the report requests about a motion: bound, worth, quantization, stops, cross-check."""
+    quick = report.bound_effort == "auto" and not plan.known
+    unbounded = _prove_bound(plan, report.bound_effort, report.worth)
+    worth: Worth | None = None
+    change: LimitChange | None = None
+    if plan.known and report.worth is not False:
+        with step("finding what limits are worth"):
+            worth = plan.worth
+            change = None if quick else _replan_best(worth)
+    detail(_describe_solution(plan))
+
+    left_out = []
+    if quick and plan.known and plan.fastest:
+        left_out.append("a nearer lower bound (--bound full)")
+    if quick and worth is not None and worth.best is not None:
+        left_out.append("a plan with more of the best limit (--worth)")
+    return PlanReport(
+        plan,
+        realised=_compute_realised_path(plan),
+        crossed=_run_cross_check(plan) if report.cross_check else None,
+        worth=worth,
+        change=change,
+        unbounded=unbounded,
+        stops=_find_stops(plan, report.stops),
+        left_out=tuple(left_out),
+    )
+
+
+def examine_loaded(plan: Plan, report: ReportRequest) -> PlanReport:
+    """Find what the report requests about the motion of a plan that was made in parts."""
+    results = examine(plan, report)
+    rig = read_rig(report.rig, plan.machine)
+    if rig is None:
+        return replace(results, untracked=rig_hint(plan.machine))
+    with _tracking(rig):
+        review = review_plan(plan, False, rig)
+    return replace(results, rig=rig, metrics=review.metrics, untracked=review.note)
+
+
+def _tracking(rig: Rig) -> AbstractContextManager[object]:
+    return step(f"tracking under laws {' and '.join(LAWS)} on rig {rig.name}")
 
 
 def _warn(plan: Plan) -> None:
@@ -279,28 +334,6 @@ def _warn(plan: Plan) -> None:
             f"{100 * plan.bound.gap:.3g} % is proved after "
             f"{count_noun(plan.request.effort, 'round')}. More rounds (--effort) may prove less"
         )
-
-
-@dataclass(frozen=True, slots=True)
-class _WorthOfLimits:
-    """Worth of the limits, as of a `Job`. quick: whether the bound took no longer than planning."""
-
-    worth: Worth | None
-    change: LimitChange | None
-    unbounded: str
-    quick: bool
-
-
-def _find_worth(plan: Plan, report: ReportRequest) -> _WorthOfLimits:
-    """Prove a lower bound and find the worth of the limits, as far as the report requests them."""
-    quick = report.bound_effort == "auto" and not plan.known
-    unbounded = _prove_bound(plan, report.bound_effort, report.worth)
-    if not plan.known or report.worth is False:
-        return _WorthOfLimits(None, None, unbounded, quick)
-    with step("finding what limits are worth"):
-        worth = plan.worth
-        change = None if quick else _replan_best(worth)
-    return _WorthOfLimits(worth, change, unbounded, quick)
 
 
 def _find_stops(plan: Plan, count: int | None) -> Stops | None:
@@ -339,18 +372,6 @@ def find_affordable_cells(planned: Plan) -> int:
 
 def _count_runs(planned: Plan) -> int:
     return int(planned.path.stops(planned.order).sum()) - 1
-
-
-def _list_left_out(plan: Plan, worth: _WorthOfLimits, like: int | None) -> tuple[str, ...]:
-    """List the results that were left out to save time, each with the option that asks for it."""
-    names = []
-    if worth.quick and plan.known and plan.fastest:
-        names.append("a nearer lower bound (--bound full)")
-    if worth.quick and worth.worth is not None and worth.worth.best is not None:
-        names.append("a plan with more of the best limit (--worth)")
-    if like is not None:
-        names.append("other baseline timings (--baselines)")
-    return tuple(names)
 
 
 def describe_unbounded(pieces: int) -> str:

@@ -17,24 +17,24 @@ Completer = Callable[["click.Context", "click.Parameter", str], list["Completion
 
 def list_presets(folder: str) -> list[str]:
     """Return the names of the presets in a folder of a package, as "kinematics/presets"."""
-    home = Path(__file__).parents[1]
-    return sorted(file.stem for file in (home / folder).glob("*.toml"))
+    home = Path(__file__).parents[1] / folder
+    return sorted(file.stem for file in home.glob("*.toml"))
 
 
-def list_names(what: str) -> list[str]:
+def list_names(table: str) -> list[str]:
     """Return the names in a table of `registries.TABLES`, and the names that a program added."""
-    return [*registries.NAMES[what], *find_added(what)]
+    return [*registries.NAMES[table], *find_added(table)]
 
 
-def find_added(what: str) -> list[str]:
+def find_added(table: str) -> list[str]:
     """Return the names in a table that `registries` does not list.
 
     A program can only have added some if the module of the table is loaded.
     """
-    module, _, table = registries.TABLES[what].partition(":")
-    keys: Iterable[str | tuple[str, ...]] = getattr(sys.modules.get(module), table, ())
+    module, _, attribute = registries.TABLES[table].partition(":")
+    keys: Iterable[str | tuple[str, ...]] = getattr(sys.modules.get(module), attribute, ())
     words = [word for key in keys for word in ((key,) if isinstance(key, str) else key)]
-    return [word for word in words if word not in registries.NAMES[what]]
+    return [word for word in words if word not in registries.NAMES[table]]
 
 
 machines = partial(list_presets, "kinematics/presets")
@@ -48,11 +48,15 @@ exports = partial(list_names, "exports")
 imports = partial(list_names, "imports")
 
 
-def make_completer(*sources: Callable[[], Iterable[str]], files: bool = False) -> Completer:
-    """Return a function that completes one of the names of `sources`.
+def stop_formats() -> list[str]:
+    """Return the names of the export formats that can hold a stop."""
+    from pulsepath.format_options import STOPS
 
-    If `files` may be given as well, it completes a file as soon as no name fits.
-    """
+    return STOPS.names()
+
+
+def make_completer(*sources: Callable[[], Iterable[str]], files: bool = False) -> Completer:
+    """Return a function that completes names of `sources`, and with `files` those of files."""
 
     def complete(context: "click.Context", parameter: "click.Parameter", begun: str) -> list["CompletionItem"]:
         from click.shell_completion import CompletionItem

@@ -14,30 +14,28 @@ import click
 
 from kinematics.foundation.errors import MotionError
 from pulsepath import progress
-from pulsepath.process import supervisor
-from pulsepath.process.ending import EndSignal, raise_on_signal
+from pulsepath.process.ending import EndSignal, set_exit_code
 from pulsepath.process.exits import INTERRUPTED
 
 LOOPBACK = "127.0.0.1"
+# s between two looks whether the server is to end.
 POLL_PERIOD = 0.1
-"""s between two looks whether it is to end."""
 PAGE, DATA = "text/html; charset=utf-8", "application/json"
 
+# Path of reports, which others may have written.
 REPORT_PATH = "/report"
-"""Path of reports, which others may have written."""
+# Content-Security-Policy of a report: its scripts run at an origin of their own, and reach no
+# address. Reports need no more (benchmarks.animation.animate.POLICY, which takes long to load).
 REPORT_POLICY = (
-    "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval' blob: data:; "
+    "sandbox allow-scripts; default-src 'none'; "
+    "script-src 'unsafe-inline' 'unsafe-eval' blob: data:; "
     "style-src 'unsafe-inline'; img-src data: blob:; font-src data:; connect-src data: blob:; "
     "worker-src data: blob:; base-uri 'none'; form-action 'none'"
 )
-"""Content-Security-Policy of a report: its scripts run at an origin of their own, and reach no address.
-
-Reports of pulsepath need no more (benchmarks.animation.animate.POLICY, which takes long to load).
-"""
 
 Query = Mapping[str, Sequence[str]]
+# Function (path, query) of a request that returns the type and content of a page; None: no page.
 FindPage = Callable[[str, Query], tuple[str, bytes] | None]
-"""Function from the path and query of a request to the type and content of the answer; None: no such page."""
 
 
 def answer_page(page: str) -> FindPage:
@@ -46,28 +44,36 @@ def answer_page(page: str) -> FindPage:
     return lambda path, _: (PAGE, content) if path == "/" else None
 
 
-def serve_until_interrupted(find: FindPage, port: int, record: dict[str, Any], no_browser: bool, as_json: bool) -> None:
+def serve_until_interrupted(
+    find: FindPage,
+    port: int,
+    record: dict[str, Any],
+    no_browser: bool,
+    as_json: bool,
+) -> None:
     """Serve pages until Ctrl-C, which ends this normally. Raises as `serve_pages`.
 
     record: printed with the address, as JSON.
     """
     import webbrowser
 
-    with raise_on_signal():
-        try:
-            with serve_pages(find, port) as address:
-                click.echo(progress.as_json(record | {"address": address}) if as_json else address, nl=not as_json)
-                sys.stdout.flush()
-                progress.note("press Ctrl-C to stop")
-                if not no_browser:
-                    webbrowser.open(address)
-                while True:
-                    time.sleep(3600)
-        except EndSignal as end:
-            progress.note("stopped")
-            code = 0 if end.code == INTERRUPTED else end.code
-            supervisor.tell(said=True, code=code)
-            click.get_current_context().exit(code)
+    try:
+        with serve_pages(find, port) as address:
+            click.echo(
+                progress.as_json(record | {"address": address}) if as_json else address,
+                nl=not as_json,
+            )
+            sys.stdout.flush()
+            progress.note("press Ctrl-C to stop")
+            if not no_browser:
+                webbrowser.open(address)
+            while True:
+                time.sleep(3600)
+    except EndSignal as end:
+        code = 0 if end.code == INTERRUPTED else end.code
+        set_exit_code(code)
+        progress.note("stopped")
+        click.get_current_context().exit(code)
 
 
 @contextmanager

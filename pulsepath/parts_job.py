@@ -6,24 +6,19 @@ from itertools import islice
 from pathlib import Path
 from time import perf_counter
 
+from benchmarks.reports.plan_report import PlanReport
 from kinematics import MotionError
 from planner.limits import find_unkept_limits
 from planner.needs_whole import find_whole_reason
 from planner.parallel import LocalHelpers
 from planner.plan_parts import PlanStanding, make_parts
 from planner.request import MOST_WHOLE, PlanRequest
+from planner.timing.solvers.toppra_ import require
 from planner.windows import Helpers
-from pulsepath.inputs import Inputs
+from pulsepath.inputs import Inputs, read_rig
 from pulsepath.progress import note, step
 from pulsepath.requests import ReportRequest
 from pulsepath.store.write import write_parts
-
-# Commands that do later what an option does while a whole plan is made.
-INSTEAD = {
-    "--rig": ", and run pulsepath track on the plan later",
-    "--stops": ", and run pulsepath hold --stops on the plan later",
-    "--pulses csv": ", and run pulsepath export --format pulses on the plan later",
-}
 
 
 def choose_parts(inputs: Inputs, request: PlanRequest, report: ReportRequest) -> bool:
@@ -36,8 +31,8 @@ def choose_parts(inputs: Inputs, request: PlanRequest, report: ReportRequest) ->
     why: str | None = None
     if stream is False or (stream is None and program.repeat * len(program.segments) <= MOST_WHOLE):
         return False
-    if whole := _list_whole_options(report):
-        why = f" with {whole[0]}: omit that{INSTEAD.get(whole[0], '')}"
+    if report.pulses == "csv":
+        why = " with --pulses csv: omit that, and run pulsepath export --format pulses on the plan later"
     elif (reason := find_whole_reason(request, program, inputs.machine)) is not None:
         why = f", because {reason}"
     if why is not None and stream:
@@ -46,19 +41,6 @@ def choose_parts(inputs: Inputs, request: PlanRequest, report: ReportRequest) ->
     if why is not None:
         note(f"note: planned as a whole, which takes long and much memory; it cannot be planned in parts{why}")
     return why is None
-
-
-def _list_whole_options(report: ReportRequest) -> list[str]:
-    """Return the given options of the report that need the whole motion."""
-    needed = {
-        "--rig": report.rig is not None,
-        "--stops": report.stops is not None,
-        "--cross-check": report.cross_check,
-        "--worth": report.worth is True,
-        "--bound full": report.bound == "full",
-        "--pulses csv": report.pulses == "csv",
-    }
-    return [option for option, given in needed.items() if given]
 
 
 @contextmanager
@@ -82,7 +64,7 @@ def run_parts(
     report: ReportRequest,
     folder: Path,
     helpers: Helpers | None = None,
-) -> tuple[PlanStanding, MotionError | None]:
+) -> tuple[PlanReport, MotionError | None]:
     """Plan into a folder. Return and raise as `write_parts`.
 
     helpers: processes that plan the stretches between stops; the result is the same without them.
@@ -90,6 +72,9 @@ def run_parts(
     program, machine = inputs.program, inputs.machine
     for field in find_unkept_limits(machine):
         note(f"note: {machine.name} states {field} but no masses, so no plan can respect it")
+    read_rig(report.rig, machine)  # refuses one that does not fit before the work
+    if report.cross_check:
+        require("--cross-check")
     planned_until = 0.0
     planned, ahead, read = _Place(inputs), _Place(inputs), 0
     # Time at the end of the first part, its segments and its motion (s). Libraries are loaded and kernels are built
@@ -124,10 +109,10 @@ def run_parts(
 
         parts = make_parts(request, program, machine, helpers, tell_read)
         with inputs.tell_lines():
-            standing, refusal = write_parts(folder, inputs, parts, report, tell_standing)
+            results, refusal = write_parts(folder, inputs, parts, report, tell_standing)
     if refusal is not None:
         inputs.tell_line(refusal)
-    return standing, refusal
+    return results, refusal
 
 
 class _Place:

@@ -13,159 +13,189 @@ from typing import IO, Any
 
 import click
 
-from pulsepath.process.load_alone import load_alone
-
+# s between two lines of a long step: at first, and at most.
 FIRST_PERIOD, REPORT_PERIOD = 2.0, 10.0
-"""s between two lines of a long step, where they are not drawn over each other: at first, and at most."""
-REDRAW_PERIOD, BAR_WIDTH = 0.1, 20
-"""s between two that are; and columns of the bar before them."""
+# s between two states of a bar.
+REDRAW_PERIOD = 0.1
+# Columns of a bar.
+BAR_WIDTH = 20
+# Number up to which progress shows counts. Of more, such as ticks or bytes, it shows the share.
 MAX_COUNTED = 1000
-"""Number of things up to which progress shows counts; of more, as ticks or bytes, it shows the share."""
+
+QUIET, USUAL, VERBOSE = -1, 0, 1
+_LEVEL = "pulsepath.progress"
+
+# Functions of progress (done, total): one reports it, one describes it.
+Report = Callable[[int, int], None]
+Describe = Callable[[int, int], str]
 
 
 @contextmanager
-def step(what: str, describe: Callable[[int, int], str] | None = None) -> Iterator[Callable[[int, int], None]]:
-    """Announce a step. Yields a function that reports progress (done, total).
+def step(title: str, describe: Describe | None = None) -> Iterator[Report]:
+    """Announce a step, and yield the function that reports its progress.
 
     On a terminal or with -v the duration is shown at the end.
 
     describe: text for a state of progress; None: its share, or the counts if they are small
     """
-    begin, what, describe = perf_counter(), escape_text(what), describe or _format_progress
     if level() == QUIET:
         yield _report_nothing
         return
-    if is_styled(sys.stderr):
-        with _draw_bar(what, describe) as draw_progress:
-            yield draw_progress
-    else:
-        print(f"{what} …", file=sys.stderr, flush=True)
-        told, period = begin, FIRST_PERIOD
 
-        def tell(done: int, of: int) -> None:
-            nonlocal told, period
-            if perf_counter() - told > min(period, REPORT_PERIOD):
-                told, period = perf_counter(), 2 * period
-                print(f"{what}: {describe(done, of)}", file=sys.stderr, flush=True)
-
-        yield tell
-        if level() < VERBOSE:
-            return
-    print(f"{what}: {perf_counter() - begin:.1f} s", file=sys.stderr, flush=True)
+    title = escape_text(title)
+    styled = is_styled(sys.stderr)
+    show = _draw_bar if styled else _print_lines
+    begin = perf_counter()
+    with show(title, describe or _format_progress) as report:
+        yield report
+    if styled or level() == VERBOSE:
+        _print_line(f"{title}: {perf_counter() - begin:.1f} s")
 
 
 @contextmanager
-def _draw_bar(what: str, describe: Callable[[int, int], str]) -> Iterator[Callable[[int, int], None]]:
-    """A bar on a terminal, which moves to and fro until there is a report; the report follows the bar."""
+def _print_lines(title: str, describe: Describe) -> Iterator[Report]:
+    """Print progress in lines, soon at first and then more rarely."""
+    _print_line(f"{title} …")
+    printed = perf_counter()
+    period = FIRST_PERIOD
+
+    def report(done: int, total: int) -> None:
+        nonlocal printed, period
+        now = perf_counter()
+        if now - printed > min(period, REPORT_PERIOD):
+            printed = now
+            period *= 2
+            _print_line(f"{title}: {describe(done, total)}")
+
+    yield report
+
+
+def _print_line(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
+
+
+@contextmanager
+def _draw_bar(title: str, describe: Describe) -> Iterator[Report]:
+    """Draw a bar with a text. The bar moves to and fro until there is a report."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
     from rich.table import Column
 
-    folded = Column(overflow="fold")
     columns = (
         SpinnerColumn(),
         TextColumn("{task.description}", markup=False),
         BarColumn(bar_width=BAR_WIDTH),
-        TextColumn("{task.fields[told]}", markup=False, table_column=folded),
+        TextColumn("{task.fields[state]}", markup=False, table_column=Column(overflow="fold")),
     )
     with Progress(*columns, console=Console(stderr=True, markup=False), transient=True) as progress:
-        task, told = progress.add_task(what, total=None, told=""), 0.0
+        task = progress.add_task(title, total=None, state="")
+        drawn = 0.0
 
-        def tell(done: int, of: int) -> None:
-            nonlocal told
-            if perf_counter() - told > REDRAW_PERIOD or done == of:
-                told = perf_counter()
-                progress.update(task, completed=done, total=of, told=describe(done, of))
+        def report(done: int, total: int) -> None:
+            nonlocal drawn
+            now = perf_counter()
+            if now - drawn > REDRAW_PERIOD or done == total:
+                drawn = now
+                progress.update(task, completed=done, total=total, state=describe(done, total))
 
-        yield tell
+        yield report
 
 
-def _report_nothing(done: int, of: int) -> None:
+def _report_nothing(done: int, total: int) -> None:
     """Ignore progress, in quiet mode."""
 
 
-def _format_progress(done: int, of: int) -> str:
-    return f"{done} of {of}" if of <= MAX_COUNTED else f"{100 * done // of} %"
-
-
-QUIET, USUAL, VERBOSE = -1, 0, 1
-_LEVEL = "pulsepath.progress"
+def _format_progress(done: int, total: int) -> str:
+    return f"{done} of {total}" if total <= MAX_COUNTED else f"{100 * done // total} %"
 
 
 def options() -> list[click.Option]:
-    """-q and -v, which every command takes, and the group of all before it."""
-
-    def flag(level: int, *names: str, told: str) -> click.Option:
-        def choose(context: click.Context, _: click.Parameter, given: bool) -> None:
-            if given and context.meta.setdefault(_LEVEL, level) != level:
-                raise click.UsageError("--quiet and --verbose exclude each other: give one.", context)
-            if given and level == QUIET:
-                import logging
-
-                logging.getLogger("pulsepath").setLevel(logging.ERROR)
-
-        return click.Option(names, is_flag=True, expose_value=False, callback=choose, help=told)
-
+    """Return -q and -v, which every command takes, and the group of all before it."""
     return [
-        flag(QUIET, "-q", "--quiet", told="Print results and errors only."),
-        flag(VERBOSE, "-v", "--verbose", told="Also print details: all tables, solve rounds, methods, times."),
+        _make_flag(QUIET, "-q", "--quiet", help="Print results and errors only."),
+        _make_flag(
+            VERBOSE,
+            "-v",
+            "--verbose",
+            help="Also print details: all tables, solve rounds, methods, times.",
+        ),
     ]
 
 
+def _make_flag(level: int, *names: str, help: str) -> click.Option:
+    def choose(context: click.Context, _: click.Parameter, given: bool) -> None:
+        if not given:
+            return
+        if context.meta.setdefault(_LEVEL, level) != level:
+            raise click.UsageError("--quiet and --verbose exclude each other: give one.", context)
+        if level == QUIET:
+            import logging
+
+            logging.getLogger("pulsepath").setLevel(logging.ERROR)
+
+    return click.Option(names, is_flag=True, expose_value=False, callback=choose, help=help)
+
+
 def level() -> int:
-    """QUIET, USUAL or VERBOSE, as the command line that runs has it; USUAL where none does."""
+    """Return QUIET, USUAL or VERBOSE, as the running command line states; USUAL without one."""
     context = click.get_current_context(silent=True)
     chosen: int = USUAL if context is None else context.meta.get(_LEVEL, USUAL)
     return chosen
 
 
 def say(text: object, *, err: bool = False) -> None:
-    """Escape control characters of a text, whose names come from files."""
+    """Print a text, whose names may come from files, with control characters escaped."""
     click.echo(escape_text(str(text)), err=err)
 
 
-def escape_text(text: str) -> str:
-    """Return a text with all escaped that a terminal would obey."""
-    escaped: str = load_alone("plain_text").plain(text)
-    return escaped
-
-
-def as_json(record: object) -> str:
-    """JSON text, indented, with all escaped that a terminal would obey; refuses numbers that JSON does not have."""
-    import json
-
-    text: str = load_alone("plain_text").plain_json(json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False))
-    return text + "\n"
-
-
 def note(text: str) -> None:
-    """A line on stderr, unless all is to be quiet."""
+    """Print a line on stderr, except in quiet mode."""
     if level() > QUIET:
         say(text, err=True)
 
 
 def detail(text: str) -> None:
-    """A line on stderr where more is asked for."""
-    if level() >= VERBOSE:
+    """Print a line on stderr in verbose mode."""
+    if level() == VERBOSE:
         say(text, err=True)
 
 
+def escape_text(text: str) -> str:
+    """Return a text with all characters escaped that a terminal would obey."""
+    from kinematics.files.plain_text import plain
+
+    return plain(text)
+
+
+def as_json(record: object) -> str:
+    """Return indented JSON text with control characters escaped; ValueError: infinity or NaN."""
+    import json
+
+    from kinematics.files.plain_text import plain_json
+
+    return plain_json(json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False)) + "\n"
+
+
+def is_styled(stream: IO[str]) -> bool:
+    """Return whether a stream shows colours and lines that are drawn again [no-color.org]."""
+    plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") in ("dumb", "unknown")
+    return stream.isatty() and not plain
+
+
+# A table as text: title, columns (title, numeric, whole: never broken), rows of cells, notes.
 Layout = dict[str, Any]
-"""A table as text: its title, columns (title, numeric, whole: never broken over lines), rows of cells, and notes."""
+# Characters of a line if the output is no terminal and COLUMNS is not set.
 WIDTH = 112
-"""Characters of a line where the output is no terminal and COLUMNS is not set."""
+# Characters: of words that are never broken, between two columns, of both edges of a table.
 LONG_WORD, COLUMN_GAP, EDGES = 14, 3, 2
-"""Characters up to which a word is not broken; those between two columns; those of both edges of a table."""
 
 
 def draw(layouts: Iterable[Layout]) -> None:
-    """Print tables. Names in them come from files, so nothing is taken for markup.
+    """Print tables. Names in them come from files, so they are printed without markup.
 
-    A table that is wider than the line continues below, with its first column repeated, so that no number is broken.
+    A table that is wider than the line continues below, with its first column repeated.
     """
-    from rich.box import SIMPLE_HEAD
-    from rich.console import Console, JustifyMethod
-    from rich.table import Table
+    from rich.console import Console
 
     console = Console(
         width=_find_width(),
@@ -176,31 +206,42 @@ def draw(layouts: Iterable[Layout]) -> None:
     )
     with console.capture() as printed:
         for layout in layouts:
-            widths, full = _find_widths(layout)
-            console.print(layout["title"], style="table.title")  # rich's own title would be as narrow as the table
-            for part in _split_columns(widths, console.width):
-                drawn = Table(box=SIMPLE_HEAD, pad_edge=False)
-                shares = _share_room([widths[k] for k in part], [full[k] for k in part], console.width)
-                for k, width in zip(part, shares, strict=True):
-                    title, numeric, whole = layout["columns"][k]
-                    justify: JustifyMethod = "right" if numeric else "left"
-                    drawn.add_column(title, justify=justify, no_wrap=whole, overflow="fold", width=width)
-                for row in layout["rows"]:
-                    drawn.add_row(*(row[k] for k in part))
-                console.print(drawn)
+            # A title inside the table would be as narrow as the table.
+            console.print(layout["title"], style="table.title")
+            for table in _make_tables(layout, console.width):
+                console.print(table)
             if layout["notes"]:
-                # a path that is longer than the line stays whole, so that it can be copied
-                console.print(
-                    "\n".join(layout["notes"]),
-                    style="table.caption",
-                    overflow="ignore",
-                    crop=False,
-                )
+                # A path that is longer than the line stays whole, so that it can be copied.
+                notes = "\n".join(layout["notes"])
+                console.print(notes, style="table.caption", overflow="ignore", crop=False)
     click.echo("\n".join(line.rstrip() for line in printed.get().splitlines()))
 
 
+def _make_tables(layout: Layout, room: int) -> Iterator[Any]:
+    """Yield rich's tables for a layout: one, or several side by side if one would not fit."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    least, full = _find_widths(layout)
+    for part in _split_columns(least, room):
+        table = Table(box=SIMPLE_HEAD, pad_edge=False)
+        widths = _share_room([least[k] for k in part], [full[k] for k in part], room)
+        for k, width in zip(part, widths, strict=True):
+            title, numeric, whole = layout["columns"][k]
+            table.add_column(
+                title,
+                justify="right" if numeric else "left",
+                no_wrap=whole,
+                overflow="fold",
+                width=width,
+            )
+        for row in layout["rows"]:
+            table.add_row(*(row[k] for k in part))
+        yield table
+
+
 def _find_width() -> int | None:
-    """Return the characters of a line: COLUMNS if it is set, as other programs take it; None: as the terminal has."""
+    """Return the characters of a line: COLUMNS, if set; None: those of the terminal."""
     stated = os.environ.get("COLUMNS", "")
     if stated.isascii() and stated.isdigit() and int(stated) > 0:
         return int(stated)
@@ -208,34 +249,34 @@ def _find_width() -> int | None:
 
 
 def _find_widths(layout: Layout) -> tuple[list[int], list[int]]:
-    """Return two widths of each column: one that breaks no number and no word but long ones of texts, and the full."""
-    rows = [[title for title, _, _ in layout["columns"]], *layout["rows"]]
-    least, full = [], []
-    for k, (_, numeric, whole) in enumerate(layout["columns"]):
-        cells = [row[k] for row in rows]
+    """Return two widths of each column: the least, which breaks only long words, and the full."""
+    least = []
+    full = []
+    for k, (title, numeric, whole) in enumerate(layout["columns"]):
+        cells = [title, *(row[k] for row in layout["rows"])]
         words = cells if whole else [word for cell in cells for word in cell.split()]
         longest = max(map(len, words), default=0)
         least.append(longest if whole or numeric else min(longest, LONG_WORD))
-        full.append(max(map(len, cells), default=0))
+        full.append(max(map(len, cells)))
     return least, full
 
 
 def _share_room(least: Sequence[int], full: Sequence[int], room: int) -> list[int | None]:
-    """Return the width of each column, between its least and its full one; None if the least ones do not fit.
+    """Return widths between the least and the full ones; None if the least ones do not fit.
 
-    The rest of the room is shared evenly, by the columns that need little first. (rich alone would take from all
-    columns alike, and drop the last one where their least widths then do not fit.)
+    The columns share the remaining room evenly, narrow ones first. rich alone would shrink all
+    columns alike, and drop the last one if they still do not fit.
     """
     spare = room - _join_widths(least)
     if spare < 0:
         return [None] * len(least)
-    widths = [*least]
-    needs = sorted(range(len(least)), key=lambda k: full[k] - least[k])
-    for done, k in enumerate(needs):
-        given = min(full[k] - least[k], spare // (len(needs) - done))
-        widths[k] += given
-        spare -= given
-    return [*widths]
+    widths: list[int | None] = [*least]
+    needs = sorted((full[k] - least[k], k) for k in range(len(least)))
+    for n, (need, k) in enumerate(needs):
+        added = min(need, spare // (len(needs) - n))
+        widths[k] = least[k] + added
+        spare -= added
+    return widths
 
 
 def _join_widths(widths: Sequence[int]) -> int:
@@ -243,19 +284,14 @@ def _join_widths(widths: Sequence[int]) -> int:
 
 
 def _split_columns(widths: Sequence[int], room: int) -> list[list[int]]:
-    """Return the columns of each part of a table that fits into the room; every part begins with the first column."""
+    """Return the columns of each part of a table that fits the room; each has the first column."""
     if _join_widths(widths) <= room:
         return [list(range(len(widths)))]
     parts = [[0]]
     for k in range(1, len(widths)):
-        part = parts[-1]
-        if len(part) > 1 and _join_widths([widths[n] for n in [*part, k]]) > room:
-            part = [0]
-            parts.append(part)
-        part.append(k)
+        longer = [*parts[-1], k]
+        if len(longer) > 2 and _join_widths([widths[n] for n in longer]) > room:
+            parts.append([0, k])
+        else:
+            parts[-1] = longer
     return parts
-
-
-def is_styled(stream: IO[str]) -> bool:
-    """Return whether a stream shows colours and lines that are drawn again [no-color.org]."""
-    return stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") not in ("dumb", "unknown")

@@ -20,10 +20,10 @@ Option = tuple[str, str | tuple[str, ...], str, str]
 EXPORTS = {
     "pulses": "Every edge of the step and direction lines, as a logic analyser records them.",
     "vcd": "Value change dump of the step and direction lines, for GTKWave and PulseView.",
-    "steps": ("Run-length step queue as in Klipper: commands of interval, count and add, in clock ticks."),
+    "steps": "Run-length step queue as in Klipper: commands of interval, count and add, in clock ticks.",
     "npz": "Ticks and directions of every axis as arrays, in parts, for numpy.load.",
     "binary": "The pulse schedule itself in compressed chunks, for pulsepath.read_pulses.",
-    "zaber": ("Zaber PVT sequence: a CSV of segment times, positions and velocities, cubic between them."),
+    "zaber": "Zaber PVT sequence: a CSV of segment times, positions and velocities, cubic between them.",
     "xps": "Newport XPS PVT trajectory: relative moves and exit speeds, cubic between them.",
     "pmac": "PMAC motion program in PVT mode: relative moves and end speeds, cubic between them.",
     "g93": "G-code in inverse time (G93): joint axes, straight between points.",
@@ -40,8 +40,8 @@ EXPORTS = {
     "kmitl-arms": "Arm-length list of the three-armed machine, step by step along the path.",
     "kmitl-positions": "Position list of the three-armed machine: poses joined by straight lines.",
     "byte": "One byte per step for a parallel port, at most four axes.",
-    "sahbaz": ("One trapezoidal move per axis from stop to stop, as the hexapod's own program calls the ADLINK cards."),
-    "sasidhar": ("Remote line protocol of the four-axis traverser: one line of steps per move between stops."),
+    "sahbaz": "One trapezoidal move per axis from stop to stop, as the hexapod's own program calls the ADLINK cards.",
+    "sasidhar": "Remote line protocol of the four-axis traverser: one line of steps per move between stops.",
 }
 """Export formats, each with the first line of its class' docstring."""
 FROM_REST = "zaber xps pmac g93 sahbaz sasidhar"
@@ -148,7 +148,7 @@ IMPORTS = {
     "gcode": (
         "G-code (RS-274): lines, arcs, canned cycles and subprograms; other words are refused with line and column."
     ),
-    "positions": ("Position lists: CSV with units, and the position and arm-length files of the three-armed machine."),
+    "positions": "Position lists: CSV with units, and the position and arm-length files of the three-armed machine.",
 }
 """Formats that programs come in, likewise."""
 SUFFIXES = {

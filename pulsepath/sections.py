@@ -1,4 +1,4 @@
-"""Reading plans on disk, and writing and describing their sections, for the commands."""
+"""Read plans on disk, and write and describe their sections, for the commands."""
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
@@ -15,35 +15,20 @@ from pulsepath.output import record
 from pulsepath.progress import say, step
 from pulsepath.store.read import read
 
-FINE = {"m": ("µm", 1e6), "rad": ("m°", 1e3 * degrees(1))}
-"""Unit of errors of axes, and its number in an SI unit."""
-
-
-def _measure(planned: Plan, by_axis: Sequence[float]) -> str:
-    """Convert the errors of axes in pulses to their units, and return the largest of each unit."""
-    largest = dict[str, float]()
-    for axis, pulses in zip(planned.machine.axes, by_axis, strict=True):
-        if pulses > 0:
-            largest[axis.unit] = max(largest.get(axis.unit, 0.0), pulses * axis.pulse)
-    if not largest:
-        return ""
-    texts = []
-    for unit, value in largest.items():
-        name, factor = FINE[unit]
-        texts.append(f"{value * factor:.3g} {name}")
-    return f" (at most {', '.join(texts)} of an axis)"
+# Unit of errors of axes, and its number in an SI unit.
+FINE_UNITS = {"m": ("µm", 1e6), "rad": ("m°", 1e3 * degrees(1))}
 
 
 def read_whole(directory: Path, unverified: bool) -> tuple[Plan, Whole]:
     """Read a plan, prove it again, and return it with the parts that its sections are made from."""
-    planned = read(directory, unverified)
-    with read_pulses(planned) as progress:
-        return planned, planned.whole(progress)
+    plan = read(directory, unverified)
+    with read_pulses(plan) as report:
+        return plan, plan.whole(report)
 
 
-def read_pulses(planned: Plan) -> AbstractContextManager[Callable[[int, int], None]]:
-    """Return the step that reads a plan's pulses, or makes them again if there is no file of them."""
-    file = planned.source.pulse_file
+def read_pulses(plan: Plan) -> AbstractContextManager[Callable[[int, int], None]]:
+    """Return the step that reads a plan's pulses, or generates them without a file."""
+    file = plan.source.pulse_file
     if file is None or not holds_chunks(file):
         return step("generating pulses")
     return step(f"reading {file.name}")
@@ -55,9 +40,9 @@ def write_section(
     destination: Destination,
     options: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """Write a stop or the way on in an export format; return its record."""
+    """Write a stop or the motion that continues in an export format; return its record."""
     exported = write_export_to(destination, section.export_source, name, options)
-    return record.of_export(name, str(destination.path), exported)
+    return record.record_export(name, str(destination.path), exported)
 
 
 def list_triggers(section: Section) -> list[dict[str, Any]]:
@@ -66,25 +51,35 @@ def list_triggers(section: Section) -> list[dict[str, Any]]:
     return [
         {
             "name": event.name,
-            "where": record.place_record(event.where),
+            "where": event.where.record(),
             "counts": dict(zip(names, map(int, event.counts), strict=True)),
         }
         for event in section.triggers
     ]
 
 
-def say_errors(files: Sequence[Mapping[str, Any]], planned: Plan) -> None:
-    """Print the error of each file against its motion, and its notes.
-
-    files: their records.
-    """
-    compensated = sorted({kind for axis in planned.machine.axes for kind in axis.compensate})
-    doubts = [f"NOT VERIFIED: {doubt}" for doubt in planned.doubts]
+def say_errors(files: Sequence[Mapping[str, Any]], plan: Plan) -> None:
+    """Print the error of each file against its motion, and its notes. files: their records."""
+    compensated = sorted({kind for axis in plan.machine.axes for kind in axis.compensate})
     for file in files:
-        largest = _measure(planned, file["error_pulses_by_axis"])
         error = f"error {file['error_pulses']:.3g} pulses against {file['against']}"
-        say(f"{file['file']}: {error}{largest}")
+        say(f"{file['file']}: {error}{_measure(plan, file['error_pulses_by_axis'])}")
         if compensated:
             say(f"  positions are the motors': {' and '.join(compensated)} made up for")
-        for note in (*file["notes"], *doubts):
+        for note in file["notes"]:
             say(f"  {note}")
+        for doubt in plan.doubts:
+            say(f"  NOT VERIFIED: {doubt}")
+
+
+def _measure(plan: Plan, errors: Sequence[float]) -> str:
+    """Return the largest error of axes in each unit, as text. errors: in pulses, by axis."""
+    largest: dict[str, float] = {}
+    for axis, pulses in zip(plan.machine.axes, errors, strict=True):
+        if pulses > 0:
+            largest[axis.unit] = max(largest.get(axis.unit, 0.0), pulses * axis.pulse)
+    texts = []
+    for unit, value in largest.items():
+        name, factor = FINE_UNITS[unit]
+        texts.append(f"{value * factor:.3g} {name}")
+    return f" (at most {', '.join(texts)} of an axis)" if texts else ""

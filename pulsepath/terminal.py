@@ -1,6 +1,7 @@
-"""The console at a terminal: a prompt with history and completion, which prompt_toolkit keeps in a thread of its own.
+"""The console at a terminal: a prompt with history and completion.
 
-The server's thread keeps the signals, and waits for no key: remote lines are served, and motions end, while a line is
+prompt_toolkit draws the prompt in a thread of its own. The server stays in the main thread, which
+gets the signals, and waits for no key: remote lines are served, and motions end, while a line is
 half typed.
 """
 
@@ -28,14 +29,15 @@ from prompt_toolkit.shortcuts import CompleteStyle
 from controllers.console.grammar import OPERATOR_COMMANDS, TURNS
 from controllers.console.links import Link
 from controllers.console.serve import Server
+from pulsepath.process.ending import on_forced_end
 
 LEAVE_WORDS = ("EXIT", "QUIT")
+# s after which an ESC is that key, and not the beginning of another key's sequence.
 ESCAPE_TIME = 0.05
-"""s after which an ESC is that key, and no more the beginning of another key's sequence."""
 
 
 class Keyboard(Vt100Input):
-    """Standard input in the mode that it is in, in which Ctrl-C is a signal."""
+    """Standard input in its present mode, in which Ctrl-C is a signal."""
 
     def raw_mode(self) -> nullcontext[None]:
         return nullcontext()
@@ -44,7 +46,7 @@ class Keyboard(Vt100Input):
 
 
 class Screen(Vt100_Output):
-    """Standard output. Pasted lines are as typed ones, and the terminal is not asked where its cursor is."""
+    """Standard output. Pasted lines count as typed, and the terminal need not report its cursor."""
 
     responds_to_cpr = False
 
@@ -56,8 +58,8 @@ class Screen(Vt100_Output):
 class Terminal(Link):
     """Keyboard and screen. The server reads a pipe, which wakes it for a typed line and for STOP.
 
-    wake  the pipe's other end
-    loop  of the prompt's thread, while there is one
+    wake: the pipe's other end
+    loop: of the prompt's thread, while there is one
     """
 
     wake: int
@@ -73,7 +75,7 @@ class Terminal(Link):
         async def write_above() -> bytes | None:
             return await run_in_terminal(write)
 
-        with suppress(OSError):  # no prompt is drawn any more where the terminal has been hung up
+        with suppress(OSError):  # a terminal that has hung up draws no prompt
             if self.loop.is_running():
                 return asyncio.run_coroutine_threadsafe(write_above(), self.loop).result()
         return write()
@@ -87,26 +89,29 @@ class Terminal(Link):
             os.write(self.wake, b"STOP\n")
 
         self.session.key_bindings = keys
-        with _raw_key_mode(), _run_in_thread(self.loop):
+        with _read_single_keys(), _run_in_thread(self.loop):
             while (line := self._next_line(server)).upper() not in LEAVE_WORDS:
                 server.say(line)
         server.serve_until(lambda _: server.is_idle)
 
     def _next_line(self, server: Server) -> str:
-        line = self.session.prompt_async(lambda: f"{server.desk.session.mode}> ", set_exception_handler=False)
-        asked = asyncio.run_coroutine_threadsafe(line, self.loop)
-        asked.add_done_callback(lambda _: os.write(self.wake, b"\n"))
-        while not asked.done():
+        prompt = self.session.prompt_async(
+            lambda: f"{server.desk.session.mode}> ",
+            set_exception_handler=False,
+        )
+        line = asyncio.run_coroutine_threadsafe(prompt, self.loop)
+        line.add_done_callback(lambda _: os.write(self.wake, b"\n"))
+        while not line.done():
             server.step()
-        server.step()  # what remote lines have said by now was said in the mode of before
+        server.step()  # remote lines that came before this one are served in the mode before it
         try:
-            return asked.result().strip()
-        except (EOFError, OSError):  # Ctrl-D where nothing is typed; the terminal has been hung up
+            return line.result().strip()
+        except (EOFError, OSError):  # Ctrl-D on an empty line; a terminal that has hung up
             return LEAVE_WORDS[0]
 
 
 def open_terminal(names: tuple[str, ...]) -> Terminal:
-    """Standard input and output, where these are a terminal; names: of the axes, which Tab completes."""
+    """Return standard input and output as a terminal. names: of the axes, which Tab completes."""
     words = [f"{word} " for word in (*OPERATOR_COMMANDS, *LEAVE_WORDS, *TURNS, *names)]
     session: PromptSession[str] = PromptSession(
         completer=WordCompleter(words, ignore_case=True),
@@ -148,12 +153,17 @@ def _run_in_thread(loop: asyncio.AbstractEventLoop) -> Iterator[None]:
 
 
 @contextmanager
-def _raw_key_mode() -> Iterator[None]:
-    """Keys as they are pressed, and not shown: the prompt shows them."""
-    kept = termios.tcgetattr(sys.stdin)
+def _read_single_keys() -> Iterator[None]:
+    """Read keys as they are pressed, and do not show them: the prompt does."""
+    before = termios.tcgetattr(sys.stdin)
+
+    def restore() -> None:
+        with suppress(termios.error):  # the terminal has hung up
+            termios.tcsetattr(sys.stdin, termios.TCSANOW, before)
+
     try:
         tty.setcbreak(sys.stdin, termios.TCSANOW)
-        yield
+        with on_forced_end(restore):
+            yield
     finally:
-        with suppress(termios.error):  # the terminal has been hung up
-            termios.tcsetattr(sys.stdin, termios.TCSANOW, kept)
+        restore()

@@ -8,7 +8,7 @@ import pytest
 from benchmarks.reports.page import Picture
 from benchmarks.reports.time_series import read_panels
 
-REPORTS = ("plan_report", "parts_report", "calibration_report", "gain.run_figures")
+REPORTS = ("plan_figures", "window_figures", "calibration_report", "gain.run_figures")
 DOT = bytes.fromhex(
     "89504e470d0a1a0a0000000d49484452000000010000000108000000003a"
     "7e9b550000000a49444154789c63f80f0001010100b138f6140000000049"

@@ -66,15 +66,15 @@ def nearest(limits: Sequence[Limit], state: State, axes: Sequence[str]) -> Neare
 
 def tilt_use(limits: Sequence[Limit], state: State, joints: Sequence[str]) -> Array:
     """(N, joints) share of the tilt limit; NaN for joints that have none."""
-    found = np.full((len(state.t), len(joints)), np.nan)
+    use = np.full((len(state.t), len(joints)), np.nan)
     for limit in limits:
         if isinstance(limit, Tilt):
             value = limit.value(state)
-            use = limit.use(value, value, state.piece)
+            shares = limit.use(value, value, state.piece)
             for k, name in enumerate(joints):
                 if name in limit.channels:
-                    found[:, k] = use[:, limit.channels.index(name)]
-    return freeze_array(found)
+                    use[:, k] = shares[:, limit.channels.index(name)]
+    return freeze_array(use)
 
 
 def _owners(channel: str, axes: Sequence[str]) -> list[int]:
@@ -160,8 +160,8 @@ class Frames:
     def use_of(self, owners: Sequence[str]) -> Array:
         """Return (N, owners) the use of each owner's nearest limit; NaN: no limit concerns it."""
         known = self.nearest
-        found = [known.use[:, known.owners.index(owner)] if owner in known.owners else np.nan for owner in owners]
-        return np.stack([np.broadcast_to(use, self.t.shape) for use in found], 1)
+        uses = [known.use[:, known.owners.index(owner)] if owner in known.owners else np.nan for owner in owners]
+        return np.stack([np.broadcast_to(use, self.t.shape) for use in uses], 1)
 
     @cached_property
     def realised(self) -> Array | None:
@@ -192,12 +192,12 @@ def compute_frames(plan: AnimatablePlan, t: Array, magnified: float | None = Non
     state = plan.trajectory.at(t)
     x = _numbers(state)
     along = even_instants(plan.trajectory, count_instants(plan.trajectory.duration))
-    wanted = _numbers(plan.trajectory.at(along))
-    planned = _tool(plan, wanted)
+    poses = _numbers(plan.trajectory.at(along))
+    planned = _tool(plan, poses)
     copies = find_copies(machine.axes)
     late = along if copies is None else along + copies.centre  # behind input shapers, by the path where it was
     try:
-        errors = _tool(plan, find_reached_poses(machine, plan.pulses, late, wanted)) - planned
+        errors = _tool(plan, find_reached_poses(machine, plan.pulses, late, poses)) - planned
     except MotionError:  # singular on the way: `plan` tells it too
         errors = None
     pivots, tool = machine.parts.pivots, _tool(plan, x)

@@ -184,6 +184,6 @@ def _path(frames: Frames) -> str:
 def _describe_limits(frames: Frames) -> str:
     """Every axis, and the tool, with its nearest limit; some in a line."""
     known = frames.nearest
-    said = zip(known.owners, known.which[0], known.use[0], strict=True)
-    told = [f"{owner}: {known.limits[n]} {100 * use:.0f} %" for owner, n, use in said if n >= 0]
-    return "\n".join("    ".join(told[k : k + LIMITS_PER_LINE]) for k in range(0, len(told), LIMITS_PER_LINE))
+    shares = zip(known.owners, known.which[0], known.use[0], strict=True)
+    texts = [f"{owner}: {known.limits[n]} {100 * use:.0f} %" for owner, n, use in shares if n >= 0]
+    return "\n".join("    ".join(texts[k : k + LIMITS_PER_LINE]) for k in range(0, len(texts), LIMITS_PER_LINE))

@@ -50,18 +50,18 @@ def draw(calibration: Calibration) -> dict[str, Picture]:
 def rms_by_stage(calibration: Calibration) -> dict[str, tuple[float, float, float]]:
     """RMS per component of the fitted poses, by group: before, after, leave-one-out (µm or µrad; NaN: not fitted)."""
     errors = calibration.stages.values()
-    found = {group: [1e6 * calibration.rms(stage, group) for stage in errors] for group in GROUPS}
-    return {group: (row[0], row[1], row[2]) for group, row in found.items() if isfinite(row[0])}
+    rows = {group: [1e6 * calibration.rms(stage, group) for stage in errors] for group in GROUPS}
+    return {group: (row[0], row[1], row[2]) for group, row in rows.items() if isfinite(row[0])}
 
 
 def explain_pulse(pulse: Pulse) -> str:
     """Describe an identified pulse in a sentence or two."""
     unit, scale = MICRO_UNITS[pulse.unit]
-    more = pulse.value / pulse.nominal - 1
+    excess = pulse.value / pulse.nominal - 1
     error = f" ± {scale * pulse.error:.4f}" if isfinite(pulse.error) else ""
     text = (
-        f"One pulse moves {pulse.axis} by {scale * pulse.value:.4f}{error} {unit}, {100 * abs(more):.2f} % "
-        f"{'more' if more > 0 else 'less'} than the {scale * pulse.nominal:g} {unit} of the machine file."
+        f"One pulse moves {pulse.axis} by {scale * pulse.value:.4f}{error} {unit}, {100 * abs(excess):.2f} % "
+        f"{'more' if excess > 0 else 'less'} than the {scale * pulse.nominal:g} {unit} of the machine file."
     )
     if pulse.step is None:
         return text

@@ -1,32 +1,50 @@
-"""The report of a plan: one self-contained HTML page, and its figures as PNG files."""
+"""The report of a plan: one self-contained HTML page, and its figures as PNG files.
+
+The figures of a plan in parts show the extremes over windows of time.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
-from itertools import cycle
-from math import isfinite
+from dataclasses import dataclass, fields, replace
+from math import floor, isfinite, nan
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-import numpy as np
 
 from benchmarks.animation.animate import POLICY as PLAYER_POLICY
-from benchmarks.reports.page import NARROW, Picture, draw_figure, render, save_figures, style
-from benchmarks.reports.plan_summary import summary
-from benchmarks.reports.timeline import list_segments, make_band
+from benchmarks.reports.page import Picture, group_digits, render, save_figures
+from benchmarks.reports.plan_figures import (
+    draw_axes,
+    draw_baseline,
+    draw_path,
+    draw_realised,
+    draw_stops,
+    draw_tracking,
+    draw_worth,
+)
+from benchmarks.reports.plan_summary import list_counts, list_headline, summarise
+from benchmarks.reports.timeline import (
+    list_segments,
+    list_window_segments,
+    make_band,
+    make_window_band,
+)
 from controllers.metrics import Metrics
 from controllers.rig import Rig
-from kinematics.foundation.table import MAX_SHOWN_ROWS, Table
-from planner.active_limits import ACTIVE_SHARE, active_limits, tabulate_segments
+from kinematics.foundation.table import MAX_SHOWN_ROWS, Column, Table
+from planner.active_limits import ACTIVE_SHARE, tabulate_segments
+from planner.activity import MOST_SEGMENTS, Activity
 from planner.baselines import Classical, describe_differences, missing_limits
-from planner.certificate.certify import CROSSING
+from planner.certificate.certify import CROSSING, Certificate
 from planner.certificate.constant_speed import CONSTANT_SPEED, SPEED_TOLERANCE
 from planner.cross_check import CrossCheck
 from planner.interruption.hold import Stops
 from planner.limits import Limit
 from planner.limits.limit import AxisLimit
+from planner.overview import Overview
 from planner.plan import Plan
+from planner.plan_parts import PlanStanding
 from planner.pulses import PulseCheck, RealisedPath
 from planner.pulses.schedule import RATE_WINDOWS
+from planner.pulses.triggers import trigger_tables
+from planner.shaping.shaped_proof import ShapedProof
 from planner.tradeoffs.limit_worth import LimitChange, Worth
 
 POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
@@ -34,18 +52,22 @@ POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-s
 MOST_WORTH = 5
 """Limits on the first screen."""
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from planner.figures import Quantity
+# Proved claims besides the limits, and the bound of each.
+CLAIMS = {
+    CROSSING: "the time of its axis",
+    CONSTANT_SPEED: f"{SPEED_TOLERANCE:g} off the speed",
+}
 
 
 @dataclass(frozen=True, slots=True)
 class PlanReport:
     """The content of a plan's report. A part of the page without its result is left out.
 
-    plan       plan of the report
-    verdict    of the independent check of its pulses
+    plan       plan of the report; of one that was made in parts and not loaded, its standing
+    verdict    of the independent check of its pulses; None: no file of pulses was requested
+    overview   of a plan in parts: extremes of the motion over windows of time
+    activity   of a plan in parts: active limits over windows of time
+    ending     why the motion ends before the program
     classical  baseline of the saving
     others     further baseline timings, for the table
     metrics    errors of each tracking law; without them the page says how to get them
@@ -60,11 +82,15 @@ class PlanReport:
     figures    figures as `draw` gives them, all or some; None: `write_report` draws them
     scene      page of the machine in motion, from `benchmarks.animation`
     drives     tables of the times on STEP and DIR against the needs of the drives
+    triggers   tables of the triggers; None: those of the plan
     left_out   results that were left out to save time, each with the option that asks for it
     """
 
-    plan: Plan
-    verdict: PulseCheck
+    plan: Plan | PlanStanding
+    verdict: PulseCheck | None = None
+    overview: Overview | None = None
+    activity: Activity | None = None
+    ending: str = ""
     classical: Classical | None = None
     others: Sequence[Classical] = ()
     metrics: Sequence[Metrics] = ()
@@ -79,7 +105,29 @@ class PlanReport:
     figures: Mapping[str, Picture] | None = None
     scene: str = ""
     drives: Sequence[Table] = ()
+    triggers: Sequence[Table] | None = None
     left_out: Sequence[str] = ()
+
+    @property
+    def whole(self) -> Plan:
+        """Plan with its whole motion. A plan in parts has none unless it is loaded."""
+        assert isinstance(self.plan, Plan)
+        return self.plan
+
+    @property
+    def shaped(self) -> ShapedProof | None:
+        """Proof of the motion after the input shapers, for which a plan is made as a whole."""
+        return self.plan.shaped if isinstance(self.plan, Plan) else None
+
+    @property
+    def time_saved(self) -> float:
+        """Time (s) saved against the baseline; negative if the baseline is faster, with fewer limits.
+
+        NaN: there is no baseline.
+        """
+        if self.classical is None:
+            return nan
+        return self.classical.duration - self.whole.trajectory.duration
 
 
 def write_report(report: PlanReport, path: Path) -> None:
@@ -87,187 +135,154 @@ def write_report(report: PlanReport, path: Path) -> None:
     figures = report.figures
     if figures is None:
         figures = draw(report)
-    path.write_text(_page(report, figures), encoding="utf-8")
+    path.write_text(_make_page(report, figures), encoding="utf-8")
     save_figures(figures, path)
 
 
 def draw(report: PlanReport) -> dict[str, Picture]:
     """Draw every figure of the page, by name."""
+    from benchmarks.reports import window_figures  # which takes matplotlib along
+
     plan = report.plan
-    return (
-        draw_axes(plan)
-        | draw_path(plan)
-        | draw_comparisons(plan, report.classical, report.realised)
-        | draw_tracking(report.metrics)
-        | draw_worth(report.worth, report.stops)
-    )
+    figures: dict[str, Picture] = {}
+    if report.overview is not None and report.activity is not None:
+        assert isinstance(plan, PlanStanding)
+        figures |= window_figures.draw(plan, report.overview, report.activity)
+    elif isinstance(plan, Plan):
+        figures |= draw_axes(plan) | draw_path(plan) | draw_baseline(plan, report.classical)
+    figures |= draw_realised(report.realised) | draw_tracking(report.metrics)
+    return figures | draw_worth(report.worth) | draw_stops(report.stops)
 
 
-def draw_axes(plan: Plan) -> dict[str, Picture]:
-    """Draw the motion of the axes, and the pulse rates."""
-    from planner.figures import pulse_rate
-
-    with style():
-        return {
-            "axes": draw_figure(*_draw_axis_motion(plan)),
-            "pulses": draw_figure(_add_legend(pulse_rate(plan))),
-        }
-
-
-def draw_path(plan: Plan) -> dict[str, Picture]:
-    """The figures of the path, and of the limits along it."""
-    from kinematics.foundation.figure import new_axes_3d
-    from planner.figures import path_in_space
-
-    with style():
-        space = path_in_space(plan, new_axes_3d(None, (1.15 * NARROW, 0.75 * NARROW)))
-        return {"path": draw_figure(space), "limits": draw_figure(*_draw_limit_use(plan))}
-
-
-def draw_comparisons(plan: Plan, classical: Classical | None, realised: RealisedPath | None) -> dict[str, Picture]:
-    """The figures of the baseline timing, and of the path of the pulses."""
-    with style():
-        figures = {"classical": draw_figure(_draw_classical(plan, classical))} if classical else {}
-        return figures | ({"realised": draw_figure(*_draw_realised(realised))} if realised else {})
-
-
-def draw_worth(worth: Worth | None, stops: Stops | None = None) -> dict[str, Picture]:
-    """Draw the worth of the limits, if any limit saves time, and the stops."""
-    with style():
-        found = {"worth": draw_figure(*_draw_worth(worth))} if worth is not None and worth.rank() else {}
-        return found | ({"stops": draw_figure(stops.plot())} if stops is not None else {})
-
-
-def draw_tracking(metrics: Sequence[Metrics]) -> dict[str, Picture]:
-    """The figure of the laws' errors, if there are any."""
-    with style():
-        return {"tracking": draw_figure(*_draw_law_errors(metrics))} if metrics else {}
-
-
-def _draw_axis_motion(plan: Plan) -> "list[Axes]":
-    from planner.figures import axis_motion
-
-    every: tuple[Quantity, ...] = ("position", "speed", "acceleration", "jerk")
-    kinds = sorted({axis.kind for axis in plan.machine.axes})
-    # order 2 leaves the jerk without bound
-    panels = [(quantity, kind) for quantity in every[: plan.order + 1] for kind in kinds]
-    axes = _stack_axes(len(panels), 2.3)
-    for ax, (quantity, kind) in zip(axes, panels, strict=True):
-        axis_motion(plan, quantity, ax, kind)
-    _add_legend(axes[0])
-    return axes
-
-
-def _draw_limit_use(plan: Plan) -> "list[Axes]":
-    from planner.figures import limit_use
-
-    axes = _stack_axes(2, 3.2, share=False)
-    limit_use(plan, axes[0], "path")
-    limit_use(plan, axes[1], "time")
-    _add_legend(axes[0])
-    return axes
-
-
-def _draw_worth(worth: Worth) -> "list[Axes]":
-    from planner.tradeoffs.figures import worth_along
-
-    axes = _stack_axes(2, 3.2, share=False, width=NARROW)
-    worth.plot(axes[0])
-    worth_along(worth, axes[1])
-    _add_legend(axes[1], 3)
-    return axes
-
-
-def _draw_realised(realised: RealisedPath) -> "list[Axes]":
-    from planner.figures import realised_error
-
-    names = [error.name for error in realised.errors if error.name in ("position", "orientation")]
-    axes = [realised_error(realised, name, ax) for name, ax in zip(names, _stack_axes(len(names), 2.6), strict=True)]
-    _add_legend(axes[0])
-    return axes
-
-
-def _draw_law_errors(metrics: Sequence[Metrics]) -> "list[Axes]":
-    from controllers.figures import contour_error, tracking_error
-    from kinematics.foundation.figure import PALETTE
-
-    axes = _stack_axes(2, 2.6)
-    for law, color in zip(metrics, cycle(PALETTE)):
-        contour_error(law, axes[0], color=color)
-        tracking_error(law, axes[1], color=color)
-    _add_legend(axes[0])
-    return axes
-
-
-def _draw_classical(plan: Plan, classical: Classical) -> "Axes":
-    from kinematics.foundation.figure import PALETTE
-    from planner.figures import path_speed
-
-    (ax,) = _stack_axes(1, 3.0)
-    path_speed(plan.trajectory, ax, label=f"this plan, {plan.trajectory.duration:.4f} s", color=PALETTE[0])
-    named = f"{classical.kind}, {classical.duration:.4f} s"
-    path_speed(classical.trajectory, ax, label=named, color=PALETTE[3], linewidth=1)
-    ax.set(xlim=(0, max(plan.trajectory.duration, classical.duration)), ylim=(0, None))
-    return _add_legend(ax)
-
-
-def _stack_axes(count: int, height: float, share: bool = True, width: float = 9.0) -> "list[Axes]":
-    """Axes of one figure, one below the other; with `share`, on one time axis."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, count * height + 0.4), layout="constrained")
-    return list(figure.subplots(count, 1, sharex=share, squeeze=False)[:, 0])
-
-
-def _add_legend(ax: "Axes", columns: int = 6) -> "Axes":
-    """Put the legend above the axes, in the middle of the figure and no wider than it."""
-    from matplotlib.transforms import blended_transform_factory
-
-    figure = ax.get_figure(root=True)
-    assert figure is not None
-    middle = blended_transform_factory(figure.transFigure, ax.transAxes)
-    for count in range(columns, 0, -1):
-        legend = ax.legend(
-            loc="lower center",
-            bbox_to_anchor=(0.5, 1.0),
-            bbox_transform=middle,
-            ncols=count,
-            frameon=False,
-        )
-        if legend.get_window_extent().width <= figure.bbox.width:
-            break
-    return ax
-
-
-def _page(report: PlanReport, figures: Mapping[str, Picture]) -> str:
-    plan, baseline = report.plan, report.classical
+def _make_page(report: PlanReport, figures: Mapping[str, Picture]) -> str:
+    plan = report.plan
     results = {each.name: getattr(report, each.name) for each in fields(report)}
     del results["figures"]
+    if isinstance(plan, Plan):
+        values = _describe_whole(report, plan)
+        values["band"] = make_band(plan) if figures else {}  # which takes matplotlib along
+    else:
+        values = _describe_parts(report, plan)
     return render(
         "report.html.j2",
         figures,
-        **results,
-        triggers=plan.triggers,
-        summary=summary(plan, baseline, report.verdict, report.left_out),
-        saved=baseline.duration - plan.trajectory.duration if baseline else 0.0,
-        missing=missing_limits(plan, baseline) if baseline else (),
-        differences={one.kind: describe_differences(plan, one) for one in report.others},
-        allowed={limit.name: _format_bounds(limit, plan) for limit in plan.limits} | CLAIMS,
-        active=dict(_active_time(plan)),
+        **{**results, **values},
+        headline=[*list_headline(report)],
+        summary=summarise(report),
         active_share=ACTIVE_SHARE,
-        each=tabulate_segments(plan),
-        most_rows=MAX_SHOWN_ROWS,
-        window=plan.pulses.duration / RATE_WINDOWS,
+        pulses=_tabulate_pulses(report),
         policy=PLAYER_POLICY if report.scene else POLICY,
-        top_worth=_list_top_worth(report.worth),
-        band=make_band(plan) if figures else {},  # which takes matplotlib along
-        segments=list_segments(plan),
-        axes=list(zip(plan.pulses.axes, report.verdict.axes, plan.machine.axes, strict=True)),
+        top_worth=[*_list_top_worth(report.worth)],
     )
 
 
-# Proved claims besides the limits, and the bound of each.
-CLAIMS = {CROSSING: "the time of its axis", CONSTANT_SPEED: f"{SPEED_TOLERANCE:g} off the speed"}
+def _describe_whole(report: PlanReport, plan: Plan) -> dict[str, object]:
+    """Return what the page shows of a plan that was made as a whole."""
+    baseline = report.classical
+    allowed = {limit.name: _format_bounds(limit, plan) for limit in plan.limits} | CLAIMS
+    segments = tabulate_segments(plan)
+    activity = Activity(plan.program)
+    activity.add(plan.trajectory, 0.0, plan.limits)
+    together = ", all its repetitions together" if plan.program.repeat > 1 else ""
+    triggers = report.triggers
+    if triggers is None:
+        triggers = trigger_tables(plan.triggers, plan.path.names)
+    return {
+        "duration": plan.trajectory.duration,
+        "shaped": plan.shaped,
+        "axis_bounds": plan.axis_bounds,
+        "exceeded": plan.exceeded,
+        "mover": "platform’s origin" if plan.path.tool is None else "tool",
+        "saved": report.time_saved,
+        "missing": missing_limits(plan, baseline) if baseline else (),
+        "differences": {one.kind: describe_differences(plan, one) for one in report.others},
+        "active": activity.tabulate_limits(),
+        "segment_tables": {f"Each segment of the program{together}: {SEGMENT_FACTS}": segments},
+        "folded": len(segments) if len(segments) > MAX_SHOWN_ROWS else 0,
+        "certificate": _tabulate_certificate(plan.certificate, allowed),
+        "segments": list_segments(plan),
+        "rate_window": plan.pulses.duration / RATE_WINDOWS,
+        "triggers": triggers,
+    }
+
+
+SEGMENT_FACTS = "its time, and the limit that is active longest in it."
+
+
+def _describe_parts(report: PlanReport, plan: PlanStanding) -> dict[str, object]:
+    """Return what the page shows of a plan that was made in parts."""
+    overview = report.overview
+    activity = report.activity
+    assert overview is not None
+    assert activity is not None
+    longest = activity.tabulate_longest()
+    if activity.complete:
+        apart = ", its repetitions one by one" if plan.program.repeat > 1 else ""
+        tables = {f"Each segment of the program{apart}: {SEGMENT_FACTS}": longest}
+    else:
+        first = f"The {MOST_SEGMENTS} segments that take longest, and the limit that is active longest in each."
+        tables = {first: longest, "The segments of the least mean speed.": activity.tabulate_slowest()}
+    return {
+        "duration": plan.duration,
+        "shaped": None,
+        "axis_bounds": None,
+        "exceeded": "",
+        "mover": "platform’s origin",
+        "saved": 0.0,
+        "missing": (),
+        "differences": {},
+        "active": activity.tabulate_limits(),
+        "segment_tables": tables,
+        "folded": 0,
+        "certificate": _tabulate_certificate(plan.certificate, {}),
+        "band": make_window_band(activity),
+        "segments": list_window_segments(overview, activity),
+        "rate_window": 0.0,
+        "triggers": report.triggers or (),
+    }
+
+
+def _tabulate_certificate(certificate: Certificate, allowed: Mapping[str, str]) -> Table:
+    """Tabulate the proved and the attained use of each limit. allowed: bounds by limit, or empty."""
+    (table,) = certificate.tables()
+    names, proved, *where = table.columns
+    # A lower bound is rounded down, so that the text is one too.
+    attained = [floor(1e7 * certificate.attained[name].max()) / 1e7 for name in names.values]
+    columns = [replace(proved, name="proven ≤"), Column("attained ≥", attained, form=".7f")]
+    if allowed:
+        columns.insert(0, Column("allowed", [allowed[name] for name in names.values], right=True))
+    return Table("proved and attained use of each limit", (names, *columns, *where))
+
+
+def _tabulate_pulses(report: PlanReport) -> Table:
+    """Tabulate the pulses of each axis, and their check."""
+    plan = report.plan
+    axes = plan.pulses.axes
+    counted = list_counts(plan)
+    finals = [axis.start + net for axis, (_, net) in zip(axes, counted, strict=True)]
+    driven = zip(axes, plan.machine.axes, strict=True)
+    columns = [
+        Column("axis", [axis.name for axis in axes]),
+        Column("pulses", [group_digits(number) for number, _ in counted], right=True),
+        Column("one pulse", [f"{1e6 * axis.pulse:.6g} µ{each.unit}" for axis, each in driven], right=True),
+        Column("first count", [group_digits(axis.start) for axis in axes], right=True),
+        Column("last count", [group_digits(final) for final in finals], right=True),
+    ]
+    checked = () if report.verdict is None else report.verdict.axes
+    if checked:
+        rates = [f"{1 / each.smallest_interval:.0f}" for each in checked]
+        columns.append(Column("highest rate (1/s)", [*map(group_digits, rates)], right=True))
+    bounds = [axis.bound for axis in axes]
+    columns.append(Column("stated error (pulses)", bounds, form=".3f", up=True))
+    if checked:
+        errors = [each.time_error for each in checked]
+        none = {"None": "–"}
+        columns.append(Column("largest time error (ticks)", errors, form=".4f", words=none))
+    clock = f"clock {group_digits(plan.pulses.clock_hz)} Hz. Firing rule: {plan.pulses.rule}"
+    notes = ["the stated error bounds the difference between counts and motion, in addition to one tick’s travel"]
+    if checked:
+        notes.append("the time error is given if every pulse marks a crossing")
+    return Table(clock, tuple(columns), tuple(notes))
 
 
 def _format_bounds(limit: Limit, plan: Plan) -> str:
@@ -278,46 +293,35 @@ def _format_bounds(limit: Limit, plan: Plan) -> str:
     """
     worst = plan.certificate.where[limit.name]
     piece = next(k for k in range(len(plan.path.pieces)) if plan.path.segment(k) == worst.segment)
-    shown: dict[str, list[float]] = {}
+    bounds: dict[str, list[float]] = {}
     for channel, (unit, scale) in enumerate(limit.units):
-        if limit.channels[channel] == worst.axis:  # of a curve several lines are of one axis
-            both = (limit.report_value(side, channel, piece)[1] for side in (-1.0, 1.0))
-            shown.setdefault(unit, []).extend(bound * scale for bound in both if isfinite(bound))
-    told = [
-        (_join_bounds(bounds, isinstance(limit, AxisLimit) and not limit.geometric), unit)
-        for unit, bounds in shown.items()
-    ]
-    return ", ".join(f"{bounds} {unit}" for bounds, unit in told if bounds)
+        if limit.channels[channel] != worst.axis:  # several channels of a curve can be of one axis
+            continue
+        for side in (-1.0, 1.0):
+            bound = limit.report_value(side, channel, piece)[1]
+            if isfinite(bound):
+                bounds.setdefault(unit, []).append(bound * scale)
+    directed = isinstance(limit, AxisLimit) and not limit.geometric
+    return ", ".join(f"{_join_bounds(values, directed)} {unit}" for unit, values in bounds.items())
 
 
 def _join_bounds(bounds: Sequence[float], directed: bool) -> str:
-    """Bounds that are one, those of two directions, or the ends of a range."""
-    ends = list(dict.fromkeys(bounds)) if directed else sorted({min(bounds), max(bounds)}) if bounds else []
-    return (" / " if directed else " … ").join(f"{bound:.6g}" for bound in ends)
+    """Join the bounds of two directions, or the ends of a range; equal ones are shown once."""
+    if directed:
+        return " / ".join(f"{bound:.6g}" for bound in dict.fromkeys(bounds))
+    return " … ".join(f"{bound:.6g}" for bound in sorted({min(bounds), max(bounds)}))
 
 
-def _active_time(plan: Plan) -> Iterator[tuple[str, float]]:
-    """For how many seconds each limit that depends on timing is active, and for how many none is."""
-    active, lengths = active_limits(plan), np.diff(plan.trajectory.knots)
-    for n, limit in enumerate(plan.limits):
-        if not limit.geometric:
-            yield limit.name, float(lengths[active == n].sum())
-    yield "none of them", float(lengths[active < 0].sum())
-
-
-def _list_top_worth(worth: Worth | None) -> list[tuple[str, float, float]]:
-    """The limits that are worth most, with the ms that one per cent more of each saves, and its share of the most."""
+def _list_top_worth(worth: Worth | None) -> Iterator[tuple[str, float, float]]:
+    """Yield the limits that are worth most, the ms that 1 % more of each saves, and its share of the most."""
     from planner.tradeoffs.limit_worth import call
 
-    rows = [] if worth is None else worth.rank()[:MOST_WORTH]
-    if worth is None or not rows or worth.saved[rows[0]] <= 0:
-        return []
+    if worth is None:
+        return
+    rows = worth.rank()[:MOST_WORTH]
+    if not rows or worth.saved[rows[0]] <= 0:
+        return
     most = float(worth.saved[rows[0]])
-    return [
-        (
-            call(worth.limits[k], worth.axes[k]),
-            1e3 * float(worth.saved[k]),
-            max(float(worth.saved[k]), 0.0) / most,
-        )
-        for k in rows
-    ]
+    for k in rows:
+        saved = float(worth.saved[k])
+        yield call(worth.limits[k], worth.axes[k]), 1e3 * saved, max(saved, 0.0) / most

@@ -1,104 +1,259 @@
-"""The table that the report of a plan begins with."""
+"""The numbers that the report of a plan begins with: its headline and its summary table."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from benchmarks.reports.page import group_digits
+from benchmarks.reports.page import group_digits, round_up
 from kinematics.analysis.residual_vibration import find_residuals
 from kinematics.foundation.names import count_noun
 from planner.baselines import Classical, describe_differences, missing_limits
+from planner.certificate.certify import Certificate
+from planner.limits.registry import geometric_limits
 from planner.path.arc_length import measure_travel
+from planner.path.outcome import describe_blends
 from planner.path.overshoot import describe_overshoot
+from planner.path.point_to_point import describe_departures
 from planner.plan import Plan
-from planner.pulses import PulseCheck
+from planner.plan_parts import PlanStanding
+from planner.shaping.shaped_proof import ShapedProof
 from planner.timing.certified_solve import BEFORE_SHAPERS
+
+if TYPE_CHECKING:
+    from benchmarks.reports.plan_report import PlanReport
 
 SAME_LENGTH = 5e-7
 """m by which two lengths differ at most that are shown the same."""
+USED_UP = 0.999
+"""Proved share of a limit from which a motion is said to use it up."""
 
 
-def summary(
-    plan: Plan, classical: Classical | None, verdict: PulseCheck, left_out: Sequence[str] = ()
-) -> dict[str, str]:
-    """Return the first table of the page. left_out: results that were left out to save time, and their options."""
-    kept = "speed and acceleration" if plan.order == 2 else "speed, acceleration and jerk"
-    again = f", run {plan.program.repeat} times" if plan.program.repeat > 1 else ""
-    radian = f"a pure turn counts its angle times {1e3 * plan.machine.characteristic_length:.3f} mm"
-    way, length = measure_travel(plan.path.pieces), float(plan.path.breaks[-1])
-    unlike = "" if abs(way - length) < SAME_LENGTH else f"places in tables count to {1e3 * length:.3f} mm; "
-    return {
-        "Duration": f"{plan.duration:.6f} s{'' if plan.fastest else f', {plan.describe_objective()}'}",
-        **_shaping(plan),
-        **(_baseline(plan, classical) if plan.fastest and classical else {}),  # else they are unlike
-        **({"Stops": stops} if (stops := plan.avoidable_stops.describe()) else {}),
-        **_bound(plan),
-        **({"Left out": ", ".join(left_out)} if left_out else {}),
-        "Segments": f"{len(plan.program.segments)}{again}",
-        "Length of the path": f"{1e3 * way:.3f} mm ({unlike}{radian})",
-        **({} if plan.path.fit is None else {"Fit": plan.path.fit.describe()}),
-        **_departures(plan),
-        **_overshoots(plan),
-        "Order": f"{plan.order} ({kept})",
-        "Solved by": f"{', '.join(sorted(set(plan.methods)))}; certified in round {plan.rounds}",
-        "Pulses": f"{group_digits(plan.pulses.total)} on a clock of {group_digits(plan.pulses.clock_hz)} Hz",
-        "Highest pulse rate": f"{verdict.highest_rate:.1f} 1/s",
-        "Pulse check": f"{count_noun(verdict.fault_count, 'error')}; {_exactness(plan, verdict)}",
-    }
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """One number of the headline. good: None if it is neither good nor bad."""
+
+    label: str
+    value: str
+    notes: tuple[str, ...] = ()
+    good: bool | None = None
+    wide: bool = False
 
 
-def _baseline(plan: Plan, classical: Classical) -> dict[str, str]:
-    """Return rows about the baseline timing, and the saving."""
+def list_headline(report: "PlanReport") -> Iterator[Figure]:
+    """Yield the numbers of the headline: duration, saving, proof, pulses and avoidable stops."""
+    plan = report.plan
+    shaped = report.shaped
+    notes = []
+    if isinstance(plan, Plan):
+        if shaped is not None:
+            notes.append(f"{plan.trajectory.duration:.4f} s before the input shapers")
+        if plan.known and plan.gap is not None:
+            before = " before them" if shaped else ""
+            notes.append(f"at most {round_up(100 * plan.gap, 3)} % above the least{before}, proved")
+    yield Figure("Duration", f"{plan.duration:.4f} s", tuple(notes))
+    if isinstance(plan, Plan):
+        if plan.fastest and report.classical:
+            yield _compare(plan, report.classical)
+    else:
+        windows = f"in {group_digits(plan.windows)} {'window' if plan.windows == 1 else 'windows'}"
+        yield Figure("Segments", group_digits(plan.segment), (windows,))
+
+    proofs: list[Certificate | ShapedProof] = [plan.certificate]
+    if shaped is not None:
+        proofs.append(shaped)
+    holds = all(proof.holds for proof in proofs)
+    worst = max(max(proof.worst.values()) for proof in proofs)
+    both = ", before the shapers and behind them" if shaped else ""
+    ratios = f"every ratio ≤ {round_up(worst, 7)}{both}"
+    yield Figure("Limits", "proved" if holds else "NOT PROVED", (ratios,), holds)
+
+    checked = None if report.verdict is None else report.verdict.holds
+    texts = {None: (), True: ("checked independently",), False: ("THE CHECK FAILED",)}
+    yield Figure("Pulses", group_digits(count_pulses(plan)), texts[checked], checked)
+    stops = plan.avoidable_stops
+    if stops is not None and stops.count:
+        cost = f"they cost {stops.describe_cost()}; to avoid them: {stops.remedy}"
+        count = group_digits(stops.count)
+        yield Figure("Stops that nobody asked for", count, (cost,), wide=True)
+
+
+def list_counts(plan: Plan | PlanStanding) -> list[tuple[int, int]]:
+    """Return the number of pulses, and the last count minus the first, of each axis."""
+    if isinstance(plan, PlanStanding):
+        return [*plan.counted]
+    return [(len(axis), axis.final - axis.start) for axis in plan.pulses.axes]
+
+
+def count_pulses(plan: Plan | PlanStanding) -> int:
+    """Return the number of pulses of all axes."""
+    return sum(number for number, _ in list_counts(plan))
+
+
+def _compare(plan: Plan, classical: Classical) -> Figure:
+    """Return the saving against the baseline timing."""
     saved = classical.duration - plan.trajectory.duration
-    missing = missing_limits(plan, classical)
-    unlike = f"; the baseline timing is without {', '.join(missing)}" if missing else ""
-    what = "; ".join([classical.kind, *describe_differences(plan, classical)])
-    return {
-        "Baseline timing": f"{classical.duration:.6f} s ({what})",
-        "Time saved": f"{saved:.6f} s ({100 * saved / classical.duration:.2f} %{unlike})",
-    }
+    share = 100 * abs(saved) / classical.duration
+    sense = "shorter" if saved >= 0 else "longer"
+    names = [classical.kind]
+    if missing := missing_limits(plan, classical):
+        names.append(f"without {', '.join(missing)}")
+    baseline = f"{classical.duration:.4f} s ({', '.join(names)})"
+    both = ", both before the shapers" if plan.shaped else ""
+    return Figure(
+        f"Compared with the baseline timing{both}",
+        f"{abs(saved):.4f} s",
+        (f"{share:.2f} % {sense} than {baseline}",),
+    )
 
 
-def _shaping(plan: Plan) -> dict[str, str]:
-    """Return rows about the input shapers, if there are any."""
-    if plan.shaped is None:
-        return {}
-    before = f"{plan.trajectory.duration:.6f} s; all that is not said to be behind them is of this motion"
-    told = {BEFORE_SHAPERS.capitalize(): before, "Behind them": plan.shaped.describe()}
-    if (cost := plan.shaped.cost) is not None:
-        told |= {"Cost of the shapers": cost.describe()} if plan.fastest else {}
-        told |= {"Lowered for them": cost.describe_lowered()} if cost.lowered else {}
-    return told | {"Vibration left": "; ".join(each.describe() for each in find_residuals(plan.shaped.axes))}
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A line of the summary. brief: whether the first screen of a terminal has it too."""
+
+    label: str
+    text: str
+    brief: bool = True
 
 
-def _bound(plan: Plan) -> dict[str, str]:
-    """Return a row about the lower bound, if it is known: its computation may take long."""
-    if not plan.known:
-        return {}
-    near = f" ({plan.bound.describe()})" if plan.fastest else ""
-    return {"Lower bound, proved": f"{plan.lower_bound:.6f} s{near}"}
+def summarise(report: "PlanReport") -> list[Row]:
+    """Return the summary of a plan, which its page begins with; the brief rows are the first screen."""
+    plan = report.plan
+    rows = _summarise_parts(plan) if isinstance(plan, PlanStanding) else _summarise_whole(report, plan)
+    return [row for row in (*rows, *_describe_pulses(report)) if row.text]
 
 
-def _departures(plan: Plan) -> dict[str, str]:
-    """Return a row about the largest deviation of synchronised moves from the straight line."""
-    found = plan.departures
-    if not found:
-        return {}
-    worst = max(found, key=lambda one: one.distance)
-    turned = np.rad2deg(max(one.turned for one in found))
-    told = f"up to {1e3 * worst.distance:.4g} mm off the straight line, at {worst.where}; up to {turned:.4g}° in angle"
-    return {"Synchronised moves": f"{len(found)}, straight in the axes: {told}"}
+def _summarise_whole(report: "PlanReport", plan: Plan) -> Iterator[Row]:
+    objective = plan.describe_objective()
+    yield Row("duration", f"{plan.duration:.6f} s{f', {objective}' if objective else ''}")
+    yield from _describe_shaping(plan)
+    if plan.fastest and report.classical:  # otherwise they cannot be compared
+        yield _describe_saving(plan, report.classical)
+    yield Row("stops", plan.avoidable_stops.describe())
+    if plan.known:
+        bound = f"{plan.lower_bound:.6f} s, proved"
+        gap = plan.bound.describe().removeprefix("the duration is ")
+        yield Row("gap", f"{gap} (lower bound {bound})" if plan.fastest else "")
+        yield Row("lower bound", "" if plan.fastest else f"{bound}: of the fastest motion")
+    lowered = {} if plan.shaped is None or plan.shaped.cost is None else plan.shaped.cost.lowered
+    yield _describe_limits(plan.certificate, lowered)
+    if report.worth is not None and report.worth.best is not None:
+        yield Row("saved by 1 % more of", report.worth.describe())
+    yield Row("gap, worth of limits", report.unbounded)
+    yield Row("left out", ", ".join(report.left_out))
+    yield from _describe_path(plan)
+    yield _describe_order(plan.order)
+    solvers = ", ".join(sorted(set(plan.methods)))
+    yield Row("solved by", f"{solvers}; certified in round {plan.rounds}", brief=False)
+    if plan.triggers:
+        yield Row("triggers", f"{len(plan.triggers)}")
 
 
-def _overshoots(plan: Plan) -> dict[str, str]:
-    """Return a row about the largest deviation of splines from the polygon of their points."""
-    overshoots = plan.path.overshoots
-    return {"Splines off their polygons": describe_overshoot(overshoots)} if overshoots else {}
+def _summarise_parts(plan: PlanStanding) -> Iterator[Row]:
+    yield Row("duration", f"{plan.duration:.6f} s")
+    if plan.avoidable_stops is not None:
+        yield Row("stops", plan.avoidable_stops.describe())
+    yield _describe_limits(plan.certificate, ())
+    yield Row("segments", f"{plan.segment}", brief=False)
+    yield Row("length of the path", f"{1e3 * plan.start.length:.3f} mm")
+    if plan.fit is not None:
+        yield Row("fit", plan.fit.describe(), brief=plan.fit.before > 0)
+    if plan.blends:
+        yield Row("blends", f"{plan.blends}, {plan.stops or 'none'} of them replaced by stops")
+    yield _describe_order(plan.order)
+    windows = count_noun(plan.windows, "window")
+    rounds = f"{windows}; certified in round {plan.rounds} at most"
+    yield Row("planned in", rounds)
+    if plan.triggers:
+        yield Row("triggers", f"{plan.triggers} in triggers.csv")
 
 
-def _exactness(plan: Plan, verdict: PulseCheck) -> str:
-    """Describe the verdict on the pulses: exact times of crossings, or the bounds that the rule states."""
+def _describe_saving(plan: Plan, classical: Classical) -> Row:
+    """Describe the time saved against the baseline timing.
+
+    The first screen compares only with a baseline that keeps the same limits.
+    """
+    saved = classical.duration - plan.trajectory.duration
+    share = 100 * saved / classical.duration
+    differences = describe_differences(plan, classical) or ("the same limits",)
+    baseline = ", ".join([f"{classical.duration:.6f} s", *differences])
+    text = f"{share:.2f} %: {saved:.6f} s less than {classical.kind} ({baseline})"
+    return Row("saved", text, brief=not missing_limits(plan, classical))
+
+
+def _describe_limits(certificate: Certificate, lowered: Collection[str]) -> Row:
+    """Describe the limits that the motion uses up: geometric ones do not count, as home may be at their end.
+
+    lowered: limits that were lowered for input shapers.
+    """
+    geometric = geometric_limits()
+    used = [
+        f"{name} ({certificate.where[name].axis})"
+        for name, share in certificate.worst.items()
+        if (share > USED_UP or name in lowered) and name not in geometric
+    ]
+    proved = f"{len(certificate.worst)} proved at every instant"
+    return Row("limits", f"{proved}; used up: {', '.join(used) or 'none'}")
+
+
+def _describe_shaping(plan: Plan) -> Iterator[Row]:
+    """Describe the input shapers, their cost, and the vibration that is left."""
+    shaped = plan.shaped
+    if shaped is None:
+        return
+    before = f"{plan.trajectory.duration:.6f} s; saving and lower bound refer to this"
+    yield Row(BEFORE_SHAPERS, before)
+    yield Row("input shapers", shaped.describe())
+    if (cost := shaped.cost) is not None:
+        yield Row("cost of the shapers", cost.describe() if plan.fastest else "")
+        yield Row("lowered for them", cost.describe_lowered() if cost.lowered else "")
+    left = "; ".join(each.describe() for each in find_residuals(shaped.axes))
+    yield Row("vibration left", left)
+
+
+def _describe_path(plan: Plan) -> Iterator[Row]:
+    """Describe the program, the length of its path, and its deviations from the program."""
+    path = plan.path
+    repeat = f", run {plan.program.repeat} times" if plan.program.repeat > 1 else ""
+    yield Row("segments", f"{len(plan.program.segments)}{repeat}", brief=False)
+    way = measure_travel(path.pieces)
+    length = float(path.breaks[-1])
+    counted = ""
+    if abs(way - length) >= SAME_LENGTH:
+        counted = f"places in tables count to {1e3 * length:.3f} mm; "
+    turn = 1e3 * plan.machine.characteristic_length
+    note = f"{counted}a pure turn counts its angle times {turn:.3f} mm"
+    yield Row("length of the path", f"{1e3 * way:.3f} mm ({note})", brief=False)
+    if path.fit is not None:
+        yield Row("fit", path.fit.describe(), brief=path.fit.before > 0)
+    yield Row("synchronised moves", describe_departures(plan.departures))
+    yield Row("splines off their polygons", describe_overshoot(path.overshoots))
+    yield Row("blends", describe_blends(path.blends))
+    tolerances = [blend.tolerance for blend in path.blends]
+    if path.fit is not None:
+        tolerances.append(path.fit.tolerance)
+    widest = max(tolerances, default=0.0)
+    if widest > length:
+        whole = f"more than the whole path of {1e3 * length:.6g} mm"
+        yield Row("tolerance", f"{1e3 * widest:.6g} mm, {whole}: is the unit as meant?")
+
+
+def _describe_order(order: int) -> Row:
+    derivatives = "speed and acceleration" if order == 2 else "speed, acceleration and jerk"
+    return Row("order", f"{order} ({derivatives})", brief=False)
+
+
+def _describe_pulses(report: "PlanReport") -> Iterator[Row]:
+    """Describe the pulses and their check: exact times of crossings, or the bounds of the rule."""
+    pulses = report.plan.pulses
+    bound = max(axis.bound for axis in pulses.axes)
+    clock = f"a clock of {pulses.clock_hz / 1e6:g} MHz"
+    within = f"within {bound:.3f} of the motion"
+    yield Row("pulses", f"{count_pulses(report.plan)} by the rule {pulses.rule} on {clock}, {within}")
+    verdict = report.verdict
+    if verdict is None:
+        return
+    exact = ""
     if verdict.time_error is not None:
-        return f"largest time error {verdict.time_error:.4f} ticks"
-    widest = max(axis.bound for axis in plan.pulses.axes)
-    return f"within {widest:.3g} pulses, as the rule {plan.pulses.rule} states"
+        exact = f"; largest time error {verdict.time_error:.4f} ticks"
+    yield Row("highest pulse rate", f"{verdict.highest_rate:.1f} 1/s", brief=False)
+    yield Row("pulse check", f"{count_noun(verdict.fault_count, 'error')}{exact}", brief=False)

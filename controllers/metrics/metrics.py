@@ -16,7 +16,7 @@ from controllers.rig import Rig
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
-from planner.place import Place, where_columns
+from planner.place import Place
 
 AT_LIMIT = 1 - 1e-9
 """Share of the limit from which a torque counts as being at it: rounding away from 1."""
@@ -343,7 +343,7 @@ class Metrics(Result):
                     Column(title, [getattr(series, title.lower()) for series in self.series], units, "micro", ".3f")
                     for title in ("RMS", "P95", "max")
                 ),
-                *where_columns([series.where for series in self.series]),
+                *Place.columns([series.where for series in self.series]),
             ),
         )
         figures = self.figures()

@@ -14,7 +14,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from itertools import count
 from pathlib import Path
 from tempfile import mkdtemp
-from threading import current_thread, main_thread
+from threading import RLock, current_thread, main_thread
 from types import FrameType
 from typing import Any
 
@@ -25,6 +25,12 @@ RANDOM_CHARACTERS = 8
 """Characters that mkdtemp adds to a name."""
 SIGNAL_NAMES = ("SIGINT", "SIGTERM", "SIGHUP")
 """Signals that end a program in good order, of which a system may not know all."""
+# Held by a thread in `defer_signals`.
+_DEFERRING = RLock()
+# s that `remove_staged` waits for such a thread.
+MAX_WAIT = 0.3
+# Hidden directories of this process, and the places of their results.
+_STAGED: dict[Path, Path] = {}
 
 
 class HeldSignals:
@@ -41,12 +47,14 @@ class HeldSignals:
 
 @contextmanager
 def defer_signals() -> Iterator[HeldSignals]:
-    """Within, a signal that a function of Python's handles is noted, and given to that function at the end.
+    """Delay signals that have a handler in Python to the end of the block.
 
-    What is ignored, or left to the system, stays so. Only the main thread is ever told of signals.
+    Ignored signals, and those that the system handles, stay as they are. Python handles signals in the main thread
+    only. `remove_staged` in another thread waits for the end of the block.
     """
     kept: dict[int, Any] = {}
     waiting = HeldSignals()
+    _DEFERRING.acquire()
     try:
         if current_thread() is main_thread():
             for number in (getattr(signal, name) for name in SIGNAL_NAMES if hasattr(signal, name)):
@@ -55,6 +63,7 @@ def defer_signals() -> Iterator[HeldSignals]:
                     signal.signal(number, waiting.note)
         yield waiting
     finally:
+        _DEFERRING.release()
         for number, before in kept.items():
             signal.signal(number, before)
         if waiting.came is not None:
@@ -68,13 +77,22 @@ def stage_directory(place: Path) -> Iterator[Path]:
     try:
         with defer_signals():
             made, descriptor = _make_directory(place)
+            _STAGED[made] = place
         yield made
     finally:
         with defer_signals():
             if made is not None:
                 end(made, place)
+                _STAGED.pop(made, None)
             if descriptor is not None:
                 os.close(descriptor)
+
+
+def remove_staged() -> None:
+    """Remove the hidden directories of this process, which a thread does before it ends a process that hangs."""
+    _DEFERRING.acquire(timeout=MAX_WAIT)
+    for made, place in [*_STAGED.items()]:
+        end(made, place)
 
 
 def _make_directory(place: Path) -> tuple[Path, int | None]:

@@ -1,8 +1,4 @@
-"""What killed runs leave beside the places of their results, and how it is removed.
-
-The command line's first process loads this file alone, when it has ended the one that works: the package would take a
-second to load. So it imports nothing but the standard library.
-"""
+"""Remove the files that killed runs leave next to the places of their results."""
 
 import os
 import re

@@ -1,7 +1,4 @@
-"""Text from files and from users as it is shown: nothing in it that a terminal or a browser would obey.
-
-The command line loads this file alone, before the package. So it imports nothing but the standard library.
-"""
+"""Text from files and from users as it is shown: nothing in it that a terminal or a browser would obey."""
 
 import re
 from math import isfinite

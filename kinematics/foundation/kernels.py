@@ -19,14 +19,11 @@ from hashlib import sha256
 from multiprocessing import parent_process
 from pathlib import Path
 from threading import RLock, Thread, local
-from threading import enumerate as enumerate_threads
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
 from typing import Any
 
 PATIENCE = 1.0
 """s after which the first call of a kernel that is not on disk is said to be compiling."""
-COMPILATION = "compilation of kernels"
-"""Name of threads in which kernels are called for the first time."""
 KEPT = 24
 """Files of one kernel that are kept, those used last: of several signatures, versions and checkouts."""
 _LOCK, _HERE = RLock(), local()
@@ -71,7 +68,7 @@ def _run_in_thread(work: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
         except BaseException as error:
             failure.append(error)
 
-    thread = Thread(target=run, name=COMPILATION, daemon=True)
+    thread = Thread(target=run, daemon=True)
     thread.start()
     thread.join(PATIENCE)
     while thread.is_alive():  # on a busy computer, what is on disk may take longer too
@@ -120,11 +117,6 @@ def call_light(function: Callable[..., Any], *arguments: Any) -> Any:
         return function.function(*arguments)
     finally:
         _HERE.plain = False
-
-
-def is_compiling() -> bool:
-    """Whether a kernel's first call goes on in a thread, though who called it may have been interrupted."""
-    return any(thread.name == COMPILATION for thread in enumerate_threads())
 
 
 kernel = Kernel

@@ -20,7 +20,7 @@ from planner.certificate.resonance_dwell import find_stays
 from planner.limits.limit import Limit, order_of
 from planner.limits.resonance import Resonance
 from planner.path.actuation import ActuatorPath
-from planner.place import Place, where_columns
+from planner.place import Place
 from planner.trajectory import Trajectory, unit_speed_trajectory
 
 CROSSING = "resonance crossing"
@@ -54,7 +54,7 @@ class Certificate(Result):
         """The worst proven use of each limit, and where."""
         head = "the certificate holds" if self.holds else "THE CERTIFICATE DOES NOT HOLD"
         ratios = Column("bound", [*self.worst.values()], form=".7f", up=True)
-        where = where_columns([self.where[name] for name in self.worst])
+        where = Place.columns([self.where[name] for name in self.worst])
         names = Column("limit", [*self.worst])
         return (Table(f"{head}: value/limit, bounded over continuous time", (names, ratios, *where)),)
 

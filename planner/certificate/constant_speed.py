@@ -1,10 +1,12 @@
 """How steady the tool's speed is where a motion claims it constant: proved over continuous time, both ways."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from kinematics.foundation.arrays import Array
+from kinematics.foundation.facts import Fact
 from planner.certificate.enclosure import Cells, bound_series, enclose
 from planner.limits.tool import squared_norm
 from planner.place import Place
@@ -25,10 +27,10 @@ class Stretch:
     deviation: the share of it by which the tool's speed differs at most, proved over continuous time
     """
 
-    speed: float
-    since: Place
-    until: Place
-    deviation: float
+    speed: Annotated[float, Fact("speed_m_s")]
+    deviation: Annotated[float, Fact("largest_deviation")]
+    since: Annotated[Place, Fact("from")]
+    until: Annotated[Place, Fact("to")]
 
 
 def find_stretches(trajectory: Trajectory, use: Array) -> tuple[Stretch, ...]:
@@ -41,7 +43,8 @@ def find_stretches(trajectory: Trajectory, use: Array) -> tuple[Stretch, ...]:
         s = float(trajectory.s[last] + trajectory.v[last] * (end - trajectory.knots[last]))
         since = path.place(float(trajectory.s[first]), int(trajectory.piece[first]), start)
         until = path.place(s, int(trajectory.piece[last]), end)
-        found.append(Stretch(float(speed[first]), since, until, SPEED_TOLERANCE * float(use[first : last + 1].max())))
+        deviation = SPEED_TOLERANCE * float(use[first : last + 1].max())
+        found.append(Stretch(float(speed[first]), deviation, since, until))
     return tuple(found)
 
 

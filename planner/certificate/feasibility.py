@@ -25,7 +25,7 @@ from planner.path.outcome import Blended, FitSummary, blend_tables, fit_tables
 from planner.path.overshoot import overshoot_tables, overshoot_warnings
 from planner.path.point_to_point import Departure, departure_tables
 from planner.path.shape import Overshoot
-from planner.place import Infeasible, Place, where_columns
+from planner.place import Infeasible, Place
 from planner.trajectory import State, Trajectory, unit_speed_trajectory
 
 # Smallest cell, as a share of the part that it is cut from; beyond it a singular pose counts as met.
@@ -111,7 +111,7 @@ class Standing(Result):
             (
                 Column("limit", [*self.largest]),
                 Column("bound", [use for use, _ in self.largest.values()], form=".7f", up=True),
-                *where_columns([place for _, place in self.largest.values()]),
+                *Place.columns([place for _, place in self.largest.values()]),
             ),
             (*map(str, self.violations), *self.warnings, *self._describe_stops()),
         )

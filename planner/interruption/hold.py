@@ -66,7 +66,7 @@ def hold(whole: Whole, at: float, during: Section | None = None) -> Section:
     """
     running = find_running(whole, during)
     if not 0 <= at <= running.duration:
-        name = "plan" if during is None else during.what
+        name = "plan" if during is None else during.kind
         raise MotionError(
             f"hold at {at:g} s: the {name} lasts from 0 to {running.duration:.6f} s; give an instant of it"
         )
@@ -221,7 +221,7 @@ def _draw_from(
 ) -> MachinePath:
     """Return the path from an instant to a place (m), with the rest of a dwell at the instant."""
     left = find_rest_left(motion, now)
-    return whole.draw(now, until, dwells=(left, None if last_dwell else 0.0))
+    return whole.draw(now, until, rests=left, last_dwell=last_dwell)
 
 
 def _solve_stop(whole: Whole, running: Running, now: Instant) -> ProvedMotion:

@@ -71,7 +71,6 @@ def _find_begin(whole: Whole, stop: Section | float) -> tuple[float, Sent]:
 
 def _draw_from_rest(whole: Whole, here: Instant, until: float) -> MachinePath:
     """Return the path from the place of an instant of the plan, at rest, to another place (m)."""
-    # `near`: an axis may have turned by more than a turn until there
     return whole.draw(replace(here, t=0.0, v=0.0, a=0.0), until)
 
 

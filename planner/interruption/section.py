@@ -74,26 +74,27 @@ class Whole:
 
     def draw(
         self,
-        begin: Instant,
+        now: Instant,
         until: float,
-        end: tuple[float, float] = (0.0, 0.0),
-        dwells: tuple[float | None, float | None] = (None, None),
+        ends: tuple[float, float] = (0.0, 0.0),
+        rests: float | None = None,
+        last_dwell: bool = True,
     ) -> MachinePath:
-        """Return the part of the path from an instant's place to another place (m).
+        """Return the part of the path from the state at an instant to a place (m).
 
         A part that begins in motion has no dwells at its ends. One that begins at rest has those of
-        the program. The part need not keep the constant speeds that segments require.
+        the program. The part need not keep the constant speeds that segments require. Its certificate
+        counts time from the instant.
 
-        begin   state at the beginning; certificates count time from its t
-        end     ṡ and s̈ at the end
-        dwells  s of the first and the last dwell; None: the program's
+        ends        ṡ and s̈ at the end
+        rests       s for which the first dwell still lasts; None: its full time
+        last_dwell  False leaves the last dwell out
         """
         path = self.path
         length = float(path.breaks[-1])
         until = snap(path.breaks, until, length)
-        since = begin.s
-        moves = begin.v > 0
-        if begin.v == 0:  # a motion may begin nearer to a rest than rounding, and keeps its place
+        since = now.s
+        if now.v == 0:  # a motion may begin nearer to a rest than rounding, and keeps its place
             since = snap(path.breaks, since, length)
         first = int(np.searchsorted(path.breaks, since, "right")) - 1
         first = int(np.clip(first, 0, len(path.pieces) - 1))
@@ -102,17 +103,15 @@ class Whole:
 
         pieces = [replace(piece, constant=False) for piece in path.pieces[first : last + 1]]
         stops = np.array(path.joins[first : last + 2])
-        rests = np.array(path.dwells[first : last + 2])
+        dwells = np.array(path.dwells[first : last + 2])
         before = since - path.breaks[first]
         after = path.breaks[last + 1] - until
-        if before > 0 or moves:
-            rests[0] = 0.0
-        elif dwells[0] is not None:
-            rests[0] = dwells[0]
-        if after > 0 or moves:
-            rests[-1] = 0.0
-        elif dwells[1] is not None:
-            rests[-1] = dwells[1]
+        if before > 0 or now.v > 0:
+            dwells[0] = 0.0
+        elif rests is not None:
+            dwells[0] = rests
+        if after > 0 or now.v > 0 or not last_dwell:
+            dwells[-1] = 0.0
         pieces[-1] = pieces[-1].trim(0.0, after)
         pieces[0] = pieces[0].trim(before, 0.0)
         stops[[0, -1]] = 1
@@ -120,12 +119,12 @@ class Whole:
             self.machine,
             pieces,
             stops,
-            rests,
+            dwells,
             tool=self.tool,
-            end_speeds=(begin.v, end[0]),
-            end_accelerations=(begin.a, end[1]),
-            near=begin.q,
-            origin=(since, begin.t),
+            end_speeds=(now.v, ends[0]),
+            end_accelerations=(now.a, ends[1]),
+            near=now.q,
+            origin=(since, now.t),
         )
 
 
@@ -183,7 +182,7 @@ NONE_SENT = Sent()
 class Section(Result):
     """A motion along a section of a plan's path, whose pulses continue those sent before it.
 
-    what        "hold" or "resume"
+    kind        "hold" or "resume"
     limits      limits that are proved: all but constant speeds that segments require
     trajectory  motion before any input shapers; certificate is its proof
     since       m of the plan's path at which it begins
@@ -193,7 +192,7 @@ class Section(Result):
     sent        pulses, plays and triggers before it
     """
 
-    what: str
+    kind: str
     name: str
     machine: Machine = field(repr=False)
     path: MachinePath = field(repr=False)
@@ -265,7 +264,7 @@ class Section(Result):
     def export_source(self) -> ExportSource:
         """The motion and the pulses for an export format."""
         return ExportSource(
-            f"{self.name}-{self.what}",
+            f"{self.name}-{self.kind}",
             self.machine,
             self.trajectory,
             self.pulses,
@@ -286,7 +285,7 @@ class Section(Result):
         notes: tuple[str, ...] = ()
         if self.at is not None:
             notes = ("below, certificates count t from the start of the plan; triggers from here",)
-        table = Table(f"{self.what} of {self.name}{begin}", columns, notes)
+        table = Table(f"{self.kind} of {self.name}{begin}", columns, notes)
         shaped = () if self.shaped is None else self.shaped.tables()
         fired = trigger_tables(self.triggers, self.path.names)
         return (table, *self.certificate.tables(), *shaped, *fired)
@@ -306,7 +305,7 @@ def measure_way(path: MachinePath, shaped: ShapedProof | None) -> float:
 
 def make_section(
     whole: Whole,
-    what: str,
+    kind: str,
     proved: ProvedMotion,
     sent: Sent = NONE_SENT,
     at: float | None = None,
@@ -336,7 +335,7 @@ def make_section(
     fire = partial(generate, counted, axes, home, pulses.clock_hz, pulses.rule)
     fired = _fire_at_rest(fire, sent) if is_empty else fire(sent=sent.pulses)
     return Section(
-        what=what,
+        kind=kind,
         name=whole.name,
         machine=whole.machine,
         path=proved.path,
@@ -384,5 +383,5 @@ def refuse_other(whole: Whole, section: Section) -> None:
     # a plan that was loaded twice has equal arrays
     if other is None or not all(map(is_equal, ("knots", "s", "v", "a", "j"))):
         raise MotionError(
-            f"the {section.what} of {section.name} is not of this plan: give a section that its own hold or resume made"
+            f"the {section.kind} of {section.name} is not of this plan: give a section that its own hold or resume made"
         )

@@ -204,9 +204,9 @@ class PathStep:
     overshoot: Overshoot | None = None
 
 
-def list_avoidable(steps: Iterable[PathStep]) -> frozenset[tuple[int, int | None]]:
-    """List the numbers and repetitions of the segments whose stops at their ends nobody asked for."""
-    return frozenset((step.piece.segment, step.piece.repetition) for step in steps if step.avoidable)
+def list_avoidable(steps: Iterable[PathStep]) -> frozenset[int]:
+    """List the numbers, from 1, of the steps whose stops at their ends nobody asked for."""
+    return frozenset(number for number, step in enumerate(steps, 1) if step.avoidable)
 
 
 def link(drawn: Iterable[Drawn], characteristic: float) -> Iterator[PathStep]:
@@ -225,7 +225,13 @@ def link(drawn: Iterable[Drawn], characteristic: float) -> Iterator[PathStep]:
             if isinstance(own.join, Fit) and own.join.stop and rest != NEVER_REST:
                 rest = ALWAYS_REST
                 angle = own.join.angle_at(characteristic)
-                told = Blended(own.pieces[-1].segment, own.join.tolerance, angle, stop="as asked", fitted=True)
+                told = Blended(
+                    segment=own.pieces[-1].segment,
+                    tolerance=own.join.tolerance,
+                    angle=angle,
+                    stop="as asked",
+                    fitted=True,
+                )
             elif isinstance(own.join, Blend | Fit) and rest != NEVER_REST:
                 made, told = _blend(own, after, own.join, characteristic)
                 rest = NEVER_REST if made else ALWAYS_REST
@@ -314,7 +320,7 @@ def _blend(before: Drawn, after: Drawn, asked: Blend | Fit, characteristic: floa
     """The pieces of the blend of two segments, none where there can be none, and what to say of it."""
     a, b = before.pieces[-1], after.pieces[0]
     angle = asked.angle_at(characteristic)
-    told = Blended(a.segment, asked.tolerance, angle, fitted=isinstance(asked, Fit))
+    told = Blended(segment=a.segment, tolerance=asked.tolerance, angle=angle, fitted=isinstance(asked, Fit))
     if before.dwell > 0:
         return [], replace(told, stop="a dwell")
     most = {part.segment: _available_length(own.pieces, part) for own, part in ((before, a), (after, b))}

@@ -2,14 +2,19 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
+from kinematics.foundation.facts import Fact, tabulate
 from kinematics.foundation.names import count_noun
 from kinematics.foundation.table import Column, Table
 from planner.path.shape import Fitted
 from planner.place import Place
 
+# Stops at blends up to which each is described with its reason.
+MOST_REASONS = 3
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Blended:
     """What a join that asks for a blend became.
 
@@ -23,14 +28,14 @@ class Blended:
     s           m of the path, in its middle
     """
 
-    segment: int
-    tolerance: float
-    angle: float
-    deviation: float = 0.0
-    turned: float = 0.0
-    reach: float = 0.0
-    half_of: tuple[int, ...] = ()
-    stop: str = ""
+    segment: Annotated[int, Fact("segment", "after segment")]
+    tolerance: Annotated[float, Fact("tolerance_m", "tolerance", "m", "micro", ".4g")]
+    deviation: Annotated[float, Fact("deviation_m", "deviation", "m", "micro", ".4g")] = 0.0
+    angle: Annotated[float, Fact("tolerance_rad")]
+    turned: Annotated[float, Fact("deviation_rad", "angle", "rad", "micro", ".4g")] = 0.0
+    reach: Annotated[float, Fact("reach_m", "reach", "m", "human", ".4g")] = 0.0
+    half_of: Annotated[tuple[int, ...], Fact("half_of_segments")] = ()
+    stop: Annotated[str, Fact("stop", null="")] = ""
     fitted: bool = False
     s: float = 0.0
 
@@ -41,17 +46,18 @@ class Blended:
 
 
 def blend_tables(blends: Sequence[Blended]) -> tuple[Table, ...]:
-    """How far each blend leaves the corner, and what it could not have; no table where there is none."""
+    """Return a table of the deviation of each blend from its corner, and of what limits it, if there are any."""
+    return tabulate("blends", blends, Column("note", [_note(blend) for blend in blends]))
+
+
+def describe_blends(blends: Sequence[Blended]) -> str:
+    """Return the number of blends, and of those replaced by stops, a few with reasons; "" without blends."""
     if not blends:
-        return ()
-    columns = (
-        Column("tolerance", [blend.tolerance for blend in blends], "m", "micro", ".4g"),
-        Column("deviation", [None if blend.stop else blend.deviation for blend in blends], "m", "micro", ".4g"),
-        Column("angle", [None if blend.stop else blend.turned for blend in blends], "rad", "micro", ".4g"),
-        Column("reach", [None if blend.stop else blend.reach for blend in blends], "m", "human", ".4g"),
-    )
-    after = Column("after segment", [blend.segment for blend in blends])
-    return (Table("blends", (after, *columns, Column("note", [_note(blend) for blend in blends]))),)
+        return ""
+    stops = [f"after segment {blend.segment}: {blend.stop}" for blend in blends if blend.stop]
+    text = f"{len(stops)} of them replaced by stops" if stops else "all passed without a stop"
+    reasons = f" ({'; '.join(stops)})" if 0 < len(stops) <= MOST_REASONS else ""
+    return f"{len(blends)}, {text}{reasons}"
 
 
 def _note(blend: Blended) -> str:
@@ -69,15 +75,15 @@ class FitSummary:
     deviates_at           where the deviation is the largest: in the middle of a corner, or of the part of a curve
     """
 
-    curves: int
-    before: int
-    after: int
-    tolerance: float
-    deviation: float
-    turned: float
-    rounded: int
-    stopped: int
-    deviates_at: Place
+    curves: Annotated[int, Fact("curves", "curves")]
+    before: Annotated[int, Fact("pieces_before", "pieces before")]
+    after: Annotated[int, Fact("pieces_after", "pieces after")]
+    tolerance: Annotated[float, Fact("tolerance_m", "tolerance", "m", "micro", ".4g")]
+    deviation: Annotated[float, Fact("deviation_m", "deviation", "m", "micro", ".4g")]
+    turned: Annotated[float, Fact("deviation_rad", "angle", "rad", "micro", ".4g")]
+    deviates_at: Annotated[Place, Fact("deviates_at")]
+    rounded: Annotated[int, Fact("corners_rounded", "corners rounded")]
+    stopped: Annotated[int, Fact("corners_stopped", "corners with a stop")]
 
     def describe(self) -> str:
         """How near to the program it is, where it is farthest from it, and what became of its corners."""
@@ -127,20 +133,6 @@ def merge_fits(one: FitSummary | None, other: FitSummary | None) -> FitSummary |
     )
 
 
-def fit_tables(found: FitSummary | None) -> tuple[Table, ...]:
-    """The same as a table, or none."""
-    if found is None:
-        return ()
-    columns = (
-        Column("curves", [found.curves]),
-        Column("pieces before", [found.before]),
-        Column("pieces after", [found.after]),
-        Column("tolerance", [found.tolerance], "m", "micro", ".4g"),
-        Column("deviation", [found.deviation], "m", "micro", ".4g"),
-        Column("at", [found.deviates_at.s], "m", "human", ".3f"),
-        Column("segment", [found.deviates_at.segment]),
-        Column("angle", [found.turned], "rad", "micro", ".4g"),
-        Column("corners rounded", [found.rounded]),
-        Column("corners with a stop", [found.stopped]),
-    )
-    return (Table("fit", columns),)
+def fit_tables(fit: FitSummary | None) -> tuple[Table, ...]:
+    """Return a table of what fitting did, if anything was fitted."""
+    return tabulate("fit", [] if fit is None else [fit])

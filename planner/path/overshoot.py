@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.table import Column, Table
+from kinematics.foundation.facts import tabulate
+from kinematics.foundation.table import Table
 from planner.path.shape import Overshoot, Piece
 
 # Places of a piece at which its distance is measured.
@@ -71,20 +72,13 @@ def overshoot_warnings(overshoots: Sequence[Overshoot]) -> tuple[str, ...]:
 
 
 def describe_overshoot(overshoots: Sequence[Overshoot]) -> str:
-    """Return the largest overshoot of all splines, and where it is."""
+    """Return the largest overshoot of all splines, and where it is; "" without splines."""
+    if not overshoots:
+        return ""
     worst = max(overshoots, key=lambda one: one.distance)
     return f"up to {1e3 * worst.distance:.3g} mm, at {1e3 * worst.s:.3f} mm, segment {worst.segment}"
 
 
 def overshoot_tables(overshoots: Sequence[Overshoot]) -> tuple[Table, ...]:
     """Return a table of the overshoot of each spline; none where there is no spline."""
-    if not overshoots:
-        return ()
-    columns = (
-        Column("segment", [one.segment for one in overshoots]),
-        Column("off the polygon", [one.distance for one in overshoots], "m", "human", ".4g"),
-        Column("at", [one.s for one in overshoots], "m", "human", ".3f"),
-        Column("of the shortest chord", [one.beyond / one.chord for one in overshoots], form=".3g"),
-        Column("up to point", [one.point for one in overshoots]),
-    )
-    return (Table("splines: how far they leave the straight lines through their points", columns),)
+    return tabulate("splines: how far they leave the straight lines through their points", overshoots)

@@ -6,20 +6,22 @@ Such moves are straight in the axes alone; how far the tool leaves the straight 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
+from typing import Annotated
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation, Slerp
 
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError, locate_errors
+from kinematics.foundation.facts import Fact, tabulate
 from kinematics.foundation.options import check_arguments
-from kinematics.foundation.table import Column, Table
+from kinematics.foundation.table import Table
 from kinematics.machine.machine_file import MachineSource, load_machine
 from kinematics.machine.pose import Pose, from_numbers
 from planner.path.actuation import MachinePath
 from planner.path.chain import Moving, default_start, segment_end
 from planner.path.synchronised import NAME
-from planner.place import Place, where_columns
+from planner.place import Place
 from planner.program.model import MIN_MOVE, Dwell, Program, Segment, Spline, Synchronised
 from planner.program.modifiers import Trigger
 from planner.program.program_file import ProgramSource, load_program
@@ -124,10 +126,10 @@ class Departure:
     uneven    pulses, the farthest that any axis is from its own straight way, in proportion to the path
     """
 
-    where: Place
-    distance: float
-    turned: float
-    uneven: float
+    where: Annotated[Place, Fact("where")]
+    distance: Annotated[float, Fact("off_the_line_m", "off the line", "m", "human", ".4g")]
+    turned: Annotated[float, Fact("turned_off_rad", "turned off", "rad", "human", ".4g")]
+    uneven: Annotated[float, Fact("axes_uneven_pulses", "axes uneven", "pulses", "", ".2g")]
 
 
 def departures(path: MachinePath) -> tuple[Departure, ...]:
@@ -138,17 +140,19 @@ def departures(path: MachinePath) -> tuple[Departure, ...]:
     return tuple(_measure_departure(path, list(group)) for _, group in moves)
 
 
-def departure_tables(found: "Sequence[Departure]") -> tuple[Table, ...]:
-    """How far each synchronised move leaves the straight line; no table where there is none."""
-    if not found:
-        return ()
-    columns = (
-        *where_columns([one.where for one in found]),
-        Column("off the line", [one.distance for one in found], "m", "human", ".4g"),
-        Column("turned off", [one.turned for one in found], "rad", "human", ".4g"),
-        Column("axes uneven", [one.uneven for one in found], "pulses", form=".2g"),
-    )
-    return (Table("synchronised moves: straight in the axes, not in space", columns),)
+def describe_departures(departures: "Sequence[Departure]") -> str:
+    """Return the largest deviation of the moves from the straight line; "" without such moves."""
+    if not departures:
+        return ""
+    worst = max(departures, key=lambda one: one.distance)
+    angle = np.rad2deg(max(one.turned for one in departures))
+    off = f"up to {1e3 * worst.distance:.4g} mm off the straight line, at {worst.where}"
+    return f"{len(departures)}, straight in the axes: {off}; up to {angle:.4g}° in angle"
+
+
+def departure_tables(departures: "Sequence[Departure]") -> tuple[Table, ...]:
+    """Return a table of the distance of each synchronised move from the straight line, if there are any."""
+    return tabulate("synchronised moves: straight in the axes, not in space", departures)
 
 
 def _measure_departure(path: MachinePath, pieces: Sequence[int]) -> Departure:

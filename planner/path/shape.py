@@ -9,6 +9,7 @@ from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from math import comb
+from typing import Annotated
 
 import casadi as ca
 import numpy as np
@@ -17,6 +18,7 @@ from scipy.spatial.transform import Rotation
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.facts import Fact
 from kinematics.machine.pose import (
     STRAIGHT_SIZE,
     Pose,
@@ -146,12 +148,12 @@ class Overshoot:
     beyond, chord  m, the largest distance there, and the shortest of that span's chord and its neighbours'
     """
 
-    segment: int
-    distance: float
-    s: float
-    point: int
-    beyond: float
-    chord: float
+    segment: Annotated[int, Fact("segment", "segment")]
+    distance: Annotated[float, Fact("off_the_polygon_m", "off the polygon", "m", "human", ".4g")]
+    s: Annotated[float, Fact("at_m", "at", "m", "human", ".3f")]
+    point: Annotated[int, Fact("worst_span_to_point", "worst span, to point")]
+    beyond: Annotated[float, Fact("worst_span_off_m", "worst span off", "m", "human", ".4g")]
+    chord: Annotated[float, Fact("shortest_chord_nearby_m", "shortest chord nearby", "m", "human", ".4g")]
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,7 +21,7 @@ from kinematics.foundation.table import Column, Table
 from kinematics.machine.axis import Axis
 from kinematics.machine.machine import Machine
 from kinematics.machine.pose import COMPONENTS, to_numbers
-from planner.place import Place, where_columns
+from planner.place import Place
 from planner.pulses.compensation.compensate import CompensatedMotion
 from planner.pulses.motion import AxesMotion, apply_play, apply_screw, describe_mechanics, invert_screw, solve_poses
 from planner.pulses.schedule import PulseSchedule
@@ -150,7 +150,7 @@ class RealisedPath(Result):
                 for name, field in figures
             ),
             Column("of bound", [error.share for error in self.errors], form=".3f"),
-            *where_columns([error.where for error in self.errors]),
+            *Place.columns([error.where for error in self.errors]),
         )
         return (Table(title, columns, tuple(f"in error and bound, {text}" for text in self.mechanics)),)
 

@@ -93,7 +93,7 @@ class Compensation:
     kinds         "lead", "backlash"
     crossings     times that the motor crosses the play
     off           m or rad by which the axis is behind at most while it does: all of its way meanwhile, a loose bound
-    windows       (begin, end) in s of each crossing
+    windows       (begin, end) in s of each crossing, which ends once the axis is where it should be
     unturned      m or rad of the farthest run back, below half a pulse, for which it does not
     speed, acceleration  of the motor at most while it does, m/s and m/s² or rad/s and rad/s², the motion's own included
                   and looked at before its screw's table; neither is in the certificate

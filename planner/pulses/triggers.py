@@ -13,7 +13,7 @@ from kinematics.foundation.table import Column, Table
 from kinematics.machine.pose import Pose
 from planner.path.actuation import MachinePath, make_points
 from planner.path.arc_length import measure_length
-from planner.place import Place, where_columns
+from planner.place import Place
 from planner.program.model import MIN_MOVE, Dwell, Program, SegmentStream
 from planner.program.modifiers import Trigger
 from planner.pulses import PulseSchedule
@@ -89,7 +89,7 @@ def trigger_tables(events: "Sequence[Triggered]", axes: Sequence[str]) -> tuple[
         return ()
     counts = (Column(f"count {name}", [int(event.counts[k]) for event in events]) for k, name in enumerate(axes))
     name, time = Column("name", [event.name for event in events]), [event.time for event in events]
-    where = (column for column in where_columns([event.where for event in events]) if column.name != "t")
+    where = (column for column in Place.columns([event.where for event in events]) if column.name != "t")
     return (Table("triggers", (name, *where, Column("t", time, "s", form=".7f"), *counts)),)
 
 

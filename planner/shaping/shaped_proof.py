@@ -26,7 +26,7 @@ from planner.certificate.limit_use import LIMIT_ROUNDING, round_reached_use
 from planner.limits.limit import Limit
 from planner.limits.resonance import Resonance
 from planner.path.actuation import ActuatorPath, MachinePath
-from planner.place import Place, where_columns
+from planner.place import Place
 from planner.shaping.shaped_enclosure import ShapedEnclosure, enclose_shaped
 from planner.shaping.shaped_motion import ShapedMotion
 from planner.shaping.shaping_cost import ShapingCost
@@ -118,7 +118,7 @@ class ShapedProof(Result):
         limits = (
             Column("limit", [*self.worst]),
             Column("bound", [*self.worst.values()], form=".7f", up=True),
-            *where_columns([self.where[name] for name in self.worst]),
+            *Place.columns([self.where[name] for name in self.worst]),
         )
         head = "the certificate holds" if self.holds else "THE CERTIFICATE DOES NOT HOLD"
         return (

@@ -2,9 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 
+from kinematics.foundation.facts import Fact
 from kinematics.foundation.names import count_noun
 from kinematics.foundation.table import Column, Table
 from kinematics.foundation.units import floor_percent
@@ -31,10 +33,10 @@ class LoweredStretch:
     since, until    its ends;  lowest: where the share is
     """
 
-    limit: str
-    share: float
-    since: Place
-    until: Place
+    limit: Annotated[str, Fact("limit")]
+    share: Annotated[float, Fact("share")]
+    since: Annotated[Place, Fact("from")]
+    until: Annotated[Place, Fact("to")]
     lowest: Place
 
 

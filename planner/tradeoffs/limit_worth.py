@@ -6,11 +6,13 @@ is found by planning again.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.facts import Fact
 from kinematics.foundation.names import count_noun, nearest
 from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
@@ -51,10 +53,10 @@ class LimitChange(Result):
     solution   the motion and its certificate
     """
 
-    limit: str
-    axis: str
-    by: float
-    saved: float
+    limit: Annotated[str, Fact("limit")]
+    axis: Annotated[str, Fact("axis")]
+    by: Annotated[float, Fact("by")]
+    saved: Annotated[float, Fact("saved_s")]
     predicted: float
     solution: Solution = field(repr=False)
 

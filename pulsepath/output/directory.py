@@ -42,32 +42,24 @@ Content = frozenset[tuple[str, Stamp]]
 PLAIN_NUMBER = re.compile(r"\s*(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\s*", re.ASCII)
 
 
-def refuse_overwrite(target: Path, force: bool, kind: str = KIND) -> None:
-    """Raise MotionError unless the target can be written.
-
-    It must be absent, or an empty directory, or with `force` a directory of the same kind.
-    """
-    _refuse_file_above(target)
-    if not os.path.lexists(target):
-        return
-    if not target.is_dir():
-        raise MotionError(f"{target} exists and is not a directory; give another --out")
-    if not any(target.iterdir()):
-        return
-    if not force:
-        raise MotionError(f"{target} exists and is not empty; give another --out, or --force to replace it")
-    if not is_ours(target, kind):
-        raise MotionError(f"{target} was not written by {kind}, so --force does not replace it; give another")
-
-
 def list_replaceable(target: Path, force: bool, kind: str = KIND) -> Content:
-    """Return the content of a target that a result may replace, before the work on that result begins.
+    """Return the content of a target that a result may replace. The work begins after this.
 
-    Raises as `refuse_overwrite`.
+    Raises MotionError unless the target is absent, or an empty directory, or with `force` a directory
+    of the same kind.
     """
     clear(target.resolve().parent)
     content = list_content(target)
-    refuse_overwrite(target, force, kind)
+    _refuse_file_above(target)
+    if not os.path.lexists(target):
+        return content
+    if not target.is_dir():
+        raise MotionError(f"{target} exists and is not a directory; give another --out")
+    if any(target.iterdir()):
+        if not force:
+            raise MotionError(f"{target} exists and is not empty; give another --out, or --force to replace it")
+        if not is_ours(target, kind):
+            raise MotionError(f"{target} was not written by {kind}, so --force does not replace it; give another")
     return content
 
 
@@ -78,13 +70,24 @@ def _refuse_file_above(target: Path) -> None:
         raise MotionError(f"{target}: {above} is a file, not a directory; give another")
 
 
+def list_content(target: Path) -> Content:
+    """Return all files below a directory with their stamps; none if it is empty or missing."""
+    place = target.resolve()
+    return frozenset((str(path.relative_to(place)), stamp(path)) for path in place.rglob("*"))
+
+
 def is_ours(directory: Path, kind: str = KIND) -> bool:
     """Return whether the command of a kind, by default `plan`, wrote a directory."""
+    return _read_record(directory, RECORDS[kind]).get("kind") == kind
+
+
+def _read_record(directory: Path, name: str) -> Mapping[str, object]:
+    """Return the record in a directory, or an empty one if it cannot be read."""
     try:
-        record = json.loads((directory / RECORDS[kind]).read_bytes())
+        record = json.loads((directory / name).read_bytes())
     except (OSError, ValueError):
-        return False
-    return isinstance(record, dict) and record.get("kind") == kind
+        return {}
+    return record if isinstance(record, dict) else {}
 
 
 def refuse_no_plan(folder: Path) -> None:
@@ -99,26 +102,39 @@ def read_instant(folder: Path, text: str) -> float:
     Raises BadValue for another text, and MotionError for a time after the duration that the record
     states. A record without a duration is refused later, when the plan is read.
     """
-    duration = None
-    with suppress(OSError, ValueError, AttributeError):
-        duration = json.loads((folder / RECORD).read_bytes()).get("duration_s")
     if PLAIN_NUMBER.fullmatch(text):
         plain = text.strip()
         raise BadValue(
             f'option --at: "{plain}": a number without a unit: write "{plain} s", or "{plain} %" of the motion'
         )
+    stated = _read_record(folder, RECORD).get("duration_s")
+    duration = stated if isinstance(stated, float) else None
     if text.rstrip().endswith("%"):
         share = read_percent("--at", text, from_zero=True)
-        if not isinstance(duration, float):
+        if duration is None:
             raise MotionError(f'{folder / RECORD} states no duration: give --at as a time, as "1.2 s"')
         t = share * duration
     else:
         t = read_quantity("--at", text, "s", least=0.0)
-    if isinstance(duration, float) and t > duration:
+    if duration is not None and t > duration:
         raise MotionError(
             f"t = {t:.6g} s is not within the motion, which lasts from 0 to {duration:.6g} s; give an instant of it"
         )
     return t
+
+
+@contextmanager
+def _create_folders(folder: Path) -> Iterator[None]:
+    """Create a folder and those above it. An error or an interruption removes the new ones."""
+    new = [each for each in (folder, *folder.parents) if not each.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        yield
+    except BaseException:
+        for each in new:
+            with suppress(OSError):
+                each.rmdir()
+        raise
 
 
 def write_files(folder: Path, files: Mapping[str, bytes], force: bool) -> None:
@@ -129,21 +145,18 @@ def write_files(folder: Path, files: Mapping[str, bytes], force: bool) -> None:
     _refuse_file_above(folder / "any")
     remedy = "give --force to replace it, or another directory"
     destinations = [Destination(folder / name, force=force, remedy=remedy) for name in files]
-    created = [each for each in (folder.absolute(), *folder.absolute().parents) if not each.exists()]
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with stage_files(destinations) as staged:
-            for file, content in zip(staged, files.values(), strict=True):
-                write_named(file, content)
-    except BaseException:
-        for each in created:
-            with suppress(OSError):
-                each.rmdir()
-        raise
+    with _create_folders(folder.absolute()), stage_files(destinations) as staged:
+        for file, content in zip(staged, files.values(), strict=True):
+            write_named(file, content)
 
 
 @contextmanager
-def replace_directory(target: Path, force: bool, kind: str = KIND, before: Content | None = None) -> Iterator[Path]:
+def replace_directory(
+    target: Path,
+    force: bool,
+    kind: str = KIND,
+    before: Content | None = None,
+) -> Iterator[Path]:
     """Create a directory to fill, which becomes `target` at the end of the block.
 
     After an error or an interruption the previous content is unchanged. After a kill the target is
@@ -151,26 +164,18 @@ def replace_directory(target: Path, force: bool, kind: str = KIND, before: Conte
     another program changes the target during the block, its files stay: MotionError is raised, and the
     new directory is kept under a name that the error states.
 
-    before: content of the target that may be replaced, from `list_replaceable`; None: its present one.
+    before: content that may be replaced, from `list_replaceable`; None: the present one
     """
-    place = target.resolve()
     if before is None:
         before = list_replaceable(target, force, kind)
-    created = [parent for parent in place.parents if not parent.exists()]
-    place.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        with stage_directory(place) as staged:
-            new = staged / NEW
-            new.mkdir()
-            with _name_files_in(target, new):
-                yield new
-            with defer_signals():
-                _put_in_place(new, staged / OLD, target, place, before)
-    except BaseException:
-        for parent in created:
-            with suppress(OSError):
-                parent.rmdir()
-        raise
+    place = target.resolve()
+    with _create_folders(place.parent), stage_directory(place) as staged:
+        new = staged / NEW
+        new.mkdir()
+        with _name_files_in(target, new):
+            yield new
+        with defer_signals():
+            _put_in_place(new, staged / OLD, target, place, before)
 
 
 @contextmanager
@@ -182,18 +187,11 @@ def _name_files_in(target: Path, folder: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.errno not in DISK_ERRNOS:
-            raise
         file = Path(find_file(error) or "")
-        if not file.is_relative_to(folder):
+        if error.errno not in DISK_ERRNOS or not file.is_relative_to(folder):
             raise
-        raise OSError(error.errno, error.strerror, str(target / file.relative_to(folder))) from error
-
-
-def list_content(target: Path) -> Content:
-    """Return all files below a directory with their stamps; none if it is empty or missing."""
-    place = target.resolve()
-    return frozenset((str(path.relative_to(place)), stamp(path)) for path in place.rglob("*"))
+        named = target / file.relative_to(folder)
+        raise OSError(error.errno, error.strerror, str(named)) from error
 
 
 def _put_in_place(new: Path, old: Path, target: Path, place: Path, before: Content) -> None:
@@ -203,22 +201,19 @@ def _put_in_place(new: Path, old: Path, target: Path, place: Path, before: Conte
 
     old: place for the replaced directory. target: the place as the user names it.
     """
-    changed = bool(before)
-    existed = changed and os.path.lexists(place)
-    if existed:
+    replaces = bool(before) and os.path.lexists(place)
+    if replaces:
         if list_content(place) != before:
-            raise conflict_error(target, changed, [move_aside(new, place)])
+            raise conflict_error(target, True, [move_aside(new, place)])
         place.rename(old)  # for a moment; an error brings it back
     try:
         new.rename(place)  # replaces only an empty directory
     except OSError as error:
         if error.errno not in (*OCCUPIED_ERRNOS, errno.EACCES) or not os.path.lexists(place):
             raise
-        results = [move_aside(new, place)]
-        if old.exists():
-            results.append(move_aside(old, place))
-        raise conflict_error(target, changed, results) from None
-    if existed and list_content(old) != before:  # changed meanwhile
+        results = [move_aside(each, place) for each in (new, old) if each.exists()]
+        raise conflict_error(target, bool(before), results) from None
+    if replaces and list_content(old) != before:  # it changed between the two looks
         place.rename(new)
         old.rename(place)
-        raise conflict_error(target, changed, [move_aside(new, place)])
+        raise conflict_error(target, True, [move_aside(new, place)])

@@ -3,12 +3,15 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
+from math import isnan
 from pathlib import Path
 from platform import python_version
 
+from benchmarks.reports.plan_report import PlanReport
 from kinematics import Axis, Machine
 from kinematics.analysis.residual_vibration import find_residuals
 from kinematics.files.plain_text import finite_or_none
+from kinematics.foundation.facts import record
 from planner import Classical, LimitChange, Plan, Triggered, Worth
 from planner.active_limits import FILE_LINE, tabulate_segments
 from planner.baselines import describe_differences, missing_limits
@@ -23,26 +26,20 @@ from planner.shaping.shaped_proof import ShapedProof
 from planner.shaping.shaping_cost import ShapingCost
 from pulsepath import __version__
 from pulsepath.inputs import Inputs
-from pulsepath.job import Job
 from pulsepath.output.directory import KIND
 from pulsepath.output.record import (
     SCHEMA,
     Record,
-    blend_records,
-    departure_records,
-    fit_record,
-    of_tracking,
-    overshoot_records,
-    place_record,
-    pose_record,
-    realised_record,
+    record_pose,
+    record_realised,
+    record_tracking,
 )
 from pulsepath.store.verify import digest, digest_pulses
 
 
-def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
+def record_plan(job: PlanReport, inputs: Inputs, verdict: PulseCheck) -> Record:
     """A plan and the check of its pulses: SI units, which the keys name where they are not plain."""
-    plan = job.plan
+    plan = job.whole
     counted = [(len(axis), axis.final - axis.start) for axis in plan.pulses.axes]
     return {
         "schema": SCHEMA,
@@ -53,21 +50,38 @@ def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
         "duration_s": plan.pulses.duration,
         "request": record_request(plan.request),
         "path_length_m": measure_travel(plan.path.pieces),
-        "classical": None if job.classical is None else _baselines(job, job.classical),
+        "classical": None if job.classical is None else _baselines(job, plan, job.classical),
         "certificate": _certificate(plan.certificate),
         "shaping": None if plan.shaped is None else _shaping(plan.shaped) | {"warning": plan.exceeded or None},
-        "fit": fit_record(plan.path.fit),
-        "blends": blend_records(plan.path.blends),
-        "avoidable_stops": plan.avoidable_stops.record(),
-        "synchronised_moves": departure_records(plan.departures),
-        "splines": overshoot_records(plan.path.overshoots),
+        "fit": record(plan.path.fit),
+        "blends": record(plan.path.blends),
+        "avoidable_stops": record(plan.avoidable_stops),
+        "synchronised_moves": record(plan.departures),
+        "splines": record(plan.path.overshoots),
         "stated_but_not_kept": list(find_unkept_limits(plan.machine)),
-        "lower_bound": {
-            "kind": "proved" if plan.known else "estimate",
-            "duration_s": plan.lower_bound if plan.known else plan.lower_estimate,
-            "gap": finite_or_none(plan.gap) if plan.known and plan.gap is not None else None,
-            "leaves_out": [*plan.left_out, *([] if plan.known or plan.order == 2 else ["jerk"])],
-        },
+        **_motion_results(job),
+        "solver": {"rounds": plan.rounds, "methods": list(plan.methods)},
+        "pulses": record_pulses(plan.pulses, plan.machine, counted, digest_pulses([plan.pulses]), verdict),
+        **_comparisons(job),
+        "constant_speeds": record(plan.constant_speeds),
+        "segments": _segments(plan),
+        "triggers": [_trigger(event, plan.machine.axes) for event in plan.triggers],
+        **_origin(inputs, () if job.crossed is None else ("toppra",)),
+    }
+
+
+def record_results(job: PlanReport) -> Record:
+    """Return the results about the whole motion of a plan in parts, if any were requested."""
+    if isinstance(job.plan, PlanStanding):
+        return {}
+    return _motion_results(job) | _comparisons(job)
+
+
+def _motion_results(job: PlanReport) -> Record:
+    """Return the lower bound, the worth of the limits and the stops."""
+    plan = job.whole
+    return {
+        "lower_bound": _lower_bound(plan),
         "worth": None if job.worth is None else _worth(job.worth, job.change),
         "worth_left_out": job.unbounded or None,
         "left_out": list(job.left_out),
@@ -78,28 +92,38 @@ def of_plan(job: Job, inputs: Inputs, verdict: PulseCheck) -> Record:
             "longest_time_to_rest_s": float(job.stops.time.max()),
             "longest_distance_to_rest_m": float(job.stops.distance.max()),
         },
-        "solver": {"rounds": plan.rounds, "methods": list(plan.methods)},
-        "pulses": of_pulses(plan.pulses, plan.machine, counted, digest_pulses([plan.pulses]), verdict),
-        "tracking": None if job.rig is None else of_tracking(job.rig, job.seen().metrics),
-        "cross_check": None if job.crossed is None else job.crossed.record(),
-        "realised": None if job.realised is None else realised_record(job.realised),
-        "constant_speeds": [
-            {
-                "speed_m_s": stretch.speed,
-                "largest_deviation": stretch.deviation,
-                "from": place_record(stretch.since),
-                "to": place_record(stretch.until),
-            }
-            for stretch in plan.constant_speeds
-        ],
-        "segments": _segments(plan),
-        "triggers": [_trigger(event, plan.machine.axes) for event in plan.triggers],
-        **_origin(inputs, () if job.crossed is None else ("toppra",)),
     }
 
 
-def _baselines(job: Job, baseline: Classical) -> Record:
-    plan = job.plan
+def _lower_bound(plan: Plan) -> Record | None:
+    """Return the proved bound, or the estimate that a plan made as a whole has."""
+    if plan.known:
+        return {
+            "kind": "proved",
+            "duration_s": plan.lower_bound,
+            "gap": None if plan.gap is None else finite_or_none(plan.gap),
+            "leaves_out": [*plan.left_out],
+        }
+    if isnan(plan.lower_estimate):
+        return None
+    return {
+        "kind": "estimate",
+        "duration_s": plan.lower_estimate,
+        "gap": None,
+        "leaves_out": [*plan.left_out, *([] if plan.order == 2 else ["jerk"])],
+    }
+
+
+def _comparisons(job: PlanReport) -> Record:
+    """Return the tracking errors, the cross-check and the quantization error."""
+    return {
+        "tracking": None if job.rig is None else record_tracking(job.rig, job.metrics),
+        "cross_check": record(job.crossed),
+        "realised": None if job.realised is None else record_realised(job.realised),
+    }
+
+
+def _baselines(job: PlanReport, plan: Plan, baseline: Classical) -> Record:
     return {
         "kind": baseline.kind,
         "duration_s": baseline.duration,
@@ -119,7 +143,7 @@ def _baselines(job: Job, baseline: Classical) -> Record:
     }
 
 
-def of_parts(
+def record_parts(
     standing: PlanStanding, inputs: Inputs, digest: str | None, verdict: PulseCheck | None, ending: str = ""
 ) -> Record:
     """Return the record of a plan that was made in parts.
@@ -129,7 +153,7 @@ def of_parts(
     return {
         "schema": SCHEMA,
         "kind": KIND,
-        "program": standing.program,
+        "program": standing.program.name,
         "machine": standing.machine.name,
         "order": standing.order,
         "request": record_request(standing.request),
@@ -138,13 +162,13 @@ def of_parts(
         "duration_s": standing.duration,
         "path_length_m": standing.start.length,
         "certificate": _certificate(standing.certificate),
-        "fit": fit_record(standing.fit),
+        "fit": record(standing.fit),
         "joins": {"blends": standing.blends, "stops_instead": standing.stops},
-        "avoidable_stops": None if standing.avoidable is None else standing.avoidable.record(),
+        "avoidable_stops": record(standing.avoidable_stops),
         "stated_but_not_kept": list(find_unkept_limits(standing.machine)),
         "solver": {"rounds": standing.rounds, "methods": dict(standing.methods)},
         "trigger_count": standing.triggers,
-        "pulses": of_pulses(standing.pulses, standing.machine, standing.counted, digest, verdict),
+        "pulses": record_pulses(standing.pulses, standing.machine, standing.counted, digest, verdict),
         **_origin(inputs, ()),
     }
 
@@ -156,7 +180,7 @@ def _certificate(certificate: Certificate) -> Record:
             name: {
                 "worst_ratio": worst,
                 "attained_ratio": float(certificate.attained[name].max()),
-                "where": place_record(certificate.where[name]),
+                "where": record(certificate.where[name]),
             }
             for name, worst in certificate.worst.items()
         },
@@ -185,14 +209,14 @@ def _shaping(shaped: ShapedProof) -> Record:
         "tool_contour_um": 1e6 * shaped.contour,
         "tool_deviation_um": 1e6 * shaped.deviation,
         "turn_deviation_rad": shaped.turn,
-        "contour_at": place_record(shaped.contour_at),
-        "deviates_at": place_record(shaped.deviates_at),
+        "contour_at": record(shaped.contour_at),
+        "deviates_at": record(shaped.deviates_at),
         "holds": shaped.holds,
         "limits": {
             name: {
                 "worst_ratio": worst,
                 "by_convexity": name in shaped.convex,
-                "where": place_record(shaped.where[name]),
+                "where": record(shaped.where[name]),
             }
             for name, worst in shaped.worst.items()
         },
@@ -207,19 +231,11 @@ def _shaping_cost(cost: ShapingCost) -> Record:
         "lowering_s": cost.lowering,
         "unshaped_duration_s": cost.unlowered,
         "everywhere": cost.everywhere,
-        "lowered": [
-            {
-                "limit": each.limit,
-                "share": each.share,
-                "from": place_record(each.since),
-                "to": place_record(each.until),
-            }
-            for each in cost.stretches
-        ],
+        "lowered": record(cost.stretches),
     }
 
 
-def of_pulses(
+def record_pulses(
     pulses: PulseSchedule,
     machine: Machine,
     counted: Sequence[tuple[int, int]],
@@ -300,8 +316,8 @@ def _trigger(event: Triggered, axes: Sequence[Axis]) -> Record:
     """An event; the pose is the platform's in the base frame, its angles about the moving axes in turn."""
     return {
         "name": event.name,
-        "where": place_record(event.where),
-        **pose_record(event.pose),
+        "where": record(event.where),
+        **record_pose(event.pose),
         "counts": {axis.name: int(count) for axis, count in zip(axes, event.counts, strict=True)},
     }
 
@@ -317,7 +333,7 @@ def _versions(*packages: str) -> dict[str, str | None]:
     return installed
 
 
-def of_pulse_file(
+def record_pulse_file(
     path: Path | None,
     pulses: PulseSchedule,
     machine: Machine,
@@ -342,17 +358,17 @@ def of_pulse_file(
         "axes": {
             one.name: {
                 "pulses": one.pulses,
-                "start_count": held.start,
-                "final_count": held.start + net,
+                "start_count": axis.start,
+                "final_count": axis.start + net,
                 "final_error_pulses": finite_or_none(one.final_error),
-                "bound_pulses": held.bound,
+                "bound_pulses": axis.bound,
                 "time_error_ticks": None if one.time_error is None else finite_or_none(one.time_error),
                 "position_error_beyond_bound_pulses": finite_or_none(one.position_error),
                 "error_behind_play_and_screw_pulses": None if one.behind is None else finite_or_none(one.behind),
                 "smallest_interval_s": finite_or_none(one.smallest_interval),
                 **drive,
             }
-            for one, held, drive, (_, net) in zip(
+            for one, axis, drive, (_, net) in zip(
                 verdict.axes, pulses.axes, _drive_times(verdict, pulses.clock_hz, machine), counted, strict=True
             )
         },
@@ -385,9 +401,7 @@ def _worth(worth: Worth, change: LimitChange | None) -> Record:
         "limits": [dict(zip(keys, row, strict=True)) for row in rows],
         "not_known": list(worth.unknown),
         "explained": finite_or_none(worth.explained),
-        "planned_again": None
-        if change is None
-        else {"limit": change.limit, "axis": change.axis, "by": change.by, "saved_s": change.saved},
+        "planned_again": record(change),
     }
 
 

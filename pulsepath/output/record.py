@@ -8,8 +8,9 @@ from math import isnan, pi
 from typing import TYPE_CHECKING, Any
 
 from kinematics.files.plain_text import finite_or_none
+from kinematics.foundation.facts import record
 from kinematics.foundation.options import options
-from planner.place import Infeasible, Place
+from planner.place import Infeasible
 from pulsepath.process.exits import SCHEMA as SCHEMA
 from pulsepath.progress import as_json as as_json
 
@@ -18,9 +19,6 @@ if TYPE_CHECKING:
     from kinematics import Axis, Machine, MotionError, Pose, Posture
     from planner import Standing
     from planner.export.format import Exported
-    from planner.path.outcome import Blended, FitSummary
-    from planner.path.point_to_point import Departure
-    from planner.path.shape import Overshoot
     from planner.pulses import RealisedPath
     from planner.sources.arm_simulation import ArmSimulation
     from planner.sources.outline import Outline
@@ -30,7 +28,7 @@ if TYPE_CHECKING:
 Record = dict[str, Any]
 
 
-def realised_record(path: RealisedPath) -> Record:
+def record_realised(path: RealisedPath) -> Record:
     """The path that the pulses make: its errors, in m or rad, under their bounds; "one_in": how thinly it was seen."""
     return {
         "of": path.mover,
@@ -41,7 +39,7 @@ def realised_record(path: RealisedPath) -> Record:
     }
 
 
-def of_tracking(rig: Rig, metrics: Iterable[Metrics]) -> Record:
+def record_tracking(rig: Rig, metrics: Iterable[Metrics]) -> Record:
     """The rig, and under each law the errors in m or rad, and the full steps that steppers lost."""
     laws = {
         law.law: {series.name: _fields(series, "rms", "p95", "max", "unit", "where") for series in law.series}
@@ -51,25 +49,25 @@ def of_tracking(rig: Rig, metrics: Iterable[Metrics]) -> Record:
     return {"rig": rig.name, "about": rig.about, "laws": laws, "lost_steps": lost}
 
 
-def of_check(result: Standing) -> Record:
+def record_check(result: Standing) -> Record:
     """Return the record of a geometric check: violations or use of each limit, and joins."""
     largest = result.largest.items()
     return {
         "feasible": not result.violations,
-        "fit": fit_record(result.fit),
-        "blends": blend_records(result.blends),
-        "avoidable_stops": None if result.avoidable is None else result.avoidable.record(),
-        "synchronised_moves": departure_records(result.departures),
-        "splines": overshoot_records(result.overshoots),
-        "violations": [violation_record(violation) for violation in result.violations],
+        "fit": record(result.fit),
+        "blends": record(result.blends),
+        "avoidable_stops": record(result.avoidable),
+        "synchronised_moves": record(result.departures),
+        "splines": record(result.overshoots),
+        "violations": [record_violation(violation) for violation in result.violations],
         "conditioning": None
         if result.conditioning is None
-        else {"value": result.conditioning.value, "where": place_record(result.conditioning.place)},
-        "largest_use": {name: {"ratio": use, "where": place_record(place)} for name, (use, place) in largest},
+        else {"value": result.conditioning.value, "where": record(result.conditioning.place)},
+        "largest_use": {name: {"ratio": use, "where": record(place)} for name, (use, place) in largest},
     }
 
 
-def of_export(name: str, file: str, done: Exported, doubts: Sequence[str] = ()) -> Record:
+def record_export(name: str, file: str, done: Exported, doubts: Sequence[str] = ()) -> Record:
     """Return the record of an exported file, with its error against the plan."""
     return {
         "format": name,
@@ -78,16 +76,16 @@ def of_export(name: str, file: str, done: Exported, doubts: Sequence[str] = ()) 
         "against": done.against,
         "error_pulses_by_axis": list(done.by_axis),
         "notes": list(done.notes),
-        **of_doubts(doubts),
+        **record_doubts(doubts),
     }
 
 
-def of_doubts(doubts: Sequence[str]) -> Record:
+def record_doubts(doubts: Sequence[str]) -> Record:
     """Return whether a loaded plan is verified, and if not, why."""
     return {"verified": not doubts, "doubts": list(doubts)}
 
 
-def of_import(name: str, result: Imported, way: Outline, file: str, figure: str) -> Record:
+def record_import(name: str, result: Imported, way: Outline, file: str, figure: str) -> Record:
     """Return the record of an imported program; lengths in m."""
     return {
         "format": name,
@@ -102,12 +100,12 @@ def of_import(name: str, result: Imported, way: Outline, file: str, figure: str)
     }
 
 
-def of_posture(result: Posture) -> Record:
+def record_posture(result: Posture) -> Record:
     """Return the record of one pose: axes, joints, margins and proof."""
     margins = result.margins
     return {
         "machine": result.machine.name,
-        "pose": {"home": pose_record(result.from_home), "base": pose_record(result.pose)},
+        "pose": {"home": record_pose(result.from_home), "base": record_pose(result.pose)},
         "directions_rad": result.directions.tolist(),
         "axes": [
             {"name": axis.name, "position": q, "from_home": away, "pulses": count, "unit": axis.unit, "travel_use": use}
@@ -139,18 +137,18 @@ def of_posture(result: Posture) -> Record:
     }
 
 
-def pose_record(pose: Pose) -> Record:
+def record_pose(pose: Pose) -> Record:
     angles = pose.rotation.as_euler("XYZ", suppress_warnings=True)
     return {"position_m": pose.translation.tolist(), "angles_rad": angles.tolist()}
 
 
-def of_positions(listed: PositionList, file: str) -> Record:
+def record_positions(listed: PositionList, file: str) -> Record:
     """A position list; m and rad."""
     poses = {"poses": listed.poses.tolist(), "dwells_s": listed.rests.tolist()}
     return {"file": file, "rotation": listed.order, "frame": listed.frame, **poses}
 
 
-def of_arms(result: ArmSimulation, file: str) -> Record:
+def record_arms(result: ArmSimulation, file: str) -> Record:
     """Arm lengths at poses, turned ones simulated only; m and rad. off: null where no held plate has the lengths."""
     return {
         "file": file,
@@ -166,7 +164,7 @@ def of_arms(result: ArmSimulation, file: str) -> Record:
     }
 
 
-def of_rules() -> Record:
+def record_rules() -> Record:
     """Return the firing rules by name, with their options in SI units."""
     from planner.pulses import RULES
 
@@ -182,7 +180,7 @@ def of_rules() -> Record:
     }
 
 
-def of_machine(machine: Machine) -> Record:
+def record_machine(machine: Machine) -> Record:
     """Return the record of a machine; None: unlimited."""
     return {
         "name": machine.name,
@@ -195,82 +193,15 @@ def of_machine(machine: Machine) -> Record:
 def _fields(of: object, *names: str) -> Record:
     """Return some fields of a result, with a place as a record."""
     values = {name: getattr(of, name) for name in names}
-    return {name: place_record(value) if isinstance(value, Place) else value for name, value in values.items()}
+    return {name: record(value) for name, value in values.items()}
 
 
-def fit_record(result: FitSummary | None) -> Record | None:
-    """Return the record of a fit: pieces before and after, proved deviation, and corners."""
-    if result is None:
-        return None
-    return {
-        "curves": result.curves,
-        "pieces_before": result.before,
-        "pieces_after": result.after,
-        "tolerance_m": result.tolerance,
-        "deviation_m": result.deviation,
-        "deviation_rad": result.turned,
-        "deviates_at": place_record(result.deviates_at),
-        "corners_rounded": result.rounded,
-        "corners_stopped": result.stopped,
-    }
-
-
-def blend_records(blends: Sequence[Blended]) -> list[Record]:
-    """Return the record of each blend: its segment, tolerances, deviations, and the segments that limit it."""
-    return [
-        {
-            "segment": blend.segment,
-            "tolerance_m": blend.tolerance,
-            "deviation_m": blend.deviation,
-            "tolerance_rad": blend.angle,
-            "deviation_rad": blend.turned,
-            "reach_m": blend.reach,
-            "half_of_segments": list(blend.half_of),
-            "stop": blend.stop or None,
-        }
-        for blend in blends
-    ]
-
-
-def departure_records(departures: Sequence[Departure]) -> list[Record]:
-    """Return the deviation from the straight line in synchronised moves, in space, in angle and by axis."""
-    return [
-        {
-            "where": place_record(one.where),
-            "off_the_line_m": one.distance,
-            "turned_off_rad": one.turned,
-            "axes_uneven_pulses": one.uneven,
-        }
-        for one in departures
-    ]
-
-
-def overshoot_records(overshoots: Sequence[Overshoot]) -> list[Record]:
-    """Return the overshoot of each spline, and its worst span against the shortest chord nearby."""
-    return [
-        {
-            "segment": one.segment,
-            "off_the_polygon_m": one.distance,
-            "at_m": one.s,
-            "worst_span_to_point": one.point,
-            "worst_span_off_m": one.beyond,
-            "shortest_chord_nearby_m": one.chord,
-        }
-        for one in overshoots
-    ]
-
-
-def place_record(place: Place) -> Record:
-    again = {} if place.repetition is None else {"repetition": place.repetition}
-    return {"axis": place.axis or None, "segment": place.segment, **again, "distance_m": place.s, "time_s": place.t}
-
-
-def violation_record(violation: MotionError) -> Record:
+def record_violation(violation: MotionError) -> Record:
     """Return the record of a violation: place, excess and remedy."""
     if not isinstance(violation, Infeasible):
         return {"kind": "reach", "message": str(violation)}
     named = _fields(violation, "kind", "axis", "value", "limit", "unit", "remedy")
-    where = None if violation.place is None else place_record(violation.place)
+    where = record(violation.place)
     return {**named, "relaxation": finite_or_none(violation.relaxation), "where": where, "message": str(violation)}
 
 

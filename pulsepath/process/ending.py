@@ -1,82 +1,213 @@
-"""Signals that end a program in good order: Ctrl-C, the system's request to end, a terminal that hangs up."""
+"""Signals that end a command: Ctrl-C, a request to end, a terminal that hangs up.
 
+Python calls the handler of a signal in the main thread, between two of its instructions. The
+handler raises EndSignal, so that every `with` block cleans up, which takes a fraction of a second.
+A library that computes for long delays the handler, and some libraries swallow the exception. So
+`watch` starts a thread that the system itself wakes [signal.set_wakeup_fd]. GRACE_PERIOD after the
+first signal, or at a second one, this thread cleans up and ends the process.
+
+Only `pulsepath` as a program is watched. A program that calls its functions keeps its own signals.
+"""
+
+import os
+import select
 import signal
 import sys
-from _thread import interrupt_main
-from collections.abc import Iterator
-from contextlib import contextmanager
-from threading import Timer, main_thread
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import partial
+from threading import Thread, main_thread
 from types import FrameType
-from typing import Any
+from typing import Any, NoReturn
 
-from pulsepath.process.supervisor import SIGNAL_NAMES
+from pulsepath.process import intent
 
-RESEND_DELAY = 0.002
-"""s until a signal is given again that would have been lost."""
+# Signals that end a command in good order. A system may lack some.
+SIGNAL_NAMES = ("SIGINT", "SIGTERM", "SIGHUP")
+# s for an end in good order. A signal ends a command within 2 s: the rest is for a busy computer.
+GRACE_PERIOD = 1.4
+# s within which a signal is the same one again: `timeout` and some shells send it twice.
+REPEAT_TIME = 0.25
+# s between two attempts to raise EndSignal in a main thread that is inside one of UNSAFE_MODULES.
+RETRY_PERIOD = 0.005
+# CasADi discards exceptions of Python code that it calls; a module would be left half loaded.
 UNSAFE_MODULES = ("casadi.casadi", "importlib._bootstrap", "_frozen_importlib")
-"""Modules in whose calls no exception may be raised."""
 
 
 class EndSignal(KeyboardInterrupt):
-    """A signal has come; code: 128 and its number, as shells tell it."""
+    """A signal that ends the command. code: 128 and its number, as in shells."""
 
     def __init__(self, number: int) -> None:
         super().__init__(signal.Signals(number).name)
         self.code = 128 + number
 
 
-@contextmanager
-def raise_on_signal(last: bool = False) -> Iterator[None]:
-    """Let each of the signals raise EndSignal once, so that the clean-up that follows is not interrupted.
+@dataclass
+class _State:
+    """The end of this process, as its main thread and the watching thread know it.
 
-    last  whether the process ends after the block: then a second signal is ignored
-
-    A signal that is ignored already, as by nohup, stays ignored.
+    watched: a thread watches
+    postponed: the handler came inside one of UNSAFE_MODULES and did not raise
+    grace: s from the first signal to a forced end
+    code: exit code; None until the command has printed its last message
     """
-    kept: dict[signal.Signals, Any] = {}
-    later: list[Timer] = []
-    outermost = sys._getframe(2)  # of the with statement: this one's, and contextlib's, are gone once it is within
 
-    def end(number: int, where: FrameType | None) -> None:
-        if _is_swallowed(where, outermost):
-            if not any(timer.is_alive() for timer in later):
-                later.append(Timer(RESEND_DELAY, _resend, (signal.Signals(number),)))
-                later[-1].daemon = True
-                later[-1].start()
+    watched: bool = False
+    postponed: bool = False
+    grace: float = GRACE_PERIOD
+    code: int | None = None
+
+
+_STATE = _State()
+_ACTIONS: list[Callable[[], None]] = []
+
+
+@contextmanager
+def raise_on_signal() -> Iterator[None]:
+    """Let the first signal raise EndSignal; further ones do not interrupt the clean-up.
+
+    A signal that is ignored already, as under nohup, stays ignored.
+    """
+    # The frame of the with statement: those of this function and of contextlib end before its body.
+    outermost = sys._getframe(2)
+    before: dict[int, Any] = {}
+
+    def end(number: int, frame: FrameType | None) -> None:
+        if _STATE.watched and _is_unsafe(frame, outermost):
+            _STATE.postponed = True  # the watching thread sends the signal again
             return
-        for each in kept:
-            signal.signal(each, signal.SIG_IGN)
+        for each in before:
+            signal.signal(each, _ignore)
         raise EndSignal(number)
 
+    ended = False
     try:
-        for number in (signal.Signals[name] for name in SIGNAL_NAMES if hasattr(signal, name)):
-            if (before := signal.getsignal(number)) is not signal.SIG_IGN:
-                kept[number] = before
+        for number in _list_numbers():
+            handler = signal.getsignal(number)
+            if handler is not signal.SIG_IGN:
+                before[number] = handler
                 signal.signal(number, end)
         yield
     except EndSignal:
-        if last:
-            kept.clear()
+        ended = _STATE.watched
         raise
     finally:
-        for timer in later:
-            timer.cancel()
-        for number, before in kept.items():
-            signal.signal(number, before)
+        for number, handler in before.items():
+            signal.signal(number, _ignore if ended else handler)
 
 
-def _resend(number: signal.Signals) -> None:
-    """A signal to the main thread, which wakes where the system can send it to that thread alone."""
-    if hasattr(signal, "pthread_kill"):
-        signal.pthread_kill(main_thread().ident or 0, number)
-    else:
-        interrupt_main(number)
+def _list_numbers() -> list[int]:
+    """Return the numbers of the signals that end a command."""
+    return [getattr(signal, name) for name in SIGNAL_NAMES if hasattr(signal, name)]
 
 
-def _is_swallowed(where: FrameType | None, outermost: FrameType) -> bool:
-    """Return whether an exception raised in a frame would be lost, or end the process."""
-    while where is not None and where is not outermost:
-        if where.f_globals.get("__name__") in UNSAFE_MODULES:
+def _ignore(number: int, frame: FrameType | None) -> None:
+    """Leave a signal to the watching thread."""
+
+
+def _is_unsafe(frame: FrameType | None, outermost: FrameType) -> bool:
+    """Return whether an exception raised in a frame would be lost or do harm."""
+    while frame is not None and frame is not outermost:
+        if frame.f_globals.get("__name__") in UNSAFE_MODULES:
             return True
-        where = where.f_back
+        frame = frame.f_back
     return False
+
+
+def watch() -> None:
+    """Start the thread that ends this process if a signal alone does not."""
+    if os.name != "posix":
+        return
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
+    # A signal to a child does not end its parent.
+    os.register_at_fork(after_in_child=partial(signal.set_wakeup_fd, -1))
+    _STATE.watched = True
+    Thread(target=_watch, args=(reading,), daemon=True).start()
+
+
+def allow_time(grace: float) -> None:
+    """Give the command more time (s) to end; until then further signals do nothing."""
+    _STATE.grace = grace
+
+
+def set_exit_code(code: int) -> None:
+    """Set the exit code of a command that a signal ended, once it has printed its last message."""
+    _STATE.code = code
+
+
+@contextmanager
+def on_forced_end(action: Callable[[], None]) -> Iterator[None]:
+    """Let a forced end during the block do something first, such as ending a child process."""
+    _ACTIONS.append(action)
+    try:
+        yield
+    finally:
+        _ACTIONS.remove(action)
+
+
+def leave() -> None:
+    """End the process at once if a signal has ended its command.
+
+    The interpreter's own end would wait for threads, and crash a compiler that runs in one.
+    """
+    if not _STATE.watched or _STATE.code is None:
+        return
+    import atexit
+
+    atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError):
+            stream.flush()
+    os._exit(_STATE.code)
+
+
+def _watch(reading: int) -> None:
+    """Wait for the first signal, then until its grace period ends or a second signal comes."""
+    number = None
+    while number is None:
+        number = _read_signal(reading, None)
+    begin = time.monotonic()
+    repeat_end = begin + REPEAT_TIME
+    while (now := time.monotonic()) < begin + _STATE.grace:
+        again = _read_signal(reading, RETRY_PERIOD)
+        if _STATE.postponed:
+            _STATE.postponed = False
+            repeat_end = now + REPEAT_TIME  # a signal sent here is no second one
+            signal.pthread_kill(main_thread().ident or 0, number)
+        elif again is not None and now > repeat_end and _STATE.grace == GRACE_PERIOD:
+            break
+    _force_end(number)
+
+
+def _read_signal(reading: int, timeout: float | None) -> int | None:
+    """Return the number of a signal that ends a command; None: none came."""
+    ready, _, _ = select.select([reading], [], [], timeout)
+    numbers = os.read(reading, 1 << 16) if ready else b""
+    return next((number for number in numbers if number in _list_numbers()), None)
+
+
+def _force_end(number: int) -> NoReturn:
+    """Remove unfinished results, print the command's last message, and end the process."""
+    code = 128 + number if _STATE.code is None else _STATE.code
+    try:
+        for action in reversed(_ACTIONS):
+            with suppress(OSError):
+                action()
+        atomic_files = sys.modules.get("kinematics.files.atomic_files")
+        if atomic_files is not None:  # else nothing is unfinished
+            atomic_files.remove_staged()
+        intent.remove_new_folders()
+        if os.isatty(2):
+            # Clear the line of progress, and show the cursor again.
+            os.write(2, b"\r\x1b[K\x1b[?25h")
+        if _STATE.code is None:
+            from kinematics.files.plain_text import plain
+
+            message = plain(intent.describe_interruption())
+            os.write(2, f"{message}\n".encode(errors="replace"))
+    finally:
+        os._exit(code)

@@ -1,37 +1,63 @@
 """The files that a command is about to write, so that an interrupted command can report on them."""
 
 import os
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from pulsepath.process import supervisor
-from pulsepath.process.exits import of_interruption, read_stamp
+# Inode, and time of the last change (ns). None: the file does not exist.
+Stamp = tuple[int, int] | None
 
-_INTENT = "pulsepath.process.intent"
-"""Key of a context under which the files to be written are stored."""
+
+@dataclass(frozen=True)
+class Intent:
+    """Files that a command is about to write.
+
+    targets: files or directories as the user names them, their places and stamps before the work
+    new_folders: folders that the command creates above them, the innermost first
+    note: on unfinished work that stays
+    """
+
+    targets: tuple[tuple[Path, Path, Stamp], ...] = ()
+    new_folders: tuple[Path, ...] = ()
+    note: str = ""
+
+
+_intent = Intent()
 
 
 def writes(*targets: Path, kept: str = "") -> None:
-    """Let the message of an interrupted command say whether these files changed. kept: unfinished work that stays."""
-    import click
-
-    intent = {
-        "writes": [[str(target), os.path.realpath(target), read_stamp(target)] for target in targets],
-        "kept": kept,
-        "folders": list(dict.fromkeys(str(Path(os.path.realpath(target)).parent) for target in targets)),
-        "made": [str(above) for target in targets for above in _missing_folders(Path(os.path.realpath(target)))],
-    }
-    context = click.get_current_context(silent=True)
-    if context is not None:
-        context.meta[_INTENT] = intent
-        supervisor.tell(**intent)
+    """State the files that the command writes. kept: note on unfinished work that stays."""
+    global _intent
+    places = [Path(os.path.realpath(target)) for target in targets]
+    stamps = [_read_stamp(place) for place in places]
+    above = [folder for place in places for folder in place.parents]
+    missing = [folder for folder in above if not os.path.lexists(folder)]
+    _intent = Intent(tuple(zip(targets, places, stamps, strict=True)), tuple(missing), kept)
 
 
-def describe_interruption(context: Any) -> str:
-    """The line for an interrupted command."""
-    return of_interruption(context.meta.get(_INTENT, {}))
+def describe_interruption() -> str:
+    """Return the message of an interrupted command."""
+    if not _intent.targets:
+        return "interrupted"
+    written = [str(target) for target, place, before in _intent.targets if _read_stamp(place) != before]
+    if written:
+        return f"interrupted, after {' and '.join(written)} had been written"
+    names = [f"{target}, which is unchanged" if before else str(target) for target, _, before in _intent.targets]
+    note = f"; {_intent.note}" if _intent.note else ""
+    return f"interrupted: nothing was written to {' or '.join(names)}{note}"
 
 
-def _missing_folders(place: Path) -> list[Path]:
-    """The folders above a place that are not there yet, the innermost first."""
-    return [above for above in place.parents if not os.path.lexists(above)]
+def remove_new_folders() -> None:
+    """Remove the folders that the command created, if they are empty."""
+    for folder in _intent.new_folders:
+        with suppress(OSError):
+            folder.rmdir()
+
+
+def _read_stamp(place: Path) -> Stamp:
+    try:
+        status = os.lstat(place)
+    except OSError:
+        return None
+    return status.st_ino, status.st_mtime_ns

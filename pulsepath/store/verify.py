@@ -163,12 +163,13 @@ def check_pulses(
     """Check a file of pulses, or without a file the pulses themselves, against the motion of a plan.
 
     The motion of a plan that was made in parts is followed part by part, in little memory. A file of
-    edges is checked against the whole motion.
+    edges, and pulses of axes that make up for play or lead error, are checked against the whole motion.
     """
     if file is None:
         pulses = source.read_pulses(progress)
         return check(pulses, source.counted, machine.axes, machine.home_q)
-    if source.in_parts and holds_chunks(file):
+    compensated = any(axis.compensate for axis in machine.axes)
+    if source.in_parts and holds_chunks(file) and not compensated:
         return check_file_parts(file, source.schedule, machine, source.follow(), progress)
     return check_file(file, StatedPulses(machine, source.counted, source.schedule), progress)
 

@@ -3,10 +3,15 @@
 The record is written last. The verdict on the written pulses is in certificate.json.
 """
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
+from benchmarks.reports import plan_report
+from benchmarks.reports.plan_report import PlanReport
+from benchmarks.reports.plan_summary import list_counts
 from controllers.rig_choice import rig_hint
 from kinematics import Axis, MotionError
 from kinematics.files.atomic_files import name_file, write_named
@@ -26,13 +31,12 @@ from planner.program.model import Program
 from planner.pulses import PulseCheck, open_pulses
 from planner.pulses.triggers import holds_triggers
 from pulsepath.inputs import Inputs
-from pulsepath.job import Defect, Job
-from pulsepath.options import LAWS
+from pulsepath.job import Defect, Job, examine_loaded
 from pulsepath.output.directory import RECORD, REPORT
 from pulsepath.output.drive_tables import tabulate_drives
-from pulsepath.output.plan_record import of_parts, of_plan, of_pulse_file, of_pulses
+from pulsepath.output.plan_record import record_parts, record_plan, record_pulse_file, record_pulses, record_results
 from pulsepath.output.record import Record, as_json
-from pulsepath.progress import note, step
+from pulsepath.progress import step
 from pulsepath.requests import ReportRequest
 from pulsepath.store.files import (
     BINARY,
@@ -49,8 +53,8 @@ from pulsepath.store.read import StoredSource
 from pulsepath.store.verify import check_pulses, digest_pulses, seal_record
 
 
-def write_whole(folder: Path, job: Job, inputs: Inputs, pulses: str = "binary") -> PulseCheck:
-    """Write a plan that was made as a whole into an empty folder. Return the verdict on its pulses.
+def write_whole(folder: Path, job: Job, inputs: Inputs, pulses: str = "binary") -> PlanReport:
+    """Write a plan that was made as a whole into an empty folder. Return the content of its report.
 
     pulses: the form of their file, "csv", "binary" or "none".
 
@@ -75,16 +79,16 @@ def write_whole(folder: Path, job: Job, inputs: Inputs, pulses: str = "binary") 
     with step(f"checking {plan.pulses.total} pulses") as tell:
         verdict = check_pulses(file, plan.machine, plan.source, tell)
     _refuse_faults(verdict)
-    write_named(folder / CERTIFICATE, as_json(of_pulse_file(file, plan.pulses, plan.machine, verdict)))
+    write_named(folder / CERTIFICATE, as_json(record_pulse_file(file, plan.pulses, plan.machine, verdict)))
     if plan.triggers:
         with name_file(folder / TRIGGERS):
             plan_files.write_trigger_csv(plan.triggers, plan.machine.axes, folder / TRIGGERS)
-    if job.stops is not None:
-        job.stops.save(folder / STOPS)
-    with name_file(folder / REPORT):
-        _write_report(folder / REPORT, job, verdict)
-    _write_record(folder, of_plan(job, inputs, verdict))
-    return verdict
+    results = job.complete(verdict)
+    if results.stops is not None:
+        results.stops.save(folder / STOPS)
+    _write_report(folder, results, len(plan.triggers))
+    _write_record(folder, record_plan(results, inputs, verdict))
+    return results
 
 
 def _write_pulses(file: Path, plan: Plan, tell: Progress) -> None:
@@ -98,48 +102,14 @@ def _write_pulses(file: Path, plan: Plan, tell: Progress) -> None:
     pulse_csv.write(plan.pulses, file, wiring, timing=timing, tell=tell)
 
 
-def _write_report(page: Path, job: Job, verdict: PulseCheck) -> None:
-    from benchmarks.reports import plan_report
-
-    drawn = {}
-    if job.figures:
-        with step("drawing the figures"):
-            drawn = (
-                plan_report.draw_axes(job.plan)
-                | plan_report.draw_comparisons(job.plan, job.classical, job.realised)
-                | plan_report.draw_worth(job.worth, job.stops)
-            )
-    if job.rig is None:
-        review = job.seen()
-    else:
-        with step(f"tracking under laws {' and '.join(LAWS)} on rig {job.rig.name}"):
-            review = job.seen()
-    if review.note:
-        note(review.note)
-    machine = job.plan.machine
-    schedule = job.plan.pulses
-    counted = [(len(axis), axis.final - axis.start) for axis in schedule.axes]
-    pulses = of_pulses(schedule, machine, counted, None, verdict)
-    with step("writing the report"):
-        report = plan_report.PlanReport(
-            job.plan,
-            verdict,
-            classical=job.classical,
-            others=job.others,
-            metrics=review.metrics,
-            rig=job.rig,
-            untracked=review.note or rig_hint(machine),
-            realised=job.realised,
-            crossed=job.crossed,
-            worth=job.worth,
-            change=job.change,
-            unbounded=job.unbounded,
-            stops=job.stops,
-            figures={**review.figures, **drawn},
-            scene=review.scene,
-            drives=tabulate_drives(pulses),
-            left_out=job.left_out,
-        )
+def _write_report(folder: Path, report: PlanReport, triggers: int) -> None:
+    """Write the page of a plan, with the timing of its drives and the triggers of its table."""
+    plan = report.plan
+    pulses = record_pulses(plan.pulses, plan.machine, list_counts(plan), None, report.verdict)
+    tables = [tabulate_trigger_csv(folder / TRIGGERS, triggers)] if triggers else []
+    report = replace(report, drives=tabulate_drives(pulses), triggers=tables)
+    page = folder / REPORT
+    with step("writing the report"), name_file(page):
         plan_report.write_report(report, page)
 
 
@@ -195,7 +165,7 @@ class PartsWriter:
             with name_file(self._folder / BINARY):
                 if part.rest_pulses is not None:
                     self._pulses.add(part.rest_pulses, max(part.until, find_end(part.rest_pulses)))
-                self._pulses.finish(part.rest_pulses or part.pulses)
+                self._pulses.finish(come_to_rest(part).pulses)
 
         if self._triggers is not None:
             with name_file(self._folder / TRIGGERS):
@@ -213,10 +183,10 @@ def write_parts(
     parts: Iterable[PlanPart],
     report: ReportRequest,
     tell: Callable[[PlanStanding, int], None],
-) -> tuple[PlanStanding, MotionError | None]:
+) -> tuple[PlanReport, MotionError | None]:
     """Write a plan into an empty folder as its parts come.
 
-    Return the plan at its end, and the refusal that ended it early, if any.
+    Return the content of its report, and the refusal that ended it early, if any.
 
     tell: called after each part with the plan so far, and its number of segments in all repetitions.
 
@@ -251,55 +221,69 @@ def write_parts(
         activity.add(part.rest, begin, part.limits)
     standing = come_to_rest(part)
     ending = "" if refusal is None else f"It ends before the program does, with a stop: {refusal}"
-    verdict, digest = None, None
-    if has_pulses:
-        verdict = _check_parts(folder, standing, inputs, complete=refusal is None)
-        digest = digest_pulses(open_pulses(folder / BINARY).parts())
-    pulses = of_pulses(standing.pulses, machine, standing.counted, digest, verdict)
-
-    from benchmarks.reports import parts_report  # which takes matplotlib along
-
-    triggers = []
-    if standing.triggers:
-        triggers.append(tabulate_trigger_csv(folder / TRIGGERS, standing.triggers))
-    with step("writing the report"), name_file(folder / REPORT):
-        content = parts_report.PartsReport(
-            standing,
-            extremes,
-            activity,
-            verdict,
-            ending,
-            tabulate_drives(pulses),
-            triggers,
-        )
-        parts_report.write_report(content, folder / REPORT, figures=report.figures)
-    _write_record(folder, of_parts(standing, inputs, digest, verdict, ending))
-    return standing, refusal
-
-
-def _check_parts(
-    folder: Path,
-    standing: PlanStanding,
-    inputs: Inputs,
-    *,
-    complete: bool,
-) -> PulseCheck:
-    """Check the file of pulses against the file of the motion, and write the verdict."""
-    machine = inputs.machine
     source = StoredSource(
         inputs.program,
         machine,
         standing.order,
         folder / MOTION,
         standing.pulses,
+        pulse_file=folder / BINARY if has_pulses else None,
         in_parts=True,
-        complete=complete,
+        complete=refusal is None,
     )
+    verdict: PulseCheck | None = None
+    if has_pulses:
+        verdict = _check_parts(folder, standing, source)
+        source.digest = digest_pulses(open_pulses(folder / BINARY).parts())
+
+    results = PlanReport(
+        standing,
+        verdict,
+        extremes,
+        activity,
+        ending,
+        untracked=rig_hint(machine),
+        figures=None if report.figures else {},
+    )
+    if report.examines_motion:
+        results = _examine(results, source, report)
+    _write_report(folder, results, standing.triggers)
+    if results.stops is not None:
+        results.stops.save(folder / STOPS)
+    record = record_parts(standing, inputs, source.digest, verdict, ending)
+    _write_record(folder, record | record_results(results))
+    return results, refusal
+
+
+def _examine(results: PlanReport, source: StoredSource, report: ReportRequest) -> PlanReport:
+    """Return the content of the report of the whole motion, with the results that were requested."""
+    standing = results.plan
+    assert isinstance(standing, PlanStanding)
+    plan = Plan(
+        standing.request,
+        source.program,
+        source.machine,
+        source,
+        standing.rounds,
+        tuple(Counter(standing.methods).elements()),
+    )
+    examined = examine_loaded(plan, report)
+    return replace(
+        examined,
+        verdict=results.verdict,
+        ending=results.ending,
+        figures=results.figures,
+    )
+
+
+def _check_parts(folder: Path, standing: PlanStanding, source: StoredSource) -> PulseCheck:
+    """Check the file of pulses against the file of the motion, and write the verdict."""
+    machine = source.machine
     file = folder / BINARY
     with step("checking the pulses") as tell:
         verdict = check_pulses(file, machine, source, tell)
     _refuse_faults(verdict)
-    record = of_pulse_file(file, standing.pulses, machine, verdict, standing.counted)
+    record = record_pulse_file(file, standing.pulses, machine, verdict, standing.counted)
     write_named(folder / CERTIFICATE, as_json(record))
     return verdict
 

@@ -124,7 +124,7 @@ def test_triggers_repetitions_and_constant_speeds_are_told(call, tmp_path, progr
 def test_plan_prints_the_figures_and_where_the_report_is(call, tmp_path, job):
     short = call("plan", "bare-circle", "--out", tmp_path / "o")
     assert len(short.stdout.splitlines()) <= 12
-    assert job.worth.describe() in short.stdout
+    assert job.results.worth.describe() in short.stdout
     assert f"{job.plan.trajectory.duration:.6f} s" in short.stdout
     assert call("plan", "bare-circle", "--out", tmp_path / "o", "--force", "-q").stdout == f"{tmp_path}/o/report.html\n"
     done = call("plan", "bare-circle", "--out", tmp_path / "o", "--force", "-v")
@@ -133,13 +133,13 @@ def test_plan_prints_the_figures_and_where_the_report_is(call, tmp_path, job):
     lines = [re.split(r" {2,}", line.strip()) for line in done.stdout.splitlines()]  # names hold single spaces
     rows = {name: " ".join(rest).split() for name, *rest in reversed(lines)}  # the first of each name
     assert float(rows["duration"][0]) == pytest.approx(job.plan.trajectory.duration, abs=5e-7)
-    assert job.worth.describe() in " ".join(done.stdout.split())  # its cell is broken over lines
+    assert job.results.worth.describe() in " ".join(done.stdout.split())  # its cell is broken over lines
     worth = json.loads((tmp_path / "o" / "plan.json").read_text())["worth"]
     assert [(row["limit"], row["axis"]) for row in worth["limits"]] == [
-        *zip(job.worth.limits, job.worth.axes, strict=True)
+        *zip(job.results.worth.limits, job.results.worth.axes, strict=True)
     ]
-    assert [row["saved_s"] for row in worth["limits"]] == job.worth.saved.tolist()
-    assert worth["planned_again"]["saved_s"] == job.change.saved > 0
+    assert [row["saved_s"] for row in worth["limits"]] == job.results.worth.saved.tolist()
+    assert worth["planned_again"]["saved_s"] == job.results.change.saved > 0
     assert "holding force" in job.plan.certificate.worst
     for name, worst in job.plan.certificate.worst.items():
         assert worst <= float(rows[name][0]) <= worst + 1.1e-7

@@ -35,6 +35,10 @@ REST_MARGIN = 1e-9
 HELD_STEPS = 8
 # Where an acceleration that suffices is looked for: up to so many times what is stated, and to what share.
 MAX_ACCELERATION_FACTOR, ACCELERATION_TOLERANCE = 1000, 1e-4
+# Halvings of a stretch in which an axis comes back to a place: its time is then known to rounding.
+RETURN_HALVINGS = 40
+# Stretches that are looked at together for that: nearly always the first contains the place.
+RETURN_BLOCK = 16
 # A limit holds up to here, as in the certificate.
 LIMIT_SLACK = 1 + 1e-6
 
@@ -79,9 +83,11 @@ def take_up(
     before = np.append(first, (arrives[1:] + leaves[:-1]) / 2)
     after = np.append(before[1:], motion.duration if last else (motion.duration + leaves[-1]) / 2)
     steps, best = _fit_steps(motion, k, axis, turning, before, after)
-    if not last and (best[-1] > LIMIT_SLACK or steps[-1, :2].sum() >= after[-1]):
+    returns = _find_returns(motion, k, steps, stretches)
+    open_end = returns[-1] >= motion.duration
+    if not last and (best[-1] > LIMIT_SLACK or steps[-1, :2].sum() >= after[-1] or open_end):
         play, until = replace(play, waiting=(turns[-1],)), min(until, leaves[-1] - hold)
-        turning, steps, best = turning[:-1], steps[:-1], best[:-1]
+        turning, steps, best, returns = turning[:-1], steps[:-1], best[:-1], returns[:-1]
     if not len(steps):
         return play, max(0.0, until), none
     seen = _sample_steps(motion, k, axis, steps, turning[:, 0])
@@ -91,7 +97,7 @@ def take_up(
     most_off = float(seen.step_travel(len(steps)).max())
     jerk = float(PEAK_JERK * axis.backlash / steps[:, 1].min() ** 3)
     figures = most_off, none.unturned, speed, most_speed, acceleration, most, jerk
-    windows = tuple((begin, begin + span) for begin, span, _ in steps.tolist())
+    windows = tuple(zip(steps[:, 0].tolist(), returns.tolist(), strict=True))
     cost = Compensation(axis.name, axis.compensate, len(steps), *figures, windows)
     made = (*play.steps, *((start, span, way) for start, span, way in steps.tolist()))
     return replace(play, steps=made, left=float(turning[-1, 1])), max(0.0, until), cost
@@ -146,6 +152,46 @@ def _fit_steps(
         todo = todo[(best[todo] > LIMIT_SLACK) & (off < axis.backlash) & (span < after[todo] - before[todo])]
         time[todo] = np.minimum(time[todo] * STEP_GROWTH, after[todo] - before[todo])
     return steps, best
+
+
+def _find_returns(motion: AxesMotion, k: int, steps: Array, stretches: Stretches) -> Array:
+    """Return the time (R,) s from which on each step (R, 3) leaves axis k where it should be.
+
+    The motor pushes the axis until the step begins, and from its end on. The axis stays at the place of the
+    beginning until it comes back there, which may be after the end of the step.
+    """
+    begin, span, way = steps.T
+    ends = begin + span
+    places = motion.at(np.concatenate([begin, ends])).q[:, k]
+    level, reached = np.split(places, 2)
+    stops = np.append(stretches.start + stretches.length, motion.duration)
+
+    def is_back(n: int, t: Array) -> NDArray[np.bool_]:
+        return np.asarray((motion.at(t).q[:, k] - level[n]) * way[n] >= 0)
+
+    for n in np.flatnonzero((reached - level) * way < 0).tolist():
+        low = high = float(ends[n])
+        first = int(np.searchsorted(stops, low, side="right"))
+        for m in range(first, len(stops), RETURN_BLOCK):
+            later = stops[m : m + RETURN_BLOCK]
+            back = is_back(n, later)
+            if back.any():
+                last = m + int(back.argmax())
+                if last > first:
+                    low = float(stops[last - 1])
+                high = float(stops[last])
+                break
+        else:
+            ends[n] = motion.duration
+            continue
+        for _ in range(RETURN_HALVINGS):  # the axis goes one way between two stops
+            middle = (low + high) / 2
+            if is_back(n, np.array([middle]))[0]:
+                high = middle
+            else:
+                low = middle
+        ends[n] = high
+    return np.asarray(np.maximum.accumulate(ends))
 
 
 def taken_up(steps: Array, t: Array) -> Array:

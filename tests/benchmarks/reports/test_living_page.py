@@ -160,7 +160,7 @@ def test_on_a_phone_every_number_of_a_wide_table_is_seen_with_what_it_is(page, t
     said, _ = act_in(tmp_path, page, CARDS, "500,900", "--hide-scrollbars")
     assert said["scrolls"] == []
     told = {cell["said"].strip('"') for cell in said["seen"]}
-    assert told >= {"saved (ms)", "largest at", "proven ≤", "at (mm)", "mean speed (mm/s)", "stated error (pulses)"}
+    assert told >= {"saved (ms)", "largest at", "proven ≤", "s (mm)", "mean speed (mm/s)", "stated error (pulses)"}
     assert all(cell["said"] not in ("none", '""') for cell in said["seen"])
     assert max(cell["right"] for cell in said["seen"]) <= 500
     assert max(cell["wide"] for cell in said["seen"]) <= 0

@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.reports.parts_report import PartsReport, draw, list_segments, make_parts_band, write_report
-from benchmarks.reports.plan_report import draw_axes
+from benchmarks.reports.plan_figures import draw_axes
+from benchmarks.reports.plan_report import PlanReport, write_report
 from benchmarks.reports.time_series import pack_panels
-from benchmarks.reports.timeline import make_band
+from benchmarks.reports.timeline import list_window_segments, make_band, make_window_band
+from benchmarks.reports.window_figures import draw
 from kinematics import load_machine
 from kinematics.foundation.figure import PALETTE
 from planner import load_program, plan, plan_parts
@@ -57,7 +58,7 @@ def made():
 def page(made, tmp_path_factory):
     standing, seen, held, _ = made
     file = tmp_path_factory.mktemp("page") / "report.html"
-    write_report(PartsReport(standing, seen, held), file, figures=True)
+    write_report(PlanReport(standing, overview=seen, activity=held), file)
     return file
 
 
@@ -98,7 +99,7 @@ def test_segments_begin_where_the_motion_comes_to_them(made):
         for knot, piece in zip(motion.knots[:-1], motion.piece, strict=True):
             number = motion.path.segment(int(piece))
             begins.setdefault(name_segment(number, held.program.segments[number - 1]), begin + knot)
-    found = {name: t for t, name in list_segments(seen, held)}
+    found = {name: t for t, name in list_window_segments(seen, held)}
     assert list(found) == list(begins)
     for name, t in found.items():
         assert 0 <= t - begins[name] <= seen.window + 1e-9
@@ -106,7 +107,7 @@ def test_segments_begin_where_the_motion_comes_to_them(made):
 
 def test_the_band_has_the_colour_of_the_limit_that_is_active_as_in_a_plan_of_the_whole(made):
     standing, _, held, _ = made
-    band, whole = make_parts_band(held), plan(capped(), load_machine("hexapod"))
+    band, whole = make_window_band(held), plan(capped(), load_machine("hexapod"))
     names, begins = [one["name"] for one in band["limits"]], [begin for begin, _ in band["runs"]]
     active, knots = active_limits(whole), whole.trajectory.knots
     agree = total = 0.0
@@ -129,7 +130,7 @@ def test_axes_and_limits_have_the_colours_of_a_plan_of_the_whole(made):
         assert [(one.name, one.color.lower()) for one in panel.series] == [(one.name, one.color) for one in of.series]
         assert dict(panel.levels) == pytest.approx(dict(of.levels))
     in_parts, in_whole = (
-        {one["name"]: one["color"] for one in band["limits"]} for band in (make_parts_band(held), make_band(whole))
+        {one["name"]: one["color"] for one in band["limits"]} for band in (make_window_band(held), make_band(whole))
     )
     assert in_parts == in_whole
     assert {"jerk", "tool speed"} <= set(in_parts)

@@ -3,17 +3,18 @@
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from benchmarks.reports import plan_report
+from benchmarks.reports import plan_figures
+from benchmarks.reports.page import NARROW
 
 
 @pytest.mark.parametrize("axis", ["Z", "shoulder"])
 def test_the_legend_of_what_limits_are_worth_is_within_its_figure(axis):
-    above, ax = plan_report._stack_axes(2, 3.2, share=False, width=plan_report.NARROW)
+    above, ax = plan_figures._stack_axes(2, 3.2, share=False, width=NARROW)
     above.barh(["tool speed", "acceleration, all axes"], [400, 1])
     for name in ("tool speed", f"acceleration, {axis}", "jerk, Z", "speed, X", f"acceleration, {axis} ", "others"):
         ax.stairs([2000.0], [0.0, 800.0], label=name)
     ax.set_ylabel("µs saved per mm by one per cent")
-    legend = plan_report._add_legend(ax, 3).get_legend()
+    legend = plan_figures._add_legend(ax, 3).get_legend()
     figure = ax.get_figure(root=True)
     FigureCanvasAgg(figure).draw()
     box = legend.get_window_extent()

@@ -65,7 +65,7 @@ def test_hardly_any_stop_is_sooner(circle, stop_at):
     now = look(circle.trajectory, held.at)
     soonest = np.inf
     for way in held.distance * np.array([0.9, 0.96, 1.0, 1.1]):
-        path = whole.draw(now, now.s + way)
+        path = whole.draw(now, held.since + way)
         going = Continuation(np.zeros(1), np.zeros((4, 0)), {}, now.a) if circle.order == 3 else None
         run = Run(0, len(path.pieces) - 1, start_speed=now.v, continuation=going)
         found = solve_run(path, whole.limits(path), run, circle.order, probing=True)

@@ -59,6 +59,41 @@ def test_the_record_says_what_was_proved(planned):
     assert planned["pulses"]["check"]["holds"]
 
 
+def test_results_about_the_whole_motion_are_those_of_later_commands(call, folder, planned):
+    """Bound, worth, stops, cross-check and tracking, on request, as from the plan when it is loaded."""
+    more = ("--worth", "--stops", "5", "--cross-check", "--rig", "hexapod-steppers", "--no-figures")
+    out = folder / "examined"
+    with small_windows(PIECES):
+        done = call(
+            "plan",
+            folder / "spiral.nc",
+            *("--machine", "hexapod", "--stream", "--order", "2", "--out", out, "--json"),
+            *more,
+        )
+    assert done.exit_code == 0, done.stderr
+    record = json.loads(done.stdout)
+    assert record["windows"] == planned["windows"]
+    assert record["pulses"]["sha256"] == planned["pulses"]["sha256"]
+
+    loaded = load_plan(folder / "plan")
+    assert record["lower_bound"]["duration_s"] == pytest.approx(loaded.lower_bound, rel=1e-9)
+    saved = {(one["limit"], one["axis"]): one["saved_s"] for one in record["worth"]["limits"]}
+    worth = loaded.worth
+    assert saved == pytest.approx(
+        dict(zip(zip(worth.limits, worth.axes, strict=True), worth.saved, strict=True)),
+        rel=1e-6,
+        abs=1e-9,
+    )
+    stops = loaded.stops(5)
+    assert record["stops"]["longest_time_to_rest_s"] == pytest.approx(stops.time.max())
+    assert record["cross_check"]["pulsepath"]["duration_s"] == pytest.approx(loaded.duration, rel=1e-3)
+    tracked = call("track", folder / "plan", "--rig", "hexapod-steppers", "--json")
+    assert json.loads(tracked.stdout)["laws"] == record["tracking"]["laws"]
+    page = (out / "report.html").read_text(encoding="utf-8")
+    for section in ("worth", "stops", "cross-check", "tracking", "realised"):
+        assert f'id="{section}"' in page
+
+
 def test_other_commands_take_it_up(call, folder, planned):
     for name in ("steps", "binary", "ros"):
         done = call("export", folder / "plan", "--format", name, "--out", folder / f"f.{name}", "--json")
@@ -348,9 +383,7 @@ def test_or_what_was_certified_before_it(call, folder):
 
 def test_what_needs_the_whole_is_refused_with_the_remedy(call, folder):
     for more, told in (
-        (("--cross-check",), "with --cross-check: omit that, or give --whole\n"),
         (("--duration", "20 s"), "because a duration is a goal for the whole motion: omit it, or give --whole\n"),
-        (("--rig", "hexapod-steppers"), "with --rig: omit that, and run pulsepath track"),
         (("--pulses", "csv"), "with --pulses csv: omit that, and run pulsepath export --format pulses"),
     ):
         done = call("plan", "circle", "--stream", *more, "--out", folder / "none")

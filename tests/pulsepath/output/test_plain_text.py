@@ -86,7 +86,9 @@ def test_no_file_of_a_plan_is_obeyed(call, tmp_path, monkeypatch, job):
     """The report, the page of the viewer, and what is exported, of a program by a hostile name."""
     from dataclasses import replace
 
-    named = replace(job, plan=replace(job.plan, program=replace(job.plan.program, name=HOSTILE)))
+    program = replace(job.plan.program, name=HOSTILE)
+    renamed = replace(job.plan, program=program)
+    named = replace(job, results=replace(job.results, plan=renamed))
     monkeypatch.setattr("pulsepath.job.run", lambda *_: named)
     out = tmp_path / "o"
     done = call("plan", "bare-circle", "--no-figures", "--out", out)

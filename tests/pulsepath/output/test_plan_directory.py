@@ -170,7 +170,8 @@ def test_pulses_are_taken_from_their_file_and_where_it_is_gone_made_again(direct
 def test_a_plan_taken_up_again_fires_by_its_rule(write_plan, job, tmp_path):
     plan, rule = job.plan, "sampled:period=1e-05 s"
     pulses = generate(plan.trajectory, plan.machine.axes, plan.machine.home_q, rule=rule)
-    write_plan(replace(job, plan=replace(plan, source=replace(plan.source, schedule=pulses))), tmp_path)
+    changed = replace(plan, source=replace(plan.source, schedule=pulses))
+    write_plan(replace(job, results=replace(job.results, plan=changed)), tmp_path)
     record = json.loads((tmp_path / "plan.json").read_text())["pulses"]
     assert record["rule"] == rule
     assert record["check"] == {**record["check"], "holds": True, "time_error_ticks": 0.0}
