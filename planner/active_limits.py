@@ -1,6 +1,6 @@
 """The active limit of a plan at each time, the segment of the program, and a table of both."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 
 import numpy as np
@@ -9,6 +9,7 @@ from kinematics.foundation.arrays import Array, largest_in_rows
 from kinematics.foundation.table import Column, Table
 from planner.limits.limit import Limit, order_of
 from planner.limits.lowered import Shares
+from planner.path.actuation import MachinePath
 from planner.path.arc_length import find_travel_rates
 from planner.plan import Plan
 from planner.program.model import Dwell, Segment
@@ -19,6 +20,8 @@ ACTIVE_SHARE = 0.99
 """Share of a limit above which it is active. Below it, solver tolerances hide active limits."""
 FILE_LINE = "file line"
 """Name of a line of the program's file: a straight segment is a line too."""
+NUMBER, TIME, WAY, IDLE = range(4)
+"""Columns of a measured segment: its number, s, m, and s without active limit; those of limits follow."""
 NOT_LOWERED: Mapping[str, Shares] = MappingProxyType({})
 """Shares for a plan that used each limit in full."""
 
@@ -60,9 +63,9 @@ def find_active(
     lowered: by name, the shares of limits that the plan used, if lower than 1.
     """
     count = len(motion.piece)
-    shares = _sample(motion, limits)
     use = np.zeros((len(limits), count))
     middle = np.zeros((len(limits), count))
+    shares = _sample(motion, limits)
     half = np.diff(motion.knots) / 2
     state = motion.within(np.arange(count), half, jerk=order_of(limits) == 3)
     for n, limit in enumerate(limits):
@@ -114,28 +117,44 @@ def tabulate_segments(plan: Plan) -> Table:
     angle times the characteristic length.
     """
     motion = plan.trajectory
-    segments = list(plan.program.segments)
-    begins, numbers = zip(*find_segments(plan), strict=True)
-    times = np.diff(motion.knots)
-    rates = find_travel_rates(plan.path.pieces)[motion.piece]
-    ways = np.diff(np.append(motion.s, motion.path.breaks[-1])) * rates
-    owner = np.repeat(numbers, np.diff((*begins, len(times)))) - 1
-    time = np.asarray(np.bincount(owner, times, len(segments)), float)
-    way = np.asarray(np.bincount(owner, ways, len(segments)), float)
-    # s for which each limit is active; last column: for which no limit is
-    active = np.zeros((len(segments), len(plan.limits) + 1))
-    np.add.at(active, (owner, active_limits(plan)), times)
-    rows = np.flatnonzero(time > 0)
-    lines = [segments[k].line_number for k in rows]
+    first, numbers = zip(*find_segments(plan), strict=True)
+    owner = np.repeat(numbers, np.diff((*first, len(motion.piece))))
+    ways = np.diff(motion.s, append=plan.path.breaks[-1])
+    rows = measure_segments(motion, ways, owner, active_limits(plan), len(plan.limits))
+    measured = rows[:, NUMBER].astype(int)
+    program = list(plan.program.segments)
+    segments = [program[number - 1] for number in measured]
     names = [limit.name for limit in plan.limits]
-    columns = (
-        Column("segment", rows + 1),
-        *([Column(FILE_LINE, lines)] if any(lines) else []),
-        Column("kind", [name_kind(segments[k]) for k in rows]),
-        *measured_columns(way[rows], time[rows], active[rows, :-1], names),
-    )
+    columns = (Column("segment", measured), *segment_columns(rows, segments, names))
     notes = ("each part of a fitted curve counts as the segment beside it",)
     return Table("segments", columns, () if plan.path.fit is None else notes)
+
+
+def measure_segments(
+    motion: Trajectory,
+    ways: Array,
+    owner: np.ndarray,
+    active: np.ndarray,
+    limits: int,
+) -> Array:
+    """Return a row (N, IDLE + 1 + limits) of each segment that takes any time, by rising number.
+
+    ways    (M,) path length (m) of each time piece
+    owner   (M,) number of the segment of each time piece
+    active  (M,) index of the active limit of each time piece; −1: none
+    limits  number of limits
+    """
+    numbers, row = np.unique(owner, return_inverse=True)
+    times = np.diff(motion.knots)
+    pieces, place = np.unique(motion.piece, return_inverse=True)
+    assert isinstance(motion.path, MachinePath)
+    rates = find_travel_rates([motion.path.pieces[piece] for piece in pieces])[place]
+    rows = np.zeros((len(numbers), IDLE + 1 + limits))
+    rows[:, NUMBER] = numbers
+    np.add.at(rows[:, TIME], row, times)
+    np.add.at(rows[:, WAY], row, ways * rates)
+    np.add.at(rows, (row, IDLE + 1 + active), times)
+    return np.asarray(rows[rows[:, TIME] > 0])
 
 
 def name_kind(segment: Segment) -> str:
@@ -143,23 +162,25 @@ def name_kind(segment: Segment) -> str:
     return type(segment).__name__.lower()
 
 
-def measured_columns(
-    way: Array,
-    time: Array,
-    active: Array,
-    names: Sequence[str],
-) -> tuple[Column, ...]:
-    """Return the columns of segments (N,): way (m), time (s) and longest active limit.
+def line_columns(segments: Iterable[Segment | None]) -> list[Column]:
+    """Return the column of the lines of segments in the program's file, if any has one."""
+    lines = [None if segment is None else segment.line_number for segment in segments]
+    return [Column(FILE_LINE, lines)] if any(lines) else []
 
-    active: s (N, limits) for which each of the limits `names` is active.
-    """
-    longest = active.argmax(1) if names else np.zeros(len(active), int)
+
+def segment_columns(rows: Array, segments: Sequence[Segment], names: Sequence[str]) -> list[Column]:
+    """Return the columns of segments and their rows of `measure_segments`; names: of the limits."""
+    time = rows[:, TIME]
+    active = rows[:, IDLE + 1 :]
     shares = (active.max(1, initial=0.0) / time).tolist()
+    longest = active.argmax(1) if names else np.zeros(len(rows), int)
     limits = [names[k] if share > 0 else None for k, share in zip(longest, shares, strict=True)]
-    return (
-        Column("length", way, "m", "human", ".3f"),
+    return [
+        *line_columns(segments),
+        Column("kind", [name_kind(segment) for segment in segments]),
+        Column("length", rows[:, WAY], "m", "human", ".3f"),
         Column("time", time, "s", form=".4f"),
-        Column("mean speed", way / time, "m/s", "human", ".4g"),
+        Column("mean speed", rows[:, WAY] / time, "m/s", "human", ".4g"),
         Column("held back by", limits),
         Column("for", [100 * share if share > 0 else None for share in shares], "%", form=".0f"),
-    )
+    ]

@@ -7,12 +7,19 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.table import Column, Table
-from planner.active_limits import FILE_LINE, find_active, measured_columns, name_kind
+from planner.active_limits import (
+    IDLE,
+    NUMBER,
+    TIME,
+    WAY,
+    find_active,
+    line_columns,
+    measure_segments,
+    segment_columns,
+)
 from planner.certificate.continuity import piece_end_lengths
 from planner.limits import Limit
 from planner.overview import MOST_WINDOWS
-from planner.path.actuation import MachinePath
-from planner.path.arc_length import find_travel_rates
 from planner.program.model import Program, Segment
 from planner.trajectory import Trajectory
 
@@ -22,8 +29,6 @@ MOST_SEGMENTS = 50
 """Segments listed of those that take longest. More would make the memory and the page longer."""
 MOST_SLOW = 10
 """Segments listed of the slowest."""
-NUMBER, TIME, WAY, IDLE = range(4)
-"""Columns of a segment: its number from 0 over all repetitions, s, m, s without active limit."""
 
 
 class Activity:
@@ -41,85 +46,90 @@ class Activity:
         self.window = FIRST_WINDOW
         self.end = 0.0
         self.count = 0
-        # s for which each limit is active in each window; first column: for which no limit is
+        # s for which no limit is active, and for which each is, in each window of time
         self._active = np.zeros((MOST_WINDOWS, 1))
         self._use = np.zeros((MOST_WINDOWS, 0))
-        self._segments = np.zeros((0, IDLE + 1))
-        self._open = np.zeros((0, IDLE + 1))  # the last segment, which the next part may continue
+        # measured segments, numbered from 0 over all repetitions; the next part may continue the last
+        self._rows = np.zeros((0, IDLE + 1))
 
     def add(self, motion: Trajectory, begin: float, limits: Sequence[Limit]) -> None:
         """Add a part of the motion that begins at a time (s), and the limits along it."""
-        self._name([limit.name for limit in limits if not limit.geometric])
-        use, active = find_active(motion, limits)
-        column = np.array([0 if limit.geometric else self.names[limit.name] + 1 for limit in limits])
-        owner = np.where(active < 0, 0, column[active])
+        timed = [limit for limit in limits if not limit.geometric]
+        self._add_names([limit.name for limit in timed])
+        use, active = find_active(motion, timed)
+        columns = np.array([self.names[limit.name] for limit in timed], int)
+        active = np.append(columns, -1)[active]
         self.end = begin + motion.duration
-        self._spread(begin + motion.knots, owner, use[column > 0], column[column > 0] - 1)
-        self._count_segments(motion, owner, begin)
+        self._add_windows(begin + motion.knots, active, columns, use)
+        owner = self._number_pieces(motion, begin)
+        ways = piece_end_lengths(motion) - motion.s
+        self._add_segments(measure_segments(motion, ways, owner, active, len(self.names)))
 
-    def _name(self, names: Sequence[str]) -> None:
-        for name in names:
-            if name not in self.names:
-                self.names[name] = len(self.names)
-                for field in ("_active", "_segments", "_open", "_use"):
-                    setattr(self, field, np.pad(getattr(self, field), ((0, 0), (0, 1))))
+    def _add_names(self, names: Sequence[str]) -> None:
+        new = [name for name in names if name not in self.names]
+        self.names |= {name: len(self.names) + k for k, name in enumerate(new)}
+        wider = ((0, 0), (0, len(new)))
+        self._active = np.pad(self._active, wider)
+        self._use = np.pad(self._use, wider)
+        self._rows = np.pad(self._rows, wider)
 
-    def _spread(self, knots: Array, owner: np.ndarray, use: Array, columns: np.ndarray) -> None:
+    def _add_windows(
+        self,
+        knots: Array,
+        active: np.ndarray,
+        columns: np.ndarray,
+        use: Array,
+    ) -> None:
         """Add time pieces (M,) to the windows: times of active limits, and largest shares.
 
-        owner (M,): column of the active limit; use (limits, M): shares of the limits in `columns`.
+        active (M,): column in `names` of the active limit; −1: none.
+        use (limits, M): shares of the limits in `columns`.
         """
+        pairs = np.arange(0, MOST_WINDOWS, 2)
+        emptied = ((0, len(pairs)), (0, 0))
         while self.end > MOST_WINDOWS * self.window:
             self.window *= 2
-            for values, join in ((self._active, np.add), (self._use, np.maximum)):
-                half = join(values[::2], values[1::2])
-                values[:] = 0.0
-                values[: len(half)] = half
+            self._active = np.pad(np.add.reduceat(self._active, pairs), emptied)
+            self._use = np.pad(np.maximum.reduceat(self._use, pairs), emptied)
         first = np.ceil(knots[0] / self.window)
         last = np.floor(knots[-1] / self.window)
         inner = np.arange(first, last + 1) * self.window
         edges = np.union1d(knots, inner[(inner > knots[0]) & (inner < knots[-1])])
         middle = (edges[1:] + edges[:-1]) / 2
-        place = np.clip(np.searchsorted(knots, middle, side="right") - 1, 0, len(owner) - 1)
+        piece = np.clip(np.searchsorted(knots, middle, side="right") - 1, 0, len(active) - 1)
         window = np.clip((middle / self.window).astype(np.int64), 0, MOST_WINDOWS - 1)
-        np.add.at(self._active, (window, owner[place]), np.diff(edges))
-        np.maximum.at(self._use, (window[:, None], columns), use[:, place].T)
+        np.add.at(self._active, (window, active[piece] + 1), np.diff(edges))
+        np.maximum.at(self._use, (window[:, None], columns), use[:, piece].T)
 
-    def _count_segments(self, motion: Trajectory, owner: np.ndarray, begin: float) -> None:
-        """Add the segments of a part. A rest is a dwell: the segment after that of its path piece."""
+    def _number_pieces(self, motion: Trajectory, begin: float) -> np.ndarray:
+        """Return the number (M,) of the segment of each time piece, from 0 over all repetitions.
+
+        A rest is a dwell: the segment after that of its path piece.
+        """
         pieces, place = np.unique(motion.piece, return_inverse=True)
         places = [motion.path.place(0.0, int(piece)) for piece in pieces]
-        total = len(self.program.segments)
         turns = np.array([(one.repetition or 1) - 1 for one in places])
-        numbers = turns * total + [(one.segment or 1) - 1 for one in places]
-        times = np.diff(motion.knots)
-        rests = motion.resting & (times > 0)
-        number = numbers[place] + rests
+        segments = np.array([(one.segment or 1) - 1 for one in places])
+        rests = motion.resting & (np.diff(motion.knots) > 0)
+        numbers = (turns * len(self.program.segments) + segments)[place] + rests
         if begin == 0 and rests[0]:
-            number[: np.argmin(np.append(rests, False))] = 0  # the program begins with dwells
+            numbers[: np.argmin(np.append(rests, False))] = 0  # the program begins with dwells
+        return np.asarray(numbers)
 
-        numbers, row = np.unique(number, return_inverse=True)
-        rows = np.zeros((len(numbers), self._open.shape[1]))
-        rows[:, NUMBER] = numbers
-        np.add.at(rows[:, TIME], row, times)
-        assert isinstance(motion.path, MachinePath)
-        rates = find_travel_rates([motion.path.pieces[piece] for piece in pieces])[place]
-        np.add.at(rows[:, WAY], row, (piece_end_lengths(motion) - motion.s) * rates)
-        np.add.at(rows, (row, IDLE + owner), times)
-        rows = rows[rows[:, TIME] > 0]
-
-        if len(rows) and len(self._open) and self._open[0, NUMBER] == rows[0, NUMBER]:
-            rows[0, TIME:] += self._open[0, TIME:]
+    def _add_segments(self, rows: Array) -> None:
+        """Add the segments of a part, and retain those that a table may list."""
+        before = self._rows
+        if len(rows) and len(before) and before[-1, NUMBER] == rows[0, NUMBER]:
+            rows[0, TIME:] += before[-1, TIME:]
+            before = before[:-1]
             self.count -= 1
-        else:
-            self._segments = self._rows
         self.count += len(rows)
-        self._open = rows[-1:]
-        self._segments = np.concatenate([self._segments, rows[:-1]])
-        if len(self._segments) > MOST_SEGMENTS:
-            most_active = self._segments[:, IDLE + 1 :].argmax(0)
-            chosen = {*_longest(self._segments), *_slowest(self._segments), *most_active}
-            self._segments = self._segments[sorted(chosen)]
+        self._rows = np.concatenate([before, rows])
+        complete = self._rows[:-1]
+        if len(complete) > MOST_SEGMENTS:
+            most_active = complete[:, IDLE + 1 :].argmax(0)
+            chosen = {*_longest(complete), *_slowest(complete), *most_active}
+            self._rows = self._rows[[*sorted(chosen), -1]]
 
     @property
     def t(self) -> Array:
@@ -159,49 +169,43 @@ class Activity:
 
     def tabulate_limits(self) -> Table:
         """Tabulate for how long each limit is active, and in which segment for longest."""
-        rows = self._rows
-        numbers = list[int | None]()
-        times = list[float | None]()
-        for active in rows[:, IDLE + 1 :].T:
-            best = int(active.argmax())
-            numbers.append(int(rows[best, NUMBER]) if active[best] > 0 else None)
-            times.append(float(active[best]) if active[best] > 0 else None)
+        active = self._rows[:, IDLE + 1 :]
+        longest = self._rows[active.argmax(0), NUMBER]
+        times = [time or None for time in active.max(0).tolist()]
+        pairs = zip(longest, times, strict=True)
+        numbers = [None if time is None else int(number) for number, time in pairs]
+        segments = self.find_segments(numbers)
+        total = len(self.program.segments)
+        named = [None if number is None else segments[number % total] for number in numbers]
         seconds = np.roll(self._active.sum(0), -1)  # the time without active limit comes last
         columns = (
             Column("limit", [*self.names, "none of them"]),
             Column("active", seconds, "s", form=".3f"),
             Column("of the duration", 100 * seconds / max(self.end, 1e-300), "%", form=".1f"),
-            *self._place_columns([*numbers, None], "longest in segment"),
+            *self._number_columns([*numbers, None], "longest in segment"),
+            *line_columns([*named, None]),
             Column("there", [*times, None], "s", form=".4f"),
         )
         return Table("time for which each limit is active", columns)
 
-    @property
-    def _rows(self) -> Array:
-        return np.concatenate([self._segments, self._open])
-
     def _tabulate(self, title: str, rows: Array, notes: tuple[str, ...] = ()) -> Table:
-        numbers = [int(number) for number in rows[:, NUMBER]]
+        numbers: list[int] = rows[:, NUMBER].astype(int).tolist()
         segments = self.find_segments(numbers)
-        total = len(self.program.segments)
+        chosen = [segments[number % len(self.program.segments)] for number in numbers]
         columns = (
-            *self._place_columns(numbers, "segment"),
-            Column("kind", [name_kind(segments[number % total]) for number in numbers]),
-            *measured_columns(rows[:, WAY], rows[:, TIME], rows[:, IDLE + 1 :], [*self.names]),
+            *self._number_columns(numbers, "segment"),
+            *segment_columns(rows, chosen, [*self.names]),
         )
         return Table(title, columns, notes)
 
-    def _place_columns(self, numbers: Sequence[int | None], name: str) -> list[Column]:
+    def _number_columns(self, numbers: Sequence[int | None], name: str) -> list[Column]:
         """Return the columns for numbers of segments, over all repetitions."""
         total = len(self.program.segments)
-        segments = self.find_segments(numbers)
-        places = [(None, None) if number is None else divmod(number, total) for number in numbers]
-        columns = [Column(name, [None if number is None else number + 1 for _, number in places])]
+        columns = [Column(name, [None if n is None else n % total + 1 for n in numbers])]
         if self.program.repeat > 1:
-            turns = [None if turn is None else turn + 1 for turn, _ in places]
+            turns = [None if n is None else n // total + 1 for n in numbers]
             columns.append(Column("repetition", turns))
-        lines = [None if number is None else segments[number].line_number for _, number in places]
-        return [*columns, Column(FILE_LINE, lines)] if any(lines) else columns
+        return columns
 
     def find_segments(self, numbers: Iterable[int | None]) -> dict[int, Segment]:
         """Return segments by their number from 0. Reads the program's file up to the last one."""

@@ -1,14 +1,26 @@
 """Avoidable stops, which the program does not ask for: count, estimated cost and remedy.
 
-Two motions are estimated, piece by piece, within the limits on speed, acceleration and jerk along
-the path: one that rests where the plan rests, and one that passes these joins at the speed v that
-a blend of the proposed tolerance allows. The cost is the difference of their times. At a corner a
-blend that reaches d to both sides has at most
+Two motions are estimated, piece by piece: one that rests where the plan rests, and one that passes
+these joins at the speed v that a blend of the proposed tolerance allows. The cost is the difference
+of their times.
+
+A piece of length l has the largest speed V, acceleration A and jerk J along the path, each the
+harmonic mean of that at some of its places. A ramp from v₀ to v₁ takes
+
+    t = Δv/A + A/J, or 2 √(Δv/J) if Δv ≤ A²/J,   and the length t (v₀ + v₁)/2,   with Δv = v₁ − v₀.
+
+The piece ramps from the speed at its first join to its top speed and to the speed at its last join.
+The top speed is the largest, up to V, for which both ramps fit into l. The speeds at the joins are
+at most those of the joins, and within v₁² ≤ v₀² + 2 A l in both directions.
+
+At a corner a blend that reaches d to both sides has at most
 
     q″ = 15/16 Δq′/d,   q‴ = 1.443 Δq′/d² + 1.1 Δq″/d,   v² |q″| ≤ A,   v³ |q‴| ≤ J,
 
 where Δ is the jump at the join (planner.path.join_and_blend). d follows from the tolerance, and is
-at most half a piece.
+at most half a piece. Resting after a speed v takes max |q′| v/A on each side of the join, and
+passing takes max |Δq′| v/A. An axis that turns back saves no time, and one that keeps its speed
+saves all of it: so v is multiplied by the share of time saved.
 """
 
 from collections.abc import Sequence
@@ -24,9 +36,9 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import count_noun
 from kinematics.machine.machine_file import load_machine
 from planner.limits import limits_of, usual_order
-from planner.limits.limit import AxisLimit, Limit, Rows, Term, order_of
+from planner.limits.limit import AxisLimit, Limit, Term, order_of
 from planner.limits.tool import ToolLimit
-from planner.path.actuation import MachinePath, Points, actuate, make_points
+from planner.path.actuation import MachinePath, actuate, make_points
 from planner.path.chain import walk_path
 from planner.program.model import Dwell, Program, SegmentStream
 from planner.program.modifiers import Stop
@@ -143,15 +155,20 @@ def propose_tolerance(length: float) -> float:
     return next((step * power for step in (5.0, 2.0) if step * power <= most), power)
 
 
-def find_avoidable_stops(program: Program, path: MachinePath, limits: Sequence[Limit], order: int) -> AvoidableStops:
+def find_avoidable_stops(
+    program: Program,
+    path: MachinePath,
+    limits: Sequence[Limit],
+    order: int,
+) -> AvoidableStops:
     """Count the avoidable stops of a program's path, and estimate their cost."""
-    stops = path.avoidable_stops(order)
+    count = int(path.avoidable_stops(order).sum())
     tolerance = propose_tolerance(float(path.breaks[-1]))
+    cost = max(float(cost_legs(path, limits, order, tolerance).sum()), 0.0) if count else 0.0
     keys = [(piece.segment, piece.repetition) for piece in path.pieces]
     ends = np.flatnonzero([one != other for one, other in pairwise(keys)]) + 1
     joins = int((path.dwells[ends] == 0).sum())
-    cost = float(max(cost_legs(path, limits, order, tolerance).sum(), 0.0)) if stops.any() else 0.0
-    return AvoidableStops(int(stops.sum()), joins, cost, tolerance, propose_remedy(program, tolerance))
+    return AvoidableStops(count, joins, cost, tolerance, propose_remedy(program, tolerance))
 
 
 def find_stops_of_import(program: Program) -> AvoidableStops:
@@ -173,7 +190,7 @@ def find_stops_of_import(program: Program) -> AvoidableStops:
         stops = find_avoidable_stops(program, path, limits_of(path, machine.axes, order), order)
     except MotionError:
         count = sum(step.avoidable for step in walk_path(program, machine))
-        stops = AvoidableStops(count, 0, np.nan, PROPOSED_TOLERANCE, propose_remedy(program, PROPOSED_TOLERANCE))
+        stops = state_stops(program, count)
     return replace(stops, assumed=assumed)
 
 
@@ -182,26 +199,30 @@ MOST_SEGMENTS = 5000
 """Segments of an imported program that are examined: each takes some 0.4 ms."""
 
 
-def find_stops_of_part(
-    program: Program,
+def state_stops(program: Program, count: int) -> AvoidableStops:
+    """Return the stops of a program, with the usual tolerance and an unknown cost."""
+    remedy = propose_remedy(program, PROPOSED_TOLERANCE)
+    return AvoidableStops(count, 0, np.nan, PROPOSED_TOLERANCE, remedy)
+
+
+def cost_first_stops(
+    stops: AvoidableStops,
     path: MachinePath,
     limits: Sequence[Limit],
     order: int,
     pieces: int,
-    count: int,
 ) -> AvoidableStops:
-    """Estimate the cost of the stops in the first `pieces` of a part of a program's path.
+    """Return the stops in the first `pieces` of a path, with their estimated cost.
 
-    count: number of these stops, with any at the part's end. The part does not contain the piece
-    after its end: that stop costs the mean of the others.
+    The path may end where a stop follows. As the piece after that stop is unknown, it costs the
+    mean of the others.
     """
-    tolerance = PROPOSED_TOLERANCE
     cost = 0.0
     known = int(path.avoidable_stops(order)[: pieces + 1].sum())
     if known:
-        costs = cost_legs(path, limits, order, tolerance)[:pieces]
-        cost = max(float(costs.sum()), 0.0) * count / known
-    return AvoidableStops(count, 0, cost, tolerance, propose_remedy(program, tolerance))
+        costs = cost_legs(path, limits, order, stops.tolerance)[:pieces]
+        cost = max(float(costs.sum()), 0.0) * stops.count / known
+    return replace(stops, cost=cost)
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,36 +246,47 @@ def cost_legs(path: MachinePath, limits: Sequence[Limit], order: int, tolerance:
     return _time_legs(legs, np.where(stops, 0.0, without)) - _time_legs(legs, without)
 
 
-def _measure_legs(path: MachinePath, limits: Sequence[Limit], order: int, tolerance: float, stops: np.ndarray) -> _Legs:
+def _measure_legs(
+    path: MachinePath,
+    limits: Sequence[Limit],
+    order: int,
+    tolerance: float,
+    stops: np.ndarray,
+) -> _Legs:
     count = len(path.breaks) - 1
-    along = np.empty((3, count))
-    passing = np.full(count + 1, TOP_SPEED)
-    for first in range(0, count, LEG_BATCH):
-        # with the piece before, whose end meets the first
-        begin = max(first - 1, 0)
-        last = min(first + LEG_BATCH, count)
-        piece = np.repeat(np.arange(begin, last), LEG_PLACES)
-        share = np.tile(np.linspace(0.0, 1.0, LEG_PLACES), last - begin)
-        s = path.breaks[piece] * (1 - share) + path.breaks[piece + 1] * share
-        points = make_points(path, s, piece, order)
-        rates = _limit_rates(points, limits, last - begin)
-        along[:, begin:last] = 1 / np.maximum((1 / rates).mean(2), TINY)
-        passing[begin + 1 : last] = np.minimum(rates[0, :-1, -1], rates[0, 1:, 0])
-        corners = np.flatnonzero(stops[begin + 1 : last])
-        at = begin + 1 + corners
-        passing[at] = np.minimum(passing[at], _pass_corners(points, limits, tolerance, corners))
-        passing[begin] = min(passing[begin], rates[0, 0, 0])
-        passing[last] = rates[0, -1, -1]
-    speed, acceleration, jerk = along
+    batches = [_limit_rates(path, limits, order, pieces) for pieces in _batches(np.arange(count))]
+    rates = np.concatenate(batches, axis=1)
+    speed, acceleration, jerk = 1 / np.maximum((1 / rates).mean(2), TINY)
+    before = np.append(rates[0, :1, 0], rates[0, :, -1])
+    after = np.append(rates[0, :, 0], rates[0, -1:, -1])
+    passing = np.minimum(before, after)
+    for corners in _batches(np.flatnonzero(stops)):
+        speeds = _pass_corners(path, limits, order, tolerance, corners)
+        passing[corners] = np.minimum(passing[corners], speeds)
     return _Legs(np.diff(path.breaks), speed, acceleration, jerk, passing)
 
 
-def _limit_rates(points: Points, limits: Sequence[Limit], count: int) -> Array:
-    """Return the largest steady ṡ, s̈ from rest, and s⃛ (3, count, LEG_PLACES)."""
-    rates = np.full((3, len(points.s)), np.inf)
+def _batches(indices: np.ndarray) -> list[np.ndarray]:
+    return [indices[k : k + LEG_BATCH] for k in range(0, len(indices), LEG_BATCH)]
+
+
+def _limit_rates(
+    path: MachinePath,
+    limits: Sequence[Limit],
+    order: int,
+    pieces: np.ndarray,
+) -> Array:
+    """Return the largest steady ṡ, s̈ from rest, and s⃛ (3, pieces, LEG_PLACES)."""
+    piece = np.repeat(pieces, LEG_PLACES)
+    share = np.tile(np.linspace(0.0, 1.0, LEG_PLACES), len(pieces))
+    s = path.breaks[piece] * (1 - share) + path.breaks[piece + 1] * share
+    points = make_points(path, s, piece, order)
+    rates = np.full((3, len(s)), np.inf)
     rates[0] = TOP_SPEED
     for limit in limits:
-        rows = None if limit.geometric else _unconditional(limit.rows(points))
+        rows = None if limit.geometric else limit.rows(points)
+        if rows is not None and rows.about is not None:
+            rows = rows.hull  # holds at every speed
         if rows is None:
             continue
         still = rows.coefficients.get(Term.ONE, 0.0)  # a load at rest, as weight, leaves less room
@@ -263,81 +295,64 @@ def _limit_rates(points: Points, limits: Sequence[Limit], count: int) -> Array:
         for term, (kind, root) in _RATES.items():
             if term in rows.coefficients:
                 with np.errstate(divide="ignore", invalid="ignore"):
-                    most = np.nanmin(room / np.abs(rows.coefficients[term]), axis=1, initial=np.inf)
+                    ratio = room / np.abs(rows.coefficients[term])
+                most = np.nanmin(ratio, axis=1, initial=np.inf)
                 rates[kind] = np.minimum(rates[kind], most ** (1 / root))
-    return np.asarray(np.maximum(rates, TINY).reshape(3, count, LEG_PLACES))
+    return np.asarray(np.maximum(rates, TINY).reshape(3, len(pieces), LEG_PLACES))
 
 
 _RATES = {Term.SD: (0, 1), Term.SD2: (0, 2), Term.SD3: (0, 3), Term.SDD: (1, 1), Term.SDDD: (2, 1)}
 """Index of the rate that a term limits, and its power in the term."""
 
 
-def _unconditional(rows: Rows) -> Rows | None:
-    """Return the rows that hold at every speed; None if there are none."""
-    return rows if rows.about is None else rows.hull
-
-
-def _pass_corners(points: Points, limits: Sequence[Limit], tolerance: float, corners: np.ndarray) -> Array:
-    """Return the ṡ (C,) at which blends of a tolerance pass the ends of the pieces `corners`."""
-    after = LEG_PLACES * (corners + 1)
-    before = after - 1
-    path = points.path
-    assert isinstance(path, MachinePath)
-    size = np.concatenate([np.ones(3), np.full(9, path.machine.characteristic_length / np.sqrt(2))])
-    turned, bent = (
-        np.linalg.norm((values[after] - values[before]) * size, axis=1) for values in points.tool_derivatives[1:3]
-    )
-    half = np.diff(path.breaks)[[points.piece[before], points.piece[after]]].min(0) / 2
+def _pass_corners(
+    path: MachinePath,
+    limits: Sequence[Limit],
+    order: int,
+    tolerance: float,
+    corners: np.ndarray,
+) -> Array:
+    """Return the ṡ (C,) at which blends of a tolerance pass the breaks `corners`."""
+    sides = np.concatenate([corners - 1, corners])  # pieces before, and pieces after
+    points = make_points(path, np.tile(path.breaks[corners], 2), sides, order)
+    # a rotation by a small angle changes its matrix by √2 times the angle
+    size = np.ones(12)
+    size[3:] = path.machine.characteristic_length / np.sqrt(2)
+    jumps = [_jump(values) * size for values in points.tool_derivatives[1:3]]
+    turned, bent = np.linalg.norm(jumps, axis=2)
+    half = np.minimum(*np.split(np.diff(path.breaks)[sides], 2)) / 2
     reach = np.minimum(half, tolerance / np.maximum(CORNER_DEVIATION * turned, TINY))
     reach = np.minimum(reach, np.sqrt(tolerance / np.maximum(CURVE_DEVIATION * bent, TINY)))
-    jumps = [np.abs(values[after] - values[before]) for values in points.derivatives[1:3]]
+
+    first_jump, second_jump = (np.abs(_jump(values)) for values in points.derivatives[1:3])
+    span = reach[:, None]
     speed = np.full(len(corners), TOP_SPEED)
+    resting = np.full(len(corners), TINY)
+    passing = np.zeros(len(corners))
     for limit in limits:
-        if _limits_axes(limit) and _limits_acceleration(limit):
-            bend = BEND * jumps[0] / reach[:, None]
-            speed = np.minimum(speed, np.sqrt(_least(_find_lesser_bounds(limit), bend)))
-        elif _limits_axes(limit) and Term.SDDD in limit.terms:
-            twist = TWIST * jumps[0] / reach[:, None] ** 2 + CURVE_TWIST * jumps[1] / reach[:, None]
-            speed = np.minimum(speed, np.cbrt(_least(_find_lesser_bounds(limit), twist)))
-        elif isinstance(limit, ToolLimit) and _limits_acceleration(limit):
-            cap = np.minimum(limit.caps[points.piece[before]], limit.caps[points.piece[after]])
-            bend = (BEND * turned / reach)[:, None]
-            speed = np.minimum(speed, np.sqrt(_least(cap[:, None], bend)))
-    return speed * _share_saved(points, limits, before, after)
-
-
-def _share_saved(points: Points, limits: Sequence[Limit], before: np.ndarray, after: np.ndarray) -> Array:
-    """Return the share (C,) of the ramps to and from rest that passing a corner saves.
-
-    At a speed v resting takes max |q′| v/A on each side, and passing max |Δq′| v/A. An axis that
-    turns back saves no time; one that keeps its speed saves all of it.
-    """
-    resting = np.full(len(before), TINY)
-    passing = np.zeros(len(before))
-    slope = points.derivatives[1]
-    for limit in limits:
-        if _limits_axes(limit) and _limits_acceleration(limit):
-            bound = _find_lesser_bounds(limit)
-            resting += sum((np.abs(slope[side]) / bound).max(1) for side in (before, after))
-            passing = (np.abs(slope[after] - slope[before]) / bound).max(1)
-    share = np.clip(1 - passing / resting, 0.0, 1.0)
+        if isinstance(limit, AxisLimit) and limit.by_axis:
+            bound = np.minimum(limit.bounds, limit.below)
+            if Term.SDDD in limit.terms:
+                twist = TWIST * first_jump / span**2 + CURVE_TWIST * second_jump / span
+                speed = np.minimum(speed, np.cbrt(_least(bound, twist)))
+            elif Term.SDD in limit.terms:
+                bend = BEND * first_jump / span
+                speed = np.minimum(speed, np.sqrt(_least(bound, bend)))
+                resting += sum(np.split((np.abs(points.derivatives[1]) / bound).max(1), 2))
+                passing = (first_jump / bound).max(1)
+        elif isinstance(limit, ToolLimit) and Term.SDD in limit.terms:
+            cap = np.minimum(*np.split(limit.caps[sides], 2))
+            bend = BEND * turned / reach
+            speed = np.minimum(speed, np.sqrt(_least(cap[:, None], bend[:, None])))
+    saved = np.clip(1 - passing / resting, 0.0, 1.0)
     # under jerk limits more of the ramps overlap: measured on plans with and without blends
-    return np.asarray(np.sqrt(share) if order_of(limits) == 3 else share)
+    return np.asarray(speed * (np.sqrt(saved) if order_of(limits) == 3 else saved))
 
 
-def _limits_axes(limit: Limit) -> bool:
-    """Return whether a limit bounds a derivative of each axis; forces, for one, depend on more."""
-    return isinstance(limit, AxisLimit) and limit.by_axis
-
-
-def _find_lesser_bounds(limit: Limit) -> Array:
-    """Return the lesser bound (n,) of each axis' two directions."""
-    assert isinstance(limit, AxisLimit)
-    return np.asarray(np.minimum(limit.bounds, limit.below))
-
-
-def _limits_acceleration(limit: Limit) -> bool:
-    return Term.SDD in limit.terms and Term.SDDD not in limit.terms
+def _jump(values: Array) -> Array:
+    """Return the values (C, n) after corners, less those before them; values (2 C, n)."""
+    before, after = np.split(values, 2)
+    return np.asarray(after - before)
 
 
 def _least(bound: Array, size: Array) -> Array:
@@ -355,36 +370,26 @@ def _time_legs(legs: _Legs, passing: Array) -> Array:
         speeds[k + 1] = min(speeds[k + 1], (speeds[k] ** 2 + gain) ** 0.5)
     for k in range(len(gains) - 1, -1, -1):
         speeds[k] = min(speeds[k], (speeds[k + 1] ** 2 + gains[k]) ** 0.5)
-    first = np.array(speeds[:-1])
-    last = np.array(speeds[1:])
-    low = np.maximum(first, last)
+    ends = np.array([speeds[:-1], speeds[1:]])
+    low = ends.max(0)
     high = np.maximum(legs.speed, low)
     for _ in range(BISECTIONS):
         middle = (low + high) / 2
-        fits = _ramp_lengths(legs, first, last, middle)[0] <= legs.length
+        fits = _measure_ramps(legs, ends, middle)[0] <= legs.length
         low = np.where(fits, middle, low)
         high = np.where(fits, high, middle)
-    way, ramps = _ramp_lengths(legs, first, last, low)
+    way, ramps = _measure_ramps(legs, ends, low)
     ramped = ramps + (legs.length - way) / np.maximum(low, TINY)
     # ramps that reach over several pieces: the jerk in between is left out
-    spanned = 2 * legs.length / np.maximum(first + last, TINY)
+    spanned = 2 * legs.length / np.maximum(ends.sum(0), TINY)
     return np.asarray(np.where(way <= legs.length, ramped, spanned))
 
 
-def _ramp_lengths(legs: _Legs, first: Array, last: Array, top: Array) -> tuple[Array, Array]:
-    """Return length and time (P,) of the ramps from the first speed to the top and to the last."""
-    way = np.zeros(len(top))
-    time = np.zeros(len(top))
-    with np.errstate(invalid="ignore", over="ignore"):
-        # change of speed up to which the ramp does not attain the full acceleration
-        jerky = legs.acceleration**2 / legs.jerk
-        for end in (first, last):
-            gain = top - end
-            ramp = np.where(
-                gain > np.nan_to_num(jerky, nan=np.inf),
-                gain / legs.acceleration + legs.acceleration / legs.jerk,
-                2 * np.sqrt(gain / legs.jerk),
-            )
-            way = way + (top + end) / 2 * ramp
-            time = time + ramp
-    return way, time
+def _measure_ramps(legs: _Legs, ends: Array, top: Array) -> tuple[Array, Array]:
+    """Return length and time (P,) of the ramps between the speeds (2, P) at the ends and the top."""
+    gain = top - ends
+    with np.errstate(over="ignore"):
+        full = gain > legs.acceleration**2 / legs.jerk  # the ramp attains the full acceleration
+    trapezoid = gain / legs.acceleration + legs.acceleration / legs.jerk
+    time = np.where(full, trapezoid, 2 * np.sqrt(gain / legs.jerk))
+    return ((top + ends) / 2 * time).sum(0), time.sum(0)

@@ -1,7 +1,7 @@
 """Figures of results: each draws on `ax`, or on a figure of its own, and returns the axes."""
 
-from collections.abc import Iterable, Sequence
-from itertools import groupby
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -10,6 +10,7 @@ from matplotlib.patches import StepPatch
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
+from scipy.spatial.transform import RigidTransform
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.figure import (
@@ -49,6 +50,8 @@ DRAWN_INSTANTS = 2000
 """Instants drawn, besides the knots of the trajectory. More make files larger and show no more."""
 VISIBLE_SHARE = 1 / 150
 """Distance between two paths that a reader can see, as a share of their extent."""
+LIMIT_LINE: Mapping[str, Any] = {"linestyle": (0, (6, 3)), "linewidth": 1}
+"""Line style of limits and bounds."""
 
 
 @draws(Trajectory)
@@ -71,10 +74,16 @@ def path_speed(trajectory: Trajectory, ax: Axes | None = None, **style: Any) -> 
     return ax
 
 
+@draws(Classical)
 @draws(Section)
-def section_speed(section: Section, ax: Axes | None = None, **style: Any) -> Axes:
-    """Draw the speed along the path over the time since the section began."""
-    return path_speed(section.trajectory, ax, **style)
+@draws(Solution)
+def timing_speed(
+    timing: Classical | Section | Solution,
+    ax: Axes | None = None,
+    **style: Any,
+) -> Axes:
+    """Draw the speed along the path over time."""
+    return path_speed(timing.trajectory, ax, **style)
 
 
 @draws(Stops)
@@ -112,25 +121,22 @@ def path_in_space(plan: Plan, ax: Axes3D | None = None) -> Axes3D:
 
     Coordinates are those of the program's frame.
     """
-    ax = new_axes_3d(ax)
-    state = plan.trajectory.at(pick_instants(plan.trajectory))
-    pose = from_numbers(state.tool_rate(0))
     from_home = plan.program.frame == "home"
-    mover = "platform's origin" if plan.path.tool is None else "tool"
-    if from_home:
-        pose = plan.machine.home.inv() * pose
-    position = 1e3 * pose.translation
+    frame = plan.machine.home.inv() if from_home else RigidTransform.identity()
+    state = plan.trajectory.at(pick_instants(plan.trajectory))
+    position = 1e3 * (frame * from_numbers(state.tool_rate(0))).translation
     speed = 1e3 * np.linalg.norm(state.tool_velocity, axis=1)
-    ax = draw_way(ax, position, speed, f"speed of the {mover} (mm/s)")
+    mover = "platform's origin" if plan.path.tool is None else "tool"
+    ax = draw_way(new_axes_3d(ax), position, speed, f"speed of the {mover} (mm/s)")
     visible = VISIBLE_SHARE * np.ptp(position, axis=0).max()
     if plan.shaped is not None and 1e3 * plan.shaped.contour > visible:
         motion = plan.shaped.motion
         t = np.linspace(0, plan.shaped.duration, 2 * DRAWN_INSTANTS)
-        pose = reached_poses(plan.trajectory, motion, t, motion.positions_at(t))
-        x = to_numbers(plan.machine.home.inv() * pose if from_home else pose)
-        place = 1e3 * (x if plan.path.tool is None else plan.path.tool(x))[:, :3]
+        pose = frame * reached_poses(plan.trajectory, motion, t, motion.positions_at(t))
+        numbers = to_numbers(pose)
+        place = numbers if plan.path.tool is None else plan.path.tool(numbers)
         ax.plot(
-            *place.T,
+            *(1e3 * place[:, :3].T),
             color=PALETTE[3],
             linewidth=1,
             label="behind the input shapers",
@@ -142,7 +148,12 @@ def path_in_space(plan: Plan, ax: Axes3D | None = None) -> Axes3D:
     return ax
 
 
-def draw_way(ax: Axes3D, position: Array, speed: Array, label: str = "speed along the path (mm/s)") -> Axes3D:
+def draw_way(
+    ax: Axes3D,
+    position: Array,
+    speed: Array,
+    label: str = "speed along the path (mm/s)",
+) -> Axes3D:
     """Draw a line through points (N, 3) mm, coloured by the speed (N,) mm/s; mark its rests."""
     strokes = list(np.stack([position[:-1], position[1:]], 1))
     # thin lines for a path that is long for its extent: neighbouring strokes would run together
@@ -155,20 +166,14 @@ def draw_way(ax: Axes3D, position: Array, speed: Array, label: str = "speed alon
     line.set_array((speed[:-1] + speed[1:]) / 2)
     if strokes:
         ax.add_collection3d(line)
+    mark = partial(ax.scatter, edgecolor="black", depthshade=False, clip_on=False)
     rest = position[speed <= 1e-6 * speed.max(initial=0.0)]
-    ax.scatter(*rest.T, color="black", s=14, depthshade=False, clip_on=False, label="at rest")
-    ax.scatter(
-        *position[0],
-        s=80,
-        facecolor="none",
-        edgecolor="black",
-        depthshade=False,
-        clip_on=False,
-        label="start",
-    )
-    for name, low, size in zip("xyz", position.min(0), extent, strict=True):
-        half = max(size, extent.max() / 10) / 2
-        ax.set(**{f"{name}lim": (low + size / 2 - half, low + size / 2 + half)})
+    mark(*rest.T, facecolor="black", s=14, label="at rest")
+    mark(*position[0], facecolor="none", s=80, label="start")
+    middle = position.min(0) + extent / 2
+    half = np.maximum(extent, extent.max() / 10) / 2
+    for name, low, high in zip("xyz", middle - half, middle + half, strict=True):
+        ax.set(**{f"{name}lim": (low, high)})
     label_space(ax)
     ax.legend(loc="upper left", frameon=False)
     root = ax.get_figure(root=True)
@@ -194,13 +199,19 @@ def axis_motion(
     unit, scale = _UNIT[kind]
     attribute, per = _DERIVATIVE[quantity]
     t = pick_instants(plan.trajectory)
-    values: Array = getattr(plan.trajectory.at(t), attribute) - (plan.machine.home_q if quantity == "position" else 0.0)
-    chosen = [n for n, axis in enumerate(axes) if axis.kind == kind]
-    for n in chosen:
-        ax.plot(t, scale * values[:, n], label=literal_label(axes[n].name), **line_style(n))
+    values: Array = getattr(plan.trajectory.at(t), attribute)
+    if quantity == "position":
+        values = values - plan.machine.home_q
+    for n, axis in enumerate(axes):
+        if axis.kind == kind:
+            ax.plot(t, scale * values[:, n], label=literal_label(axis.name), **line_style(n))
     for level, color in list_levels(axes, quantity, kind):
-        ax.axhline(scale * level, color=color, linestyle=(0, (6, 3)), linewidth=1)
-    ax.set(xlabel="time (s)", ylabel=f"{quantity} ({unit}{per})", xlim=(0, plan.trajectory.duration))
+        ax.axhline(scale * level, color=color, **LIMIT_LINE)
+    ax.set(
+        xlabel="time (s)",
+        ylabel=f"{quantity} ({unit}{per})",
+        xlim=(0, plan.trajectory.duration),
+    )
     if alone:
         ax.legend(ncols=2, fontsize="small")
     return ax
@@ -211,12 +222,21 @@ def list_levels(axes: Sequence[Axis], quantity: Quantity, kind: str) -> list[tup
 
     The colour is that of the axis, or black for a limit that all axes share.
     """
-    chosen = [n for n, axis in enumerate(axes) if axis.kind == kind]
-    bounds = [_quantity_range(axes[n], quantity) for n in chosen]
+    ranges: dict[int, tuple[float, float]] = {}
+    for n, axis in enumerate(axes):
+        if axis.kind != kind:
+            continue
+        if quantity == "position":
+            ranges[n] = axis.travel
+        else:
+            below, above = directional_bounds(getattr(axis, f"max_{quantity}"))
+            ranges[n] = -below, above
     levels = []
-    for level in sorted({bound for pair in bounds for bound in pair if np.isfinite(bound)}):
-        owners = [n for n, pair in zip(chosen, bounds, strict=True) if level in pair]
-        levels.append((level, "#000000" if len(owners) == len(chosen) else line_style(owners[0])["color"]))
+    for level in sorted({bound for pair in ranges.values() for bound in pair}):
+        owners = [n for n, pair in ranges.items() if level in pair]
+        shared = len(owners) == len(ranges)
+        if np.isfinite(level):
+            levels.append((level, "#000000" if shared else line_style(owners[0])["color"]))
     return levels
 
 
@@ -234,19 +254,18 @@ def style_limits(names: Iterable[str]) -> dict[str, dict[str, Any]]:
     Limits that depend on timing have a colour each, geometric ones are dashed, and those of a
     caller are dotted.
     """
+    names = list(names)
     still = geometric_limits()
     timed = [limit.name for limit in (*AXIS_LIMITS, *MACHINE_LIMITS) if limit.name not in still]
+    families: tuple[tuple[Sequence[str], Sequence[str], str], ...] = (
+        (timed, TIMED_COLOURS, "-"),
+        (still, PALETTE, "--"),
+        (names, PALETTE, ":"),
+    )
     styles: dict[str, dict[str, Any]] = {}
-    for n, name in enumerate(names):
-        if name in timed:
-            line = "-"
-            color = TIMED_COLOURS[timed.index(name) % len(TIMED_COLOURS)]
-        elif name in still:
-            line = "--"
-            color = PALETTE[still.index(name) % len(PALETTE)]
-        else:
-            line = ":"
-            color = PALETTE[n % len(PALETTE)]
+    for name in names:
+        members, colours, line = next(family for family in families if name in family[0])
+        color = colours[members.index(name) % len(colours)]
         styles[name] = {**line_style(0), "color": color, "linestyle": line}
     return styles
 
@@ -267,13 +286,14 @@ def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] 
         _draw_stairs(ax, shares[name], edges, label=literal_label(name), **drawn)
     ax.set_axisbelow(True)
     active = active_limits(plan)
-    bands: dict[int, list[tuple[float, float]]] = {}
-    for owner, run in groupby(range(len(active)), key=lambda k: int(active[k])):
-        pieces = list(run)
-        low, high = edges[pieces[0]], edges[pieces[-1] + 1]
-        bands.setdefault(owner, []).append((low, high - low))
-    for owner, spans in bands.items():
+    first = np.flatnonzero(np.diff(active, prepend=-2))
+    last = np.append(first[1:], len(active))
+    for owner in np.unique(active):
         color = "#E8E8E8" if owner < 0 else styles[plan.limits[owner].name]["color"]
+        runs = active[first] == owner
+        low = edges[first[runs]]
+        width = edges[last[runs]] - low
+        spans = list(zip(low.tolist(), width.tolist(), strict=True))
         ax.broken_barh(spans, (1.06, 0.12), facecolor=color, linewidth=0)
     for k, number in find_segments(plan):
         ax.axvline(edges[k], color="#B0B0B0", linewidth=0.8, zorder=0)
@@ -285,10 +305,9 @@ def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] 
             fontsize="small",
             color="#606060",
         )
-    ax.axhline(1.0, color="black", linestyle=(0, (6, 3)), linewidth=1)
-    label = "time (s)" if over == "time" else "distance along the path (mm)"
+    ax.axhline(1.0, color="black", **LIMIT_LINE)
     ax.set(
-        xlabel=label,
+        xlabel="time (s)" if over == "time" else "distance along the path (mm)",
         ylabel="share of the limit",
         xlim=(edges[0], edges[-1]),
         ylim=(0, 1.3),
@@ -299,48 +318,37 @@ def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] 
     return ax
 
 
-def pulse_rate(plan: Plan, ax: Axes | None = None) -> Axes:
-    """Draw pulses per second of each axis over time, and their limits."""
-    ax = draw_pulse_rate(plan.pulses, ax)
-    for rate in {axis.max_pulse_rate for axis in plan.machine.axes if axis.max_pulse_rate is not None}:
-        ax.axhline(rate / 1e3, color="black", linestyle=(0, (6, 3)), linewidth=1)
-    return ax
-
-
-def realised_error(result: RealisedPath, name: str = "position", ax: Axes | None = None, **style: Any) -> Axes:
+def realised_error(
+    result: RealisedPath,
+    name: str = "position",
+    ax: Axes | None = None,
+    **style: Any,
+) -> Axes:
     """Draw one error of a realised path over time, the largest in each window, and its bound.
 
     `style` goes to the error's line, so that the paths of several firing rules can share the axes.
     """
     ax = new_axes(ax)
     error = result[name]
-    _draw_stairs(ax, 1e6 * error.series, result.edges, **{"label": "error", **line_style(0), **style})
-    _draw_stairs(ax, 1e6 * error.bounds, result.edges, label="bound", color="black", linestyle=(0, (6, 3)))
+    style = {"label": "error", **line_style(0), **style}
+    _draw_stairs(ax, 1e6 * error.series, result.edges, **style)
+    _draw_stairs(ax, 1e6 * error.bounds, result.edges, label="bound", color="black", **LIMIT_LINE)
     ax.set_axisbelow(True)
-    ax.set(xlabel="time (s)", ylabel=f"{name} error (µ{error.unit})", xlim=(0, result.edges[-1]))
+    ax.set(
+        xlabel="time (s)",
+        ylabel=f"{name} error (µ{error.unit})",
+        xlim=(0, result.edges[-1]),
+    )
     ax.set_ylim(bottom=0)
     return ax
 
 
 def _draw_stairs(ax: Axes, values: Array, edges: Array, **style: Any) -> None:
-    """Draw stairs as `Axes.stairs` does, but faster: it spends most time on the ends of the steps."""
-    ax.add_artist(StepPatch(values, edges, baseline=None, fill=False, **style))  # type: ignore[arg-type]  # a float only
+    """Draw stairs faster than `Axes.stairs`, which spends most time on the ends of the steps."""
+    baseline: Any = None  # matplotlib's types admit a float only
+    ax.add_artist(StepPatch(values, edges, baseline=baseline, fill=False, **style))
     ax.update_datalim([(edges[0], values.min()), (edges[-1], values.max())])
     ax.autoscale_view()
-
-
-def _quantity_range(axis: Axis, quantity: Quantity) -> tuple[float, float]:
-    if quantity == "position":
-        return axis.travel
-    below, above = directional_bounds(getattr(axis, f"max_{quantity}"))
-    return -below, above
-
-
-@draws(Classical)
-@draws(Solution)
-def timing_speed(timing: Classical | Solution, ax: Axes | None = None) -> Axes:
-    """Draw the speed along the path over time."""
-    return path_speed(timing.trajectory, ax)
 
 
 @draws(CrossCheck)
@@ -361,7 +369,8 @@ def window_uses(standing: PlanStanding, ax: Axes | None = None) -> Axes:
     for name, use in standing.certificate.use.items():
         edges = np.linspace(0.5, standing.windows + 0.5, len(use) + 1)
         _draw_stairs(ax, use, edges, label=literal_label(name), **styles[name])
-    ax.axhline(1.0, color="#9AA4AE", linewidth=4, alpha=0.5, zorder=0)  # below the lines: many limits are used in full
+    # below the lines: many limits are used in full
+    ax.axhline(1.0, color="#9AA4AE", linewidth=4, alpha=0.5, zorder=0)
     ax.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     ax.set_xlim(0.5, standing.windows + 0.5)
     ax.set(xlabel="window", ylabel="largest share of the limit, proved", ylim=(0, 1.1))
@@ -372,7 +381,8 @@ def window_uses(standing: PlanStanding, ax: Axes | None = None) -> Axes:
 @draws(Certificate)
 def proven_uses(certificate: Certificate, ax: Axes | None = None) -> Axes:
     """Draw the worst proven use of each limit; `limit_use` shows that of a plan over time."""
-    return draw_bars([*certificate.worst], [*certificate.worst.values()], "bound of value/limit", ax, 1.0)
+    worst = certificate.worst
+    return draw_bars([*worst], [*worst.values()], "bound of value/limit", ax, 1.0)
 
 
 @draws(Standing)
@@ -386,7 +396,9 @@ def geometric_uses(standing: Standing, ax: Axes | None = None) -> Axes:
 def bound_losses(bound: DurationBound, ax: Axes | None = None) -> Axes:
     """Draw the sum of the open gap to the least duration over all cells up to a place."""
     ax = new_axes(ax)
-    ax.step(np.append(bound.s, bound.s[-1:]), 1e3 * np.append(0.0, np.cumsum(bound.loss)), where="post")
+    s = np.append(bound.s, bound.s[-1:])
+    open_time = np.append(0.0, np.cumsum(bound.loss))
+    ax.step(s, 1e3 * open_time, where="post")
     ax.set(xlabel="path length", ylabel="left open so far (ms)")
     return ax
 
@@ -400,25 +412,25 @@ def realised_in_space(realised: RealisedPath, ax: Axes | None = None) -> Axes:
 
 
 @draws(PulseSchedule)
-def schedule_rates(schedule: PulseSchedule, ax: Axes | None = None) -> Axes:
-    """Draw pulse rates over time."""
-    ax = draw_pulse_rate(schedule, ax)
-    ax.legend(frameon=False, loc="center left", bbox_to_anchor=(1, 0.5))
-    return ax
+def pulse_rate(result: Plan | PulseSchedule, ax: Axes | None = None) -> Axes:
+    """Draw pulses per second of each axis over time, averaged over 1/600 of the duration.
 
-
-def draw_pulse_rate(schedule: PulseSchedule, ax: Axes | None = None) -> Axes:
-    """Draw pulses per second of each axis over time, averaged over 1/600 of the duration."""
+    The figure of a plan has the limits too, and that of a schedule a legend.
+    """
     ax = new_axes(ax)
+    schedule = result.pulses if isinstance(result, Plan) else result
     edges = np.linspace(0, schedule.duration, RATE_WINDOWS + 1)
+    middle = (edges[1:] + edges[:-1]) / 2
     for n, axis in enumerate(schedule.axes):
         fired, _ = np.histogram(axis.ticks / schedule.clock_hz, edges)
-        ax.plot(
-            (edges[1:] + edges[:-1]) / 2,
-            fired / np.diff(edges) / 1e3,
-            label=literal_label(axis.name),
-            **line_style(n),
-        )
+        rate = fired / np.diff(edges) / 1e3
+        ax.plot(middle, rate, label=literal_label(axis.name), **line_style(n))
     ax.set(xlabel="time (s)", ylabel="pulse rate (1000/s)", xlim=(0, schedule.duration))
     ax.set_ylim(bottom=0)
+    if isinstance(result, PulseSchedule):
+        ax.legend(frameon=False, loc="center left", bbox_to_anchor=(1, 0.5))
+        return ax
+    for limit in {axis.max_pulse_rate for axis in result.machine.axes}:
+        if limit is not None:
+            ax.axhline(limit / 1e3, color="black", **LIMIT_LINE)
     return ax

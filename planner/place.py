@@ -1,8 +1,9 @@
 """Places along a plan, and the errors that name them."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, Self
 
 from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.foundation.table import Column
@@ -60,60 +61,51 @@ class Place:
         return ", ".join(parts)
 
 
+@dataclass(eq=False, repr=False)
 class Infeasible(MotionError):
-    """A limit that no motion can keep: kind, axis, place, value and limit in a unit, and the remedy."""
+    """A limit that no motion can keep: kind, axis, place, value and limit in a unit, and the remedy.
 
-    def __init__(
-        self,
-        kind: str,
-        axis: str,
-        place: Place | None,
-        value: float,
-        limit: float,
-        unit: str,
-        remedy: str,
-    ) -> None:
-        self.kind = kind
-        self.axis = axis
-        self.place = place
-        self.value = value
-        self.limit = limit
-        self.unit = unit
+    advise  function that finds more advice, which may take a second: called when `remedy` is read
+    """
+
+    kind: str
+    axis: str
+    place: Place | None
+    value: float
+    limit: float
+    unit: str
+    stated_remedy: str
+    advise: Callable[[], object] | None = None
+
+    def __post_init__(self) -> None:
+        place = self.place
         self.segment = None if place is None else place.segment
-        self._remedy = remedy
-        self._more: Callable[[], object] | None = None
-
         where = "" if place is None else f" at {place}"
-        who = f"{axis} " if axis and (place is None or not place.axis) else ""
-        text, bound = format_distinct(value, limit)
-        excess = f"beyond {bound} {unit}" if value >= limit else f"below the {bound} {unit} minimum"
-        super().__init__(f"{who}{kind} {text} {unit} is {excess}{where}")
+        who = f"{self.axis} " if self.axis and (place is None or not place.axis) else ""
+        value, limit = format_distinct(self.value, self.limit)
+        above = self.value >= self.limit
+        bound = f"beyond {limit} {self.unit}" if above else f"below the {limit} {self.unit} minimum"
+        super().__init__(f"{who}{self.kind} {value} {self.unit} is {bound}{where}")
 
     def __str__(self) -> str:
         return f"{self.args[0]}; {self.remedy}"
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the error with its complete remedy: the function for more advice stays here."""
-        self.remedy  # noqa: B018  reading it completes it
+        self.stated_remedy = self.remedy
+        self.advise = None
         return super().__reduce__()
 
-    @property
+    @cached_property
     def remedy(self) -> str:
         """The change to make, and by how much."""
-        if self._more is not None:
-            self._remedy = f"{self._remedy}; {self._more()}"
-            self._more = None
-        return self._remedy
+        if self.advise is None:
+            return self.stated_remedy
+        return f"{self.stated_remedy}; {self.advise()}"
 
-    @property
-    def _arguments(self) -> tuple[str, str, Place | None, float, float, str]:
-        return self.kind, self.axis, self.place, self.value, self.limit, self.unit
-
-    def add_advice(self, more: Callable[[], object]) -> "Infeasible":
-        """Return the error with more advice, computed when it is read: that may take a second."""
-        advised = Infeasible(*self._arguments, self.remedy)
-        advised._more = more
-        return advised
+    def add_advice(self, advise: Callable[[], object]) -> Self:
+        """Return the error with more advice, computed when it is read."""
+        return replace(self, stated_remedy=self.remedy, advise=advise)
 
     @property
     def relaxation(self) -> float:
@@ -124,37 +116,36 @@ class Infeasible(MotionError):
         return self.value / self.limit if self.limit else float("inf")
 
 
-class LostPath(OutOfReach):
-    """A path beyond the reach of the actuators, with more advice, computed when it is read."""
-
-    def __init__(self, message: str, more: Callable[[], object]) -> None:
-        self._more: Callable[[], object] | None = more
-        super().__init__(message)
-
-    def __str__(self) -> str:
-        if self._more is not None:
-            self.args = (f"{self.args[0]}; {self._more()}",)
-            self._more = None
-        return str(self.args[0])
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        str(self)
-        return super().__reduce__()
-
-
+@dataclass(eq=False, repr=False)
 class ConstantRefused(Infeasible):
     """A constant speed that the machine cannot keep or attain.
 
-    asked     m/s, required by the segment
-    possible  m/s, largest that this place allows
+    requested  m/s, of the segment
+    possible   m/s, largest that this place allows
     """
 
-    def __init__(self, *arguments: Any, asked: float, possible: float) -> None:
-        self.asked = asked
-        self.possible = possible
-        super().__init__(*arguments)
+    requested: float = field(kw_only=True)
+    possible: float = field(kw_only=True)
 
-    def add_possible_speed(self, speed: float) -> "ConstantRefused":
+    def add_possible_speed(self, speed: float) -> Self:
         """Return the error with a speed (m/s) that is proved for the whole run."""
         remedy = f"{self.remedy}; {speed * 1e3:.6g} mm/s was found to hold"
-        return ConstantRefused(*self._arguments, remedy, asked=self.asked, possible=self.possible)
+        return replace(self, stated_remedy=remedy, advise=None)
+
+
+class LostPath(OutOfReach):
+    """A path beyond the reach of the actuators, with more advice, computed when it is read."""
+
+    def __init__(self, message: str, advise: Callable[[], object]) -> None:
+        self._advise: Callable[[], object] | None = advise
+        super().__init__(message)
+
+    def __str__(self) -> str:
+        if self._advise is not None:
+            self.args = (f"{self.args[0]}; {self._advise()}",)
+            self._advise = None
+        return str(self.args[0])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        str(self)  # completes the message: the function stays here
+        return super().__reduce__()

@@ -18,7 +18,7 @@ from kinematics.foundation.result import Result
 from kinematics.foundation.table import Table
 from kinematics.machine.machine import Machine
 from kinematics.machine.machine_file import MachineSource, load_machine
-from planner.avoidable_stops import AvoidableStops, find_stops_of_part
+from planner.avoidable_stops import AvoidableStops, cost_first_stops, state_stops
 from planner.certificate.certify import Certificate
 from planner.certificate.summary import join_certificates, summarise_part
 from planner.limits import Limit, OwnLimit, limits_of
@@ -342,13 +342,12 @@ class _PartMaker:
             rounds=solution.rounds,
             methods=Counter(solution.methods),
             triggers=triggers,
-            avoidable_stops=find_stops_of_part(
-                self._program,
+            avoidable_stops=cost_first_stops(
+                state_stops(self._program, unasked),
                 path,
                 solution.limits,
                 order,
                 last_piece + 1,
-                unasked,
             ),
         )
 

@@ -43,6 +43,7 @@ class Option:
     choices        the values that the field takes, if these are few
     refusal        what a message says of a value out of range; "": any value is allowed
     metavar        placeholder in the help
+    flag           option, if it is not named as the field
     names          list of names that completion offers
     files          True if a file may be given instead of a name
     opposite       option that says no, as "no-figures"
@@ -58,6 +59,7 @@ class Option:
     choices: tuple[Any, ...] = ()
     refusal: str = ""
     metavar: str | None = None
+    flag: str = ""
     names: str = ""
     files: bool = False
     opposite: str = ""

@@ -69,14 +69,10 @@ def time_optimal(
     speeds = _per_axis("max_speed", max_speed, count)
     accelerations = _per_axis("max_acceleration", max_acceleration, count)
     jerks = _per_axis("max_jerk", max_jerk, count)
+    caps = zip(speeds, accelerations, jerks, strict=True)
     axes = [
-        Axis(
-            name=f"axis{k + 1}",
-            max_speed=speeds[k],
-            max_acceleration=accelerations[k],
-            max_jerk=jerks[k],
-        )
-        for k in range(count)
+        Axis(name=f"axis{k}", max_speed=speed, max_acceleration=acceleration, max_jerk=jerk)
+        for k, (speed, acceleration, jerk) in enumerate(caps, start=1)
     ]
     names = [axis.name for axis in axes]
     end_speeds = _check_end_speeds(start_speed, end_speed)
@@ -92,12 +88,13 @@ def _choose_faster(section: PathSection, axes: Sequence[Axis], order: int) -> Po
     """Choose the fastest path of a section: with all rests, or with some rests passed."""
     if not section.passing:
         return section.resting
-    ways = (section.resting, *section.passing)
-    times = []
-    for way in ways:
-        motion = attempt(partial(certified_solve, way, limits_of(way, axes, order), order))
-        times.append(np.inf if isinstance(motion, MotionError) else motion.trajectory.duration)
-    return ways[int(np.argmin(times))]
+
+    def find_duration(path: PolynomialPath) -> float:
+        limits = limits_of(path, axes, order)
+        motion = attempt(partial(certified_solve, path, limits, order))
+        return np.inf if isinstance(motion, MotionError) else motion.trajectory.duration
+
+    return min((section.resting, *section.passing), key=find_duration)
 
 
 def _check_end_speeds(start_speed: float, end_speed: float) -> tuple[float, float]:
@@ -145,26 +142,27 @@ def _pieces(path: Any) -> tuple[Array, Array]:
         raise MotionError(
             f"a path is a SciPy piecewise polynomial (PPoly, CubicSpline, BSpline, BPoly, …), not {type(path).__name__}"
         )
-    if not (np.isfinite(path.c).all() and np.isfinite(path.x).all()) or path.c.dtype.kind != "f":
+    values = path.c
+    lengths = np.diff(path.x)
+    if values.dtype.kind != "f" or not (np.isfinite(values).all() and np.isfinite(path.x).all()):
         raise MotionError("the path holds coefficients or breaks that are not finite real numbers")
-    if path.c.ndim > 3:
+    if values.ndim > 3:
         raise MotionError(
-            f"the path's values have shape {path.c.shape[2:]}; they must be one value, or (n,) axis values"
+            f"the path's values have shape {values.shape[2:]}; they must be one value, or (n,) axis values"
         )
-    if (np.diff(path.x) < 0).any():
+    if (lengths < 0).any():
         raise MotionError("the path's breaks decrease; reverse it so that they increase")
-    inside = (path.x[:-1] >= low) & (path.x[1:] <= high) & (np.diff(path.x) > 0)
+    inside = (path.x[:-1] >= low) & (path.x[1:] <= high) & (lengths > 0)
     if not inside.any():
         raise MotionError("the path has no length: all its breaks are the same")
-    coefficients = path.c.reshape(*path.c.shape[:2], -1)
-    still = inside & _find_still(np.diff(path.x), coefficients)
-    if still.any() and not (still == inside).all():  # a repeated point: the path continues from it
-        inside &= ~still
-    else:
-        still[:] = False
-    left_out = np.append(0.0, np.cumsum(np.where(still, np.diff(path.x), 0.0)))
+    coefficients = values.reshape(*values.shape[:2], -1)
+    # pieces that repeat a point are left out: the path continues from it
+    moving = inside & ~_find_still(lengths, coefficients)
+    if not moving.any():
+        moving = inside
+    left_out = np.append(0.0, np.cumsum(np.where(inside & ~moving, lengths, 0.0)))
     s = path.x - left_out
-    return np.append(s[:-1][inside], s[1:][inside][-1]), coefficients[:, inside]
+    return np.append(s[:-1][moving], s[1:][moving][-1]), coefficients[:, moving]
 
 
 STILL_SHARE = 1e-10

@@ -200,8 +200,8 @@ class ProgramCommand(click.Command):
     def invoke(self, ctx: click.Context) -> Any:
         stated = {parameter.name for parameter in self.params}
         names = {new: old for old, new in CLASHES.items()}
-        given = {name: ctx.params.pop(name) for name in [*ctx.params] if name not in stated}
-        ctx.params["given"] = {names.get(name, name): value for name, value in given.items()}
+        options = {name: ctx.params.pop(name) for name in [*ctx.params] if name not in stated}
+        ctx.params["given"] = {names.get(name, name): value for name, value in options.items()}
         return super().invoke(ctx)
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:

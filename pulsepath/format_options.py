@@ -1,24 +1,24 @@
 """The options of formats on the command line, made from the fields of the formats themselves."""
 
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import Field, dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin, get_type_hints
 
 import click
 
+from planner import request
 from pulsepath import known_names, registries
 from pulsepath.options import read_quantity
 from pulsepath.registries import Option
+from pulsepath.request_options import describe_option, find_flag
 
 if TYPE_CHECKING:
     from pulsepath.inputs import Origin
 
-USUAL = re.compile(r'as "([^"]+)"|Default:? (\d[\d.]* [a-z/]+)')
-"""A usual value of an option that is a quantity, in its help."""
-TYPES = {"int": click.INT, "float": click.FLOAT, "str": click.STRING}
-"""Names of option types in click."""
+# Types by the names that `registries` has for them.
+TYPES = {"int": int, "float": float, "str": str, "bool": bool}
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,19 +83,20 @@ class Formats:
         fields = {field.name: (field, kind) for field, kind in _fields(self.find(name))}
         values = {key: value for key, value in given.items() if value is not None}
         for key in values.keys() - fields.keys():
-            offered = ", ".join(map(_flag, fields)) or "none"
-            raise MotionError(f"format {name} has no option {_flag(key)}; its options: {offered}")
-        for key in values:
+            offered = ", ".join(map(find_flag, fields)) or "none"
+            raise MotionError(
+                f"format {name} has no option {find_flag(key)}; its options: {offered}",
+            )
+        for key, value in values.items():
             field, kind = fields[key]
-            unit = field.metadata["unit"]
-            if unit:
-                usual = USUAL.search(field.metadata["help"])
-                like = None if usual is None else usual[1] or usual[2]
-                values[key] = read_quantity(_flag(key), values[key], unit, like=like)
-            choices = get_args(kind)
-            if get_origin(kind) is Literal and values[key] not in choices:
+            facts = field.metadata
+            if facts["unit"]:
+                values[key] = read_quantity(find_flag(key), value, facts["unit"], facts["like"])
+            choices = get_args(kind) if get_origin(kind) is Literal else ()
+            if choices and value not in choices:
                 words = ", ".join(choices)
-                raise MotionError(f'format {name}, option {_flag(key)}: "{values[key]}" is none of {words}')
+                flag = find_flag(key)
+                raise MotionError(f'format {name}, option {flag}: "{value}" is none of {words}')
         return values
 
     def _added(self) -> Iterator[tuple[str, type[Any]]]:
@@ -106,23 +107,14 @@ class Formats:
                 yield name, kind
 
 
-def _find_export(name: str) -> type[Any]:
-    from planner.export.format import find_format
-
-    return find_format(name)
-
-
-def _find_import(name: str) -> type[Any]:
-    from planner.sources.source import find_source
-
-    return find_source(name)
+def _load(module: str, name: str) -> Callable[..., Any]:
+    """Return a function whose module loads when it is called."""
+    return lambda *arguments: getattr(import_module(module), name)(*arguments)
 
 
-def _takes_stop(kind: type[Any]) -> bool:
-    from planner.export.format import takes_stop
-
-    return takes_stop(kind)
-
+_find_export = _load("planner.export.format", "find_format")
+_find_import = _load("planner.sources.source", "find_source")
+_takes_stop = _load("planner.export.format", "takes_stop")
 
 EXPORTS = Formats("exports", registries.EXPORTS, registries.EXPORT_OPTIONS, _find_export)
 IMPORTS = Formats("imports", registries.IMPORTS, registries.IMPORT_OPTIONS, _find_import)
@@ -145,32 +137,30 @@ def find_origin(program: str, given: Mapping[str, Any], fit: float | None) -> "O
     if name is not None:
         options = IMPORTS.options_of(name, given)
         return Origin(name, options if fit is None else {**options, "fit": fit}, suffix)
-    stray = next((key for key, value in given.items() if value is not None), None)
-    if stray is not None:
-        flag = _flag(stray)
+    for key in (key for key, value in given.items() if value is not None):
+        flag = find_flag(key)
         raise MotionError(f"option {flag} is for files of other formats, which {program} is not")
     return None
 
 
 def list_options(name: str, kind: type[Any]) -> list[Option]:
     """List the options of a format from the fields of its dataclass."""
-    pairs = _fields(kind)
-    return [(field.name, _find_type(field, hint), name, field.metadata["help"]) for field, hint in pairs]
+    rows = []
+    for field, hint in _fields(kind):
+        rows.append((field.name, _find_type(field, hint), name, field.metadata["help"]))
+    return rows
 
 
 def _fields(kind: type[Any]) -> list[tuple[Field[Any], Any]]:
+    """Return the options of a format with their types."""
     from kinematics.foundation.options import options
 
     hints = get_type_hints(kind)
     return [(field, hints[name]) for name, field in options(kind).items()]
 
 
-def _flag(name: str) -> str:
-    return "--" + name.replace("_", "-")
-
-
 def _find_type(field: Field[Any], hint: Any) -> str | tuple[str, ...]:
-    """Return the kind of an option's value: "quantity", the name of a type, or one of several words."""
+    """Return the type of an option as `registries` has it: "quantity", a type's name, or words."""
     if field.metadata["unit"]:
         return "quantity"
     if get_origin(hint) is not Literal:  # as float, or str | None
@@ -179,15 +169,16 @@ def _find_type(field: Field[Any], hint: Any) -> str | tuple[str, ...]:
 
 
 def _make_option(name: str, rows: Sequence[Option]) -> click.Option:
-    """Make the option of several formats; where they take different words, the format checks them."""
+    """Make the option of several formats. If they take different words, the format checks them."""
     takes = rows[0][1]
-    text = " ".join(f"[{formats}] {text}." for _, _, formats, text in rows)[:-1]
-    if takes == "quantity":
-        return click.Option([_flag(name)], metavar="QUANTITY", help=text)
-    if takes == "bool":
-        return click.Option([f"{_flag(name)}/--no-{_flag(name)[2:]}"], default=None, help=text)
-    if isinstance(takes, str):
-        return click.Option([_flag(name)], type=TYPES[takes], help=text)
-    alike = all(row[1] == takes for row in rows)
-    words = click.Choice(takes) if alike else click.STRING
-    return click.Option([_flag(name)], type=words, help=text)
+    help_text = " ".join(f"[{formats}] {text}." for _, _, formats, text in rows)[:-1]
+    is_same = all(row[1] == takes for row in rows)
+    facts = request.Option(
+        help=help_text,
+        metavar="QUANTITY" if takes == "quantity" else None,
+        choices=takes if is_same and isinstance(takes, tuple) else (),
+        opposite=f"no-{find_flag(name)[2:]}" if takes == "bool" else "",
+    )
+    kind = TYPES.get(takes, str) if isinstance(takes, str) else str
+    words, settings = describe_option(name, kind, facts)
+    return click.Option(words, **settings)

@@ -1,7 +1,7 @@
 """The program and machine that a command line names, with the text of their files."""
 
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from hashlib import sha256
@@ -9,16 +9,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from kinematics.files.toml_document import read
-from kinematics.foundation.errors import Fault, FileError, MotionError
+from kinematics.foundation.errors import FileError, MotionError
 from kinematics.foundation.names import find, presets, source_folder
 from planner.program.joins import fit_joins
 from planner.program.model import Program
+from pulsepath.options import refuse_missing
 from pulsepath.progress import note
 
 if TYPE_CHECKING:
     from controllers.rig import Rig
     from kinematics import Machine
     from planner.sources.source import Imported
+
+LoadMachine = Callable[[], tuple["Machine", bytes, Mapping[str, bytes]]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,8 +43,10 @@ class Origin:
         """Read the program of a file, and show its warnings."""
         from planner.sources.source import find_source, stream_program
 
-        source = find_source(self.format)(**{**self.options, **_joint_machine(self.format, file, machine)})
-        result = stream_program(file, source)
+        options = dict(self.options)
+        if self.format == "gcode" and _is_of_joint_axes(file):
+            options["machine"] = machine
+        result = stream_program(file, find_source(self.format)(**options))
         for warning in result.warnings:
             note(f"note: {file.name}: {warning}")
         return result
@@ -94,7 +99,7 @@ class Inputs:
     def digests(self) -> dict[str, str]:
         """SHA-256 of each file's content."""
         files = {"program": self.program_toml, "machine": self.machine_toml}
-        return {what: sha256(content).hexdigest() for what, content in files.items()}
+        return {role: sha256(content).hexdigest() for role, content in files.items()}
 
 
 def read_inputs(
@@ -104,32 +109,37 @@ def read_inputs(
     origin: Origin | None = None,
     ready: Callable[[], object] = lambda: None,
 ) -> Inputs:
-    """A program by preset name or path, and a machine likewise; None: the one that the program names.
+    """Read a program by preset name or path, and a machine likewise.
 
-    A path in the program counts from the program's own folder. Raises FileError or MotionError, also where neither says
-    which machine.
-    fit     m, within which a TOML program's path is to be fitted; None: as it says
-    origin  how a file of another format is read
-    ready   called once what is told soon is known to be right: the program's file, and that there is the machine
+    A path in the program counts from the program's own folder. Raises FileError or MotionError.
+
+    machine  None: the one that the program names
+    fit      m, within which a TOML program's path is to be fitted; None: as it says
+    origin   how a file of another format is read
+    ready    called once the program's file is read and the machine's file is known to be there
     """
     if origin is None:
-        result = _read_native(program, machine, ready)
-        return result if fit is None else replace(result, program=fit_joins(result.program, fit), fit=fit)
+        inputs = _read_native(program, machine, ready)
+        if fit is None:
+            return inputs
+        return replace(inputs, program=fit_joins(inputs.program, fit), fit=fit)
     file = Path(program)
     if machine is None:
         raise MotionError(f"{file.name} names no machine: give --machine")
     load_machine = _find_machine(machine)
     imported = origin.read_import(file, machine)
-    loaded = imported.program
     ready()
-    driven, content, companions = load_machine()
-    _note_lost_angles(imported.turned, driven, file.name)
-    return Inputs(loaded, driven, file.read_bytes(), content, companions, origin)
+    model, content, companions = load_machine()
+    _note_lost_angles(imported.turned, model, file.name)
+    return Inputs(imported.program, model, file.read_bytes(), content, companions, origin)
 
 
-def _note_lost_angles(turned: frozenset[str], machine: "Machine", name: str) -> None:
-    """Show a warning of rotations that the machine cannot make, because the angle follows from its other axes."""
-    if not turned or not machine.follows:
+def _note_lost_angles(turned: Iterable[str], machine: "Machine", name: str) -> None:
+    """Show a warning of rotations that the machine cannot make.
+
+    Its angles follow from its other axes.
+    """
+    if not machine.follows:
         return
     from planner.path.followed_angles import describe_lost_angles
 
@@ -137,41 +147,44 @@ def _note_lost_angles(turned: frozenset[str], machine: "Machine", name: str) -> 
         note(f"note: {name}: {warning}")
 
 
-def _joint_machine(name: str, file: Path, machine: str) -> dict[str, str]:
-    """Return the machine for a file of joint axes."""
+def _is_of_joint_axes(file: Path) -> bool:
     from planner.sources.rs274.joints import find_header
     from planner.sources.source import decode_text
 
-    return {"machine": machine} if name == "gcode" and find_header(decode_text(file)) is not None else {}
+    return find_header(decode_text(file)) is not None
 
 
-def _find_machine(machine: str) -> Callable[[], tuple["Machine", bytes, Mapping[str, bytes]]]:
+def _find_machine(machine: str) -> LoadMachine:
     """Return a function that loads a machine, the content of its file, and the files that it names.
 
     Faults of the file are reported at once. A bundled one has none, and is read when it is loaded.
     """
     file = find("kinematics", "machine", machine)
-    if isinstance(file, Path) and not file.exists():  # said before what is slow to load
-        read(file)
-    make: Callable[[], Machine] | None = None
+    if isinstance(file, Path):
+        refuse_missing(file)  # before slow modules load
+    make_machine: Callable[[], Machine] | None = None
     if machine not in presets("kinematics"):
         from kinematics.machine.machine_file import validate_machine_file
 
-        make = validate_machine_file(file)
+        make_machine = validate_machine_file(file)
 
     def load() -> tuple["Machine", bytes, Mapping[str, bytes]]:
         from kinematics.machine.machine_file import read_machine
         from kinematics.machine.machine_writer import toml_of
 
-        driven, content = read_machine(file) if make is None else make(), toml_of(file)
+        model = read_machine(file) if make_machine is None else make_machine()
+        content = toml_of(file)
         urdf = tomllib.loads(content.decode()).get("geometry", {}).get("urdf")
-        companions = {} if urdf is None else {urdf: (source_folder("kinematics", file) / urdf).read_bytes()}
-        return driven, content, companions
+        companions = {}
+        if urdf is not None:
+            companions[urdf] = (source_folder("kinematics", file) / urdf).read_bytes()
+        return model, content, companions
 
     return load
 
 
 def _read_native(program: str, machine: str | None, ready: Callable[[], object]) -> Inputs:
+    """Read a TOML program and its machine. Raises FileError with the faults of both in one pass."""
     from planner.program.program_file import make_program, read_program_file
 
     try:
@@ -179,23 +192,26 @@ def _read_native(program: str, machine: str | None, ready: Callable[[], object])
     except FileError as error:
         raise error if machine is not None else _add_machine_fault(error, program) from None
     try:
-        load_machine = _find_machine(_machine_name(model.machine, program) if machine is None else machine)
+        name = _find_machine_name(model.machine, program) if machine is None else machine
+        load_machine = _find_machine(name)
     except MotionError as error:
-        if machine is not None or (isinstance(error, FileError) and Path(error.file).is_file()):
+        has_own_faults = isinstance(error, FileError) and Path(error.file).is_file()
+        if machine is not None or has_own_faults:
             raise
         raise FileError(document.file, [document.fault(("machine",), error)]) from error
     ready()
-    loaded = make_program(document, model)  # which may take SciPy, as the machine does
+    loaded = make_program(document, model)  # may load SciPy, as the machine does
     driven, content, companions = load_machine()
     if driven.follows:
         from planner.path.followed_angles import list_turned_angles
 
         _note_lost_angles(list_turned_angles(loaded), driven, Path(program).name)
-    return Inputs(loaded, driven, find("planner", "program", program).read_bytes(), content, companions)
+    program_toml = find("planner", "program", program).read_bytes()
+    return Inputs(loaded, driven, program_toml, content, companions)
 
 
 def read_rig(name_or_path: str | None, machine: "Machine") -> "Rig | None":
-    """Return the rig of a name or of a file for a machine. Raises MotionError if it does not fit."""
+    """Return the rig of a name or file for a machine. Raises MotionError if it does not fit."""
     from controllers.rig_choice import choose_rig
 
     return None if name_or_path is None else choose_rig(machine, name_or_path)
@@ -210,34 +226,31 @@ def refuse_faulty_rig(rig: str | None) -> None:
     validate_rig_file(find("controllers", "rig", rig))
 
 
-def _add_machine_fault(error: FileError, source: str) -> FileError:
-    """The faults of a program, and that the machine which it names is not to be found: all in one pass."""
+def _add_machine_fault(error: FileError, program: str) -> FileError:
+    """Add to the faults of a program that the machine which it names does not exist."""
     try:
-        document = read(find("planner", "program", source))
-    except FileError:  # of no text, or no TOML: it names nothing
+        document = read(find("planner", "program", program))
+    except FileError:  # no text, or no TOML, names no machine
+        return error
+    named = document.data.get("machine")
+    if not isinstance(named, str):
         return error
     try:
-        named = document.data.get("machine")
-        if isinstance(named, str):
-            read(find("kinematics", "machine", _machine_name(named, source)))  # its own faults are told with it
-    except FileError as no:
-        if Path(no.file).is_file():  # which has faults of its own
+        read(find("kinematics", "machine", _find_machine_name(named, program)))
+    except MotionError as reason:
+        if isinstance(reason, FileError) and Path(reason.file).is_file():  # its own faults
             return error
-        reason: MotionError = no
-    except MotionError as no:
-        reason = no
-    else:
-        return error
-    return FileError(error.file, sorted((*error.faults, document.fault(("machine",), reason)), key=_line))
+        faults = [*error.faults, document.fault(("machine",), reason)]
+        return FileError(error.file, sorted(faults, key=lambda fault: fault.line or 0))
+    return error
 
 
-def _line(fault: Fault) -> int:
-    return fault.line or 0
-
-
-def _machine_name(machine: str | None, source: str) -> str:
+def _find_machine_name(machine: str | None, program: str) -> str:
+    """Return the name or path of the machine that a program names."""
     if machine is None:
-        name = Path(source).stem
-        raise MotionError(f'program {name} names no machine; give --machine, or write machine = "…" in it')
+        name = Path(program).stem
+        raise MotionError(
+            f'program {name} names no machine; give --machine, or write machine = "…" in it',
+        )
     is_path = find("kinematics", "machine", machine) == Path(machine)
-    return str(Path(source).parent / machine) if is_path else machine
+    return str(Path(program).parent / machine) if is_path else machine

@@ -48,6 +48,13 @@ exports = partial(list_names, "exports")
 imports = partial(list_names, "imports")
 
 
+def stop_formats() -> list[str]:
+    """Return the names of the export formats that can hold a stop."""
+    from pulsepath.format_options import STOPS
+
+    return STOPS.names()
+
+
 def make_completer(*sources: Callable[[], Iterable[str]], files: bool = False) -> Completer:
     """Return a function that completes names of `sources`, and with `files` those of files."""
 

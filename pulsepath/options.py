@@ -11,19 +11,34 @@ import click
 from pulsepath import known_names, registries
 from pulsepath.known_names import make_completer
 
+# Tracking laws by default: open and closed loop.
 LAWS = ("3", "6")
-"""Tracking laws by default: open and closed loop."""
+# Word for a name in messages, and the table of `registries` that has the names.
+WORDS = {
+    "laws": ("law", "laws"),
+    "rule": ("firing rule", "rules"),
+    "format": ("format", "exports"),
+}
+# Files that a command writes for the user to start from.
 MACHINE_FILE, PROGRAM_FILE = "machine.toml", "program.toml"
-"""Files that a command writes for the user to start from."""
+# Size (bytes) of a file that is read twice without a noticeable delay.
 FIRST_LOOK = 1 << 16
-"""Size (bytes) of a file that is read twice without a noticeable delay."""
 PERCENT = re.compile(r"\s*(\d*\.?\d+(?:[eE][+-]?\d+)?)\s*%\s*")
-FREQUENCY = re.compile(r"\s*(\d+(?:\.\d*)?(?:[eE]\+?\d{1,2})?)\s*(|Hz|kHz|MHz|GHz)\s*", re.ASCII)
+NUMBER = r"(\d+(?:\.\d*)?(?:[eE]\+?\d{1,2})?)"
+FREQUENCY = re.compile(rf"\s*{NUMBER}\s*(|Hz|kHz|MHz|GHz)\s*", re.ASCII)
 MULTIPLES = {"": 1, "Hz": 1, "kHz": 10**3, "MHz": 10**6, "GHz": 10**9}
-FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
+MAX_PORT = 65535
+# Settings of a command whose arguments may begin with a minus, as the pose "-5,5,35".
 ALLOW_MINUS = {"ignore_unknown_options": True}
-"""Settings of a command whose arguments may begin with a minus, as the poses "-5,5,35" and "-10 mm, 0 mm, 25 mm" do."""
-program_argument = click.argument("program", shell_complete=make_completer(known_names.programs, files=True))
+program_argument = click.argument(
+    "program",
+    shell_complete=make_completer(known_names.programs, files=True),
+)
+plan_argument = click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
+machine_argument = click.argument(
+    "machine",
+    shell_complete=make_completer(known_names.machines, files=True),
+)
 dump_option = click.option(
     "--dump-config",
     "dumped",
@@ -31,17 +46,11 @@ dump_option = click.option(
     metavar="DIR",
     help="Only write machine and program with all defaults to DIR (-: print them) and print the options.",
 )
-json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
+json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
 unverified_option = click.option(
     "--unverified",
     is_flag=True,
     help="Continue with a plan that was changed or is not proved; the output says so.",
-)
-machine_option = click.option(
-    "--machine",
-    metavar="MACHINE",
-    help="Preset or file. Default: the machine that the program names.",
-    shell_complete=make_completer(known_names.machines, files=True),
 )
 
 
@@ -49,38 +58,52 @@ def refuse_unknown(
     program: str | None = None,
     machine: str | None = None,
     rig: str | None = None,
-    laws: Iterable[str] = (),
-    rule: str | None = None,
-    format: str | None = None,
+    **words: str | Iterable[str] | None,
 ) -> None:
-    """Raise MotionError for an unknown name, before the modules load that would report it seconds later.
+    """Raise MotionError for an unknown name before slow modules load.
 
     Files must exist and be TOML. Their keys are checked later.
 
-    laws: with or without gains; rule: with or without options; format: of exports
+    words: `laws` and `rule`, with or without options, and `format` of exports
     """
-    from kinematics.foundation.errors import BadValue
-    from kinematics.foundation.names import find, unknown_name
+    from kinematics.foundation.names import find
 
-    for package, what, name in (
+    for package, kind, name in (
         ("planner", "program", program),
         ("kinematics", "machine", machine),
         ("controllers", "rig", rig),
     ):
-        if name is not None and find(package, what, name) == Path(name):  # no preset
+        if name is not None and find(package, kind, name) == Path(name):  # no preset
             _refuse_unreadable(Path(name))
-    written = [("law", law, "laws") for law in laws]
-    written += [] if rule is None else [("firing rule", rule, "rules")]
-    written += [] if format is None else [("format", format, "exports")]
-    for what, text, table in written:
-        name = text.partition(":")[0].strip()
-        known = known_names.list_names(table)
-        if name in known:
-            continue
-        taken = registries.CONTROLLERS.get(name.lower()) if table == "exports" else None
-        if taken is not None:
-            raise BadValue(f'no format is called "{name}"; for that, give --format {taken}', nearest=taken)
+    for key, texts in words.items():
+        for text in (texts,) if isinstance(texts, str) else texts or ():
+            _refuse_unknown_word(*WORDS[key], text.partition(":")[0].strip())
+
+
+def _refuse_unknown_word(what: str, table: str, name: str) -> None:
+    """Raise BadValue unless a table of `registries` has a name."""
+    from kinematics.foundation.errors import BadValue
+    from kinematics.foundation.names import unknown_name
+
+    known = known_names.list_names(table)
+    if name in known:
+        return
+    other = registries.CONTROLLERS.get(name.lower()) if table == "exports" else None
+    if other is None:
         raise unknown_name(what, name, known)
+    raise BadValue(f'no format is called "{name}"; for that, give --format {other}', nearest=other)
+
+
+def _refuse_unreadable(file: Path) -> None:
+    """Raise FileError for a missing file, and for a short one that is not TOML.
+
+    Long files are read once, later.
+    """
+    from kinematics.files.toml_document import read
+
+    is_toml = file.suffix == ".toml" and file.is_file()
+    if not file.exists() or (is_toml and file.stat().st_size <= FIRST_LOOK):
+        read(file)
 
 
 def refuse_missing(file: Path) -> None:
@@ -91,26 +114,17 @@ def refuse_missing(file: Path) -> None:
         read(file)
 
 
-def _refuse_unreadable(file: Path) -> None:
-    """Raise FileError for a missing file, and for a short one that is not TOML. Long files are read once, later."""
-    from kinematics.files.toml_document import read
+def read_quantity(flag: str, text: str, unit: str, like: str | None = None, **bounds: Any) -> float:
+    """Return the SI value of a quantity. Raises BadValue, which names the option.
 
-    is_short = file.suffix == ".toml" and file.is_file() and file.stat().st_size <= FIRST_LOOK
-    if is_short or not file.exists():
-        read(file)
-
-
-def read_quantity(
-    flag: str, text: str, unit: str, above: float = -inf, least: float = -inf, like: str | None = None
-) -> float:
-    """The SI value of a quantity that an option gives; like: a usual one. Raises BadValue, which names the option."""
-    from kinematics.foundation.errors import BadValue
+    like    a usual value, for messages
+    bounds  `above` and `least`, SI
+    """
+    from kinematics.foundation.errors import locate_errors
     from kinematics.foundation.units import Unit
 
-    try:
-        return Unit(unit, above=above, least=least, like=like).read(text, {})
-    except BadValue as error:
-        raise BadValue(f"option {flag}: {error}", allowed=error.allowed, nearest=error.nearest) from None
+    with locate_errors(f"option {flag}"):
+        return Unit(unit, like=like, **bounds).read(text, {})
 
 
 class Frequency(click.ParamType[int]):
@@ -125,12 +139,19 @@ class Frequency(click.ParamType[int]):
         matches = FREQUENCY.fullmatch(str(value))
         ticks = Fraction(matches[1]) * MULTIPLES[matches[2]] if matches else Fraction(0)
         if ticks < 1 or ticks.denominator != 1:
-            self.fail(f'"{value}": write a whole number of Hz from 1 on, as 16000000 or "16 MHz"', param, ctx)
+            self.fail(
+                f'"{value}": write a whole number of Hz from 1 on, as 16000000 or "16 MHz"',
+                param,
+                ctx,
+            )
         return int(ticks)
 
 
 def read_percent(flag: str, text: str, from_zero: bool = False) -> float:
-    """The share that an option gives in per cent, above 0, or from 0 on. Raises BadValue, which names the option."""
+    """Return the share that an option gives in per cent. Raises BadValue, which names the option.
+
+    from_zero: 0 is allowed
+    """
     from kinematics.foundation.errors import BadValue
 
     matches = PERCENT.fullmatch(text)
@@ -147,5 +168,7 @@ def read_speed_share(text: str) -> float:
 
     share = read_percent("--speed", text)
     if share > 1:
-        raise BadValue(f'option --speed: "{text}": write up to "100 %", which is the plan\'s own speed')
+        raise BadValue(
+            f'option --speed: "{text}": write up to "100 %", which is the plan\'s own speed',
+        )
     return share

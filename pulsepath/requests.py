@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 PROGRAMMED = "programmed"
 SYNCHRONISED = "synchronised"
+MACHINE_HELP = "Preset or file. Default: the machine that the program names."
 # Time pieces up to which a lower bound is proved without an option that asks for it.
 MOST_BOUNDED = 20_000
 
@@ -26,7 +27,13 @@ class InputRequest:
     """
 
     program: str
-    machine: str | None = None
+    machine: str | None = option(
+        None,
+        MACHINE_HELP,
+        metavar="MACHINE",
+        names="machines",
+        files=True,
+    )
     fit: float | None = option(
         None,
         'Tolerance of smooth curves fitted to the path, and of rounded corners, as "0.02 mm".',
@@ -142,8 +149,8 @@ class ReportRequest:
     @property
     def examines_motion(self) -> bool:
         """Whether a result is requested that takes the whole motion of a plan in parts into memory."""
-        given = (self.rig, self.stops, self.worth or None)
-        return self.cross_check or self.bound == "full" or any(each is not None for each in given)
+        requests = (self.rig, self.stops, self.worth or None)
+        return self.cross_check or self.bound == "full" or any(each is not None for each in requests)
 
     @property
     def bound_effort(self) -> str:

@@ -42,7 +42,7 @@ def write_section(
 ) -> dict[str, Any]:
     """Write a stop or the motion that continues in an export format; return its record."""
     exported = write_export_to(destination, section.export_source, name, options)
-    return record.of_export(name, str(destination.path), exported)
+    return record.record_export(name, str(destination.path), exported)
 
 
 def list_triggers(section: Section) -> list[dict[str, Any]]:

@@ -1,4 +1,4 @@
-"""Every error that is raised on purpose, from one root; and what a validator of a file's values raises."""
+"""Errors that are raised on purpose, from one root, and the error of a validator of a file's values."""
 
 import re
 from collections.abc import Callable, Iterator, Sequence
@@ -11,9 +11,9 @@ from pydantic_core import PydanticCustomError
 
 
 class MotionError(Exception):
-    """An error that the user can act on: the message names what, where, value, limit, unit and remedy.
+    """An error that the user can act on: it names what, where, value, limit, unit and remedy.
 
-    segment  number of the program's segment that the error is about, from 1; None: of none, or not known
+    segment  number of the program's segment that the error is about, from 1; None: none, or unknown
     """
 
     segment: int | None = None
@@ -24,7 +24,7 @@ class MotionError(Exception):
         return self
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """As it is: Python's own way calls the class with the message alone, which few of these take."""
+        """Pickle the state: the constructors of subclasses take more than the message."""
         return _restore_error, (type(self), self.args, self.__dict__)
 
 
@@ -34,44 +34,49 @@ def _restore_error(kind: type[MotionError], args: tuple[Any, ...], state: dict[s
     return error
 
 
-Found = TypeVar("Found")
+Result = TypeVar("Result")
 
 
-def require(found: Found | MotionError) -> Found:
-    """What was found; at the boundary, where a refusal was found instead, it is raised."""
-    if isinstance(found, MotionError):
-        raise found
-    return found
+def require(result: Result | MotionError) -> Result:
+    """Return a result. Raise it if it is an error."""
+    if isinstance(result, MotionError):
+        raise result
+    return result
 
 
-def attempt(work: Callable[[], Found]) -> Found | MotionError:
-    """What work comes to, a refusal as a value: for whoever has another way to go."""
+def attempt(work: Callable[[], Result]) -> Result | MotionError:
+    """Return the result of a function, or its error, for a caller that has an alternative."""
     try:
         return work()
-    except MotionError as no:
-        return no
+    except MotionError as error:
+        return error
 
 
-def take_items(items: Iterator[Found], most: int) -> tuple[list[Found], Iterator[Found]]:
-    """So many items at most, and the others: which raise where taking these does."""
-    taken: list[Found] = []
+def take_items(items: Iterator[Result], most: int) -> tuple[list[Result], Iterator[Result]]:
+    """Return the first items, `most` at most, and an iterator of the others.
+
+    An error while taking the first ones is raised by that iterator.
+    """
+    taken: list[Result] = []
     try:
         taken.extend(islice(items, most))
-    except MotionError as no:
-        return taken, refuse_items(no)
+    except MotionError as error:
+        return taken, refuse_items(error)
     return taken, items
 
 
-def refuse_items(no: MotionError) -> Iterator[Any]:
-    """What refuses as soon as it is asked for an item."""
-    raise no
+def refuse_items(error: MotionError) -> Iterator[Any]:
+    """Return an iterator whose first item raises an error."""
+    raise error
     yield
 
 
 class BadValue(MotionError):
-    """A value that cannot be: `allowed` is what may stand there, `nearest` the valid name that it is nearest to.
+    """An invalid value.
 
-    key  where it stands in the table that was read, if it is not all of it
+    allowed  values that are valid there
+    nearest  valid name that is nearest to the value
+    key      place in the table that was read, if it is not the whole table
     """
 
     def __init__(self, message: str, *, allowed: str = "", nearest: str = "", key: tuple[str | int, ...] = ()) -> None:
@@ -83,8 +88,11 @@ class BadValue(MotionError):
 class Fault:
     """One error in a file.
 
-    `key` is the dotted path (`axes.travel`, `segment[2].arc.angle`), `line` counts from 1 (None: not in the text).
-    As far as the fault has them: `value` as it is written, what is `allowed` there, and the `nearest` valid name.
+    key      dotted path (`axes.travel`, `segment[2].arc.angle`)
+    line     from 1; None: not in the text
+    value    value as it is written, if there is one
+    allowed  values that are valid there
+    nearest  nearest valid name
     """
 
     key: str
@@ -96,14 +104,18 @@ class Fault:
 
 
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+# Faults that differ in numbers alone, as one cause has at every pose, up to which each is listed.
 MAX_ALIKE = 5
-"""Faults that differ in numbers alone, as one cause has at every pose, up to which a message tells each."""
+
+
+def _mask_numbers(fault: Fault) -> str:
+    return NUMBER.sub("#", f"{fault.key}: {fault.message}")
 
 
 class FileError(MotionError):
-    """A file that cannot be used; `faults` holds all its errors, found in one pass.
+    """A file that cannot be used; `faults` has all its errors, from one pass.
 
-    The message tells each, but of many that differ in numbers alone the first, and how many more there are.
+    The message lists each. Of many that differ in numbers alone it lists the first, and their number.
     """
 
     def __init__(self, file: str, faults: Sequence[Fault]) -> None:
@@ -112,15 +124,17 @@ class FileError(MotionError):
         super().__init__("\n".join(self._list_lines()))
 
     def _list_lines(self) -> Iterator[str]:
-        alike: dict[str, list[Fault]] = {}
+        groups: dict[str, list[Fault]] = {}
         for fault in self.faults:
-            alike.setdefault(NUMBER.sub("#", f"{fault.key}: {fault.message}"), []).append(fault)
-        many = {id(fault): group for group in alike.values() if len(group) > MAX_ALIKE for fault in group}
+            groups.setdefault(_mask_numbers(fault), []).append(fault)
         for fault in self.faults:
-            group = many.get(id(fault), [fault])
-            if fault is group[0]:
-                more = f" (and {len(group) - 1} more like it, the last in line {group[-1].line})" if group[1:] else ""
-                yield self.describe(fault) + more.replace(", the last in line None", "")
+            group = groups[_mask_numbers(fault)]
+            if len(group) <= MAX_ALIKE:
+                yield self.describe(fault)
+            elif fault is group[0]:
+                line = group[-1].line
+                last = "" if line is None else f", the last in line {line}"
+                yield f"{self.describe(fault)} (and {len(group) - 1} more like it{last})"
 
     def describe(self, fault: Fault) -> str:
         """Return one line: file, line, key and message of a fault."""
@@ -129,7 +143,10 @@ class FileError(MotionError):
 
 
 class NotInstalled(MotionError):
-    """A package required for `what` is missing. `extra`: our extra that installs it; None: no wheel here."""
+    """A package required for `what` is missing.
+
+    extra  our extra that installs it; None: it has no wheel for this platform
+    """
 
     def __init__(self, what: str, package: str, extra: str | None = None, instead: str = "") -> None:
         self.package = package
@@ -154,26 +171,28 @@ class NotFree(OutOfReach):
 
 @contextmanager
 def locate_errors(where: str) -> Iterator[None]:
-    """What is refused inside is told with where it stands: "option --speed: …"; what a BadValue knows stays."""
+    """Add a place to the message of an error that is raised inside: "option --speed: …"."""
     try:
         yield
-    except BadValue as no:
-        located = BadValue(f"{where}: {no}", allowed=no.allowed, nearest=no.nearest)
-        raise located.in_segment(no.segment) from None
-    except MotionError as no:
-        raise MotionError(f"{where}: {no}").in_segment(no.segment) from None
+    except BadValue as error:
+        located = BadValue(f"{where}: {error}", allowed=error.allowed, nearest=error.nearest)
+        raise located.in_segment(error.segment) from None
+    except MotionError as error:
+        raise MotionError(f"{where}: {error}").in_segment(error.segment) from None
 
 
 @contextmanager
 def as_validation_error() -> Iterator[None]:
-    """What is refused inside a validator becomes what pydantic collects."""
+    """Convert an error that is raised inside to one that pydantic collects."""
     try:
         yield
-    except MotionError as no:
-        raise validation_error(no) from None
+    except MotionError as error:
+        raise validation_error(error) from None
 
 
-def validation_error(told: str | MotionError, kind: str = "fault") -> PydanticCustomError:
-    """What a validator raises; the message becomes the fault's, and what a BadValue knows beside it."""
-    known = {"allowed": told.allowed, "nearest": told.nearest} if isinstance(told, BadValue) else {}
-    return PydanticCustomError(kind, "{message}", {"message": str(told), **known})
+def validation_error(reason: str | MotionError, kind: str = "fault") -> PydanticCustomError:
+    """Return the error for a validator to raise. The fault of the file gets its message and facts."""
+    facts = {"message": str(reason)}
+    if isinstance(reason, BadValue):
+        facts |= {"allowed": reason.allowed, "nearest": reason.nearest}
+    return PydanticCustomError(kind, "{message}", facts)

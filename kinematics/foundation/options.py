@@ -28,9 +28,13 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-def option(default: Any, about: str, unit: str = "") -> Any:
-    """A field that the command line offers: what it is about; unit: the SI unit of a quantity, given as "10 ms"."""
-    return field(default=default, metadata={"help": about, "unit": unit})
+def option(default: Any, about: str, unit: str = "", like: str | None = None) -> Any:
+    """Make a field that the command line offers. about: its help
+
+    unit  SI unit of a quantity, which is given as "10 ms"
+    like  a usual quantity, for messages
+    """
+    return field(default=default, metadata={"help": about, "unit": unit, "like": like})
 
 
 def options(kind: type[Any]) -> dict[str, Field[Any]]:

@@ -6,7 +6,6 @@ Of a pose's several coordinates a path starts at home's and stays on their branc
 from collections.abc import Callable, Collection, Hashable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
 from typing import Protocol
 
 import casadi as ca
@@ -267,7 +266,7 @@ class MachinePath:
         end_accelerations: tuple[float, float] = (0.0, 0.0),
         near: Array | None = None,
         origin: tuple[float, float] = (0.0, 0.0),
-        avoidable: Collection[tuple[int, int | None]] = (),
+        avoidable: Collection[int] = (),
     ) -> None:
         """At the pieces' ends, breaks[ends]: dwells (P+1,) s, and stops (P+1,), the order of motion that rests there.
 
@@ -278,7 +277,7 @@ class MachinePath:
         end_speeds  ṡ with which a motion begins and ends; end_accelerations: s̈ likewise
         near        (n,) coordinates near which it starts; None: near home's
         origin      path length and time (s) at which it begins, where it is a part of another: places count from there
-        avoidable   numbers and repetitions of the segments at whose ends nobody asked for the stop
+        avoidable   numbers, from 1, of the given pieces at whose ends nobody asked for the stop
         """
         self.end_speeds, self.end_accelerations, self.origin = end_speeds, end_accelerations, origin
         self.tool = None if tool is None else tool_map(tool)
@@ -343,9 +342,9 @@ class MachinePath:
 
         Neither a dwell, nor a join that says so, nor a trigger at a stop, nor a reversal of the path asks for it.
         """
-        keys = [(piece.segment, piece.repetition) for piece in self.pieces]
-        ends = [one != other and one in self._avoidable for one, other in pairwise(keys)]
-        return np.asarray(self.stops(order) & np.array([False, *ends, False]))
+        unasked = np.zeros(len(self._stops), bool)
+        unasked[self.ends[sorted(self._avoidable)]] = True
+        return np.asarray(self.stops(order) & unasked)
 
     def segment(self, piece: int) -> int:
         return self.pieces[piece].segment

@@ -204,9 +204,9 @@ class PathStep:
     overshoot: Overshoot | None = None
 
 
-def list_avoidable(steps: Iterable[PathStep]) -> frozenset[tuple[int, int | None]]:
-    """List the numbers and repetitions of the segments whose stops at their ends nobody asked for."""
-    return frozenset((step.piece.segment, step.piece.repetition) for step in steps if step.avoidable)
+def list_avoidable(steps: Iterable[PathStep]) -> frozenset[int]:
+    """List the numbers, from 1, of the steps whose stops at their ends nobody asked for."""
+    return frozenset(number for number, step in enumerate(steps, 1) if step.avoidable)
 
 
 def link(drawn: Iterable[Drawn], characteristic: float) -> Iterator[PathStep]:

@@ -212,8 +212,10 @@ class Dxf:
     length: str | None = option(None, 'unit of the drawing, as "mm". Default: as the drawing states')
     layers: str | None = option(None, 'only these layers, as "CUT, MARK". Default: all that are on and not frozen')
     skip: str | None = option(None, 'layers to leave out, as "NOTES, 0"')
-    tolerance: float = option(1e-5, "ends this close are joined. Default 0.01 mm", "m")
-    deviation: float = option(1e-6, "largest deviation from ellipses and splines. Default 0.001 mm", "m")
+    tolerance: float = option(1e-5, "ends this close are joined. Default 0.01 mm", "m", like="0.01 mm")
+    deviation: float = option(
+        1e-6, "largest deviation from ellipses and splines. Default 0.001 mm", "m", like="0.001 mm"
+    )
     order: Literal["nearest", "file"] = option(
         "nearest",
         "order of contours: nearest shortens the moves between them, file keeps the drawing's. Default nearest",
@@ -221,8 +223,10 @@ class Dxf:
     join: Literal["through", "stop"] = option(
         "through", "joins inside contours: through passes smooth joins, stop rests. Default through"
     )
-    blend: float | None = option(None, 'round joins within this tolerance instead, as "0.05 mm"', "m")
-    fit: float | None = option(None, 'fit smooth curves within this tolerance instead, as "0.02 mm"', "m")
+    blend: float | None = option(None, 'round joins within this tolerance instead, as "0.05 mm"', "m", like="0.05 mm")
+    fit: float | None = option(
+        None, 'fit smooth curves within this tolerance instead, as "0.02 mm"', "m", like="0.02 mm"
+    )
     speed: float | None = option(None, "limit of the tool speed along contours. Default: none", "m/s")
     rapid: float | None = option(None, "limit of the tool speed between contours. Default: none", "m/s")
     retract: float | None = option(

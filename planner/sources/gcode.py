@@ -74,8 +74,10 @@ class Gcode:
     join: Literal["through", "stop"] = option(
         "through", "joins until G61, G61.1 or G64: through passes smooth joins, stop rests. Default through"
     )
-    blend: float | None = option(None, 'round joins within this tolerance instead, as "0.05 mm"', "m")
-    fit: float | None = option(None, 'fit smooth curves within this tolerance instead, as "0.02 mm"', "m")
+    blend: float | None = option(None, 'round joins within this tolerance instead, as "0.05 mm"', "m", like="0.05 mm")
+    fit: float | None = option(
+        None, 'fit smooth curves within this tolerance instead, as "0.02 mm"', "m", like="0.02 mm"
+    )
     rapid: float | None = option(None, "limit of the tool speed on G0. Default: none", "m/s")
     feed: float | None = option(None, "limit of the tool speed before the first F. Default: F is required", "m/s")
     length: Literal["mm", "in"] = option("mm", "unit before G20 or G21. Default mm")

@@ -303,14 +303,20 @@ class Positions:
     rule: Literal["optimal", "kmitl"] = option(
         "optimal", "optimal: straight lines between poses; kmitl: unit steps with a rest after each. Default optimal"
     )
-    unit_length: float = option(SOURCE_UNIT, "length of one unit of the three-armed machine. Default 1 mm", "m")
+    unit_length: float = option(
+        SOURCE_UNIT, "length of one unit of the three-armed machine. Default 1 mm", "m", like="1 mm"
+    )
     join: Literal["through", "stop"] = option(
         "through", "joins of rule optimal: through passes smooth joins, stop rests. Default through"
     )
-    blend: float | None = option(None, 'round joins within this tolerance instead, as "0.05 mm"', "m")
-    fit: float | None = option(None, 'fit smooth curves within this tolerance instead, as "0.02 mm"', "m")
+    blend: float | None = option(None, 'round joins within this tolerance instead, as "0.05 mm"', "m", like="0.05 mm")
+    fit: float | None = option(
+        None, 'fit smooth curves within this tolerance instead, as "0.02 mm"', "m", like="0.02 mm"
+    )
     speed: float | None = option(None, "cap of the tool's speed. Default: none", "m/s")
-    dwell: float | None = option(None, 'dwell at every pose, as "0.2 s". Default: the file\'s column dwell', "s")
+    dwell: float | None = option(
+        None, 'dwell at every pose, as "0.2 s". Default: the file\'s column dwell', "s", like="0.2 s"
+    )
     tool: str | None = option(None, "the tool's frame in the platform's, as \"0 mm, 0 mm, -50 mm\". Default: none")
     arms: str = option("tripod", "machine of a file of the three-armed machine. Default tripod")
 

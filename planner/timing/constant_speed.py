@@ -250,7 +250,7 @@ def speed_error(
         "lower the speed, or omit speed_constant"
     )
     told = limit.name, limit.channels[channel], place, reached * scale, allowed * scale, unit, remedy
-    return ConstantRefused(*told, asked=speed, possible=float(low[worst[0]]))
+    return ConstantRefused(*told, requested=speed, possible=float(low[worst[0]]))
 
 
 def _too_short_error(path: ActuatorPath, limits: Sequence[Limit], capped: Profile, speed: float) -> Infeasible:
@@ -268,7 +268,7 @@ def _too_short_error(path: ActuatorPath, limits: Sequence[Limit], capped: Profil
         f"lower the speed below {fastest * 1e3:.6g} mm/s, or omit speed_constant"
     )
     told = "constant speed", channel, place, speed * 1e3, fastest * 1e3, "mm/s", remedy
-    return ConstantRefused(*told, asked=speed, possible=fastest)
+    return ConstantRefused(*told, requested=speed, possible=fastest)
 
 
 def _limit_use(path: ActuatorPath, limits: Sequence[Limit], s: Array, piece: np.ndarray, speed: Array) -> Array:

@@ -77,14 +77,14 @@ def _find_slower_speed(
     speed = no.possible
     for _ in range(MAX_TRIALS):
         speed *= SPEED_SHARE
-        instead = {piece: speed if one == no.asked else one for piece, one in asked.items()}
-        changed = [piece for piece, one in asked.items() if one == no.asked]
+        instead = {piece: speed if one == no.requested else one for piece, one in asked.items()}
+        changed = [piece for piece, one in asked.items() if one == no.requested]
         if not changed or speed <= 0:
             return None
         timing = Timing(partial(_solve_parts, order=order, asked=instead), tighten_in_parts)
         found = RunCertifier(path, _cap_tool_speed(limits, changed, speed), order, timing)([run])
         if isinstance(found, ConstantRefused):
-            if found.asked != speed:
+            if found.requested != speed:
                 return None
             speed = min(speed, found.possible)
         elif not isinstance(found, MotionError):
@@ -169,6 +169,6 @@ def _end_speed_error(path: ActuatorPath, block: Run, run: Run, own: float | None
             remedy = f'{lies}: lower that speed, or write join = "stop" between the two'
             if isinstance(no, Infeasible):
                 told = "constant speed", no.axis, place, no.value, no.limit, no.unit, remedy
-                return ConstantRefused(*told, asked=joint[end], possible=no.limit / 1e3)
+                return ConstantRefused(*told, requested=joint[end], possible=no.limit / 1e3)
             return MotionError(f"{place}: {no}; {remedy}").in_segment(place.segment)
     return no

@@ -6,40 +6,41 @@ from typing import Any
 import click
 
 from pulsepath.command_group import ProgramCommand
+from pulsepath.commands.common import print_json
 from pulsepath.options import (
     dump_option,
     json_option,
-    machine_option,
     program_argument,
     refuse_unknown,
 )
 from pulsepath.process.exits import INFEASIBLE
 from pulsepath.progress import VERBOSE, level, say
-from pulsepath.request_options import read_request, request_options
+from pulsepath.request_options import with_request
 from pulsepath.requests import InputRequest
 
 
 @click.command(cls=ProgramCommand)
 @program_argument
-@machine_option
-@request_options(InputRequest)
+@with_request(InputRequest)
 @dump_option
 @click.option("--force", is_flag=True, help="Overwrite the files of --dump-config.")
 @json_option
-def check(dumped: Path | None, force: bool, as_json: bool, **options: Any) -> None:
+def check(source: InputRequest, dumped: Path | None, force: bool, as_json: bool) -> None:
     """Check limits that slowing down cannot fix, or a plan.
 
-    These are reach, travel, tilt and clearance. Lists every violation along the path of PROGRAM or, if there is none,
-    how close the path comes to each limit. If PROGRAM is the directory of a plan, verifies the digests of its files,
-    proves its motion again and checks its file of pulses against it.
+    These are reach, travel, tilt and clearance. Lists every violation along the path of PROGRAM or,
+    if there is none, how close the path comes to each limit. If PROGRAM is the directory of a plan,
+    verifies the digests of its files, proves its motion again and checks its file of pulses against
+    it.
 
     Example: pulsepath check circle --machine hexapod
     """
-    source = read_request(InputRequest, options)
-    if Path(source.program).is_dir():
+    folder = Path(source.program)
+    if folder.is_dir():
         if source.machine is not None or dumped is not None or source.fit is not None:
-            raise click.UsageError("A plan has its own machine and program.", click.get_current_context())
-        _check_plan(Path(source.program), as_json)
+            message = "A plan has its own machine and program."
+            raise click.UsageError(message, click.get_current_context())
+        _check_plan(folder, as_json)
         return
     refuse_unknown(source.program, source.machine)
     inputs = source.read()
@@ -49,48 +50,51 @@ def check(dumped: Path | None, force: bool, as_json: bool, **options: Any) -> No
     from pulsepath.output.dump import dump
 
     if dumped is not None:
-        dump(dumped, inputs, "check", {}, force, as_json)
+        dump(dumped, inputs, {}, force, as_json)
         return
     with inputs.tell_lines():
-        found = planner.check(inputs.program, inputs.machine)
-    inputs.tell_line(*found.violations)
+        result = planner.check(inputs.program, inputs.machine)
+    violations = result.violations
+    inputs.tell_line(*violations)
     if as_json:
-        click.echo(record.as_json(record.of_check(found)), nl=False)
-    elif found.violations:
-        say("\n".join(map(str, found.violations)))
+        print_json(record.record_check(result))
+    elif violations:
+        say("\n".join(map(str, violations)))
+    elif level() == VERBOSE:
+        tables.show(tables.list_tables(result))
     else:
-        tables.show(tables.of_results(found) if level() == VERBOSE else tables.sum_up_check(found))
-    if found.violations:
+        tables.show(tables.sum_up_check(result))
+    if violations:
         click.get_current_context().exit(INFEASIBLE)
 
 
 def _check_plan(folder: Path, as_json: bool) -> None:
+    """Verify a plan's files, prove its motion again, and check its file of pulses."""
     from kinematics.foundation.names import count_noun
     from pulsepath.output.directory import refuse_no_plan
 
     refuse_no_plan(folder)
-    from pulsepath.output import record
     from pulsepath.progress import step
     from pulsepath.store.read import read
     from pulsepath.store.verify import check_pulses, refuse
 
     plan = read(folder)
     duration = plan.duration
-    file: str | None = None
-    pulses: int | None = None
-    if (path := plan.source.pulse_file) is not None:
-        with step("checking the pulses") as tell:
-            verdict = check_pulses(path, plan.machine, plan.source, tell)
+    path = plan.source.pulse_file
+    pulses = 0
+    if path is not None:
+        with step("checking the pulses") as progress:
+            verdict = check_pulses(path, plan.machine, plan.source, progress)
         refuse([f"{path}: {fault}" for fault in verdict.faults[:1]])
-        file = path.name
         pulses = sum(axis.pulses for axis in verdict.axes)
     if as_json:
-        result = {"holds": True, "duration_s": duration, "pulse_file": file, "pulses": pulses}
-        click.echo(record.as_json(result), nl=False)
+        result: dict[str, Any] = {"holds": True, "duration_s": duration, "pulse_file": None, "pulses": None}
+        if path is not None:
+            result |= {"pulse_file": path.name, "pulses": pulses}
+        print_json(result)
         return
     say(f"{folder}: its files are unchanged, and its motion of {duration:.6f} s is proved again")
-    say(
-        "it has no file of pulses: only the motion was checked"
-        if file is None
-        else f"{file}: {count_noun(pulses or 0, 'pulse')}, checked against the motion"
-    )
+    if path is None:
+        say("it has no file of pulses: only the motion was checked")
+    else:
+        say(f"{path.name}: {count_noun(pulses, 'pulse')}, checked against the motion")

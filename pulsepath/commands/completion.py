@@ -22,8 +22,8 @@ def completion(shell: str) -> None:
     """
     from click.shell_completion import get_completion_class
 
-    made = get_completion_class(shell)
-    if made is None:  # click has all three
+    complete = get_completion_class(shell)
+    if complete is None:  # click has all three
         raise click.UsageError(f"no completion for {shell}")
     root = click.get_current_context().find_root().command
-    click.echo(made(root, {}, "pulsepath", VARIABLE).source())
+    click.echo(complete(root, {}, "pulsepath", VARIABLE).source())

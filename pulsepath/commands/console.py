@@ -1,62 +1,75 @@
-"""`pulsepath console`: drive a machine on the virtual motion card by operator and remote commands."""
+"""`pulsepath console`: drive the virtual motion card by operator and remote commands."""
 
 import os
 import sys
+from dataclasses import MISSING, dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from pulsepath import known_names
-from pulsepath.known_names import make_completer
-from pulsepath.options import refuse_unknown
+from planner.request import option
+from pulsepath.options import MAX_PORT, refuse_unknown
 from pulsepath.process.ending import EndSignal, allow_time, set_exit_code
 from pulsepath.process.exits import BAD_INPUT
 from pulsepath.progress import say
+from pulsepath.request_options import with_request
 
 if TYPE_CHECKING:
+    from controllers.console import Dispatcher
     from controllers.console.serve import Server
 
 # s that the end may take after a signal: axes ramp down, and their registers are saved.
 MAX_STOP_TIME = 60.0
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConsoleRequest:
+    """A machine, and the lines on which it accepts commands."""
+
+    machine: str = option(
+        MISSING,
+        "Preset or file.",
+        metavar="MACHINE",
+        names="machines",
+        files=True,
+    )
+    serial: str | None = option(
+        None,
+        "Accept remote commands on a serial port (needs the extra: serial).",
+        metavar="PORT",
+    )
+    baud: int = option(9600, "Serial baud rate.", least=110, most=115200)
+    parity: str = option(
+        "none",
+        "Serial parity (8 data bits, 1 stop bit). A character with a parity error invalidates its line.",
+        choices=("none", "even", "odd"),
+    )
+    tcp: int | None = option(
+        None,
+        "Accept remote commands over TCP; 0: any free port.",
+        least=0,
+        most=MAX_PORT,
+        metavar="PORT",
+    )
+    listen: str | None = option(
+        None,
+        "With --tcp: address to listen on. Default: loopback only.",
+        metavar="ADDRESS",
+        needs="tcp",
+    )
+    state: Path | None = option(
+        None,
+        "Keeps position registers between sessions.",
+        metavar="FILE",
+    )
+    fast: bool = option(False, "Complete motions instantly. Default: in real time.")
+
+
 @click.command()
-@click.option(
-    "--machine",
-    metavar="MACHINE",
-    required=True,
-    help="Preset or file.",
-    shell_complete=make_completer(known_names.machines, files=True),
-)
-@click.option("--serial", metavar="PORT", help="Accept remote commands on a serial port (needs the extra: serial).")
-@click.option("--baud", type=click.IntRange(110, 115200), default=9600, show_default=True, help="Serial baud rate.")
-@click.option(
-    "--parity",
-    type=click.Choice(["none", "even", "odd"]),
-    default="none",
-    show_default=True,
-    help="Serial parity (8 data bits, 1 stop bit). A character with a parity error invalidates its line.",
-)
-@click.option(
-    "--tcp", type=click.IntRange(0, 65535), metavar="PORT", help="Accept remote commands over TCP; 0: any free port."
-)
-@click.option("--listen", metavar="ADDRESS", help="With --tcp: address to listen on. Default: loopback only.")
-@click.option(
-    "--state", type=click.Path(path_type=Path), metavar="FILE", help="Keeps position registers between sessions."
-)
-@click.option("--fast", is_flag=True, help="Complete motions instantly. Default: in real time.")
-def console(
-    machine: str,
-    serial: str | None,
-    baud: int,
-    parity: str,
-    tcp: int | None,
-    listen: str | None,
-    state: Path | None,
-    fast: bool,
-) -> None:
+@with_request(ConsoleRequest)
+def console(request: ConsoleRequest) -> None:
     """Drive MACHINE on the virtual motion card with typed commands.
 
     Commands come from the keyboard, a pipe, a serial port or a socket.
@@ -79,38 +92,43 @@ def console(
     the home switch. Until the switch position is known, an axis may move by one
     travel length at most.
 
-    On a remote line in mode REM, send P X + 100 Y - 40 Z + 80 and a carriage return; the reply after motion is DONE.
+    On a remote line in mode REM, send P X + 100 Y - 40 Z + 80 and a carriage return; the reply
+    after motion is DONE.
 
     STOP during a MOVE decelerates each axis independently, so the tool leaves its line.
 
     Example: pulsepath console --machine traverser --fast
 
-    Exit codes: 0 done, 2 bad input or a rejected script line, 3 internal error, 130 interrupted, 143 terminated, 129
-    hung up. After a signal the motion is stopped and the registers are saved.
+    Exit codes: 0 done, 2 bad input or a rejected script line, 3 internal error, 130 interrupted,
+    143 terminated, 129 hung up. After a signal the motion is stopped and the registers are saved.
     """
-    refuse_unknown(machine=machine)
+    refuse_unknown(machine=request.machine)
     from kinematics import load_machine
-    from kinematics.foundation.errors import MotionError
 
-    if listen is not None and tcp is None:
-        raise MotionError("--listen says where --tcp listens: give --tcp PORT as well")
-    driven = load_machine(machine)  # faults of its file are told before the rest loads
+    driven = load_machine(request.machine)  # faults of its file are reported before the rest loads
     from controllers.console import Dispatcher, open_session, snapshot_session
     from controllers.console.interpret import describe_offer
-    from controllers.console.links import LOOPBACK, Socket, Transport, pipe, require_pollable, serial_line
+    from controllers.console.links import (
+        LOOPBACK,
+        Socket,
+        Transport,
+        pipe,
+        require_pollable,
+        serial_line,
+    )
     from controllers.console.serve import Clock, Server
     from pulsepath.output import register_file
 
     require_pollable()
-    place = state or register_file.usual_place(driven.name)
+    place = request.state or register_file.usual_place(driven.name)
     with register_file.lock_file(place):
         session = open_session(driven, register_file.read(place))
         remote: list[Transport] = []
-        if serial is not None:
-            remote.append(serial_line(serial, baud, parity))
-            _tell(f"serial line {serial} at {baud} baud, parity {parity}")
-        if tcp is not None:
-            socket = Socket(tcp, listen or LOOPBACK)
+        if request.serial is not None:
+            remote.append(serial_line(request.serial, request.baud, request.parity))
+            _tell(f"serial line {request.serial} at {request.baud} baud, parity {request.parity}")
+        if request.tcp is not None:
+            socket = Socket(request.tcp, request.listen or LOOPBACK)
             remote.append(socket)
             _tell(f"TCP {socket.address[0]} port {socket.address[1]}")
         terminal = None
@@ -128,7 +146,7 @@ def console(
         keeper = register_file.Keeper(place, tell)
         server = Server(
             Dispatcher(session),
-            Clock(fast=fast),
+            Clock(fast=request.fast),
             console=terminal or pipe(),
             remote=remote,
             save=lambda desk, t: keeper.save(snapshot_session(desk.session, t)),
@@ -158,9 +176,12 @@ def _run_script(server: "Server", remote: bool) -> None:
 
     With a remote line in mode REM, serve until interrupted.
     """
-    server.serve_until(
-        lambda desk: not server.script_left and server.is_idle and not (remote and desk.session.mode == "REM")
-    )
+
+    def is_done(desk: "Dispatcher") -> bool:
+        awaits_remote = remote and desk.session.mode == "REM"
+        return not server.script_left and server.is_idle and not awaits_remote
+
+    server.serve_until(is_done)
 
 
 def _tell(text: str) -> None:

@@ -2,16 +2,18 @@
 
 import json
 import re
+from dataclasses import MISSING, dataclass
 from pathlib import Path
 from typing import Any
 
 import click
 
-from pulsepath import known_names
+from planner.request import option
 from pulsepath.command_group import FormatCommand
-from pulsepath.known_names import make_completer
-from pulsepath.options import refuse_unknown, unverified_option
+from pulsepath.commands.common import print_json, read_plan_with_pulses
+from pulsepath.options import json_option, plan_argument, refuse_unknown, unverified_option
 from pulsepath.process.intent import writes
+from pulsepath.request_options import with_request
 
 
 class Export(FormatCommand):
@@ -20,35 +22,46 @@ class Export(FormatCommand):
     formats = "EXPORTS"
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportRequest:
+    """A plan, and the format and file to write it to."""
+
+    directory: Path
+    format: str = option(
+        MISSING,
+        "Export format, listed below.",
+        metavar="FORMAT",
+        names="exports",
+    )
+    out: Path | None = option(
+        None,
+        "Output file. Default: named after program and format, in DIR, as DIR/circle.steps or DIR/circle.zaber.csv.",
+        metavar="FILE",
+    )
+
+
 @click.command(cls=Export)
-@click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
-@click.option(
-    "--format",
-    "name",
-    required=True,
-    metavar="FORMAT",
-    help="Export format, listed below.",
-    shell_complete=make_completer(known_names.exports),
-)
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Output file. Default: named after program and format, in DIR, as DIR/circle.steps or DIR/circle.zaber.csv.",
-)
+@plan_argument
+@with_request(ExportRequest)
 @unverified_option
 @click.option("--force", is_flag=True, help="Overwrite FILE.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
+@json_option
 def export(
-    directory: Path, name: str, out: Path | None, unverified: bool, force: bool, as_json: bool, **given: Any
+    request: ExportRequest,
+    unverified: bool,
+    force: bool,
+    as_json: bool,
+    **given: Any,
 ) -> None:
     """Write the plan in DIR in another format.
 
-    Verifies the digests of the plan's files and proves its motion again. Reports the error of the written file against
-    the plan. The brackets after an option name the formats that it applies to.
+    Verifies the digests of the plan's files and proves its motion again. Reports the error of the
+    written file against the plan. The brackets after an option name the formats that it applies to.
 
     Example: pulsepath export out/circle --format vcd
     """
+    name = request.format
+    directory = request.directory
     refuse_unknown(format=name)
     from pulsepath.output.directory import refuse_no_plan
 
@@ -58,39 +71,39 @@ def export(
     from pulsepath.format_options import EXPORTS
     from pulsepath.output import record
     from pulsepath.progress import step
-    from pulsepath.sections import read_pulses, say_errors
-    from pulsepath.store.read import read
+    from pulsepath.sections import say_errors
     from pulsepath.store.verify import refuse_own
 
-    target = out or directory / _name_file(directory, name, find_format(name).suffix)
+    target = request.out or directory / _name_file(directory, name, find_format(name).suffix)
     destination = Destination(target, force=force)
     writes(target)
     format_ = EXPORTS.make(name, given)
-    planned = read(directory, unverified)
-    with read_pulses(planned) as tell:
-        pulses = planned.source.read_pulses(tell)
+    plan, pulses = read_plan_with_pulses(directory, unverified)
     with step(f"writing {target}") as tell, destination.stage() as file:
         source = ExportSource(
-            planned.program.name,
-            planned.machine,
-            planned.trajectory,
+            plan.program.name,
+            plan.machine,
+            plan.trajectory,
             pulses,
             tell,
-            triggers=planned.triggers,
+            triggers=plan.triggers,
         )
-        done = export(format_, name, source, file)
+        exported = export(format_, name, source, file)
         refuse_own(directory, target, file)
-    written = record.of_export(name, str(target), done, planned.doubts)
+    written = record.record_export(name, str(target), exported, plan.doubts)
     if as_json:
-        click.echo(record.as_json(written), nl=False)
+        print_json(written)
     else:
-        say_errors([written], planned)
+        say_errors([written], plan)
 
 
 def _name_file(directory: Path, name: str, suffix: str) -> str:
-    """The program, the format unless the suffix says it, and the suffix: "circle.steps", "circle.zaber.csv"."""
+    """Return the name of the file: "circle.steps", and with a suffix of several formats
+    "circle.zaber.csv"."""
     from pulsepath.output.directory import RECORD
 
-    program = str(json.loads((directory / RECORD).read_bytes()).get("program") or directory.resolve().name)
+    program = str(
+        json.loads((directory / RECORD).read_bytes()).get("program") or directory.resolve().name,
+    )
     stem = re.sub(r"[^\w.-]+", "_", program).strip("._") or "plan"
     return f"{stem}{suffix}" if suffix == f".{name}" else f"{stem}.{name}{suffix}"

@@ -1,16 +1,22 @@
 """`pulsepath import`: convert a file of another format to a TOML program."""
 
+from collections.abc import Iterator
+from dataclasses import MISSING, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from pulsepath import known_names
+from planner.request import option
 from pulsepath.command_group import FormatCommand
-from pulsepath.known_names import make_completer
-from pulsepath.options import FIGURE_SUFFIXES, refuse_missing
+from pulsepath.commands.common import print_json, refuse_suffix
+from pulsepath.options import json_option, refuse_missing
 from pulsepath.process.intent import writes
 from pulsepath.progress import say
+from pulsepath.request_options import with_request
+
+if TYPE_CHECKING:
+    from planner.sources.outline import Outline
 
 
 class Import(FormatCommand):
@@ -19,34 +25,40 @@ class Import(FormatCommand):
     formats = "IMPORTS"
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImportRequest:
+    """A file of another format, and the program and drawing to make of it."""
+
+    file: Path
+    out: Path = option(MISSING, "Output TOML file.", metavar="PROGRAM")
+    format: str | None = option(
+        None,
+        "Input format, listed below. Default: by the suffix of FILE.",
+        metavar="FORMAT",
+        names="imports",
+    )
+    figure: Path | None = option(
+        None,
+        "Drawing of the path: PNG, SVG or PDF. Default: PROGRAM with suffix .png.",
+        metavar="IMAGE",
+    )
+
+
 @click.command("import", cls=Import)
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path), required=True, metavar="PROGRAM", help="Output TOML file.")
-@click.option(
-    "--format",
-    "name",
-    metavar="FORMAT",
-    help="Input format, listed below. Default: by the suffix of FILE.",
-    shell_complete=make_completer(known_names.imports),
-)
-@click.option(
-    "--figure",
-    type=click.Path(path_type=Path),
-    metavar="IMAGE",
-    help="Drawing of the path: PNG, SVG or PDF. Default: PROGRAM with suffix .png.",
-)
+@with_request(ImportRequest)
 @click.option("--force", is_flag=True, help="Overwrite PROGRAM and IMAGE.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
-def import_(
-    file: Path, out: Path, name: str | None, figure: Path | None, force: bool, as_json: bool, **given: Any
-) -> None:
+@json_option
+def import_(request: ImportRequest, force: bool, as_json: bool, **given: Any) -> None:
     """Convert FILE to a program, and draw it.
 
     Prints a summary of what was read. The formats in brackets are those that an option applies to.
 
     Example: pulsepath import part.dxf --out part.toml
     """
-    image = figure or out.with_suffix(".png")
+    file = request.file
+    out = request.out
+    image = request.figure or out.with_suffix(".png")
     writes(out, image)
     from kinematics.files.atomic_files import Destination, name_file, stage_files
     from kinematics.foundation.errors import MotionError
@@ -54,14 +66,13 @@ def import_(
     from pulsepath.format_options import IMPORTS
     from pulsepath.progress import step
 
-    if image.suffix.lower() not in FIGURE_SUFFIXES:
-        raise MotionError(f"{image}: a figure is one of {', '.join(FIGURE_SUFFIXES)}; give --figure such a suffix")
+    refuse_suffix(image, "a figure is")
     if len({path.absolute() for path in (file, out, image)}) < 3:
-        raise MotionError(f"{file}, {out} and {image} must be three different files; give another --out or --figure")
+        files = f"{file}, {out} and {image}"
+        raise MotionError(f"{files} must be three different files; give another --out or --figure")
     destinations = [Destination(target, force=force) for target in (out, image)]
     refuse_missing(file)
-    if name is None:
-        name = IMPORTS.suffixes().get(file.suffix.lower())
+    name = request.format or IMPORTS.suffixes().get(file.suffix.lower())
     if name is None:
         from planner.sources.source import source_name
 
@@ -71,48 +82,55 @@ def import_(
 
     with step(f"reading {file}"):
         imported = stream_program(file, source)
-    # loaded after the faults of the file have been found, which then show sooner
-    import numpy as np
-
+    # These load after the faults of the file have been reported.
     from planner.avoidable_stops import find_stops_of_import
     from planner.program.program_writer import program_lines
     from planner.program.validation import MOST_SEGMENTS
     from planner.sources.outline import Outliner
     from pulsepath.output import record
 
+    program = imported.program
     with step("counting stops"):
-        stops = find_stops_of_import(imported.program)
-    count = len(imported.program.segments)
+        stops = find_stops_of_import(program)
+    count = len(program.segments)
+    segments = count_noun(count, "segment")
     if count > MOST_SEGMENTS:
         raise MotionError(
-            f"{file}: {count_noun(count, 'segment')}; a TOML program has at most {MOST_SEGMENTS}: plan the file as it "
-            f"is (pulsepath plan {file.name}), or split it"
+            f"{file}: {segments}; a TOML program has at most {MOST_SEGMENTS}: plan the file as it "
+            f"is (pulsepath plan {file.name}), or split it",
         )
     with step(f"writing {out} and {image}"), stage_files(destinations) as (written, drawn):
         from planner.sources.figures import program_path
 
-        title = f"{imported.program.name}, imported from {file.name} ({name})"
-        outliner = Outliner(imported.program)
-        segments = outliner.follow(imported.program.segments)
+        title = f"{program.name}, imported from {file.name} ({name})"
+        outliner = Outliner(program)
+        followed = outliner.follow(program.segments)
         with name_file(written), written.open("w", encoding="utf-8") as target:
-            lines = program_lines(imported.program, title, source=file.name, segments=segments)
+            lines = program_lines(program, title, source=file.name, segments=followed)
             target.writelines(f"{line}\n" for line in lines)
-        way = outliner.finish()
-        axes = program_path(way, title=f"{count_noun(count, 'segment')}, {1e3 * way.length:.6g} mm")
-        figure_of = axes.get_figure(root=True)
-        if figure_of is not None:
-            figure_of.savefig(drawn, dpi=150)
-    about = record.of_import(name, imported, way, str(out), str(image))
-    about |= {"avoidable_stops": stops.record()}
+        outline = outliner.finish()
+        axes = program_path(outline, title=f"{segments}, {1e3 * outline.length:.6g} mm")
+        figure = axes.get_figure(root=True)
+        if figure is not None:
+            figure.savefig(drawn, dpi=150)
     if as_json:
-        click.echo(record.as_json(about), nl=False)
+        about = record.record_import(name, imported, outline, str(out), str(image))
+        print_json({**about, "avoidable_stops": stops.record()})
         return
-    say(f"{out}: {count_noun(about['segments'], 'segment')} from {file}, read as {name}; drawn in {image}")
-    say("  entities: " + ", ".join(f"{count} {kind}" for kind, count in imported.entities.items()))
-    ranges = zip("xyz", *(np.round(corner * 1e3, 9) + 0.0 for corner in (way.low, way.high)), strict=True)
-    say("  extents: " + ", ".join(f"{axis} {low:.6g} to {high:.6g} mm" for axis, low, high in ranges))
-    say(f"  length: {way.length * 1e3:.7g} mm")
+    say(f"{out}: {segments} from {file}, read as {name}; drawn in {image}")
+    entities = (f"{amount} {kind}" for kind, amount in imported.entities.items())
+    say(f"  entities: {', '.join(entities)}")
+    say(f"  extents: {', '.join(_list_extents(outline))}")
+    say(f"  length: {outline.length * 1e3:.7g} mm")
     if stops.count:
         say(f"  stops: {stops.describe()}")
     for warning in imported.warnings:
         say(f"  warning: {warning}")
+
+
+def _list_extents(outline: "Outline") -> Iterator[str]:
+    """Describe the range of a path along each axis."""
+    for axis, low, high in zip("xyz", outline.low, outline.high, strict=True):
+        # Rounding and adding 0 turn -1e-17 into 0 instead of -0.
+        first, last = (round(1e3 * float(bound), 9) + 0.0 for bound in (low, high))
+        yield f"{axis} {first:.6g} to {last:.6g} mm"

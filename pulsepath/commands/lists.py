@@ -1,18 +1,14 @@
 """`pulsepath machines`, `programs`, `rigs`, `laws`, `rules`, `figures`: print lists."""
 
-from collections.abc import Iterable
 from functools import partial
 from inspect import getdoc
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+from pulsepath.commands.common import print_result
 from pulsepath.options import json_option
-from pulsepath.progress import as_json as to_json
 from pulsepath.progress import say
-
-if TYPE_CHECKING:
-    from kinematics.foundation.table import Table
 
 Record = dict[str, Any]
 UNITS = {
@@ -32,9 +28,9 @@ def machines(as_json: bool) -> None:
 
     Shows the travel and limits of their axes.
 
-    In a machine file, timing = "DRV8825" names the drive of an axis: plans then keep what it needs on STEP and DIR, and
-    plan -v shows it. Known drives: A4988, DRV8825, LV8729, DRV8884, TMC2209, Pacific-6410, Pacific-6410-filtered,
-    servo-differential, servo-open-collector, servo-high-speed.
+    In a machine file, timing = "DRV8825" names the drive of an axis: plans then keep what it needs
+    on STEP and DIR, and plan -v shows it. Known drives: A4988, DRV8825, LV8729, DRV8884, TMC2209,
+    Pacific-6410, Pacific-6410-filtered, servo-differential, servo-open-collector, servo-high-speed.
 
     Example: pulsepath machines --json
     """
@@ -47,7 +43,11 @@ def machines(as_json: bool) -> None:
             known.append(load_machine(name))
         except NotInstalled as reason:  # the other machines are listed nevertheless
             say(f"note: {name} is left out: {reason}", err=True)
-    _show([record.of_machine(machine) for machine in known], tables.of_machines(known), as_json)
+    print_result(
+        [record.record_machine(machine) for machine in known],
+        tables.tabulate_machines(known),
+        as_json,
+    )
 
 
 @click.command()
@@ -119,14 +119,15 @@ def laws(as_json: bool) -> None:
 def rules(as_json: bool) -> None:
     """List the firing rules and their options.
 
-    "pulsepath plan --rule" takes a name, with options if needed: "sampled:period=50us", "dda:spacing=5ms,rate=200kHz".
+    "pulsepath plan --rule" takes a name, with options if needed: "sampled:period=50us",
+    "dda:spacing=5ms,rate=200kHz".
 
     Example: pulsepath rules
     """
     from pulsepath.output import record, tables
 
-    listed = record.of_rules()
-    _show(listed, tables.of_rules(listed), as_json)
+    listed = record.record_rules()
+    print_result(listed, tables.tabulate_rules(listed), as_json)
 
 
 @click.command()
@@ -134,7 +135,8 @@ def rules(as_json: bool) -> None:
 def figures(as_json: bool) -> None:
     """List the figures of tracked runs, for "pulsepath compare --fail-if".
 
-    A figure of axes is the worst axis', and with an axis' name behind a dot that axis' own: following_max.leg1.
+    A figure of axes is that of the worst axis. Add a dot and a name for one axis:
+    following_max.leg1.
 
     Example: pulsepath figures
     """
@@ -152,19 +154,10 @@ def figures(as_json: bool) -> None:
     _show_list("figures of a run", listed, as_json)
 
 
-def _show(records: object, tables: "Iterable[Table]", as_json: bool) -> None:
-    if as_json:
-        click.echo(to_json(records), nl=False)
-        return
-    from pulsepath.output.tables import show
-
-    show(tables)
-
-
 def _show_list(title: str, records: list[Record], as_json: bool) -> None:
     from pulsepath.output import tables
 
-    _show(records, tables.of_list(title, records), as_json)
+    print_result(records, tables.tabulate_records(title, records), as_json)
 
 
 def _read_presets(package: str) -> list[tuple[str, Record, str]]:

@@ -11,7 +11,6 @@ from pulsepath.command_group import ProgramCommand
 from pulsepath.options import (
     dump_option,
     json_option,
-    machine_option,
     program_argument,
     refuse_unknown,
 )
@@ -34,7 +33,6 @@ SHORT_FILE = 1 << 12
 
 @click.command(cls=ProgramCommand)
 @program_argument
-@machine_option
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Output directory.")
 @request_options(InputRequest, PlanRequest, ReportRequest)
 @dump_option
@@ -86,7 +84,7 @@ def plan(out: Path | None, dumped: Path | None, force: bool, as_json: bool, **op
                 with inputs.tell_lines():
                     job = run(inputs.program, inputs.machine, request, report, other)
                 results = write_whole(folder, job, inputs, report.pulses)
-    tables.show_plan(out, as_json, lambda: tables.of_plan(results), lambda: tables.sum_up(results))
+    tables.show_plan(out, as_json, lambda: tables.tabulate_plan(results), lambda: tables.sum_up(results))
     if refusal is not None:
         raise refusal
 
@@ -103,8 +101,8 @@ def _refuse_conflicts(request: PlanRequest, report: ReportRequest) -> None:
 
 def _refuse_parts_options(report: ReportRequest) -> None:
     """Raise UsageError for an option that only a plan in parts has."""
-    given = {"--keep-certified": report.keep_certified, "--cluster": report.cluster is not None}
-    for option in (name for name, is_given in given.items() if is_given):
+    options = {"--keep-certified": report.keep_certified, "--cluster": report.cluster is not None}
+    for option in (name for name, is_given in options.items() if is_given):
         raise click.UsageError(f"{option} is for --stream.", click.get_current_context())
 
 
@@ -142,4 +140,4 @@ def _dump(folder: Path, options: dict[str, Any], force: bool, as_json: bool) -> 
     read_rig(options["rig"], inputs.machine)  # refuses one that does not fit
     request = read_request(PlanRequest, options).resolve(inputs.program, inputs.machine)
     options = {**options, "order": request.order}
-    dump(folder, inputs, "plan", list_options(options, PlanRequest, ReportRequest), force, as_json)
+    dump(folder, inputs, list_options(options, PlanRequest, ReportRequest), force, as_json)

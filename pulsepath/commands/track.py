@@ -1,50 +1,57 @@
 """`pulsepath track`: run a plan on emulated hardware under tracking laws."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import click
 
-from pulsepath import known_names
-from pulsepath.known_names import make_completer
-from pulsepath.options import LAWS, json_option, refuse_unknown, unverified_option
+from planner.request import option
+from pulsepath.commands.common import say_doubts
+from pulsepath.options import LAWS, json_option, plan_argument, refuse_unknown, unverified_option
 from pulsepath.process.intent import writes
 from pulsepath.progress import say
+from pulsepath.request_options import with_request
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackRequest:
+    """A plan, the rig that runs it, and the laws that control the drives."""
+
+    directory: Path
+    rig: str | None = option(
+        None,
+        'Drives of the axes: preset or file; "pulsepath rigs" lists them. Default: the bundled rig that fits.',
+        metavar="RIG",
+        names="rigs",
+        files=True,
+    )
+    laws: tuple[str, ...] = option(
+        LAWS,
+        'Tracking law, as "6" or "6:gain=0.7"; repeatable.',
+        flag="--law",
+        metavar="LAW",
+        names="laws",
+    )
 
 
 @click.command()
-@click.argument("directory", metavar="DIR", type=click.Path(path_type=Path))
-@click.option(
-    "--rig",
-    metavar="RIG",
-    help='Drives of the axes: preset or file; "pulsepath rigs" lists them. Default: the bundled rig that fits.',
-    shell_complete=make_completer(known_names.rigs, files=True),
-)
-@click.option(
-    "--law",
-    "laws",
-    multiple=True,
-    default=LAWS,
-    show_default=True,
-    metavar="LAW",
-    help='Tracking law, as "6" or "6:gain=0.7"; repeatable.',
-    shell_complete=make_completer(known_names.laws),
-)
+@plan_argument
+@with_request(TrackRequest)
 @unverified_option
 @click.option("--force", is_flag=True, help="Overwrite an earlier track.json.")
 @json_option
-def track(
-    directory: Path, rig: str | None, laws: tuple[str, ...], unverified: bool, force: bool, as_json: bool
-) -> None:
+def track(request: TrackRequest, unverified: bool, force: bool, as_json: bool) -> None:
     """Track the plan in DIR on an emulated motion card and drives.
 
-    Runs the plan on RIG under each LAW and writes the errors to DIR/track.json. RIG is a bundled rig or a TOML file
-    whose machine has the plan's axes. The default is the one bundled rig that fits, and its name is printed. If none
-    fits, no rig is assumed and the plan is not tracked.
+    Runs the plan on RIG under each LAW and writes the errors to DIR/track.json. RIG is a bundled
+    rig or a TOML file whose machine has the plan's axes. The default is the one bundled rig that
+    fits, and its name is printed. If none fits, no rig is assumed and the plan is not tracked.
 
     Example: pulsepath track out/circle --rig hexapod-steppers --law 3 --law 6:gain=0.7
     """
+    directory = request.directory
     writes(directory / "track.json")
-    refuse_unknown(rig=rig, laws=laws)
+    refuse_unknown(rig=request.rig, laws=request.laws)
     from pulsepath.output.directory import refuse_no_plan
 
     refuse_no_plan(directory)
@@ -62,26 +69,27 @@ def track(
     from pulsepath.store.read import read
 
     target = Destination(directory / TRACK, force=force)
-    settings = [read_setting(law) for law in laws]
-    planned = read(directory, unverified)
-    behind = choose_rig(planned.machine, rig)
-    if rig is None:
-        note(f"on rig {behind.about}: the bundled rig that fits {planned.machine.name}; choose another with --rig")
-    metrics, motion = [], shape_motion(planned.trajectory, planned.machine.axes) or planned.trajectory
-    for law in [setting.make_law(behind) for setting in settings]:
+    settings = [read_setting(law) for law in request.laws]
+    plan = read(directory, unverified)
+    rig = choose_rig(plan.machine, request.rig)
+    if request.rig is None:
+        fits = f"the bundled rig that fits {plan.machine.name}"
+        note(f"on rig {rig.about}: {fits}; choose another with --rig")
+    motion = shape_motion(plan.trajectory, plan.machine.axes) or plan.trajectory
+    metrics = []
+    for law in [setting.make_law(rig) for setting in settings]:
         with step(f"tracking under {law.name}"):
-            tracked = controllers.track(motion, planned.machine, law, rig=behind, period=PERIOD)
-            metrics.append(controllers.evaluate(tracked, motion, planned.machine))
-    found = {**record.of_doubts(planned.doubts), **record.of_tracking(behind, metrics)}
-    text = record.as_json({"schema": record.SCHEMA, **found})
+            tracked = controllers.track(motion, plan.machine, law, rig=rig, period=PERIOD)
+            metrics.append(controllers.evaluate(tracked, motion, plan.machine))
+    doubts = record.record_doubts(plan.doubts)
+    text = record.as_json({"schema": record.SCHEMA, **doubts, **record.record_tracking(rig, metrics)})
     target.write(text)
     if as_json:
         click.echo(text, nl=False)
-    else:
-        say(f"rig {behind.about}")
-        tables.show(tables.of_tracking(metrics))
-        blind = [behind.name] if not all(map(reads_encoder, behind.drives)) else []
-        for sentence in describe_blind([setting.law for setting in settings], blind):
-            say(sentence)
-        for doubt in planned.doubts:
-            say(f"NOT VERIFIED: {doubt}")
+        return
+    say(f"rig {rig.about}")
+    tables.show(tables.tabulate_tracking(metrics))
+    blind = [] if all(map(reads_encoder, rig.drives)) else [rig.name]
+    for sentence in describe_blind([setting.law for setting in settings], blind):
+        say(sentence)
+    say_doubts(plan.doubts)

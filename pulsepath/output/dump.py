@@ -20,7 +20,11 @@ STDOUT = Path("-")
 
 
 def dump(
-    folder: Path, inputs: Inputs, command: str, options: Mapping[str, int | str], force: bool, as_json: bool
+    folder: Path,
+    inputs: Inputs,
+    options: Mapping[str, int | str],
+    force: bool,
+    as_json: bool,
 ) -> None:
     """Write machine and program with all defaults, and print the options as TOML and the command.
 
@@ -29,15 +33,22 @@ def dump(
 
     A machine that names other files, as an arm does, keeps the text of its file.
     """
+    command = str(click.get_current_context().command.name)
     purpose = f'"pulsepath {command}" uses it'
     if inputs.companions:
         machine = inputs.machine_toml
     else:
         machine = machine_toml(
-            inputs.machine, f"The machine {inputs.machine.name}, as {purpose}.", complete=True
+            inputs.machine,
+            f"The machine {inputs.machine.name}, as {purpose}.",
+            complete=True,
         ).encode()
     program_here = replace(inputs.program, machine=MACHINE_FILE)
-    program = program_toml(program_here, f"The program {inputs.program.name}, as {purpose}.", complete=True).encode()
+    program = program_toml(
+        program_here,
+        f"The program {inputs.program.name}, as {purpose}.",
+        complete=True,
+    ).encode()
     files = {MACHINE_FILE: machine, PROGRAM_FILE: program, **inputs.companions}
     if folder == STDOUT:
         _print(files, options, as_json)
@@ -68,4 +79,6 @@ def _print(files: Mapping[str, bytes], options: Mapping[str, int | str], as_json
 
 
 def _text(options: Mapping[str, int | str]) -> str:
-    return "\n".join(["[options]", *(f"{name} = {format_toml(value)}" for name, value in options.items())])
+    return "\n".join(
+        ["[options]", *(f"{name} = {format_toml(value)}" for name, value in options.items())],
+    )

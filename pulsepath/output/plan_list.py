@@ -192,8 +192,8 @@ def _figures(record: Mapping[str, Any]) -> dict[str, float | None]:
         "quantization_m": (errors.get("position") or {}).get("max"),
     }
     figures |= {f"use of {name}": entry["attained_ratio"] for name, entry in limits.items()}
-    behind = shaping.get("limits") or {}
-    figures |= {f"use of {name}, behind the shapers": entry["worst_ratio"] for name, entry in behind.items()}
+    shaped = shaping.get("limits") or {}
+    figures |= {f"use of {name}, behind the shapers": entry["worst_ratio"] for name, entry in shaped.items()}
     contours = {law: of.get("contour") or {} for law, of in laws.items()}
     figures |= {f"contour error RMS, {law}": one["rms"] for law, one in contours.items() if one.get("unit") == "m"}
     for name, value in figures.items():

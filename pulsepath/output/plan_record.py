@@ -30,14 +30,14 @@ from pulsepath.output.directory import KIND
 from pulsepath.output.record import (
     SCHEMA,
     Record,
-    of_tracking,
-    pose_record,
-    realised_record,
+    record_pose,
+    record_realised,
+    record_tracking,
 )
 from pulsepath.store.verify import digest, digest_pulses
 
 
-def of_plan(job: PlanReport, inputs: Inputs, verdict: PulseCheck) -> Record:
+def record_plan(job: PlanReport, inputs: Inputs, verdict: PulseCheck) -> Record:
     """A plan and the check of its pulses: SI units, which the keys name where they are not plain."""
     plan = job.whole
     counted = [(len(axis), axis.final - axis.start) for axis in plan.pulses.axes]
@@ -61,7 +61,7 @@ def of_plan(job: PlanReport, inputs: Inputs, verdict: PulseCheck) -> Record:
         "stated_but_not_kept": list(find_unkept_limits(plan.machine)),
         **_motion_results(job),
         "solver": {"rounds": plan.rounds, "methods": list(plan.methods)},
-        "pulses": of_pulses(plan.pulses, plan.machine, counted, digest_pulses([plan.pulses]), verdict),
+        "pulses": record_pulses(plan.pulses, plan.machine, counted, digest_pulses([plan.pulses]), verdict),
         **_comparisons(job),
         "constant_speeds": record(plan.constant_speeds),
         "segments": _segments(plan),
@@ -117,9 +117,9 @@ def _lower_bound(plan: Plan) -> Record | None:
 def _comparisons(job: PlanReport) -> Record:
     """Return the tracking errors, the cross-check and the quantization error."""
     return {
-        "tracking": None if job.rig is None else of_tracking(job.rig, job.metrics),
+        "tracking": None if job.rig is None else record_tracking(job.rig, job.metrics),
         "cross_check": record(job.crossed),
-        "realised": None if job.realised is None else realised_record(job.realised),
+        "realised": None if job.realised is None else record_realised(job.realised),
     }
 
 
@@ -143,7 +143,7 @@ def _baselines(job: PlanReport, plan: Plan, baseline: Classical) -> Record:
     }
 
 
-def of_parts(
+def record_parts(
     standing: PlanStanding, inputs: Inputs, digest: str | None, verdict: PulseCheck | None, ending: str = ""
 ) -> Record:
     """Return the record of a plan that was made in parts.
@@ -168,7 +168,7 @@ def of_parts(
         "stated_but_not_kept": list(find_unkept_limits(standing.machine)),
         "solver": {"rounds": standing.rounds, "methods": dict(standing.methods)},
         "trigger_count": standing.triggers,
-        "pulses": of_pulses(standing.pulses, standing.machine, standing.counted, digest, verdict),
+        "pulses": record_pulses(standing.pulses, standing.machine, standing.counted, digest, verdict),
         **_origin(inputs, ()),
     }
 
@@ -235,7 +235,7 @@ def _shaping_cost(cost: ShapingCost) -> Record:
     }
 
 
-def of_pulses(
+def record_pulses(
     pulses: PulseSchedule,
     machine: Machine,
     counted: Sequence[tuple[int, int]],
@@ -317,7 +317,7 @@ def _trigger(event: Triggered, axes: Sequence[Axis]) -> Record:
     return {
         "name": event.name,
         "where": record(event.where),
-        **pose_record(event.pose),
+        **record_pose(event.pose),
         "counts": {axis.name: int(count) for axis, count in zip(axes, event.counts, strict=True)},
     }
 
@@ -333,7 +333,7 @@ def _versions(*packages: str) -> dict[str, str | None]:
     return installed
 
 
-def of_pulse_file(
+def record_pulse_file(
     path: Path | None,
     pulses: PulseSchedule,
     machine: Machine,
@@ -358,17 +358,17 @@ def of_pulse_file(
         "axes": {
             one.name: {
                 "pulses": one.pulses,
-                "start_count": held.start,
-                "final_count": held.start + net,
+                "start_count": axis.start,
+                "final_count": axis.start + net,
                 "final_error_pulses": finite_or_none(one.final_error),
-                "bound_pulses": held.bound,
+                "bound_pulses": axis.bound,
                 "time_error_ticks": None if one.time_error is None else finite_or_none(one.time_error),
                 "position_error_beyond_bound_pulses": finite_or_none(one.position_error),
                 "error_behind_play_and_screw_pulses": None if one.behind is None else finite_or_none(one.behind),
                 "smallest_interval_s": finite_or_none(one.smallest_interval),
                 **drive,
             }
-            for one, held, drive, (_, net) in zip(
+            for one, axis, drive, (_, net) in zip(
                 verdict.axes, pulses.axes, _drive_times(verdict, pulses.clock_hz, machine), counted, strict=True
             )
         },

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 Record = dict[str, Any]
 
 
-def realised_record(path: RealisedPath) -> Record:
+def record_realised(path: RealisedPath) -> Record:
     """The path that the pulses make: its errors, in m or rad, under their bounds; "one_in": how thinly it was seen."""
     return {
         "of": path.mover,
@@ -39,7 +39,7 @@ def realised_record(path: RealisedPath) -> Record:
     }
 
 
-def of_tracking(rig: Rig, metrics: Iterable[Metrics]) -> Record:
+def record_tracking(rig: Rig, metrics: Iterable[Metrics]) -> Record:
     """The rig, and under each law the errors in m or rad, and the full steps that steppers lost."""
     laws = {
         law.law: {series.name: _fields(series, "rms", "p95", "max", "unit", "where") for series in law.series}
@@ -49,7 +49,7 @@ def of_tracking(rig: Rig, metrics: Iterable[Metrics]) -> Record:
     return {"rig": rig.name, "about": rig.about, "laws": laws, "lost_steps": lost}
 
 
-def of_check(result: Standing) -> Record:
+def record_check(result: Standing) -> Record:
     """Return the record of a geometric check: violations or use of each limit, and joins."""
     largest = result.largest.items()
     return {
@@ -59,7 +59,7 @@ def of_check(result: Standing) -> Record:
         "avoidable_stops": record(result.avoidable),
         "synchronised_moves": record(result.departures),
         "splines": record(result.overshoots),
-        "violations": [violation_record(violation) for violation in result.violations],
+        "violations": [record_violation(violation) for violation in result.violations],
         "conditioning": None
         if result.conditioning is None
         else {"value": result.conditioning.value, "where": record(result.conditioning.place)},
@@ -67,7 +67,7 @@ def of_check(result: Standing) -> Record:
     }
 
 
-def of_export(name: str, file: str, done: Exported, doubts: Sequence[str] = ()) -> Record:
+def record_export(name: str, file: str, done: Exported, doubts: Sequence[str] = ()) -> Record:
     """Return the record of an exported file, with its error against the plan."""
     return {
         "format": name,
@@ -76,16 +76,16 @@ def of_export(name: str, file: str, done: Exported, doubts: Sequence[str] = ()) 
         "against": done.against,
         "error_pulses_by_axis": list(done.by_axis),
         "notes": list(done.notes),
-        **of_doubts(doubts),
+        **record_doubts(doubts),
     }
 
 
-def of_doubts(doubts: Sequence[str]) -> Record:
+def record_doubts(doubts: Sequence[str]) -> Record:
     """Return whether a loaded plan is verified, and if not, why."""
     return {"verified": not doubts, "doubts": list(doubts)}
 
 
-def of_import(name: str, result: Imported, way: Outline, file: str, figure: str) -> Record:
+def record_import(name: str, result: Imported, way: Outline, file: str, figure: str) -> Record:
     """Return the record of an imported program; lengths in m."""
     return {
         "format": name,
@@ -100,12 +100,12 @@ def of_import(name: str, result: Imported, way: Outline, file: str, figure: str)
     }
 
 
-def of_posture(result: Posture) -> Record:
+def record_posture(result: Posture) -> Record:
     """Return the record of one pose: axes, joints, margins and proof."""
     margins = result.margins
     return {
         "machine": result.machine.name,
-        "pose": {"home": pose_record(result.from_home), "base": pose_record(result.pose)},
+        "pose": {"home": record_pose(result.from_home), "base": record_pose(result.pose)},
         "directions_rad": result.directions.tolist(),
         "axes": [
             {"name": axis.name, "position": q, "from_home": away, "pulses": count, "unit": axis.unit, "travel_use": use}
@@ -137,18 +137,18 @@ def of_posture(result: Posture) -> Record:
     }
 
 
-def pose_record(pose: Pose) -> Record:
+def record_pose(pose: Pose) -> Record:
     angles = pose.rotation.as_euler("XYZ", suppress_warnings=True)
     return {"position_m": pose.translation.tolist(), "angles_rad": angles.tolist()}
 
 
-def of_positions(listed: PositionList, file: str) -> Record:
+def record_positions(listed: PositionList, file: str) -> Record:
     """A position list; m and rad."""
     poses = {"poses": listed.poses.tolist(), "dwells_s": listed.rests.tolist()}
     return {"file": file, "rotation": listed.order, "frame": listed.frame, **poses}
 
 
-def of_arms(result: ArmSimulation, file: str) -> Record:
+def record_arms(result: ArmSimulation, file: str) -> Record:
     """Arm lengths at poses, turned ones simulated only; m and rad. off: null where no held plate has the lengths."""
     return {
         "file": file,
@@ -164,7 +164,7 @@ def of_arms(result: ArmSimulation, file: str) -> Record:
     }
 
 
-def of_rules() -> Record:
+def record_rules() -> Record:
     """Return the firing rules by name, with their options in SI units."""
     from planner.pulses import RULES
 
@@ -180,7 +180,7 @@ def of_rules() -> Record:
     }
 
 
-def of_machine(machine: Machine) -> Record:
+def record_machine(machine: Machine) -> Record:
     """Return the record of a machine; None: unlimited."""
     return {
         "name": machine.name,
@@ -196,7 +196,7 @@ def _fields(of: object, *names: str) -> Record:
     return {name: record(value) for name, value in values.items()}
 
 
-def violation_record(violation: MotionError) -> Record:
+def record_violation(violation: MotionError) -> Record:
     """Return the record of a violation: place, excess and remedy."""
     if not isinstance(violation, Infeasible):
         return {"kind": "reach", "message": str(violation)}

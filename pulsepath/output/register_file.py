@@ -1,4 +1,4 @@
-"""The file that keeps the console's registers between sessions, written before and after every motion."""
+"""The file of the console's registers, written before and after every motion."""
 
 import json
 import os
@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from controllers.console import SavedSession
 from kinematics.files.atomic_files import write_whole
@@ -15,14 +16,23 @@ from kinematics.foundation.errors import MotionError
 
 KIND = "pulsepath console"
 SCHEMA = 2
+# Schema of files whose registers counted from the travel's zero.
 EARLIER_SCHEMA = 1
-"""Schema of files whose registers counted from the travel's zero."""
+# Remedies for a file that cannot be read or written, and for one with wrong content.
 GIVE_STATE = "give a file for the registers with --state FILE"
-"""The remedy where the file cannot be read or written."""
+REPLACE = "remove the file, or give another --state"
+# Digits of a wrong value in a message.
 MAX_DIGITS = 40
-"""Digits of a wrong value in a message."""
+# Largest count in a file. No axis comes near it, and sums and floats are exact up to there.
 MAX_REGISTER = 2**53
-"""Largest count in a file. No axis comes near it, and sums and floats are exact up to there."""
+# Types of the values of each table, which has a value for every axis.
+TABLES: dict[str, tuple[type, ...]] = {
+    "pulses": (int, float),
+    "registers": (int,),
+    "homed": (bool,),
+    "moving": (bool,),
+    "counters": (int,),
+}
 
 
 def usual_place(machine: str) -> Path:
@@ -56,38 +66,49 @@ def lock_file(path: Path) -> Iterator[None]:
         opened = path.with_name(f"{path.name}.lock").open("w")
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
-        raise MotionError(f"{path}: position registers cannot be kept there: {reason}; {GIVE_STATE}") from None
+        raise MotionError(
+            f"{path}: position registers cannot be kept there: {reason}; {GIVE_STATE}",
+        ) from None
     with opened as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            raise MotionError(f"{path} is in use by another console; end it, or give another --state") from None
+            raise MotionError(
+                f"{path} is in use by another console; end it, or give another --state",
+            ) from None
         yield
 
 
 def write(path: Path, saved: SavedSession) -> None:
-    """Whole, or as it was before; its directory is there while it is `held`."""
-    write_whole(path, json.dumps({"kind": KIND, "schema": SCHEMA, **asdict(saved)}, indent=2) + "\n")
+    """Write a file completely, or leave the one before. Its directory exists while it is locked."""
+    record = {"kind": KIND, "schema": SCHEMA, **asdict(saved)}
+    write_whole(path, json.dumps(record, indent=2) + "\n")
 
 
 class Keeper:
-    """Saves registers, and continues without saving after an error, which is reported once, as its end is.
+    """Saves registers, and continues without saving after an error.
 
-    kept  whether the file has the latest registers
+    The error and its end are reported once each.
+
+    is_saved  True if the file has the latest registers
     """
 
-    __slots__ = ("_path", "_tell", "kept")
+    __slots__ = ("_path", "_tell", "is_saved")
 
     def __init__(self, path: Path, tell: Callable[[str], None]) -> None:
-        self._path, self._tell, self.kept = path, tell, True
+        self._path = path
+        self._tell = tell
+        self.is_saved = True
 
     @property
     def describe(self) -> str:
-        """Path of the register file."""
-        return f"saved in {self._path}" if self.kept else f"not saved: {self._path} could not be written"
+        """Text that says whether the file has the registers."""
+        if self.is_saved:
+            return f"saved in {self._path}"
+        return f"not saved: {self._path} could not be written"
 
     def save(self, saved: SavedSession) -> None:
-        """Write it. A file that would offer registers of before is removed."""
+        """Write the registers. If that fails, remove the file, which would offer earlier ones."""
         try:
             write(self._path, saved)
         except OSError as error:
@@ -96,17 +117,20 @@ class Keeper:
                 left = "home the axes next time"
             except OSError:
                 left = "it holds old positions: do not ACCEPT them next time"
-            if self.kept:
+            if self.is_saved:
                 self._tell(f"registers are no longer saved: {self._path}: {error.strerror}; {left}")
-            self.kept = False
+            self.is_saved = False
         else:
-            if not self.kept:
+            if not self.is_saved:
                 self._tell(f"registers are saved again in {self._path}")
-            self.kept = True
+            self.is_saved = True
 
 
 def read(path: Path) -> SavedSession | None:
-    """Return the saved registers. None: nothing was saved. Raises MotionError for a damaged or foreign file."""
+    """Return the saved registers. None: nothing was saved.
+
+    Raises MotionError for a damaged or foreign file.
+    """
     try:
         record = json.loads(path.read_bytes())
     except FileNotFoundError:
@@ -114,28 +138,35 @@ def read(path: Path) -> SavedSession | None:
     except OSError as error:
         raise MotionError(f"{path}: {error.strerror}; {GIVE_STATE}") from None
     except ValueError as error:
-        raise MotionError(f"{path}: {error}; remove it (positions are then unknown), or give another --state") from None
-    schema = record.pop("schema", None) if isinstance(record, dict) and record.pop("kind", None) == KIND else None
+        remedy = "remove it (positions are then unknown), or give another --state"
+        raise MotionError(f"{path}: {error}; {remedy}") from None
+    is_ours = isinstance(record, dict) and record.pop("kind", None) == KIND
+    schema = record.pop("schema", None) if is_ours else None
     if schema not in (SCHEMA, EARLIER_SCHEMA):
         raise MotionError(f"{path} is not a register file of schema {SCHEMA}; give another --state")
-    tables = {"pulses": (int, float), "registers": (int,), "homed": (bool,), "moving": (bool,)}
-    if schema == SCHEMA:
-        tables["counters"] = (int,)
-    axes = record.get("pulses")
-    for key, kinds in tables.items():
-        table = record.get(key)
-        if not isinstance(table, dict) or not isinstance(axes, dict) or table.keys() != axes.keys():
-            raise MotionError(f"{path}: {key}: give a value for every axis; remove the file, or give another --state")
-        if any(type(value) not in kinds for value in table.values()):
-            raise MotionError(f"{path}: {key}: {table} has wrong values; remove the file, or give another --state")
-        for name, value in table.items():
-            if not abs(value) <= MAX_REGISTER:  # true for NaN as well
-                shown = str(value)[:MAX_DIGITS]
-                raise MotionError(
-                    f"{path}: {key}: {name} is {shown}, limit {MAX_REGISTER}; remove the file, or give another --state"
-                )
-    if set(record) != {"machine", *tables} or not isinstance(record["machine"], str):
-        raise MotionError(f"{path}: keys {', '.join(sorted(record))} are not those of a register file")
+    tables = dict(TABLES)
     if schema == EARLIER_SCHEMA:
-        record["counters"] = {name: count if axes[name] > 0 else -count for name, count in record["registers"].items()}
+        del tables["counters"]
+    for key, kinds in tables.items():
+        if fault := _find_fault(record.get(key), record.get("pulses"), kinds):
+            raise MotionError(f"{path}: {key}: {fault}; {REPLACE}")
+    if set(record) != {"machine", *tables} or not isinstance(record["machine"], str):
+        keys = ", ".join(sorted(record))
+        raise MotionError(f"{path}: keys {keys} are not those of a register file")
+    if schema == EARLIER_SCHEMA:
+        record["counters"] = {
+            name: count if record["pulses"][name] > 0 else -count for name, count in record["registers"].items()
+        }
     return SavedSession(**record)
+
+
+def _find_fault(table: Any, axes: Any, kinds: tuple[type, ...]) -> str:
+    """Describe the first fault of a table of values by axis. "": there is none"""
+    if not isinstance(table, dict) or not isinstance(axes, dict) or table.keys() != axes.keys():
+        return "give a value for every axis"
+    if any(type(value) not in kinds for value in table.values()):
+        return f"{table} has wrong values"
+    for name, value in table.items():
+        if not abs(value) <= MAX_REGISTER:  # true for NaN as well
+            return f"{name} is {str(value)[:MAX_DIGITS]}, limit {MAX_REGISTER}"
+    return ""

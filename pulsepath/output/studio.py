@@ -1,36 +1,50 @@
-"""The pages of `pulsepath studio`: the list of plans, their reports, and the state of replanning."""
+"""The pages of `pulsepath studio`: the list of plans, their reports, and replanning."""
 
 import subprocess
 import sys
 import tomllib
 from collections.abc import Iterable, Sequence
 from hashlib import sha256
+from os.path import realpath
 from pathlib import Path
 from threading import Event, Thread
 from types import TracebackType
 from typing import Self
 
 from benchmarks.reports.page import render
+from kinematics.files.atomic_files import Stamp, stamp
 from pulsepath.output.plan_list import Listed, PlanList, find_folder_name, read_below
 from pulsepath.page_server import DATA, PAGE, REPORT_PATH, Query
 from pulsepath.process.ending import on_forced_end
 
+# s between two checks whether a file was saved.
 SAVED_PERIOD = 0.3
-"""s between two looks whether a file was saved."""
+# s that a plan in progress may take to end after a signal.
 END_TIME = 5.0
-"""s that a plan in progress may take to end when it is asked to."""
 
 
 class Replanner:
-    """Plans a program's file, and again whenever that or its machine's file is saved; in a process of its own."""
+    """Plans a program in another process, again whenever its file or the machine's is saved."""
 
-    def __init__(self, program: Path, machine: str | None, options: Sequence[str], folder: Path) -> None:
-        """folder: the plan goes into one of the program's name below it."""
-        self.state, self.refused = "", False
-        target = folder / program.stem
-        self._command = [sys.executable, "-m", "pulsepath", "-q", "plan", str(program), "--out", str(target), "--force"]
-        self._command += [*(() if machine is None else ("--machine", machine)), *options]
-        self._program, self._machine = program, machine
+    def __init__(
+        self,
+        program: Path,
+        machine: str | None,
+        options: Sequence[str],
+        folder: Path,
+    ) -> None:
+        """folder: where the folder of the plan is, which has the program's name"""
+        self.state = ""
+        self.refused = False
+        machine_options = () if machine is None else ("--machine", machine)
+        self._command = [
+            *(sys.executable, "-m", "pulsepath", "-q", "plan", str(program)),
+            *("--out", str(folder / program.stem), "--force"),
+            *machine_options,
+            *options,
+        ]
+        self._program = program
+        self._machine = machine
         self._ended = Event()
         self._thread = Thread(target=self._run, daemon=True)
 
@@ -39,18 +53,22 @@ class Replanner:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         self._ended.set()
         self._thread.join()
 
     def _run(self) -> None:
         files: list[Path] = []
-        stamps: list[tuple[int, int] | None] | None = None
+        stamps: list[Stamp] | None = None
         while not self._ended.wait(0.0 if stamps is None else SAVED_PERIOD):
-            if stamps is None or [_stamp(file) for file in files] != stamps:
+            if stamps is None or _stamp(files) != stamps:
+                # A long program is parsed only when it has changed.
                 files = [self._program, *_list_machine(self._program, self._machine)]
-                stamps = [_stamp(file) for file in files]
+                stamps = _stamp(files)
                 self._plan()
 
     def _plan(self) -> None:
@@ -83,31 +101,34 @@ def _end(process: "subprocess.Popen[str]") -> None:
 
 
 def _list_machine(program: Path, machine: str | None) -> list[Path]:
-    """The machine's file: as it is given, or as the program names it, from its own folder; a preset has none here."""
+    """Return the machine's file: given, or named by the program. A preset has none."""
     if machine is not None:
         return [Path(machine)]
     try:
         named = tomllib.loads(program.read_text(encoding="utf-8")).get("machine")
-    except (OSError, ValueError):  # just being saved, or no TOML: planning says what is wrong
+    except (OSError, ValueError):  # being saved, or no TOML, which planning reports
         return []
     return [program.parent / named] if isinstance(named, str) else []
 
 
-def _stamp(file: Path) -> tuple[int, int] | None:
-    try:
-        stamps = file.stat()
-    except OSError:  # a preset, or just being saved
-        return None
-    return stamps.st_mtime_ns, stamps.st_size
+def _stamp(files: Iterable[Path]) -> list[Stamp]:
+    """Return what changes when files are saved. Links are followed, unlike by `stamp`."""
+    return [stamp(Path(realpath(file))) for file in files]
 
 
 class Studio:
-    """Answers requests of a browser: / with ?show=NAME of a plan, /compare?left=NAME&right=NAME of two,
-    /report?of=NAME, /stamp.
+    """Answers requests of a browser.
+
+    /                    the page, with ?show=NAME of a plan
+    /compare             the page with two plans, ?left=NAME&right=NAME
+    /report?of=NAME      the report of a plan
+    /stamp               a text that changes with the page
     """
 
     def __init__(self, folder: Path, replanner: Replanner | None = None) -> None:
-        self._folder, self._plans, self._replanner = folder, PlanList(folder), replanner
+        self._folder = folder
+        self._plans = PlanList(folder)
+        self._replanner = replanner
 
     def answer(self, path: str, query: Query) -> tuple[str, bytes] | None:
         """Return the type and content of a page. None: there is no such page."""
@@ -115,35 +136,40 @@ class Studio:
         if path == "/":
             return PAGE, self._draw(listed, query.get("show", ())[:1]).encode()
         if path == "/compare":
-            return PAGE, self._draw(listed, [*query.get("left", ())[:1], *query.get("right", ())[:1]]).encode()
+            names = [*query.get("left", ())[:1], *query.get("right", ())[:1]]
+            return PAGE, self._draw(listed, names).encode()
         if path == "/stamp":
             return DATA, f'"{self._digest(listed)}"'.encode()
-        if path == REPORT_PATH:
-            names = query.get("of", ())
-            for one in listed:  # nothing but what is listed can be asked for
-                if [one.name] == list(names):
-                    try:
-                        return PAGE, read_below(self._folder, one.report)
-                    except OSError:
-                        return None
+        if path != REPORT_PATH:
+            return None
+        # Only reports of listed plans can be read.
+        for plan in listed:
+            if [plan.name] == list(query.get("of", ())):
+                try:
+                    return PAGE, read_below(self._folder, plan.report)
+                except OSError:
+                    return None
         return None
 
     @property
     def _state(self) -> tuple[str, bool]:
-        return ("", False) if self._replanner is None else (self._replanner.state, self._replanner.refused)
+        if self._replanner is None:
+            return "", False
+        return self._replanner.state, self._replanner.refused
 
     def _digest(self, listed: Iterable[Listed]) -> str:
-        """Another one whenever the page looks different."""
-        return sha256(repr([*((one.name, one.stamp) for one in listed), self._state]).encode()).hexdigest()
+        """Return a text that differs whenever the page looks different."""
+        stamps = [*((plan.name, plan.stamp) for plan in listed), self._state]
+        return sha256(repr(stamps).encode()).hexdigest()
 
     def _draw(self, listed: Sequence[Listed], names: Sequence[str]) -> str:
-        known = {one.name: one for one in listed}
+        known = {plan.name: plan for plan in listed}
         requested = list(dict.fromkeys(names))
         shown = [known[name] for name in requested if name in known]
         if not names and len(listed) == 1:
             shown = list(listed)
         state, refused = self._state
-        both = len(shown) == 2 and all(one.figures for one in shown)
+        both = len(shown) == 2 and all(plan.figures for plan in shown)
         return render(
             "studio.html.j2",
             {},
@@ -160,6 +186,7 @@ class Studio:
         )
 
 
+# Label of a figure, and the factor and name of its unit for people.
 UNITS = {
     "duration_s": ("duration", 1.0, "s"),
     "before_shapers_s": ("duration before the shapers", 1.0, "s"),
@@ -173,46 +200,56 @@ UNITS = {
 }
 SHARES = ("gap", "use of ")
 ERRORS = "contour error"
+# Difference of two uses of a limit below which they are equal: it is how a solver ends.
 SAME_SHARE = 1e-5
-"""Uses of a limit that differ by less are alike: the rest is how a solver ends."""
 
 
 def list_differences(first: Listed, second: Listed) -> list[tuple[str, str, str, str]]:
-    """Return rows of label, both values, and the difference, for each figure that either plan states."""
+    """Return a row of label, both values and the difference for each figure of either plan."""
     rows: list[tuple[str, str, str, str]] = []
     for label in dict.fromkeys((*first.facts, *second.facts)):
-        one, other = (each.facts.get(label, "–") for each in (first, second))
-        rows.append((label, one, other, "" if one == other else "differs"))
+        left, right = (plan.facts.get(label, "–") for plan in (first, second))
+        rows.append((label, left, right, "" if left == right else "differs"))
     for key in dict.fromkeys((*first.figures, *second.figures)):
         before, after = first.figures.get(key), second.figures.get(key)
         if before is None and after is None:
             continue
         label, scale, unit = _name_figure(key)
-        alike = unit == "%" and abs((after or 0.0) - (before or 0.0)) < SAME_SHARE
-        changed = "" if alike else _tell_change(before, after, scale, unit)
-        rows.append((label, _tell(before, scale, unit), _tell(after, scale, unit), changed))
+        left, right = (_format(value, scale, unit) for value in (before, after))
+        rows.append((label, left, right, _format_change(before, after, scale, unit)))
     return rows
 
 
 def _name_figure(key: str) -> tuple[str, float, str]:
-    """Return the label of a figure, and the factor and name of its unit for people."""
+    """Return the label of a figure, and the factor and name of its unit."""
     if key.startswith(SHARES):
         return key, 100.0, "%"
-    return (key, 1e6, "µm") if key.startswith(ERRORS) else UNITS.get(key, (key, 1.0, ""))
+    if key.startswith(ERRORS):
+        return key, 1e6, "µm"
+    return UNITS.get(key, (key, 1.0, ""))
 
 
-def _tell(value: float | None, scale: float, unit: str) -> str:
+def _format(value: float | None, scale: float, unit: str) -> str:
     if value is None:
         return "–"
     if not unit and value == int(value):  # a count
         return f"{int(value)}"
-    return f"{value * scale:.{4 if unit == '%' else 7}g} {unit}".rstrip()
+    digits = 4 if unit == "%" else 7
+    return f"{value * scale:.{digits}g} {unit}".rstrip()
 
 
-def _tell_change(before: float | None, after: float | None, scale: float, unit: str) -> str:
+def _format_change(before: float | None, after: float | None, scale: float, unit: str) -> str:
+    """Return the difference of two values, and its share of the first. "": none"""
+    is_share = unit == "%"
+    if is_share and abs((after or 0.0) - (before or 0.0)) < SAME_SHARE:
+        return ""
     if before is None or after is None:
         return "in one of them only"
     change = (after - before) * scale
-    share = "" if unit == "%" or not before or not change else f" ({100 * (after - before) / before:+.3g} %)"
-    message = f"{int(change):+d}" if not unit and change == int(change) else f"{change:+.4g} {unit}".rstrip()
-    return message + share if change else ""
+    if not change:
+        return ""
+    is_count = not unit and change == int(change)
+    text = f"{int(change):+d}" if is_count else f"{change:+.4g} {unit}".rstrip()
+    if before and not is_share:
+        text += f" ({100 * (after - before) / before:+.3g} %)"
+    return text

@@ -36,12 +36,12 @@ def lay_out(table: Table) -> Layout:
     return {"title": table.title, "columns": columns, "rows": table.cells(), "notes": [*table.notes]}
 
 
-def of_results(*results: Result) -> list[Table]:
+def list_tables(*results: Result) -> list[Table]:
     """Return the tables of results."""
     return [table for result in results for table in result.tables()]
 
 
-def of_plan(report: PlanReport) -> list[Table]:
+def tabulate_plan(report: PlanReport) -> list[Table]:
     """Return the tables of a plan: summary, baseline timings, segments, proof and pulses."""
     from benchmarks.reports.plan_summary import summarise
     from planner.active_limits import tabulate_segments
@@ -95,7 +95,7 @@ def sum_up_check(standing: Standing) -> list[Table]:
         "synchronised moves": describe_departures(standing.departures),
         "splines off their polygons": describe_overshoot(standing.overshoots),
     }
-    notes = [f"{what}: {text}" for what, text in texts.items() if text]
+    notes = [f"{label}: {text}" for label, text in texts.items() if text]
     if rest:
         notes.append("with -v: a table of each")
     return [replace(uses, notes=(*uses.notes, *notes))]
@@ -108,7 +108,7 @@ def _describe_timing(plan: Plan, timing: Classical) -> str:
     return "; ".join([f"{timing.duration:.6f} s", *describe_differences(plan, timing)])
 
 
-def of_list(title: str, listed: Sequence[Mapping[str, Any]]) -> list[Table]:
+def tabulate_records(title: str, listed: Sequence[Mapping[str, Any]]) -> list[Table]:
     """Records of the same keys, a row each."""
     columns = {key: [record[key] for record in listed] for key in listed[0]}
     texts = {
@@ -118,31 +118,31 @@ def of_list(title: str, listed: Sequence[Mapping[str, Any]]) -> list[Table]:
     return [Table(title, tuple(Column(key, values) for key, values in texts.items()))]
 
 
-def of_rules(rules: Mapping[str, Mapping[str, Any]]) -> list[Table]:
+def tabulate_rules(rules: Mapping[str, Mapping[str, Any]]) -> list[Table]:
     """The firing rules, of their record, each with its options and their defaults."""
     rows = []
     for name, rule in rules.items():
         rows.append((name, "", "", rule["about"]))
-        for option, said in rule["options"].items():
-            default = "" if said["default"] is None else f"{said['default']:g} {said['unit']}".rstrip()
-            rows.append(("", option, default, said["about"]))
+        for option, facts in rule["options"].items():
+            default = "" if facts["default"] is None else f"{facts['default']:g} {facts['unit']}".rstrip()
+            rows.append(("", option, default, facts["about"]))
     names, options, defaults, about = zip(*rows, strict=True)
     columns = (Column("rule", names), Column("option", options), Column("default", defaults, right=True))
     return [Table("firing rules", (*columns, Column("", about)))]
 
 
-def of_tracking(metrics: Iterable[Metrics]) -> list[Table]:
+def tabulate_tracking(metrics: Iterable[Metrics]) -> list[Table]:
     """Errors of each axis and in space, one table per law."""
     return [law.tables()[0] for law in metrics]
 
 
-def of_positions(listed: PositionList, file: str) -> list[Table]:
+def tabulate_positions(listed: PositionList, file: str) -> list[Table]:
     """Each pose by its number."""
     (table,) = listed.tables()
     return [replace(table, title=f"{file}: {table.title}")]
 
 
-def of_machines(machines: Iterable[Machine]) -> list[Table]:
+def tabulate_machines(machines: Iterable[Machine]) -> list[Table]:
     """Axes, travel and limits of each machine; axes that share them share a row."""
     rows = []
     for machine in machines:

@@ -29,10 +29,10 @@ def error_json(error: Exception, code: int) -> str:
         described["faults"] = [_describe_fault(error.file, fault) for fault in error.faults]
     if kind == "infeasible":
         from planner import Infeasible
-        from pulsepath.output.record import violation_record
+        from pulsepath.output.record import record_violation
 
         assert isinstance(error, Infeasible)
-        described["violation"] = violation_record(error)
+        described["violation"] = record_violation(error)
     return as_json({"schema": SCHEMA, "error": described})
 
 

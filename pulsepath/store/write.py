@@ -34,7 +34,7 @@ from pulsepath.inputs import Inputs
 from pulsepath.job import Defect, Job, examine_loaded
 from pulsepath.output.directory import RECORD, REPORT
 from pulsepath.output.drive_tables import tabulate_drives
-from pulsepath.output.plan_record import of_parts, of_plan, of_pulse_file, of_pulses, record_results
+from pulsepath.output.plan_record import record_parts, record_plan, record_pulse_file, record_pulses, record_results
 from pulsepath.output.record import Record, as_json
 from pulsepath.progress import step
 from pulsepath.requests import ReportRequest
@@ -79,7 +79,7 @@ def write_whole(folder: Path, job: Job, inputs: Inputs, pulses: str = "binary") 
     with step(f"checking {plan.pulses.total} pulses") as tell:
         verdict = check_pulses(file, plan.machine, plan.source, tell)
     _refuse_faults(verdict)
-    write_named(folder / CERTIFICATE, as_json(of_pulse_file(file, plan.pulses, plan.machine, verdict)))
+    write_named(folder / CERTIFICATE, as_json(record_pulse_file(file, plan.pulses, plan.machine, verdict)))
     if plan.triggers:
         with name_file(folder / TRIGGERS):
             plan_files.write_trigger_csv(plan.triggers, plan.machine.axes, folder / TRIGGERS)
@@ -87,7 +87,7 @@ def write_whole(folder: Path, job: Job, inputs: Inputs, pulses: str = "binary") 
     if results.stops is not None:
         results.stops.save(folder / STOPS)
     _write_report(folder, results, len(plan.triggers))
-    _write_record(folder, of_plan(results, inputs, verdict))
+    _write_record(folder, record_plan(results, inputs, verdict))
     return results
 
 
@@ -105,7 +105,7 @@ def _write_pulses(file: Path, plan: Plan, tell: Progress) -> None:
 def _write_report(folder: Path, report: PlanReport, triggers: int) -> None:
     """Write the page of a plan, with the timing of its drives and the triggers of its table."""
     plan = report.plan
-    pulses = of_pulses(plan.pulses, plan.machine, list_counts(plan), None, report.verdict)
+    pulses = record_pulses(plan.pulses, plan.machine, list_counts(plan), None, report.verdict)
     tables = [tabulate_trigger_csv(folder / TRIGGERS, triggers)] if triggers else []
     report = replace(report, drives=tabulate_drives(pulses), triggers=tables)
     page = folder / REPORT
@@ -250,7 +250,7 @@ def write_parts(
     _write_report(folder, results, standing.triggers)
     if results.stops is not None:
         results.stops.save(folder / STOPS)
-    record = of_parts(standing, inputs, source.digest, verdict, ending)
+    record = record_parts(standing, inputs, source.digest, verdict, ending)
     _write_record(folder, record | record_results(results))
     return results, refusal
 
@@ -283,7 +283,7 @@ def _check_parts(folder: Path, standing: PlanStanding, source: StoredSource) -> 
     with step("checking the pulses") as tell:
         verdict = check_pulses(file, machine, source, tell)
     _refuse_faults(verdict)
-    record = of_pulse_file(file, standing.pulses, machine, verdict, standing.counted)
+    record = record_pulse_file(file, standing.pulses, machine, verdict, standing.counted)
     write_named(folder / CERTIFICATE, as_json(record))
     return verdict
 

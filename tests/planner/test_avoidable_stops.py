@@ -41,6 +41,23 @@ def count_stops(segments, machine="cartesian", order=2, **said):
     return plan(Program(tuple(segments), **said), machine, order=order).avoidable_stops.count
 
 
+@pytest.mark.parametrize(("end", "count"), [(STOP, 2), (Stop(), 1)])
+def test_a_stop_inside_a_fitted_chain_counts_in_windows_and_in_the_whole(end, count):
+    corners = [(0.434, -2.693, -0.366), (-0.450, -0.970, 0.014), (-0.4555, -0.936, 0.018), (0.142, -1.129, 0.0)]
+    joins = [Blend(1e-4), Fit(5e-5), end, STOP]
+    lines = [Line(1e-3 * np.array(corner), join=join) for corner, join in zip(corners, joins, strict=True)]
+    program = Program(tuple(lines))
+    whole = plan(program, "arm", order=3)
+    rests = whole.path.breaks[whole.path.stops(3)][1:-1]
+    assert len(rests) == 2
+    assert whole.avoidable_stops.count == count
+    at_rests = np.interp(rests, whole.trajectory.s, np.arange(len(whole.trajectory.s)))
+    speeds = whole.trajectory.v[np.round(at_rests).astype(int)]
+    np.testing.assert_allclose(speeds, 0.0, atol=1e-9)
+    *_, last = plan_parts(program, "arm", order=3, pieces=2)
+    assert last.standing.avoidable.count == count
+
+
 @pytest.mark.parametrize(
     ("join", "said", "count"),
     [

@@ -35,6 +35,22 @@ def test_plan_and_check_offer_an_option_for_each_field():
         assert len(wanted) >= 2
 
 
+@pytest.mark.parametrize(
+    ("words", "missing"),
+    [
+        ("compare servo-rig", "--out"),
+        ("calibrate hexapod cmm", "--out"),
+        ("import part.dxf", "--out"),
+        ("export plan", "--format"),
+        ("console", "--machine"),
+    ],
+)
+def test_an_option_without_a_default_is_required(call, words, missing):
+    result = call(*words.split())
+    assert result.exit_code == 2
+    assert f"Missing option '{missing}'" in result.stderr
+
+
 def test_without_options_a_request_has_its_defaults():
     _, requests = parse()
     assert requests == [PlanRequest(), ReportRequest()]

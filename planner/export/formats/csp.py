@@ -63,7 +63,7 @@ class CyclicPosition:
 
     suffix: ClassVar[str] = ".csv"
     triggered: ClassVar[bool] = True
-    cycle: float = option(1e-3, "cycle time of the fieldbus, 0.25 to 4 ms. Default 1 ms", "s")
+    cycle: float = option(1e-3, "cycle time of the fieldbus, 0.25 to 4 ms. Default 1 ms", "s", like="1 ms")
     increments: int = option(1, "increments of the drive per pulse of the machine. Default 1")
     rated: str | None = option(
         None, "N or N m at the axis at the motor's rated torque, one number or one per axis: adds torque offsets"

@@ -33,7 +33,7 @@ class Halstreamer:
     """Positions at every sample of a real-time thread, for LinuxCNC's halstreamer."""
 
     suffix: ClassVar[str] = ".txt"
-    period: float = option(1e-3, "period of the real-time thread. Default 1 ms", "s")
+    period: float = option(1e-3, "period of the real-time thread. Default 1 ms", "s", like="1 ms")
     origin: Literal["home", "natural"] = origin_option("home")
     unit: Literal["mm", "counts"] = option("mm", "mm (rotary axes: deg), or counts: pulses of the wiring. Default mm")
 

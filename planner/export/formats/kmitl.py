@@ -141,8 +141,8 @@ class KmitlArms:
     """Arm-length list of the three-armed machine, step by step along the path."""
 
     suffix: ClassVar[str] = ".txt"
-    point_step: float = option(1e-3, "distance between listed points along the path. Default 1 mm", "m")
-    unit_length: float = option(UNIT_LENGTH, "length of one unit. Default 1 mm", "m")
+    point_step: float = option(1e-3, "distance between listed points along the path. Default 1 mm", "m", like="1 mm")
+    unit_length: float = option(UNIT_LENGTH, "length of one unit. Default 1 mm", "m", like="1 mm")
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         tripod_of(source, "kmitl-arms")
@@ -267,9 +267,12 @@ class KmitlPositions:
 
     suffix: ClassVar[str] = ".txt"
     chord: float = option(
-        1e-5, "largest deviation from the path of the straight lines between poses. Default 0.01 mm", "m"
+        1e-5,
+        "largest deviation from the path of the straight lines between poses. Default 0.01 mm",
+        "m",
+        like="0.01 mm",
     )
-    unit_length: float = option(UNIT_LENGTH, "length of one unit. Default 1 mm", "m")
+    unit_length: float = option(UNIT_LENGTH, "length of one unit. Default 1 mm", "m", like="1 mm")
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         machine = tripod_of(source, "kmitl-positions")

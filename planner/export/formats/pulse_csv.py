@@ -47,7 +47,9 @@ class PulseCsv:
 
     suffix: ClassVar[str] = ".csv"
     triggered: ClassVar[bool] = True
-    width: float | None = option(None, "pulse width of STEP. Default 2 us, or half the smallest interval if less", "s")
+    width: float | None = option(
+        None, "pulse width of STEP. Default 2 us, or half the smallest interval if less", "s", like="2 us"
+    )
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         axes, pulses = source.machine.axes, source.pulses

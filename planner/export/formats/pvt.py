@@ -198,7 +198,7 @@ class ZaberCsv(KnotFormat):
     from_rest: ClassVar[str] = "Zaber PVT"
     origin: Literal["home", "natural"] = origin_option("home")
     letters: str | None = letters_option()
-    step: float = option(ZABER_STEP, "resolution of durations. Default 0.1 ms", "s")
+    step: float = option(ZABER_STEP, "resolution of durations. Default 0.1 ms", "s", like="0.1 ms")
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         axes, motion = source.machine.axes, source.counted

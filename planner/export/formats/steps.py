@@ -53,7 +53,9 @@ class Steps:
     """Run-length step queue as in Klipper: commands of interval, count and add, in clock ticks."""
 
     suffix: ClassVar[str] = ".steps"
-    within: float = option(TOLERANCE, "largest time error of a pulse, for longer commands. Default 1 us", "s")
+    within: float = option(
+        TOLERANCE, "largest time error of a pulse, for longer commands. Default 1 us", "s", like="1 us"
+    )
     least: float | None = option(None, "smallest time between pulses of an axis. Default: as its drive requires", "s")
     named: bool = option(False, "write each number with its name, as Klipper's console takes it")
 

@@ -58,7 +58,9 @@ class Vcd:
 
     suffix: ClassVar[str] = ".vcd"
     triggered: ClassVar[bool] = True
-    width: float | None = option(None, "pulse width of STEP. Default 2 us, or half the smallest interval if less", "s")
+    width: float | None = option(
+        None, "pulse width of STEP. Default 2 us, or half the smallest interval if less", "s", like="2 us"
+    )
 
     def write(self, source: ExportSource, path: Path) -> Exported:
         pulses, axes = source.pulses, source.machine.axes

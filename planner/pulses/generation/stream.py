@@ -309,7 +309,7 @@ def _place_on_whole(no: Infeasible, part: MotionPart, offset: float, *, own: boo
         piece = int(motion.at(own_t).piece[0])
         place = motion.path.place(s, piece, None, place.axis)
     placed = replace(place, s=s, t=own_t + begin)
-    return Infeasible(no.kind, no.axis, placed, no.value, no.limit, no.unit, no.remedy)
+    return replace(no, place=placed)
 
 
 def _look(part: MotionPart, known: JoinedMotion, k: int, ticks: ArrayLike) -> tuple[Array, Array]:
@@ -329,4 +329,4 @@ def _add_motor_remedy(no: Infeasible, axes: Sequence[Axis]) -> Infeasible:
         f"that is with {' and '.join(made_up)} made up for: {no.remedy}; or let planner.plan make the motion, which "
         "keeps the rate of the motor behind its screw"
     )
-    return Infeasible(no.kind, no.axis, no.place, no.value, no.limit, no.unit, remedy)
+    return replace(no, stated_remedy=remedy)

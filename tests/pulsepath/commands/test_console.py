@@ -88,7 +88,7 @@ def test_a_script_runs_line_by_line_and_the_registers_survive(state):
 
 def test_bad_input_is_told(state, call):
     for options, words in (
-        (["--machine", "traverser", "--listen", "0.0.0.0"], "give --tcp"),
+        (["--machine", "traverser", "--listen", "0.0.0.0"], "--listen needs --tcp"),
         (["--machine", "traverser", "--serial", "/dev/nowhere"], "nowhere"),
         (["--machine", "traverser", "--baud", "100"], "110"),
     ):

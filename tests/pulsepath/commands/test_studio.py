@@ -399,8 +399,8 @@ def test_bad_calls(call, tmp_path):
     program.write_text("", encoding="utf-8")
     for arguments, told in [
         ([tmp_path / "none"], "no such folder"),
-        ([tmp_path, "--machine", "hexapod"], "are for --program"),
-        ([tmp_path, "--program", tmp_path / "none.toml"], "does not exist"),
+        ([tmp_path, "--machine", "hexapod"], "--machine needs --program"),
+        ([tmp_path, "--program", tmp_path / "none.toml"], "No such file"),
         ([tmp_path, "--program", program, "--options", "--out x"], "--out cannot stand here"),
         ([tmp_path, "--program", program, "--options", "circle"], "circle cannot stand here"),
         ([tmp_path, "--program", program, "--options", '"'], "No closing quotation"),

@@ -60,8 +60,8 @@ def test_stills_at_an_instant(call, plan, tmp_path):
 
 def test_bad_calls(call, plan, tmp_path):
     for arguments, told in [
-        (["--html", tmp_path / "a.html", "--at", "1 s"], "give --stills FILE too"),
-        (["--stills", tmp_path / "a.gif"], "still images are .pdf, .png, .svg"),
+        (["--html", tmp_path / "a.html", "--at", "1 s"], "--at needs --stills"),
+        (["--stills", tmp_path / "a.gif"], "still images are one of .png, .svg, .pdf"),
         (["--stills", tmp_path / "a.pdf", "--at", "9 s"], "is not within the motion"),
         (["--stills", tmp_path / "a.pdf", "--at", "9 mm"], "mm"),
         (["--html", tmp_path / "a.html", "--frames", "1"], "x>=2"),
