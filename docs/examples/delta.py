@@ -86,4 +86,4 @@ class DeltaFile(LoadedFile):
 def delta(file: DeltaFile, name: str, folder: Path | Traversable) -> Delta:
     geometry = file.geometry
     carriages = axes(NAMES, dict.fromkeys(NAMES, file.axes), file.axis, file)
-    return Delta(geometry.radius, geometry.rod, axes=carriages, home=geometry.home.pose, name=name, load=file.load())
+    return Delta(geometry.radius, geometry.rod, axes=carriages, home=geometry.home.numbers, name=name, load=file.load())

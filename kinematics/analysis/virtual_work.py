@@ -51,7 +51,8 @@ def solve_series(matrix: Series, right: Series) -> Series:
     powers, cells, size = min(matrix.degree, order) + 1, right.mid.shape[1], right.mid.shape[2]
     out, full = Series.zeros(order, (cells, size)), right.cut(order).pad(order)
     shape = (powers, cells, size, size)
-    a_mid, a_rad = (np.ascontiguousarray(np.broadcast_to(x[:powers], shape)) for x in (matrix.mid, matrix.rad))
+    # copies: numbers that may not be written to would have the kernel compiled a second time
+    a_mid, a_rad = (np.array(np.broadcast_to(x[:powers], shape), order="C") for x in (matrix.mid, matrix.rad))
     b_mid, b_rad = (np.ascontiguousarray(x) for x in (full.mid, full.rad))
     solve_balls(a_mid, a_rad, b_mid, b_rad, out.mid, out.rad)
     return out

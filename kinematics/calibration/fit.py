@@ -67,7 +67,8 @@ def build_calibrated(prediction: Prediction, theta: Array) -> Machine:
     if isinstance(machine, Hexapod):
         return _hexapod(machine, joints.reshape(2, 6, 3), axes, home)
     moved = copy(machine)
-    moved.name, moved.axes, moved.home = f"{machine.name}-calibrated", tuple(axes), home
+    moved.name, moved.axes = f"{machine.name}-calibrated", tuple(axes)
+    moved.home, moved.home_numbers = home, to_numbers(home)
     moved.home_q = freeze_array(machine.home_q + offsets)
     return moved
 

@@ -41,10 +41,10 @@ class Tape(NamedTuple):
 def make_tape(function: ca.Function) -> Tape | None:
     """The tape of a function of scalar operations; None where it has one that is not known here."""
     count = function.n_instructions()
-    operation = np.array([function.instruction_id(k) for k in range(count)], dtype=np.int32)
+    operation = np.array([function.instruction_id(k) for k in range(count)], dtype=np.int64)
     if not set(operation.tolist()) <= KNOWN:
         return None
-    first, second, write = (np.zeros(count, dtype=np.int32) for _ in range(3))
+    first, second, write = (np.zeros(count, dtype=np.int64) for _ in range(3))
     constant = np.zeros(count)
     for k, code in enumerate(operation.tolist()):
         read, wrote = function.instruction_input(k), function.instruction_output(k)

@@ -392,7 +392,7 @@ def build_equations(file: EquationsFile, name: str, folder: Path | Traversable) 
         geometry.moves,
         geometry.coordinates,
         axes=axes(names, tables, file.axis, file),
-        home=geometry.home.pose,
+        home=geometry.home.numbers,
         follows=geometry.follows,
         orientation=[TurnFormula(turn.about, turn.angle) for turn in geometry.orientation],
         room=None if box is None else tuple(way or (-inf, inf) for way in (box.x, box.y, box.z)),

@@ -27,7 +27,7 @@ from kinematics.machine.kind import Bar, Pivot, Skeleton, ring
 from kinematics.machine.load import Body, Leg, Load
 from kinematics.machine.machine import Machine
 from kinematics.machine.model import scaled_jacobian
-from kinematics.machine.pose import PoseLike, column, to_numbers
+from kinematics.machine.pose import PoseLike, column
 
 # Sine of the angle between a universal joint's first axis and the leg at home below which it cannot tilt the leg.
 MIN_AXIS_SINE = 1e-6
@@ -192,7 +192,7 @@ def _refuse_coincident(machine: Legged, legs: Sequence[str]) -> None:
     for leg, length in zip(legs, machine.home_q, strict=True):
         if length <= same:
             raise MotionError(f"{told} {leg} has no length at home: its joints are the same point; choose another home")
-    left, stretch, _ = np.linalg.svd(scaled_jacobian(machine, to_numbers(machine.home), machine.home_q)[0])
+    left, stretch, _ = np.linalg.svd(scaled_jacobian(machine, machine.home_numbers, machine.home_q)[0])
     if stretch[-1] <= SINGULAR_CONDITIONING * stretch[0]:
         # the rates of legs that no motion of the platform has
         share = np.abs(left[:, stretch <= SINGULAR_CONDITIONING * stretch[0]]).max(1)
@@ -270,7 +270,7 @@ class Platforms(TableSchema):
     def options(self) -> dict[str, Any]:
         """The keywords that the machines take."""
         return {
-            "home": self.home.pose,
+            "home": self.home.numbers,
             "base_rest": self.base_rest,
             "platform_rest": self.platform_rest,
             "max_tilt": self.max_tilt,

@@ -75,10 +75,11 @@ class Linkage(Machine):
                     f"machine {name}: axis {axis.name} measures {length * 1e3:.6g} mm at home, and its travel takes "
                     f"{-axis.travel[0] * 1e3:.6g} mm off that; no actuator is shorter than nothing"
                 )
-        c, s = np.asarray(self._joint(ca.DM(self.home.translation), ca.DM(self.home_q))[1]).ravel()
+        position, rotation = self.home_numbers[0, :3], self.home_numbers[0, 3:].reshape(3, 3)
+        c, s = np.asarray(self._joint(ca.DM(position), ca.DM(self.home_q))[1]).ravel()
         base, way = self.base_b - self.base_a, np.array([c, s])
         self._side = 1 if base[0] * way[1] - base[1] * way[0] >= 0 else -1
-        self._at_home = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) @ self.home.rotation.as_matrix()
+        self._at_home = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) @ rotation
 
     def _joint(self, position: ca.SX | ca.DM, near: ca.SX | ca.DM) -> tuple[ca.SX, ca.SX]:
         """q_a and the unit vector from a to J."""
@@ -196,7 +197,7 @@ def build_linkage(file: LinkageFile, name: str, folder: Path | Traversable) -> L
         geometry.offset,
         geometry.angle,
         axes=file.list_axes(),
-        home=geometry.home.pose,
+        home=geometry.home.numbers,
         near=geometry.near,
         name=name,
         load=file.load(),

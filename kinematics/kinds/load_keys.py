@@ -11,7 +11,6 @@ from kinematics.foundation.errors import MotionError, validation_error
 from kinematics.foundation.units import Angle, Length, Unit
 from kinematics.kinds.axis_keys import MachineFile
 from kinematics.machine.load import GRAVITY, Body, Leg, Load
-from kinematics.machine.pose import make_pose
 
 if TYPE_CHECKING:
     from kinematics.machine.pose import Pose
@@ -26,8 +25,9 @@ class HomeTable(TableSchema):
     rotate: tuple[Angle, Angle, Angle] = key("θx, θy, θz about the moving axes in turn", default=(0.0, 0.0, 0.0))
 
     @property
-    def pose(self) -> "Pose":
-        return make_pose(self.to, self.rotate)
+    def numbers(self) -> tuple[float, ...]:
+        """x, y, z (m), θx, θy, θz (rad)."""
+        return (*self.to, *self.rotate)
 
 
 HOME = key('the pose from which travel and pulses count, in the base frame; turned: rotate = ["0 deg", …]')

@@ -20,7 +20,7 @@ from kinematics.machine.axis import Axis
 from kinematics.machine.kind import Bar, Pivot, Skeleton, Sort
 from kinematics.machine.load import Load
 from kinematics.machine.machine import Machine
-from kinematics.machine.pose import PoseLike, check_pose, read_pose
+from kinematics.machine.pose import PoseLike, read_numbers
 
 # Sine of the angle between two slides below which they count as one.
 MIN_SLIDE_SINE = 1e-6
@@ -56,8 +56,7 @@ class Traverser(Machine):
         self.characteristic_length = float(
             finite_array(length, f"machine {name}: length", (), unit="m", least=LEAST_POSITIVE)
         )
-        home = read_pose(f"machine {name}: home", home)
-        self._held = check_pose(name, "home", home, single=True)[0, 3:].reshape(3, 3)
+        self._held = read_numbers(name, "home", home)[0, 3:].reshape(3, 3)
         super().__init__(name, axes, home, load=load)
 
     @property
@@ -148,7 +147,7 @@ class TraverserFile(LoadedFile):
 def build_traverser(file: TraverserFile, name: str, folder: Path | Traversable) -> Traverser:
     return Traverser(
         axes=file.list_axes(),
-        home=file.geometry.home.pose,
+        home=file.geometry.home.numbers,
         directions=file.geometry.directions,
         length=file.geometry.length,
         name=name,

@@ -33,7 +33,17 @@ from kinematics.machine.kind import (
     refuse_uncontrolled,
 )
 from kinematics.machine.load import Load
-from kinematics.machine.pose import PoseLike, check_pose, column, read_pose, split_pose_symbols, to_numbers
+from kinematics.machine.pose import (
+    PoseLike,
+    check_pose,
+    column,
+    make_pose,
+    read_numbers,
+    read_pose,
+    read_position,
+    split_pose_symbols,
+    to_numbers,
+)
 from kinematics.machine.shaper import Shaper, ShaperSeries
 
 if TYPE_CHECKING:
@@ -147,15 +157,22 @@ class MachineModel(Kind):
         """near (n,): which of the home pose's coordinates are meant, where there are several (zeros by default)."""
         if not isinstance(name, str) or not name:
             raise MotionError(f"a machine needs a name, a text that is not empty, not {name!r}")
-        home = read_pose(f"machine {name}: home", home)
-        check_pose(name, "home", home, single=True)
-        self.name, self.axes, self.home = name, check_axes(self, name, axes), home
+        self.home_numbers = freeze_array(read_numbers(name, "home", home))
+        if read_position(home) is None:
+            self.home = read_pose(f"machine {name}: home", home)
+        self.name, self.axes = name, check_axes(self, name, axes)
         self._derived: dict[Callable[..., Any], Any] = {}
         self._of_load: dict[Callable[..., Any], Any] = {}
         self.load = check_load(self, self.name, Load() if load is None else load)
         with locate_errors(f"machine {name}"):  # operations that nothing here can bound
             refuse_unknown(self.inverse_map.function)
-        self.home_q: Array = freeze_array(self.inverse(home, np.zeros(len(self.axes)) if near is None else near))
+        chosen = self._check_near(np.zeros(len(self.axes)) if near is None else near)
+        self.home_q: Array = freeze_array(self._locate_numbers(self.home_numbers, chosen)[0])
+
+    @cached_property
+    def home(self) -> Pose:  # type: ignore[override]
+        """The pose from which travel and pulses count: made when it is first used, where it is not turned."""
+        return make_pose(self.home_numbers[0, :3], np.zeros(3))
 
     @check_arguments()
     def carrying(self, load: Load) -> Self:
@@ -321,7 +338,10 @@ class MachineModel(Kind):
         """Numbers (N, 12) and coordinates (N, n) of the poses that a caller gives; see `inverse` for what it raises."""
         x = check_pose(self.name, "pose", pose)
         refuse_uncontrolled(self, x)
-        chosen = self._check_near(near)
+        return x, self._locate_numbers(x, self._check_near(near))
+
+    def _locate_numbers(self, x: Array, chosen: Array) -> Array:
+        """Coordinates (N, n) of pose numbers (N, 12) near chosen (n,). Raises OutOfReach."""
         q = self.inverse_map(self.inputs(x, chosen))
         lost = self._is_lost(q).any(1)
         for other in self.alternatives(chosen) if lost.any() else ():
@@ -330,10 +350,10 @@ class MachineModel(Kind):
         if lost.any():
             first = int(np.argmax(lost))
             axes = ", ".join(axis.name for axis, out in zip(self.axes, self._is_lost(q)[first], strict=True) if out)
-            home = describe_pose(to_numbers(self.home), 0).removeprefix("the pose, ")
+            home = describe_pose(self.home_numbers, 0).removeprefix("the pose, ")
             told = f"no actuator coordinates reach {describe_pose(x, first)}: there is no position of {axes}"
             raise OutOfReach(f"machine {self.name}: {told}; bring it nearer to home, {home}")
-        return x, q
+        return q
 
     def _is_lost(self, q: Array) -> np.ndarray:
         return np.asarray(~(np.isfinite(q) & (q >= (0.0 if self.lengths else -np.inf))))

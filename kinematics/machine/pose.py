@@ -70,6 +70,19 @@ def read_pose(what: str, given: object) -> Pose:
     return make_pose(numbers[..., :3], angles)
 
 
+def read_position(given: object) -> Array | None:
+    """Return the position (3,) that the numbers of a pose which is not turned state; None for all else.
+
+    Most machines have such a home: they are made without SciPy's rotations, which take longer to load than all else.
+    """
+    numbers = numeric_array(given) if isinstance(given, (tuple, list, np.ndarray)) else None
+    if numbers is None or numbers.shape not in ((3,), (6,)):
+        return None
+    if not np.isfinite(numbers).all() or numbers[3:].any():
+        return None
+    return numbers[:3]
+
+
 def read_rotation(what: str, given: object, *shape: int) -> Rotation:
     """A rotation as it is, or made of θx, θy, θz (…, 3) rad about the moving axes in turn; shape: of how many.
 
@@ -122,6 +135,18 @@ def to_numbers(pose: Pose) -> Array:
         raise MotionError(f"a pose is a scipy RigidTransform, not {type(pose).__name__}")
     matrix = pose.as_matrix().reshape(-1, 4, 4)
     return np.concatenate([matrix[:, :3, 3], matrix[:, :3, :3].reshape(-1, 9)], 1)
+
+
+def read_numbers(machine: str, what: str, given: object) -> Array:
+    """Return the numbers (1, 12) of one pose that a caller gives to a machine.
+
+    Raises as `read_pose` and `check_pose`.
+    """
+    position = read_position(given)
+    if position is None:
+        pose = read_pose(f"machine {machine}: {what}", given)
+        return check_pose(machine, what, pose, single=True)
+    return np.concatenate([position, np.eye(3).ravel()])[None]
 
 
 def from_numbers(values: Array) -> Pose:

@@ -198,7 +198,9 @@ class _Stretches:
         mid, rad = self._enclose(pose)
         found = np.empty((kinds, highest + 1, len(self.stretch), mid.shape[2]))
         met = found[2:] if kinds == 4 else np.empty((2, 0, 0, 0))
-        bound_motion(mid, rad, self.stretch, self.motion, self.error, self.rate, *found[:2], *met)
+        # one layout in memory, so that the kernel is compiled once
+        mid, rad, motion, error = map(np.ascontiguousarray, (mid, rad, self.motion, self.error))
+        bound_motion(mid, rad, self.stretch, motion, error, self.rate, *found[:2], *met)
         return found
 
     def _enclose(self, pose: bool) -> tuple[Array, Array]:

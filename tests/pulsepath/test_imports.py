@@ -167,6 +167,14 @@ def test_importing_the_package_loads_nothing_slow():
     assert "numpy" in loaded_after("import pulsepath as pp; pp.Axis")
 
 
+@pytest.mark.parametrize("machine", ["hexapod", "tripod", "traverser", "scara", "linkage"])
+def test_a_loaded_machine_needs_numbers_formulas_and_file_keys_alone(machine):
+    """SciPy's rotations take as long to load as all the rest: a home that is not turned does without them."""
+    code = f"import pulsepath as pp; machine = pp.load_machine({machine!r})"
+    assert set(loaded_after(code)) == {"numpy", "casadi", "pydantic"}
+    assert "scipy" in loaded_after(f"{code}; machine.home")
+
+
 @pytest.mark.skipif(os.name != "posix", reason="asks the system what its children cost")
 def test_help_within_150_ms_of_a_bare_interpreter():
     """Of CPU time, which the children alone use: on the wall it is that, and what else the computer does."""

@@ -213,6 +213,33 @@ def test_what_does_not_plan_does_not_load_the_compiler():
     assert done.stdout.strip() == "False"
 
 
+SIGNATURES = """
+import sys
+import pulsepath as pp
+from numba.core.types import unliteral
+
+plan = pp.plan("circle", "hexapod")
+plan.bound, plan.pulses
+for name, module in sorted(sys.modules.items()):
+    for kernel in list(vars(module).values()) if name.startswith(("kinematics.", "planner.")) else ():
+        if hasattr(kernel, "py_func") and kernel.py_func.__module__ == name:
+            signatures = {tuple(map(unliteral, types)) for types in kernel.signatures}
+            print(name, kernel.py_func.__name__, len(signatures))
+"""
+"""Prints each kernel with the number of its signatures; a constant among the arguments counts as its type."""
+
+
+def test_a_plan_compiles_each_kernel_once(tmp_path):
+    """The first plan of a user waits for each signature: array layouts and integer types must not differ."""
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}  # what is on disk hides inner kernels
+    code = [sys.executable, "-c", SIGNATURES]
+    done = subprocess.run(code, capture_output=True, text=True, check=True, env=environment)
+    counts = {tuple(line.split()[:2]): int(line.split()[2]) for line in done.stdout.splitlines()}
+    assert counts["planner.certificate.ranges", "bound_motion"] == 1
+    assert counts["kinematics.foundation.taylor_tape", "_multiply"] == 1
+    assert {kernel: count for kernel, count in counts.items() if count > 1} == {}
+
+
 TINY = """
 import os, sys, threading, time
 from kinematics.foundation.kernels import kernel

@@ -6,6 +6,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Axis, Hexapod, MotionError, OutOfReach, joint_circle
 from kinematics.kinds.load_keys import HomeTable
+from kinematics.machine.pose import make_pose
 
 LEGS = tuple(f"leg{n}" for n in range(1, 7))
 HEIGHT = 0.2336362 - 0.0115 - 0.011
@@ -66,7 +67,7 @@ def test_leg_directions_of_table_4_3():
 def test_direction_angles_of_the_platform_axis():
     """Files turn about the moving axes in turn: θ = (6, −7, 0)° [Sahbaz 2007, Table 6.4]."""
     home = HomeTable(to=("0 mm",) * 3, rotate=("6 deg", "-7 deg", "0 deg"))
-    axis = home.pose.rotation.apply([0, 0, 1])
+    axis = make_pose(home.to, home.rotate).rotation.apply([0, 0, 1])
     alpha, beta, gamma = np.rad2deg(np.arccos(axis))
     assert alpha == pytest.approx(97, rel=1e-14)  # cos α = sin θy
     # half of the last digit; Table 6.4 prints γ as 9.20972, which is off by 9e-5
