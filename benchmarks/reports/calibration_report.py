@@ -36,7 +36,7 @@ def write_calibration_report(calibration: Calibration, path: Path) -> None:
 
 
 def draw(calibration: Calibration) -> dict[str, Picture]:
-    """Every figure of the page as a PNG, by name, each as narrow as a phone shows it whole."""
+    """Draw every figure of the page, by name, narrow enough for the screen of a telephone."""
     from kinematics.figures import singular_values
     from kinematics.foundation.figure import new_axes
 
@@ -50,8 +50,8 @@ def draw(calibration: Calibration) -> dict[str, Picture]:
 def rms_by_stage(calibration: Calibration) -> dict[str, tuple[float, float, float]]:
     """RMS per component of the fitted poses, by group: before, after, leave-one-out (µm or µrad; NaN: not fitted)."""
     errors = calibration.stages.values()
-    found = {group: [1e6 * calibration.rms(stage, group) for stage in errors] for group in GROUPS}
-    return {group: (row[0], row[1], row[2]) for group, row in found.items() if isfinite(row[0])}
+    rows = {group: [1e6 * calibration.rms(stage, group) for stage in errors] for group in GROUPS}
+    return {group: (row[0], row[1], row[2]) for group, row in rows.items() if isfinite(row[0])}
 
 
 def explain_pulse(pulse: Pulse) -> str:

@@ -73,9 +73,9 @@ def _read_series(ax: "Axes") -> Iterator[TimeSeries]:
         if isinstance(patch, StepPatch):
             values, edges, _ = patch.get_data()
             dash = 0 if patch.get_linestyle() in ("-", "solid") else 1
-            held = np.append(values, values[-1:])
+            step_values = np.append(values, values[-1:])
             color = to_hex(patch.get_edgecolor())
-            yield TimeSeries(read_label(patch.get_label()), np.asarray(edges), held, color, dash, True)
+            yield TimeSeries(read_label(patch.get_label()), np.asarray(edges), step_values, color, dash, True)
 
 
 def _read_levels(ax: "Axes") -> Iterator[tuple[float, str]]:
