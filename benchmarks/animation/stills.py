@@ -134,7 +134,7 @@ def four_views(plan: AnimatablePlan, t: float | None = None, *, magnify: float |
 
 
 def _draw(ax: Any, frames: Frames, view: View) -> None:
-    """One view: bars from the farthest to the nearest, joints, the tool, and both paths, in mm."""
+    """Draw one view in mm: bars from the farthest to the nearest, joints, the tool and both paths."""
     from kinematics.foundation.figure import label_space
 
     shown = _plane(view) if view.parallel else np.eye(3)
@@ -182,8 +182,12 @@ def _path(frames: Frames) -> str:
 
 
 def _describe_limits(frames: Frames) -> str:
-    """Every axis, and the tool, with its nearest limit; some in a line."""
-    known = frames.nearest
-    shares = zip(known.owners, known.which[0], known.use[0], strict=True)
-    texts = [f"{owner}: {known.limits[n]} {100 * use:.0f} %" for owner, n, use in shares if n >= 0]
-    return "\n".join("    ".join(texts[k : k + LIMITS_PER_LINE]) for k in range(0, len(texts), LIMITS_PER_LINE))
+    """List the nearest limit of every axis and of the tool, LIMITS_PER_LINE in a line."""
+    nearest = frames.nearest
+    texts = [
+        f"{owner}: {nearest.limits[n]} {100 * use:.0f} %"
+        for owner, n, use in zip(nearest.owners, nearest.which[0], nearest.use[0], strict=True)
+        if n >= 0  # an axis without limits has none that is nearest
+    ]
+    lines = [texts[k : k + LIMITS_PER_LINE] for k in range(0, len(texts), LIMITS_PER_LINE)]
+    return "\n".join("    ".join(line) for line in lines)

@@ -36,7 +36,7 @@ def write_calibration_report(calibration: Calibration, path: Path) -> None:
 
 
 def draw(calibration: Calibration) -> dict[str, Picture]:
-    """Every figure of the page as a PNG, by name, each as narrow as a phone shows it whole."""
+    """Draw every figure of the page, by name, narrow enough for the screen of a telephone."""
     from kinematics.figures import singular_values
     from kinematics.foundation.figure import new_axes
 

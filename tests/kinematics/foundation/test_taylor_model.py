@@ -357,8 +357,8 @@ def test_entries_do_not_touch_each_other(name, data):
         one, many = arguments[0][:1], arguments[1]
         spread = operation(one, many)
         repeated = operation(one[np.zeros(ENTRIES, int)], many)
-        assert np.array_equal(*np.broadcast_arrays(spread.mid, repeated.mid))
-        assert np.array_equal(*np.broadcast_arrays(spread.rad, repeated.rad))
+        assert np.array_equal(*np.broadcast_arrays(spread.mid, repeated.mid), equal_nan=True)
+        assert np.array_equal(*np.broadcast_arrays(spread.rad, repeated.rad), equal_nan=True)
 
 
 @given(balls(3), balls(3))
