@@ -110,8 +110,13 @@ def export(format_: "Format", name: str, source: ExportSource, path: Path) -> Ex
 
 
 def is_moving(source: ExportSource) -> bool:
-    """Whether what is exported moves at all."""
-    return source.pulses.total > 0 or bool(np.ptp(source.trajectory.path.breaks) > 0)
+    """Return whether the motion must move an axis in a file.
+
+    A stop just before a rest may be too short for a pulse.
+    """
+    if source.pulses.total > 0:
+        return True
+    return not source.goes_on and bool(np.ptp(source.trajectory.path.breaks) > 0)
 
 
 def refuse_compensated(source: ExportSource, format_: str) -> None:

@@ -175,6 +175,18 @@ def test_formats_write_an_empty_stop_or_say_why_not(tmp_path):
     assert read_pulses(tmp_path / "binary").total == 0
 
 
+def test_a_stop_that_is_too_short_for_a_pulse_is_written(tmp_path):
+    """Shortly before the end less than half a pulse is left."""
+    made = plan(Program(CORNERS, frame="home"), load_machine("corexy"))
+    stop = made.hold(made.duration - 5e-4)
+    assert stop.distance > 0
+    assert stop.pulses.total == 0
+    for name in ("npz", "binary", "steps"):
+        file = tmp_path / name
+        stop.export(name, file)
+        assert file.is_file()
+
+
 def test_stops_from_rests_are_nothing():
     made = plan(Program(CORNERS), load_machine("corexy"), order=2)
     stops = made.stops(12)
