@@ -8,6 +8,7 @@ from pathlib import Path
 from platform import python_version
 
 from benchmarks.reports.plan_report import PlanReport
+from benchmarks.reports.plan_summary import list_counts
 from kinematics import Axis, Machine
 from kinematics.analysis.residual_vibration import find_residuals
 from kinematics.foundation.facts import record, record_fields
@@ -33,63 +34,91 @@ from pulsepath.output.record import (
     record_realised,
     record_tracking,
 )
-from pulsepath.store.verify import digest, digest_pulses
+from pulsepath.store.verify import digest as digest_file
 
 
-def record_plan(job: PlanReport, inputs: Inputs, verdict: PulseCheck) -> Record:
-    """A plan and the check of its pulses: SI units, which the keys name where they are not plain."""
-    plan = job.whole
-    counted = [(len(axis), axis.final - axis.start) for axis in plan.pulses.axes]
-    return {
+def record_plan(
+    report: PlanReport,
+    inputs: Inputs,
+    digest: str | None,
+    standing: PlanStanding | None = None,
+) -> Record:
+    """Return the record of a plan: SI units, which the keys name where they are not plain.
+
+    digest    of its pulses; None: there is no file of them
+    standing  of a plan that was made in parts
+    """
+    plan = report.plan if standing is None else standing
+    pulses = record_pulses(plan.pulses, plan.machine, list_counts(plan), digest, report.verdict)
+    common = {
         "schema": SCHEMA,
         "kind": KIND,
         "program": plan.program.name,
         "machine": plan.machine.name,
         "order": plan.order,
-        "duration_s": plan.pulses.duration,
+        "duration_s": plan.duration,
         "request": record_request(plan.request),
-        "path_length_m": measure_travel(plan.path.pieces),
-        "classical": None if job.classical is None else _baselines(job, plan, job.classical),
         "certificate": _certificate(plan.certificate),
-        "shaping": None if plan.shaped is None else _shaping(plan.shaped) | {"warning": plan.exceeded or None},
-        "fit": record(plan.path.fit),
-        "blends": record(plan.path.blends),
         "avoidable_stops": record(plan.avoidable_stops),
-        "synchronised_moves": record(plan.departures),
-        "splines": record(plan.path.overshoots),
         "stated_but_not_kept": list(find_unkept_limits(plan.machine)),
-        **_motion_results(job),
+        "pulses": pulses,
+    }
+    own = _parts(plan, report.ending) if isinstance(plan, PlanStanding) else _whole(plan, report)
+    results: Record = {}
+    if isinstance(report.plan, Plan):
+        results = _motion_results(report) | _comparisons(report)
+    origin = _origin(inputs, () if report.crossed is None else ("toppra",))
+    return common | own | results | origin
+
+
+def _whole(plan: Plan, report: PlanReport) -> Record:
+    """Return what is recorded only of a plan that was made as a whole."""
+    path = plan.path
+    shaping = None
+    if plan.shaped is not None:
+        shaping = _shaping(plan.shaped) | {"warning": plan.exceeded or None}
+    return {
+        "path_length_m": measure_travel(path.pieces),
+        "classical": None if report.classical is None else _baselines(report, plan, report.classical),
+        "shaping": shaping,
+        "fit": record(path.fit),
+        "blends": record(path.blends),
+        "synchronised_moves": record(plan.departures),
+        "splines": record(path.overshoots),
         "solver": {"rounds": plan.rounds, "methods": list(plan.methods)},
-        "pulses": record_pulses(plan.pulses, plan.machine, counted, digest_pulses([plan.pulses]), verdict),
-        **_comparisons(job),
         "constant_speeds": record(plan.constant_speeds),
         "segments": _segments(plan),
         "triggers": [_trigger(event, plan.machine.axes) for event in plan.triggers],
-        **_origin(inputs, () if job.crossed is None else ("toppra",)),
     }
 
 
-def record_results(job: PlanReport) -> Record:
-    """Return the results about the whole motion of a plan in parts, if any were requested."""
-    if isinstance(job.plan, PlanStanding):
-        return {}
-    return _motion_results(job) | _comparisons(job)
+def _parts(standing: PlanStanding, ending: str) -> Record:
+    """Return what is recorded only of a plan that was made in parts."""
+    return {
+        "windows": standing.windows,
+        "ends_before": ending or None,
+        "path_length_m": standing.start.length,
+        "fit": record(standing.fit),
+        "joins": {"blends": standing.blends, "stops_instead": standing.stops},
+        "solver": {"rounds": standing.rounds, "methods": dict(standing.methods)},
+        "trigger_count": standing.triggers,
+    }
 
 
-def _motion_results(job: PlanReport) -> Record:
+def _motion_results(report: PlanReport) -> Record:
     """Return the lower bound, the worth of the limits and the stops."""
-    plan = job.whole
+    plan = report.whole
     return {
         "lower_bound": _lower_bound(plan),
-        "worth": None if job.worth is None else _worth(job.worth, job.change),
-        "worth_left_out": job.unbounded or None,
-        "left_out": list(job.left_out),
+        "worth": None if report.worth is None else _worth(report.worth, report.change),
+        "worth_left_out": report.unbounded or None,
+        "left_out": list(report.left_out),
         "stops": None
-        if job.stops is None
+        if report.stops is None
         else {
-            "instants": len(job.stops.t),
-            "longest_time_to_rest_s": float(job.stops.time.max()),
-            "longest_distance_to_rest_m": float(job.stops.distance.max()),
+            "instants": len(report.stops.t),
+            "longest_time_to_rest_s": float(report.stops.time.max()),
+            "longest_distance_to_rest_m": float(report.stops.distance.max()),
         },
     }
 
@@ -113,20 +142,20 @@ def _lower_bound(plan: Plan) -> Record | None:
     }
 
 
-def _comparisons(job: PlanReport) -> Record:
+def _comparisons(report: PlanReport) -> Record:
     """Return the tracking errors, the cross-check and the quantization error."""
     return {
-        "tracking": None if job.rig is None else record_tracking(job.rig, job.metrics),
-        "cross_check": record(job.crossed),
-        "realised": None if job.realised is None else record_realised(job.realised),
+        "tracking": None if report.rig is None else record_tracking(report.rig, report.metrics),
+        "cross_check": record(report.crossed),
+        "realised": None if report.realised is None else record_realised(report.realised),
     }
 
 
-def _baselines(job: PlanReport, plan: Plan, baseline: Classical) -> Record:
+def _baselines(report: PlanReport, plan: Plan, baseline: Classical) -> Record:
     return {
         "kind": baseline.kind,
         "duration_s": baseline.duration,
-        "saved_s": job.time_saved if plan.fastest else None,
+        "saved_s": report.time_saved if plan.fastest else None,
         "leaves_out": list(missing_limits(plan, baseline)),
         "kinds": {
             one.kind: {
@@ -137,38 +166,8 @@ def _baselines(job: PlanReport, plan: Plan, baseline: Classical) -> Record:
                 "leaves_out": list(missing_limits(plan, one)),
                 "differences": list(describe_differences(plan, one)),
             }
-            for one in (baseline, *job.others)
+            for one in (baseline, *report.others)
         },
-    }
-
-
-def record_parts(
-    standing: PlanStanding, inputs: Inputs, digest: str | None, verdict: PulseCheck | None, ending: str = ""
-) -> Record:
-    """Return the record of a plan that was made in parts.
-
-    digest, verdict: of its pulses, if there is a file of them; ending: why it ends before its program
-    """
-    return {
-        "schema": SCHEMA,
-        "kind": KIND,
-        "program": standing.program.name,
-        "machine": standing.machine.name,
-        "order": standing.order,
-        "request": record_request(standing.request),
-        "windows": standing.windows,
-        "ends_before": ending or None,
-        "duration_s": standing.duration,
-        "path_length_m": standing.start.length,
-        "certificate": _certificate(standing.certificate),
-        "fit": record(standing.fit),
-        "joins": {"blends": standing.blends, "stops_instead": standing.stops},
-        "avoidable_stops": record(standing.avoidable_stops),
-        "stated_but_not_kept": list(find_unkept_limits(standing.machine)),
-        "solver": {"rounds": standing.rounds, "methods": dict(standing.methods)},
-        "trigger_count": standing.triggers,
-        "pulses": record_pulses(standing.pulses, standing.machine, standing.counted, digest, verdict),
-        **_origin(inputs, ()),
     }
 
 
@@ -348,7 +347,7 @@ def record_pulse_file(
         "schema": SCHEMA,
         "kind": "pulsepath pulse certificate",
         "file": None if path is None else path.name,
-        "sha256": None if path is None else digest(path),
+        "sha256": None if path is None else digest_file(path),
         "clock_hz": pulses.clock_hz,
         "rule": pulses.rule,
         "duration_s": pulses.duration,

@@ -34,7 +34,7 @@ from pulsepath.inputs import Inputs
 from pulsepath.job import Defect, Job, examine_loaded
 from pulsepath.output.directory import RECORD, REPORT
 from pulsepath.output.drive_tables import tabulate_drives
-from pulsepath.output.plan_record import record_parts, record_plan, record_pulse_file, record_pulses, record_results
+from pulsepath.output.plan_record import record_plan, record_pulse_file, record_pulses
 from pulsepath.output.record import Record, as_json
 from pulsepath.progress import step
 from pulsepath.requests import ReportRequest
@@ -87,7 +87,7 @@ def write_whole(folder: Path, job: Job, inputs: Inputs, pulses: str = "binary") 
     if results.stops is not None:
         results.stops.save(folder / STOPS)
     _write_report(folder, results, len(plan.triggers))
-    _write_record(folder, record_plan(results, inputs, verdict))
+    _write_record(folder, record_plan(results, inputs, digest_pulses([plan.pulses])))
     return results
 
 
@@ -250,8 +250,7 @@ def write_parts(
     _write_report(folder, results, standing.triggers)
     if results.stops is not None:
         results.stops.save(folder / STOPS)
-    record = record_parts(standing, inputs, source.digest, verdict, ending)
-    _write_record(folder, record | record_results(results))
+    _write_record(folder, record_plan(results, inputs, source.digest, standing))
     return results, refusal
 
 
