@@ -55,7 +55,7 @@ def test_a_stop_inside_a_fitted_chain_counts_in_windows_and_in_the_whole(end, co
     speeds = whole.trajectory.v[np.round(at_rests).astype(int)]
     np.testing.assert_allclose(speeds, 0.0, atol=1e-9)
     *_, last = plan_parts(program, "arm", order=3, pieces=2)
-    assert last.standing.avoidable.count == count
+    assert last.standing.avoidable_stops.count == count
 
 
 @pytest.mark.parametrize(

@@ -25,6 +25,7 @@ INTERNALS = {
     "planner/timing/test_slowed_runs.py",
     "planner/timing/test_small_blends.py",
     "planner/timing/test_constant_speed_runs.py",
+    "planner/interruption/test_hold.py",
     "planner/interruption/test_seams.py",
     "planner/interruption/test_shaped_hold.py",
     # averages and enclosures to the last bit
