@@ -117,7 +117,7 @@ class Activity:
         return np.asarray(numbers)
 
     def _add_segments(self, rows: Array) -> None:
-        """Add the segments of a part, and retain those that a table may list."""
+        """Add the segments of a part, and retain the ones for the tables."""
         before = self._rows
         if len(rows) and len(before) and before[-1, NUMBER] == rows[0, NUMBER]:
             rows[0, TIME:] += before[-1, TIME:]

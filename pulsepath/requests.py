@@ -148,7 +148,7 @@ class ReportRequest:
 
     @property
     def examines_motion(self) -> bool:
-        """Whether a result is requested that takes the whole motion of a plan in parts into memory."""
+        """True if a requested result needs the whole motion of a plan in parts in memory."""
         requests = (self.rig, self.stops, self.worth or None)
         return self.cross_check or self.bound == "full" or any(each is not None for each in requests)
 

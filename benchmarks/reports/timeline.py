@@ -19,7 +19,7 @@ def make_band(plan: Plan) -> dict[str, Any]:
     """Return the changes of the active limit (s, index or −1), and the names and colours of active limits."""
     active = active_limits(plan)
     knots = plan.trajectory.knots
-    if len(active) > MOST_RUNS:  # show what is active in the middle of each of so many windows
+    if len(active) > MOST_RUNS:  # show the active limit in the middle of each of MOST_RUNS windows
         edges = np.linspace(0.0, plan.trajectory.duration, MOST_RUNS + 1)
         middle = (edges[1:] + edges[:-1]) / 2
         active = active[np.searchsorted(knots, middle, side="right") - 1]

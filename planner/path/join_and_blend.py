@@ -219,13 +219,13 @@ def link(drawn: Iterable[Drawn], characteristic: float) -> Iterator[PathStep]:
         if not own.pieces:
             wait += own.dwell
             continue
-        rest, made, told = ALWAYS_REST, list[Piece](), None
+        rest, made, blended = ALWAYS_REST, list[Piece](), None
         if not (after is None or isinstance(own.join, Stop)):
             rest = _rest_order(own.pieces[-1], after.pieces[0], own.dwell, characteristic)
             if isinstance(own.join, Fit) and own.join.stop and rest != NEVER_REST:
                 rest = ALWAYS_REST
                 angle = own.join.angle_at(characteristic)
-                told = Blended(
+                blended = Blended(
                     segment=own.pieces[-1].segment,
                     tolerance=own.join.tolerance,
                     angle=angle,
@@ -233,7 +233,7 @@ def link(drawn: Iterable[Drawn], characteristic: float) -> Iterator[PathStep]:
                     fitted=True,
                 )
             elif isinstance(own.join, Blend | Fit) and rest != NEVER_REST:
-                made, told = _blend(own, after, own.join, characteristic)
+                made, blended = _blend(own, after, own.join, characteristic)
                 rest = NEVER_REST if made else ALWAYS_REST
         avoidable = after is not None and rest != NEVER_REST and not _is_asked(own, after, characteristic)
         reach = made[0].length if made else 0.0
@@ -245,12 +245,12 @@ def link(drawn: Iterable[Drawn], characteristic: float) -> Iterator[PathStep]:
         overshoot = own.overshoot
         if overshoot is not None:
             overshoot = replace(overshoot, s=min(begin + max(overshoot.s - before, 0.0), way))
-        if told is not None:
-            told = replace(told, s=way - (made[-1].length if made else 0.0))
+        if blended is not None:
+            blended = replace(blended, s=way - (made[-1].length if made else 0.0))
         for piece in inner:
             yield PathStep(piece, wait=wait)
             wait = 0.0
-        yield PathStep(last, rest, own.dwell, wait, told, fitted, avoidable, overshoot)
+        yield PathStep(last, rest, own.dwell, wait, blended, fitted, avoidable, overshoot)
         before, wait = reach, 0.0
 
 
@@ -320,22 +320,24 @@ def _blend(before: Drawn, after: Drawn, asked: Blend | Fit, characteristic: floa
     """The pieces of the blend of two segments, none where there can be none, and what to say of it."""
     a, b = before.pieces[-1], after.pieces[0]
     angle = asked.angle_at(characteristic)
-    told = Blended(segment=a.segment, tolerance=asked.tolerance, angle=angle, fitted=isinstance(asked, Fit))
+    blended = Blended(segment=a.segment, tolerance=asked.tolerance, angle=angle, fitted=isinstance(asked, Fit))
     if before.dwell > 0:
-        return [], replace(told, stop="a dwell")
+        return [], replace(blended, stop="a dwell")
     most = {part.segment: _available_length(own.pieces, part) for own, part in ((before, a), (after, b))}
     if isinstance(asked, Blend):
         made = fit_blend(a, b, min(most.values()), asked.tolerance, angle)
     else:
         made = _fit_proved_blend(before, after, min(most.values()), asked.tolerance, angle)
     if made is None:
-        return [], replace(told, stop="it turns back")
+        return [], replace(blended, stop="it turns back")
     if made.reach < MIN_REACH_SHARE * characteristic:
-        return [], replace(told, stop=f"it would reach {made.reach * 1e6:.2g} um, too little beside rounding")
-    told = replace(told, deviation=made.deviation, turned=made.turned, reach=made.reach)
-    if told.tolerance_use < MIN_SHARE:
-        told = replace(told, half_of=tuple(n for n, length in most.items() if length <= made.reach * (1 + SAME_LENGTH)))
-    return list(made.halves), told
+        return [], replace(blended, stop=f"it would reach {made.reach * 1e6:.2g} um, too little beside rounding")
+    blended = replace(blended, deviation=made.deviation, turned=made.turned, reach=made.reach)
+    if blended.tolerance_use < MIN_SHARE:
+        blended = replace(
+            blended, half_of=tuple(n for n, length in most.items() if length <= made.reach * (1 + SAME_LENGTH))
+        )
+    return list(made.halves), blended
 
 
 def _fit_proved_blend(before: Drawn, after: Drawn, most: float, tolerance: float, angle: float) -> BlendFit | None:

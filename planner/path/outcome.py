@@ -46,7 +46,7 @@ class Blended:
 
 
 def blend_tables(blends: Sequence[Blended]) -> tuple[Table, ...]:
-    """Return a table of the deviation of each blend from its corner, and of what limits it, if there are any."""
+    """Return a table of the deviation of each blend from its corner and of its limit, if there are any."""
     return tabulate("blends", blends, Column("note", [_note(blend) for blend in blends]))
 
 
@@ -134,5 +134,5 @@ def merge_fits(one: FitSummary | None, other: FitSummary | None) -> FitSummary |
 
 
 def fit_tables(fit: FitSummary | None) -> tuple[Table, ...]:
-    """Return a table of what fitting did, if anything was fitted."""
+    """Return a table of the fit, if anything was fitted."""
     return tabulate("fit", [] if fit is None else [fit])

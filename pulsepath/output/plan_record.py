@@ -63,16 +63,16 @@ def record_plan(
         "stated_but_not_kept": list(find_unkept_limits(plan.machine)),
         "pulses": pulses,
     }
-    own = _parts(plan, report.ending) if isinstance(plan, PlanStanding) else _whole(plan, report)
+    special = _parts(plan, report.ending) if isinstance(plan, PlanStanding) else _whole(plan, report)
     results: Record = {}
     if isinstance(report.plan, Plan):
         results = _motion_results(report) | _comparisons(report)
     origin = _origin(inputs, () if report.crossed is None else ("toppra",))
-    return common | own | results | origin
+    return common | special | results | origin
 
 
 def _whole(plan: Plan, report: PlanReport) -> Record:
-    """Return what is recorded only of a plan that was made as a whole."""
+    """Return the entries that only a plan made as a whole has."""
     path = plan.path
     shaping = None
     if plan.shaped is not None:
@@ -93,7 +93,7 @@ def _whole(plan: Plan, report: PlanReport) -> Record:
 
 
 def _parts(standing: PlanStanding, ending: str) -> Record:
-    """Return what is recorded only of a plan that was made in parts."""
+    """Return the entries that only a plan made in parts has."""
     return {
         "windows": standing.windows,
         "ends_before": ending or None,

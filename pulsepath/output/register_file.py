@@ -161,7 +161,7 @@ def read(path: Path) -> SavedSession | None:
 
 
 def _find_fault(table: Any, axes: Any, kinds: tuple[type, ...]) -> str:
-    """Describe the first fault of a table of values by axis. "": there is none"""
+    """Describe the first fault of a table of values by axis. "": no fault"""
     if not isinstance(table, dict) or not isinstance(axes, dict) or table.keys() != axes.keys():
         return "give a value for every axis"
     if any(type(value) not in kinds for value in table.values()):

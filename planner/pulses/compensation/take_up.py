@@ -163,13 +163,13 @@ def _find_returns(motion: AxesMotion, k: int, steps: Array, stretches: Stretches
     begin, span, way = steps.T
     ends = begin + span
     places = motion.at(np.concatenate([begin, ends])).q[:, k]
-    level, reached = np.split(places, 2)
+    level, end_places = np.split(places, 2)
     stops = np.append(stretches.start + stretches.length, motion.duration)
 
     def is_back(n: int, t: Array) -> NDArray[np.bool_]:
         return np.asarray((motion.at(t).q[:, k] - level[n]) * way[n] >= 0)
 
-    for n in np.flatnonzero((reached - level) * way < 0).tolist():
+    for n in np.flatnonzero((end_places - level) * way < 0).tolist():
         low = high = float(ends[n])
         first = int(np.searchsorted(stops, low, side="right"))
         for m in range(first, len(stops), RETURN_BLOCK):
