@@ -11,7 +11,7 @@ from functools import cache, partial
 from math import ceil
 from typing import TYPE_CHECKING
 
-from benchmarks.reports.plan_report import PlanReport
+from benchmarks.reports.plan_content import PlanReport
 from controllers import Metrics, find_law
 from controllers.metrics.evaluate import PERIOD, evaluate_each
 from controllers.rig import Rig

@@ -50,9 +50,7 @@ imports = partial(list_names, "imports")
 
 def stop_formats() -> list[str]:
     """Return the names of the export formats that can hold a stop."""
-    from pulsepath.format_options import STOPS
-
-    return STOPS.names()
+    return [name for name in exports() if name not in registries.FROM_REST.split()]
 
 
 def make_completer(*sources: Callable[[], Iterable[str]], files: bool = False) -> Completer:

@@ -6,7 +6,7 @@ from itertools import islice
 from pathlib import Path
 from time import perf_counter
 
-from benchmarks.reports.plan_report import PlanReport
+from benchmarks.reports.plan_content import PlanReport
 from kinematics import MotionError
 from planner.limits import find_unkept_limits
 from planner.needs_whole import find_whole_reason

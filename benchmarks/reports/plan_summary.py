@@ -2,9 +2,9 @@
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from benchmarks.reports.page import group_digits, round_up
+from benchmarks.reports.plan_content import PlanReport
 from kinematics.analysis.residual_vibration import find_residuals
 from kinematics.foundation.names import count_noun
 from planner.baselines import Classical, describe_differences, missing_limits
@@ -18,9 +18,6 @@ from planner.plan import Plan
 from planner.plan_parts import PlanStanding
 from planner.shaping.shaped_proof import ShapedProof
 from planner.timing.certified_solve import BEFORE_SHAPERS
-
-if TYPE_CHECKING:
-    from benchmarks.reports.plan_report import PlanReport
 
 SAME_LENGTH = 5e-7
 """m by which two lengths differ at most that are shown the same."""
@@ -39,7 +36,7 @@ class Figure:
     wide: bool = False
 
 
-def list_headline(report: "PlanReport") -> Iterator[Figure]:
+def list_headline(report: PlanReport) -> Iterator[Figure]:
     """Yield the numbers of the headline: duration, saving, proof, pulses and avoidable stops."""
     plan = report.plan
     shaped = report.shaped
@@ -115,14 +112,14 @@ class Row:
     brief: bool = True
 
 
-def summarise(report: "PlanReport") -> list[Row]:
+def summarise(report: PlanReport) -> list[Row]:
     """Return the summary of a plan, which its page begins with; the brief rows are the first screen."""
     plan = report.plan
     rows = _summarise_parts(plan) if isinstance(plan, PlanStanding) else _summarise_whole(report, plan)
     return [row for row in (*rows, *_describe_pulses(report)) if row.text]
 
 
-def _summarise_whole(report: "PlanReport", plan: Plan) -> Iterator[Row]:
+def _summarise_whole(report: PlanReport, plan: Plan) -> Iterator[Row]:
     objective = plan.describe_objective()
     yield Row("duration", f"{plan.duration:.6f} s{f', {objective}' if objective else ''}")
     yield from _describe_shaping(plan)
@@ -242,7 +239,7 @@ def _describe_order(order: int) -> Row:
     return Row("order", f"{order} ({derivatives})", brief=False)
 
 
-def _describe_pulses(report: "PlanReport") -> Iterator[Row]:
+def _describe_pulses(report: PlanReport) -> Iterator[Row]:
     """Describe the pulses and their check: exact times of crossings, or the bounds of the rule."""
     pulses = report.plan.pulses
     bound = max(axis.bound for axis in pulses.axes)

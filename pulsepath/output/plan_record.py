@@ -7,7 +7,7 @@ from math import isnan
 from pathlib import Path
 from platform import python_version
 
-from benchmarks.reports.plan_report import PlanReport
+from benchmarks.reports.plan_content import PlanReport
 from benchmarks.reports.plan_summary import list_counts
 from kinematics import Axis, Machine
 from kinematics.analysis.residual_vibration import find_residuals

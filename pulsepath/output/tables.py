@@ -15,7 +15,7 @@ from pulsepath.output.directory import RECORD, REPORT
 from pulsepath.progress import QUIET, VERBOSE, Layout, draw, level, say
 
 if TYPE_CHECKING:
-    from benchmarks.reports.plan_report import PlanReport
+    from benchmarks.reports.plan_content import PlanReport
     from controllers import Metrics
     from kinematics import Axis, Machine
     from kinematics.foundation.result import Result

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from benchmarks.reports import plan_report
-from benchmarks.reports.plan_report import PlanReport
+from benchmarks.reports.plan_content import PlanReport
 from benchmarks.reports.plan_summary import list_counts
 from controllers.rig_choice import rig_hint
 from kinematics import Axis, MotionError

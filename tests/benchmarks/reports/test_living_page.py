@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from benchmarks.animation.animate import document
-from benchmarks.reports.plan_report import PlanReport, write_report
+from benchmarks.reports.plan_content import PlanReport
+from benchmarks.reports.plan_report import write_report
 from kinematics import load_machine
 from planner import Line, Program, classical, plan
 from planner.pulses import check

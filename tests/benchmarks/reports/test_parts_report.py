@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.reports.plan_content import PlanReport
 from benchmarks.reports.plan_figures import draw_axes
-from benchmarks.reports.plan_report import PlanReport, write_report
+from benchmarks.reports.plan_report import write_report
 from benchmarks.reports.time_series import pack_panels
 from benchmarks.reports.timeline import list_window_segments, make_band, make_window_band
 from benchmarks.reports.window_figures import draw

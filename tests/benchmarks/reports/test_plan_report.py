@@ -14,8 +14,9 @@ from matplotlib.figure import Figure
 
 from benchmarks.animation.animate import POLICY as PLAYER_POLICY
 from benchmarks.reports.page import round_up
+from benchmarks.reports.plan_content import PlanReport
 from benchmarks.reports.plan_figures import draw_axes
-from benchmarks.reports.plan_report import POLICY, PlanReport, write_report
+from benchmarks.reports.plan_report import POLICY, write_report
 from benchmarks.reports.plan_summary import summarise
 from benchmarks.reports.timeline import list_segments, make_band
 from controllers import evaluate, find_law, track
