@@ -10,6 +10,8 @@ How far the others look:
   (`planner.pulses.generation.stream`).
 - Compensation of play looks ahead by eight times the duration of a take-up step, and by the time
   until an axis that hardly reverses moves on (`planner.pulses.compensation.compensate`).
+- The time in a band of resonance looks as far as an axis stays in the band: windows meet where no
+  axis is in one.
 - Input shapers would look back by their length, half a period of the vibration for ZV and one for
   ZVD. They are still applied to the whole motion, since limits that the shaped motion exceeds are
   lowered and the motion is solved again.
@@ -18,7 +20,6 @@ How far the others look:
 from collections.abc import Callable
 
 from kinematics.machine.machine import Machine
-from planner.limits.resonance import Resonance
 from planner.program.model import Dwell, Program, Segment, SegmentStream, Synchronised
 from planner.pulses import find_rule
 from planner.request import PlanRequest
@@ -64,8 +65,6 @@ def _check_ends(request: PlanRequest, program: Program, machine: Machine) -> str
 
 
 def _check_machine(request: PlanRequest, program: Program, machine: Machine) -> str | None:
-    if Resonance(machine.axes).bands:
-        return "the machine may cross bands of resonance, proved of the whole only: take resonance_time out of its file"
     if any(axis.shaper for axis in machine.axes):
         return "the machine has input shapers, which reach from each part into the next: take them out of its file"
     return None

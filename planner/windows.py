@@ -27,6 +27,7 @@ from kinematics.foundation.errors import MotionError, attempt, refuse_items, req
 from kinematics.machine.machine import Machine
 from kinematics.machine.pose import Pose
 from planner.limits.limit import Limit
+from planner.limits.resonance import Resonance
 from planner.path.actuation import MachinePath, split_turns
 from planner.path.join_and_blend import PathStep, list_avoidable
 from planner.path.shape import Piece
@@ -52,6 +53,8 @@ MAX_SHARED = 4096
 MOST_REMEMBERED = 2 * MAX_SHARED
 # Share of a path by which rounding may put the same place before itself.
 SEAM_ROUNDING = 1e-12
+# Share of a speed by which rounding may put an axis out of a band of resonance.
+RESONANCE_ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -522,6 +525,25 @@ def _find_next(stretches: Iterator[Iterator[PathStep]]) -> Iterator[PathStep] | 
         return refuse_items(error)
 
 
+def _find_resonating(solution: Solution, knots: np.ndarray) -> np.ndarray:
+    """Return whether an axis may be in a band of resonance at each of these knots.
+
+    The time in a band is proved of each window. No stay may continue from one into the next.
+    """
+    motion = solution.trajectory
+    resonating = np.zeros(len(knots), bool)
+    bands = [band for limit in solution.limits if isinstance(limit, Resonance) for band in limit.bands]
+    if not bands:
+        return resonating
+    speeds = np.abs(motion.within(knots, np.zeros(len(knots))).qd)
+    for band in bands:
+        speed = speeds[:, band.axis]
+        low = (1 - RESONANCE_ROUNDING) * band.low
+        high = (1 + RESONANCE_ROUNDING) * band.high
+        resonating |= (speed >= low) & (speed <= high)
+    return resonating
+
+
 def _find_seams(solution: Solution, steps: Sequence[PathStep]) -> list[_Seam]:
     """Return breaks from which the way to the stop takes BRAKINGS times as long as braking, in order."""
     motion = solution.trajectory
@@ -530,6 +552,7 @@ def _find_seams(solution: Solution, steps: Sequence[PathStep]) -> list[_Seam]:
     braking = motion.duration - float(motion.knots[slower[-1] + 1 if len(slower) else 0])
     ends = np.cumsum([step.piece.length for step in steps])[:-1]
     knots = np.searchsorted(motion.s, ends - SEAM_ROUNDING * motion.path.breaks[-1])
-    far = np.flatnonzero((motion.knots[knots] <= motion.duration - BRAKINGS * braking) & (knots > run))
+    is_far = (motion.knots[knots] <= motion.duration - BRAKINGS * braking) & (knots > run)
+    far = np.flatnonzero(is_far & ~_find_resonating(solution, knots))
     far = far[-1 :: -max(1, len(far) // SEAMS)][:SEAMS]
     return [_Seam(int(n) + 1, int(knots[n])) for n in reversed(far)]
