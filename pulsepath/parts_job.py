@@ -31,7 +31,9 @@ def choose_parts(inputs: Inputs, request: PlanRequest, report: ReportRequest) ->
     why: str | None = None
     if stream is False or (stream is None and program.repeat * len(program.segments) <= MOST_WHOLE):
         return False
-    if report.pulses == "csv":
+    if report.baselines:
+        why = " with --baselines: omit that"
+    elif report.pulses == "csv":
         why = " with --pulses csv: omit that, and run pulsepath export --format pulses on the plan later"
     elif (reason := find_whole_reason(request, program, inputs.machine)) is not None:
         why = f", because {reason}"

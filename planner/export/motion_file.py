@@ -274,7 +274,7 @@ def read_parts(path: Path, steps: Iterator[PathStep], machine: Machine, tool: Po
         blends=[step.blend for step in covered if step.blend is not None],
         fits=[step.fitted for step in covered if step.fitted is not None],
         overshoots=[step.overshoot for step in covered if step.overshoot is not None],
-        avoidable=list_avoidable(covered),
+        avoidable=list_avoidable(covered[:-1]),  # a motion that ends early ends at a join
     )
     return read_motion(path, along)
 

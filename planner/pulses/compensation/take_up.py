@@ -84,10 +84,16 @@ def take_up(
     after = np.append(before[1:], motion.duration if last else (motion.duration + leaves[-1]) / 2)
     steps, best = _fit_steps(motion, k, axis, turning, before, after)
     returns = _find_returns(motion, k, steps, stretches)
-    open_end = returns[-1] >= motion.duration
-    if not last and (best[-1] > LIMIT_SLACK or steps[-1, :2].sum() >= after[-1] or open_end):
-        play, until = replace(play, waiting=(turns[-1],)), min(until, leaves[-1] - hold)
-        turning, steps, best, returns = turning[:-1], steps[:-1], best[:-1], returns[:-1]
+    if not last:
+        known = len(steps)
+        if best[-1] > LIMIT_SLACK or steps[-1, :2].sum() >= after[-1]:
+            known -= 1
+        # The axis is not yet back where these steps began.
+        known = min(known, int(np.searchsorted(returns, motion.duration)))
+        if known < len(steps):
+            play = replace(play, waiting=tuple(turns[known:]))
+            until = min(until, leaves[known] - hold)
+        turning, steps, best, returns = turning[:known], steps[:known], best[:known], returns[:known]
     if not len(steps):
         return play, max(0.0, until), none
     seen = _sample_steps(motion, k, axis, steps, turning[:, 0])

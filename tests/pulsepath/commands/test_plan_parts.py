@@ -379,11 +379,14 @@ def test_or_what_was_certified_before_it(call, folder):
     )
     motion = loaded.trajectory
     assert np.abs(motion.at(motion.duration).qd).max() < 1e-9
+    # the stop at its end is that of the refusal
+    assert loaded.avoidable_stops.count == record["avoidable_stops"]["count"]
 
 
 def test_what_needs_the_whole_is_refused_with_the_remedy(call, folder):
     for more, told in (
         (("--duration", "20 s"), "because a duration is a goal for the whole motion: omit it, or give --whole\n"),
+        (("--baselines",), "with --baselines: omit that, or give --whole\n"),
         (("--pulses", "csv"), "with --pulses csv: omit that, and run pulsepath export --format pulses"),
     ):
         done = call("plan", "circle", "--stream", *more, "--out", folder / "none")
