@@ -312,6 +312,8 @@ def examine_loaded(plan: Plan, report: ReportRequest) -> PlanReport:
         return replace(results, untracked=rig_hint(plan.machine))
     with _tracking(rig):
         review = review_plan(plan, False, rig)
+    if review.note:
+        note(review.note)
     return replace(results, rig=rig, metrics=review.metrics, untracked=review.note)
 
 

@@ -90,6 +90,7 @@ def _make_page(report: PlanReport, figures: Mapping[str, Picture]) -> str:
         "report.html.j2",
         figures,
         **{**results, **values},
+        shaped=report.shaped,
         headline=[*list_headline(report)],
         summary=summarise(report),
         active_share=ACTIVE_SHARE,
@@ -112,11 +113,9 @@ def _describe_whole(report: PlanReport, plan: Plan) -> dict[str, object]:
         triggers = trigger_tables(plan.triggers, plan.path.names)
     return {
         "duration": plan.trajectory.duration,
-        "shaped": plan.shaped,
         "axis_bounds": plan.axis_bounds,
         "exceeded": plan.exceeded,
         "mover": "platform’s origin" if plan.path.tool is None else "tool",
-        "saved": report.time_saved,
         "missing": missing_limits(plan, baseline) if baseline else (),
         "differences": {one.kind: describe_differences(plan, one) for one in report.others},
         "active": activity.tabulate_limits(),
@@ -147,20 +146,15 @@ def _describe_parts(report: PlanReport, plan: PlanStanding) -> dict[str, object]
         tables = {first: longest, "The segments of the least mean speed.": activity.tabulate_slowest()}
     return {
         "duration": plan.duration,
-        "shaped": None,
         "axis_bounds": None,
         "exceeded": "",
         "mover": "platform’s origin",
-        "saved": 0.0,
-        "missing": (),
-        "differences": {},
         "active": activity.tabulate_limits(),
         "segment_tables": tables,
         "folded": 0,
         "certificate": _tabulate_certificate(plan.certificate, {}),
         "band": make_window_band(activity),
         "segments": list_window_segments(overview, activity),
-        "rate_window": 0.0,
         "triggers": report.triggers or (),
     }
 

@@ -26,7 +26,7 @@ USED_UP = 0.999
 
 
 @dataclass(frozen=True, slots=True)
-class Figure:
+class Headline:
     """One number of the headline. good: None if it is neither good nor bad."""
 
     label: str
@@ -36,7 +36,7 @@ class Figure:
     wide: bool = False
 
 
-def list_headline(report: PlanReport) -> Iterator[Figure]:
+def list_headline(report: PlanReport) -> Iterator[Headline]:
     """Yield the numbers of the headline: duration, saving, proof, pulses and avoidable stops."""
     plan = report.plan
     shaped = report.shaped
@@ -47,13 +47,13 @@ def list_headline(report: PlanReport) -> Iterator[Figure]:
         if plan.known and plan.gap is not None:
             before = " before them" if shaped else ""
             notes.append(f"at most {round_up(100 * plan.gap, 3)} % above the least{before}, proved")
-    yield Figure("Duration", f"{plan.duration:.4f} s", tuple(notes))
+    yield Headline("Duration", f"{plan.duration:.4f} s", tuple(notes))
     if isinstance(plan, Plan):
         if plan.fastest and report.classical:
             yield _compare(plan, report.classical)
     else:
         windows = f"in {group_digits(plan.windows)} {'window' if plan.windows == 1 else 'windows'}"
-        yield Figure("Segments", group_digits(plan.segment), (windows,))
+        yield Headline("Segments", group_digits(plan.segment), (windows,))
 
     proofs: list[Certificate | ShapedProof] = [plan.certificate]
     if shaped is not None:
@@ -62,16 +62,16 @@ def list_headline(report: PlanReport) -> Iterator[Figure]:
     worst = max(max(proof.worst.values()) for proof in proofs)
     both = ", before the shapers and behind them" if shaped else ""
     ratios = f"every ratio ≤ {round_up(worst, 7)}{both}"
-    yield Figure("Limits", "proved" if holds else "NOT PROVED", (ratios,), holds)
+    yield Headline("Limits", "proved" if holds else "NOT PROVED", (ratios,), holds)
 
     checked = None if report.verdict is None else report.verdict.holds
     texts = {None: (), True: ("checked independently",), False: ("THE CHECK FAILED",)}
-    yield Figure("Pulses", group_digits(count_pulses(plan)), texts[checked], checked)
+    yield Headline("Pulses", group_digits(count_pulses(plan)), texts[checked], checked)
     stops = plan.avoidable_stops
     if stops is not None and stops.count:
         cost = f"they cost {stops.describe_cost()}; to avoid them: {stops.remedy}"
         count = group_digits(stops.count)
-        yield Figure("Stops that nobody asked for", count, (cost,), wide=True)
+        yield Headline("Stops that nobody asked for", count, (cost,), wide=True)
 
 
 def list_counts(plan: Plan | PlanStanding) -> list[tuple[int, int]]:
@@ -86,7 +86,7 @@ def count_pulses(plan: Plan | PlanStanding) -> int:
     return sum(number for number, _ in list_counts(plan))
 
 
-def _compare(plan: Plan, classical: Classical) -> Figure:
+def _compare(plan: Plan, classical: Classical) -> Headline:
     """Return the saving against the baseline timing."""
     saved = classical.duration - plan.trajectory.duration
     share = 100 * abs(saved) / classical.duration
@@ -96,7 +96,7 @@ def _compare(plan: Plan, classical: Classical) -> Figure:
         names.append(f"without {', '.join(missing)}")
     baseline = f"{classical.duration:.4f} s ({', '.join(names)})"
     both = ", both before the shapers" if plan.shaped else ""
-    return Figure(
+    return Headline(
         f"Compared with the baseline timing{both}",
         f"{abs(saved):.4f} s",
         (f"{share:.2f} % {sense} than {baseline}",),
@@ -173,7 +173,9 @@ def _describe_saving(plan: Plan, classical: Classical) -> Row:
     share = 100 * saved / classical.duration
     differences = describe_differences(plan, classical) or ("the same limits",)
     baseline = ", ".join([f"{classical.duration:.6f} s", *differences])
-    text = f"{share:.2f} %: {saved:.6f} s less than {classical.kind} ({baseline})"
+    sense = "less" if saved >= 0 else "more"
+    amount = f"{abs(share):.2f} %: {abs(saved):.6f} s {sense}"
+    text = f"{amount} than {classical.kind} ({baseline})"
     return Row("saved", text, brief=not missing_limits(plan, classical))
 
 

@@ -49,8 +49,8 @@ class HeldSignals:
 def defer_signals() -> Iterator[HeldSignals]:
     """Delay signals that have a handler in Python to the end of the block.
 
-    Ignored signals, and those that the system handles, stay as they are. Python handles signals in the main thread
-    only. `remove_staged` in another thread waits for the end of the block.
+    Signals that are ignored, or left to the system, are not delayed. Python handles signals in the
+    main thread only. `remove_staged` in another thread waits for the end of the block.
     """
     kept: dict[int, Any] = {}
     waiting = HeldSignals()

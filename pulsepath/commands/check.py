@@ -29,7 +29,7 @@ def check(source: InputRequest, dumped: Path | None, force: bool, as_json: bool)
     """Check limits that slowing down cannot fix, or a plan.
 
     These are reach, travel, tilt and clearance. Lists every violation along the path of PROGRAM or,
-    if there is none, how close the path comes to each limit. If PROGRAM is the directory of a plan,
+    without any, how close the path comes to each limit. If PROGRAM is the directory of a plan,
     verifies the digests of its files, proves its motion again and checks its file of pulses against
     it.
 

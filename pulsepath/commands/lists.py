@@ -28,7 +28,7 @@ def machines(as_json: bool) -> None:
 
     Shows the travel and limits of their axes.
 
-    In a machine file, timing = "DRV8825" names the drive of an axis: plans then keep what it needs
+    In a machine file, timing = "DRV8825" names the drive of an axis: plans then keep its timing
     on STEP and DIR, and plan -v shows it. Known drives: A4988, DRV8825, LV8729, DRV8884, TMC2209,
     Pacific-6410, Pacific-6410-filtered, servo-differential, servo-open-collector, servo-high-speed.
 

@@ -196,28 +196,18 @@ def write_parts(
     _write_inputs(folder, inputs)
     machine = inputs.machine
     has_pulses = report.pulses != "none"
-    extremes, activity = Overview(), Activity(inputs.program)
-    part: PlanPart | None = None
-    refusal: MotionError | None = None
-    with ExitStack() as files:
-        marked = holds_triggers(inputs.program)
-        writer = PartsWriter(folder, machine.axes, files, pulses=has_pulses, triggers=marked)
-        try:
-            for part in parts:
-                writer.add(part)
-                extremes.add(part.motion, part.start.begin, part.start.length)
-                activity.add(part.motion, part.start.begin, part.limits)
-                tell(part.standing, _count_segments(part, inputs.program))
-        except MotionError as error:
-            if not report.keep_certified or part is None:
-                raise
-            refusal = error
-        assert part is not None  # a program has a segment that moves, or is refused
-        writer.finish(part)
+    overview = Overview()
+    activity = Activity(inputs.program)
 
+    def observe(part: PlanPart) -> None:
+        overview.add(part.motion, part.start.begin, part.start.length)
+        activity.add(part.motion, part.start.begin, part.limits)
+        tell(part.standing, _count_segments(part, inputs.program))
+
+    part, refusal = _write_motion(folder, inputs, parts, report, observe)
     if part.rest is not None:
         begin = part.standing.start.begin
-        extremes.add(part.rest, begin, part.start.length)
+        overview.add(part.rest, begin, part.start.length)
         activity.add(part.rest, begin, part.limits)
     standing = come_to_rest(part)
     ending = "" if refusal is None else f"It ends before the program does, with a stop: {refusal}"
@@ -239,7 +229,7 @@ def write_parts(
     results = PlanReport(
         standing,
         verdict,
-        extremes,
+        overview,
         activity,
         ending,
         untracked=rig_hint(machine),
@@ -252,6 +242,41 @@ def write_parts(
         results.stops.save(folder / STOPS)
     _write_record(folder, record_plan(results, inputs, source.digest, standing))
     return results, refusal
+
+
+def _write_motion(
+    folder: Path,
+    inputs: Inputs,
+    parts: Iterable[PlanPart],
+    report: ReportRequest,
+    observe: Callable[[PlanPart], None],
+) -> tuple[PlanPart, MotionError | None]:
+    """Write motion, pulses and triggers part by part.
+
+    Return the last part, and the refusal that ended the plan early, if any. observe: called after
+    each part.
+    """
+    part: PlanPart | None = None
+    refusal: MotionError | None = None
+    with ExitStack() as files:
+        writer = PartsWriter(
+            folder,
+            inputs.machine.axes,
+            files,
+            pulses=report.pulses != "none",
+            triggers=holds_triggers(inputs.program),
+        )
+        try:
+            for part in parts:
+                writer.add(part)
+                observe(part)
+        except MotionError as error:
+            if not report.keep_certified or part is None:
+                raise
+            refusal = error
+        assert part is not None  # a program has a segment that moves, or is refused
+        writer.finish(part)
+    return part, refusal
 
 
 def _examine(results: PlanReport, source: StoredSource, report: ReportRequest) -> PlanReport:

@@ -85,11 +85,9 @@ def take_up(
     steps, best = _fit_steps(motion, k, axis, turning, before, after)
     returns = _find_returns(motion, k, steps, stretches)
     if not last:
-        known = len(steps)
-        if best[-1] > LIMIT_SLACK or steps[-1, :2].sum() >= after[-1]:
-            known -= 1
-        # The axis is not yet back where these steps began.
-        known = min(known, int(np.searchsorted(returns, motion.duration)))
+        is_known = best[-1] <= LIMIT_SLACK and steps[-1, :2].sum() < after[-1]
+        # From the first of the other steps on, the axis is not yet back where the step began.
+        known = min(len(steps) - (not is_known), int(np.searchsorted(returns, motion.duration)))
         if known < len(steps):
             play = replace(play, waiting=tuple(turns[known:]))
             until = min(until, leaves[known] - hold)
