@@ -179,7 +179,7 @@ class PlanRequest:
     def _check_solver(self, heated: bool) -> None:
         """Raise MotionError for a solver that is unknown, not installed, or not for this goal."""
         from kinematics.foundation.errors import MotionError
-        from planner.timing.solvers.toppra_ import require
+        from planner.timing.order2.toppra_ import require
 
         if self.solver != "toppra":
             raise MotionError(

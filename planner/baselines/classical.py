@@ -34,9 +34,10 @@ from planner.program.joins import stop_at_joins
 from planner.program.model import MIN_MOVE, MovingSegment, Program
 from planner.timing.certified_run import Timing, required_slowness
 from planner.timing.certified_solve import certified_solve
-from planner.timing.problem import Block, Problem, Run, make_grid, pose_problem
+from planner.timing.grid import make_grid
+from planner.timing.order2.closed_form import straight
+from planner.timing.problem import Block, Problem, Run, pose_problem
 from planner.timing.profile import Profile, RunSolution
-from planner.timing.solvers.closed_form import straight
 from planner.trajectory import Trajectory
 
 

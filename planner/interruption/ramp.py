@@ -14,7 +14,7 @@ from kinematics.foundation.errors import MotionError, attempt
 from planner.interruption.instant import Instant
 from planner.interruption.section import ProvedMotion, Whole
 from planner.timing.certified_solve import certified_solve
-from planner.timing.discretization import coarse_jerk_problem
+from planner.timing.grid import coarse_jerk_problem
 from planner.timing.jerk_limited import place_by_loss
 from planner.timing.problem import Continuation, Run
 from planner.timing.run import solve_run

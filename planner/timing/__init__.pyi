@@ -6,10 +6,11 @@ from .certified_solve import (
     solve_within as solve_within,
     timing_table as timing_table,
 )
-from .discretization import (
+from .grid import (
     acceleration_problem as acceleration_problem,
     coarse_jerk_problem as coarse_jerk_problem,
     jerk_problem as jerk_problem,
+    make_grid as make_grid,
     refine_problem as refine_problem,
 )
 from .duration_bound import DurationBound as DurationBound, bound_duration as bound_duration
@@ -20,7 +21,6 @@ from .problem import (
     Problem as Problem,
     Run as Run,
     Solver as Solver,
-    make_grid as make_grid,
     pose_problem as pose_problem,
 )
 from .profile import (
@@ -30,7 +30,7 @@ from .profile import (
     sample_limit_use as sample_limit_use,
 )
 from .run import solve_run as solve_run
-from .solvers.passes import largest_speeds as largest_speeds
-from .solvers.second_order import second_order as second_order
+from .order2.passes import largest_speeds as largest_speeds
+from .order2.second_order import second_order as second_order
 from .solvers.third_order import solve_jerk_limited as solve_jerk_limited, third_order as third_order
 from .stated_duration import solve_stated as solve_stated

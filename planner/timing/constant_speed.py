@@ -21,7 +21,8 @@ from planner.limits.resonance import Resonance
 from planner.limits.tool import ToolSpeed
 from planner.path.actuation import ActuatorPath
 from planner.place import ConstantRefused, Infeasible
-from planner.timing.problem import Run, make_grid
+from planner.timing.grid import make_grid
+from planner.timing.problem import Run
 from planner.timing.profile import MADE_CONSTANT_SPEED, STRAIGHT, Profile, RunSolution
 from planner.timing.run import solve_run
 from planner.trajectory import State, Trajectory

@@ -15,7 +15,7 @@ from kinematics.foundation.errors import MotionError
 from planner.limits.limit import Limit, Term
 from planner.path.actuation import ActuatorPath
 from planner.timing.certified_run import SOLVER_MARGIN, required_slowness, tighten_until_kept
-from planner.timing.discretization import (
+from planner.timing.grid import (
     MAX_INTERVALS,
     ROUGH_GRID,
     START_GRID,
@@ -30,6 +30,9 @@ from planner.timing.discretization import (
     unbounded_error,
 )
 from planner.timing.initial_guess import Smoothed, ramped
+from planner.timing.order2.closed_form import straight
+from planner.timing.order2.second_order import TERMS as SECOND
+from planner.timing.order2.second_order import estimate_lower_bound, second_order
 from planner.timing.problem import POWERS, Problem, Run, leave_out_idle
 from planner.timing.profile import (
     AVERAGED,
@@ -41,9 +44,6 @@ from planner.timing.profile import (
     TooFast,
     sample_limit_use,
 )
-from planner.timing.solvers.closed_form import straight
-from planner.timing.solvers.second_order import TERMS as SECOND
-from planner.timing.solvers.second_order import estimate_lower_bound, second_order
 from planner.timing.solvers.third_order import Look, estimate_motion, settle_rows, solve_jerk_limited, third_order
 
 # A leg that has to be this much slower as a whole is tried in two, with a rest between: what is slow there stays there.

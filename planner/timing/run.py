@@ -8,13 +8,13 @@ from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath
 from planner.place import Infeasible
 from planner.timing.certified_run import tighten_until_kept
-from planner.timing.discretization import acceleration_problem, refine_problem, unbounded_error
 from planner.timing.feed_limited import sketch_problem, solve_feed_limited
+from planner.timing.grid import acceleration_problem, refine_problem, unbounded_error
 from planner.timing.jerk_limited import solve_leg, solve_legs
+from planner.timing.order2.closed_form import straight
+from planner.timing.order2.second_order import estimate_lower_bound, second_order
 from planner.timing.problem import Run
 from planner.timing.profile import RunSolution, TooFast
-from planner.timing.solvers.closed_form import straight
-from planner.timing.solvers.second_order import estimate_lower_bound, second_order
 
 
 def solve_run(

@@ -25,7 +25,7 @@ from planner.path.actuation import ActuatorPath
 from planner.place import Infeasible
 from planner.timing.certified_run import MAX_TRIES, Timing, tighten_block
 from planner.timing.certified_solve import Solution, certified_solve
-from planner.timing.discretization import grade_problem
+from planner.timing.grid import grade_problem
 from planner.timing.pacing import Pacer
 from planner.timing.problem import Problem, Run
 from planner.timing.profile import Profile, RunSolution, close_profile

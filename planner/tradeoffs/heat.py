@@ -22,7 +22,7 @@ from planner.parallel import Progress
 from planner.path.actuation import ActuatorPath
 from planner.timing.certified_run import MAX_TRIES, Timing, tighten_block
 from planner.timing.certified_solve import Solution, certified_solve
-from planner.timing.discretization import place_problem
+from planner.timing.grid import place_problem
 from planner.timing.problem import Problem, Run, pose_problem
 from planner.timing.profile import Profile, RunSolution, close_profile
 from planner.timing.solvers.stage_problem import pose_weighed

@@ -31,7 +31,7 @@ from planner.path.actuation import actuate
 from planner.path.stands import count_zero_derivatives
 from planner.timing.certified_run import required_slowness
 from planner.timing.certified_solve import Solution, certified_solve
-from planner.timing.discretization import jerk_problem
+from planner.timing.grid import jerk_problem
 from planner.timing.problem import Run
 from planner.timing.profile import sample_limit_use
 
