@@ -16,7 +16,7 @@ from planner.interruption.section import ProvedMotion, Whole
 from planner.timing.certified_solve import certified_solve
 from planner.timing.grid import coarse_jerk_problem
 from planner.timing.jerk_limited import place_by_loss
-from planner.timing.problem import Continuation, Run
+from planner.timing.problem import Continuation, EndCondition, Run, at_speeds
 from planner.timing.run import solve_run
 from planner.trajectory import Trajectory
 
@@ -65,7 +65,7 @@ def find_ramps(
         return
     places = np.unique(followed.s)
     knots = places[places > now.s] - now.s
-    continuation = Continuation(np.zeros(1), np.zeros((4, 0)), {}, now.a, knots)
+    continuation = Continuation(np.zeros(1), np.zeros((4, 0)), {}, knots)
     search = _Search(whole, now, end, target, continuation)
     distance = search.find_nearest(shortest)
     for farther in FARTHER:
@@ -145,16 +145,14 @@ class _Search:
         speed, acceleration = self.target(self.now.s + distance)
         if order == 2:
             begin = self.now.v if self.order == 2 else BEGIN_SPEED * self.now.v
-            run = Run(0, last, start_speed=begin, end_speed=speed, until=distance)
+            run = Run(0, last, at_speeds(begin, speed), until=distance)
             return solve_run(self.path, self.limits, run, order, probing=True).solved
         run = Run(
             0,
             last,
-            self.now.v,
-            speed,
+            (EndCondition(self.now.v, self.now.a), EndCondition(speed, acceleration)),
             until=distance,
             continuation=self.continuation,
-            end_acceleration=acceleration,
         )
         result = place_by_loss(
             self.path,

@@ -16,11 +16,14 @@ from .grid import (
 from .duration_bound import DurationBound as DurationBound, bound_duration as bound_duration
 from .problem import (
     SOLVER_AIM as SOLVER_AIM,
+    REST as REST,
     Block as Block,
     Continuation as Continuation,
+    EndCondition as EndCondition,
     Problem as Problem,
     Run as Run,
     Solver as Solver,
+    at_speeds as at_speeds,
     pose_problem as pose_problem,
 )
 from .profile import (

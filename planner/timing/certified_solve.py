@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import pairwise
 
 import numpy as np
 
@@ -17,7 +16,6 @@ from planner.certificate.limit_use import ProvedUse
 from planner.limits.limit import Limit
 from planner.parallel import Progress, spread
 from planner.path.actuation import ActuatorPath
-from planner.path.stands import count_zero_derivatives
 from planner.timing.certified_run import (
     MAX_CERTIFY_ROUNDS,
     CertifiedRun,
@@ -30,7 +28,7 @@ from planner.timing.certified_run import (
 )
 from planner.timing.duration_bound import DurationBound, bound_duration
 from planner.timing.parts import solve_in_parts, tighten_in_parts
-from planner.timing.problem import Continuation, Run, Solver
+from planner.timing.problem import Continuation, Run, Solver, split_runs
 from planner.timing.profile import Profile
 from planner.timing.run import solve_run
 from planner.trajectory import Trajectory
@@ -151,7 +149,9 @@ def certified_solve(
             raise worst
         timing = _fastest_timing(path, order)
     stops = np.flatnonzero(path.stops(order))
-    runs = [replace(run, solver=solver, fineness=fineness, whole=not cruising) for run in _split_runs(path, stops)]
+    runs = [
+        replace(run, solver=solver, fineness=fineness, whole=not cruising) for run in split_runs(path, stops, order)
+    ]
     runs[0] = replace(runs[0], continuation=continuation)
     firsts = find_first_equals(path, limits, runs) if timing.uniform else list(range(len(runs)))
     different = sorted(set(firsts))
@@ -216,15 +216,6 @@ def _fastest_timing(path: ActuatorPath, order: int) -> Timing:
     if all(path.constant(piece) is None for piece in range(len(path.breaks) - 1)):
         return Timing(partial(solve_run, order=order), tighten_run, uniform=True)
     return Timing(partial(solve_in_parts, order=order), tighten_in_parts, uniform=True)
-
-
-def _split_runs(path: ActuatorPath, stops: np.ndarray) -> list[Run]:
-    """From stop to stop, the first and the last with the speeds that the path states for its ends."""
-    still = count_zero_derivatives(path) % 3  # where q‴ is nothing too, nothing is free
-    runs = [Run(int(a), int(b) - 1, stands=(int(still[0, a]), int(still[1, b - 1]))) for a, b in pairwise(stops)]
-    runs[0] = replace(runs[0], start_speed=path.end_speeds[0])
-    runs[-1] = replace(runs[-1], end_speed=path.end_speeds[1], end_acceleration=path.end_accelerations[1])
-    return runs
 
 
 def _join_runs(

@@ -22,7 +22,7 @@ from planner.limits.tool import ToolSpeed
 from planner.path.actuation import ActuatorPath
 from planner.place import ConstantRefused, Infeasible
 from planner.timing.grid import make_grid
-from planner.timing.problem import Run
+from planner.timing.problem import EndCondition, Run
 from planner.timing.profile import MADE_CONSTANT_SPEED, STRAIGHT, Profile, RunSolution
 from planner.timing.run import solve_run
 from planner.trajectory import State, Trajectory
@@ -97,7 +97,7 @@ def joined_speed_error(
     if min(run.speeds) == speed:
         return speed_error(path, limits, *_sample_places(path, run, first, last, speed), speed)
     if max(run.speeds) == speed:
-        down, middle = run.start_speed == speed, (first + last) / 2
+        down, middle = run.speeds[0] == speed, (first + last) / 2
         places = _sample_places(path, run, *((first, middle) if down else (middle, last)), speed)
         if _limit_use(path, limits, *places, np.full(len(places[0]), speed)).max() <= 1 + LIMIT_ROUNDING:
             return None
@@ -164,9 +164,9 @@ def _solve_ramp(
             break
         piece = run.first + int(np.searchsorted(breaks, place)) - 1
         part = (
-            replace(run, first=piece, since=place, start_speed=speed)
+            replace(run, first=piece, since=place, ends=(EndCondition(speed), run.ends[1]))
             if down
-            else replace(run, last=piece, until=place, end_speed=speed)
+            else replace(run, last=piece, until=place, ends=(run.ends[0], EndCondition(speed)))
         )
         ramp = solve_run(path, limits, part, order, probing=True)
         if ramp.solved:
@@ -180,7 +180,7 @@ def _constant_profile(path: ActuatorPath, run: Run, since: float, until: float, 
     first = run.first + int(np.searchsorted(breaks, since, side="right")) - 1
     last = run.first + int(np.searchsorted(breaks, until)) - 1
     pieces = max(MIN_PIECES, int(PER_RADIAN * path.turns[first : last + 1].sum()))
-    s, piece = make_grid(path, Run(first, last, speed, speed, since, until), pieces)
+    s, piece = make_grid(path, Run(first, last, since=since, until=until), pieces)
     nothing = np.zeros(len(piece))
     return Profile(s[:-1], nothing + speed, nothing, nothing, np.diff(s) / speed, piece)
 

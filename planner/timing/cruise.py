@@ -6,7 +6,7 @@ its own length, a cruise has constant ṡ = c. On splines and blends f varies, a
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -16,7 +16,7 @@ from kinematics.foundation.errors import MotionError
 from planner.limits.limit import Limit, Term
 from planner.limits.tool import ToolSpeed
 from planner.path.actuation import ActuatorPath, Points
-from planner.timing.problem import EXACT_AIM, SOLVER_AIM, Block, Problem, Run, pose_problem
+from planner.timing.problem import EXACT_AIM, SOLVER_AIM, Block, EndCondition, Problem, Run, pose_problem
 from planner.timing.profile import CRUISE, Profile, RunSolution, close_profile, sample_limit_use
 
 # Share of f up to which it counts as constant on a piece: rounding of arc lengths.
@@ -245,9 +245,11 @@ class _Grid:
         h = np.diff(self.s) / 6 * (1 / v[:-1] + 4 / middle + 1 / v[1:])
         # only its grid and its ends are used here: rows are posed for nothing but speeds
         speeds = [limit for limit in limits if limit.terms == {Term.SD}]
-        ends = float(v[0]), float(v[-1])
+        ends = (
+            EndCondition(float(v[0]), float(a[0])),
+            EndCondition(float(v[-1]), float(a[-1])),
+        )
         problem = pose_problem(path, speeds, self.s, self.piece, ends)
-        problem = replace(problem, accelerations=(float(a[0]), float(a[-1])))
         profile = close_profile(problem, np.stack([v[:-1], a[:-1], np.diff(a) / h, h]))
         return None if isinstance(profile, MotionError) else profile
 
@@ -280,24 +282,3 @@ def spread_points(breaks: Array, count: np.ndarray, first: int) -> tuple[Array, 
     s = np.repeat(breaks[:-1], count) + share * np.repeat(np.diff(breaks), count)
     piece = np.repeat(first + np.arange(len(count)), count)
     return np.append(s, breaks[-1]), piece
-
-
-def cut_run(path: ActuatorPath, run: Run, since: float, until: float) -> Run:
-    """Return the part of a run between two places, at rest at both; the run's own ends stay."""
-    breaks = run.breaks(path)
-    first = int(np.searchsorted(breaks, since, side="right")) - 1
-    last = int(np.searchsorted(breaks, until)) - 1
-    begins, ends = since == breaks[0], until == breaks[-1]
-    return replace(
-        run,
-        first=run.first + first,
-        last=run.first + last,
-        since=run.since if begins else since,
-        until=run.until if ends else until,
-        start_speed=run.start_speed if begins else 0.0,
-        end_speed=run.end_speed if ends else 0.0,
-        stands=(run.stands[0] if begins else 0, run.stands[1] if ends else 0),
-        start_acceleration=run.start_acceleration if begins else 0.0,
-        end_acceleration=run.end_acceleration if ends else 0.0,
-        whole=True,
-    )

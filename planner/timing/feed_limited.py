@@ -22,10 +22,10 @@ from kinematics.foundation.arrays import Array
 from planner.limits.limit import Limit, Term
 from planner.limits.resonance import Resonance
 from planner.path.actuation import ActuatorPath
-from planner.timing.cruise import Caps, cut_run, find_caps, follow_cap, is_of_speed, spread_points
+from planner.timing.cruise import Caps, find_caps, follow_cap, is_of_speed, spread_points
 from planner.timing.initial_guess import bound_term
 from planner.timing.order2.closed_form import least_ramp, straight_ramp
-from planner.timing.problem import POWERS, Problem, Run, pose_problem
+from planner.timing.problem import POWERS, EndCondition, Problem, Run, pose_problem
 from planner.timing.profile import FEED_LIMITED, RunSolution
 
 # Intervals of a piece, and for each radian that it turns, at whose ends the limits are evaluated.
@@ -53,7 +53,7 @@ def sketch_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Pro
     turns = path.turns[run.first : run.last + 1]
     count = SAMPLES_PER_PIECE + np.ceil(SAMPLES_PER_RADIAN * turns).astype(int)
     s, piece = spread_points(run.breaks(path), count, run.first)
-    return pose_problem(path, limits, s, piece, run.speeds, run.stands)
+    return pose_problem(path, limits, s, piece, run.ends)
 
 
 def solve_feed_limited(
@@ -80,19 +80,20 @@ def solve_feed_limited(
     parts: list[tuple[Run, RunSolution | None]] = []
     breaks = run.breaks(path)
     place = float(breaks[0])
+    whole = replace(run, whole=True)
     for first, last in _find_cruises(run, sketch, caps, breaks, order):
-        stretch = cut_run(path, run, first, last)
+        stretch = whole.cut(path, first, last)
         cruise = follow_cap(path, limits, caps, stretch, order)
         if cruise is None:
             continue
         if first > place:
-            parts.append((cut_run(path, run, place, first), None))
+            parts.append((whole.cut(path, place, first), None))
         parts.append((stretch, cruise))
         place = last
     if not parts:
         return None
     if place < breaks[-1]:
-        parts.append((cut_run(path, run, place, float(breaks[-1])), None))
+        parts.append((whole.cut(path, place, float(breaks[-1])), None))
     return _solve_ramps(path, limits, parts, solve, order)
 
 
@@ -121,12 +122,12 @@ def _find_cruises(
         ramp = float(ramps[first:after].max())
         begin, end = float(breaks[first]), float(breaks[after])
         ends = first == 0, after == len(breaks) - 1
-        continues = ends[0] and _cruises_at(run.start_speed, run.start_acceleration, caps.along[0])
+        continues = ends[0] and _cruises_at(run.ends[0], caps.along[0])
         blocked = [(begin, begin if continues else begin + ramp)]
         low, high = np.searchsorted(pieces[busy], [first, after])
         for interval in busy[low:high]:
             blocked.append((float(sketch.s[interval]) - ramp, float(sketch.s[interval + 1]) + ramp))
-        continues = ends[1] and _cruises_at(run.end_speed, run.end_acceleration, caps.along[-1])
+        continues = ends[1] and _cruises_at(run.ends[1], caps.along[-1])
         blocked.append((end if continues else end - ramp, end))
         for (_, since), (until, _) in pairwise(_join_overlapping(blocked)):
             if until - since > ramp:
@@ -134,9 +135,11 @@ def _find_cruises(
     return cruises
 
 
-def _cruises_at(speed: float, acceleration: float, cap: float) -> bool:
+def _cruises_at(end: EndCondition, cap: float) -> bool:
     """Return whether a run begins or ends at its cap already."""
-    return acceleration == 0 and cap < np.inf and abs(speed - cap) <= SPEED_ROUNDING * cap
+    if end.acceleration != 0 or cap == np.inf:
+        return False
+    return abs(end.speed - cap) <= SPEED_ROUNDING * cap
 
 
 def _least_on_pieces(values: Array, pieces: np.ndarray) -> Array:
@@ -206,17 +209,19 @@ def _solve_ramps(
         if cruise is None:
             before = parts[k - 1][1] if k > 0 else None
             after = parts[k + 1][1] if k + 1 < len(parts) else None
+            start, end = part.ends
             if before is not None:
-                v, a = before.profile.last_speed, before.profile.last_acceleration
-                part = replace(part, start_speed=v, start_acceleration=a if order == 3 else 0.0)
+                a = before.profile.last_acceleration if order == 3 else 0.0
+                start = EndCondition(before.profile.last_speed, a)
             if after is not None:
-                v, a = float(after.profile.v[0]), float(after.profile.a[0])
-                part = replace(part, end_speed=v, end_acceleration=a if order == 3 else 0.0)
+                a = float(after.profile.a[0]) if order == 3 else 0.0
+                end = EndCondition(float(after.profile.v[0]), a)
+            part = replace(part, ends=(start, end))
             cruise = _solve_ramp(path, limits, part, cruising, solve)
             if not cruise.solved:
                 return None
-            for end, cruise_there in enumerate((before, after)):
-                if cruise_there is not None and not _meets(cruise, part, end, order):
+            for side, neighbour in enumerate((before, after)):
+                if neighbour is not None and not _meets(cruise, part, side, order):
                     return None
         solutions.append(cruise)
     return RunSolution.joined(solutions, FEED_LIMITED)
@@ -230,7 +235,7 @@ def _meets(ramp: RunSolution, part: Run, end: int, order: int) -> bool:
     profile = ramp.profile
     v = profile.last_speed if end else float(profile.v[0])
     a = profile.last_acceleration if end else float(profile.a[0])
-    acceleration = part.end_acceleration if end else part.start_acceleration
+    acceleration = part.ends[end].acceleration
     if abs(v - part.speeds[end]) > SAME_STATE * float(profile.v.max()):
         return False
     return order == 2 or abs(a - acceleration) <= SAME_STATE * float(np.abs(profile.a).max())
@@ -244,8 +249,8 @@ def _solve_ramp(
     solve: Callable[[Run], RunSolution],
 ) -> RunSolution:
     """Find the fastest motion of one part: in closed form where that costs next to nothing."""
-    resting = part.start_acceleration == 0 and part.end_acceleration == 0
-    if part.first == part.last and resting and not any(part.stands) and max(part.speeds) > 0:
+    plain = all(end.acceleration == 0 and end.zero_derivatives == 0 for end in part.ends)
+    if part.first == part.last and plain and max(part.speeds) > 0:
         sketch = sketch_problem(path, limits, part)
         length = float(sketch.s[-1] - sketch.s[0])
         share = CLOSED_FORM_LOSS * cruising * max(part.speeds) / length

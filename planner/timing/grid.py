@@ -20,6 +20,7 @@ from planner.timing.problem import (
     Continuation,
     Problem,
     Run,
+    fix_passed_ends,
     leave_out_idle,
     pose_problem,
 )
@@ -96,10 +97,14 @@ def _fill_pieces(s: Array, breaks: Array, least: Array) -> Array:
 def acceleration_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Problem:
     """A run's rows on an even grid, or a graded one."""
     mixed = any(Term.SD in limit.terms and len(limit.terms) > 1 for limit in limits)
-    few = None if mixed or 1 in run.stands or run.fineness > 1 else _few_intervals(path, run)
+    few = (
+        None
+        if mixed or any(end.zero_derivatives == 1 for end in run.ends) or run.fineness > 1
+        else _few_intervals(path, run)
+    )
     spread = _graded_shares(count_intervals(SECOND_ORDER, path, run)) if mixed else None
     s, piece = _grid(SECOND_ORDER, path, run, spread) if few is None else make_grid(path, run, few)
-    problem = pose_problem(path, limits, s, piece, run.speeds, run.stands)
+    problem = pose_problem(path, limits, s, piece, run.ends)
     return problem if run.continuation is None else continue_problem(path, limits, run, problem, run.continuation)
 
 
@@ -115,12 +120,12 @@ def continue_problem(
     s = np.concatenate([known, s[s > known[-1] + MIN_STEP_LEFT * (s[-1] - s[-2])]])
     s = _hold_knots(s, continuation.knots, run.breaks(path))
     s = _hold_knots(s, continuation.knots, run.breaks(path))
-    posed = pose_problem(path, limits, s, find_pieces(path, run, s), run.speeds, run.stands)
+    posed = pose_problem(path, limits, s, find_pieces(path, run, s), run.ends)
     blocks = []
     for block in posed.blocks:
         room = continuation.room.get(block.name, np.empty(0))
         blocks.append(replace(block, room=np.append(room, block.room[len(room) :])))
-    return replace(posed, blocks=tuple(blocks), accelerations=(continuation.acceleration, run.end_acceleration))
+    return replace(posed, blocks=tuple(blocks))
 
 
 def _hold_knots(s: Array, knots: Array, breaks: Array) -> Array:
@@ -156,16 +161,15 @@ def cut_intervals(path: ActuatorPath, limits: Sequence[Limit], problem: Problem,
     share = (np.arange(count.sum()) - first) / np.repeat(count, count)
     s = np.repeat(problem.s[:-1], count) + share * np.repeat(np.diff(problem.s), count)
     placed = np.append(s, problem.s[-1]), np.repeat(problem.piece, count)
-    finer = pose_problem(path, leave_out_idle(limits, problem), *placed, problem.speeds)
-    finer = replace(finer, free=problem.free, passed=problem.passed, accelerations=problem.accelerations)
+    finer = pose_problem(path, leave_out_idle(limits, problem), *placed, problem.ends)
     room = {block.name: np.repeat(block.room, count) for block in problem.blocks}
     blocks = tuple(replace(block, room=room.get(block.name, block.room)) for block in finer.blocks)
-    return replace(finer, blocks=blocks)
+    return replace(finer, blocks=blocks, ends=problem.ends)
 
 
 def coarse_jerk_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Problem:
     """A run's rows on an even grid, to start from."""
-    return pose_problem(path, limits, *_grid(COARSE, path, run), run.speeds, run.stands)
+    return pose_problem(path, limits, *_grid(COARSE, path, run), run.ends)
 
 
 def brief_problem(
@@ -174,7 +178,7 @@ def brief_problem(
     """The order-2 problem of a run from rest to rest, and the window of its average; None where that is not brief."""
     if max(run.speeds) > 0 or not coarse.is_unconditional:
         return None
-    gentle, window = _second_order_start(replace(coarse, free=(False, False)))
+    gentle, window = _second_order_start(coarse.with_fixed_ends())
     sharp = second_order(gentle)
     if not sharp.solved or WINDOW_GROWTH * window > MAX_BRIEF_SHARE * sharp.duration:
         return None
@@ -205,7 +209,7 @@ def jerk_problem(
 
     points = start.spread(count_intervals(rule, path, run, on_top=True))
     spread = np.clip((points - coarse.s[0]) / (coarse.s[-1] - coarse.s[0]), 0.0, 1.0)
-    return pose_problem(path, limits, *_grid(rule, path, run, spread), run.speeds, run.stands), start
+    return pose_problem(path, limits, *_grid(rule, path, run, spread), run.ends), start
 
 
 def place_problem(
@@ -233,14 +237,14 @@ def place_problem(
     grid = np.append(np.interp(wanted, passed, s), breaks[-1])
     grid[np.cumsum(count) - count] = breaks[:-1]
     piece = np.repeat(np.arange(run.first, run.last + 1), count)
-    return pose_problem(path, limits, grid, piece, run.speeds, run.stands)
+    return pose_problem(path, limits, grid, piece, run.ends)
 
 
 def grade_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run, shares: Callable[[int], Array]) -> Problem:
     """The order-3 problem of a run on a grid whose points lie at such shares of it, for a number of intervals."""
     spread = shares(count_intervals(THIRD_ORDER, path, run))
-    start, end = run.stands  # what a fast motion passes there is too fast for a slow one
-    return pose_problem(path, limits, *_grid(THIRD_ORDER, path, run, spread), run.speeds, (start % 2, end % 2))
+    ends = fix_passed_ends(run.ends)  # a passing speed is too fast for a slow motion
+    return pose_problem(path, limits, *_grid(THIRD_ORDER, path, run, spread), ends)
 
 
 def _grid(rule: Rule, path: ActuatorPath, run: Run, spread: Array | None = None) -> tuple[Array, np.ndarray]:
@@ -320,7 +324,7 @@ def _smooth_motion(coarse: Problem) -> Smoothed | MotionError:
     unbounded = unbounded_error(coarse, 3)
     if unbounded is not None:
         return unbounded
-    gentle, window = _second_order_start(replace(coarse, free=(False, False)))  # averages begin and end at rest
+    gentle, window = _second_order_start(coarse.with_fixed_ends())  # averages begin and end at rest
     onward = sum(coarse.speeds)
     if onward == 0:
         sharp = second_order(gentle)

@@ -33,7 +33,7 @@ from planner.timing.initial_guess import Smoothed, ramped
 from planner.timing.order2.closed_form import straight
 from planner.timing.order2.second_order import TERMS as SECOND
 from planner.timing.order2.second_order import estimate_lower_bound, second_order
-from planner.timing.problem import POWERS, Problem, Run, leave_out_idle
+from planner.timing.problem import POWERS, Problem, Run, fix_passed_ends, leave_out_idle
 from planner.timing.profile import (
     AVERAGED,
     BRIEF_RAMPS,
@@ -143,8 +143,8 @@ def _pose(
     """As `jerk_problem`; a run that goes on with a motion may start from a little slower: it goes on all the same."""
     posed = jerk_problem(path, limits, run, coarse, rule)
     if isinstance(posed, TooFast) and run.continuation is not None:
-        slower = replace(run, start_speed=CONTINUED_START_SHARE * posed.largest)
-        posed = jerk_problem(path, limits, slower, replace(coarse, speeds=slower.speeds), rule)
+        slower = _with_end(run, 0, CONTINUED_START_SHARE * posed.largest)
+        posed = jerk_problem(path, limits, slower, replace(coarse, ends=slower.ends), rule)
     return posed
 
 
@@ -153,8 +153,7 @@ def _begin(
 ) -> tuple[Problem, Array]:
     """A problem and the guess (4, N) on its grid; those of a run that goes on with a motion begin as that does."""
     if run.continuation is None:
-        accelerations = run.start_acceleration, run.end_acceleration
-        return replace(problem, accelerations=accelerations), start.on(problem.s)
+        return problem, start.on(problem.s)
     problem = continue_problem(path, limits, run, problem, run.continuation)
     guess, known = start.on(problem.s), run.continuation.columns
     guess[:, : known.shape[1]] = known
@@ -170,8 +169,9 @@ def _solve_in_two(path: ActuatorPath, limits: Sequence[Limit], run: Run, coarse:
         leg = solve_jerk_limited(*_begin(path, limits, run, *placed), "finer", look_along(path, limits))
         if leg.solved:
             return leg
-    if 2 in run.stands:  # a solver that does not come away from such an end may do so from rest
-        resting = replace(run, stands=(run.stands[0] % 2, run.stands[1] % 2))
+    ends = fix_passed_ends(run.ends)
+    if ends != run.ends:  # a solver that does not come away from such an end may do so from rest
+        resting = replace(run, ends=ends)
         return _solve_in_two(path, limits, resting, coarse_jerk_problem(path, limits, resting))
     posed = _pose(path, limits, run, coarse, THIRD_ORDER)
     if isinstance(posed, MotionError):
@@ -281,22 +281,10 @@ def _rest_everywhere(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> R
 
 def _rest_at(path: ActuatorPath, limits: Sequence[Limit], run: Run, rests: Sequence[int]) -> RunSolution | None:
     """Solve a run with rests at the starts of some of its pieces; None where there is no room."""
+    breaks = run.breaks(path).tolist()
     legs: list[RunSolution] = []
     for first, after in pairwise([run.first, *rests, run.last + 1]):
-        begins, ends = first == run.first, after == run.last + 1
-        part = replace(
-            run,
-            first=first,
-            last=after - 1,
-            since=run.since if begins else None,
-            until=run.until if ends else None,
-            start_speed=run.start_speed if begins else 0.0,
-            end_speed=run.end_speed if ends else 0.0,
-            start_acceleration=run.start_acceleration if begins else 0.0,
-            end_acceleration=run.end_acceleration if ends else 0.0,
-            stands=(run.stands[0] if begins else 0, run.stands[1] if ends else 0),
-        )
-        leg = solve_legs(path, limits, part)
+        leg = solve_legs(path, limits, run.cut(path, breaks[first - run.first], breaks[after - run.first]))
         if not leg.solved:  # no room for a rest and a speed at an end
             return None
         legs += leg.parts or (leg,)
@@ -351,7 +339,9 @@ def _is_feasible(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> bool:
 
 
 def _with_end(run: Run, end: int, speed: float) -> Run:
-    return replace(run, start_speed=speed) if end == 0 else replace(run, end_speed=speed)
+    ends = list(run.ends)
+    ends[end] = replace(ends[end], speed=speed)
+    return replace(run, ends=(ends[0], ends[1]))
 
 
 def _fastest_end_speed(path: ActuatorPath, limits: Sequence[Limit], run: Run, end: int, bound: float) -> float:
@@ -362,8 +352,7 @@ def _fastest_end_speed(path: ActuatorPath, limits: Sequence[Limit], run: Run, en
     problem, start = posed
     guess = start.on(problem.s)
     problem = settle_rows(problem, guess)
-    speeds = (bound, run.end_speed) if end == 0 else (run.start_speed, bound)
-    found = third_order(replace(problem, speeds=speeds), guess, fast_end=end)
+    found = third_order(replace(problem, ends=_with_end(run, end, bound).ends), guess, fast_end=end)
     if not found.solved:
         return 0.0
     return found.profile.last_speed if end else float(found.profile.v[0])

@@ -24,7 +24,7 @@ from planner.timing.constant_speed import (
     speed_error,
     tighten_constant_speed,
 )
-from planner.timing.problem import Run
+from planner.timing.problem import EndCondition, Run
 from planner.timing.profile import IN_PARTS, MADE_CONSTANT_SPEED, RunSolution
 from planner.timing.run import solve_run
 
@@ -119,7 +119,7 @@ def _solve_parts(path: ActuatorPath, limits: Sequence[Limit], run: Run, order: i
             return RunSolution.refused(no)
     for before, after in pairwise(blocks):
         both = np.array([before.last, after.first])
-        no = speed_error(path, limits, path.breaks[[after.first, after.first]], both, after.start_speed)
+        no = speed_error(path, limits, path.breaks[[after.first, after.first]], both, after.speeds[0])
         if no is not None:
             return RunSolution.refused(no)
     parts: dict[int, Sequence[RunSolution]] = {}
@@ -143,10 +143,11 @@ def _split_blocks(limits: Sequence[Limit], run: Run, asked: AskedSpeeds) -> list
     if len(starts) == 2:
         return [run]
     (caps,) = (limit.caps for limit in limits if isinstance(limit, ToolSpeed))  # a constant speed is one of them
-    speeds = [run.start_speed, *(float(caps[[k - 1, k]].min()) for k in starts[1:-1]), run.end_speed]
+    inner_ends = [EndCondition(float(caps[[k - 1, k]].min())) for k in starts[1:-1]]
+    ends = [run.ends[0], *inner_ends, run.ends[1]]
     return [
-        Run(first, after - 1, start_speed, end_speed, solver=run.solver, whole=True)
-        for (first, after), (start_speed, end_speed) in zip(pairwise(starts), pairwise(speeds), strict=True)
+        Run(first, after - 1, both, solver=run.solver, whole=True)
+        for (first, after), both in zip(pairwise(starts), pairwise(ends), strict=True)
     ]
 
 

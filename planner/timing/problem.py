@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -10,6 +11,7 @@ from kinematics.foundation.arrays import Array
 from planner.limits.limit import Limit, Rows, Term, order_of
 from planner.limits.lowered import ALL, Shares
 from planner.path.actuation import ActuatorPath, Points, make_points
+from planner.path.stands import count_zero_derivatives
 
 SIDES = ("start", "end")
 IDLE_SHARE = 0.9
@@ -32,60 +34,130 @@ Solver = Literal["passes", "toppra"]
 
 
 @dataclass(frozen=True, slots=True)
-class Continuation:
-    """How a run begins that goes on with a motion from the midst of it, and what that motion does next: it may do so.
+class EndCondition:
+    """State (ṡ, s̈) in which a run begins or ends, and what of it a solver may choose.
 
-    s, columns  (K+1,) its grid there, and (4, K) of ṡ, s̈, s⃛, h on it
-    room, acceleration  by limit (K,) what it was left; s̈ where the run begins
-    knots       (M,) where its s⃛ may step farther on: on a grid that holds them, to go on with it keeps every row
+    Where q′ = 0 the axes are at rest whatever ṡ is, since q̇ = q′ ṡ (planner.path.stands). There ṡ,
+    or under jerk limits s̈, is free. Where q″ = 0 too, a jerk-limited motion passes at ṡ > 0.
+
+    speed             ṡ
+    acceleration      s̈, which only jerk-limited problems use
+    zero_derivatives  how many of q′ and q″ are zero
+    passing_speed     ṡ of a jerk-limited motion where both are zero; `pose_problem` finds it
+    """
+
+    speed: float = 0.0
+    acceleration: float = 0.0
+    zero_derivatives: int = 0
+    passing_speed: float = 0.0
+
+    @property
+    def free(self) -> bool:
+        """Whether ṡ is free at order 2."""
+        return self.speed == 0 and self.zero_derivatives == 1
+
+    @property
+    def free_acceleration(self) -> bool:
+        """Whether s̈ is free at order 3."""
+        return self.free or self.passing_speed > 0
+
+    @property
+    def jerk_limited_speed(self) -> float:
+        """ṡ at order 3."""
+        return max(self.speed, self.passing_speed)
+
+    def reversed(self) -> "EndCondition":
+        """Return the condition of the motion run backwards: s̈ changes its sign."""
+        return replace(self, acceleration=-self.acceleration)
+
+    def fixed(self) -> "EndCondition":
+        """Return the stated state, with nothing left to choose."""
+        return EndCondition(self.speed, self.acceleration)
+
+
+REST = EndCondition()
+Ends = tuple[EndCondition, EndCondition]
+"""Start and end of a run."""
+
+
+def at_speeds(start: float, end: float) -> Ends:
+    """Return the ends of a run between two speeds ṡ, with s̈ = 0."""
+    return EndCondition(start), EndCondition(end)
+
+
+def fix_passed_ends(ends: Ends) -> Ends:
+    """Return ends that rest where a jerk-limited motion might pass."""
+    start, end = (each.fixed() if each.zero_derivatives > 1 else each for each in ends)
+    return start, end
+
+
+@dataclass(frozen=True, slots=True)
+class Continuation:
+    """Motion that a run continues: to follow it farther is one of the motions of the problem.
+
+    s        (K+1,) its grid
+    columns  (4, K) its ṡ, s̈, s⃛, h
+    room     room of each limit (K,) with which it was solved
+    knots    (M,) path lengths farther on at which its s⃛ may step
     """
 
     s: Array
     columns: Array
     room: Mapping[str, Array]
-    acceleration: float
     knots: Array = field(default_factory=lambda: np.empty(0))
 
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Pieces first … last (inclusive) of a path, run from one speed ṡ to another: rest to rest if not told.
+    """Pieces first … last (inclusive) of a path, without a stop between them.
 
-    Under jerk limits s̈ is 0 at both ends, but for those of a run that goes on with a motion.
-
-    since, until  path lengths inside the first and the last piece between which it is run; None: all of them
-    stands  how the path itself stands at the start and at the end (planner.path.stands): 1 where q′ = 0 and q″ is not,
-            so that what is at rest there is so whatever ṡ is, or under jerk limits s̈: these are free; 2 where q″ = 0
-            too and q‴ is not, so that under jerk limits ṡ > 0 there and s̈ is free; else 0
-    solver  of motions of order 2; fineness: times as many intervals as usual
-    whole   solve the run as one problem, without cruises in closed form (planner.timing.feed_limited)
-    continuation  of a run that goes on with a motion, whose speed is start_speed; end_acceleration: s̈ where that ends
+    ends          how it begins and ends
+    since, until  path lengths in the first and the last piece between which it runs; None: all
+    solver        for order 2
+    fineness      number of intervals as a multiple of the usual
+    whole         solve as one problem, without cruises in closed form (planner.timing.feed_limited)
+    continuation  motion that it continues
     """
 
     first: int
     last: int
-    start_speed: float = 0.0
-    end_speed: float = 0.0
+    ends: Ends = (REST, REST)
     since: float | None = None
     until: float | None = None
-    stands: tuple[int, int] = (0, 0)
     solver: Solver = "passes"
     continuation: Continuation | None = None
     fineness: int = 1
-    start_acceleration: float = 0.0
-    end_acceleration: float = 0.0
     whole: bool = False
 
     @property
     def speeds(self) -> tuple[float, float]:
-        return self.start_speed, self.end_speed
+        """ṡ at the start and at the end."""
+        return self.ends[0].speed, self.ends[1].speed
 
     def breaks(self, path: ActuatorPath) -> Array:
-        """Path lengths at its start, between its pieces, and at its end."""
+        """Path lengths of its start, of the breaks between its pieces, and of its end."""
         breaks = np.array(path.breaks[self.first : self.last + 2])
-        breaks[0] = breaks[0] if self.since is None else self.since
-        breaks[-1] = breaks[-1] if self.until is None else self.until
+        if self.since is not None:
+            breaks[0] = self.since
+        if self.until is not None:
+            breaks[-1] = self.until
         return breaks
+
+    def cut(self, path: ActuatorPath, since: float, until: float) -> "Run":
+        """Return the part between two path lengths, at rest at new ends."""
+        breaks = self.breaks(path)
+        first = int(np.searchsorted(breaks, since, side="right")) - 1
+        last = int(np.searchsorted(breaks, until)) - 1
+        begins = since == breaks[0]
+        ends = until == breaks[-1]
+        return replace(
+            self,
+            first=self.first + first,
+            last=self.first + last,
+            ends=(self.ends[0] if begins else REST, self.ends[1] if ends else REST),
+            since=self.since if begins else since,
+            until=self.until if ends else until,
+        )
 
 
 Midpoints = tuple[Array, Array, Array, Array]
@@ -167,40 +239,48 @@ class Block:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """Grid s (N+1,) over a run, piece (N,) of each interval, the blocks of all limits, and ṡ at its two ends.
-
-    free: the ends at rest where the path stands, as `Run` has them: there ṡ, or under jerk limits s̈, is to be found
-    passed: ṡ at the ends at rest where it is not 0 under jerk limits, as q″ = 0 there too; s̈ is to be found there
-    accelerations: s̈ at the ends, where that is not free
-    """
+    """A grid s (N+1,) along a run, the piece (N,) of each interval, and the rows of every limit."""
 
     s: Array
     piece: np.ndarray
     blocks: tuple[Block, ...]
-    speeds: tuple[float, float] = (0.0, 0.0)
-    free: tuple[bool, bool] = (False, False)
-    passed: tuple[float, float] = (0.0, 0.0)
-    accelerations: tuple[float, float] = (0.0, 0.0)
+    ends: Ends = (REST, REST)
 
     @property
     def intervals(self) -> int:
         return len(self.piece)
 
     @property
-    def free_push(self) -> tuple[bool, bool]:
-        """Whether s̈ at its ends is to be found under jerk limits."""
-        return self.free[0] or self.passed[0] > 0, self.free[1] or self.passed[1] > 0
+    def speeds(self) -> tuple[float, float]:
+        """ṡ at the start and at the end."""
+        return self.ends[0].speed, self.ends[1].speed
+
+    @property
+    def free(self) -> tuple[bool, bool]:
+        """Ends at which ṡ is free at order 2."""
+        return self.ends[0].free, self.ends[1].free
+
+    @property
+    def free_accelerations(self) -> tuple[bool, bool]:
+        """Ends at which s̈ is free at order 3."""
+        return self.ends[0].free_acceleration, self.ends[1].free_acceleration
 
     @property
     def is_unconditional(self) -> bool:
-        """Whether every row speaks near every motion."""
+        """Whether every row holds at every speed."""
         return all(block.about is None for block in self.blocks)
 
     def reversed(self) -> "Problem":
-        """The same run the other way, from its end to its start: s̈ changes its sign, ṡ and s⃛ do not."""
-        s, (start, end) = (self.s[0] + self.s[-1] - self.s)[::-1], self.accelerations
-        blocks, speeds = tuple(block.reversed() for block in self.blocks), self.speeds[::-1]
-        return Problem(s, self.piece[::-1], blocks, speeds, self.free[::-1], self.passed[::-1], (-end, -start))
+        """Return the problem run backwards: s̈ changes its sign, ṡ and s⃛ do not."""
+        s = (self.s[0] + self.s[-1] - self.s)[::-1]
+        blocks = tuple(block.reversed() for block in self.blocks)
+        start, end = self.ends
+        return Problem(s, self.piece[::-1], blocks, (end.reversed(), start.reversed()))
+
+    def with_fixed_ends(self) -> "Problem":
+        """Return the problem with nothing to choose at its ends."""
+        start, end = self.ends
+        return replace(self, ends=(start.fixed(), end.fixed()))
 
     def part(self, own: slice) -> "Problem":
         """Some intervals one after the other, under the same speeds at the ends."""
@@ -212,13 +292,28 @@ class Problem:
         return replace(self, blocks=tuple(block.around(start, end) for block in self.blocks))
 
 
+def split_runs(path: ActuatorPath, stops: np.ndarray, order: int) -> list[Run]:
+    """Return the runs between stops (K,); the path's own ends have the speeds that it states."""
+    still = count_zero_derivatives(path) % 3  # where q‴ = 0 too, nothing is free
+    start, end = (
+        EndCondition(speed, acceleration if order == 3 else 0.0)
+        for speed, acceleration in zip(path.end_speeds, path.end_accelerations, strict=True)
+    )
+    outer = {0: start, len(path.breaks) - 1: end}
+
+    def condition(stop: int, side: int, piece: int) -> EndCondition:
+        at_stop = outer.get(stop, REST)
+        return replace(at_stop, zero_derivatives=int(still[side, piece]))
+
+    return [Run(a, b - 1, (condition(a, 0, a), condition(b, 1, b - 1))) for a, b in pairwise(stops.tolist())]
+
+
 def pose_problem(
     path: ActuatorPath,
     limits: Sequence[Limit],
     s: Array,
     piece: np.ndarray,
-    speeds: tuple[float, float] = (0.0, 0.0),
-    stands: tuple[int, int] = (0, 0),
+    ends: Ends = (REST, REST),
 ) -> Problem:
     """Evaluate the rows of every timing limit on both sides of every grid point, in one batch.
 
@@ -237,25 +332,34 @@ def pose_problem(
         if limit.name not in posed and not _is_surely_idle(limit, points, others):
             posed[limit.name] = _block(limit.name, limit.rows(points), end, limit.shares, points.s)
     blocks = [block for limit in timed if (block := posed.get(limit.name)) is not None]
-    start, last = (still if speed == 0 else 0 for still, speed in zip(stands, speeds, strict=True))
-    passed = _passed_speed(blocks, 0) if start == 2 else 0.0, _passed_speed(blocks, -1) if last == 2 else 0.0
-    kept = tuple(_open_room(block, speeds) for block in _drop_idle_blocks(blocks))
-    return Problem(s, piece, kept, speeds, (start == 1, last == 1), passed)
+    speeds = ends[0].speed, ends[1].speed
+    start = _settle_end(ends[0], blocks, 0)
+    last = _settle_end(ends[1], blocks, -1)
+    binding = tuple(_open_room(block, speeds) for block in _drop_idle_blocks(blocks))
+    return Problem(s, piece, binding, (start, last))
 
 
-def _passed_speed(blocks: Sequence[Block], end: int) -> float:
-    """ṡ that the jerk lets pass at a first or last point, 0 or −1, where q′ = q″ = 0: nearly |q‴| ṡ³ = J.
+def _settle_end(end: EndCondition, blocks: Sequence[Block], at: int) -> EndCondition:
+    """Return the condition at the first or last point (at: 0 or −1) with its passing speed.
 
-    0 where other limits would be used up by the next grid point: there the jerk does not tell what can be.
+    Where q′ = q″ = 0, nearly |q‴| ṡ³ = J. The passing speed is 0 where other limits would be used
+    up by the next grid point: there the jerk alone does not decide.
     """
+    if end.zero_derivatives != 2 or end.speed > 0:
+        return end
     used = dict.fromkeys(POWERS, 0.0)
     for block in blocks:
-        here, beside = (block.end, block.start) if end else (block.start, block.end)
-        for term in (each for each in POWERS if each in here):
-            size = (here if term is Term.SD3 else beside)[term][end]
-            used[term] = max(used[term], float(block.share(size).max()))
-    speed = float(np.cbrt(PASSED_SHARE / used[Term.SD3])) if used[Term.SD3] > 0 else 0.0
-    return speed if max(used[Term.SD] * speed, used[Term.SD2] * speed**2) < MOST_PASSED_USE else 0.0
+        outer, inner = (block.end, block.start) if at else (block.start, block.end)
+        for term in POWERS:
+            if term in outer:
+                side = outer if term is Term.SD3 else inner
+                used[term] = max(used[term], float(block.share(side[term][at]).max()))
+    if used[Term.SD3] == 0:
+        return end
+    speed = float(np.cbrt(PASSED_SHARE / used[Term.SD3]))
+    if max(used[Term.SD] * speed, used[Term.SD2] * speed**2) >= MOST_PASSED_USE:
+        return end
+    return replace(end, passing_speed=speed)
 
 
 def _open_room(block: Block, speeds: tuple[float, float]) -> Block:

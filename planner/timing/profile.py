@@ -278,18 +278,19 @@ def close_profile(problem: Problem, columns: Array) -> Profile | MotionError:
     of time. Where no such motion is near, or where it backs up: why not.
     """
     s, columns = problem.s, columns.copy()
-    first, last = np.maximum(problem.speeds, problem.passed)
-    free = problem.free_push
+    start, end = problem.ends
+    first, last = start.jerk_limited_speed, end.jerk_limited_speed
+    free = problem.free_accelerations
     columns[0, 0] = first
     if not free[0]:
-        columns[1, 0] = problem.accelerations[0]
+        columns[1, 0] = start.acceleration
     step, h = np.diff(s), columns[3]
     most = np.abs(columns).max(1)
     size = np.stack([step / h, np.minimum(step / h**2, most[1]), np.minimum(step / h**3, most[2]), h.copy()])
     for _ in range(NEWTON_STEPS):
         v, a, j, h = columns
         ends = np.stack([h * (v + h * (a / 2 + h * j / 6)), v + h * (a + h * j / 2), a + h * j])
-        miss = ends - np.stack([step, np.append(v[1:], last), np.append(a[1:], problem.accelerations[1])])
+        miss = ends - np.stack([step, np.append(v[1:], last), np.append(a[1:], end.acceleration)])
         if free[1]:
             miss[2, -1] = 0.0
         change = _smallest_change(columns, ends, miss, step, size, free)

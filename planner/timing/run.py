@@ -67,8 +67,7 @@ def _solve_in_closed_form(path: ActuatorPath, limits: Sequence[Limit], run: Run,
         if exact is not None:
             return exact if exact.solved else None
     else:  # its grid is needed only where the run is solved as a whole
-        acceleration = run.continuation.acceleration
-        run = replace(run, continuation=None, start_acceleration=acceleration)
+        run = replace(run, continuation=None)
     if run.whole:
         return None
 

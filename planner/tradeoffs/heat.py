@@ -23,7 +23,7 @@ from planner.path.actuation import ActuatorPath
 from planner.timing.certified_run import MAX_TRIES, Timing, tighten_block
 from planner.timing.certified_solve import Solution, certified_solve
 from planner.timing.grid import place_problem
-from planner.timing.problem import Problem, Run, pose_problem
+from planner.timing.problem import Problem, Run, fix_passed_ends, pose_problem
 from planner.timing.profile import Profile, RunSolution, close_profile
 from planner.timing.solvers.stage_problem import pose_weighed
 from planner.timing.solvers.third_order import minimise_posed
@@ -107,11 +107,11 @@ class HeatTiming:
 
     def solve(self, path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolution:
         fastest = self.fastest[run.first]
-        resting = replace(run, stands=(run.stands[0] % 2, run.stands[1] % 2))
+        resting = replace(run, ends=fix_passed_ends(run.ends))
         problem = place_problem(path, limits, resting, fastest, fastest.h)
         if 2 * len(fastest.h) >= problem.intervals:  # its grid is fine where it loses time
             grid = np.append(fastest.s, problem.s[-1])
-            problem = pose_problem(path, limits, grid, fastest.piece, resting.speeds, resting.stands)
+            problem = pose_problem(path, limits, grid, fastest.piece, resting.ends)
         return self._weigh(path, problem, fastest.slowed(self.slower))
 
     def tighten(

@@ -100,6 +100,8 @@ def straight(problem: Problem) -> RunSolution | None:
 
     Too fast is a speed at an end that is beyond its limit, or from which the way to the other end is too short.
     """
+    if any(end.acceleration != 0 for end in problem.ends):
+        return None
     limits = _aimed_limits(problem)
     if limits is None:
         return None

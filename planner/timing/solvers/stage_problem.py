@@ -52,12 +52,14 @@ def pose_stages(problem: Problem, guess: Array, prize: float = 0.0) -> PosedStag
     controls = np.ascontiguousarray(start[2:].T)
     states = np.zeros((problem.intervals + 1, 2))
     states[:-1] = start[:2].T
-    states[[0, -1], 0] = np.maximum(problem.speeds, problem.passed) / unit[0]
-    states[-1, 1] = problem.accelerations[1] / unit[1]
-    free_start, free_end = problem.free_push
+    first, last = problem.ends
+    states[0, 0] = first.jerk_limited_speed / unit[0]
+    states[-1, 0] = last.jerk_limited_speed / unit[0]
+    states[-1, 1] = last.acceleration / unit[1]
+    free_start, free_end = problem.free_accelerations
     if not free_start:
-        states[0, 1] = problem.accelerations[0] / unit[1]
-    for end in np.flatnonzero(problem.free_push):
+        states[0, 1] = first.acceleration / unit[1]
+    for end in np.flatnonzero(problem.free_accelerations):
         calm[-end], controls[-end, 0] = FREE_END_JERK_WEIGHT / scale[2] ** 2, 0.0
     step = np.diff(problem.s) / length
     stages = Stages(
@@ -84,7 +86,7 @@ def _pass_ends(problem: Problem, guess: Array) -> Array:
     columns, step, v = guess.copy(), np.diff(problem.s), guess[0]
     nearby = slice(0, problem.intervals // 4)
     for end, along in ((0, slice(None)), (1, slice(None, None, -1))):
-        speed = problem.passed[end]
+        speed = problem.ends[end].passing_speed
         if speed > 0:
             own = np.arange(problem.intervals)[along][: int(np.argmax(np.minimum(v[along][nearby], speed)))]
             columns[:, own] = 0.0
@@ -172,7 +174,7 @@ def pose_bounds(problem: Problem, free_speed: bool = False) -> tuple[Array, Arra
         bounds[0][0, : len(fixed)][fixed], bounds[1][0, : len(fixed)][fixed] = -np.inf, np.inf
     at_end = np.concatenate([np.full(block.middle.size, Term.SDDD in block.start) for block in problem.blocks])
     for there, k in ((np.flatnonzero(at_end), 0), (len(at_end) + np.flatnonzero(at_end), -1)):
-        if problem.passed[k] > 0:  # nor of what q‴ alone uses up there
+        if problem.ends[k].passing_speed > 0:  # nor of what q‴ alone uses up there
             bounds[0][k, there], bounds[1][k, there] = -np.inf, np.inf
     bounds[0][1:, -2], bounds[0][:, -1] = 0.0, SHORTEST
     return bounds[0], bounds[1]

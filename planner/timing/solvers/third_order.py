@@ -19,7 +19,7 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from planner.limits.limit import Term
-from planner.timing.problem import SOLVER_AIM, Problem
+from planner.timing.problem import SOLVER_AIM, EndCondition, Problem
 from planner.timing.profile import MIN_WATCHED_USE, Profile, RunSolution, close_profile
 from planner.timing.solvers.interior_point import FAR_STARTS, TOLERANCE, WEIGHT, Minimum, Revise, Start, minimise
 from planner.timing.solvers.stage_problem import PosedStages, pose_bounds, pose_stages
@@ -109,9 +109,10 @@ def third_order(
     if fast_end is not None:
         v, a, j, h = columns[:, -1]
         reached = (columns[0, 0], v + h * (a + h * j / 2))[fast_end]
-        speeds = list(problem.speeds)
-        speeds[fast_end] = float(np.clip(reached, 0.0, speeds[fast_end]))
-        problem = replace(problem, speeds=(speeds[0], speeds[1]))
+        ends = list(problem.ends)
+        speed = float(np.clip(reached, 0.0, ends[fast_end].speed))
+        ends[fast_end] = replace(ends[fast_end], speed=speed)
+        problem = replace(problem, ends=(ends[0], ends[1]))
     profile = close_profile(problem, columns)
     if isinstance(profile, MotionError):
         return RunSolution.refused(profile)
@@ -214,15 +215,9 @@ def _solve_window(problem: Problem, columns: Array, first: int, last: int) -> Ar
     there = columns[:2, -1] if end else columns[:2, last]
     part = replace(
         problem.part(slice(first, last)),
-        speeds=(
-            problem.speeds[0] if start else float(columns[0, first]),
-            problem.speeds[1] if end else float(there[0]),
-        ),
-        free=(problem.free[0] and start, problem.free[1] and end),
-        passed=(problem.passed[0] if start else 0.0, problem.passed[1] if end else 0.0),
-        accelerations=(
-            problem.accelerations[0] if start else float(columns[1, first]),
-            problem.accelerations[1] if end else float(there[1]),
+        ends=(
+            problem.ends[0] if start else EndCondition(*columns[:2, first].tolist()),
+            problem.ends[1] if end else EndCondition(*there.tolist()),
         ),
     )
     posed = pose_stages(part, columns[:, first:last])

@@ -14,7 +14,7 @@ from kinematics import Axis
 from kinematics.foundation.errors import require
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
-from planner.timing import Run, jerk_problem, third_order
+from planner.timing import EndCondition, Run, jerk_problem, third_order
 from planner.timing.solvers import interior_point, riccati, sides
 from planner.timing.solvers.stage_problem import pose_smoothest, pose_stages
 from planner.timing.solvers.stages import evaluate, sum_costs
@@ -26,7 +26,8 @@ def posed(path, speed, acceleration, jerk, stands=(0, 0)):
     bounds = zip(speed, acceleration, jerk, strict=True)
     axes = [Axis(f"q{n}", max_speed=v, max_acceleration=a, max_jerk=j) for n, (v, a, j) in enumerate(bounds)]
     bare = PolynomialPath(path.x, path.c, [axis.name for axis in axes])
-    run = Run(0, len(bare.breaks) - 2, stands=stands)
+    ends = tuple(EndCondition(zero_derivatives=count) for count in stands)
+    run = Run(0, len(bare.breaks) - 2, ends)
     problem, start = require(jerk_problem(bare, limits_of(bare, axes, 3), run))
     return problem, start.on(problem.s)
 

@@ -15,6 +15,7 @@ from planner.timing import (
     SOLVER_AIM,
     Run,
     RunSolution,
+    at_speeds,
     certified_solve,
     close_profile,
     jerk_limited,
@@ -189,10 +190,10 @@ def test_the_largest_speed_at_an_end_is_that_of_a_ramp(end):
     path, jerk, length = line(2.0), 3.0, 2.0
     speeds = [0.0, 0.0]
     speeds[end] = 0.5 * np.cbrt(jerk * length**2)
-    run = Run(0, 0, *speeds)
+    run = Run(0, 0, at_speeds(*speeds))
     problem, start = jerk_problem(path, limits_on(path, 100.0, 100.0, jerk), run)
     speeds[end] = 100.0
-    found = third_order(replace(problem, speeds=tuple(speeds)), start.on(problem.s), fast_end=end)
+    found = third_order(replace(problem, ends=at_speeds(*speeds)), start.on(problem.s), fast_end=end)
     profile = found.require_profile()
     largest = profile.last_speed if end else profile.v[0]
     assert largest == pytest.approx(np.cbrt(jerk * length**2), rel=1e-3)
