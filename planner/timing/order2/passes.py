@@ -1,199 +1,212 @@
-"""The largest speeds that rows on s̈ and ṡ² allow, by one pass from the end and one from the start.
+"""Largest x = ṡ² under linear rows on u = s̈ and x: reachability analysis in two passes (TOPP-RA).
 
-The reachability analysis of Pham and Pham, IEEE T-RO 34 (2018), 645, in plain form: the x = ṡ² from which the end can
-be reached are an interval at each grid point, from 0 where the end is at rest, since standing still keeps every row.
+Pham and Pham, IEEE T-RO 34 (2018), 645. From stage i of a grid to the next, x_{i+1} = x_i + 2 Δ_i u.
+The paper solves linear programmes in (u, x) at each stage. Here u is eliminated from the rows
+|a u + b x + c| ≤ 1 once (Fourier and Motzkin): each row bounds the next x by two lines,
 
-Of the interval, what a point's own rows say is found for all points at once. What reaching the next one says is, with
-u taken out of each pair of lines (Fourier and Motzkin), the least of straight lines in the next point's bound; so the
-passes go from point to point by nothing but x ← min(cap, min aₖ x + bₖ).
+    lower + gain x_i ≤ x_{i+1} ≤ upper + gain x_i,  gain = 1 − 2 Δ_i b/a,
+
+so that both passes only compare straight lines.
+
+| here                        | in the paper                                                  |
+| --------------------------- | ------------------------------------------------------------- |
+| ceiling                     | bounds of 𝒳_i, and then the maximum velocity curve            |
+| controllable set            | K_i, an interval [least, most]: from there the end is reached |
+| `find_controllable_sets`    | backward pass                                                 |
+| `take_largest`              | forward pass, the greedy choice of u                          |
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.kernels import kernel
 
-# A row whose share of s̈ is this small beside the largest at its point bounds ṡ² alone.
+LOWER, UPPER, GAIN = range(3)
+# A row bounds x alone if its a is at most this share of the largest at its stage.
 NEGLIGIBLE_SHARE = 1e-12
-# x from which the search for the highest starts where nothing else bounds it, in a problem scaled to about one.
-FAR_SQUARED_SPEED = 1e12
-# Share of x up to which a given one may lie beyond what can be: rounding.
+# Ceiling where no row bounds x, in problems that are scaled to about one: Newton steps start there.
+UNBOUNDED = 1e12
+# Share by which rounding may take a given x beyond what is possible.
 ROUNDING = 1e-9
-# The least growth along a line: rounding.
-MIN_GROWTH = 1e-30
 
 
 def largest_speeds(
-    rows: list[Array],
+    rows: Sequence[Array] | Array,
     ceiling: Array,
     step: Array,
     ends: tuple[float, float] = (0.0, 0.0),
     free: tuple[bool, bool] = (False, False),
 ) -> Array:
-    """x (N+1,), given at both ends, pointwise largest under |a u + b x + c| ≤ 1 and x ≤ ceiling; x grows by 2 u Δs.
+    """Return the largest x (N+1,) at every stage; zeros where no motion reaches the end.
 
-    free: the ends at which x is not given but as large as can be, and does not change beside them: there rows may
-        vanish, and of an x that falls or rises over an interval by any share nothing would be held in its middle
-
-    rows: a, b, c, each (N+1, m), kept at the start of every interval. Zeros say that nothing gets through.
+    rows     a, b, c, each (N+1, m), of |a u + b x + c| ≤ 1
+    ceiling  (N+1,) the largest x that is allowed
+    step     (N,) Δ
+    ends     x at the start and at the end
+    free     ends at which x is free: there it is as large as possible. It is constant over the
+             interval next to such an end, where rows vanish and would not bound x in between.
     """
-    first, last = ends
-    if any(free):
-        return _solve_free_ends(rows, ceiling, step, ends, free)
-    lines = _lines(rows, ceiling, step)
-    slope, upper, _, ceiling = lines
-    lowest, highest = _backward_pass(*lines, step, last, last)
-    if last > ceiling[-1] * (1 + ROUNDING) or not _is_within(first, lowest[0], highest[0]):
+    first = int(free[0])
+    last = len(step) - int(free[1])
+    rows = _stack(rows, len(ceiling))
+    ceiling = _lower_next_to_free_ends(rows, ceiling, free)
+    lines, ceiling = _draw_lines(rows[:, first : last + 1], ceiling[first : last + 1], step[first:last])
+    target = (0.0, float(ceiling[-1])) if free[1] else (ends[1], ends[1])
+    least, most = find_controllable_sets(lines, ceiling, target)
+    start = float(most[0]) if free[0] else ends[0]
+    starts_inside = least[0] * (1 - ROUNDING) <= start <= most[0] * (1 + ROUNDING)
+    if not starts_inside or ends[1] > ceiling[-1] * (1 + ROUNDING):
         return np.zeros(len(step) + 1)
-    x = _forward_pass(first, slope, upper, lowest, highest, step)
-    x[-1] = last
-    return x
-
-
-def _solve_free_ends(
-    rows: list[Array], ceiling: Array, step: Array, ends: tuple[float, float], free: tuple[bool, bool]
-) -> Array:
-    """The same with free ends: x is constant on the interval beside one, and between these as large as can be."""
-    first, after = int(free[0]), len(step) - int(free[1])
-    own = ceiling.copy()
-    for end, interval, beside in ((0, 0, 1), (1, len(step) - 1, len(step) - 1)):
-        if free[end] and rows:
-            _, b, c = (part[interval] for part in rows)
-            size = np.abs(np.where(b == 0, 1.0, b))
-            alone = np.where(b == 0, np.inf, (1 - np.sign(b) * c) / size).min()
-            own[beside] = min(own[beside], own[beside - 1 + 2 * end], alone)
-    lines = _lines([part[first : after + 1] for part in rows], own[first : after + 1], step[first:after])
-    slope, upper, _, most = lines
-    lowest, highest = _backward_pass(
-        *lines, step[first:after], *((0.0, float(most[-1])) if free[1] else (ends[1],) * 2)
-    )
-    begin = float(highest[0]) if free[0] else ends[0]
-    if not _is_within(begin, lowest[0], highest[0]) or ends[1] > most[-1] * (1 + ROUNDING):
-        return np.zeros(len(step) + 1)
-    x = _forward_pass(begin, slope, upper, lowest, highest, step[first:after])
+    x = take_largest(lines, least, most, start)
     if not free[1]:
         x[-1] = ends[1]
-    return np.concatenate([x[:1]] * first + [x] + [x[-1:]] * (len(step) - after))
+    if any(free):
+        x = np.pad(x, (first, len(step) - last), mode="edge")
+    return np.asarray(x)
 
 
-def largest_ends(rows: list[Array], ceiling: Array, step: Array, ends: tuple[float, float]) -> tuple[float, float]:
-    """The ends, but with the largest x in place of one that is too large: the start's on the way to the given end.
+def largest_ends(
+    rows: Sequence[Array] | Array,
+    ceiling: Array,
+    step: Array,
+    ends: tuple[float, float],
+) -> tuple[float, float]:
+    """Return the ends, of which one that is too large is replaced by the largest that is possible.
 
-    Where no start leads to the given end, the largest end that can be had from the given start, or from a slower one.
+    That is the start from which the given end is reached. Where there is none, it is the end that is
+    reached from the given start, or from a slower one.
     """
-    first, last = ends
-    lines = _lines(rows, ceiling, step)
-    slope, upper, _, ceiling = lines
-    lowest, highest = _backward_pass(*lines, step, last, last)
-    if first > highest[0] >= lowest[0] and last <= ceiling[-1]:
-        return float(highest[0]), last
-    lowest, highest = _backward_pass(*lines, step, 0.0, float(ceiling[-1]))
-    x = _forward_pass(min(first, float(highest[0])), slope, upper, lowest, highest, step)
-    return first, min(last, float(x[-1]))
+    start, end = ends
+    lines, ceiling = _draw_lines(_stack(rows, len(ceiling)), ceiling, step)
+    least, most = find_controllable_sets(lines, ceiling, (end, end))
+    if start > most[0] >= least[0] and end <= ceiling[-1]:
+        return float(most[0]), end
+    least, most = find_controllable_sets(lines, ceiling, (0.0, float(ceiling[-1])))
+    x = take_largest(lines, least, most, min(start, float(most[0])))
+    return start, min(end, float(x[-1]))
 
 
-def _backward_pass(
-    slope: Array, upper: Array, lower: Array, ceiling: Array, step: Array, low: float, high: float
-) -> tuple[Array, Array]:
-    """At every grid point, the lowest and highest x from which one between low and high is reached at the end.
-
-    With u on a line, the next x is gain x + 2 Δs (upper or lower). On a lower line it may not pass the next highest, on
-    an upper one not fall below the next lowest.
-    """
-    gain = _line_gain(slope, step)
-    onward = np.where(gain > 0, 1 / gain, 0.0)
-    most, least = 2 * step[:, None] * upper, 2 * step[:, None] * lower
-    lowest, cap = np.zeros(len(step) + 1), ceiling[:-1]
-    if low > 0:
-        down = np.where(gain > 0, most / gain, np.inf)
-        free = np.full(len(step), 2 * FAR_SQUARED_SPEED)
-        lowest = -_sweep(-low, onward[::-1], down[::-1], -free, 0 * free)[::-1]
-    turned = np.where(gain < 0, (lowest[1:, None] - most) / gain, np.inf)
-    up = np.where(gain > 0, -least / gain, np.inf)
-    cap = np.minimum(cap, turned.min(1))[::-1]
-    highest = _sweep(high, onward[::-1], up[::-1], np.zeros(len(step)), cap)[::-1]
-    closed = np.flatnonzero(lowest > highest)
-    if len(closed):
-        lowest[: closed[-1] + 1], highest[: closed[-1] + 1] = np.inf, -np.inf
-    return lowest, highest
+def _stack(rows: Sequence[Array] | Array, stages: int) -> Array:
+    """Return the rows as one array (3, N+1, m) with m ≥ 1."""
+    rows = np.asarray(rows, float)
+    return rows if rows.size else np.zeros((3, stages, 1))
 
 
-def _forward_pass(first: float, slope: Array, upper: Array, lowest: Array, highest: Array, step: Array) -> Array:
-    """x (N+1,) from the start on, as fast as the lines allow."""
-    return _sweep(first, _line_gain(slope, step), 2 * step[:, None] * upper, lowest[1:], highest[1:])
+def _lower_next_to_free_ends(rows: Array, ceiling: Array, free: tuple[bool, bool]) -> Array:
+    """Return the ceiling of an x that is constant over the interval next to a free end."""
+    if not any(free):
+        return ceiling
+    ceiling = ceiling.copy()
+    last = len(ceiling) - 2
+    for is_free, interval, outer, inner in ((free[0], 0, 0, 1), (free[1], last, last + 1, last)):
+        if is_free:
+            _, b, c = rows[:, interval, rows[1, interval] != 0]
+            largest = (1 - np.sign(b) * c) / np.abs(b)
+            ceiling[inner] = min(ceiling[inner], ceiling[outer], largest.min(initial=np.inf))
+    return ceiling
 
 
-def _line_gain(slope: Array, step: Array) -> Array:
-    """How much the next x grows with x along each line; never quite nothing."""
-    gain = 1 + 2 * step[:, None] * slope
-    return np.where(np.abs(gain) < MIN_GROWTH, MIN_GROWTH, gain)
-
-
-def _sweep(first: float, gain: Array, offset: Array, floor: Array, cap: Array) -> Array:
-    """x (N+1,) with x ← the least of gain x + offset (N, m), held between floor and cap (N,), one after the other."""
-    found = np.empty(len(cap) + 1)
-    found[0] = first
-    follow_lines(found, *(np.ascontiguousarray(each) for each in (gain, offset, floor, cap)))
-    return found
+def _draw_lines(rows: Array, ceiling: Array, step: Array) -> tuple[Array, Array]:
+    """Return the lines (3, N, m), and the largest x (N+1,) at which a next x lies between them."""
+    ceiling = np.minimum(ceiling, UNBOUNDED)
+    lines = draw_lines(np.ascontiguousarray(rows), step, ceiling)
+    lower_to_velocity_curve(lines, ceiling)
+    return lines, ceiling
 
 
 @kernel
-def follow_lines(x: Array, gain: Array, offset: Array, floor: Array, cap: Array) -> None:
-    """Every x (N+1,) after the first, as `_sweep` has them."""
-    for n in range(len(cap)):
-        least = np.inf
-        for k in range(gain.shape[1]):
-            value = gain[n, k] * x[n] + offset[n, k]
-            if value < least or np.isnan(value):
-                least = value
-        x[n + 1] = floor[n] if least < floor[n] else cap[n] if least > cap[n] else least
-
-
-def _is_within(x: float, low: float, high: float) -> bool:
-    return low * (1 - ROUNDING) <= x <= high * (1 + ROUNDING)
-
-
-def _lines(rows: list[Array], ceiling: Array, step: Array) -> tuple[Array, Array, Array, Array]:
-    """lower + slope x ≤ u ≤ upper + slope x, each (N, m), and the largest x (N+1,) at which some u is left."""
-    a, b, c = (part[:-1] for part in rows) if rows else (np.zeros((len(step), 1)),) * 3
-    size = np.abs(a)
-    idle = size <= NEGLIGIBLE_SHARE * size.max(1, keepdims=True)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        alone = np.where(idle & (b != 0), (1 - np.sign(b) * c) / np.abs(b), np.inf)
-        slope, middle, half = (
-            np.where(idle, free, part) for part, free in ((-b / a, 0.0), (-c / a, 0.0), (1 / size, np.inf))
-        )
-    upper, lower = middle + half, middle - half
-    most = np.minimum(np.minimum(ceiling, np.append(alone.min(1), np.inf)), FAR_SQUARED_SPEED)
-    return slope, upper, lower, np.append(_highest(slope, upper, lower, most[:-1]), most[-1])
-
-
-def _highest(slope: Array, upper: Array, lower: Array, most: Array) -> Array:
-    """The largest x (N,), at most the given one, at which some u lies between all lines."""
-    x = most.copy()
-    lower_to_room(x, slope, upper, lower)
-    return x
+def draw_lines(rows: Array, step: Array, ceiling: Array) -> Array:
+    """Return LOWER, UPPER and GAIN (3, N, m) of each row; lower the ceiling by rows on x alone."""
+    lines = np.empty((3, len(step), rows.shape[2]))
+    for i in range(len(step)):
+        largest = 0.0
+        for k in range(rows.shape[2]):
+            largest = max(largest, abs(rows[0, i, k]))
+        for k in range(rows.shape[2]):
+            a, b, c = rows[0, i, k], rows[1, i, k], rows[2, i, k]
+            if abs(a) > NEGLIGIBLE_SHARE * largest:
+                middle = -c / a
+                lines[LOWER, i, k] = 2 * step[i] * (middle - 1 / abs(a))
+                lines[UPPER, i, k] = 2 * step[i] * (middle + 1 / abs(a))
+                lines[GAIN, i, k] = 1 - 2 * step[i] * b / a
+                continue
+            lines[LOWER, i, k] = -np.inf
+            lines[UPPER, i, k] = np.inf
+            lines[GAIN, i, k] = 1.0
+            if b != 0:
+                ceiling[i] = min(ceiling[i], (1 - np.sign(b) * c) / abs(b))
+    return lines
 
 
 @kernel
-def lower_to_room(x: Array, slope: Array, upper: Array, lower: Array) -> None:
-    """Lower x (N,) as `_highest` has them.
+def lower_to_velocity_curve(lines: Array, x: Array) -> None:
+    """Lower x (N+1,) to the largest at which a next x lies between all lines.
 
-    The room between the lines is concave in x: Newton steps from above never pass the answer, if there is one.
+    The gap between the lines is concave in x: Newton steps from above never pass its zero.
     """
-    for n in range(len(x)):
-        while x[n] > 0:
-            above, below = 0, 0  # the least of the upper lines, and the largest of the lower
-            for k in range(1, slope.shape[1]):
-                way = slope[n, k] * x[n]
-                if upper[n, k] + way < upper[n, above] + slope[n, above] * x[n]:
+    lower, upper, gain = lines
+    for i in range(lines.shape[1]):
+        while x[i] > 0:
+            above = 0  # the least of the upper lines
+            below = 0  # the largest of the lower lines
+            for k in range(1, lines.shape[2]):
+                way = gain[i, k] * x[i]
+                if upper[i, k] + way < upper[i, above] + gain[i, above] * x[i]:
                     above = k
-                if lower[n, k] + way > lower[n, below] + slope[n, below] * x[n]:
+                if lower[i, k] + way > lower[i, below] + gain[i, below] * x[i]:
                     below = k
-            fall = slope[n, below] - slope[n, above]
-            if not fall > 0:
+            closing = gain[i, below] - gain[i, above]
+            if not closing > 0:
                 break
-            nearer = (upper[n, above] - lower[n, below]) / fall
-            if not nearer < x[n]:
+            nearer = (upper[i, above] - lower[i, below]) / closing
+            if not nearer < x[i]:
                 break
-            x[n] = max(nearer, 0.0)
+            x[i] = max(nearer, 0.0)
+
+
+@kernel
+def find_controllable_sets(
+    lines: Array,
+    ceiling: Array,
+    target: tuple[float, float],
+) -> tuple[Array, Array]:
+    """Return the least and the largest x (N+1,) at each stage from which the target is reached.
+
+    Where there is none, the sets are empty from there on backwards: [∞, −∞].
+    """
+    lower, upper, gain = lines
+    least = np.full(len(ceiling), np.inf)
+    most = np.full(len(ceiling), -np.inf)
+    least[-1], most[-1] = target
+    for i in range(len(ceiling) - 2, -1, -1):
+        low = 0.0
+        high = ceiling[i]
+        for k in range(lines.shape[2]):
+            slope = gain[i, k]
+            if slope > 0:
+                low = max(low, (least[i + 1] - upper[i, k]) / slope)
+                high = min(high, (most[i + 1] - lower[i, k]) / slope)
+            elif slope < 0:
+                high = min(high, (least[i + 1] - upper[i, k]) / slope)
+        high = max(high, 0.0)
+        if low > high:
+            break
+        least[i] = low
+        most[i] = high
+    return least, most
+
+
+@kernel
+def take_largest(lines: Array, least: Array, most: Array, start: float) -> Array:
+    """Return x (N+1,) from the start on: at each stage the largest that is allowed."""
+    _, upper, gain = lines
+    x = np.empty(len(least))
+    x[0] = start
+    for i in range(lines.shape[1]):
+        largest = np.inf
+        for k in range(lines.shape[2]):
+            largest = min(largest, upper[i, k] + gain[i, k] * x[i])
+        x[i + 1] = min(max(largest, least[i + 1]), most[i + 1])
+    return x
