@@ -17,7 +17,9 @@ from kinematics.foundation.errors import MotionError
 from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath
 from planner.place import Infeasible
-from planner.timing.discretization import (
+from planner.timing.end_speeds import find_excessive_end_speed
+from planner.timing.feed_limited import sketch_problem, solve_feed_limited
+from planner.timing.grid import (
     acceleration_problem,
     brief_problem,
     coarse_jerk_problem,
@@ -25,10 +27,11 @@ from planner.timing.discretization import (
     refine_problem,
     unbounded_error,
 )
-from planner.timing.end_speeds import find_excessive_end_speed
-from planner.timing.feed_limited import sketch_problem, solve_feed_limited
 from planner.timing.initial_guess import Smoothed, ramped
 from planner.timing.loss_grid import pose_by_loss, pose_usual_problem
+from planner.timing.order2.closed_form import straight
+from planner.timing.order2.second_order import TERMS as ORDER_2_TERMS
+from planner.timing.order2.second_order import estimate_lower_bound, second_order
 from planner.timing.problem import Problem, Run, fix_passed_ends, leave_out_idle
 from planner.timing.profile import Profile
 from planner.timing.sampling import sample_limit_use
@@ -40,9 +43,6 @@ from planner.timing.solution import (
     RunSolution,
     TooFast,
 )
-from planner.timing.solvers.closed_form import straight
-from planner.timing.solvers.second_order import TERMS as ORDER_2_TERMS
-from planner.timing.solvers.second_order import estimate_lower_bound, second_order
 from planner.timing.solvers.interior_point import Start
 from planner.timing.solvers.third_order import solve_jerk_limited
 from planner.timing.tighten import SOLVER_MARGIN, required_slowness, tighten_until_kept
@@ -196,9 +196,7 @@ def _place_refusal(task: Task, solution: RunSolution) -> RunSolution:
     remedy = f"{largest:.6g} {unit} is the largest that the limits allow"
     if error.both:
         remedy += ", from rest or to rest at the other end: both are too high"
-    return RunSolution.refused(
-        Infeasible(error.name, "path", place, error.speed * scale, largest, unit, remedy)
-    )
+    return RunSolution.refused(Infeasible(error.name, "path", place, error.speed * scale, largest, unit, remedy))
 
 
 def _has_motion(outcomes: Outcomes) -> bool:
@@ -442,8 +440,7 @@ ATTEMPTS = {
             refuses=True,
         ),
         Attempt(
-            "A limit that the solver cannot keep in one place slows all of a run: a rest between "
-            "slows one half only.",
+            "A limit that the solver cannot keep in one place slows all of a run: a rest between slows one half only.",
             rest_in_middle,
             accepts=False,
         ),

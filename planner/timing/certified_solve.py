@@ -151,8 +151,7 @@ def certified_solve(
         goal = _choose_goal(path, order)
     stops = np.flatnonzero(path.stops(order))
     runs = [
-        replace(run, solver=solver, fineness=fineness, whole=not cruising)
-        for run in split_runs(path, stops, order)
+        replace(run, solver=solver, fineness=fineness, whole=not cruising) for run in split_runs(path, stops, order)
     ]
     runs[0] = replace(runs[0], continuation=continuation)
     firsts = find_first_equals(path, limits, runs) if goal.uniform else list(range(len(runs)))
@@ -161,8 +160,7 @@ def certified_solve(
     solved = _certify_in_parts(certifier, [runs[n] for n in different], progress)
     by_index = dict(zip(different, solved, strict=True))
     certified = [
-        by_index[n] if first == n else move_run(path, by_index[first], runs[n])
-        for n, first in enumerate(firsts)
+        by_index[n] if first == n else move_run(path, by_index[first], runs[n]) for n, first in enumerate(firsts)
     ]
     held = [cap for one in certified for cap in one.held]
     limits = hold_axes(limits, held)

@@ -101,10 +101,7 @@ class RunCertifier:
                     certified[n] = better
                     changed.append(n)
             pending = changed
-        return [
-            replace(one, solution=one.solution.bare(), room=_find_room(one.solution))
-            for one in certified
-        ]
+        return [replace(one, solution=one.solution.bare(), room=_find_room(one.solution)) for one in certified]
 
     def _certify(self, solutions: Sequence[RunSolution]) -> list[ProvedUse]:
         """Prove the use of all limits by several runs' motions in one batch."""
@@ -222,6 +219,4 @@ def hold_axes(limits: Sequence[Limit], held: Sequence[SpeedCap]) -> tuple[Limit,
     """Return the limits with axes held below resonance bands on more stretches."""
     if not held:
         return tuple(limits)
-    return tuple(
-        limit.hold_more(held) if isinstance(limit, Resonance) else limit for limit in limits
-    )
+    return tuple(limit.hold_more(held) if isinstance(limit, Resonance) else limit for limit in limits)

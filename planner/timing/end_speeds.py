@@ -12,7 +12,7 @@ import numpy as np
 from kinematics.foundation.errors import MotionError
 from planner.limits.limit import Limit, Term
 from planner.path.actuation import ActuatorPath
-from planner.timing.discretization import coarse_jerk_problem, jerk_problem
+from planner.timing.grid import coarse_jerk_problem, jerk_problem
 from planner.timing.problem import POWERS, Problem, Run
 from planner.timing.solution import TooFast
 from planner.timing.solvers.third_order import settle_rows, third_order
@@ -144,9 +144,7 @@ def _has_room(interval: Problem, end: int, speed: float) -> bool:
         side = block.end if end else block.start
         if Term.SDDD in side:
             continue
-        used = sum(
-            values[0] * speed ** POWERS[term] for term, values in side.items() if term in POWERS
-        )
+        used = sum(values[0] * speed ** POWERS[term] for term, values in side.items() if term in POWERS)
         if np.max(block.share(used)) > 1:
             return False
     return True

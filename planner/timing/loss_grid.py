@@ -9,7 +9,7 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath
-from planner.timing.discretization import (
+from planner.timing.grid import (
     MAX_INTERVALS,
     ROUGH_GRID,
     THIRD_ORDER,

@@ -113,7 +113,14 @@ class Profile:
         middle = s + h * (v / 2 + h * (a / 8 + h * j / 48))
         piece = first + np.searchsorted(inner, middle, side="right")
         lasting = h > 0
-        return Profile(*(values[lasting] for values in (s, v, a, j, h, piece)))
+        return Profile(
+            s[lasting],
+            v[lasting],
+            a[lasting],
+            j[lasting],
+            h[lasting],
+            piece[lasting],
+        )
 
     def on(self, s: Array) -> Array:
         """Return (4, N) of ṡ, s̈, s⃛, h on a grid s (N+1,) over the same way.

@@ -45,8 +45,7 @@ class TooFast(MotionError):
         self.largest = largest
         self.both = both
         super().__init__(
-            f"the {self.name} {speed:.6g} is beyond {largest:.6g}, "
-            "the largest from which the run can be made"
+            f"the {self.name} {speed:.6g} is beyond {largest:.6g}, the largest from which the run can be made"
         )
 
     @property
@@ -124,11 +123,11 @@ class RunSolution:
     def method(self) -> str:
         """Maker, with a note where the motion was slowed or rests where the path asks for none."""
         if self.maker == IN_PARTS:
-            makers = (part.method for part in self.parts if part.maker != MADE_CONSTANT_SPEED)
-            return next(makers, MADE_CONSTANT_SPEED)
+            solved = (part.method for part in self.parts if part.maker != MADE_CONSTANT_SPEED)
+            return next(solved, MADE_CONSTANT_SPEED)
         if self.parts:
-            makers = dict.fromkeys(part.method for part in self.parts)
-            return ", ".join([*makers, self.maker])
+            methods = dict.fromkeys(part.method for part in self.parts)
+            return ", ".join([*methods, self.maker])
         if self.slowness == 1:
             return self.maker
         notes = (words for most, words in TOLD_SLOWNESS.items() if self.slowness <= most)

@@ -15,7 +15,8 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath
-from planner.timing.discretization import cut_intervals
+from planner.timing.grid import cut_intervals
+from planner.timing.order2.second_order import second_order
 from planner.timing.problem import Block, Problem, leave_out_idle
 from planner.timing.sampling import MIN_WATCHED_USE, sample_limit_use
 from planner.timing.solution import (
@@ -27,7 +28,6 @@ from planner.timing.solution import (
     WITH_RESTS,
     RunSolution,
 )
-from planner.timing.solvers.second_order import second_order
 from planner.timing.solvers.third_order import solve_jerk_limited
 
 # Room taken off, as a multiple of the excess and of the number of tries: more each time, since a
@@ -51,9 +51,7 @@ MAX_CHEAP_SLOWNESS = 1 + 3e-5
 
 def required_slowness(limits: Sequence[Limit], use: Mapping[str, Array]) -> float:
     """Return how many times slower a motion with this use must be to keep all limits."""
-    return max(
-        limit.slowness(float(use[limit.name].max())) for limit in limits if limit.name in use
-    )
+    return max(limit.slowness(float(use[limit.name].max())) for limit in limits if limit.name in use)
 
 
 def tighten_until_kept(
@@ -75,9 +73,7 @@ def tighten_until_kept(
         aimed_use = solution.relate_use(use)
         slowness = required_slowness(watched, aimed_use)
         watched = [
-            limit
-            for limit in watched
-            if limit.name in aimed_use and aimed_use[limit.name].max() > MIN_WATCHED_USE
+            limit for limit in watched if limit.name in aimed_use and aimed_use[limit.name].max() > MIN_WATCHED_USE
         ]
         if slowness <= 1 + SOLVER_MARGIN:
             break
@@ -163,8 +159,8 @@ def _solve_again(
     if part.tries > 1 and excess.max() > least:
         tighter = cut_intervals(path, limits, tighter, np.where(excess > least, CUT_PARTS, 1))
         guess = part.profile.on(tighter.s)
-    start = "near" if excess.max() > MIN_NEAR_EXCESS else "nearer"
-    return solve_jerk_limited(tighter, guess, start)
+    is_near = excess.max() <= MIN_NEAR_EXCESS
+    return solve_jerk_limited(tighter, guess, "nearer" if is_near else "near")
 
 
 def lower_rooms(problem: Problem, use: Mapping[str, Array], tries: int) -> Problem:

@@ -10,9 +10,9 @@ from benchmarks.evidence.peers.casadi_ import CasadiProblem
 from benchmarks.evidence.peers.problems import SHARES, Motion, PathProblem, Solve
 from kinematics.foundation.errors import require
 from planner.timing.certified_solve import certified_solve
-from planner.timing.discretization import jerk_problem
-from planner.timing.problem import Run, Solver, make_grid, pose_problem
-from planner.timing.solvers.second_order import second_order
+from planner.timing.grid import jerk_problem, make_grid
+from planner.timing.order2.second_order import second_order
+from planner.timing.problem import Run, Solver, pose_problem
 from planner.timing.solvers.third_order import third_order
 from planner.trajectory import Trajectory
 

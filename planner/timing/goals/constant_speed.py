@@ -113,9 +113,7 @@ class ConstantSpeed:
         """Split a run where the stated speed changes, at the largest speed that both sides allow."""
         pieces = range(run.first, run.last + 1)
         changes = [
-            after
-            for before, after in pairwise(pieces)
-            if self._stated(path, before) != self._stated(path, after)
+            after for before, after in pairwise(pieces) if self._stated(path, before) != self._stated(path, after)
         ]
         if not changes:
             return [run]

@@ -120,9 +120,7 @@ def too_short_error(
     state = capped.along(path).within(k, capped.h[k] / 2)
     timed = [limit for limit in limits if not limit.geometric and limit.name != ToolSpeed.name]
     values = [limit.value(state) for limit in timed]
-    uses = [
-        limit.use(value, value, state.piece)[0] for limit, value in zip(timed, values, strict=True)
-    ]
+    uses = [limit.use(value, value, state.piece)[0] for limit, value in zip(timed, values, strict=True)]
     binding = int(np.argmax([use.max() for use in uses]))
     limit = timed[binding]
     channel = limit.channels[int(np.argmax(uses[binding]))]

@@ -22,9 +22,9 @@ from planner.limits.resonance import Resonance
 from planner.parallel import Progress
 from planner.path.actuation import ActuatorPath
 from planner.timing.certified_solve import Solution, certified_solve, cut_runs
-from planner.timing.discretization import place_problem
 from planner.timing.goals.fallback import FallbackGoal, integrate
 from planner.timing.goals.objective import Objective
+from planner.timing.grid import place_problem
 from planner.timing.problem import Problem, Run, fix_passed_ends, pose_problem
 from planner.timing.profile import Profile, close_profile
 from planner.timing.solution import RunSolution
@@ -47,10 +47,7 @@ def measure_heat(trajectory: Trajectory, weights: Array) -> float:
     """Return H (s) = ∫ Σ (q̈/A)² dt. weights (n,): A."""
     h = np.diff(trajectory.knots)
     pieces = np.arange(len(h))
-    values = [
-        ((trajectory.within(pieces, share * h).qdd / weights) ** 2).sum(1)
-        for share in (0.0, 0.5, 1.0)
-    ]
+    values = [((trajectory.within(pieces, share * h).qdd / weights) ** 2).sum(1) for share in (0.0, 0.5, 1.0)]
     return integrate(values, h)
 
 
@@ -96,26 +93,15 @@ def _refuse(
     """Raise MotionError for a motion that an objective with heat does not apply to."""
     name = f'objective "{objective}"'
     if order != 3:
-        raise MotionError(
-            f"{name} needs limits of jerk: plan at order 3, with max_jerk stated of the axes, "
-            "or omit it"
-        )
+        raise MotionError(f"{name} needs limits of jerk: plan at order 3, with max_jerk stated of the axes, or omit it")
     if any(path.constant(piece) is not None for piece in range(len(path.breaks) - 1)):
-        raise MotionError(
-            f"{name}: a constant speed leaves no choice of motion: omit one of the two"
-        )
+        raise MotionError(f"{name}: a constant speed leaves no choice of motion: omit one of the two")
     if max(path.end_speeds) > 0:
-        raise MotionError(
-            f"{name} is of motions from rest to rest: omit it, or start_speed and end_speed"
-        )
+        raise MotionError(f"{name} is of motions from rest to rest: omit it, or start_speed and end_speed")
     if any(isinstance(limit, Resonance) and limit.bands for limit in limits):
-        raise MotionError(
-            f"{name} may linger in a resonance band: omit it, or the axes' resonance_time"
-        )
+        raise MotionError(f"{name} may linger in a resonance band: omit it, or the axes' resonance_time")
     if not np.isfinite(weights).any():
-        raise MotionError(
-            f"{name} counts heat in limits of acceleration: state max_acceleration of some axis"
-        )
+        raise MotionError(f"{name} counts heat in limits of acceleration: state max_acceleration of some axis")
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,10 +144,7 @@ class TimeAndHeat(FallbackGoal):
 
     def _acceleration_slopes(self, path: ActuatorPath, problem: Problem) -> Array:
         """Return (N, 2, n, 2) of q′ and q″ over A at each interval's start and end."""
-        sides = [
-            np.stack(path.derivatives(s, problem.piece, 2)[1:], axis=-1)
-            for s in (problem.s[:-1], problem.s[1:])
-        ]
+        sides = [np.stack(path.derivatives(s, problem.piece, 2)[1:], axis=-1) for s in (problem.s[:-1], problem.s[1:])]
         return np.stack(sides, axis=1) / self.weights[:, None]
 
     def _cost(self, path: ActuatorPath, profile: Profile) -> float:

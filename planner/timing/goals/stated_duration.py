@@ -22,9 +22,9 @@ from planner.parallel import Progress
 from planner.path.actuation import ActuatorPath
 from planner.place import Infeasible
 from planner.timing.certified_solve import Solution, certified_solve, cut_runs
-from planner.timing.discretization import grade_problem
 from planner.timing.goals.fallback import FallbackGoal, integrate
 from planner.timing.goals.pacing import Pacer
+from planner.timing.grid import grade_problem
 from planner.timing.problem import Problem, Run
 from planner.timing.profile import Profile, close_profile
 from planner.timing.solution import RunSolution
@@ -116,10 +116,7 @@ def _weigh_axes(path: ActuatorPath, axes: Sequence[Axis]) -> Array:
 
 def jerk_slopes(path: ActuatorPath, problem: Problem, weights: Array) -> Array:
     """Return (N, 2, n, 3) of q′, q″, q‴ over w at each interval's start and end."""
-    sides = [
-        np.stack(path.derivatives(s, problem.piece)[1:], axis=-1)
-        for s in (problem.s[:-1], problem.s[1:])
-    ]
+    sides = [np.stack(path.derivatives(s, problem.piece)[1:], axis=-1) for s in (problem.s[:-1], problem.s[1:])]
     return np.stack(sides, axis=1) / weights[:, None]
 
 
@@ -193,9 +190,7 @@ class Smoothest(FallbackGoal):
         candidates = []
         paced = pacer.pace(slowed.duration)
         if paced is not None:
-            candidates.append(
-                replace(smoothest, fallback=paced, profile=paced, maker=PACED, tries=MAX_TRIES)
-            )
+            candidates.append(replace(smoothest, fallback=paced, profile=paced, maker=PACED, tries=MAX_TRIES))
         below = pacer.solve_fastest(pacer.hold_below())
         if below is not None and below.duration <= slowed.duration:
             gentle = below.slowed(slowed.duration / below.duration)
@@ -234,8 +229,7 @@ class Smoothest(FallbackGoal):
         motion = profile.along(path)
         pieces = np.arange(len(profile.h))
         values = [
-            ((motion.within(pieces, share * profile.h).qddd / self.weights) ** 2).sum(1)
-            for share in (0.0, 0.5, 1.0)
+            ((motion.within(pieces, share * profile.h).qddd / self.weights) ** 2).sum(1) for share in (0.0, 0.5, 1.0)
         ]
         return integrate(values, profile.h)
 

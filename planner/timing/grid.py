@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -12,20 +13,18 @@ from planner.limits.limit import Limit, Term
 from planner.path.actuation import ActuatorPath
 from planner.path.polynomial import PolynomialPath
 from planner.timing.initial_guess import MAX_BRIEF_SHARE, WINDOW_GROWTH, Smoothed, pass_breaks, slow_breaks
+from planner.timing.order2.second_order import TERMS as SECOND
+from planner.timing.order2.second_order import second_order
 from planner.timing.problem import (
     Block,
     Continuation,
     Problem,
     Run,
-    find_pieces,
     fix_passed_ends,
     leave_out_idle,
-    make_grid,
     pose_problem,
 )
 from planner.timing.profile import Profile
-from planner.timing.solvers.second_order import TERMS as SECOND
-from planner.timing.solvers.second_order import second_order
 
 Rule = tuple[int, int, int]
 """Intervals of a run at least, for each piece in it, and for each radian that it turns."""
@@ -56,6 +55,43 @@ START_GRID = "start"
 """Name of the rows that bound s̈ by what the jerk lets a motion reach: no limit's."""
 # Window of the average, as a share of what the run allows, where a gentle start finds no way between two speeds.
 START_WINDOW_SHARE = 1e-2
+
+
+def make_grid(
+    path: ActuatorPath, run: Run, intervals: int, spread: Array | None = None, *, least: Array | None = None
+) -> tuple[Array, np.ndarray]:
+    """Grid of about `intervals` intervals that holds every break of the run, and the piece of each interval.
+
+    spread (K,) in [0, 1], rising from 0 to 1: where points should lie, as a share of the run (evenly if None).
+    least (P,): a piece of the run in which fewer intervals would lie, as in a blend, has so many even ones instead.
+    """
+    breaks = run.breaks(path)
+    share = np.linspace(0, 1, intervals + 1) if spread is None else spread
+    s = breaks[0] + (breaks[-1] - breaks[0]) * share
+    if len(breaks) > 2:
+        # a point too near a break would make a sliver: the break takes its place
+        after = np.searchsorted(breaks, s).clip(1, len(breaks) - 1)
+        gap = np.minimum(np.abs(s - breaks[after - 1]), np.abs(breaks[after] - s))
+        near = np.maximum(np.gradient(s), 0) / 3
+        s = np.union1d(s[gap > near], breaks)
+        s = s if least is None else _fill_pieces(s, breaks, least)
+    else:
+        s[0], s[-1] = breaks
+    return s, find_pieces(path, run, s)
+
+
+def find_pieces(path: ActuatorPath, run: Run, s: Array) -> np.ndarray:
+    """The piece (N,) of each interval of a grid (N+1,) along a run."""
+    inner = run.breaks(path)[1:-1]
+    return np.asarray(run.first + np.searchsorted(inner, (s[1:] + s[:-1]) / 2, side="right"))
+
+
+def _fill_pieces(s: Array, breaks: Array, least: Array) -> Array:
+    at = np.searchsorted(s, breaks)
+    parts = [s[a:b] for a, b in pairwise(at)]
+    for k in np.flatnonzero(np.diff(at) < least):
+        parts[k] = np.linspace(breaks[k], breaks[k + 1], int(np.ceil(least[k])) + 1)[:-1]
+    return np.concatenate([*parts, breaks[-1:]])
 
 
 def acceleration_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Problem:

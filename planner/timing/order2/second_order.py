@@ -18,10 +18,11 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from planner.limits.limit import Term
+from planner.timing.order2 import passes
+from planner.timing.order2 import toppra_ as toppra_adapter
 from planner.timing.problem import SOLVER_AIM, Block, Problem, Solver
-from planner.timing.profile import Profile, RunSolution, TooFast
-from planner.timing.solvers import passes
-from planner.timing.solvers import toppra_ as toppra_adapter
+from planner.timing.profile import Profile
+from planner.timing.solution import RunSolution, TooFast
 
 # Share of the room that a row is given at rest at least: what holds still may not leave less.
 MIN_ROOM = 1e-3

@@ -20,7 +20,7 @@ _LARGEST = 1e6
 def largest_speeds(
     rows: list[Array], ceiling: Array, step: Array, ends: tuple[float, float] = (0.0, 0.0)
 ) -> Array | MotionError:
-    """As planner.timing.solvers.passes.largest_speeds; where toppra gives no answer, what to say. Raises NotInstalled
+    """As planner.timing.order2.passes.largest_speeds; where toppra gives no answer, what to say. Raises NotInstalled
     where it is not there."""
     constraint_type, algorithm = _toppra()
     points = np.concatenate([[0.0], np.cumsum(step)])

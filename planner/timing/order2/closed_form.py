@@ -17,7 +17,8 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from planner.limits.limit import Term
 from planner.timing.problem import EXACT_AIM, SOLVER_AIM, Problem
-from planner.timing.profile import STRAIGHT, Profile, RunSolution, TooFast
+from planner.timing.profile import Profile
+from planner.timing.solution import STRAIGHT, RunSolution, TooFast
 
 # Share of a limit that rows may vary by, or that curvature may use, and still count as straight: what is left of the
 # axes' ways where a synchronised move is drawn by a polynomial. What is aimed at is less than the limits by it.
