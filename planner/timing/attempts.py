@@ -129,7 +129,25 @@ def solve_run(
     Infeasible for a speed at an end that is not possible; stopped where nothing bounds the motion.
     """
     task = Task(path, limits, run, order)
-    return _place_refusal(task, _try_attempts(task))
+    unbounded = unbounded_error(task.sketch, order)
+    if unbounded is not None:
+        return RunSolution.refused(unbounded)
+    outcomes: list[RunSolution] = []
+    for attempt in ATTEMPTS[order]:
+        solution = attempt.solve(task, outcomes)
+        if solution is None:
+            continue
+        if solution.problem is not None and solution.maker != STRAIGHT:
+            solution = tighten_until_kept(path, limits, solution)
+        outcomes.append(solution)
+        if not solution.solved and attempt.refuses:
+            return _place_refusal(task, solution)
+        if solution.solved and attempt.accepts and solution.slowness <= MAX_ACCEPTED_SLOWNESS:
+            break
+    solved = [solution for solution in outcomes if solution.solved]
+    if not solved:
+        return _place_refusal(task, outcomes[-1] if outcomes else NOT_TRIED)
+    return _add_bound(task, min(solved, key=lambda solution: solution.duration))
 
 
 def solve_once(
@@ -150,29 +168,6 @@ def solve_once(
 
 
 NOT_TRIED = RunSolution.refused(MotionError("no way to time the run applies"))
-
-
-def _try_attempts(task: Task) -> RunSolution:
-    """Try the attempts in order; return the first that holds, or else the fastest of all."""
-    unbounded = unbounded_error(task.sketch, task.order)
-    if unbounded is not None:
-        return RunSolution.refused(unbounded)
-    outcomes: list[RunSolution] = []
-    for attempt in ATTEMPTS[task.order]:
-        solution = attempt.solve(task, outcomes)
-        if solution is None:
-            continue
-        if solution.problem is not None and solution.maker != STRAIGHT:
-            solution = tighten_until_kept(task.path, task.limits, solution)
-        outcomes.append(solution)
-        if not solution.solved and attempt.refuses:
-            return solution
-        if solution.solved and attempt.accepts and solution.slowness <= MAX_ACCEPTED_SLOWNESS:
-            break
-    solved = [solution for solution in outcomes if solution.solved]
-    if not solved:
-        return outcomes[-1] if outcomes else NOT_TRIED
-    return _add_bound(task, min(solved, key=lambda solution: solution.duration))
 
 
 def _add_bound(task: Task, solution: RunSolution) -> RunSolution:
@@ -217,7 +212,7 @@ def cruise_at_caps(task: Task, outcomes: Outcomes) -> RunSolution | None:
     run = replace(task.run, continuation=None)
 
     def solve(part: Run) -> RunSolution:
-        return _try_attempts(task.with_run(part))
+        return solve_run(task.path, task.limits, part, task.order)
 
     return solve_feed_limited(task.path, task.limits, run, task.sketch, solve, order=task.order)
 
@@ -345,7 +340,7 @@ def _rest_at(task: Task, inner: Sequence[int]) -> RunSolution | None:
     places = breaks[[0, *inner, len(breaks) - 1]].tolist()
     parts: list[RunSolution] = []
     for since, until in pairwise(places):
-        part = _try_attempts(task.with_run(task.run.cut(task.path, since, until)))
+        part = solve_run(task.path, task.limits, task.run.cut(task.path, since, until), task.order)
         if not part.solved:
             return None
         parts += part.parts or (part,)

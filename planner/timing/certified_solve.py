@@ -156,8 +156,18 @@ def certified_solve(
     runs[0] = replace(runs[0], continuation=continuation)
     firsts = find_first_equals(path, limits, runs) if goal.uniform else list(range(len(runs)))
     different = sorted(set(firsts))
-    certifier = RunCertifier(path, tuple(limits), order, goal)
-    solved = _certify_in_parts(certifier, [runs[n] for n in different], progress)
+    size = max(PART_RUNS, -(-len(different) // MANY_PARTS))
+    parts = [[runs[n] for n in different[first : first + size]] for first in range(0, len(different), size)]
+    solved: list[CertifiedRun] = []
+
+    def finish_part(part: Sequence[Run], outcome: list[CertifiedRun] | MotionError) -> None:
+        if isinstance(outcome, MotionError):
+            raise outcome
+        solved.extend(outcome)
+        if progress is not None:
+            progress(len(solved), len(different))
+
+    spread(RunCertifier(path, tuple(limits), order, goal), parts, finish_part)
     by_index = dict(zip(different, solved, strict=True))
     certified = [
         by_index[n] if first == n else move_run(path, by_index[first], runs[n]) for n, first in enumerate(firsts)
@@ -185,27 +195,6 @@ def _choose_goal(path: ActuatorPath, order: int) -> Goal:
     if all(path.constant(piece) is None for piece in pieces):
         return Fastest(order)
     return ConstantSpeed(order)
-
-
-def _certify_in_parts(
-    certifier: RunCertifier,
-    runs: Sequence[Run],
-    progress: Progress | None,
-) -> list[CertifiedRun]:
-    """Certify runs in parts of several, in as many processes as there are. Raises a refusal."""
-    size = max(PART_RUNS, -(-len(runs) // MANY_PARTS))
-    parts = [runs[first : first + size] for first in range(0, len(runs), size)]
-    certified: list[CertifiedRun] = []
-
-    def finish_part(part: Sequence[Run], outcome: list[CertifiedRun] | MotionError) -> None:
-        if isinstance(outcome, MotionError):
-            raise outcome
-        certified.extend(outcome)
-        if progress is not None:
-            progress(len(certified), len(runs))
-
-    spread(certifier, parts, finish_part)
-    return certified
 
 
 def solve_within(
