@@ -153,7 +153,11 @@ def _find_fastest(problem: Problem, limits: _Limits) -> RunSolution:
 
     top = max(high, min(_find_root(lambda v: ramps(v) - length, high), limits.speed))
     cruise = (0.0, 0.0, max(0.0, length - ramps(top)) / top)
-    parts = [*_ramp(limits, top - first, limits.up), cruise, *_ramp(limits, top - last, -limits.down)]
+    parts = [
+        *_ramp(limits, top - first, limits.up),
+        cruise,
+        *_ramp(limits, top - last, -limits.down),
+    ]
     profile = _profile(problem, parts)
     return RunSolution("solved", profile, EXACT_AIM * profile.duration, STRAIGHT, problem)
 
@@ -233,7 +237,8 @@ def _dip(problem: Problem, limits: _Limits, low: float) -> RunSolution:
 
     bottom = _find_root(lambda v: excess(v) if v < low else np.inf, 0.0)
     profile = _profile(
-        problem, [*_ramp(limits, first - bottom, -limits.down), *_ramp(limits, last - bottom, limits.up)]
+        problem,
+        [*_ramp(limits, first - bottom, -limits.down), *_ramp(limits, last - bottom, limits.up)],
     )
     return RunSolution("solved", profile, EXACT_AIM * profile.duration, STRAIGHT, problem)
 
