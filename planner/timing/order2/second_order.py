@@ -55,8 +55,8 @@ def second_order(problem: Problem, *, solver: Solver = "passes") -> RunSolution:
     blocked = x[1:] + x[:-1] <= 0
     if blocked.any():
         most = passes.largest_ends(rows, ceiling, step, (start, end)) if start + end > 0 else (0.0, 0.0)
-        for number, (given, largest) in enumerate(zip((start, end), most, strict=True)):
-            if given > largest:
+        for number, (speed, largest) in enumerate(zip((start, end), most, strict=True)):
+            if speed > largest:
                 too_fast = TooFast(number, problem.speeds[number], float(np.sqrt(largest)) * unit)
                 return RunSolution.refused(too_fast)
         return RunSolution.refused(_blocked_error(problem.s[int(np.argmax(blocked))]))
@@ -99,14 +99,14 @@ def _scale(problem: Problem) -> tuple[Array, Array, float]:
     for block in others:
         room = block.room[:, None]
         for side, onward in ((block.start, 0.0), (block.end, ahead)):
-            own = slice(at, at + len(block.middle))
-            at = own.stop
+            columns = slice(at, at + len(block.middle))
+            at = columns.stop
             if Term.SD2 in side:
-                b[:, own] = side[Term.SD2] * unit**2 / room
+                b[:, columns] = side[Term.SD2] * unit**2 / room
             if Term.SDD in side:
-                a[:, own] = side[Term.SDD] * (unit**2 / length) / room
-            a[:, own] += onward * b[:, own]
-            c[:, own] = side.get(Term.ONE, 0.0) / room - block.middle
+                a[:, columns] = side[Term.SDD] * (unit**2 / length) / room
+            a[:, columns] += onward * b[:, columns]
+            c[:, columns] = side.get(Term.ONE, 0.0) / room - block.middle
     rows[:, -1] = rows[:, -2]
     return rows, ceiling, unit
 
@@ -157,11 +157,11 @@ def _solve_in_rounds(problem: Problem, solver: Solver) -> RunSolution:
         speed = np.append(best.profile.v, last)
         reach = np.sqrt(1 + growth) * np.where(speed > 0, speed, speed.max())
         highest = np.minimum(highest, reach)
-        found = second_order(_linearise(problem, speed, highest), solver=solver)
-        if not found.solved:  # only by rounding: the motion at hand keeps these rows
+        faster = second_order(_linearise(problem, speed, highest), solver=solver)
+        if not faster.solved:  # only by rounding: the motion at hand keeps these rows
             break
-        gain = 1 - found.duration / best.duration
-        best = found if gain > 0 else best
+        gain = 1 - faster.duration / best.duration
+        best = faster if gain > 0 else best
         if gain < MIN_GAIN:
             break
     return replace(best, problem=problem) if best.solved else best
@@ -207,7 +207,7 @@ def _linearise(
 
 def _replace_speed(side: Mapping[Term, Array], one: Array, square: Array) -> dict[Term, Array]:
     """Return one side's coefficients with the term in ṡ replaced by one + square · ṡ²."""
-    others = {term: values for term, values in side.items() if term is not Term.SD}
+    others: dict[Term, Array] = {term: values for term, values in side.items() if term is not Term.SD}
     one = side.get(Term.ONE, 0.0) + one
     square = side.get(Term.SD2, 0.0) + square
     return others | {Term.ONE: one, Term.SD2: square}
@@ -226,10 +226,10 @@ def estimate_lower_bound(problem: Problem, fastest: Profile | None = None) -> fl
     blocks = [block for block in blocks if block.about is None]
     relaxed = replace(problem, blocks=tuple(blocks))
     if fastest is None or not problem.is_unconditional:
-        found = second_order(relaxed)
-        if found.refusal is not None:
-            return found.refusal
-        fastest = found.profile
+        solution = second_order(relaxed)
+        if solution.refusal is not None:
+            return solution.refusal
+        fastest = solution.profile
     finer = SOLVER_AIM * fastest.duration
     coarser = second_order(_halve_grid(relaxed))
     if coarser.status == "too fast":  # the finer grid only just leaves room for a speed at an end
