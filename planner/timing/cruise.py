@@ -17,7 +17,9 @@ from planner.limits.limit import Limit, Term
 from planner.limits.tool import ToolSpeed
 from planner.path.actuation import ActuatorPath, Points
 from planner.timing.problem import EXACT_AIM, SOLVER_AIM, Block, EndCondition, Problem, Run, pose_problem
-from planner.timing.profile import CRUISE, Profile, RunSolution, close_profile, sample_limit_use
+from planner.timing.profile import Profile, close_profile
+from planner.timing.sampling import sample_limit_use
+from planner.timing.solution import CRUISE, RunSolution
 
 # Share of f up to which it counts as constant on a piece: rounding of arc lengths.
 SAME_SPEED = 1e-8

@@ -26,7 +26,7 @@ from planner.timing.cruise import Caps, find_caps, follow_cap, is_of_speed, spre
 from planner.timing.initial_guess import bound_term
 from planner.timing.order2.closed_form import least_ramp, straight_ramp
 from planner.timing.problem import POWERS, EndCondition, Problem, Run, pose_problem
-from planner.timing.profile import FEED_LIMITED, RunSolution
+from planner.timing.solution import FEED_LIMITED, RunSolution
 
 # Intervals of a piece, and for each radian that it turns, at whose ends the limits are evaluated.
 # Too few would miss a peak of a limit's use; the proof finds such a peak, and the run is then

@@ -177,9 +177,7 @@ def relax_jerk(problem: Problem) -> tuple[Problem, float]:
     length = problem.s[-1] - problem.s[0]
     reached = min(np.sqrt(speed * jerk), np.cbrt(jerk**2 * length / 2))
     if not np.isfinite(reached):
-        raise MotionError(
-            "the motion is unbounded: no moving axis states a limit of speed or acceleration; state one"
-        )
+        raise MotionError("the motion is unbounded: no moving axis states a limit of speed or acceleration; state one")
     sharp = select_order_2(problem.with_fixed_ends())
     if reached >= acceleration:
         return sharp, acceleration / jerk
@@ -194,7 +192,7 @@ def select_order_2(problem: Problem) -> Problem:
     return replace(problem, blocks=blocks)
 
 
-def shorten_ramps(motion: Profile, window: float, breaks: Array, first: int) -> Profile | None:
+def add_brief_ramps(motion: Profile, window: float, breaks: Array, first: int) -> Profile | None:
     """Return the order-2 motion from rest to rest with ramps of s̈ that are brief, or None.
 
     breaks (P+1,) of its run, whose pieces begin with number `first`. Ramps may not overlap.
@@ -243,7 +241,11 @@ def pass_breaks(problem: Problem, at: np.ndarray, speeds: Array) -> Profile | No
     bounds = [bound_term(problem, term) ** (1 / term.per_time) for term in (Term.SD, Term.SD2, Term.SD3)]
     fastest, acceleration, jerk = (
         np.add.reduceat(step * bound, at[:-1]) / size
-        for bound in (np.min(bounds, axis=0), bound_term(problem, Term.SDD), bound_term(problem, Term.SDDD))
+        for bound in (
+            np.min(bounds, axis=0),
+            bound_term(problem, Term.SDD),
+            bound_term(problem, Term.SDDD),
+        )
     )
     if not np.isfinite(jerk).all():
         return None

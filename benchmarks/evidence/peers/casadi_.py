@@ -23,7 +23,8 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from planner.limits.limit import Term
 from planner.timing.problem import Block, Problem
-from planner.timing.profile import RunSolution, close_profile
+from planner.timing.profile import close_profile
+from planner.timing.solution import RunSolution
 from planner.timing.solvers.stage_problem import (
     JERK_WEIGHT,
     POWERS,

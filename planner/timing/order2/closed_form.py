@@ -20,7 +20,8 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from planner.limits.limit import Term
 from planner.timing.problem import EXACT_AIM, SOLVER_AIM, Block, Problem
-from planner.timing.profile import STRAIGHT, Profile, RunSolution, TooFast
+from planner.timing.profile import Profile
+from planner.timing.solution import STRAIGHT, RunSolution, TooFast
 
 # Share of a limit by which rows may vary, or that curvature may use, on a straight run: a
 # synchronised move that is drawn by a polynomial has so much. The motion leaves it unused.

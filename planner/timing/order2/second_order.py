@@ -23,7 +23,8 @@ from planner.limits.limit import Term
 from planner.timing.order2 import passes
 from planner.timing.order2 import toppra_ as toppra_adapter
 from planner.timing.problem import SOLVER_AIM, Block, Problem, Solver
-from planner.timing.profile import Profile, RunSolution, TooFast
+from planner.timing.profile import Profile
+from planner.timing.solution import RunSolution, TooFast
 
 TERMS = frozenset({Term.ONE, Term.SD, Term.SD2, Term.SDD})
 # Room that a row has at rest at least, as a share of its limit, for the first chords and tangents.

@@ -20,7 +20,9 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from planner.limits.limit import Term
 from planner.timing.problem import SOLVER_AIM, EndCondition, Problem
-from planner.timing.profile import MIN_WATCHED_USE, Profile, RunSolution, close_profile
+from planner.timing.profile import Profile, close_profile
+from planner.timing.sampling import MIN_WATCHED_USE
+from planner.timing.solution import RunSolution
 from planner.timing.solvers.interior_point import FAR_STARTS, TOLERANCE, WEIGHT, Minimum, Revise, Start, minimise
 from planner.timing.solvers.stage_problem import PosedStages, pose_bounds, pose_stages
 from planner.timing.solvers.stages import evaluate
@@ -116,7 +118,7 @@ def third_order(
     profile = close_profile(problem, columns)
     if isinstance(profile, MotionError):
         return RunSolution.refused(profile)
-    return RunSolution("solved", profile, maker="riccati", problem=problem, seen=seen)
+    return RunSolution("solved", profile, maker="riccati", problem=problem, use=seen)
 
 
 class _Peaks:
