@@ -27,7 +27,7 @@ from planner.timing.grid import (
     refine_problem,
     unbounded_error,
 )
-from planner.timing.initial_guess import Smoothed, ramped
+from planner.timing.initial_guess import add_brief_ramps
 from planner.timing.loss_grid import pose_by_loss, pose_usual_problem
 from planner.timing.order2.closed_form import straight
 from planner.timing.order2.second_order import TERMS as ORDER_2_TERMS
@@ -359,10 +359,7 @@ def average_acceleration(task: Task, outcomes: Outcomes) -> RunSolution | None:
     if isinstance(posed, MotionError):
         return RunSolution.refused(posed)
     problem, guess = posed
-    if isinstance(guess, Smoothed):
-        profile = guess.profile(problem)
-    else:
-        profile = guess.cut(task.run.breaks(task.path), task.run.first)
+    profile = guess.cut(task.run.breaks(task.path), task.run.first)
     return RunSolution("solved", profile, maker=AVERAGED, problem=problem)
 
 
@@ -377,7 +374,8 @@ def _ramp_steps(task: Task) -> RunSolution | None:
     sharp = tighten_until_kept(task.path, gentle, sharp)
     if not sharp.solved:
         return sharp
-    profile = ramped(sharp.profile, window, task.run.breaks(task.path), task.run.first)
+    breaks = task.run.breaks(task.path)
+    profile = add_brief_ramps(sharp.profile, window, breaks, task.run.first)
     if profile is None:
         return None
     return RunSolution("solved", profile, maker=BRIEF_RAMPS, problem=problem)

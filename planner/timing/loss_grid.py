@@ -19,7 +19,6 @@ from planner.timing.grid import (
     jerk_problem,
     place_problem,
 )
-from planner.timing.initial_guess import Smoothed
 from planner.timing.problem import Problem, Run
 from planner.timing.profile import Profile
 from planner.timing.solution import TooFast
@@ -60,7 +59,7 @@ def _begin(
     limits: Sequence[Limit],
     run: Run,
     problem: Problem,
-    guess: Smoothed | Profile,
+    guess: Profile,
 ) -> tuple[Problem, Array]:
     """Put the guess on the grid. A run that continues a motion begins with that motion's grid."""
     if run.continuation is None:
@@ -99,7 +98,7 @@ def pose_by_loss(
     weight = np.sqrt(loss)
     needed = float(weight.sum()) ** 2 / (MAX_LOSS * motion.duration)
     usual = count_intervals(THIRD_ORDER, path, run, on_top=True)
-    finer = min(int(np.ceil(needed / usual)), MAX_FINENESS, MAX_INTERVALS[1] // usual)
+    finer = min(int(np.ceil(needed / usual)), MAX_FINENESS, MAX_INTERVALS[3] // usual)
     run = replace(run, fineness=run.fineness * max(finer, 1))
     # the place where a limit binds may move a little
     neighbours = np.maximum(np.append(weight[1:], 0.0), np.append(0.0, weight[:-1]))

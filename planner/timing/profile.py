@@ -7,6 +7,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.kernels import kernel
 from planner.path.actuation import ActuatorPath
 from planner.timing.problem import Problem
 from planner.trajectory import Trajectory
@@ -137,14 +138,25 @@ class Profile:
     def _find_passage(self, s: Array) -> tuple[np.ndarray, Array]:
         """Return the pieces (K,) in which the motion passes s (K,), and when after their starts."""
         k = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, None)
-        low = np.zeros(len(s))
-        high = self.h[k]
+        return k, find_instants(np.stack([self.s[k], *self.columns()[:, k]]), s)
+
+
+@kernel
+def find_instants(pieces: Array, wanted: Array) -> Array:
+    """Return when (K,) pieces, each s, ṡ, s̈, s⃛ and h of (5, K), pass the wanted s (K,)."""
+    instants = np.empty(len(wanted))
+    for k in range(len(wanted)):
+        s, v, a, j, h = pieces[:, k]
+        low = 0.0
+        high = h
         for _ in range(BISECTIONS_OF_INSTANT):
             tau = (low + high) / 2
-            early = self.at(k, tau)[0] < s
-            low = np.where(early, tau, low)
-            high = np.where(early, high, tau)
-        return k, low
+            if s + tau * (v + tau * (a / 2 + tau * j / 6)) < wanted[k]:
+                low = tau
+            else:
+                high = tau
+        instants[k] = low
+    return instants
 
 
 def close_profile(problem: Problem, columns: Array) -> Profile | MotionError:

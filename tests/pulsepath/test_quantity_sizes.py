@@ -107,7 +107,7 @@ def turning(tmp_path):
 
 
 def test_a_run_of_too_many_intervals_is_refused_with_the_remedy(monkeypatch):
-    monkeypatch.setattr(grid, "MAX_INTERVALS", (100, 100))
+    monkeypatch.setattr(grid, "MAX_INTERVALS", {2: 100, 3: 100})
 
     with pytest.raises(MotionError, match=r'intervals to time, at most 100: write join = "stop" .* or plan at order 2'):
         plan(load_program("bare-circle"), load_machine("hexapod"), order=3)

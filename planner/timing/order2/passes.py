@@ -8,7 +8,7 @@ The paper solves linear programmes in (u, x) at each stage. Here u is eliminated
 
 so that both passes only compare straight lines.
 
-| here                        | in the paper                                                  |
+| here                     | in the paper                                                  |
 | --------------------------- | ------------------------------------------------------------- |
 | ceiling                     | bounds of 𝒳_i, and then the maximum velocity curve            |
 | controllable set            | K_i, an interval [least, most]: from there the end is reached |

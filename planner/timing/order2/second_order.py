@@ -1,13 +1,15 @@
-"""Time-optimal motion under limits on speed and acceleration: two passes of our own, or toppra as a second opinion.
+"""Fastest motion under limits on speed and acceleration: two passes (`passes`), or toppra as a second opinion.
 
-An estimate of the least time that any motion can take comes with it.
+With x = ṡ² and u = s̈, constant on each interval, x grows by 2 u Δs. A row a u + b x + c at the end
+of an interval is (a + 2 Δs b) u + b x + c at its start, so that rows are imposed at both ends of
+each interval (the interpolation scheme of Pham and Pham), with the derivatives of its own side.
 
-Both solvers take rows in ṡ² alone. A problem with rows in ṡ beside other terms is therefore solved from inside: its
-rows are replaced by rows in ṡ² that are stricter, and equal to them at a given motion.
+Rows with a term in ṡ next to others, as of viscous friction, are not linear in x. They are replaced
+by stricter linear ones, since ṡ lies between its chord and its tangent:
 
-ṡ lies below its tangent in x = ṡ² and above its chord from 0,  x/V ≤ ṡ ≤ v/2 + x/(2v)  for ṡ ≤ V, so a row that is kept
-with either in its place is kept. A solution keeps the rows taken around it: solved again and again, motions only become
-faster.
+    x/V ≤ ṡ ≤ v/2 + x/(2v)  for ṡ ≤ V.
+
+These are exact at ṡ = v. Solved again around its own solution, a motion only becomes faster.
 """
 
 from collections.abc import Mapping
@@ -24,212 +26,229 @@ from planner.timing.problem import SOLVER_AIM, Block, Problem, Solver
 from planner.timing.profile import Profile
 from planner.timing.solution import RunSolution, TooFast
 
-# Share of the room that a row is given at rest at least: what holds still may not leave less.
-MIN_ROOM = 1e-3
-
-
-def has_linear_rows(problem: Problem) -> bool:
-    """Whether the rows are linear in s̈ and ṡ² already, or say how large ṡ may be by itself."""
-    return problem.is_unconditional and not any(_has_mixed_terms(block) for block in problem.blocks)
-
-
-def inner_approximation(problem: Problem, speed: Array | None = None, highest: Array | None = None) -> Problem:
-    """Rows in {1, ṡ², s̈} that keep the problem's, and ṡ ≤ `highest` (N+1,) where that is given.
-
-    speed (N+1,) of a motion at which they are exact; without, the machine can at least start from rest.
-    """
-    count = problem.intervals
-    still = np.zeros(count + 1)
-    known = still if speed is None else speed
-    blocks = []
-    for block in problem.around(known[:-1], known[1:]).blocks:
-        if not _has_mixed_terms(block):
-            blocks.append(block)
-            continue
-        tangents, chords = [], []
-        for side, part, last in ((block.start, slice(None, -1), 0), (block.end, slice(1, None), -1)):
-            drop = side[Term.SD].copy()
-            if known[last] == 0:  # the run rests there, whatever the motion
-                drop[last] = 0.0
-            if speed is None:
-                room = np.maximum(block.room[:, None] - np.abs(side.get(Term.ONE, 0.0)), MIN_ROOM)
-                touched = room / np.where(drop != 0, np.abs(drop), 1.0)
-            else:
-                touched = np.where(speed[part] > 0, speed[part], 1.0)[:, None]
-            tangents.append(_add_terms(side, drop * touched / 2, drop / (2 * touched)))
-            chords.append(_add_terms(side, 0.0 * drop, drop / (np.inf if highest is None else highest[part, None])))
-        blocks += [replace(block, start=start, end=end) for start, end in (tangents, chords)]
-    if highest is not None:
-        slope = 1 / highest[:, None]
-        blocks.append(Block("inner", {Term.SD: slope[:-1]}, {Term.SD: slope[1:]}, np.ones(count), np.zeros(1)))
-    return replace(problem, blocks=tuple(blocks))
-
-
-def _has_mixed_terms(block: Block) -> bool:
-    return Term.SD in block.start and len(block.start) > 1
-
-
-def _add_terms(side: Mapping[Term, Array], one: Array, square: Array) -> dict[Term, Array]:
-    found: dict[Term, Array] = {term: values for term, values in side.items() if term is not Term.SD}
-    return found | {Term.ONE: side.get(Term.ONE, 0.0) + one, Term.SD2: side.get(Term.SD2, 0.0) + square}
-
-
-# Growth of ṡ² that each round allows anywhere, so that the chords close in; rounds end where one gains
-# less than MIN_ROUND_GAIN.
-SPEED_GROWTH, MIN_ROUND_GAIN = (8.0, 3.0, 1.0, 0.5, 0.25, 0.1, 0.05, 0.02, 0.01, 0.005), 1e-7
 TERMS = frozenset({Term.ONE, Term.SD, Term.SD2, Term.SDD})
+# Room that a row has at rest at least, as a share of its limit, for the first chords and tangents.
+MIN_ROOM = 1e-3
+# Growth of ṡ² that each round allows, so that the chords approach the solution; rounds end when one
+# gains less than MIN_GAIN of the duration.
+SPEED_GROWTH = (8.0, 3.0, 1.0, 0.5, 0.25, 0.1, 0.05, 0.02, 0.01, 0.005)
+MIN_GAIN = 1e-7
+# Least unit of time of a scaled problem, where hardly any row bounds it.
+MIN_TIME = 1e-9
 
 
 def second_order(problem: Problem, *, solver: Solver = "passes") -> RunSolution:
-    """The fastest motion with s̈ constant on each interval, every row kept at both ends of every interval.
+    """Find the fastest motion with s̈ constant on each interval; every row holds at both its ends.
 
-    With x = ṡ² and u = s̈, x grows by 2 u Δs over an interval, so a row a u + b x + c at its end is (a + 2 Δs b) u + b
-    x + c at its start: that is the interpolation scheme, with the derivatives of the interval's own side at both ends.
-    Lengths and times are scaled so that x and u are about one. Rows in ṡ beside others are kept from inside, in rounds
-    around the fastest motion yet. A speed at an end that cannot be is too fast; where nothing gets through, it stops.
+    A speed at an end that is not possible is refused as too fast.
     """
-    linear, highest = has_linear_rows(problem), None
-    best = RunSolution.refused(MotionError("not solved yet"))
-    for growth in (0.0, *SPEED_GROWTH):
-        if not best.solved:
-            posed = problem if linear else inner_approximation(problem)
-        else:
-            v = best.profile.v
-            speed = np.append(v, best.profile.last_speed if problem.free[1] else problem.speeds[1])
-            reach = np.sqrt(1 + growth) * np.where(speed > 0, speed, speed.max())
-            highest = reach if highest is None else np.minimum(highest, reach)
-            posed = inner_approximation(problem, speed, highest)
-        rows, ceiling, step, ends, unit = _scale(posed)
-        if solver == "toppra":
-            x = toppra_adapter.largest_speeds(rows, ceiling, step, ends)
-        else:
-            x = passes.largest_speeds(rows, ceiling, step, ends, posed.free)
-        if isinstance(x, MotionError) or (x[1:] + x[:-1] <= 0).any():
-            # in a later round, rounding closed what the motion at hand had left
-            return best if best.solved else RunSolution.refused(_stopped(posed, x))
-        profile = _profile(posed, np.sqrt(x) * unit, solver)
-        gained = 1 - profile.duration / best.duration if best.solved else 1.0
-        if gained > 0:
-            best = RunSolution("solved", profile, maker=solver, problem=problem)
-        if linear or gained < MIN_ROUND_GAIN:
-            break
-    return best
+    if not _has_linear_rows(problem):
+        return _solve_in_rounds(problem, solver)
+    rows, ceiling, unit = _scale(problem)
+    step = np.diff(problem.s) / (problem.s[-1] - problem.s[0])
+    start, end = ((speed / unit) ** 2 for speed in problem.speeds)
+    if solver == "toppra":
+        x = toppra_adapter.largest_speeds(rows, ceiling, step, (start, end))
+        if isinstance(x, MotionError):
+            return RunSolution.refused(x)
+    else:
+        x = passes.largest_speeds(rows, ceiling, step, (start, end), problem.free)
+    blocked = x[1:] + x[:-1] <= 0
+    if blocked.any():
+        most = passes.largest_ends(rows, ceiling, step, (start, end)) if start + end > 0 else (0.0, 0.0)
+        for number, (speed, largest) in enumerate(zip((start, end), most, strict=True)):
+            if speed > largest:
+                too_fast = TooFast(number, problem.speeds[number], float(np.sqrt(largest)) * unit)
+                return RunSolution.refused(too_fast)
+        return RunSolution.refused(_blocked_error(problem.s[int(np.argmax(blocked))]))
+    v = np.sqrt(x) * unit
+    for number, at in enumerate((0, -1)):
+        if solver == "toppra" or not problem.free[number]:
+            v[at] = problem.speeds[number]  # exactly
+    return RunSolution("solved", _profile(problem, v), maker=solver, problem=problem)
 
 
-def _scale(problem: Problem) -> tuple[list[Array], Array, Array, tuple[float, float], float]:
-    """Rows, ceiling, steps and x at both ends, lengths and times scaled so that all are about one; the unit of ṡ."""
-    length = float(problem.s[-1] - problem.s[0])
-    time = _time_scale(problem, length)
-    step = np.diff(problem.s) / length
-    rows, ceiling = _rows(problem, step, length, time)
-    unit = length / time
-    first, last = problem.speeds
-    return rows, ceiling, step, ((first / unit) ** 2, (last / unit) ** 2), unit
+def _blocked_error(s: float) -> MotionError:
+    return MotionError(
+        f"no motion gets past s = {s:.6g}; check for a limit that allows no motion there, or a path that stops"
+    )
 
 
-def _profile(problem: Problem, v: Array, solver: Solver) -> Profile:
-    """The motion with the speeds v (N+1,) on the grid, those that are given at its ends."""
-    first, last = problem.speeds
-    if not (problem.free[0] and solver == "passes"):
-        v[0] = first
-    if not (problem.free[1] and solver == "passes"):
-        v[-1] = last
+def _profile(problem: Problem, v: Array) -> Profile:
+    """Return the motion with speeds v (N+1,) on the grid."""
     h = 2 * np.diff(problem.s) / (v[1:] + v[:-1])
     return Profile(problem.s[:-1], v[:-1], np.diff(v) / h, np.zeros(len(h)), h, problem.piece)
 
 
-def _stopped(problem: Problem, x: Array | MotionError) -> MotionError:
-    """Why there is no motion: the speed at an end that is too fast, or where nothing gets through."""
-    if isinstance(x, MotionError):
-        return x
-    rows, ceiling, step, ends, unit = _scale(problem)
-    for end, largest in enumerate(passes.largest_ends(rows, ceiling, step, ends) if max(ends) > 0 else ()):
-        if ends[end] > largest:
-            return TooFast(end, problem.speeds[end], float(np.sqrt(largest)) * unit)
-    return MotionError(
-        f"no motion gets past s = {problem.s[int(np.argmax(x[1:] + x[:-1] <= 0))]:.6g}; "
-        "check for a limit that allows no motion there, or a path that stops"
-    )
+def _scale(problem: Problem) -> tuple[Array, Array, float]:
+    """Return a, b, c (3, N+1, m), the ceiling of x (N+1,) and the unit of ṡ.
+
+    Lengths and times are scaled so that the run and its duration are about one.
+    """
+    length = float(problem.s[-1] - problem.s[0])
+    speeds = [block for block in problem.blocks if set(block.start) == {Term.SD}]
+    others = [block for block in problem.blocks if set(block.start) != {Term.SD}]
+    unit = length / _estimate_time(problem, length)
+    ceiling = np.full(problem.intervals + 1, np.inf)
+    for block in speeds:
+        _lower_ceiling(ceiling, block, unit, problem.free)
+
+    rows = np.zeros((3, problem.intervals + 1, 2 * sum(len(block.middle) for block in others)))
+    a, b, c = rows[:, :-1]
+    ahead = 2 * np.diff(problem.s)[:, None] / length
+    at = 0
+    for block in others:
+        room = block.room[:, None]
+        for side, onward in ((block.start, 0.0), (block.end, ahead)):
+            columns = slice(at, at + len(block.middle))
+            at = columns.stop
+            if Term.SD2 in side:
+                b[:, columns] = side[Term.SD2] * unit**2 / room
+            if Term.SDD in side:
+                a[:, columns] = side[Term.SDD] * (unit**2 / length) / room
+            a[:, columns] += onward * b[:, columns]
+            c[:, columns] = side.get(Term.ONE, 0.0) / room - block.middle
+    rows[:, -1] = rows[:, -2]
+    return rows, ceiling, unit
 
 
-def _time_scale(problem: Problem, length: float) -> float:
-    """A time in which the run could roughly be done."""
-    slowest = [1e-9]
+def _estimate_time(problem: Problem, length: float) -> float:
+    """Return a time in which the run could roughly be done: the longest by any one term."""
+    times = [MIN_TIME]
     for block in problem.blocks:
         for term, values in block.start.items():
-            size = np.abs(values).max(1).mean()
+            size = float(np.abs(values).max(1).mean())
             if term is Term.SD:
-                slowest.append(size * length)
-            elif term in (Term.SDD, Term.SD2):
-                slowest.append(float(np.sqrt(size * length * (length if term is Term.SD2 else 1.0))))
-    return max(slowest)
-
-
-def _rows(problem: Problem, step: Array, length: float, time: float) -> tuple[list[Array], Array]:
-    """([a, b, c] each (N+1, rows) with |a u + b x + c| ≤ 1, and the largest x (N+1,) that speed rows allow)."""
-    ceiling = np.full(len(step) + 1, np.inf)
-    parts: list[list[Array]] = [[], [], []]
-    for block in problem.blocks:
-        if set(block.start) == {Term.SD}:
-            _lower_ceiling(ceiling, block, length / time, problem.free)
-            continue
-        for side, at_end in ((block.start, False), (block.end, True)):
-            zero = np.zeros_like(next(iter(side.values())))
-            share = block.room[:, None]
-            b = side.get(Term.SD2, zero) * (length / time) ** 2 / share
-            a = side.get(Term.SDD, zero) * length / time**2 / share + (2 * step[:, None] * b if at_end else 0.0)
-            c = side.get(Term.ONE, zero) / share - block.middle
-            for part, values in zip(parts, (a, b, c), strict=True):
-                part.append(np.concatenate([values, values[-1:]]))
-    return [np.concatenate(part, 1) for part in parts] if parts[0] else [], ceiling
+                times.append(size * length)
+            elif term is Term.SD2:
+                times.append(np.sqrt(size) * length)
+            elif term is Term.SDD:
+                times.append(np.sqrt(size * length))
+    return max(times)
 
 
 def _lower_ceiling(ceiling: Array, block: Block, unit: float, free: tuple[bool, bool]) -> None:
-    for side, points, given in ((block.start, slice(None, -1), 0), (block.end, slice(1, None), -1)):
+    """Lower the ceiling of x by a limit on ṡ; a given speed at an end may use all of it."""
+    sides = ((block.start, slice(None, -1), 0), (block.end, slice(1, None), -1))
+    for side, points, end in sides:
         room = block.room.copy()
-        if not free[given]:
-            room[given] = 1.0  # speeds at the ends are not the solver's to choose
+        if not free[end]:
+            room[end] = 1.0
         slope = np.abs(side[Term.SD]).max(1) * unit
         with np.errstate(divide="ignore"):
             np.minimum(ceiling[points], (room / slope) ** 2, out=ceiling[points])
 
 
-def estimate_lower_bound(problem: Problem, fastest: Profile | None = None) -> float | MotionError:
-    """The order-2 duration without rows of jerk, on intervals of no length: 2 T(N) − T(N/2), as errors go with 1/N.
+def _has_linear_rows(problem: Problem) -> bool:
+    """Return whether rows bound ṡ by itself, or are linear in s̈ and ṡ², at every speed."""
+    return problem.is_unconditional and not any(_is_mixed(block) for block in problem.blocks)
 
-    Fewer limits take no longer, and no longer does the least concave limit around one that is not; so it bounds every
-    motion of the run from below, but for what the extrapolation is off: an estimate, not a proof. Under limits smaller
-    by a factor a motion is at most longer by its inverse, so EXACT_AIM times what it takes is below that of the limits.
-    fastest: the order-2 motion of a problem without such rows, where it is known.
+
+def _is_mixed(block: Block) -> bool:
+    """Return whether rows have a term in ṡ next to others."""
+    return Term.SD in block.start and len(block.start) > 1
+
+
+def _solve_in_rounds(problem: Problem, solver: Solver) -> RunSolution:
+    """Solve with linear rows around the fastest motion yet, until this gains next to nothing."""
+    best = second_order(_linearise(problem), solver=solver)
+    highest = np.full(problem.intervals + 1, np.inf)
+    for growth in SPEED_GROWTH if best.solved else ():
+        last = best.profile.last_speed if problem.free[1] else problem.speeds[1]
+        speed = np.append(best.profile.v, last)
+        reach = np.sqrt(1 + growth) * np.where(speed > 0, speed, speed.max())
+        highest = np.minimum(highest, reach)
+        faster = second_order(_linearise(problem, speed, highest), solver=solver)
+        if not faster.solved:  # only by rounding: the motion at hand keeps these rows
+            break
+        gain = 1 - faster.duration / best.duration
+        best = faster if gain > 0 else best
+        if gain < MIN_GAIN:
+            break
+    return replace(best, problem=problem) if best.solved else best
+
+
+def _linearise(
+    problem: Problem,
+    speed: Array | None = None,
+    highest: Array | None = None,
+) -> Problem:
+    """Return stricter rows that are linear in s̈ and ṡ², for ṡ ≤ highest (N+1,).
+
+    They are exact at a speed (N+1,). Without one, they at least let the machine start from rest.
     """
-    blocks = [block if block.hull is None else block.hull for block in problem.blocks if set(block.start) <= TERMS]
-    relaxed = replace(problem, blocks=tuple(block for block in blocks if block.about is None))
+    v = np.zeros(problem.intervals + 1) if speed is None else speed
+    slope = np.zeros((len(v), 1)) if highest is None else 1 / highest[:, None]
+    full = np.ones(problem.intervals)
+    blocks = [Block("reach", {Term.SD: slope[:-1]}, {Term.SD: slope[1:]}, full, np.zeros(1))]
+    for block in problem.around(v[:-1], v[1:]).blocks:
+        if not _is_mixed(block):
+            blocks.append(block)
+            continue
+        tangents = []
+        chords = []
+        for side, part, outer in (
+            (block.start, slice(None, -1), 0),
+            (block.end, slice(1, None), -1),
+        ):
+            factor = side[Term.SD].copy()
+            if v[outer] == 0:  # the run rests there, whatever the motion
+                factor[outer] = 0.0
+            if speed is None:
+                room = np.maximum(block.room[:, None] - np.abs(side.get(Term.ONE, 0.0)), MIN_ROOM)
+                touching = room / np.where(factor != 0, np.abs(factor), 1.0)
+            else:
+                touching = np.where(v[part] > 0, v[part], 1.0)[:, None]
+            tangents.append(_replace_speed(side, factor * touching / 2, factor / (2 * touching)))
+            chords.append(_replace_speed(side, 0.0 * factor, factor * slope[part]))
+        for start, end in (tangents, chords):
+            blocks.append(replace(block, start=start, end=end))
+    return replace(problem, blocks=tuple(blocks))
+
+
+def _replace_speed(side: Mapping[Term, Array], one: Array, square: Array) -> dict[Term, Array]:
+    """Return one side's coefficients with the term in ṡ replaced by one + square · ṡ²."""
+    others: dict[Term, Array] = {term: values for term, values in side.items() if term is not Term.SD}
+    one = side.get(Term.ONE, 0.0) + one
+    square = side.get(Term.SD2, 0.0) + square
+    return others | {Term.ONE: one, Term.SD2: square}
+
+
+def estimate_lower_bound(problem: Problem, fastest: Profile | None = None) -> float | MotionError:
+    """Estimate the least time (s) without jerk limits: 2 T(N) − T(N/2), as errors go with 1/N.
+
+    An estimate, not a proof: the extrapolation has an error. Limits that depend on the speed are
+    replaced by the least concave limit around them. Motions aim at SOLVER_AIM of the limits; with
+    all of them a motion takes at least that share of its time.
+
+    fastest  the order-2 motion of a problem without such limits, where it is known
+    """
+    blocks = [block.hull or block for block in problem.blocks if set(block.start) <= TERMS]
+    blocks = [block for block in blocks if block.about is None]
+    relaxed = replace(problem, blocks=tuple(blocks))
     if fastest is None or not problem.is_unconditional:
-        found = second_order(relaxed)
-        if found.refusal is not None:
-            return found.refusal
-        fastest = found.profile
+        solution = second_order(relaxed)
+        if solution.refusal is not None:
+            return solution.refusal
+        fastest = solution.profile
     finer = SOLVER_AIM * fastest.duration
     coarser = second_order(_halve_grid(relaxed))
-    if coarser.status == "too fast":  # a speed at an end that the coarser grid only just leaves no room for
+    if coarser.status == "too fast":  # the finer grid only just leaves room for a speed at an end
         return finer
-    return 2 * finer - SOLVER_AIM * coarser.duration if coarser.refusal is None else coarser.refusal
+    if coarser.refusal is not None:
+        return coarser.refusal
+    return 2 * finer - SOLVER_AIM * coarser.duration
 
 
 def _halve_grid(problem: Problem) -> Problem:
-    """On every other grid point."""
+    """Return the problem on every other grid point."""
     first = np.arange(0, problem.intervals, 2)
     last = np.minimum(first + 1, problem.intervals - 1)
-    blocks = [
-        Block(
-            block.name,
-            {term: values[first] for term, values in block.start.items()},
-            {term: values[last] for term, values in block.end.items()},
-            np.minimum(block.room[first], block.room[last]),
-            block.middle,
-        )
-        for block in problem.blocks
-    ]
-    return replace(
-        problem, s=np.append(problem.s[first], problem.s[-1]), piece=problem.piece[first], blocks=tuple(blocks)
-    )
+    blocks: list[Block] = []
+    for block in problem.blocks:
+        start = {term: values[first] for term, values in block.start.items()}
+        end = {term: values[last] for term, values in block.end.items()}
+        room = np.minimum(block.room[first], block.room[last])
+        blocks.append(Block(block.name, start, end, room, block.middle))
+    s = np.append(problem.s[first], problem.s[-1])
+    return replace(problem, s=s, piece=problem.piece[first], blocks=tuple(blocks))
