@@ -35,8 +35,9 @@ from planner.program.model import MIN_MOVE, MovingSegment, Program
 from planner.timing.certified_solve import certified_solve
 from planner.timing.grid import make_grid
 from planner.timing.order2.closed_form import straight
-from planner.timing.problem import Block, Problem, Run, pose_problem
+from planner.timing.problem import Block, Problem, Run
 from planner.timing.profile import Profile
+from planner.timing.rows import pose_problem
 from planner.timing.solution import RunSolution
 from planner.timing.tighten import required_slowness
 from planner.trajectory import Trajectory

@@ -35,9 +35,9 @@ from .problem import (
     Run as Run,
     Solver as Solver,
     at_speeds as at_speeds,
-    pose_problem as pose_problem,
 )
 from .profile import Profile as Profile, close_profile as close_profile
+from .rows import pose_problem as pose_problem
 from .sampling import sample_limit_use as sample_limit_use
 from .solution import RunSolution as RunSolution
 from .solvers.third_order import solve_jerk_limited as solve_jerk_limited, third_order as third_order

@@ -32,8 +32,9 @@ from planner.timing.loss_grid import pose_by_loss, pose_usual_problem
 from planner.timing.order2.closed_form import straight
 from planner.timing.order2.second_order import TERMS as ORDER_2_TERMS
 from planner.timing.order2.second_order import estimate_lower_bound, second_order
-from planner.timing.problem import Problem, Run, fix_passed_ends, leave_out_idle
+from planner.timing.problem import Problem, Run, fix_passed_ends
 from planner.timing.profile import Profile
+from planner.timing.rows import leave_out_idle
 from planner.timing.sampling import sample_limit_use
 from planner.timing.solution import (
     AVERAGED,

@@ -16,8 +16,9 @@ from kinematics.foundation.errors import MotionError
 from planner.limits.limit import Limit, Term
 from planner.limits.tool import ToolSpeed
 from planner.path.actuation import ActuatorPath, Points
-from planner.timing.problem import EXACT_AIM, SOLVER_AIM, Block, EndCondition, Problem, Run, pose_problem
+from planner.timing.problem import EXACT_AIM, SOLVER_AIM, Block, EndCondition, Problem, Run
 from planner.timing.profile import Profile, close_profile
+from planner.timing.rows import pose_problem
 from planner.timing.sampling import sample_limit_use
 from planner.timing.solution import CRUISE, RunSolution
 

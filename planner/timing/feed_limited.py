@@ -25,7 +25,8 @@ from planner.path.actuation import ActuatorPath
 from planner.timing.cruise import Caps, find_caps, follow_cap, is_of_speed, spread_points
 from planner.timing.initial_guess import bound_term
 from planner.timing.order2.closed_form import least_ramp, straight_ramp
-from planner.timing.problem import POWERS, EndCondition, Problem, Run, pose_problem
+from planner.timing.problem import POWERS, EndCondition, Problem, Run
+from planner.timing.rows import pose_problem
 from planner.timing.solution import FEED_LIMITED, RunSolution
 
 # Intervals of a piece, and for each radian that it turns, at whose ends the limits are evaluated.

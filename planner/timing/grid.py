@@ -26,15 +26,9 @@ from planner.timing.initial_guess import (
     spread_points,
 )
 from planner.timing.order2.second_order import second_order
-from planner.timing.problem import (
-    Continuation,
-    Problem,
-    Run,
-    fix_passed_ends,
-    leave_out_idle,
-    pose_problem,
-)
+from planner.timing.problem import Continuation, Problem, Run, fix_passed_ends
 from planner.timing.profile import Profile
+from planner.timing.rows import leave_out_idle, pose_problem
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,7 +29,7 @@ from kinematics.foundation.kernels import kernel
 from planner.limits.limit import Term
 from planner.timing.order2.second_order import TERMS as ORDER_2_TERMS
 from planner.timing.order2.second_order import second_order
-from planner.timing.problem import SIDES, Block, Problem
+from planner.timing.problem import Block, Problem
 from planner.timing.profile import Profile
 
 # Two instants are the same if they differ by this share of the duration: rounding.
@@ -338,6 +338,6 @@ def _largest_coefficients(problem: Problem, term: Term, side: str = "start") -> 
 def _largest_on_pieces(problem: Problem, term: Term, count: int) -> Array:
     """Return the largest coefficient of a term on each of some pieces (count,)."""
     largest = np.zeros(count)
-    for side in SIDES:
+    for side in ("start", "end"):
         np.maximum.at(largest, problem.piece - problem.piece[0], _largest_coefficients(problem, term, side))
     return largest

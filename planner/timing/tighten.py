@@ -17,7 +17,8 @@ from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath
 from planner.timing.grid import cut_intervals
 from planner.timing.order2.second_order import second_order
-from planner.timing.problem import Block, Problem, leave_out_idle
+from planner.timing.problem import Block, Problem
+from planner.timing.rows import leave_out_idle
 from planner.timing.sampling import MIN_WATCHED_USE, sample_limit_use
 from planner.timing.solution import (
     AVERAGED,

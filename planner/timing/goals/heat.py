@@ -25,8 +25,9 @@ from planner.timing.certified_solve import Solution, certified_solve, cut_runs
 from planner.timing.goals.fallback import FallbackGoal, integrate
 from planner.timing.goals.objective import Objective
 from planner.timing.grid import place_problem
-from planner.timing.problem import Problem, Run, fix_passed_ends, pose_problem
+from planner.timing.problem import Problem, Run, fix_passed_ends
 from planner.timing.profile import Profile, close_profile
+from planner.timing.rows import pose_problem
 from planner.timing.solution import RunSolution
 from planner.timing.solvers.stage_problem import pose_weighed
 from planner.timing.solvers.third_order import minimise_posed
