@@ -159,7 +159,7 @@ def _level(speeds: Array) -> Array:
     """Return the speeds (P,), made equal where neighbours differ by rounding only."""
     same = np.isclose(speeds[1:], speeds[:-1], rtol=SAME_SPEED, atol=0.0)
     group = np.concatenate([[0], np.cumsum(~same)])
-    return reduce_pieces(np.minimum, speeds, group)[group]
+    return np.asarray(reduce_pieces(np.minimum, speeds, group)[group])
 
 
 def follow_cap(
