@@ -18,7 +18,7 @@ from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath
 from planner.place import Infeasible
 from planner.timing.end_speeds import find_excessive_end_speed
-from planner.timing.feed_limited import sketch_problem, solve_feed_limited
+from planner.timing.feed_limited import FeedLimitedRun, sketch_problem
 from planner.timing.grid import (
     acceleration_problem,
     brief_problem,
@@ -215,7 +215,7 @@ def cruise_at_caps(task: Task, outcomes: Outcomes) -> RunSolution | None:
     def solve(part: Run) -> RunSolution:
         return solve_run(task.path, task.limits, part, task.order)
 
-    return solve_feed_limited(task.path, task.limits, run, task.sketch, solve, order=task.order)
+    return FeedLimitedRun(task.path, task.limits, run, task.order, task.sketch).solve(solve)
 
 
 def solve_two_passes(task: Task, outcomes: Outcomes) -> RunSolution | None:

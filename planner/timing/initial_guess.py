@@ -285,8 +285,8 @@ def slow_breaks(problem: Problem, start: Profile, breaks: Array) -> tuple[np.nda
     """
     count = len(breaks) - 1
     with np.errstate(divide="ignore"):
-        constant = np.cbrt(1 / _largest_on_pieces(problem, Term.SD3, count))
-        jerk = 1 / _largest_on_pieces(problem, Term.SDDD, count)
+        constant = np.cbrt(1 / _largest_on_pieces(problem, Term.SD3))
+        jerk = 1 / _largest_on_pieces(problem, Term.SDDD)
     # the motion may change its speed on the side that allows more
     allowed = np.maximum(constant[:-1], constant[1:])
     passed = start.on(np.concatenate([problem.s[:1], breaks[1:-1], problem.s[-1:]]))[0, 1:]
@@ -335,9 +335,16 @@ def _largest_coefficients(problem: Problem, term: Term, side: str = "start") -> 
     return largest
 
 
-def _largest_on_pieces(problem: Problem, term: Term, count: int) -> Array:
-    """Return the largest coefficient of a term on each of some pieces (count,)."""
-    largest = np.zeros(count)
-    for side in ("start", "end"):
-        np.maximum.at(largest, problem.piece - problem.piece[0], _largest_coefficients(problem, term, side))
-    return largest
+def _largest_on_pieces(problem: Problem, term: Term) -> Array:
+    """Return the largest coefficient of a term on each piece (P,)."""
+    largest = np.max([_largest_coefficients(problem, term, side) for side in ("start", "end")], axis=0)
+    return reduce_pieces(np.maximum, largest, problem.piece - problem.piece[0])
+
+
+def reduce_pieces(operation: np.ufunc, values: Array, pieces: np.ndarray) -> Array:
+    """Return np.maximum or np.minimum of values (N,) on each piece (P,).
+
+    pieces  (N,) rising from 0 to P − 1: the piece of each value
+    """
+    first = np.searchsorted(pieces, np.arange(pieces[-1] + 1))
+    return np.asarray(operation.reduceat(values, first))

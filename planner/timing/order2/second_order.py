@@ -86,8 +86,8 @@ def _scale(problem: Problem) -> tuple[Array, Array, float]:
     Lengths and times are scaled so that the run and its duration are about one.
     """
     length = float(problem.s[-1] - problem.s[0])
-    speeds = [block for block in problem.blocks if set(block.start) == {Term.SD}]
-    others = [block for block in problem.blocks if set(block.start) != {Term.SD}]
+    speeds = [block for block in problem.blocks if is_of_speed(block)]
+    others = [block for block in problem.blocks if not is_of_speed(block)]
     unit = length / _estimate_time(problem, length)
     ceiling = np.full(problem.intervals + 1, np.inf)
     for block in speeds:
@@ -142,6 +142,11 @@ def _lower_ceiling(ceiling: Array, block: Block, unit: float, free: tuple[bool, 
 def _has_linear_rows(problem: Problem) -> bool:
     """Return whether rows bound ṡ by itself, or are linear in s̈ and ṡ², at every speed."""
     return problem.is_unconditional and not any(_is_mixed(block) for block in problem.blocks)
+
+
+def is_of_speed(block: Block) -> bool:
+    """Return whether a limit bounds ṡ by itself."""
+    return set(block.start) == {Term.SD}
 
 
 def _is_mixed(block: Block) -> bool:
