@@ -19,8 +19,8 @@ from planner.timing.solvers.third_order import settle_rows, third_order
 
 # Shares of the largest speed without jerk limits from which the search with them starts.
 START_SHARES = (0.9, 0.5, 0.2)
-# The solver is started again from a little below its answer, as the grid is made for the speed that
-# it starts from, until the answer changes by no more than this share, or so many times.
+# The grid is made for the speed that the solver starts from. So it is started again from a little
+# below its answer, until the answer changes by less than this share, and this many times at most.
 SETTLED_CHANGE, MAX_RESOLVES, RESTART_SHARE = 1e-4, 3, 0.998
 # Shares of the solver's answer, tried in turn until one leads to a motion; then halvings between
 # that and the one before it.

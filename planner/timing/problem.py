@@ -34,7 +34,7 @@ SpeedRanges = tuple[Array, Array, Array, Array]
 class EndCondition:
     """State (ṡ, s̈) in which a run begins or ends, and what of it a solver may choose.
 
-    Where q′ = 0 the axes are at rest whatever ṡ is, since q̇ = q′ ṡ (planner.path.stands). There ṡ,
+    Where q′ = 0 the axes are at rest for every ṡ, since q̇ = q′ ṡ (planner.path.stands). There ṡ,
     or under jerk limits s̈, is free. Where q″ = 0 too, a jerk-limited motion passes at ṡ > 0.
 
     speed             ṡ

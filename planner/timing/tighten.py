@@ -39,7 +39,7 @@ SOLVER_MARGIN = 2e-7
 # Number of times that a run is solved before it is slowed instead.
 MAX_TRIES = 6
 # Excess from which an interval is cut in CUT_PARTS when it is solved again. Later tries cut from a
-# smaller excess on: what is then left lies between grid points, where less room does not help.
+# smaller excess on: it then lies between grid points, where less room does not help.
 MIN_CUT_EXCESS, MIN_LATE_CUT_EXCESS = 1.03, 1.0003
 CUT_PARTS = 4
 # Excess up to which the next answer is very near the last.

@@ -148,12 +148,12 @@ def resonance_error(
     """Return the refusal where the constant speed itself keeps an axis in a band too long."""
     breaks = run.breaks(path)
     for limit in limits:
-        for held in limit.held if isinstance(limit, Resonance) else ():
-            since = max(held.first, breaks[0])
-            until = min(held.last, breaks[-1])
+        for cap in limit.held if isinstance(limit, Resonance) else ():
+            since = max(cap.first, breaks[0])
+            until = min(cap.last, breaks[-1])
             if since >= until:
                 continue
-            band = held.band
+            band = cap.band
             s = np.linspace(since, until, BAND_PLACES)
             inner = np.searchsorted(breaks, s, side="right") - 1
             piece = run.first + np.clip(inner, 0, len(breaks) - 2)

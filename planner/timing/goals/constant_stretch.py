@@ -187,10 +187,10 @@ class _RampSearch:
         for _ in range(MAX_SOLVES):
             profile = motion.profile
             kind = STRAIGHT if motion.method == STRAIGHT else self.order
-            reached = np.flatnonzero(profile.v >= self.speed * (1 - REACHED_SHARE[kind]))
-            if not len(reached):
+            at_speed = np.flatnonzero(profile.v >= self.speed * (1 - REACHED_SHARE[kind]))
+            if not len(at_speed):
                 break
-            length = float(profile.s[reached[nearest]]) - end
+            length = float(profile.s[at_speed[nearest]]) - end
             if best is not None and abs(length) > abs(best[1] - end) * (1 - MIN_RAMP_GAIN[kind]):
                 break
             ramp = self.solve_to([end + length * longer for longer in RAMP_LENGTHENING[kind]])

@@ -15,7 +15,7 @@ class Goal(Protocol):
 
     @property
     def uniform(self) -> bool:
-        """Whether equal runs have equal motions."""
+        """True if equal runs have equal motions."""
 
     def solve(self, path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolution:
         """Return a motion along a run, or its refusal."""
