@@ -35,5 +35,5 @@ from .profile import (
 from .run import solve_run as solve_run
 from .solvers.passes import largest_speeds as largest_speeds
 from .solvers.second_order import second_order as second_order
-from .solvers.third_order import solve_jerk_limited as solve_jerk_limited, third_order as third_order
+from .order3.solve import solve_jerk_limited as solve_jerk_limited, third_order as third_order
 from .stated_duration import solve_stated as solve_stated

@@ -27,6 +27,7 @@ from planner.limits.resonance import BAND_MARGIN, Resonance, SpeedCap
 from planner.limits.tool import ToolLimit
 from planner.path.actuation import ActuatorPath, MachinePath
 from planner.timing.discretization import cut_intervals
+from planner.timing.order3.solve import solve_jerk_limited
 from planner.timing.problem import Block, Run, leave_out_idle
 from planner.timing.profile import (
     AVERAGED,
@@ -41,7 +42,6 @@ from planner.timing.profile import (
     sample_limit_use,
 )
 from planner.timing.solvers.second_order import second_order
-from planner.timing.solvers.third_order import solve_jerk_limited
 
 # Room taken off: this share of the excess, more with every try, and a little for the solver's own tolerance.
 EXCESS_FACTOR, SOLVER_MARGIN = 1.1, 2e-7

@@ -1,7 +1,7 @@
 """A run under jerk limits: solved as a whole, or where a solver has no answer, by what still leads to a motion.
 
 In that order: the closed form, where it is straight; the averaged order-2 motion, where its ramps are brief; the solver
-(planner.timing.solvers.third_order); two legs with a rest between, and so on; the averaged motion, slowed.
+(planner.timing.order3.solve); two legs with a rest between, and so on; the averaged motion, slowed.
 """
 
 from collections.abc import Sequence
@@ -30,6 +30,8 @@ from planner.timing.discretization import (
     unbounded_error,
 )
 from planner.timing.initial_guess import Smoothed, ramped
+from planner.timing.order3.peaks import Look
+from planner.timing.order3.solve import estimate_motion, settle_rows, solve_jerk_limited, third_order
 from planner.timing.problem import POWERS, Problem, Run, fix_passed_ends, leave_out_idle
 from planner.timing.profile import (
     AVERAGED,
@@ -44,7 +46,6 @@ from planner.timing.profile import (
 from planner.timing.solvers.closed_form import straight
 from planner.timing.solvers.second_order import TERMS as SECOND
 from planner.timing.solvers.second_order import estimate_lower_bound, second_order
-from planner.timing.solvers.third_order import Look, estimate_motion, settle_rows, solve_jerk_limited, third_order
 
 # A leg that has to be this much slower as a whole is tried in two, with a rest between: what is slow there stays there.
 MIN_SPLIT_SLOWNESS = 1.01

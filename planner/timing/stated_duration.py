@@ -1,6 +1,6 @@
 """A motion of a stated duration: the smoothest that there is within it, certified.
 
-It has the least integral of squared actuator jerk. The stages are those of planner.timing.solvers.third_order with
+It has the least integral of squared actuator jerk. The stages are those of planner.timing.order3.solve with
 another cost:
 
     minimise ∫ Σ_i (q⃛_i/w_i)² dt
@@ -26,11 +26,11 @@ from planner.place import Infeasible
 from planner.timing.certified_run import MAX_TRIES, Timing, tighten_block
 from planner.timing.certified_solve import Solution, certified_solve
 from planner.timing.discretization import grade_problem
+from planner.timing.order3.pose import pose_smoothest
+from planner.timing.order3.solve import minimise_posed
 from planner.timing.pacing import Pacer
 from planner.timing.problem import Problem, Run
 from planner.timing.profile import Profile, RunSolution, close_profile
-from planner.timing.solvers.stage_problem import pose_smoothest
-from planner.timing.solvers.third_order import minimise_posed
 
 HALVINGS = 60
 

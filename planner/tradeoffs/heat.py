@@ -5,7 +5,7 @@
 with T₀ and H₀ of the fastest motion, dwells aside. A motor's torque goes with q̈ where its own inertia outweighs the
 rest, its current with the torque, and the loss in its coils with the square of that. Both are sums over the runs
 between stops, so that each run is solved by itself, with one price w T₀/H₀ of heat: by the stages of
-planner.timing.solvers.third_order with another cost, q̈ taken at both ends of each interval and weighed half each.
+planner.timing.order3.solve with another cost, q̈ taken at both ends of each interval and weighed half each.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,10 +23,10 @@ from planner.path.actuation import ActuatorPath
 from planner.timing.certified_run import MAX_TRIES, Timing, tighten_block
 from planner.timing.certified_solve import Solution, certified_solve
 from planner.timing.discretization import place_problem
+from planner.timing.order3.pose import pose_weighted
+from planner.timing.order3.solve import minimise_posed
 from planner.timing.problem import Problem, Run, fix_passed_ends, pose_problem
 from planner.timing.profile import Profile, RunSolution, close_profile
-from planner.timing.solvers.stage_problem import pose_weighed
-from planner.timing.solvers.third_order import minimise_posed
 from planner.timing.stated_duration import SLOWED, cut_runs
 from planner.tradeoffs.objective import Objective
 from planner.trajectory import Trajectory
@@ -133,7 +133,7 @@ class HeatTiming:
     def _weigh(self, path: ActuatorPath, problem: Problem, slowed: Profile, tries: int = 0) -> RunSolution:
         """Solved within the rooms that are left; `slowed` where there is no answer, or a worse one."""
         guess = slowed.on(problem.s)
-        posed = pose_weighed(problem, guess, self._push_slopes(path, problem), self.price)
+        posed = pose_weighted(problem, guess, self._push_slopes(path, problem), self.price)
         columns = minimise_posed(posed, ("far", "farther"))
         profile = columns if isinstance(columns, MotionError) else close_profile(problem, columns)
         if isinstance(profile, MotionError) or self._cost(path, profile) > self._cost(path, slowed):

@@ -11,9 +11,9 @@ from benchmarks.evidence.peers.problems import SHARES, Motion, PathProblem, Solv
 from kinematics.foundation.errors import require
 from planner.timing.certified_solve import certified_solve
 from planner.timing.discretization import jerk_problem
+from planner.timing.order3.solve import third_order
 from planner.timing.problem import Run, Solver, make_grid, pose_problem
 from planner.timing.solvers.second_order import second_order
-from planner.timing.solvers.third_order import third_order
 from planner.trajectory import Trajectory
 
 

@@ -17,7 +17,7 @@ from planner.timing import Block, Run, RunSolution, coarse_jerk_problem, jerk_pr
 from planner.timing.certified_run import tighten_block
 from planner.timing.initial_guess import pass_breaks
 from planner.timing.jerk_limited import solve_leg
-from planner.timing.solvers import third_order as solver_module
+from planner.timing.order3 import solve as solver_module
 
 START = RigidTransform.from_translation([0.0, 0.0, 0.025])
 
