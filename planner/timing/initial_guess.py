@@ -41,6 +41,9 @@ MIN_STEP_SHARE = 1e-6
 # Speed at a slow break as a share of what the jerk allows. Measured on corners with blends of 1e-9
 # to 1e-3 m: shares of 0.3 to 1 lead to the same answers.
 SPEED_SHARE = 0.7
+# A break that the averaged motion passes this many times too fast is slow, whatever its other side
+# allows: from there a solver takes hundreds of iterations, or finds no motion.
+TOO_FAST = 2.0
 # Newton steps from above, and halvings, that reach rounding.
 NEWTON_STEPS = 30
 HALVINGS = 40
@@ -280,17 +283,23 @@ def _sum_before(values: Array) -> Array:
 def slow_breaks(problem: Problem, start: Profile, breaks: Array) -> tuple[np.ndarray, Array]:
     """Return the inner breaks (K,) that `start` passes faster than the jerk allows, and speeds (K,).
 
-    breaks (P+1,) of the run. A speed can be reached from the one before and from the one after,
-    under the jerk alone.
+    breaks (P+1,) of the run. Along a piece with q‴ a steady ṡ has the jerk q‴ ṡ³: no more than
+    c = (J/|q‴|)^⅓ gets through, and at its ends no more than can be reached from c within its
+    length. A speed can also be reached from the one before and from the one after.
     """
     count = len(breaks) - 1
+    length = np.diff(breaks)
     with np.errstate(divide="ignore"):
-        constant = np.cbrt(1 / _largest_on_pieces(problem, Term.SD3))
+        steady = np.cbrt(1 / _largest_on_pieces(problem, Term.SD3))
         jerk = 1 / _largest_on_pieces(problem, Term.SDDD)
-    # the motion may change its speed on the side that allows more
-    allowed = np.maximum(constant[:-1], constant[1:])
+    at_ends = np.full(count, np.inf)
+    for k in np.flatnonzero(np.isfinite(steady)):
+        at_ends[k] = _reachable_speed(float(steady[k]), float(jerk[k]), float(length[k]))
+    allowed = np.minimum(at_ends[:-1], at_ends[1:])
     passed = start.on(np.concatenate([problem.s[:1], breaks[1:-1], problem.s[-1:]]))[0, 1:]
-    slow = np.flatnonzero(passed > allowed)
+    # the motion may change its speed on the side that allows more, but not by much
+    most = np.minimum(np.maximum(steady[:-1], steady[1:]), TOO_FAST * allowed)
+    slow = np.flatnonzero(passed > most)
     at = np.concatenate([[0], slow + 1, [count]])
     speeds = np.concatenate([problem.speeds[:1], SPEED_SHARE * allowed[slow], problem.speeds[1:]])
     ways = [(float(jerk[a:b].min()), float(breaks[b] - breaks[a])) for a, b in pairwise(at)]
