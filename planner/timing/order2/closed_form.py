@@ -133,7 +133,9 @@ class _Bounds:
         if length >= least or length == 0:
             return self
         k = length / least
-        return _Bounds(self.v_max, k * self.a_max, k * self.a_min, k**2 * self.j_max, k**2 * self.j_min)
+        return _Bounds(
+            self.v_max, k * self.a_max, k * self.a_min, k**2 * self.j_max, k**2 * self.j_min
+        )
 
 
 def straight(problem: Problem) -> RunSolution | None:
@@ -207,7 +209,9 @@ def _check_ends(bounds: _Bounds, length: float, speeds: tuple[float, float]) -> 
 
     # the shortest motion stops first, or changes speed directly
     stop = between(low, 0.0)
-    if not exceeds and min(between(low, high), stop + between(0.0, high)) <= length * (1 + ROUNDING):
+    if not exceeds and min(between(low, high), stop + between(0.0, high)) <= length * (
+        1 + ROUNDING
+    ):
         return None
     largest = _find_root(lambda v: between(low, v) - length, low)
     if stop < length:
@@ -270,7 +274,9 @@ def _invert(use: float) -> float:
     return 1 / use if use else float("inf")
 
 
-def _bound_curvature(bounds: _Bounds, length: float, curving: Sequence[tuple[Term, float]]) -> float:
+def _bound_curvature(
+    bounds: _Bounds, length: float, curving: Sequence[tuple[Term, float]]
+) -> float:
     """Return the largest use of limits by terms that a straight run does not have."""
     # what ṡ and s̈ can reach within the length, where no limit bounds them
     a = max(bounds.a_max, bounds.a_min)

@@ -81,8 +81,6 @@ def _toppra(what: str = "this solver") -> tuple[Any, Any]:
         ) -> tuple[Any, ...]:
             xbound = np.stack([np.zeros_like(self.ceiling), self.ceiling], 1)
             count = self.rows.shape[2]
-            if count == 0:
-                return None, None, None, None, None, None, xbound
             both = np.concatenate([np.eye(count), -np.eye(count)])
             return (*self.rows, both, np.ones(2 * count), None, xbound)
 
