@@ -81,8 +81,7 @@ def second_order(problem: Problem, *, solver: Solver = "passes") -> RunSolution:
 
 def _blocked_error(s: float) -> MotionError:
     return MotionError(
-        f"no motion gets past s = {s:.6g}; check for a limit that allows no motion there, or a path "
-        "that stops"
+        f"no motion gets past s = {s:.6g}; check for a limit that allows no motion there, or a path that stops"
     )
 
 
