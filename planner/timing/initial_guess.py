@@ -134,13 +134,14 @@ def spread_points(start: Profile, intervals: int) -> Array:
     ramps = start.h * (size >= ACTING_SHARE * size.max())
     weight = start.h / start.h.sum() + ramps / ramps.sum()
     passed = np.concatenate([[0.0], np.cumsum(weight)])
-    even = np.linspace(0.0, passed[-1], intervals + 1)
-    k = np.searchsorted(passed, even, side="right") - 1
+    even = np.linspace(0.0, 1.0, intervals + 1)
+    passing = even * passed[-1]
+    k = np.searchsorted(passed, passing, side="right") - 1
     k = k.clip(0, len(weight) - 1)
-    share = (even - passed[k]) / weight[k]
-    s, *_ = start.at(k, share * start.h[k])
+    tau = (passing - passed[k]) / weight[k] * start.h[k]
+    s, *_ = start.at(k, tau)
     s = np.maximum.accumulate(s)
-    line = np.linspace(s[0], s[-1], intervals + 1)
+    line = s[0] + (s[-1] - s[0]) * even
     return np.asarray((1 - MIN_STEP_SHARE) * s + MIN_STEP_SHARE * line)
 
 
