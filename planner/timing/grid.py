@@ -142,8 +142,8 @@ def acceleration_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) 
     """Pose a run at order 2, on an even grid, or on one that is graded where rows have ṡ next to others."""
     of_speed = [limit.terms for limit in limits if Term.SD in limit.terms]
     mixed = any(len(terms) > 1 for terms in of_speed)
-    stands = any(end.zero_derivatives == 1 for end in run.ends)
-    few = None if mixed or stands or run.fineness > 1 else _few_intervals(path, run)
+    has_free_end = any(end.zero_derivatives == 1 for end in run.ends)
+    few = None if mixed or has_free_end or run.fineness > 1 else _few_intervals(path, run)
     if few is not None:
         grid = make_grid(path, run, few)
     else:

@@ -40,8 +40,8 @@ ACTING_SHARE = 0.02
 MIN_STEP_SHARE = 1e-6
 # Least interval at the ends of a run that is shortened, as a share of it.
 MIN_INTERVAL_SHARE = 1e-9
-# Speed at a slow break as a share of what the jerk allows. Measured on corners with blends of 1e-9
-# to 1e-3 m: shares of 0.3 to 1 lead to the same answers.
+# Speed at a slow break as a share of the largest that the jerk allows. On corners with blends of
+# 1e-9 to 1e-3 m, shares of 0.3 to 1 lead to the same answers.
 SPEED_SHARE = 0.7
 # Newton steps from above, and halvings, that reach rounding.
 NEWTON_STEPS = 30
@@ -53,10 +53,10 @@ REACH_ROUNDING = 1e-9
 MAX_BRIEF_SHARE = 1e-3
 MIN_WINDOW_SHARE = 1e-9
 WINDOW_GROWTH = 4.0
-# Window between two speeds, as a share of what the run allows, where a gentle start finds no way.
+# Window between two speeds, as a share of the largest, where a gentle start finds no way.
 START_WINDOW_SHARE = 1e-2
 START_GRID = "start"
-"""Name of the rows that bound s̈ by what the jerk allows to reach: no limit's."""
+"""Name of the rows that bound s̈ to values that the jerk lets a motion reach: no limit's."""
 
 
 def average(motion: Profile, window: float, speeds: tuple[float, float] = (0.0, 0.0)) -> Profile:
@@ -184,16 +184,16 @@ def relax_jerk(problem: Problem) -> tuple[Problem, float]:
     speed = _mean_bound(problem, Term.SD)
     acceleration = _mean_bound(problem, Term.SDD)
     length = problem.s[-1] - problem.s[0]
-    reached = min(np.sqrt(speed * jerk), np.cbrt(jerk**2 * length / 2))
-    if not np.isfinite(reached):
+    attainable = min(np.sqrt(speed * jerk), np.cbrt(jerk**2 * length / 2))
+    if not np.isfinite(attainable):
         raise MotionError("the motion is unbounded: no moving axis states a limit of speed or acceleration; state one")
     sharp = select_order_2(problem.with_fixed_ends())
-    if reached >= acceleration:
+    if attainable >= acceleration:
         return sharp, acceleration / jerk
     count = problem.intervals
-    side = {Term.SDD: np.full((count, 1), 1 / reached)}
+    side = {Term.SDD: np.full((count, 1), 1 / attainable)}
     gentle = Block(START_GRID, side, side, np.ones(count), np.zeros(1))
-    return replace(sharp, blocks=(*sharp.blocks, gentle)), reached / jerk
+    return replace(sharp, blocks=(*sharp.blocks, gentle)), attainable / jerk
 
 
 def select_order_2(problem: Problem) -> Problem:

@@ -26,7 +26,7 @@ from planner.timing.solution import STRAIGHT, RunSolution, TooFast
 # Share of a limit by which rows may vary, or that curvature may use, on a straight run: a
 # synchronised move that is drawn by a polynomial has so much. The motion leaves it unused.
 STRAIGHTNESS_SHARE = 1e-8
-# Share by which rounding may take a speed or a length beyond what is possible.
+# Share by which rounding may make a speed too high, or a length too short.
 ROUNDING = 1e-11
 # Halvings that narrow a bracket of one octave to rounding, and doublings that find it.
 HALVINGS = 60
@@ -246,9 +246,9 @@ def _bound_run(
     share: float = STRAIGHTNESS_SHARE,
     top_speed: float | None = None,
 ) -> _Bounds | None:
-    """Return the bounds that the motion aims at: the limits less what curvature and variation use.
+    """Return the bounds that the motion aims at: the limits less the use by curvature and variation.
 
-    share      of the limits that these may use; None is returned where it is more
+    share      of the limits that these may use; None where they use more
     top_speed  ṡ that is known to hold, in place of the limits on speed
     """
     if not problem.is_unconditional or not all(map(_is_plain, problem.blocks)):
@@ -300,7 +300,7 @@ def _invert(use: float) -> float:
 
 def _bound_curvature(bounds: _Bounds, length: float, curving: Sequence[tuple[Term, float]]) -> float:
     """Return the largest use of limits by terms that a straight run does not have."""
-    # what ṡ and s̈ can reach within the length, where no limit bounds them
+    # ṡ and s̈ that can be reached within the length, where no limit bounds them
     a = max(bounds.a_max, bounds.a_min)
     j = max(bounds.j_max, bounds.j_min)
     v = min(
@@ -323,7 +323,7 @@ def _length(problem: Problem) -> float:
 
 
 def _find_root(rising: Callable[[float], float], low: float) -> float:
-    """Return the zero of a rising function that is not above 0 at `low`; ∞ where there is none."""
+    """Return the zero of a rising function that is not above 0 at `low`; ∞ without one."""
     step = low if low > 0 else 1.0
     while step > 0 and rising(low + step) > 0:
         step /= 2

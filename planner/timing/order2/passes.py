@@ -28,7 +28,7 @@ LOWER, UPPER, GAIN = range(3)
 NEGLIGIBLE_SHARE = 1e-12
 # Ceiling where no row bounds x, in problems that are scaled to about one: Newton steps start there.
 UNBOUNDED = 1e12
-# Share by which rounding may take a given x beyond what is possible.
+# Share by which rounding may take a stated x out of its set.
 ROUNDING = 1e-9
 
 
@@ -81,10 +81,10 @@ def largest_ends(
     step: Array,
     ends: tuple[float, float],
 ) -> tuple[float, float]:
-    """Return the ends, of which one that is too large is replaced by the largest that is possible.
+    """Return the ends, with the largest possible x in place of one that is too large.
 
-    That is the start from which the given end is reached. Where there is none, it is the end that is
-    reached from the given start, or from a slower one.
+    The start is lowered until it leads to the stated end. If no start does, the end is lowered to
+    the largest that the stated start, or a slower one, leads to.
     """
     start, end = ends
     lines, ceiling = draw_lines(np.asarray(rows, float), ceiling, step)
@@ -175,7 +175,7 @@ def find_controllable_sets(
 ) -> tuple[Array, Array]:
     """Return the least and the largest x (N+1,) at each stage from which the target is reached.
 
-    Where there is none, the sets are empty from there on backwards: [∞, −∞].
+    Sets from which the target cannot be reached are empty: [∞, −∞].
     """
     lower, upper, gain = lines
     least = np.full(len(ceiling), np.inf)
