@@ -40,5 +40,5 @@ from .profile import Profile as Profile, close_profile as close_profile
 from .rows import pose_problem as pose_problem
 from .sampling import sample_limit_use as sample_limit_use
 from .solution import RunSolution as RunSolution
-from .solvers.third_order import solve_jerk_limited as solve_jerk_limited, third_order as third_order
+from .order3.solve import solve_jerk_limited as solve_jerk_limited, third_order as third_order
 from .tighten import lower_rooms as lower_rooms

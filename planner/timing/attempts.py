@@ -32,6 +32,8 @@ from planner.timing.loss_grid import pose_by_loss, pose_usual_problem
 from planner.timing.order2.closed_form import straight
 from planner.timing.order2.second_order import TERMS as ORDER_2_TERMS
 from planner.timing.order2.second_order import estimate_lower_bound, second_order
+from planner.timing.order3.interior_point import Start
+from planner.timing.order3.solve import solve_jerk_limited
 from planner.timing.problem import Problem, Run, fix_passed_ends
 from planner.timing.profile import Profile
 from planner.timing.rows import leave_out_idle
@@ -44,8 +46,6 @@ from planner.timing.solution import (
     RunSolution,
     TooFast,
 )
-from planner.timing.solvers.interior_point import Start
-from planner.timing.solvers.third_order import solve_jerk_limited
 from planner.timing.tighten import SOLVER_MARGIN, required_slowness, tighten_until_kept
 
 # A motion that has to be slowed by more than this is not accepted while other ways are left: a rest

@@ -13,9 +13,9 @@ from kinematics.foundation.errors import MotionError
 from planner.limits.limit import Limit, Term
 from planner.path.actuation import ActuatorPath
 from planner.timing.grid import coarse_jerk_problem, jerk_problem
+from planner.timing.order3.solve import settle_rows, third_order
 from planner.timing.problem import POWERS, Problem, Run
 from planner.timing.solution import TooFast
-from planner.timing.solvers.third_order import settle_rows, third_order
 
 # Shares of the largest speed without jerk limits from which the search with them starts.
 START_SHARES = (0.9, 0.5, 0.2)

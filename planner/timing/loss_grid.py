@@ -19,10 +19,10 @@ from planner.timing.grid import (
     jerk_problem,
     place_problem,
 )
+from planner.timing.order3.solve import estimate_motion
 from planner.timing.problem import Problem, Run
 from planner.timing.profile import Profile
 from planner.timing.solution import TooFast
-from planner.timing.solvers.third_order import estimate_motion
 
 # A rough solution that takes this many times as long as its guess does not show where time goes.
 MAX_ROUGHNESS = 1.1

@@ -17,6 +17,7 @@ from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath
 from planner.timing.grid import cut_intervals
 from planner.timing.order2.second_order import second_order
+from planner.timing.order3.solve import solve_jerk_limited
 from planner.timing.problem import Block, Problem
 from planner.timing.rows import leave_out_idle
 from planner.timing.sampling import MIN_WATCHED_USE, sample_limit_use
@@ -29,7 +30,6 @@ from planner.timing.solution import (
     WITH_RESTS,
     RunSolution,
 )
-from planner.timing.solvers.third_order import solve_jerk_limited
 
 # Room taken off, as a multiple of the excess and of the number of tries: more each time, since a
 # peak between grid points heeds the room only in part.

@@ -12,9 +12,9 @@ from kinematics.foundation.errors import require
 from planner.timing.certified_solve import certified_solve
 from planner.timing.grid import Rule, jerk_problem, make_grid
 from planner.timing.order2.second_order import second_order
+from planner.timing.order3.solve import third_order
 from planner.timing.problem import Run, Solver
 from planner.timing.rows import pose_problem
-from planner.timing.solvers.third_order import third_order
 from planner.trajectory import Trajectory
 
 

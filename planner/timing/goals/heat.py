@@ -25,12 +25,12 @@ from planner.timing.certified_solve import Solution, certified_solve, cut_runs
 from planner.timing.goals.fallback import FallbackGoal, integrate
 from planner.timing.goals.objective import Objective
 from planner.timing.grid import place_problem
+from planner.timing.order3.pose import pose_weighted
+from planner.timing.order3.solve import minimise_posed
 from planner.timing.problem import Problem, Run, fix_passed_ends
 from planner.timing.profile import Profile, close_profile
 from planner.timing.rows import pose_problem
 from planner.timing.solution import RunSolution
-from planner.timing.solvers.stage_problem import pose_weighed
-from planner.timing.solvers.third_order import minimise_posed
 from planner.trajectory import Trajectory
 
 WEIGHED = "weighed"
@@ -135,7 +135,7 @@ class TimeAndHeat(FallbackGoal):
         guess = slowed.on(problem.s)
         slopes = self._acceleration_slopes(path, problem)
         columns = minimise_posed(
-            pose_weighed(problem, guess, slopes, self.price),
+            pose_weighted(problem, guess, slopes, self.price),
             ("far", "farther"),
         )
         profile = columns if isinstance(columns, MotionError) else close_profile(problem, columns)

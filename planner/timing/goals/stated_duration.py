@@ -25,11 +25,11 @@ from planner.timing.certified_solve import Solution, certified_solve, cut_runs
 from planner.timing.goals.fallback import FallbackGoal, integrate
 from planner.timing.goals.pacing import Pacer
 from planner.timing.grid import grade_problem
+from planner.timing.order3.pose import pose_smoothest
+from planner.timing.order3.solve import minimise_posed
 from planner.timing.problem import Problem, Run
 from planner.timing.profile import Profile, close_profile
 from planner.timing.solution import RunSolution
-from planner.timing.solvers.stage_problem import pose_smoothest
-from planner.timing.solvers.third_order import minimise_posed
 from planner.timing.tighten import MAX_TRIES
 
 # Halvings that invert the quintic: down to rounding.

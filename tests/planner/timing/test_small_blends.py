@@ -26,7 +26,7 @@ from planner.timing import (
     third_order,
 )
 from planner.timing.initial_guess import pass_breaks
-from planner.timing.solvers import third_order as solver_module
+from planner.timing.order3 import solve as solver_module
 
 START = RigidTransform.from_translation([0.0, 0.0, 0.025])
 

@@ -25,8 +25,8 @@ from planner.timing import (
     solve_run,
     third_order,
 )
-from planner.timing.solvers import third_order as solver_module
-from planner.timing.solvers.third_order import SMALL_EXCESS
+from planner.timing.order3 import solve as solver_module
+from planner.timing.order3.peaks import SMALL_EXCESS
 
 
 def line(length):
