@@ -112,7 +112,7 @@ def find_pieces(path: ActuatorPath, run: Run, s: Array) -> np.ndarray:
 
 
 def divide_intervals(s: Array, count: np.ndarray) -> tuple[Array, np.ndarray]:
-    """Return the grid (M+1,) whose intervals are cut into count (N,) even parts, and their owners (M,)."""
+    """Cut each interval of a grid into count (N,) even parts; return the grid and their owners (M,)."""
     owner = np.repeat(np.arange(len(count)), count)
     first = np.cumsum(count) - count
     share = (np.arange(len(owner)) - first[owner]) / count[owner]
@@ -139,7 +139,7 @@ def _distances(s: Array, places: Array) -> Array:
 
 
 def acceleration_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Problem:
-    """Pose a run at order 2, on an even grid, or on one that is graded where rows have ṡ next to others."""
+    """Pose a run at order 2: on an even grid, or a graded one if rows have ṡ next to other terms."""
     of_speed = [limit.terms for limit in limits if Term.SD in limit.terms]
     mixed = any(len(terms) > 1 for terms in of_speed)
     has_free_end = any(end.zero_derivatives == 1 for end in run.ends)
@@ -280,9 +280,9 @@ def jerk_problem(
         start = ramps.cut(breaks, run.first)
         s, piece = _place_grid(rule, path, run, start, start.h)
     else:  # without slow breaks, or where the jerk leaves no way from speed to speed
-        intervals = count_intervals(rule, path, run, on_top=True)
-        share = (spread_points(start, intervals) - breaks[0]) / (breaks[-1] - breaks[0])
-        s, piece = _grid(rule, path, run, np.clip(share, 0.0, 1.0))
+        points = spread_points(start, count_intervals(rule, path, run, on_top=True))
+        share = (points - breaks[0]) / (breaks[-1] - breaks[0])
+        s, piece = _grid(rule, path, run, share.clip(0.0, 1.0))
     return pose_problem(path, limits, s, piece, run.ends), start
 
 
@@ -374,7 +374,12 @@ def _per_piece(rule: Rule, path: ActuatorPath, run: Run) -> int:
     return min(rule.per_piece, max(1, MAX_INTERVALS[rule.order] // pieces))
 
 
-def count_intervals(rule: Rule, path: ActuatorPath, run: Run, on_top: bool = False) -> int:
+def count_intervals(
+    rule: Rule,
+    path: ActuatorPath,
+    run: Run,
+    on_top: bool = False,
+) -> int:
     """Return the number of intervals of a run. Raises MotionError if it is too large.
 
     on_top  pieces after the first add to the least number
@@ -427,7 +432,7 @@ def _few_intervals(path: ActuatorPath, run: Run) -> int | None:
 
 
 def unbounded_error(problem: Problem, order: int) -> MotionError | None:
-    """Return the error of a run on which nothing bounds s̈, or at order 3 s⃛; None where it is bounded."""
+    """Return the error of a run without a bound of s̈, or of s⃛ at order 3; None where there is one."""
     term = Term.SDD if order == 2 else Term.SDDD
     if any(np.any(block.start.get(term)) for block in problem.blocks):
         return None

@@ -59,7 +59,11 @@ START_GRID = "start"
 """Name of the rows that bound s̈ to values that the jerk lets a motion reach: no limit's."""
 
 
-def average(motion: Profile, window: float, speeds: tuple[float, float] = (0.0, 0.0)) -> Profile:
+def average(
+    motion: Profile,
+    window: float,
+    speeds: tuple[float, float] = (0.0, 0.0),
+) -> Profile:
     """Return the moving average in time of a motion of order 2, which takes a window longer.
 
     speeds  ṡ at the motion's ends, which it keeps before and after: the average begins and ends
@@ -184,7 +188,9 @@ def relax_jerk(problem: Problem) -> tuple[Problem, float]:
     speed = _mean_bound(problem, Term.SD)
     acceleration = _mean_bound(problem, Term.SDD)
     length = problem.s[-1] - problem.s[0]
-    attainable = min(np.sqrt(speed * jerk), np.cbrt(jerk**2 * length / 2))
+    by_speed = np.sqrt(speed * jerk)
+    by_length = np.cbrt(jerk**2 * length / 2)
+    attainable = min(by_speed, by_length)
     if not np.isfinite(attainable):
         raise MotionError("the motion is unbounded: no moving axis states a limit of speed or acceleration; state one")
     sharp = select_order_2(problem.with_fixed_ends())
@@ -202,13 +208,19 @@ def select_order_2(problem: Problem) -> Problem:
     return replace(problem, blocks=blocks)
 
 
-def add_brief_ramps(motion: Profile, window: float, breaks: Array, first: int) -> Profile | None:
+def add_brief_ramps(
+    motion: Profile,
+    window: float,
+    breaks: Array,
+    first: int,
+) -> Profile | None:
     """Return the order-2 motion from rest to rest with ramps of s̈ that are brief, or None.
 
     breaks (P+1,) of its run, whose pieces begin with number `first`. Ramps may not overlap.
     """
     window = max(WINDOW_GROWTH * window, MIN_WINDOW_SHARE * motion.duration)
-    if not window <= min(MAX_BRIEF_SHARE * motion.duration, float(motion.h.min())):
+    longest = min(MAX_BRIEF_SHARE * motion.duration, float(motion.h.min()))
+    if not window <= longest:
         return None
     return average(motion, window).cut(breaks, first)
 
@@ -223,12 +235,13 @@ class _Ramps:
     def phases(self, change: Array) -> list[tuple[Array, Array]]:
         """Return s⃛ and duration of the three phases of a change of ṡ."""
         size = np.abs(change)
-        jerk = np.sign(change) * self.jerk
-        rise = np.minimum(np.sqrt(size / self.jerk), self.acceleration / self.jerk)
+        full_rise = self.acceleration / self.jerk
+        rise = np.minimum(np.sqrt(size / self.jerk), full_rise)
         with np.errstate(invalid="ignore"):
             reaches = size * self.jerk > self.acceleration**2
-            hold = np.where(reaches, size / self.acceleration - self.acceleration / self.jerk, 0.0)
-        return [(jerk, rise), (np.zeros(len(size)), hold), (-jerk, rise)]
+            hold = np.where(reaches, size / self.acceleration - full_rise, 0.0)
+        jerk = np.sign(change) * self.jerk
+        return [(jerk, rise), (0 * jerk, hold), (-jerk, rise)]
 
     def length(self, *speeds: Array) -> Array:
         """Return the path length of the changes from speed to speed."""
@@ -312,14 +325,14 @@ def slow_breaks(problem: Problem, start: Profile, breaks: Array) -> tuple[np.nda
     slow = np.flatnonzero(passing[1:] > allowed)
     first, last = problem.speeds
     speeds = np.array([first, *SPEED_SHARE * allowed[slow], last])
-    ways: list[tuple[float, float]] = []
-    for a, b in pairwise([0, *slow + 1, len(breaks) - 1]):
-        ways.append((float(jerk[a:b].min()), float(breaks[b] - breaks[a])))
+    at = np.array([0, *slow + 1, len(breaks) - 1])
+    jerk = np.minimum.reduceat(jerk, at[:-1])
+    length = np.diff(breaks[at])
     for k in range(len(slow)):
-        reachable = _reachable_speed(speeds[k], *ways[k])
+        reachable = _reachable_speed(speeds[k], jerk[k], length[k])
         speeds[k + 1] = min(speeds[k + 1], reachable)
     for k in range(len(slow), 0, -1):
-        reachable = _reachable_speed(speeds[k + 1], *ways[k])
+        reachable = _reachable_speed(speeds[k + 1], jerk[k], length[k])
         speeds[k] = min(speeds[k], reachable)
     return slow + 1, speeds
 

@@ -1,4 +1,4 @@
-"""Fastest motion of a run that is straight in the actuators, in closed form: seven pieces of constant jerk.
+"""Fastest motion of a run that is straight in the actuators: seven pieces of constant jerk.
 
 Biagiotti and Melchiorri, Trajectory Planning for Automatic Machines and Robots (2008), 3.4, in its
 symbols, with bounds of its own for each direction (∞ without a limit). Where q′ is constant for
@@ -221,7 +221,11 @@ def _find_fastest(problem: Problem, bounds: _Bounds) -> RunSolution:
     return RunSolution("solved", profile, EXACT_AIM * profile.duration, STRAIGHT, problem)
 
 
-def _check_ends(bounds: _Bounds, length: float, speeds: tuple[float, float]) -> TooFast | None:
+def _check_ends(
+    bounds: _Bounds,
+    length: float,
+    speeds: tuple[float, float],
+) -> TooFast | None:
     """Return that the higher speed is too fast, with the largest that is possible, or None."""
     low, high = min(speeds), max(speeds)
     rises = speeds[1] > speeds[0]
@@ -233,7 +237,8 @@ def _check_ends(bounds: _Bounds, length: float, speeds: tuple[float, float]) -> 
 
     # the shortest motion stops first, or changes speed directly
     stop = between(low, 0.0)
-    if not exceeds and min(between(low, high), stop + between(0.0, high)) <= length * (1 + ROUNDING):
+    shortest = min(between(low, high), stop + between(0.0, high))
+    if not exceeds and shortest <= length * (1 + ROUNDING):
         return None
     largest = _find_root(lambda v: between(low, v) - length, low)
     if stop < length:
@@ -298,7 +303,11 @@ def _invert(use: float) -> float:
     return 1 / use if use else float("inf")
 
 
-def _bound_curvature(bounds: _Bounds, length: float, curving: Sequence[tuple[Term, float]]) -> float:
+def _bound_curvature(
+    bounds: _Bounds,
+    length: float,
+    curving: Sequence[tuple[Term, float]],
+) -> float:
     """Return the largest use of limits by terms that a straight run does not have."""
     # ṡ and s̈ that can be reached within the length, where no limit bounds them
     a = max(bounds.a_max, bounds.a_min)

@@ -1,4 +1,4 @@
-"""Fastest motion under limits on speed and acceleration: two passes (`passes`), or toppra as a second opinion.
+"""Fastest motion under limits on speed and acceleration, by two passes (`passes`) or by toppra.
 
 With x = ṡ² and u = s̈, constant on each interval, x grows by 2 u Δs. A row a u + b x + c at the end
 of an interval is (a + 2 Δs b) u + b x + c at its start, so that rows are imposed at both ends of
@@ -70,13 +70,18 @@ def second_order(problem: Problem, *, solver: Solver = "passes") -> RunSolution:
         return RunSolution.refused(_blocked_error(s[int(np.argmax(blocked))]))
 
     v = np.sqrt(x) * unit
-    for (_, point), speed, is_free in zip(SIDES, problem.speeds, problem.free, strict=True):
-        if solver == "toppra" or not is_free:
-            v[point] = speed  # exactly
-    h = 2 * np.diff(s) / (v[1:] + v[:-1])
-    still = np.zeros(len(h))
-    profile = Profile(s[:-1], v[:-1], np.diff(v) / h, still, h, problem.piece)
+    for number, point in enumerate((0, -1)):
+        if solver == "toppra" or not problem.free[number]:
+            v[point] = problem.speeds[number]  # exactly
+    profile = follow_speeds(s, v, problem.piece)
     return RunSolution("solved", profile, maker=solver, problem=problem)
+
+
+def follow_speeds(s: Array, v: Array, piece: np.ndarray) -> Profile:
+    """Return the motion with ṡ = v (N+1,) on a grid and constant s̈ on each interval."""
+    h = 2 * np.diff(s) / (v[1:] + v[:-1])
+    a = np.diff(v) / h
+    return Profile(s[:-1], v[:-1], a, np.zeros(len(h)), h, piece)
 
 
 def _blocked_error(s: float) -> MotionError:
@@ -135,13 +140,18 @@ def _estimate_time(problem: Problem, length: float) -> float:
     return max(times)
 
 
-def _lower_ceiling(ceiling: Array, block: Block, unit: float, free: tuple[bool, bool]) -> None:
+def _lower_ceiling(
+    ceiling: Array,
+    block: Block,
+    unit: float,
+    free: tuple[bool, bool],
+) -> None:
     """Lower the ceiling of x by a limit on ṡ; a stated speed at an end may use all of it."""
-    for side, (points, end), is_free in zip(block.sides, SIDES, free, strict=True):
+    for number, (points, end) in enumerate(SIDES):
         room = block.room.copy()
-        if not is_free:
+        if not free[number]:
             room[end] = 1.0
-        slope = np.abs(side[Term.SD]).max(1) * unit
+        slope = np.abs(block.sides[number][Term.SD]).max(1) * unit
         with np.errstate(divide="ignore"):
             largest = (room / slope) ** 2
         ceiling[points] = np.minimum(ceiling[points], largest)
@@ -169,8 +179,8 @@ def _solve_in_rounds(problem: Problem, solver: Solver) -> RunSolution:
     for growth in SPEED_GROWTH if best.solved else ():
         last = best.profile.last_speed if problem.free[1] else problem.speeds[1]
         speed = np.append(best.profile.v, last)
-        reach = np.sqrt(1 + growth) * np.where(speed > 0, speed, speed.max())
-        highest = np.minimum(highest, reach)
+        reach = np.where(speed > 0, speed, speed.max())
+        highest = np.minimum(highest, np.sqrt(1 + growth) * reach)
         faster = second_order(_linearise(problem, speed, highest), solver=solver)
         if not faster.solved:  # only by rounding: the motion at hand keeps these rows
             break
@@ -192,9 +202,17 @@ def _linearise(
     """
     count = problem.intervals
     v = np.zeros(count + 1) if speed is None else speed
-    slope = np.zeros((count + 1, 1)) if highest is None else 1 / highest[:, None]
-    reach = {Term.SD: slope[STARTS]}, {Term.SD: slope[ENDS]}
-    blocks = [Block("reach", *reach, np.ones(count), np.zeros(1))]
+    if highest is None:
+        highest = np.full(count + 1, np.inf)
+    slope = 1 / highest[:, None]
+    reach = Block(
+        "reach",
+        {Term.SD: slope[STARTS]},
+        {Term.SD: slope[ENDS]},
+        np.ones(count),
+        np.zeros(1),
+    )
+    blocks = [reach]
     for block in problem.around(v[STARTS], v[ENDS]).blocks:
         if not _is_mixed(block):
             blocks.append(block)
@@ -210,7 +228,7 @@ def _linearise(
                 room = np.maximum(block.room[:, None] - rest, MIN_ROOM)
                 touching = room / np.where(factor != 0, np.abs(factor), 1.0)
             else:
-                touching = np.where(v[points] > 0, v[points], 1.0)[:, None]
+                touching = np.where(v > 0, v, 1.0)[points, None]
             one = factor * touching / 2
             tangents.append(_replace_speed(side, one, factor / (2 * touching)))
             chords.append(_replace_speed(side, 0.0 * one, factor * slope[points]))
@@ -219,7 +237,11 @@ def _linearise(
     return replace(problem, blocks=tuple(blocks))
 
 
-def _replace_speed(side: Mapping[Term, Array], one: Array, square: Array) -> dict[Term, Array]:
+def _replace_speed(
+    side: Mapping[Term, Array],
+    one: Array,
+    square: Array,
+) -> dict[Term, Array]:
     """Return one side's coefficients with the term in ṡ replaced by one + square · ṡ²."""
     replaced = dict(side)
     del replaced[Term.SD]
@@ -237,8 +259,11 @@ def estimate_lower_bound(problem: Problem, fastest: Profile | None = None) -> fl
 
     fastest  the order-2 motion of a problem without such limits, where it is known
     """
-    blocks = [block.hull or block for block in problem.blocks if set(block.start) <= TERMS]
-    blocks = [block for block in blocks if block.about is None]
+    blocks: list[Block] = []
+    for block in problem.blocks:
+        convex = block.hull or block
+        if set(block.start) <= TERMS and convex.about is None:
+            blocks.append(convex)
     relaxed = replace(problem, blocks=tuple(blocks))
     if fastest is None or not problem.is_unconditional:
         solution = second_order(relaxed)
@@ -264,5 +289,9 @@ def _halve_grid(problem: Problem) -> Problem:
         end = {term: values[last] for term, values in block.end.items()}
         room = np.minimum(block.room[first], block.room[last])
         blocks.append(Block(block.name, start, end, room, block.middle))
-    s = np.append(problem.s[first], problem.s[-1])
-    return replace(problem, s=s, piece=problem.piece[first], blocks=tuple(blocks))
+    return replace(
+        problem,
+        s=np.append(problem.s[first], problem.s[-1]),
+        piece=problem.piece[first],
+        blocks=tuple(blocks),
+    )
