@@ -31,11 +31,10 @@ from planner.timing.problem import POWERS, EndCondition, Problem, Run
 from planner.timing.rows import pose_problem
 from planner.timing.solution import FEED_LIMITED, RunSolution
 
-# Intervals of a piece, and for each radian that it turns, at whose ends the limits are evaluated.
-# Too few would miss a peak of a limit's use; the proof finds such a peak, and the run is then
-# solved as a whole.
-SAMPLES_PER_PIECE = 8
-SAMPLES_PER_RADIAN = 8
+# Intervals of a piece, and as many for each radian that it turns, at whose ends the limits are
+# evaluated. Too few would miss a peak of a limit's use; the proof finds such a peak, and the run is
+# then solved as a whole.
+SAMPLES = 8
 # Largest use of the other limits at which the tool may cruise: the rest is for what lies between
 # the samples.
 MAX_CRUISING_USE = 0.95
@@ -55,7 +54,7 @@ MAX_UNUSED_SHARE = 0.02
 def sketch_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Problem:
     """Pose a run's rows at a few places of each piece: enough to see where limits bind."""
     pieces = np.arange(run.first, run.last + 1)
-    count = SAMPLES_PER_PIECE + np.ceil(SAMPLES_PER_RADIAN * path.turns[pieces]).astype(int)
+    count = SAMPLES + np.ceil(SAMPLES * path.turns[pieces]).astype(int)
     s, owner = divide_intervals(run.breaks(path), count)
     return pose_problem(path, limits, s, pieces[owner], run.ends)
 
