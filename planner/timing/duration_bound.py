@@ -27,10 +27,10 @@ from planner.limits.limit import Limit, Term
 from planner.limits.tool import ToolSpeed
 from planner.path.actuation import ActuatorPath
 from planner.path.stands import count_zero_derivatives
-from planner.timing.certified_run import find_first_equals
+from planner.timing.attempts import solve_run
 from planner.timing.problem import split_runs
 from planner.timing.profile import Profile
-from planner.timing.run import solve_run
+from planner.timing.repetition import find_first_equals
 from planner.timing.solvers.dual import DualCells, Multipliers, maximise_dual
 from planner.timing.solvers.inner_minimum import NEAR, fill_sets
 from planner.timing.solvers.limit_worth import weigh_limits, weigh_rest

@@ -16,7 +16,7 @@ FOLDERS = {f"planner.{name}" for name in ("timing", "certificate", "tradeoffs", 
 INTERNALS = {
     # steps of the interior point and of the passes: against finite differences, dense solves and linear programmes
     "planner/timing/order3/test_interior_point.py",
-    "planner/timing/solvers/test_passes.py",
+    "planner/timing/order2/test_passes.py",
     "planner/timing/order3/test_solve.py",
     "planner/timing/test_duration_bound.py",
     "planner/timing/test_stated_duration.py",

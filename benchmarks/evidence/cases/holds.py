@@ -30,8 +30,8 @@ from planner.interruption.section import Section
 from planner.limits import usual_order
 from planner.pulses import AxesMotion, PulseSchedule, check
 from planner.pulses.generation.motion_parts import JoinedMotion, MotionSpan
+from planner.timing.attempts import solve_once
 from planner.timing.problem import REST, Continuation, EndCondition, Run
-from planner.timing.run import solve_run
 
 EXAMPLES = Path(__file__).parents[3] / "docs/examples"
 SAMPLES = 100_000
@@ -187,7 +187,7 @@ def find_soonest(planned: Plan, stop: Section) -> float:
         if path.stops(planned.order)[1:-1].any():
             continue
         run = Run(0, len(path.pieces) - 1, (EndCondition(now.v, now.a), REST), continuation=going)
-        solution = solve_run(path, whole.limits(path), run, planned.order, probing=True)
+        solution = solve_once(path, whole.limits(path), run, planned.order)
         if solution.solved:
             soonest = min(soonest, solution.duration)
     for wait in stop.duration * np.array(LATER):

@@ -29,11 +29,11 @@ from kinematics.foundation.errors import MotionError, attempt
 from planner import load_program, time_optimal
 from planner.limits import limits_of
 from planner.path.actuation import actuate
-from planner.timing.certified_run import required_slowness
 from planner.timing.certified_solve import Solution, certified_solve
-from planner.timing.discretization import jerk_problem
+from planner.timing.grid import jerk_problem
 from planner.timing.problem import split_runs
-from planner.timing.profile import sample_limit_use
+from planner.timing.sampling import sample_limit_use
+from planner.timing.tighten import required_slowness
 
 COLUMNS = ("motion", "duration (s)", "at least (s)", "gap (%)", "cells", "time (s)", "of solving")
 LIMITS = ("max_speed", "max_acceleration", "max_jerk")

@@ -29,7 +29,8 @@ from planner.timing.order3.pose import (
     jerk_share,
 )
 from planner.timing.problem import Block, Problem
-from planner.timing.profile import RunSolution, close_profile
+from planner.timing.profile import close_profile
+from planner.timing.solution import RunSolution
 
 Solver = Literal["fatrop", "ipopt"]
 Motion = tuple[ca.MX, ca.MX, ca.MX]

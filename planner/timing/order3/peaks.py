@@ -14,7 +14,8 @@ from kinematics.foundation.arrays import Array
 from planner.limits.limit import Term
 from planner.timing.order3.pose import PosedStages, pose_bounds
 from planner.timing.problem import SOLVER_AIM, Block, Problem
-from planner.timing.profile import MIN_WATCHED_USE, Profile
+from planner.timing.profile import Profile
+from planner.timing.sampling import MIN_WATCHED_USE
 
 # Use of a limit from which its peaks count; the room lost to a peak, as a multiple of it, since peaks move a little;
 # the largest peak that counts; and the least change of a room.

@@ -21,7 +21,8 @@ from planner.timing.order3.peaks import Look, Peaks
 from planner.timing.order3.pose import OBJECTIVE_SCALE, PosedStages, pose_stages
 from planner.timing.order3.stages import evaluate
 from planner.timing.problem import Problem
-from planner.timing.profile import Profile, RunSolution, close_profile
+from planner.timing.profile import Profile, close_profile
+from planner.timing.solution import RunSolution
 
 # Rounds of a problem whose rows depend on the motion, and the gain, as a share, below which no other follows.
 MAX_ROW_ROUNDS, MIN_ROUND_GAIN = 4, 1e-4
@@ -90,7 +91,7 @@ def third_order(
     if isinstance(solution, MotionError):
         return _close(problem, minimise_posed(posed, [each for each in FAR_STARTS if each != start]))
     use = peaks.use if solution.status == "solved" else None
-    return replace(_close(peaks.problem, posed.columns(solution.states, solution.controls)), seen=use)
+    return replace(_close(peaks.problem, posed.columns(solution.states, solution.controls)), use=use)
 
 
 def _close(problem: Problem, columns: Array | MotionError) -> RunSolution:

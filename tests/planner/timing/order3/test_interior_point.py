@@ -15,10 +15,10 @@ from kinematics.foundation.errors import require
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
 from planner.timing import EndCondition, Run, jerk_problem, third_order
+from planner.timing.goals.stated_duration import quintic_motion
 from planner.timing.order3 import active_set, interior_point, riccati
 from planner.timing.order3.pose import pose_smoothest, pose_stages
 from planner.timing.order3.stages import evaluate, sum_costs
-from planner.timing.stated_duration import quintic_motion
 
 
 def make_problem(path, speed, acceleration, jerk, stands=(0, 0)):

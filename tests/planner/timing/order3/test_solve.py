@@ -16,16 +16,15 @@ from planner.timing import (
     Run,
     RunSolution,
     at_speeds,
+    attempts,
     certified_solve,
     close_profile,
-    jerk_limited,
     jerk_problem,
     sample_limit_use,
     solve_jerk_limited,
     solve_run,
     third_order,
 )
-from planner.timing import run as run_module
 from planner.timing.order3 import solve as solver_module
 from planner.timing.order3.peaks import SMALL_EXCESS
 
@@ -145,14 +144,14 @@ def test_peaks_between_grid_points_are_heeded_while_it_is_solved():
 
     blind, heeding = (solve_jerk_limited(problem, start.on(problem.s), look=each) for each in (None, look))
     assert heeding.problem is not None
-    assert heeding.seen is not None
+    assert heeding.use is not None
     excess, left = (
         max(float(use.max()) for use in sample_limit_use(path, limits, one.profile).values()) - 1
         for one in (blind, heeding)
     )
     assert excess > 1e-5
     assert left < SMALL_EXCESS
-    assert max(float(use.max()) for use in heeding.seen.values()) == pytest.approx(1 + left, abs=1e-7)
+    assert max(float(use.max()) for use in heeding.use.values()) == pytest.approx(1 + left, abs=1e-7)
     assert blind.duration < heeding.duration < blind.duration * (1 + excess)
     assert any((block.room < SOLVER_AIM).any() for block in heeding.problem.blocks)
     assert all((block.room == SOLVER_AIM).all() for block in problem.blocks)
@@ -260,8 +259,7 @@ def test_without_solvers_the_averaged_motion_holds_its_certificate(monkeypatch, 
     limits = limits_on(path, **CURVE)
     best = certified_solve(path, limits, 3)
     monkeypatch.setattr(solver_module, "third_order", fail)
-    for module in (run_module, jerk_limited):
-        monkeypatch.setattr(module, "straight", lambda problem: None)
+    monkeypatch.setattr(attempts, "straight", lambda problem: None)
     found = certified_solve(path, limits, 3)
     assert found.methods == ("averaged, slowed",)
     assert found.certificate.holds

@@ -1,7 +1,7 @@
-"""toppra, as a second opinion on motions under limits on speed and acceleration (the only file that imports it).
+"""toppra, as a second opinion on motions under limits on speed and acceleration.
 
-Pham and Pham, A new approach to time-optimal path parameterization based on reachability analysis, IEEE T-RO 34 (2018),
-645; their interpolation scheme. It stops without an answer on some paths with a far slower cruise than their ramps.
+Pham and Pham, IEEE T-RO 34 (2018), 645. Only this file imports it. It has no answer for some paths
+on which cruises are far slower than ramps.
 """
 
 from functools import lru_cache
@@ -18,10 +18,15 @@ _LARGEST = 1e6
 
 
 def largest_speeds(
-    rows: list[Array], ceiling: Array, step: Array, ends: tuple[float, float] = (0.0, 0.0)
+    rows: Array,
+    ceiling: Array,
+    step: Array,
+    ends: tuple[float, float] = (0.0, 0.0),
 ) -> Array | MotionError:
-    """As planner.timing.solvers.passes.largest_speeds; where toppra gives no answer, what to say. Raises NotInstalled
-    where it is not there."""
+    """Return what `planner.timing.order2.passes.largest_speeds` does, or an error without an answer.
+
+    Raises NotInstalled without toppra.
+    """
     constraint_type, algorithm = _toppra()
     points = np.concatenate([[0.0], np.cumsum(step)])
     points[-1] = 1.0
@@ -36,12 +41,12 @@ def largest_speeds(
 
 
 def require(what: str) -> None:
-    """Raise NotInstalled where toppra is not there; what: needs it."""
+    """Raise NotInstalled, with the name of what needs it, unless toppra is installed."""
     _toppra(what)
 
 
 class _Interval:
-    """What toppra asks of a path when the rows come ready made: its interval."""
+    """Stand-in for a path: the rows are ready, and toppra only needs the interval."""
 
     path_interval = (0.0, 1.0)
     dof = 1
@@ -52,25 +57,33 @@ def _toppra(what: str = "this solver") -> tuple[Any, Any]:
     try:
         import toppra.algorithm as algorithm
         from toppra.constraint.linear_constraint import LinearConstraint
-    except ImportError as missing:
-        raise NotInstalled(what, "toppra", instead="omit it: our own solver does not need toppra") from missing
+    except ImportError as error:
+        instead = "omit it: our own solver does not need toppra"
+        raise NotInstalled(what, "toppra", instead=instead) from error
     import logging
 
     logging.getLogger("toppra").setLevel(logging.ERROR)
 
-    class Ready(LinearConstraint):  # type: ignore[misc]  # toppra has no types
-        """Rows |a u + b x + c| ≤ 1 as they stand."""
+    class Rows(LinearConstraint):  # type: ignore[misc]  # toppra has no types
+        """Rows |a u + b x + c| ≤ 1."""
 
-        def __init__(self, rows: list[Array], ceiling: Array) -> None:
+        def __init__(self, rows: Array, ceiling: Array) -> None:
             super().__init__()
-            self.rows, self.ceiling, self.identical = rows, ceiling, True
+            self.rows = rows
+            self.ceiling = ceiling
+            self.identical = True
 
-        def compute_constraint_params(self, path: object, gridpoints: Array, *rest: object) -> tuple[Any, ...]:
+        def compute_constraint_params(
+            self,
+            path: object,
+            gridpoints: Array,
+            *rest: object,
+        ) -> tuple[Any, ...]:
             xbound = np.stack([np.zeros_like(self.ceiling), self.ceiling], 1)
-            if not self.rows:
+            count = self.rows.shape[2]
+            if count == 0:
                 return None, None, None, None, None, None, xbound
-            count = self.rows[0].shape[1]
             both = np.concatenate([np.eye(count), -np.eye(count)])
             return (*self.rows, both, np.ones(2 * count), None, xbound)
 
-    return Ready, algorithm.TOPPRA
+    return Rows, algorithm.TOPPRA

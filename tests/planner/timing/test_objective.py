@@ -8,7 +8,7 @@ from scipy.interpolate import PPoly
 
 from kinematics import MotionError
 from planner import Line, Program, plan, time_optimal
-from planner.tradeoffs import Objective, measure_heat, read_objective, solve_objective
+from planner.timing import Objective, measure_heat, read_objective, solve_objective
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,6 @@
 """What a motion is to have least of: its duration, or a weighed sum of that and the heat of its motors.
 
-How such a motion is found is in planner.tradeoffs.heat.
+How such a motion is found is in planner.timing.goals.heat.
 """
 
 import re

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 from planner.timing import largest_speeds
-from planner.timing.solvers.passes import largest_ends
+from planner.timing.order2.passes import largest_ends
 
 # What linear programmes and passes may differ by: HiGHS keeps rows to 1e-7.
 TOLERANCE = 1e-6
