@@ -12,7 +12,6 @@ from .discretization import (
     jerk_problem as jerk_problem,
     refine_problem as refine_problem,
 )
-from .duration_bound import DurationBound as DurationBound, bound_duration as bound_duration
 from .problem import (
     SOLVER_AIM as SOLVER_AIM,
     Block as Block,

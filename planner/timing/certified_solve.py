@@ -11,6 +11,7 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError, attempt
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
+from planner.bounds.duration_bound import DurationBound, bound_duration
 from planner.certificate.certify import Certificate, certify
 from planner.certificate.feasibility import limit_violation, prove_feasibility
 from planner.certificate.limit_use import ProvedUse
@@ -28,7 +29,6 @@ from planner.timing.certified_run import (
     move_run,
     tighten_run,
 )
-from planner.timing.duration_bound import DurationBound, bound_duration
 from planner.timing.parts import solve_in_parts, tighten_in_parts
 from planner.timing.problem import Continuation, Run, Solver
 from planner.timing.profile import Profile

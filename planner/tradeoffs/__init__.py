@@ -1,4 +1,4 @@
-"""The worth of each limit, in seconds, and the objective: time, or time and heat."""
+"""The objective: time, or time and heat."""
 
 import lazy_loader
 
