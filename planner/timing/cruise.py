@@ -247,9 +247,9 @@ def _follow_varying(
     middle, _ = caps.at((s[1:] + s[:-1]) / 2, piece)
     slowness = 1 / v[:-1] + 4 / middle + 1 / v[1:]
     h = np.diff(s) * slowness / 6
-    start = EndCondition(float(v[0]), float(a[0]))
-    end = EndCondition(float(v[-1]), float(a[-1]))
-    problem = Problem(s, piece, (), (start, end))
+    first = EndCondition(float(v[0]), float(a[0]))
+    last = EndCondition(float(v[-1]), float(a[-1]))
+    problem = Problem(s, piece, (), (first, last))
     columns = np.stack([v[:-1], a[:-1], np.diff(a) / h, h])
     profile = close_profile(problem, columns)
     return None if isinstance(profile, MotionError) else profile

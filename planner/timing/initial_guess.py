@@ -301,9 +301,8 @@ def pass_breaks(problem: Problem, at: np.ndarray, speeds: Array) -> Profile | No
     v = before + _sum_before(h * (a + h * j / 2))
     s = problem.s[at[:-1]] + _sum_before(h * (v + h * (a / 2 + h * j / 6)))
     lasting = (h > 0).T
-    columns = [values.T[lasting] for values in (s, v, a, j, h)]
-    piece = np.full(int(lasting.sum()), problem.piece[0])
-    return Profile(*columns, piece)
+    s, v, a, j, h = (values.T[lasting] for values in (s, v, a, j, h))
+    return Profile(s, v, a, j, h, np.full(len(s), problem.piece[0]))
 
 
 def _sum_before(values: Array) -> Array:
@@ -338,12 +337,12 @@ def slow_breaks(problem: Problem, start: Profile, breaks: Array) -> tuple[np.nda
     at = np.array([0, *slow, len(breaks) - 1])
     least_jerk = np.minimum.reduceat(jerk, at[:-1])
     way = np.diff(breaks[at])
-    for k in range(len(slow)):
-        reachable = _reachable_speed(speeds[k], least_jerk[k], way[k])
-        speeds[k + 1] = min(speeds[k + 1], reachable)
-    for k in range(len(slow), 0, -1):
-        reachable = _reachable_speed(speeds[k + 1], least_jerk[k], way[k])
-        speeds[k] = min(speeds[k], reachable)
+    for n in range(len(slow)):
+        reachable = _reachable_speed(speeds[n], least_jerk[n], way[n])
+        speeds[n + 1] = min(speeds[n + 1], reachable)
+    for n in range(len(slow), 0, -1):
+        reachable = _reachable_speed(speeds[n + 1], least_jerk[n], way[n])
+        speeds[n] = min(speeds[n], reachable)
     return slow, speeds
 
 
