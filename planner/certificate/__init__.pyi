@@ -1,4 +1,5 @@
 from .advice import find_remedy as find_remedy
+from .cells import Cells as Cells
 from .certify import (
     CROSSING as CROSSING,
     Certificate as Certificate,
@@ -14,7 +15,6 @@ from .constant_speed import (
     find_stretches as find_stretches,
 )
 from .enclosure import (
-    Cells as Cells,
     Enclosure as Enclosure,
     bound_polynomials as bound_polynomials,
     bound_series as bound_series,
@@ -37,6 +37,7 @@ from .lower_bound import (
     enclose_rows as enclose_rows,
     leave_rest as leave_rest,
 )
-from .ranges import bound_balls as bound_balls, bound_motion as bound_motion, bound_ranges as bound_ranges
+from .path_enclosure import enclose_along_path as enclose_along_path
+from .ranges import bound_motion as bound_motion
 from .resonance_dwell import Stay as Stay, find_stays as find_stays
 from .summary import join_certificates as join_certificates

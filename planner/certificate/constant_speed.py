@@ -7,7 +7,8 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.facts import Fact
-from planner.certificate.enclosure import Cells, bound_series, enclose
+from planner.certificate.cells import Cells
+from planner.certificate.enclosure import bound_series, enclose
 from planner.limits.tool import squared_norm
 from planner.place import Place
 from planner.trajectory import Trajectory

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from planner.certificate.enclosure import Cells, bound_series, enclose
+from planner.certificate.cells import Cells
+from planner.certificate.enclosure import bound_series, enclose
 from planner.limits.resonance import Band, Resonance
 from planner.trajectory import Trajectory
 

@@ -20,7 +20,8 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.taylor_model import EPS, Series
 from kinematics.machine.kind import columns
-from planner.certificate.enclosure import Cells, Enclosure, bound_series
+from planner.certificate.cells import Cells
+from planner.certificate.enclosure import Enclosure, bound_series
 from planner.path.actuation import MachinePath, check_rate
 from planner.shaping.shaped_motion import ShapedMotion
 from planner.trajectory import Trajectory
@@ -45,9 +46,8 @@ class ShapedEnclosure(Enclosure):
     apart: Series
     pieces: NDArray[np.intp]
 
-    @property
-    def q(self) -> Series:
-        return self.axes
+    def axis_rate(self, times: int) -> Series:
+        return self.axes.differentiate(times, self.rate)
 
     @cached_property
     def reached(self) -> "_ReachedPoses":

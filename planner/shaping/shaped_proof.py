@@ -21,7 +21,8 @@ from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.axis import Axis
 from planner.certificate.certify import Certificate
-from planner.certificate.enclosure import Cells, bound_series
+from planner.certificate.cells import Cells
+from planner.certificate.enclosure import bound_series
 from planner.certificate.limit_use import LIMIT_ROUNDING, round_reached_use
 from planner.limits.limit import Limit
 from planner.limits.resonance import Resonance
