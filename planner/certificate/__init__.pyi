@@ -4,8 +4,6 @@ from .certify import (
     CROSSING as CROSSING,
     Certificate as Certificate,
     certify as certify,
-    forget_paths as forget_paths,
-    prove_path_use as prove_path_use,
 )
 from .conditioning import Conditioning as Conditioning, find_poorest as find_poorest
 from .constant_speed import (
@@ -25,6 +23,7 @@ from .feasibility import (
     find_singularity as find_singularity,
     prove_feasibility as prove_feasibility,
 )
+from .geometric_use import forget_paths as forget_paths, prove_path_use as prove_path_use
 from .limit_use import (
     LIMIT_ROUNDING as LIMIT_ROUNDING,
     ProvedUse as ProvedUse,

@@ -16,7 +16,7 @@ from kinematics.foundation.table import Column, Table
 from kinematics.foundation.taylor_model import Series
 from kinematics.machine.motion import describe_singularity
 from planner.avoidable_stops import AvoidableStops
-from planner.certificate.certify import prove_path_use
+from planner.certificate.geometric_use import prove_path_use
 from planner.certificate.conditioning import Conditioning, evaluate_jacobian
 from planner.certificate.limit_use import round_reached_use
 from planner.limits.limit import Limit

@@ -135,13 +135,15 @@ class LimitProof:
     """Bounds of one limit, refined until they are tight.
 
     reachable       whether the motion may reach the limit exactly
+    least_share     of a time piece, at which refinement ends
     use, attained   (M,) of each time piece: the proved bound, and the largest use at any instant evaluated
     """
 
     trajectory: Trajectory
     limit: Limit
     order: int
-    reachable: bool
+    reachable: bool = False
+    least_share: float = MIN_CELL_SHARE
     use: Array = field(init=False)
     attained: Array = field(init=False)
 
@@ -185,7 +187,7 @@ class LimitProof:
         # bounds converge with the square of the cell's length at least
         parts = int(np.clip(np.ceil(np.sqrt(excess)), 2, MOST_PARTS if loose.sum() <= FEW_CELLS else 2))
         pieces = np.diff(self.trajectory.knots)[cells.k]
-        if parts * loose.sum() > MAX_CELLS or (cells.lengths < parts * MIN_CELL_SHARE * pieces).any():
+        if parts * loose.sum() > MAX_CELLS or (cells.lengths < parts * self.least_share * pieces).any():
             loose[:] = False
         return loose, parts
 

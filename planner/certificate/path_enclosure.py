@@ -7,12 +7,14 @@ intervals of x′, x″, x‴ over their part of the path and intervals of ṡ, 
 
 from abc import abstractmethod
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
+import casadi as ca
 import numpy as np
 
 from kinematics.analysis.clearance import Bodies
 from kinematics.foundation.arrays import Array
+from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.taylor_model import EPS, Series
 from planner.certificate.cells import Cells
@@ -233,7 +235,7 @@ class _PathSeries:
         assert pose is not None  # only machines have limits on their pose
         return self._join(pose)
 
-    @property
+    @cached_property
     def _s(self) -> Series:
         """s as a series in σ: about the centre of each interval, then about any place in it."""
         mid = np.stack([self.centre, self.half])
@@ -272,7 +274,15 @@ def enclose_along_path(trajectory: Trajectory, cells: Cells, highest: int) -> Pa
     return _PathSeries(path, centre, width, piece[first]).enclose(interval, (s, error, half), highest)
 
 
+@lru_cache(maxsize=32)
+def is_affine(inverse_map: Expression) -> bool:
+    """Return whether the actuator coordinates are affine in the pose's numbers: then pieces that are polynomials in
+    space are polynomials in the axes."""
+    x = ca.SX.sym("x", inverse_map.size[0])
+    return bool(ca.is_linear(inverse_map.function(x), x))
+
+
 def _count_intervals(path: ActuatorPath) -> Array:
     """Return the number of intervals (P,) of each path piece: a polynomial is known exactly over a whole piece."""
-    least = MIN_PARTS if isinstance(path, MachinePath) else 1
+    least = MIN_PARTS if isinstance(path, MachinePath) and not is_affine(path.machine.inverse_map) else 1
     return INTERVALS * np.maximum(least, np.ceil(PER_RADIAN * path.turns))
