@@ -157,12 +157,17 @@ def expand_motion(trajectory: Trajectory, cells: Cells) -> tuple[Array, Array, A
     k = cells.k
     centre = (cells.lo + cells.hi) / 2
     half = cells.lengths / 2 * (1 + 2 * EPS) + 2 * EPS * np.abs(cells.hi)
-    powers = half ** np.arange(4)[:, None]
+    powers = take_powers(half)
     motion = np.stack([trajectory.s[k], trajectory.v[k], trajectory.a[k], trajectory.j[k]])
     # no term is rounded 32 times, whatever the signs
     error = 32 * EPS * shift_motion(np.abs(motion), centre) * powers
     error[0] += PLACE_ROUNDING * np.abs(trajectory.path.breaks[[0, -1]]).max()
     return shift_motion(motion, centre) * powers, error, half
+
+
+def take_powers(half: Array) -> Array:
+    """Return half⁰ … half³ (4, N)."""
+    return np.stack([np.ones_like(half), half, half * half, half * half * half])
 
 
 def shift_motion(motion: Array, t: Array) -> Array:

@@ -99,7 +99,7 @@ class PathEnclosure(IntervalEnclosure):
     def _bound(self, series: Array, highest: int, kinds: int) -> Array:
         out = np.empty((kinds, highest + 1, len(self.interval), series.shape[3]))
         # one layout in memory, so that the kernel is compiled once
-        bound_motion(series, self.interval, np.ascontiguousarray(self.motion), out)
+        bound_motion(np.ascontiguousarray(series), self.interval, np.ascontiguousarray(self.motion), out)
         return out
 
     def __getitem__(self, rows: np.ndarray) -> "PathEnclosure":
@@ -225,12 +225,12 @@ class _PathSeries:
 
     @cached_property
     def axes(self) -> Array:
-        """Coefficients (2, PATH_ORDER+1, G, n) of q and their errors; the last is the remainder."""
+        """Coefficients (2, D+1, G, n) of q and their errors; the last is the remainder."""
         return self._join(self.path.enclose(self._s, np.tile(self.piece, 2)))
 
     @cached_property
     def pose(self) -> Array:
-        """Coefficients (2, PATH_ORDER+1, G, 12) of the pose's numbers likewise."""
+        """Coefficients (2, D+1, G, 12) of the pose's numbers likewise."""
         pose = self.path.enclose_pose(self._s, np.tile(self.piece, 2))
         assert pose is not None  # only machines have limits on their pose
         return self._join(pose)
@@ -250,7 +250,9 @@ class _PathSeries:
         joined = np.stack([full.mid[:, :count], full.rad[:, :count]])
         joined[0, -1] = 0.0
         joined[1, -1] = np.abs(full.mid[-1, count:]) + full.rad[-1, count:]
-        return joined
+        # a polynomial has fewer coefficients, and no remainder
+        used = np.flatnonzero(joined.any((0, 2, 3)))
+        return joined[:, : used.max(initial=0) + 2]
 
 
 def enclose_along_path(trajectory: Trajectory, cells: Cells, highest: int) -> PathEnclosure:

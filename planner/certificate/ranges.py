@@ -42,7 +42,7 @@ def bound_motion(series: Array, interval: np.ndarray, motion: Array, out: Array)
               than its maximum; 0 where the cell leaves its interval
     """
     degree = series.shape[1] - 1
-    powers = min(out.shape[1] - 1 + EXTRA_POWERS, degree - 1)
+    powers = out.shape[1] - 1 + EXTRA_POWERS
     cells = np.zeros((9, CELLS))
     reach = np.zeros((4, CELLS))
     p = np.zeros((degree, CELLS))
@@ -128,17 +128,19 @@ def _bound_sizes(series: Array, rows: np.ndarray, c: int, reach: Array, majorant
 def _compose(p: Array, s: Array, a: Array) -> None:
     """Fill a (powers+1, CELLS): the coefficients of Σ p_i σ(τ)^i. Overwrites p with those about s₀."""
     powers = len(a) - 1
-    for i in range(powers + 1):
+    # p about s₀ times (σ − s₀)^i has no power of τ below the i-th
+    top = min(powers, len(p) - 1)
+    for i in range(top + 1):
         for k in range(len(p) - 2, i - 1, -1):
             for n in range(CELLS):
                 p[k, n] += s[0, n] * p[k + 1, n]
     for n in range(CELLS):
-        a[0, n] = p[powers, n]
+        a[0, n] = p[top, n]
     for k in range(1, powers + 1):
         for n in range(CELLS):
             a[k, n] = 0.0
-    for i in range(powers - 1, -1, -1):
-        for k in range(min(powers, 3 * (powers - i)), 2, -1):
+    for i in range(top - 1, -1, -1):
+        for k in range(min(powers, 3 * (top - i)), 2, -1):
             for n in range(CELLS):
                 a[k, n] = s[1, n] * a[k - 1, n] + s[2, n] * a[k - 2, n] + s[3, n] * a[k - 3, n]
         for n in range(CELLS):
