@@ -33,7 +33,7 @@ from planner.plan import make_plan
 from planner.pulses import PulseCheck, RealisedPath
 from planner.request import PlanRequest
 from planner.timing.duration_bound import LEAST_SHARED_CELLS, bound_duration
-from planner.timing.solvers.toppra_ import require
+from planner.timing.order2.toppra_ import require
 from pulsepath.inputs import read_rig
 from pulsepath.options import LAWS
 from pulsepath.progress import detail, note, step

@@ -27,10 +27,10 @@ from planner.limits.limit import Limit, Term
 from planner.limits.tool import ToolSpeed
 from planner.path.actuation import ActuatorPath
 from planner.path.stands import count_zero_derivatives
-from planner.timing.certified_run import find_first_equals
-from planner.timing.problem import Run
+from planner.timing.attempts import solve_run
+from planner.timing.problem import split_runs
 from planner.timing.profile import Profile
-from planner.timing.run import solve_run
+from planner.timing.repetition import find_first_equals
 from planner.timing.solvers.dual import DualCells, Multipliers, maximise_dual
 from planner.timing.solvers.inner_minimum import NEAR, fill_sets
 from planner.timing.solvers.limit_worth import weigh_limits, weigh_rest
@@ -189,18 +189,8 @@ def _find_equal_motions(trajectory: Trajectory, limits: Sequence[Limit], every: 
     each cell depends on the motion as well. Where q′ = 0 at an end of a run, the bound also depends on the neighbours.
     """
     path = trajectory.path
-    still, last = count_zero_derivatives(path), len(path.breaks) - 1
-    runs = [
-        Run(
-            a,
-            b - 1,
-            path.end_speeds[0] if a == 0 else 0.0,
-            path.end_speeds[1] if b == last else 0.0,
-            start_acceleration=path.end_accelerations[0] if a == 0 else 0.0,
-            end_acceleration=path.end_accelerations[1] if b == last else 0.0,
-        )
-        for a, b in every
-    ]
+    still = count_zero_derivatives(path)
+    runs = [run for stops in every for run in split_runs(path, np.array(stops), 3)]
     firsts = find_first_equals(path, limits, runs)
     for n, first in enumerate(firsts):
         a, b = every[n]
@@ -503,16 +493,8 @@ def _bound_without_jerk(
     gentle = [limit for limit in limits if Term.SDDD not in limit.terms]
     stops = np.flatnonzero(path.stops(2))
     stops = stops[(stops >= ends[0]) & (stops <= ends[1])]
-    still = count_zero_derivatives(path)
     profiles = []
-    for a, b in pairwise(stops.tolist()):
-        run = Run(
-            a,
-            b - 1,
-            path.end_speeds[0] if a == 0 else 0.0,
-            path.end_speeds[1] if b == len(path.breaks) - 1 else 0.0,
-            stands=(int(still[0, a]), int(still[1, b - 1])),
-        )
+    for run in split_runs(path, stops, 2):
         fastest = solve_run(path, gentle, run, 2)
         if not fastest.solved:
             return None

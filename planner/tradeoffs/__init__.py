@@ -1,4 +1,4 @@
-"""The worth of each limit, in seconds, and the objective: time, or time and heat."""
+"""The worth of each limit, in seconds."""
 
 import lazy_loader
 

@@ -15,9 +15,9 @@ FOLDERS = {f"planner.{name}" for name in ("timing", "certificate", "tradeoffs", 
 # Tests that reach below a folder, because a step of an algorithm is what they test.
 INTERNALS = {
     # steps of the interior point and of the passes: against finite differences, dense solves and linear programmes
-    "planner/timing/solvers/test_interior_point.py",
-    "planner/timing/solvers/test_passes.py",
-    "planner/timing/solvers/test_third_order.py",
+    "planner/timing/order3/test_interior_point.py",
+    "planner/timing/order2/test_passes.py",
+    "planner/timing/order3/test_solve.py",
     "planner/timing/test_duration_bound.py",
     "planner/timing/test_stated_duration.py",
     # attempts in their order: each is reached only where the one before it is made to fail
