@@ -1,4 +1,3 @@
-from .advice import find_remedy as find_remedy
 from .cells import Cells as Cells
 from .certify import (
     CROSSING as CROSSING,

@@ -194,10 +194,10 @@ def find_gaps(trajectory: Trajectory) -> dict[str, Place]:
     slack = allowed + drift
     gap = np.maximum(np.abs(np.append(s[1:], end[-1]) - end) - drift, 0.0)
     low, high = path.breaks[trajectory.piece], path.breaks[trajectory.piece + 1]
-    k = np.arange(len(s))
+    number = np.arange(len(s))
     wrong = {
-        "start off the path's": (k == 0) & ~(np.abs(s - path.breaks[0]) <= slack),
-        "end off the path's": (k == k[-1]) & ~(np.abs(end - path.breaks[-1]) <= slack),
+        "start off the path's": (number == 0) & ~(np.abs(s - path.breaks[0]) <= slack),
+        "end off the path's": (number == number[-1]) & ~(np.abs(end - path.breaks[-1]) <= slack),
         "place left out": ~(np.cumsum(gap) <= allowed),
         "motion backwards": ~(slowest >= -MAX_JUMP * np.abs(trajectory.v).max() - gain),
         "place off its piece": ~((s >= low - slack) & (end <= high + slack)),

@@ -149,7 +149,7 @@ def widen(mid: Array, rad: Array) -> Array:
     size = np.abs(mid) + rad
     count = len(size)
     spread = [sum((comb(j, k) * size[j] for j in range(k + 1, count)), 0 * size[0]) for k in range(count)]
-    return (rad + np.stack(spread)) * (1 + 8 * EPS)
+    return np.asarray((rad + np.stack(spread)) * (1 + 8 * EPS))
 
 
 def expand_motion(trajectory: Trajectory, cells: Cells) -> tuple[Array, Array, Array]:
