@@ -121,9 +121,7 @@ def find_place(trajectory: Trajectory, limits: Sequence[Limit], name: str, k: in
     return trajectory.path.place(float(trajectory.s[k]), int(trajectory.piece[k]), float(trajectory.knots[k]))
 
 
-def _find_worst_place(
-    trajectory: Trajectory, limit: Limit, use: dict[str, Array], attained: dict[str, Array]
-) -> Place:
+def _find_worst_place(trajectory: Trajectory, limit: Limit, use: dict[str, Array], attained: dict[str, Array]) -> Place:
     """Return where a limit is used most: by the bounds if they exceed 1, else by what is attained."""
     # a bound below 1 need not be tight everywhere
     exceeded = not limit.geometric and use[limit.name].max() > 1

@@ -95,7 +95,12 @@ def _states_of_pieces(trajectory: Trajectory, own: slice, extremes: Array) -> tu
     """Return the states (2 order+1, M, n) where time pieces start, and where they end: see `fill_states`."""
     order = extremes.shape[1]
     piece = trajectory.piece[own]
-    h, v, a, j = np.diff(trajectory.knots)[own], trajectory.v[own], trajectory.a[own], trajectory.j[own]
+    h, v, a, j = (
+        np.diff(trajectory.knots)[own],
+        trajectory.v[own],
+        trajectory.a[own],
+        trajectory.j[own],
+    )
     start, end = _derive_at_starts_and_ends(trajectory, own, order)
     first = np.flatnonzero(np.diff(piece, prepend=-1))
     rounding = VALUE_ROUNDING * np.maximum.reduceat(np.abs(start[:3]), first, axis=1)

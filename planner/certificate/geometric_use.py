@@ -66,9 +66,7 @@ def find_geometric_use(trajectory: Trajectory, limits: Sequence[Limit]) -> dict[
     first = np.searchsorted(proved.s, np.minimum(s[:-1], s[1:]) - slack, side="right") - 1
     last = np.searchsorted(proved.s, np.maximum(s[:-1], s[1:]) + slack, side="right")
     ranges = np.stack([np.clip(first, 0, len(proved.s) - 1), np.maximum(last, 1)], 1).ravel()
-    return {
-        name: np.maximum.reduceat(np.append(values, 0.0), ranges)[::2] for name, values in proved.use.items()
-    }
+    return {name: np.maximum.reduceat(np.append(values, 0.0), ranges)[::2] for name, values in proved.use.items()}
 
 
 def use_at_knots(trajectory: Trajectory, limits: Sequence[Limit], known: ProvedUse | None = None) -> dict[str, Array]:

@@ -89,9 +89,7 @@ def prove(
     """Return, per limit, a proved bound of its use over each time piece (M,), and the largest use attained there."""
     cells = Cells.cover(trajectory)
     stated = states_speeds(trajectory.path)
-    proofs = {
-        limit.name: LimitProof(trajectory, limit, order, reachable=limit.geometric or stated) for limit in limits
-    }
+    proofs = {limit.name: LimitProof(trajectory, limit, order, reachable=limit.geometric or stated) for limit in limits}
     if known is not None:
         unknown = np.any([np.isnan(known.use[limit.name]) for limit in limits], axis=0)
         for name, proof in proofs.items():

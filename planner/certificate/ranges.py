@@ -119,9 +119,7 @@ def _bound_sizes(series: Array, rows: np.ndarray, c: int, reach: Array, majorant
             majorant[3, n] = majorant[3, n] * reach[n] + 3 * majorant[2, n]
             majorant[2, n] = majorant[2, n] * reach[n] + 2 * majorant[1, n]
             majorant[1, n] = majorant[1, n] * reach[n] + majorant[0, n]
-            majorant[0, n] = majorant[0, n] * reach[n] + (
-                abs(series[0, i, rows[n], c]) + series[1, i, rows[n], c]
-            )
+            majorant[0, n] = majorant[0, n] * reach[n] + (abs(series[0, i, rows[n], c]) + series[1, i, rows[n], c])
 
 
 @kernel

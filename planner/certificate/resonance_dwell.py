@@ -88,7 +88,13 @@ def _join_cells(
 def _find_sequences(flags: np.ndarray) -> list[tuple[int, int]]:
     """Return first and last index of every sequence of true flags."""
     edges = np.diff(np.concatenate([[False], flags, [False]]).astype(int))
-    return list(zip(np.flatnonzero(edges > 0).tolist(), (np.flatnonzero(edges < 0) - 1).tolist(), strict=True))
+    return list(
+        zip(
+            np.flatnonzero(edges > 0).tolist(),
+            (np.flatnonzero(edges < 0) - 1).tolist(),
+            strict=True,
+        )
+    )
 
 
 def _locate(trajectory: Trajectory, limit: Resonance, cells: Cells) -> Values:

@@ -6,13 +6,26 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.foundation.arrays import Array, freeze_array
-from planner.program.model import Arc, Curve, Dwell, Line, Program, Segment, Spline, Synchronised, Turn
+from planner.program.model import (
+    Arc,
+    Curve,
+    Dwell,
+    Line,
+    Program,
+    Segment,
+    Spline,
+    Synchronised,
+    Turn,
+)
 
 
 def scale_program(program: Program, start: Array, share: float) -> Program:
     """Return the program with every coordinate p at start + share · (p − start), and orientations unchanged."""
     offset = (1 - share) * start
-    return replace(program, segments=tuple(_map_segment(segment, share, offset) for segment in program.segments))
+    return replace(
+        program,
+        segments=tuple(_map_segment(segment, share, offset) for segment in program.segments),
+    )
 
 
 def shift_program(program: Program, shift: Array) -> Program:
