@@ -1,8 +1,8 @@
-"""Remedies for a path that does not fit its machine: the largest scale about its start, of its way or its angles, or the
-least move along an axis.
+"""Remedies for a path that does not fit its machine: the largest scale about its start, of its way
+or its angles, or the least move along an axis.
 
-All are found by bisection on the geometric limits at many places of the changed program's path, which
-is quick. The result is then proved like any path.
+All are found by bisection on the geometric limits at many places of the changed program's path,
+which is quick. The result is then proved like any path.
 """
 
 from collections.abc import Callable, Sequence
@@ -34,14 +34,16 @@ from planner.trajectory import unit_speed_trajectory
 
 # s after which the search ends: a refusal should not take longer than a plan.
 MAX_SEARCH_TIME = 10.0
-# Shares and moves (m) tried in turn, before bisecting between the first that fits and the one before it.
+# Shares and moves (m) tried in turn, before bisecting between the first that fits and the one
+# before it.
 TRIAL_SHARES = (1.0, *np.linspace(0.95, 0.05, 19).tolist())
 TRIAL_MOVES = (0.0, *(4e-4 * 2.0 ** np.arange(9)).tolist())
 BISECTIONS = 10
 # A size that fits but cannot be proved is increased by this share, so many times.
 EXTRA_SHARE = 1e-3
 MAX_EXTRA_STEPS = 4
-# Bisection between a proved and an unproved size ends at this ratio of moves, or difference of shares.
+# Bisection between a proved and an unproved size ends at this ratio of moves, or difference of
+# shares.
 MOVE_AGREEMENT = 1.03
 SHARE_AGREEMENT = 1.5e-3
 MOVE_DIRECTIONS = tuple(
@@ -54,8 +56,9 @@ ProgramChange = Callable[[float], Program]
 
 @dataclass(frozen=True, slots=True)
 class Remedy:
-    """scale: the largest about the start that fits, as a share; turn: the largest scale of its angles, from the start's
-    orientation; move: the least (m) and its direction, "+x" to "-z". None: there is none.
+    """scale: the largest about the start that fits, as a share; turn: the largest scale of its
+    angles, from the start's orientation; move: the least (m) and its direction, "+x" to "-z". None:
+    there is none.
 
     home: what the machine exceeds at home, as `Margins.worst` puts it: then its file is at fault
     movable: whether moves were tried; late: whether the search ran out of time
@@ -90,10 +93,11 @@ class Remedy:
 
 
 def find_remedy(program: Program, machine: Machine, order: int) -> Remedy:
-    """Find remedies for a program whose path exceeds a geometric limit, is out of reach or meets a singular pose.
+    """Find remedies for a program whose path exceeds a geometric limit, is out of reach or meets a
+    singular pose.
 
-    A scale of the way keeps orientations, one of the angles keeps the way. A move takes a stated start
-    along. Equations are moved only if no scale fits.
+    A scale of the way keeps orientations, one of the angles keeps the way. A move takes a stated
+    start along. Equations are moved only if no scale fits.
     """
     search = _Search(machine, order, perf_counter() + MAX_SEARCH_TIME)
     start = (default_start(program, machine) if program.start is None else program.start).translation
@@ -119,7 +123,9 @@ def _round_down_share(share: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class _Search:
-    """Search for sizes of changes with which a program's path fits a machine; it ends at `until` (of perf_counter)."""
+    """Search for sizes of changes with which a program's path fits a machine; it ends at `until`
+    (of perf_counter).
+    """
 
     machine: Machine
     order: int
@@ -162,7 +168,9 @@ class _Search:
         return self._prove([size for size in sizes if size < below], change, halve)
 
     def _find_first(self, sizes: Sequence[float], change: ProgramChange) -> float | None:
-        """Return the first size that fits, bisected towards the one before it; the first of all does not fit."""
+        """Return the first size that fits, bisected towards the one before it; the first of all
+        does not fit.
+        """
         for bad, good in pairwise(sizes):
             if self._fits(change, good):
                 for _ in range(BISECTIONS):
@@ -177,7 +185,9 @@ class _Search:
         change: ProgramChange,
         halve: Callable[[float, float], float | None],
     ) -> float | None:
-        """Return the first size that is proved, bisected towards the one before it until `halve` returns None."""
+        """Return the first size that is proved, bisected towards the one before it until `halve`
+        returns None.
+        """
         first = next((k for k, size in enumerate(sizes) if self._fits(change, size, prove=True)), None)
         if first is None:
             return None
@@ -190,7 +200,9 @@ class _Search:
         return good
 
     def _fits(self, change: ProgramChange, size: float, *, prove: bool = False) -> bool:
-        """Return whether the path of the changed program can be drawn and fits, at sampled places or as proved, in time."""
+        """Return whether the path of the changed program can be drawn and fits, at sampled places
+        or as proved, in time.
+        """
         if perf_counter() > self.until:
             return False
         try:
@@ -202,7 +214,9 @@ class _Search:
 
 
 def _fits_at_samples(path: MachinePath, limits: Sequence[Limit]) -> bool:
-    """Return whether no geometric limit is exceeded, and no singular pose passed, at sampled places."""
+    """Return whether no geometric limit is exceeded, and no singular pose passed, at sampled
+    places.
+    """
     if not has_one_sign(path):
         return False
     along = unit_speed_trajectory(path)

@@ -1,4 +1,6 @@
-"""Cells of time, and their refinement: bound every cell, split the loose ones, repeat (branch and bound)."""
+"""Cells of time, and their refinement: bound every cell, split the loose ones, repeat (branch and
+bound).
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -32,7 +34,9 @@ class Cells:
         return self.hi - self.lo
 
     def parts(self, count: int) -> "Cells":
-        """Split each cell into equal parts: first the first part of every cell, then every second part."""
+        """Split each cell into equal parts: first the first part of every cell, then every second
+        part.
+        """
         if count == 1:
             return self
         share = np.arange(1, count)[:, None] / count
@@ -57,7 +61,8 @@ def refine(
     evaluate: Callable[[Cells], Values],
     find_loose: Callable[[Cells, Values], tuple[np.ndarray, int]],
 ) -> tuple[Cells, Values]:
-    """Split loose cells and evaluate their parts until none is loose. Returns the final cells and their values.
+    """Split loose cells and evaluate their parts until none is loose. Returns the final cells and
+    their values.
 
     values      of the cells at the start
     find_loose  returns which cells (N,) are loose, and into how many parts to split each of them

@@ -1,4 +1,5 @@
-"""The certificate: a bound of every limit over continuous time, from the trajectory and the limits' `value` alone.
+"""The certificate: a bound of every limit over continuous time, from the trajectory and the limits'
+`value` alone.
 
 Time is cut into cells. Over each, the motion is enclosed (`planner.certificate.enclosure`) and each
 limit's value is bounded by its own formula; cells are split until the bounds are tight. It is also
@@ -25,18 +26,20 @@ from planner.trajectory import Trajectory
 
 CROSSING = "resonance crossing"
 """Name in a certificate: the longest stay of an axis in a band of speed, over the time allowed."""
-# Instants of a time piece at which the place of the largest use is sought. The bound needs none of them.
+# Instants of a time piece at which the place of the largest use is sought. The bound needs none of
+# them.
 SAMPLES = 65
 
 
 @dataclass(frozen=True, slots=True)
 class Certificate(Result):
-    """worst: proven upper bound of value/limit over continuous time, per limit; where: the place of each.
+    """worst: proven upper bound of value/limit over continuous time, per limit; where: the place of
+    each.
 
-    use       per limit, the proven bound over each time piece of the trajectory (M,). worst is its maximum, and tight;
-              a piece that surely uses less is only proved to be below that
-    attained  per limit, the largest value/limit at an evaluated instant of each time piece (M,), 0 without one: the
-              truth lies between the two
+    use       per limit, the proven bound over each time piece of the trajectory (M,). worst is its
+              maximum, and tight; a piece that surely uses less is only proved to be below that
+    attained  per limit, the largest value/limit at an evaluated instant of each time piece (M,), 0
+              without one: the truth lies between the two
     """
 
     holds: bool
@@ -62,8 +65,8 @@ class Certificate(Result):
 def certify(trajectory: Trajectory, limits: Sequence[Limit], known: ProvedUse | None = None) -> Certificate:
     """Prove what the trajectory uses of every limit, and that it is the whole motion.
 
-    It runs the path once, forwards, from rest to rest or between the speeds that the path states for
-    its ends, and is as smooth as its order requires.
+    It runs the path once, forwards, from rest to rest or between the speeds that the path states
+    for its ends, and is as smooth as its order requires.
 
     known  earlier results: time pieces with the same coefficients are not proved again
     """
@@ -94,7 +97,8 @@ def certify(trajectory: Trajectory, limits: Sequence[Limit], known: ProvedUse | 
 
 
 def _prove_crossing(trajectory: Trajectory, limit: Resonance) -> tuple[Array, Array, Place]:
-    """Return the longest stay that each time piece (M,) takes part in, as a share of the time allowed.
+    """Return the longest stay that each time piece (M,) takes part in, as a share of the time
+    allowed.
 
     First what is proved, then what is attained; and the place where the longest stay begins.
     """

@@ -1,7 +1,7 @@
 """Bounds of the use of limits by the coarse enclosure, which decides most cells.
 
-Limits on single axes: every cell, and loose cells in parts. Other limits: groups of cells first, then
-the cells of those groups that may use the most.
+Limits on single axes: every cell, and loose cells in parts. Other limits: groups of cells first,
+then the cells of those groups that may use the most.
 """
 
 from collections.abc import Sequence
@@ -27,7 +27,9 @@ MIN_GROUPED = 512
 
 
 def bound_coarsely(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, order: int) -> Values:
-    """Return bounds of each limit's use over N cells and the use attained at some instants, (limits, N) each."""
+    """Return bounds of each limit's use over N cells and the use attained at some instants,
+    (limits, N) each.
+    """
 
     def bound(batch: Cells) -> Values:
         look = _CoarseLook(trajectory, batch, order)
@@ -91,7 +93,9 @@ class _CoarseLook:
         return bound, attained
 
     def bound_in_groups(self, limit: Limit) -> tuple[Array, Array]:
-        """Bound any other limit over groups of cells, then over the cells of those groups that may use the most."""
+        """Bound any other limit over groups of cells, then over the cells of those groups that may
+        use the most.
+        """
         count = len(self.cells.k)
         if count < MIN_GROUPED:
             return _bound_in(limit, self.motion), use_in(limit, self.centres)

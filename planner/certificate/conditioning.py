@@ -1,4 +1,5 @@
-"""Conditioning of a path: how near it comes to singular poses, at many places; for warnings and the search of a remedy.
+"""Conditioning of a path: how near it comes to singular poses, at many places; for warnings and the
+search of a remedy.
 
 That it meets none is proved by `planner.certificate.feasibility.find_singularity`.
 """
@@ -14,7 +15,9 @@ from planner.place import Place
 from planner.trajectory import unit_speed_trajectory
 
 POOR_CONDITIONING = 0.01
-"""Conditioning below which a motion gets a warning: one direction moves the axes a hundredth of what another does."""
+"""Conditioning below which a motion gets a warning: one direction moves the axes a hundredth of
+what another does.
+"""
 # Sampled places of a part of a path, its ends among them.
 PART_SHARES = np.linspace(0.0, 1.0, 9)
 
@@ -23,7 +26,8 @@ PART_SHARES = np.linspace(0.0, 1.0, 9)
 class Conditioning:
     """The poorest conditioning σ_min/σ_max of the Jacobian at sampled places of a path, and where.
 
-    The columns of rotations are divided by the machine's characteristic length: 1 at best, 0 in a singular pose.
+    The columns of rotations are divided by the machine's characteristic length: 1 at best, 0 in a
+    singular pose.
     """
 
     value: float
@@ -50,7 +54,9 @@ def find_poorest(path: MachinePath) -> Conditioning:
 
 
 def has_one_sign(path: MachinePath) -> bool:
-    """Return whether the Jacobian's determinant has one sign at all sampled places: else a pose is singular."""
+    """Return whether the Jacobian's determinant has one sign at all sampled places: else a pose is
+    singular.
+    """
     sign = np.linalg.slogdet(sample_jacobian(path)[2])[0]
     return bool((sign == sign[0]).all() and sign[0] != 0 and np.isfinite(sign[0]))
 
@@ -66,7 +72,9 @@ def sample_jacobian(path: MachinePath) -> tuple[Array, np.ndarray, Array]:
 
 
 def evaluate_jacobian(path: MachinePath, s: Array, piece: np.ndarray) -> Array:
-    """Return J (N, n, n) at s (N,) in pieces (N,), with columns of rotation divided by the characteristic length."""
+    """Return J (N, n, n) at s (N,) in pieces (N,), with columns of rotation divided by the
+    characteristic length.
+    """
     zero = np.zeros((2, len(s)))
     with np.errstate(all="ignore"):  # beyond reach there are no numbers
         series = path.jacobian(Series(np.stack([s, zero[0]]), zero, 2), piece)

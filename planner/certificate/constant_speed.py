@@ -1,4 +1,6 @@
-"""Constant tool speed: the largest deviation from a stated speed, proved over continuous time, both ways."""
+"""Constant tool speed: the largest deviation from a stated speed, proved over continuous time, both
+ways.
+"""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -27,7 +29,8 @@ MIN_CELL_SHARE = 2.0**-12
 class Stretch:
     """A part of a motion at exactly `speed` (m/s), from one place to another.
 
-    deviation: the largest share of it by which the tool's speed differs, proved over continuous time
+    deviation: the largest share of it by which the tool's speed differs, proved over continuous
+    time
     """
 
     speed: Annotated[float, Fact("speed_m_s")]
@@ -37,7 +40,9 @@ class Stretch:
 
 
 def find_stretches(trajectory: Trajectory, use: Array) -> tuple[Stretch, ...]:
-    """Return where a motion has the constant speeds that its segments state; use (M,): from its certificate."""
+    """Return where a motion has the constant speeds that its segments state; use (M,): from its
+    certificate.
+    """
     path = trajectory.path
     speed = trajectory.constant_speeds
     edges = np.flatnonzero(np.diff(np.concatenate([[False], np.isfinite(speed), [False]])))
@@ -53,7 +58,9 @@ def find_stretches(trajectory: Trajectory, use: Array) -> tuple[Stretch, ...]:
 
 
 class SpeedDeviation(Limit):
-    """||ṗ|/v − 1| ≤ SPEED_TOLERANCE on path pieces that state a speed v. Bounded by |ṗ|², which is smooth."""
+    """||ṗ|/v − 1| ≤ SPEED_TOLERANCE on path pieces that state a speed v. Bounded by |ṗ|², which is
+    smooth.
+    """
 
     name = CONSTANT_SPEED
     channels = ("tool",)
@@ -76,7 +83,9 @@ class SpeedDeviation(Limit):
 
 
 def prove_speed_deviation(trajectory: Trajectory) -> tuple[Array, Array, Place]:
-    """Return the share of SPEED_TOLERANCE by which each time piece (M,) deviates: proved, and attained; the worst place."""
+    """Return the share of SPEED_TOLERANCE by which each time piece (M,) deviates: proved, and
+    attained; the worst place.
+    """
     path = trajectory.path
     limit = SpeedDeviation([path.constant(piece) for piece in range(len(path.breaks) - 1)])
     cells = Cells.cover(trajectory)

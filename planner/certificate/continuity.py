@@ -1,4 +1,5 @@
-"""Continuity and completeness: nothing jumps, and the motion runs the whole path once, forwards, with its rests.
+"""Continuity and completeness: nothing jumps, and the motion runs the whole path once, forwards,
+with its rests.
 
 Without that a motion could respect every limit by leaving out half of its path. Only the motion's
 coefficients and its path are used, none of the timing's claims.
@@ -16,24 +17,28 @@ from planner.path.polynomial import PolynomialPath
 from planner.place import Place
 from planner.trajectory import Trajectory
 
-# Largest jump of q, q̇ (and q̈ under jerk limits), as a share of the range of its values, that is rounding.
+# Largest jump of q, q̇ (and q̈ under jerk limits), as a share of the range of its values, that is
+# rounding.
 MAX_JUMP = 1e-9
 # Rounding of the common origin of all axes, as a share of the largest range.
 AXIS_ROUNDING = 1e-13
-# Rounding of an instant, as a share of it: of a sum of durations, and of the difference of two instants.
+# Rounding of an instant, as a share of it: of a sum of durations, and of the difference of two
+# instants.
 INSTANT_ROUNDING = 8 * float(np.finfo(float).eps)
-# Rounding of q, q′ or q″, as a share of the largest on a path piece: Horner's scheme of degree 9 rounds 18 times, in
-# terms a few times as large as their sum (N. Higham, Accuracy and Stability, 2002, 5.1).
+# Rounding of q, q′ or q″, as a share of the largest on a path piece: Horner's scheme of degree 9
+# rounds 18 times, in terms a few times as large as their sum (N. Higham, Accuracy and Stability,
+# 2002, 5.1).
 VALUE_ROUNDING = 64 * float(np.finfo(float).eps)
 # Time pieces evaluated together, which bounds the memory.
 STATE_BATCH = 1 << 14
 
 
 def find_jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
-    """Return each quantity that is not continuous, or at an end not as stated, and where it jumps most.
+    """Return each quantity that is not continuous, or at an end not as stated, and where it jumps
+    most.
 
-    At an end ṡ and s̈ are as the path states, 0 if it states none: q̇ = q′ ṡ and q̈ = q′ s̈ + q″ ṡ². Whether the
-    motion ends at the path's end is checked by `find_gaps`.
+    At an end ṡ and s̈ are as the path states, 0 if it states none: q̇ = q′ ṡ and q̈ = q′ s̈ + q″
+    ṡ². Whether the motion ends at the path's end is checked by `find_gaps`.
     """
     trajectory = _leave_out_instants(trajectory)
     path = trajectory.path
@@ -65,7 +70,9 @@ def find_jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
 
 
 def _states_at_ends(path: ActuatorPath, order: int) -> tuple[Array, Array]:
-    """Return the states (2 order+1, n) that the path states for its two ends, without derivatives and rounding."""
+    """Return the states (2 order+1, n) that the path states for its two ends, without derivatives
+    and rounding.
+    """
     states = np.zeros((2, 2 * order + 1, len(path.names)))
     pieces = np.array([0, len(path.breaks) - 2])
     for n, (q, q1, q2) in enumerate(zip(*path.derivatives(path.breaks[[0, -1]], pieces, 2), strict=True)):
@@ -75,14 +82,18 @@ def _states_at_ends(path: ActuatorPath, order: int) -> tuple[Array, Array]:
 
 
 def find_rounding(path: ActuatorPath) -> Array:
-    """Return the rounding (3, P, n) of q, q′ and q″ in the coefficients of a path of polynomials; 0 for other paths."""
+    """Return the rounding (3, P, n) of q, q′ and q″ in the coefficients of a path of polynomials; 0
+    for other paths.
+    """
     if isinstance(path, PolynomialPath):
         return path.rounding
     return np.zeros((3, len(path.breaks) - 1, len(path.names)))
 
 
 def _batches(piece: np.ndarray) -> Iterator[tuple[int, int]]:
-    """Yield first and last, exclusive, of batches of about STATE_BATCH time pieces: a path piece is in one batch."""
+    """Yield first and last, exclusive, of batches of about STATE_BATCH time pieces: a path piece is
+    in one batch.
+    """
     ends = np.append(np.flatnonzero(np.diff(piece)) + 1, len(piece))
     first = 0
     while first < len(piece):
@@ -92,7 +103,9 @@ def _batches(piece: np.ndarray) -> Iterator[tuple[int, int]]:
 
 
 def _states_of_pieces(trajectory: Trajectory, own: slice, extremes: Array) -> tuple[Array, Array]:
-    """Return the states (2 order+1, M, n) where time pieces start, and where they end: see `fill_states`."""
+    """Return the states (2 order+1, M, n) where time pieces start, and where they end: see
+    `fill_states`.
+    """
     order = extremes.shape[1]
     piece = trajectory.piece[own]
     h, v, a, j = (
@@ -114,10 +127,11 @@ def _states_of_pieces(trajectory: Trajectory, own: slice, extremes: Array) -> tu
 
 @kernel
 def fill_states(slopes: Array, rounding: Array, motion: Array, states: Array, extremes: Array) -> None:
-    """Fill states (2 order+1, N, n) with q, q̇, … up to the order-th derivative, and the rounding of all but that.
+    """Fill states (2 order+1, N, n) with q, q̇, … up to the order-th derivative, and the rounding
+    of all but that.
 
-    q̇ = q′ ṡ,  q̈ = q′ s̈ + q″ ṡ²,  q⃛ = q′ s⃛ + 3 q″ ṡ s̈ + q‴ ṡ³. The rounding of q, q′, q″ enters likewise: near
-    rest, where q′ is almost zero, a large s̈ multiplies it.
+    q̇ = q′ ṡ,  q̈ = q′ s̈ + q″ ṡ²,  q⃛ = q′ s⃛ + 3 q″ ṡ s̈ + q‴ ṡ³. The rounding of q, q′, q″
+    enters likewise: near rest, where q′ is almost zero, a large s̈ multiplies it.
 
     slopes (order+1, N, n) q, q′, …; rounding (3, N, n); motion (3, N) ṡ, s̈, s⃛
     extremes (2, order, n)  grow to contain the values
@@ -142,10 +156,12 @@ def fill_states(slopes: Array, rounding: Array, motion: Array, states: Array, ex
 
 @kernel
 def measure_jumps(before: Array, after: Array, blur: Array, first: int, jumps: Array) -> None:
-    """Grow jumps (2, order, n): the largest that rounding does not explain, and its knot, counted on from `first`.
+    """Grow jumps (2, order, n): the largest that rounding does not explain, and its knot, counted
+    on from `first`.
 
     before, after (2 order+1, ≥ N, n)  states on the two sides of N knots: see `fill_states`
-    blur (N,) s                        rounding of the instants, in which a value changes by its derivative
+    blur (N,) s                        rounding of the instants, in which a value changes by its
+    derivative
     """
     order = jumps.shape[1]
     for k in range(len(blur)):
@@ -160,10 +176,11 @@ def measure_jumps(before: Array, after: Array, blur: Array, first: int, jumps: A
 
 
 def _derive_at_starts_and_ends(trajectory: Trajectory, own: slice, order: int) -> tuple[Array, Array]:
-    """Return q, q′, q″ (and q‴ at order 3), (order + 1, M, n), where time pieces start, and where they end.
+    """Return q, q′, q″ (and q‴ at order 3), (order + 1, M, n), where time pieces start, and where
+    they end.
 
-    A piece ends where the next one starts, but for rounding δ. On the same piece of path the values there
-    are those at the next start plus δ times the next derivative.
+    A piece ends where the next one starts, but for rounding δ. On the same piece of path the values
+    there are those at the next start plus δ times the next derivative.
     """
     path, piece, s = trajectory.path, trajectory.piece[own], trajectory.s[own]
     start = np.stack(path.derivatives(s, piece, order))
@@ -178,10 +195,11 @@ def _derive_at_starts_and_ends(trajectory: Trajectory, own: slice, order: int) -
 
 
 def find_gaps(trajectory: Trajectory) -> dict[str, Place]:
-    """Return where the motion first leaves the path, repeats or leaves out a part, a rest, or the order of time.
+    """Return where the motion first leaves the path, repeats or leaves out a part, a rest, or the
+    order of time.
 
-    A part is left out where a time piece does not begin where the previous one ends. Up to a share of the path,
-    over all knots together, that is rounding.
+    A part is left out where a time piece does not begin where the previous one ends. Up to a share
+    of the path, over all knots together, that is rounding.
     """
     path, knots = trajectory.path, trajectory.knots
     disorder = np.append(knots[0] != 0, ~(np.isfinite(knots[1:]) & (np.diff(knots) >= 0)))
@@ -238,7 +256,9 @@ def _leave_out_instants(trajectory: Trajectory) -> Trajectory:
 
 
 def _find_short_rests(trajectory: Trajectory) -> np.ndarray:
-    """Return the time pieces (M,) that begin, or the last that ends, where the path states a longer rest than there is."""
+    """Return the time pieces (M,) that begin, or the last that ends, where the path states a longer
+    rest than there is.
+    """
     path = trajectory.path
     short = np.zeros(len(trajectory.s), bool)
     rests = np.flatnonzero(trajectory.resting)
@@ -253,7 +273,8 @@ def _find_short_rests(trajectory: Trajectory) -> np.ndarray:
 
 
 def _find_lost_speeds(trajectory: Trajectory) -> np.ndarray:
-    """Return the first time piece (M,) on each segment that states a constant speed but has none, or several stretches.
+    """Return the first time piece (M,) on each segment that states a constant speed but has none,
+    or several stretches.
 
     How steady the speed is there is proved by `planner.certificate.constant_speed`.
     """

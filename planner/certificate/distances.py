@@ -1,4 +1,6 @@
-"""Bounds of the distances between bodies over cells, from the pose at both ends and bounds of its change."""
+"""Bounds of the distances between bodies over cells, from the pose at both ends and bounds of its
+change.
+"""
 
 from collections.abc import Sequence
 
@@ -34,6 +36,8 @@ def bound_distances(bodies: Bodies, ends: Array, error: Array, rates: Sequence[A
 
 
 def _norms(numbers: Array) -> tuple[Array, Array]:
-    """Return upper bounds (N,) of the norm of the origin and the Frobenius norm of the rotation of (N, 12) numbers."""
+    """Return upper bounds (N,) of the norm of the origin and the Frobenius norm of the rotation of
+    (N, 12) numbers.
+    """
     origin, rotation = (np.linalg.norm(part, axis=1) * (1 + 16 * EPS) for part in (numbers[:, :3], numbers[:, 3:]))
     return origin, rotation

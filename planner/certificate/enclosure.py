@@ -27,7 +27,8 @@ from planner.trajectory import Trajectory
 
 # Points at which a polynomial is sampled: a parabola of height h is then over-estimated by h/4096.
 POINTS = 65
-# Columns sampled together. Products this narrow are faster on one thread of the linear algebra library.
+# Columns sampled together. Products this narrow are faster on one thread of the linear algebra
+# library.
 COLUMN_BATCH = 1024
 PLACE_ROUNDING = 4 * EPS
 """Share of the path's length by which the enclosure of s is widened.
@@ -83,13 +84,16 @@ class MotionEnclosure(ABC):
         return expression.enclose_columns(*inputs)
 
     def bound_use(self, limit: Limit) -> Array:
-        """Return an upper bound (N, m) of the share of a limit that each channel uses over each cell."""
+        """Return an upper bound (N, m) of the share of a limit that each channel uses over each
+        cell.
+        """
         return limit.use(*self.bound(limit.value(self)), self.piece)
 
 
 @dataclass(frozen=True)
 class Enclosure(MotionEnclosure):
-    """Taylor series in τ ∈ [−1, 1]: the first N rows about each centre, the last N over the whole cell.
+    """Taylor series in τ ∈ [−1, 1]: the first N rows about each centre, the last N over the whole
+    cell.
 
     s     (order+1, 2N) path length
     rate  (2N, 1) dτ/dt, 1/s
@@ -143,8 +147,8 @@ def enclose(trajectory: Trajectory, cells: Cells, order: int) -> Enclosure:
 def widen(mid: Array, rad: Array) -> Array:
     """Return radii of a polynomial's coefficients about any centre in the cell.
 
-    About the centre x, c_k(x) = Σ_j C(j, k) c_j x^(j−k): it differs from c_k by at most the sum over j > k
-    of the sizes.
+    About the centre x, c_k(x) = Σ_j C(j, k) c_j x^(j−k): it differs from c_k by at most the sum
+    over j > k of the sizes.
     """
     size = np.abs(mid) + rad
     count = len(size)
@@ -153,7 +157,9 @@ def widen(mid: Array, rad: Array) -> Array:
 
 
 def expand_motion(trajectory: Trajectory, cells: Cells) -> tuple[Array, Array, Array]:
-    """Return coefficients of s in τ about each cell's centre, their errors, (4, N) each, and half widths (N,)."""
+    """Return coefficients of s in τ about each cell's centre, their errors, (4, N) each, and half
+    widths (N,).
+    """
     k = cells.k
     centre = (cells.lo + cells.hi) / 2
     half = cells.lengths / 2 * (1 + 2 * EPS) + 2 * EPS * np.abs(cells.hi)
@@ -192,7 +198,9 @@ def bound_series(series: Series, cells: int) -> tuple[Array, Array]:
 
 
 def _split_error(series: Series, cells: int) -> tuple[Array, Array]:
-    """Return the polynomials about the centres and the errors (cells, m) of their values, the remainder included."""
+    """Return the polynomials about the centres and the errors (cells, m) of their values, the
+    remainder included.
+    """
     full = series.pad(series.order)
     remainder = np.abs(full.mid[-1, cells:]) + full.rad[-1, cells:]
     return full.mid[:-1, :cells], full.rad[:-1, :cells].sum(0) + remainder
@@ -208,7 +216,8 @@ def _evaluate_at_ends(series: Series, cells: int) -> tuple[Array, Array]:
 
 
 def find_extremes(series: Series, cells: int, channel: np.ndarray) -> tuple[Array, Array]:
-    """Return about where in each cell one channel (cells,) is largest and least, and all values there.
+    """Return about where in each cell one channel (cells,) is largest and least, and all values
+    there.
 
     Places τ (2, cells), values (2, cells, m). They prove nothing: a state is evaluated there.
     """
@@ -225,8 +234,8 @@ def find_extremes(series: Series, cells: int, channel: np.ndarray) -> tuple[Arra
 def bound_polynomials(polynomial: Array) -> tuple[Array, Array]:
     """Bound each polynomial (powers, …) on [−1, 1] by its values at places h apart.
 
-    Between two of them it exceeds both by at most h²/8 times the largest second derivative, which is at
-    most Σ k (k − 1) |c_k|.
+    Between two of them it exceeds both by at most h²/8 times the largest second derivative, which
+    is at most Σ k (k − 1) |c_k|.
     """
     columns = polynomial.reshape(len(polynomial), -1)
     k = np.arange(len(columns))

@@ -1,6 +1,8 @@
-"""Feasibility: limits that slowing down cannot fix (reach, control, travel, tilt, clearance, holding), proved first.
+"""Feasibility: limits that slowing down cannot fix (reach, control, travel, tilt, clearance,
+holding), proved first.
 
-Control is lost in singular poses, which are excluded cell by cell along the path by guaranteed bounds.
+Control is lost in singular poses, which are excluded cell by cell along the path by guaranteed
+bounds.
 """
 
 from collections.abc import Sequence
@@ -16,9 +18,9 @@ from kinematics.foundation.table import Column, Table
 from kinematics.foundation.taylor_model import EPS, Series
 from kinematics.machine.motion import describe_singularity
 from planner.avoidable_stops import AvoidableStops
-from planner.certificate.geometric_use import prove_path_use
 from planner.certificate.cells import Cells, Values, evaluate_in_batches, refine
 from planner.certificate.conditioning import Conditioning, evaluate_jacobian
+from planner.certificate.geometric_use import prove_path_use
 from planner.certificate.limit_use import round_reached_use
 from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath, MachinePath
@@ -29,7 +31,8 @@ from planner.path.shape import Overshoot
 from planner.place import Infeasible, Place
 from planner.trajectory import Trajectory, unit_speed_trajectory
 
-# Smallest cell as a share of a part of the path: a smaller one that is not proved counts as singular.
+# Smallest cell as a share of a part of the path: a smaller one that is not proved counts as
+# singular.
 MIN_CELL_SHARE = 2.0**-12
 # Cells bounded together, which bounds the memory.
 CELL_BATCH = 1024
@@ -40,7 +43,8 @@ TIE_DIGITS = 9
 
 
 def find_singularity(path: MachinePath, ends: Array, piece: np.ndarray) -> tuple[float, int] | None:
-    """Return s and piece of the first place at which the Jacobian is not proved nonsingular; None if there is none.
+    """Return s and piece of the first place at which the Jacobian is not proved nonsingular; None
+    if there is none.
 
     ends (N+1,), piece (N,): parts of the path, each within a piece. Cells that fail are halved.
     """
@@ -148,7 +152,9 @@ class Standing(Result):
 
 
 def prove_feasibility(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:
-    """Bound the geometric limits along the path at unit speed: their use is the same under every timing."""
+    """Bound the geometric limits along the path at unit speed: their use is the same under every
+    timing.
+    """
     along = unit_speed_trajectory(path)
     error = _find_lost_reach(path, along)
     if error is None and isinstance(path, MachinePath):
@@ -226,7 +232,9 @@ class _Samples:
 
     @property
     def violations(self) -> list[_Violation]:
-        """The channels that exceed the limit at a sample, and the largest: its peak between the samples is proved."""
+        """The channels that exceed the limit at a sample, and the largest: its peak between the
+        samples is proved.
+        """
         uses = round_reached_use(np.array([each.use for each in self.channels]))
         return [each for each, use in zip(self.channels, uses, strict=True) if use > 1 or each is self.largest]
 

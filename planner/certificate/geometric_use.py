@@ -1,4 +1,6 @@
-"""Use of geometric limits, which depends on the place alone: proved once along the path, for every timing."""
+"""Use of geometric limits, which depends on the place alone: proved once along the path, for every
+timing.
+"""
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
@@ -32,12 +34,16 @@ _PROVED: dict[Hashable, PathUse] = {}
 
 
 def prove_path_use(path: ActuatorPath, limits: Sequence[Limit]) -> dict[str, Array]:
-    """Return, per geometric limit, the proved bound of its use on every part of `unit_speed_trajectory(path)`."""
+    """Return, per geometric limit, the proved bound of its use on every part of
+    `unit_speed_trajectory(path)`.
+    """
     return _prove_along(path, limits).use if limits else {}
 
 
 def _prove_along(path: ActuatorPath, limits: Sequence[Limit]) -> PathUse:
-    """Prove the use along a path. The last few proofs are remembered: orders, retries and reruns share them."""
+    """Prove the use along a path. The last few proofs are remembered: orders, retries and reruns
+    share them.
+    """
     key = path.content, *(limit.content for limit in limits)
     proved = _PROVED.pop(key, None)
     if proved is None:
@@ -57,7 +63,9 @@ def forget_paths() -> None:
 
 
 def find_geometric_use(trajectory: Trajectory, limits: Sequence[Limit]) -> dict[str, Array]:
-    """Return, per geometric limit, the proved bound over each time piece (M,): the largest of the parts it passes."""
+    """Return, per geometric limit, the proved bound over each time piece (M,): the largest of the
+    parts it passes.
+    """
     if not limits:
         return {}
     proved = _prove_along(trajectory.path, limits)
@@ -72,8 +80,8 @@ def find_geometric_use(trajectory: Trajectory, limits: Sequence[Limit]) -> dict[
 def use_at_knots(trajectory: Trajectory, limits: Sequence[Limit], known: ProvedUse | None = None) -> dict[str, Array]:
     """Return, per geometric limit, the larger use attained at the two ends of each time piece (M,).
 
-    It says where a limit is used most, and proves nothing: some knots are evaluated, then all around
-    the one that uses most. Both sides of a knot are one place. known: earlier results.
+    It says where a limit is used most, and proves nothing: some knots are evaluated, then all
+    around the one that uses most. Both sides of a knot are one place. known: earlier results.
     """
     pieces = len(trajectory.s)
     nothing = np.full(pieces, np.nan)

@@ -1,4 +1,5 @@
-"""Share of each limit that a motion uses: proved over cells of time, which are split until the bounds are tight.
+"""Share of each limit that a motion uses: proved over cells of time, which are split until the
+bounds are tight.
 
 A limit that depends on time is bounded by the coarse enclosure first. Cells whose bounds are loose
 then, and all cells of a geometric limit, are bounded by the fine one.
@@ -27,10 +28,12 @@ freely is never above 1.
 # Refinement ends at this share of a time piece, or where so many cells would be open at once.
 MIN_CELL_SHARE = 2.0**-24
 MAX_CELLS = 400_000
-# Cells are halved; a few cells are split into more parts, as one evaluation costs the same for all of them.
+# Cells are halved; a few cells are split into more parts, as one evaluation costs the same for all
+# of them.
 FEW_CELLS = 64
 MOST_PARTS = 8
-# Order of the series in time, by the highest derivative: q̈ or q⃛ keep a polynomial of degree 3 or 4.
+# Order of the series in time, by the highest derivative: q̈ or q⃛ keep a polynomial of degree 3 or
+# 4.
 EXPANSION = {2: 6, 3: 8}
 # Cells bounded together: their series stay in the processor's cache.
 CELL_BATCH = 1024
@@ -38,11 +41,13 @@ CELL_BATCH = 1024
 
 @dataclass(frozen=True, slots=True)
 class ProvedUse:
-    """Earlier results, per limit: use and attained of each time piece (M,), NaN where nothing is proved yet.
+    """Earlier results, per limit: use and attained of each time piece (M,), NaN where nothing is
+    proved yet.
 
     Of geometric limits only what is attained: their use is proved along the path.
 
-    of  (6, M) that it was proved for: s, ṡ, s̈ at the start, s⃛, duration and path piece of each time piece
+    of  (6, M) that it was proved for: s, ṡ, s̈ at the start, s⃛, duration and path piece of each
+        time piece
     """
 
     use: dict[str, Array]
@@ -67,7 +72,8 @@ class ProvedUse:
         return cls(use, attained, np.concatenate([part.of for part in parts], axis=1))
 
     def fit(self, trajectory: Trajectory) -> "ProvedUse":
-        """Return the results for the time pieces that also occur in `trajectory`, rounded instants aside.
+        """Return the results for the time pieces that also occur in `trajectory`, rounded instants
+        aside.
 
         Pieces with other coefficients stay unproved.
         """
@@ -86,7 +92,9 @@ class ProvedUse:
 def prove(
     trajectory: Trajectory, limits: Sequence[Limit], order: int, known: ProvedUse | None = None
 ) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Return, per limit, a proved bound of its use over each time piece (M,), and the largest use attained there."""
+    """Return, per limit, a proved bound of its use over each time piece (M,), and the largest use
+    attained there.
+    """
     cells = Cells.cover(trajectory)
     stated = states_speeds(trajectory.path)
     proofs = {limit.name: LimitProof(trajectory, limit, order, reachable=limit.geometric or stated) for limit in limits}
@@ -108,7 +116,9 @@ def prove(
 
 
 def bound_finely(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, order: int) -> Values:
-    """Return bounds of each limit's use over N cells, and the use attained where it seems largest, (limits, N) each."""
+    """Return bounds of each limit's use over N cells, and the use attained where it seems largest,
+    (limits, N) each.
+    """
 
     def bound(batch: Cells) -> Values:
         count = len(batch.k)
@@ -134,7 +144,8 @@ class LimitProof:
 
     reachable       whether the motion may reach the limit exactly
     least_share     of a time piece, at which refinement ends
-    use, attained   (M,) of each time piece: the proved bound, and the largest use at any instant evaluated
+    use, attained   (M,) of each time piece: the proved bound, and the largest use at any instant
+    evaluated
     """
 
     trajectory: Trajectory
@@ -150,7 +161,9 @@ class LimitProof:
         self.attained = np.zeros(len(self.trajectory.s))
 
     def run(self, cells: Cells, values: Values, *, coarse: bool = False) -> None:
-        """Fill use and attained; values: bound and attained use (N,) of the cells; coarse: the fine ones come next."""
+        """Fill use and attained; values: bound and attained use (N,) of the cells; coarse: the fine
+        ones come next.
+        """
         if coarse:
             loose, _ = self._find_loose(cells, values)
             self._record(cells[~loose], values[0][~loose])
@@ -172,7 +185,9 @@ class LimitProof:
         return round_reached_use(use) if self.reachable else use
 
     def _find_loose(self, cells: Cells, values: Values) -> tuple[np.ndarray, int]:
-        """Return the cells (N,) whose bounds are not tight, and the number of parts to split them into."""
+        """Return the cells (N,) whose bounds are not tight, and the number of parts to split them
+        into.
+        """
         bound, attained = (self._round(each) for each in values)
         np.maximum.at(self.attained, cells.k, attained)
         most = self.attained.max()

@@ -1,7 +1,8 @@
-"""The coarse enclosure of a motion: intervals of its quantities over cells of time, from series of the path.
+"""The coarse enclosure of a motion: intervals of its quantities over cells of time, from series of
+the path.
 
-q(σ), a Taylor series with guaranteed error over an interval of the path, serves all cells of time in
-that interval (`planner.certificate.ranges`). Groups of cells are bounded by the chain rule, from
+q(σ), a Taylor series with guaranteed error over an interval of the path, serves all cells of time
+in that interval (`planner.certificate.ranges`). Groups of cells are bounded by the chain rule, from
 intervals of x′, x″, x‴ over their part of the path and intervals of ṡ, s̈, s⃛.
 """
 
@@ -40,7 +41,9 @@ class IntervalEnclosure(MotionEnclosure):
 
     @abstractmethod
     def bound_pose(self, highest: int) -> Array:
-        """Return middles and radii (2, highest+1, N, 12) of the pose's numbers and their derivatives by time."""
+        """Return middles and radii (2, highest+1, N, 12) of the pose's numbers and their
+        derivatives by time.
+        """
 
     @cached_property
     def _pose(self) -> Array:
@@ -90,7 +93,9 @@ class PathEnclosure(IntervalEnclosure):
 
     @cached_property
     def axes(self) -> Array:
-        """The balls, and below them values between which q and its derivatives surely attain all (4, …)."""
+        """The balls, and below them values between which q and its derivatives surely attain all
+        (4, …).
+        """
         return self._bound(self.series.axes, self.highest, 4)
 
     def bound_pose(self, highest: int) -> Array:
@@ -116,12 +121,16 @@ class PathEnclosure(IntervalEnclosure):
 
     @property
     def attained(self) -> tuple["AttainedValues", "AttainedValues"]:
-        """Values that each axis' value and derivatives surely reach: no less than the minimum, no more than the maximum."""
+        """Values that each axis' value and derivatives surely reach: no less than the minimum, no
+        more than the maximum.
+        """
         least, most = self.axes[2:]
         return AttainedValues(self.path, self.piece, least), AttainedValues(self.path, self.piece, most)
 
     def group(self, first: np.ndarray) -> "GroupEnclosure":
-        """Return the enclosure of groups of consecutive cells on one interval, each from `first` on."""
+        """Return the enclosure of groups of consecutive cells on one interval, each from `first`
+        on.
+        """
         return GroupEnclosure(self.path, self.piece[first], self, first)
 
 
@@ -202,7 +211,8 @@ def _merge_balls(mid: Array, rad: Array, first: np.ndarray) -> Array:
 
 @dataclass(frozen=True)
 class _PathSeries:
-    """Taylor series of axes and pose over G intervals of the path, in σ = (s − centre)/half ∈ [−1, 1].
+    """Taylor series of axes and pose over G intervals of the path, in σ = (s − centre)/half ∈ [−1,
+    1].
 
     centre, half (G,) m; piece (G,) of the path
     """
@@ -213,7 +223,9 @@ class _PathSeries:
     piece: np.ndarray
 
     def enclose(self, interval: np.ndarray, expansion: tuple[Array, Array, Array], highest: int) -> PathEnclosure:
-        """Return the enclosure of cells in intervals (N,), from what `expand_motion` returns for them."""
+        """Return the enclosure of cells in intervals (N,), from what `expand_motion` returns for
+        them.
+        """
         s, error, half = expansion
         centre = self.centre[interval]
         width = self.half[interval]
@@ -244,7 +256,9 @@ class _PathSeries:
         return Series(np.tile(mid, 2), rad, PATH_ORDER)
 
     def _join(self, series: Series) -> Array:
-        """Return the coefficients about the centres, the last one over the whole interval as an error."""
+        """Return the coefficients about the centres, the last one over the whole interval as an
+        error.
+        """
         count = len(self.half)
         full = series.pad(PATH_ORDER)
         joined = np.stack([full.mid[:, :count], full.rad[:, :count]])
@@ -256,7 +270,9 @@ class _PathSeries:
 
 
 def enclose_along_path(trajectory: Trajectory, cells: Cells, highest: int) -> PathEnclosure:
-    """Return the coarse enclosure of the motion over cells, with derivatives of q up to the `highest`."""
+    """Return the coarse enclosure of the motion over cells, with derivatives of q up to the
+    `highest`.
+    """
     path = trajectory.path
     piece = trajectory.piece[cells.k]
     s, error, half = expand_motion(trajectory, cells)
@@ -278,13 +294,16 @@ def enclose_along_path(trajectory: Trajectory, cells: Cells, highest: int) -> Pa
 
 @lru_cache(maxsize=32)
 def is_affine(inverse_map: Expression) -> bool:
-    """Return whether the actuator coordinates are affine in the pose's numbers: then pieces that are polynomials in
-    space are polynomials in the axes."""
+    """Return whether the actuator coordinates are affine in the pose's numbers: then pieces that
+    are polynomials in space are polynomials in the axes.
+    """
     x = ca.SX.sym("x", inverse_map.size[0])
     return bool(ca.is_linear(inverse_map.function(x), x))
 
 
 def _count_intervals(path: ActuatorPath) -> Array:
-    """Return the number of intervals (P,) of each path piece: a polynomial is known exactly over a whole piece."""
+    """Return the number of intervals (P,) of each path piece: a polynomial is known exactly over a
+    whole piece.
+    """
     least = MIN_PARTS if isinstance(path, MachinePath) and not is_affine(path.machine.inverse_map) else 1
     return INTERVALS * np.maximum(least, np.ceil(PER_RADIAN * path.turns))

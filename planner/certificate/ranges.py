@@ -2,8 +2,8 @@
 
 x(σ) = Σ p_i σ^i + remainder is a Taylor series with guaranteed error over an interval of the path,
 |σ| ≤ 1. σ(τ) = s₀ + s₁τ + s₂τ² + s₃τ³ is the motion over a cell of time, |τ| ≤ 1. Horner's scheme
-gives x(σ(τ)) = Σ a_k τ^k. The same sums with the sizes of their factors, and with the sizes enlarged
-by the errors, bound all that is neglected:
+gives x(σ(τ)) = Σ a_k τ^k. The same sums with the sizes of their factors, and with the sizes
+enlarged by the errors, bound all that is neglected:
 
     |∏(x + e) − ∏x| ≤ ∏(|x| + |e|) − ∏|x|.
 
@@ -88,7 +88,9 @@ def bound_motion(series: Array, interval: np.ndarray, motion: Array, out: Array)
 
 @kernel
 def _load_motion(motion: Array, cells: Array, reach: Array) -> None:
-    """Fill cells (9, CELLS): s₀ … s₃, |s₀| … |s₃| and the rate; reach (4, CELLS): max |σ|, |σ′|, |σ″|, |σ‴|."""
+    """Fill cells (9, CELLS): s₀ … s₃, |s₀| … |s₃| and the rate; reach (4, CELLS): max |σ|, |σ′|,
+    |σ″|, |σ‴|.
+    """
     for n in range(motion.shape[1]):
         for i in range(4):
             cells[i, n] = motion[i, n]
@@ -106,7 +108,9 @@ def _load_motion(motion: Array, cells: Array, reach: Array) -> None:
 
 @kernel
 def _bound_sizes(series: Array, rows: np.ndarray, c: int, reach: Array, majorant: Array) -> None:
-    """Fill majorant (4, CELLS): Σ (|p_i| + error) σ^i and its derivatives by σ at σ = reach, by Horner's scheme."""
+    """Fill majorant (4, CELLS): Σ (|p_i| + error) σ^i and its derivatives by σ at σ = reach, by
+    Horner's scheme.
+    """
     degree = series.shape[1] - 1
     count = len(rows)
     for n in range(count):
@@ -185,9 +189,11 @@ def _differentiate(a: Array, large: Array, m: int, e: Array, slack: Array) -> No
 
 @kernel
 def _reduce_to_cubic(e: Array, degree: int, cubic: Array, slack: Array) -> None:
-    """Fill cubic (first 4, CELLS) by Chebyshev economization: e₄ and e₅ are spread over lower powers.
+    """Fill cubic (first 4, CELLS) by Chebyshev economization: e₄ and e₅ are spread over lower
+    powers.
 
-    slack[0] grows by what the cubic neglects; slack[1] (CELLS,) is the slack of the full polynomial.
+    slack[0] grows by what the cubic neglects; slack[1] (CELLS,) is the slack of the full
+    polynomial.
     """
     for n in range(CELLS):
         slack[1, n] = slack[0, n]
@@ -205,7 +211,8 @@ def _reduce_to_cubic(e: Array, degree: int, cubic: Array, slack: Array) -> None:
 def _find_peaks(cubic: Array, places: Array, slack: Array) -> None:
     """Fill places[2:] with the τ in [−1, 1] where the cubic's slope is zero; 0 where there is none.
 
-    A small cubic coefficient is dropped, at the price of some slack: the roots would lose all digits.
+    A small cubic coefficient is dropped, at the price of some slack: the roots would lose all
+    digits.
     """
     for n in range(CELLS):
         a1, a2, a3 = cubic[1, n], cubic[2, n], cubic[3, n]
@@ -246,7 +253,9 @@ def _bound_outer(cubic: Array, places: Array, slack: Array, outer: Array) -> Non
 
 @kernel
 def _evaluate(e: Array, places: Array, slack: Array, values: Array) -> None:
-    """Fill values (4, CELLS) with those of Σ e_k τ^k at both ends and at the peaks; grow slack by their rounding."""
+    """Fill values (4, CELLS) with those of Σ e_k τ^k at both ends and at the peaks; grow slack by
+    their rounding.
+    """
     for i in range(4):
         for n in range(CELLS):
             values[i, n] = 0.0
@@ -269,7 +278,9 @@ def _bound_inner(values: Array, slack: Array, inner: Array) -> None:
 
 @kernel
 def _store(bounds: Array, reach: Array, scale: Array, out: Array) -> None:
-    """Write bounds of cells to out (2 or 4, N); of a cell that leaves its interval, that nothing is known."""
+    """Write bounds of cells to out (2 or 4, N); of a cell that leaves its interval, that nothing is
+    known.
+    """
     for n in range(out.shape[1]):
         middle = bounds[0, n] * scale[n]
         radius = bounds[1, n] * scale[n]

@@ -1,8 +1,8 @@
 """Dwell of an axis in a band of speed: proved over continuous time.
 
-Over each cell of time q̇ is enclosed. A cell is outside a band, inside, or undecided; undecided ones
-are halved until they are short. A stay is as long as the consecutive cells that are not outside: an
-upper bound.
+Over each cell of time q̇ is enclosed. A cell is outside a band, inside, or undecided; undecided
+ones are halved until they are short. A stay is as long as the consecutive cells that are not
+outside: an upper bound.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,8 @@ from planner.certificate.enclosure import enclose
 from planner.limits.resonance import Band, Resonance
 from planner.trajectory import Trajectory
 
-# Least cell as a share of the shortest time allowed in a band: a stay is over-estimated by two of them at most.
+# Least cell as a share of the shortest time allowed in a band: a stay is over-estimated by two of
+# them at most.
 MIN_CELL_SHARE = 5e-4
 # Order of the series in time.
 EXPANSION = 6
@@ -26,7 +27,8 @@ MAX_CELLS = 400_000
 
 @dataclass(frozen=True, slots=True)
 class Stay:
-    """From start to end (s) an axis may be in a band: on time pieces first … last of the trajectory.
+    """From start to end (s) an axis may be in a band: on time pieces first … last of the
+    trajectory.
 
     inside: longest time (s) in it without a break that is certain
     """
@@ -44,7 +46,9 @@ class Stay:
 
 
 def find_stays(trajectory: Trajectory, limit: Resonance) -> tuple[Stay, ...]:
-    """Return every stay in the bands that may be crossed, each a proved upper bound of its duration."""
+    """Return every stay in the bands that may be crossed, each a proved upper bound of its
+    duration.
+    """
     if not limit.bands:
         return ()
     shortest = MIN_CELL_SHARE * min(band.time for band in limit.bands)

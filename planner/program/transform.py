@@ -20,7 +20,9 @@ from planner.program.model import (
 
 
 def scale_program(program: Program, start: Array, share: float) -> Program:
-    """Return the program with every coordinate p at start + share · (p − start), and orientations unchanged."""
+    """Return the program with every coordinate p at start + share · (p − start), and orientations
+    unchanged.
+    """
     offset = (1 - share) * start
     return replace(
         program,
@@ -38,7 +40,9 @@ def shift_program(program: Program, shift: Array) -> Program:
 
 
 def scale_rotations(program: Program, share: float) -> Program:
-    """Return the program with every orientation at a share of its angle from the start's; equations keep theirs."""
+    """Return the program with every orientation at a share of its angle from the start's; equations
+    keep theirs.
+    """
     start = Rotation.identity() if program.start is None else program.start.rotation
 
     def scale(rotation: Rotation) -> Rotation:
@@ -59,7 +63,9 @@ def scale_rotations(program: Program, share: float) -> Program:
 
 
 def states_destination(program: Program) -> bool:
-    """Return whether the program leads from its start to a stated point, by a line, a spline or a synchronised move."""
+    """Return whether the program leads from its start to a stated point, by a line, a spline or a
+    synchronised move.
+    """
     first = next((segment for segment in program.segments if not isinstance(segment, Dwell | Turn)), None)
     return isinstance(first, Line | Spline | Synchronised)
 

@@ -1,10 +1,12 @@
-"""What is proved of a motion behind input shapers: that it keeps every limit, and how far it is from the path.
+"""What is proved of a motion behind input shapers: that it keeps every limit, and how far it is
+from the path.
 
-Limits of one coordinate's value or rate, the same all along (`Limit.convex`): a weighed mean of motions that keep one
-keeps it, so what is proved of the motion that is shaped holds. Every other limit is bounded over cells of time from the
-axes' copies and from the pose that the axes reach (`planner.shaping.shaped_enclosure`). Caps of a segment's tool hold
-while all copies are on that segment; while some are on the next, the larger cap of the two does: there the tool rounds
-the corner between them.
+Limits of one coordinate's value or rate, the same all along (`Limit.convex`): a weighed mean of
+motions that keep one keeps it, so what is proved of the motion that is shaped holds. Every other
+limit is bounded over cells of time from the axes' copies and from the pose that the axes reach
+(`planner.shaping.shaped_enclosure`). Caps of a segment's tool hold while all copies are on that
+segment; while some are on the next, the larger cap of the two does: there the tool rounds the
+corner between them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,8 +22,8 @@ from kinematics.foundation.names import count_noun
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.axis import Axis
-from planner.certificate.certify import Certificate
 from planner.certificate.cells import Cells, Values, evaluate_in_batches, refine
+from planner.certificate.certify import Certificate
 from planner.certificate.limit_use import LIMIT_ROUNDING, round_reached_use
 from planner.limits.limit import Limit
 from planner.limits.resonance import Resonance
@@ -33,9 +35,13 @@ from planner.shaping.shaping_cost import ShapingCost
 from planner.trajectory import Trajectory
 
 OVER = 1e-3
-"""How far beyond a limit a bound may stay that slowing down mends: what is planned anew keeps that much away."""
+"""How far beyond a limit a bound may stay that slowing down mends: what is planned anew keeps that
+much away.
+"""
 CLOSE, LEAST_CONTOUR = 1.05, 1e-7
-"""Times what was met of the distance from the path that its bound may be, and m below which it is not made closer."""
+"""Times what was met of the distance from the path that its bound may be, and m below which it is
+not made closer.
+"""
 LONGEST_CELL, SHORTEST_CELL = 4e-3, 1e-4
 """s: cells of time that are looked at first, and below which none is cut."""
 CELL_BATCH, MOST_CUT = 512, 200_000
@@ -49,13 +55,15 @@ class ShapedProof(Result):
     motion         q_s(t) = Σ Aᵢ q(t − tᵢ)
     worst, where   per limit, the proven bound of value/limit over continuous time, and its place
     convex         names of the limits that follow from those of the motion that is shaped
-    deviation      m: of the tool from its place on the path `delay` earlier, ahead and behind too; a proven bound
+    deviation      m: of the tool from its place on the path `delay` earlier, ahead and behind too;
+                   a proven bound
     contour        m: of the tool from the path, wherever on it; a proven bound, at most `deviation`
     turn           rad: of the platform likewise
     axis_deviation (n,) m or rad: of each axis likewise: ½ Σ Aᵢ (tᵢ − t̄)² · sup |q̈|, or tighter
     since          s of the motion, from which on all this is proved
-    excess         per limit that is exceeded, and that timing changes: of N cells of time, from where to where on the
-                   path (m) the copies are, and the bound of value/limit there (3, N)
+    excess         per limit that is exceeded, and that timing changes: of N cells of time, from
+                   where to where on the path (m) the copies are, and the bound of value/limit there
+                   (3, N)
     cost           of the shapers, where the motion was planned behind them
     """
 
@@ -157,8 +165,10 @@ def prove_shaped(
     """What is proved of a trajectory behind shapers.
 
     certificate  of the trajectory itself, of its convex limits at least
-    since        s of the shaped motion, from which on it is looked at: the whole of the interval that it is in
-    Raises MotionError where the pose that the axes reach is not proved to be near the path, and as `refuse_unshaped`.
+    since        s of the shaped motion, from which on it is looked at: the whole of the interval
+                 that it is in
+    Raises MotionError where the pose that the axes reach is not proved to be near the path, and as
+    `refuse_unshaped`.
     """
     refuse_unshaped(limits, trajectory.path)
     convex = [limit for limit in limits if limit.convex]
@@ -216,7 +226,9 @@ def advise_shapers(axes: Sequence[Axis]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class _Largest:
-    """The largest value over cells, and the instant (s) in the middle of its cell; 0 at 0 if there is none."""
+    """The largest value over cells, and the instant (s) in the middle of its cell; 0 at 0 if there
+    is none.
+    """
 
     value: float
     at: float
@@ -229,7 +241,9 @@ class _Largest:
 
 @dataclass
 class _CellSearch:
-    """Largest bounds over cells of time, of each limit and of the deviations. Cells are split where bounds are loose."""
+    """Largest bounds over cells of time, of each limit and of the deviations. Cells are split where
+    bounds are loose.
+    """
 
     motion: ShapedMotion
     trajectory: Trajectory
@@ -296,7 +310,9 @@ class _CellSearch:
             return evaluate_in_batches(cells, self._bound, CELL_BATCH)
 
     def _bound(self, cells: Cells) -> Values:
-        """Return bounds of the uses and their channels (limits, N), of the three deviations (N,) and of the axes (n, N)."""
+        """Return bounds of the uses and their channels (limits, N), of the three deviations (N,)
+        and of the axes (n, N).
+        """
         enclosure = enclose_shaped(self.motion, self.trajectory, cells)
         uses, channels = np.zeros((2, len(self.limits), len(cells.k)))
         for n, limit in enumerate(self.limits):
@@ -319,7 +335,9 @@ class _CellSearch:
             ).in_segment(place.segment)
 
     def _find_excess(self, begin: Array, end: Array, use: Array) -> Array:
-        """Return where on the path the copies are while a limit is exceeded, from and to, and its use (3, N)."""
+        """Return where on the path the copies are while a limit is exceeded, from and to, and its
+        use (3, N).
+        """
         copies = self.motion.copies
         span = begin - copies.delays[-1], end - copies.delays[0]
         first, last = (self.trajectory.at(np.clip(t, 0.0, self.trajectory.duration)).s for t in span)
@@ -334,7 +352,9 @@ class _CellSearch:
 
 
 def _bound_use(limit: Limit, enclosure: ShapedEnclosure) -> tuple[Array, np.ndarray]:
-    """Return the share (N,) of a limit that is used, and the channel. Of caps on several segments the largest counts."""
+    """Return the share (N,) of a limit that is used, and the channel. Of caps on several segments
+    the largest counts.
+    """
     low, high = enclosure.bound(limit.value(enclosure))
     uses = [limit.use(low, high, piece) for piece in enclosure.pieces]
     use = np.min([largest_in_rows(each) for each in uses], axis=0)
