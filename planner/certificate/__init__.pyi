@@ -22,7 +22,7 @@ from .feasibility import (
     find_singularity as find_singularity,
     prove_feasibility as prove_feasibility,
 )
-from .geometric_use import forget_paths as forget_paths, prove_path_use as prove_path_use
+from .limit_use import forget_paths as forget_paths, prove_path_use as prove_path_use
 from .limit_use import (
     LIMIT_ROUNDING as LIMIT_ROUNDING,
     ProvedUse as ProvedUse,

@@ -16,8 +16,7 @@ from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from planner.certificate.constant_speed import CONSTANT_SPEED, prove_speed_deviation
 from planner.certificate.continuity import find_gaps, find_jumps, place_at
-from planner.certificate.geometric_use import find_geometric_use, use_at_knots
-from planner.certificate.limit_use import ProvedUse, prove
+from planner.certificate.limit_use import ProvedUse, find_geometric_use, prove, use_at_knots
 from planner.certificate.resonance_dwell import find_stays
 from planner.limits.limit import Limit, order_of
 from planner.limits.resonance import Resonance

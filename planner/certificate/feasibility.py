@@ -20,8 +20,7 @@ from kinematics.machine.motion import describe_singularity
 from planner.avoidable_stops import AvoidableStops
 from planner.certificate.cells import Cells, Values, evaluate_in_batches, refine
 from planner.certificate.conditioning import Conditioning, evaluate_jacobian
-from planner.certificate.geometric_use import prove_path_use
-from planner.certificate.limit_use import round_reached_use
+from planner.certificate.limit_use import prove_path_use, round_reached_use
 from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath, MachinePath
 from planner.path.outcome import Blended, FitSummary, blend_tables, fit_tables
@@ -34,8 +33,6 @@ from planner.trajectory import Trajectory, unit_speed_trajectory
 # Smallest cell as a share of a part of the path: a smaller one that is not proved counts as
 # singular.
 MIN_CELL_SHARE = 2.0**-12
-# Cells bounded together, which bounds the memory.
-CELL_BATCH = 1024
 # Samples of a part of the path in the search of the worst place.
 PART_POINTS = 65
 TIE_DIGITS = 9
@@ -51,9 +48,6 @@ def find_singularity(path: MachinePath, ends: Array, piece: np.ndarray) -> tuple
     width = np.diff(ends)
     first = np.inf
 
-    def evaluate(cells: Cells) -> Values:
-        return evaluate_in_batches(cells, prove, CELL_BATCH)
-
     def prove(cells: Cells) -> Values:
         middle = ends[cells.k] + (cells.lo + cells.hi) / 2
         return (middle, _is_nonsingular(path, middle, cells.lengths / 2, piece[cells.k]))
@@ -67,7 +61,7 @@ def find_singularity(path: MachinePath, ends: Array, piece: np.ndarray) -> tuple
         return ~proved & ~small & (ends[cells.k] + cells.lo < first), 2
 
     cells = Cells(np.arange(len(width)), np.zeros(len(width)), width)
-    cells, (middle, _) = refine(cells, evaluate(cells), evaluate, find_loose)
+    cells, (middle, _) = refine(cells, evaluate_in_batches(cells, prove), prove, find_loose)
     if not np.isfinite(first):
         return None
     return float(first), int(piece[cells.k[np.flatnonzero(middle == first)[0]]])

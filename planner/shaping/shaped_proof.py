@@ -44,8 +44,8 @@ not made closer.
 """
 LONGEST_CELL, SHORTEST_CELL = 4e-3, 1e-4
 """s: cells of time that are looked at first, and below which none is cut."""
-CELL_BATCH, MOST_CUT = 512, 200_000
-"""Cells that are looked at together, and those that others are cut into, at most."""
+MOST_CUT = 200_000
+"""Largest number of cells into which others are split."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -264,7 +264,7 @@ class _CellSearch:
         self.largest_sample = 0.0
         self.split = 0
         cells = self._cut_intervals()
-        cells, values = refine(cells, self._evaluate(cells), self._evaluate, self._find_loose)
+        cells, values = refine(cells, evaluate_in_batches(cells, self._bound), self._bound, self._find_loose)
         uses, channels, away, off, turned, axes = values
         begin = self.motion.knots[cells.k] + cells.lo
         end = self.motion.knots[cells.k] + cells.hi
@@ -304,10 +304,6 @@ class _CellSearch:
         loose &= (cells.lengths > SHORTEST_CELL) & (self.split <= MOST_CUT)
         self.split += 2 * int(loose.sum())
         return loose, 2
-
-    def _evaluate(self, cells: Cells) -> Values:
-        with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-            return evaluate_in_batches(cells, self._bound, CELL_BATCH)
 
     def _bound(self, cells: Cells) -> Values:
         """Return bounds of the uses and their channels (limits, N), of the three deviations (N,)
