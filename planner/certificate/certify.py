@@ -76,7 +76,12 @@ def certify(trajectory: Trajectory, limits: Sequence[Limit], known: ProvedUse | 
     use, attained = prove(trajectory, timed, order, known)
     use |= find_geometric_use(trajectory, geometric)
     attained |= use_at_knots(trajectory, geometric, known)
-    where = {limit.name: _find_worst_place(trajectory, limit, use, attained) for limit in limits}
+    where: dict[str, Place] = {}
+    for limit in limits:
+        # a bound below 1 need not be tight everywhere
+        exceeded = not limit.geometric and use[limit.name].max() > 1
+        most = use if exceeded else attained
+        where[limit.name] = _find_place(trajectory, limit, int(np.argmax(most[limit.name])))
     for limit in limits:
         if isinstance(limit, Resonance) and limit.bands:
             use[CROSSING], attained[CROSSING], where[CROSSING] = _prove_crossing(trajectory, limit)
@@ -122,14 +127,6 @@ def find_place(trajectory: Trajectory, limits: Sequence[Limit], name: str, k: in
     if limit is not None:
         return _find_place(trajectory, limit, k)
     return trajectory.path.place(float(trajectory.s[k]), int(trajectory.piece[k]), float(trajectory.knots[k]))
-
-
-def _find_worst_place(trajectory: Trajectory, limit: Limit, use: dict[str, Array], attained: dict[str, Array]) -> Place:
-    """Return where a limit is used most: by the bounds if they exceed 1, else by what is attained."""
-    # a bound below 1 need not be tight everywhere
-    exceeded = not limit.geometric and use[limit.name].max() > 1
-    most = use if exceeded else attained
-    return _find_place(trajectory, limit, int(np.argmax(most[limit.name])))
 
 
 def _find_place(trajectory: Trajectory, limit: Limit, k: int) -> Place:

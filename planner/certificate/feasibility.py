@@ -20,7 +20,7 @@ from kinematics.machine.motion import describe_singularity
 from planner.avoidable_stops import AvoidableStops
 from planner.certificate.cells import Cells, Values, evaluate_in_batches, refine
 from planner.certificate.conditioning import Conditioning, evaluate_jacobian
-from planner.certificate.limit_use import prove_path_use, round_reached_use
+from planner.certificate.limit_use import LIMIT_ROUNDING, prove_path_use
 from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath, MachinePath
 from planner.path.outcome import Blended, FitSummary, blend_tables, fit_tables
@@ -162,9 +162,12 @@ def prove_feasibility(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:
     for limit in geometric:
         bound = use[limit.name]
         worst = int(np.argmax(bound))
-        largest[limit.name] = float(bound[worst]), _sample_part(along, limit, worst).largest.place
+        largest[limit.name] = float(bound[worst]), _sample_part(along, limit, worst)[0].place
         for part in np.flatnonzero(bound > 1).tolist():
-            violations += _sample_part(along, limit, part).violations
+            samples = _sample_part(along, limit, part)
+            # the first exceeds the limit, at a peak between the samples at least: that is proved
+            violations += samples[:1]
+            violations += [each for each in samples[1:] if each.use > 1 + LIMIT_ROUNDING]
     return Standing(_sort_violations(violations), largest)
 
 
@@ -214,27 +217,11 @@ class _Violation:
         return limit_violation(self.limit, self.value, self.channel, self.piece, self.place)
 
 
-@dataclass(frozen=True, slots=True)
-class _Samples:
-    """Violations of every channel of a limit on one part of the path."""
+def _sample_part(along: Trajectory, limit: Limit, part: int) -> "list[_Violation]":
+    """Return the largest use of each channel of a limit at PART_POINTS places of a part of the path.
 
-    channels: list[_Violation]
-
-    @property
-    def largest(self) -> _Violation:
-        return max(self.channels, key=lambda each: each.use)
-
-    @property
-    def violations(self) -> list[_Violation]:
-        """The channels that exceed the limit at a sample, and the largest: its peak between the
-        samples is proved.
-        """
-        uses = round_reached_use(np.array([each.use for each in self.channels]))
-        return [each for each, use in zip(self.channels, uses, strict=True) if use > 1 or each is self.largest]
-
-
-def _sample_part(along: Trajectory, limit: Limit, part: int) -> _Samples:
-    """Return the use of a limit at PART_POINTS places of a part of the path."""
+    The channel that uses most is the first.
+    """
     length = along.knots[part + 1] - along.knots[part]
     state = along.within(np.full(PART_POINTS, part), length * np.linspace(0.0, 1.0, PART_POINTS))
     value = limit.value(state)
@@ -245,7 +232,7 @@ def _sample_part(along: Trajectory, limit: Limit, part: int) -> _Samples:
         place = along.path.place(float(state.along[row]), piece, None, limit.channels[channel])
         use = float(uses[row, channel])
         channels.append(_Violation(limit, channel, piece, use, float(value[row, channel]), place))
-    return _Samples(channels)
+    return sorted(channels, key=lambda each: -each.use)
 
 
 def _sort_violations(violations: Sequence[_Violation]) -> tuple[Infeasible, ...]:

@@ -95,9 +95,7 @@ def prove(
     cells = Cells.cover(trajectory)
     path = trajectory.path
     # stated speeds have to be met exactly
-    stated = max(path.end_speeds) > 0 or any(
-        path.constant(piece) is not None for piece in range(len(path.breaks) - 1)
-    )
+    stated = max(path.end_speeds) > 0 or any(path.constant(piece) is not None for piece in range(len(path.breaks) - 1))
     proofs = {limit.name: LimitProof(trajectory, limit, order, reachable=limit.geometric or stated) for limit in limits}
     if known is not None:
         unknown = np.any([np.isnan(known.use[limit.name]) for limit in limits], axis=0)
@@ -116,9 +114,7 @@ def prove(
     return use, {name: proof.attained for name, proof in proofs.items()}
 
 
-def bound_finely(
-    trajectory: Trajectory, limits: Sequence[Limit], order: int, cells: Cells
-) -> Values:
+def bound_finely(trajectory: Trajectory, limits: Sequence[Limit], order: int, cells: Cells) -> Values:
     """Return bounds of each limit's use over N cells, and the use attained where it seems largest.
 
     Each (limits, N).

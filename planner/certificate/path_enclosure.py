@@ -124,20 +124,10 @@ class PathEnclosure(IntervalEnclosure):
             motion=self.motion[:, rows],
         )
 
-    @property
-    def attained(self) -> tuple["AttainedValues", "AttainedValues"]:
-        """Values that each axis and its derivatives surely reach: a minimum is no larger than the
-        first, a maximum no smaller than the second.
-        """
-        least, most = self.axes[2:]
-        return (
-            AttainedValues(self.path, self.piece, least),
-            AttainedValues(self.path, self.piece, most),
-        )
-
     def find_attained_use(self, limit: Limit) -> Array:
         """Return a use (N,) of a limit on single axes that is surely attained in each cell."""
-        least, most = (limit.value(each).mid[0] for each in self.attained)
+        attained = [AttainedValues(self.path, self.piece, values) for values in self.axes[2:]]
+        least, most = (limit.value(each).mid[0] for each in attained)
         return largest_in_rows(limit.use(least, most, self.piece))
 
 
@@ -156,7 +146,14 @@ class GroupEnclosure(IntervalEnclosure):
 
     def bound_pose(self, highest: int) -> Array:
         """ẋ = x′ σ̇,  ẍ = x′ σ̈ + x″ σ̇²,  x⃛ = x′ σ⃛ + 3 x″ σ̇ σ̈ + x‴ σ̇³."""
-        sigma = _merge_balls(*self._bound_sigma(), self.first)[..., 0]
+        motion = self.cells.motion
+        rate = motion[8]
+        # the n-th derivative by τ is n! times the n-th coefficient, about any centre in the cell
+        factors = np.stack([np.ones_like(rate), rate, 2 * rate**2, 6 * rate**3])
+        mid = (motion[:4] * factors)[..., None]
+        rad = (widen(motion[:4], motion[4:8]) * factors)[..., None]
+        rad = rad * (1 + 16 * EPS) + 16 * EPS * np.abs(mid)
+        sigma = _merge_balls(mid, rad, self.first)[..., 0]
         pose = self._bound_pose_along(sigma[:, 0], highest)
         x1, x2 = _take_ball(pose, 1), _take_ball(pose, 2)
         speed, growth, jerk = (Series(sigma[:1, n, :, None], sigma[1:, n, :, None], 0) for n in (1, 2, 3))
@@ -167,16 +164,6 @@ class GroupEnclosure(IntervalEnclosure):
         for n, rate in enumerate(rates, 1):
             pose[:, n] = rate.mid[0], rate.rad[0]
         return pose
-
-    def _bound_sigma(self) -> tuple[Array, Array]:
-        """Return middles and radii (4, N, 1) of σ, σ̇, σ̈, σ⃛ over each cell."""
-        motion = self.cells.motion
-        rate = motion[8]
-        factors = np.stack([np.ones_like(rate), rate, 2 * rate**2, 6 * rate**3])
-        mid = motion[:4] * factors
-        # the n-th derivative by τ is n! times the n-th coefficient, about any centre in the cell
-        rad = widen(motion[:4], motion[4:8]) * factors
-        return mid[..., None], (rad * (1 + 16 * EPS) + 16 * EPS * np.abs(mid))[..., None]
 
     def _bound_pose_along(self, sigma: Array, highest: int) -> Array:
         """Return the pose and its derivatives by σ over balls (2, G) of σ."""
@@ -222,12 +209,14 @@ class _PathSeries:
     1].
 
     centre, half (G,) m; piece (G,) of the path
+    s  series in σ: about the centre of each interval, then about any place in it
     """
 
     path: ActuatorPath
     centre: Array
     half: Array
     piece: np.ndarray
+    s: Series
 
     def enclose(self, interval: np.ndarray, expansion: tuple[Array, Array, Array], highest: int) -> PathEnclosure:
         """Return the enclosure of cells in intervals (N,), from what `expand_motion` returns for
@@ -245,22 +234,14 @@ class _PathSeries:
     @cached_property
     def axes(self) -> Array:
         """Coefficients (2, D+1, G, n) of q and their errors; the last is the remainder."""
-        return self._join(self.path.enclose(self._s, np.tile(self.piece, 2)))
+        return self._join(self.path.enclose(self.s, np.tile(self.piece, 2)))
 
     @cached_property
     def pose(self) -> Array:
         """Coefficients (2, D+1, G, 12) of the pose's numbers likewise."""
-        pose = self.path.enclose_pose(self._s, np.tile(self.piece, 2))
+        pose = self.path.enclose_pose(self.s, np.tile(self.piece, 2))
         assert pose is not None  # only machines have limits on their pose
         return self._join(pose)
-
-    @cached_property
-    def _s(self) -> Series:
-        """s as a series in σ: about the centre of each interval, then about any place in it."""
-        mid = np.stack([self.centre, self.half])
-        rad = np.zeros((2, 2 * len(self.half)))
-        rad[0, len(self.half) :] = self.half
-        return Series(np.tile(mid, 2), rad, PATH_ORDER)
 
     def _join(self, series: Series) -> Array:
         """Return the coefficients about the centres, the last one over the whole interval as an
@@ -298,21 +279,24 @@ def enclose_along_path(trajectory: Trajectory, cells: Cells, highest: int) -> Pa
     high = np.maximum.reduceat(s[0] + reach, first)
     centre = (low + high) / 2
     width = (high - low) / 2 * (1 + 64 * EPS) + 64 * EPS * np.maximum(np.abs(low), np.abs(high))
-    return _PathSeries(path, centre, width, piece[first]).enclose(interval, (s, error, half), highest)
+    mid = np.tile(np.stack([centre, width]), 2)
+    rad = np.zeros_like(mid)
+    rad[0, len(width) :] = width
+    series = _PathSeries(path, centre, width, piece[first], Series(mid, rad, PATH_ORDER))
+    return series.enclose(interval, (s, error, half), highest)
 
 
 @lru_cache(maxsize=32)
 def is_affine(inverse_map: Expression) -> bool:
-    """Return whether the actuator coordinates are affine in the pose's numbers: then pieces that
-    are polynomials in space are polynomials in the axes.
+    """Return whether the actuator coordinates are affine in the pose's numbers.
+
+    Then pieces of the path that are polynomials in space are polynomials in the axes.
     """
     x = ca.SX.sym("x", inverse_map.size[0])
     return bool(ca.is_linear(inverse_map.function(x), x))
 
 
-def bound_coarsely(
-    trajectory: Trajectory, limits: Sequence[Limit], order: int, cells: Cells
-) -> Values:
+def bound_coarsely(trajectory: Trajectory, limits: Sequence[Limit], order: int, cells: Cells) -> Values:
     """Return bounds of each limit's use over N cells, and the use attained at some instants.
 
     Each (limits, N). Limits on single axes: every cell, and loose cells in parts. Other limits: groups
@@ -347,9 +331,7 @@ def use_in(limit: Limit, state: State) -> Array:
     return np.where(np.isnan(use), np.inf, use)
 
 
-def _bound_by_axis(
-    limit: Limit, trajectory: Trajectory, cells: Cells, motion: PathEnclosure
-) -> tuple[Array, Array]:
+def _bound_by_axis(limit: Limit, trajectory: Trajectory, cells: Cells, motion: PathEnclosure) -> tuple[Array, Array]:
     """Bound a limit on single axes: the values that each axis surely reaches need no state."""
     bound = motion.bound_use(limit)
     attained = motion.find_attained_use(limit)

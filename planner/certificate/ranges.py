@@ -20,7 +20,7 @@ from kinematics.foundation.kernels import kernel
 from kinematics.foundation.taylor_model import EPS
 
 # Cells computed together: their scratch arrays stay in the processor's cache.
-CELLS = 64
+CELLS = 128
 # Powers of τ beyond the highest derivative. More are tighter and take longer.
 EXTRA_POWERS = 4
 # Ratio of a cubic coefficient to the lower ones below which the cubic is bounded as a parabola.
