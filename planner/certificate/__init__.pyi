@@ -22,18 +22,13 @@ from .feasibility import (
     find_singularity as find_singularity,
     prove_feasibility as prove_feasibility,
 )
-from .limit_use import forget_paths as forget_paths, prove_path_use as prove_path_use
 from .limit_use import (
     LIMIT_ROUNDING as LIMIT_ROUNDING,
     ProvedUse as ProvedUse,
+    forget_paths as forget_paths,
     prove as prove,
+    prove_path_use as prove_path_use,
     round_reached_use as round_reached_use,
-)
-from .lower_bound import (
-    bound_cells as bound_cells,
-    bound_rest as bound_rest,
-    enclose_rows as enclose_rows,
-    leave_rest as leave_rest,
 )
 from .path_enclosure import enclose_along_path as enclose_along_path
 from .ranges import bound_motion as bound_motion

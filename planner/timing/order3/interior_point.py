@@ -83,8 +83,10 @@ LAST_ITERATIONS, LAST_DELTA = 20, 1.0
 MAX_VIOLATION = 1e-6
 # Flat steps in a row after which rounding leaves nothing to gain.
 MAX_FLAT_STEPS = 8
-# Bounds are revised once before μ falls below this, and then with each solution.
-FIRST_REVISION, MAX_REVISIONS = 1e-4, 5
+# Bounds are revised at the first solution for a μ up to EARLY_MU, from where that takes few iterations, and then with
+# each solution for the last μ. Two early revisions take fewer iterations in long splines, but lower rooms too much at
+# ends that are passed.
+EARLY_MU, MAX_REVISIONS = 1e-4, 5
 # Average number of constraints per stage up to which all are active: leaving out some of few saves nothing.
 FEW_CONSTRAINTS = 32
 # Room of inactive constraints below which they are activated: examined at each solution, and in each of so many
@@ -92,8 +94,8 @@ FEW_CONSTRAINTS = 32
 SHORT, EXAMINE_EACH = 0.1, 4
 REACH, FAR_REACH = 5, 16
 
-Revise = Callable[[Array, Array, Array], tuple[Array, Array] | None]
-"""States, controls and values of the rows -> new bounds `low` and `high` of the rows, or None."""
+Revise = Callable[[Array, Array, Array, bool], tuple[Array, Array] | None]
+"""States, controls, values of the rows, whether they are a solution -> new bounds `low` and `high`, or None."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -268,12 +270,12 @@ class _Method:
         if ((self.room < (0.0 if solved else SHORT)) & ~self.mask).any():
             self._activate_more()
             return True
-        early = self.revisions == 0 and self.tolerance < self.mu <= FIRST_REVISION
+        early = self.revisions == 0 and self.tolerance < self.mu <= EARLY_MU
         late = solved and self.revisions < MAX_REVISIONS
         if revise is None or not (converged and (early or late)):
             return False
         self.revisions += 1
-        bounds = revise(self.point.states, self.point.controls, self.values)
+        bounds = revise(self.point.states, self.point.controls, self.values, solved)
         if bounds is None:
             return False
         rows = self.posed.rows._replace(low=bounds[0], high=bounds[1])

@@ -17,7 +17,7 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from planner.timing.order3.interior_point import FAR_STARTS, Start, try_starts
-from planner.timing.order3.peaks import Look, Peaks, solve_windows
+from planner.timing.order3.peaks import Look, Peaks
 from planner.timing.order3.pose import OBJECTIVE_SCALE, PosedStages, pose_stages
 from planner.timing.order3.stages import evaluate
 from planner.timing.problem import Problem
@@ -90,10 +90,8 @@ def third_order(
     solution = try_starts(posed, (start,), revise=peaks)
     if isinstance(solution, MotionError):
         return _close(problem, minimise_posed(posed, [each for each in FAR_STARTS if each != start]))
-    if solution.status != "solved":
-        return _close(peaks.problem, posed.columns(solution.states, solution.controls))
-    columns = solve_windows(peaks, solution)
-    return replace(_close(peaks.problem, columns), use=peaks.use)
+    use = peaks.use if solution.status == "solved" else None
+    return replace(_close(peaks.problem, posed.columns(solution.states, solution.controls)), use=use)
 
 
 def _close(problem: Problem, columns: Array | MotionError) -> RunSolution:
