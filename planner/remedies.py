@@ -41,7 +41,7 @@ MAX_SEARCH_TIME = 10.0
 TRIAL_SHARES = (1.0, *np.linspace(0.95, 0.05, 19).tolist())
 TRIAL_MOVES = (0.0, *(4e-4 * 2.0 ** np.arange(9)).tolist())
 BISECTIONS = 10
-# A size that fits but cannot be proved is increased by this share, so many times.
+# A size that fits but cannot be proved is increased by this share, at most MAX_EXTRA_STEPS times.
 EXTRA_SHARE = 1e-3
 MAX_EXTRA_STEPS = 4
 # Bisection between a proved and an unproved size ends at this ratio of moves, or difference of
@@ -194,7 +194,10 @@ class _Search:
         """Return the first size that is proved, bisected towards the one before it until `halve`
         returns None.
         """
-        first = next((k for k, size in enumerate(sizes) if self._fits(change, size, prove=True)), None)
+        first = next(
+            (k for k, size in enumerate(sizes) if self._fits(change, size, prove=True)),
+            None,
+        )
         if first is None:
             return None
         good = sizes[first]

@@ -65,7 +65,7 @@ def refine(
     evaluate: Callable[[Cells], Values],
     find_loose: Callable[[Cells, Values], tuple[np.ndarray, int]],
 ) -> tuple[Cells, Values]:
-    """Split loose cells and evaluate their parts until none is loose.
+    """Split loose cells and evaluate their parts until all are tight.
 
     Returns the final cells and their values.
 

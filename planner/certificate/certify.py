@@ -16,7 +16,12 @@ from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from planner.certificate.constant_speed import CONSTANT_SPEED, prove_speed_deviation
 from planner.certificate.continuity import find_gaps, find_jumps, place_at
-from planner.certificate.limit_use import ProvedUse, find_geometric_use, prove, use_at_knots
+from planner.certificate.limit_use import (
+    ProvedUse,
+    find_geometric_use,
+    prove,
+    use_at_knots,
+)
 from planner.certificate.resonance_dwell import find_stays
 from planner.limits.limit import Limit, order_of
 from planner.limits.resonance import Resonance
@@ -58,11 +63,16 @@ class Certificate(Result):
         ratios = Column("bound", [*self.worst.values()], form=".7f", up=True)
         where = Place.columns([self.where[name] for name in self.worst])
         names = Column("limit", [*self.worst])
-        return (Table(f"{head}: value/limit, bounded over continuous time", (names, ratios, *where)),)
+        return (
+            Table(
+                f"{head}: value/limit, bounded over continuous time",
+                (names, ratios, *where),
+            ),
+        )
 
 
 def certify(trajectory: Trajectory, limits: Sequence[Limit], known: ProvedUse | None = None) -> Certificate:
-    """Prove what the trajectory uses of every limit, and that it is the whole motion.
+    """Prove bounds of the use of every limit, and that the trajectory is the whole motion.
 
     It runs the path once, forwards, from rest to rest or between the speeds that the path states
     for its ends, and is as smooth as its order requires.
@@ -104,7 +114,7 @@ def _prove_crossing(trajectory: Trajectory, limit: Resonance) -> tuple[Array, Ar
     """Return the longest stay that each time piece (M,) takes part in, as a share of the time
     allowed.
 
-    First what is proved, then what is attained; and the place where the longest stay begins.
+    The proved bound, the attained value, and the place where the longest stay begins.
     """
     use, attained = np.zeros((2, len(trajectory.s)))
     stays = find_stays(trajectory, limit)
@@ -115,13 +125,17 @@ def _prove_crossing(trajectory: Trajectory, limit: Resonance) -> tuple[Array, Ar
     longest = max(stays, key=lambda stay: stay.use, default=None)
     if longest is None:
         return use, attained, place_at(trajectory, 0.0, "")
-    return use, attained, place_at(trajectory, longest.start, limit.channels[longest.band.axis])
+    return (
+        use,
+        attained,
+        place_at(trajectory, longest.start, limit.channels[longest.band.axis]),
+    )
 
 
 def find_place(trajectory: Trajectory, limits: Sequence[Limit], name: str, k: int) -> Place:
     """Return where in time piece k an entry of a certificate is used most, and by which axis.
 
-    An entry that is no limit, such as a stay in a band of speed, is placed where the piece begins.
+    Other entries, such as a stay in a band of speed, are placed where the piece begins.
     """
     limit = next((limit for limit in limits if limit.name == name), None)
     if limit is not None:

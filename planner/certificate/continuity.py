@@ -77,7 +77,11 @@ def _states_at_ends(path: ActuatorPath, order: int) -> tuple[Array, Array]:
     pieces = np.array([0, len(path.breaks) - 2])
     for n, (q, q1, q2) in enumerate(zip(*path.derivatives(path.breaks[[0, -1]], pieces, 2), strict=True)):
         speed = path.end_speeds[n]
-        states[n, :order] = [q, q1 * speed, q1 * path.end_accelerations[n] + q2 * speed**2][:order]
+        states[n, :order] = [
+            q,
+            q1 * speed,
+            q1 * path.end_accelerations[n] + q2 * speed**2,
+        ][:order]
     return states[0], states[1]
 
 
@@ -113,7 +117,13 @@ def _states_of_pieces(trajectory: Trajectory, own: slice, extremes: Array) -> tu
     rounding = np.repeat(rounding, np.diff(np.append(first, len(piece))), axis=1)
     states = np.empty((2, 2 * order + 1, *start.shape[1:]))
     fill_states(start, rounding, np.stack([v, a, j]), states[0], extremes)
-    fill_states(end, rounding, np.stack([v + h * (a + h * j / 2), a + h * j, j]), states[1], extremes)
+    fill_states(
+        end,
+        rounding,
+        np.stack([v + h * (a + h * j / 2), a + h * j, j]),
+        states[1],
+        extremes,
+    )
     return states[0], states[1]
 
 

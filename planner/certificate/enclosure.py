@@ -1,7 +1,7 @@
 """Enclosure of a motion over cells of time, at two levels of accuracy behind one interface.
 
-`MotionEnclosure` is what limits see: the quantities of a motion as Taylor models, and how to bound
-what is computed from them. The coarse level (`planner.certificate.path_enclosure`) gives intervals
+Limits see a `MotionEnclosure`: the quantities of a motion as Taylor models, and a method that bounds
+values computed from them. The coarse level (`planner.certificate.path_enclosure`) gives intervals
 and is fast. The fine level below gives series in τ whose error falls with a high power of the cell:
 s(t) is put into the path's own expression, and q̇, q̈, q⃛ follow by differentiating the series. No
 chain rule of a solver takes part. Remainder: Taylor's theorem in Lagrange's form, the last
@@ -58,7 +58,7 @@ class MotionEnclosure(ABC):
 
     @abstractmethod
     def bound(self, values: Series) -> tuple[Array, Array]:
-        """Return bounds low and high (N, m) of what is computed from this motion."""
+        """Return bounds low and high (N, m) of values computed from this motion."""
 
     @property
     def q(self) -> Series:
@@ -173,7 +173,14 @@ def expand_motion(trajectory: Trajectory, cells: Cells) -> tuple[Array, Array, A
 def shift_motion(motion: Array, t: Array) -> Array:
     """Return the coefficients (4, N) of s + v t + a t²/2 + j t³/6 about t."""
     s, v, a, j = motion
-    return np.stack([s + t * (v + t * (a / 2 + t * j / 6)), v + t * (a + t * j / 2), a / 2 + t * j / 2, j / 6])
+    return np.stack(
+        [
+            s + t * (v + t * (a / 2 + t * j / 6)),
+            v + t * (a + t * j / 2),
+            a / 2 + t * j / 2,
+            j / 6,
+        ]
+    )
 
 
 @cache

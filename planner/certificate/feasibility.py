@@ -40,8 +40,8 @@ TIE_DIGITS = 9
 
 
 def find_singularity(path: MachinePath, ends: Array, piece: np.ndarray) -> tuple[float, int] | None:
-    """Return s and piece of the first place at which the Jacobian is not proved nonsingular; None
-    if there is none.
+    """Return s and piece of the first place at which the Jacobian is not proved nonsingular, or
+    None.
 
     ends (N+1,), piece (N,): parts of the path, each within a piece. Cells that fail are halved.
     """
@@ -50,14 +50,17 @@ def find_singularity(path: MachinePath, ends: Array, piece: np.ndarray) -> tuple
 
     def prove(cells: Cells) -> Values:
         middle = ends[cells.k] + (cells.lo + cells.hi) / 2
-        return (middle, _is_nonsingular(path, middle, cells.lengths / 2, piece[cells.k]))
+        return (
+            middle,
+            _is_nonsingular(path, middle, cells.lengths / 2, piece[cells.k]),
+        )
 
     def find_loose(cells: Cells, values: Values) -> tuple[np.ndarray, int]:
         nonlocal first
         middle, proved = values
         small = cells.lengths <= MIN_CELL_SHARE * width[cells.k]
         first = min(first, middle[~proved & small].min(initial=np.inf))
-        # only what lies before the first place that counts as singular
+        # cells beyond the first place that counts as singular do not matter
         return ~proved & ~small & (ends[cells.k] + cells.lo < first), 2
 
     cells = Cells(np.arange(len(width)), np.zeros(len(width)), width)
@@ -86,7 +89,7 @@ def _is_nonsingular(path: MachinePath, middle: Array, half: Array, piece: np.nda
     at, slope = mid[:2, 0]
     rad_at, rad_slope = rad[:2, 0]
     bend = np.abs(mid[2, 1]) + rad[2, 1]
-    inverse = invert(at)  # approximate; what cannot be inverted proves nothing
+    inverse = invert(at)  # approximate; a singular matrix proves nothing
     size = np.abs(inverse)
     with np.errstate(invalid="ignore"):
         total = np.abs(np.eye(at.shape[1]) - inverse @ at) + size @ rad_at
@@ -121,7 +124,12 @@ class Standing(Result):
             "largest use of each limit, proved along the path",
             (
                 Column("limit", [*self.largest]),
-                Column("bound", [use for use, _ in self.largest.values()], form=".7f", up=True),
+                Column(
+                    "bound",
+                    [use for use, _ in self.largest.values()],
+                    form=".7f",
+                    up=True,
+                ),
                 *Place.columns([place for _, place in self.largest.values()]),
             ),
             (*map(str, self.violations), *self.warnings, *self._describe_stops()),
@@ -162,7 +170,10 @@ def prove_feasibility(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:
     for limit in geometric:
         bound = use[limit.name]
         worst = int(np.argmax(bound))
-        largest[limit.name] = float(bound[worst]), _sample_part(along, limit, worst)[0].place
+        largest[limit.name] = (
+            float(bound[worst]),
+            _sample_part(along, limit, worst)[0].place,
+        )
         for part in np.flatnonzero(bound > 1).tolist():
             samples = _sample_part(along, limit, part)
             # the first exceeds the limit, at a peak between the samples at least: that is proved

@@ -12,10 +12,21 @@ from functools import partial
 import numpy as np
 
 from kinematics.foundation.arrays import Array, freeze_array, largest_in_rows
-from planner.certificate.cells import CELL_BATCH, Cells, Values, evaluate_in_batches, refine
+from planner.certificate.cells import (
+    CELL_BATCH,
+    Cells,
+    Values,
+    evaluate_in_batches,
+    refine,
+)
 from planner.certificate.continuity import INSTANT_ROUNDING, MAX_JUMP, piece_end_lengths
 from planner.certificate.enclosure import enclose, find_extremes
-from planner.certificate.path_enclosure import COARSE_BATCH, bound_coarsely, state_at, use_in
+from planner.certificate.path_enclosure import (
+    COARSE_BATCH,
+    bound_coarsely,
+    state_at,
+    use_in,
+)
 from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath
 from planner.trajectory import State, Trajectory, unit_speed_trajectory
@@ -26,7 +37,7 @@ LIMIT_ROUNDING = 1e-9
 That holds for places, and for motions that have to meet stated speeds. What the timing chooses
 freely is never above 1.
 """
-# Refinement ends at this share of a time piece, or where so many cells would be open at once.
+# Refinement ends at this share of a time piece, or at this number of loose cells.
 MIN_CELL_SHARE = 2.0**-24
 MAX_CELLS = 400_000
 # Cells are halved; a few cells are split into more parts, as one evaluation costs the same for all
@@ -43,7 +54,7 @@ class ProvedUse:
     """Earlier results, per limit: use and attained of each time piece (M,), NaN where nothing is
     proved yet.
 
-    Of geometric limits only what is attained: their use is proved along the path.
+    Geometric limits have only attained uses here: their bounds are proved along the path.
 
     of  (6, M) that it was proved for: s, ṡ, s̈ at the start, s⃛, duration and path piece of each
         time piece
@@ -64,7 +75,10 @@ class ProvedUse:
         """Join the results of consecutive time pieces."""
         use, attained = (
             {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
-            for tables in ([part.use for part in parts], [part.attained for part in parts])
+            for tables in (
+                [part.use for part in parts],
+                [part.attained for part in parts],
+            )
         )
         return cls(use, attained, np.concatenate([part.of for part in parts], axis=1))
 
@@ -75,7 +89,16 @@ class ProvedUse:
         Pieces with other coefficients stay unproved.
         """
         lengths = np.diff(trajectory.knots)
-        own = np.stack([trajectory.s, trajectory.v, trajectory.a, trajectory.j, self.of[4], trajectory.piece])
+        own = np.stack(
+            [
+                trajectory.s,
+                trajectory.v,
+                trajectory.a,
+                trajectory.j,
+                self.of[4],
+                trajectory.piece,
+            ]
+        )
         with np.errstate(invalid="ignore"):
             rounded = np.abs(lengths - self.of[4]) <= INSTANT_ROUNDING * trajectory.knots[1:]
         same = rounded & (own == self.of).all(0)
@@ -87,7 +110,10 @@ class ProvedUse:
 
 
 def prove(
-    trajectory: Trajectory, limits: Sequence[Limit], order: int, known: ProvedUse | None = None
+    trajectory: Trajectory,
+    limits: Sequence[Limit],
+    order: int,
+    known: ProvedUse | None = None,
 ) -> tuple[dict[str, Array], dict[str, Array]]:
     """Return, per limit, a proved bound of its use over each time piece (M,), and the largest use
     attained there.
@@ -191,7 +217,13 @@ class LimitProof:
         with np.errstate(invalid="ignore"):  # an unbounded cell
             excess = np.nanmax((bound - most) / tolerance, where=loose, initial=1.0)
         # bounds converge with the square of the cell's length at least
-        parts = int(np.clip(np.ceil(np.sqrt(excess)), 2, MOST_PARTS if loose.sum() <= FEW_CELLS else 2))
+        parts = int(
+            np.clip(
+                np.ceil(np.sqrt(excess)),
+                2,
+                MOST_PARTS if loose.sum() <= FEW_CELLS else 2,
+            )
+        )
         pieces = np.diff(self.trajectory.knots)[cells.k]
         if parts * loose.sum() > MAX_CELLS or (cells.lengths < parts * self.least_share * pieces).any():
             loose[:] = False
@@ -199,7 +231,7 @@ class LimitProof:
 
 
 def round_reached_use(use: Array) -> Array:
-    """Return shares of limits; those that exceed 1 by rounding count as 1."""
+    """Return shares of limits, where an excess over 1 by rounding counts as 1."""
     return np.where((use > 1) & (use <= 1 + LIMIT_ROUNDING), 1.0, use)
 
 
@@ -246,7 +278,7 @@ def _prove_along(path: ActuatorPath, limits: Sequence[Limit]) -> PathUse:
 
 
 def forget_paths() -> None:
-    """Forget all proofs along paths, to measure what they take."""
+    """Forget all proofs along paths, to measure their time."""
     _PROVED.clear()
 
 

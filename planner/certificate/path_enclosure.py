@@ -113,7 +113,12 @@ class PathEnclosure(IntervalEnclosure):
     def _bound(self, series: Array, highest: int, kinds: int) -> Array:
         out = np.empty((kinds, highest + 1, len(self.interval), series.shape[3]))
         # one layout in memory, so that the kernel is compiled once
-        bound_motion(np.ascontiguousarray(series), self.interval, np.ascontiguousarray(self.motion), out)
+        bound_motion(
+            np.ascontiguousarray(series),
+            self.interval,
+            np.ascontiguousarray(self.motion),
+            out,
+        )
         return out
 
     def __getitem__(self, rows: np.ndarray) -> "PathEnclosure":
@@ -219,8 +224,8 @@ class _PathSeries:
     s: Series
 
     def enclose(self, interval: np.ndarray, expansion: tuple[Array, Array, Array], highest: int) -> PathEnclosure:
-        """Return the enclosure of cells in intervals (N,), from what `expand_motion` returns for
-        them.
+        """Return the enclosure of cells in intervals (N,), from the result of
+        `expand_motion`.
         """
         s, error, half = expansion
         centre = self.centre[interval]

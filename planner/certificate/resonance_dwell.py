@@ -73,7 +73,11 @@ def find_stays(trajectory: Trajectory, limit: Resonance) -> tuple[Stay, ...]:
 
 
 def _join_cells(
-    trajectory: Trajectory, band: Band, cells: Cells, possible: np.ndarray, certain: np.ndarray
+    trajectory: Trajectory,
+    band: Band,
+    cells: Cells,
+    possible: np.ndarray,
+    certain: np.ndarray,
 ) -> list[Stay]:
     """Return the stays in one band from consecutive cells."""
     start = trajectory.knots[cells.k] + cells.lo
