@@ -7,12 +7,14 @@ which is quick. The result is then proved like any path.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from math import floor, sqrt
 from time import perf_counter
 
 import numpy as np
 
+from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.units import round_up_digits
 from kinematics.machine.machine import Machine
@@ -39,7 +41,7 @@ MAX_SEARCH_TIME = 10.0
 TRIAL_SHARES = (1.0, *np.linspace(0.95, 0.05, 19).tolist())
 TRIAL_MOVES = (0.0, *(4e-4 * 2.0 ** np.arange(9)).tolist())
 BISECTIONS = 10
-# A size that fits but cannot be proved is increased by this share, so many times.
+# A size that fits but cannot be proved is increased by this share, at most MAX_EXTRA_STEPS times.
 EXTRA_SHARE = 1e-3
 MAX_EXTRA_STEPS = 4
 # Bisection between a proved and an unproved size ends at this ratio of moves, or difference of
@@ -112,6 +114,10 @@ def find_remedy(program: Program, machine: Machine, order: int) -> Remedy:
     return Remedy(scale, turn, move, "" if at_home.ok.all() else at_home.worst(), movable, late)
 
 
+def _shift_along(program: Program, direction: Array, size: float) -> Program:
+    return shift_program(program, size * direction)
+
+
 def _round_up_move(size: float) -> float:
     """Round a move (m) up to three digits of mm."""
     return float(round_up_digits(size * 1e3, 3)) / 1e3
@@ -149,7 +155,7 @@ class _Search:
         best: tuple[float, str] | None = None
         for name, direction in MOVE_DIRECTIONS:
             below = np.inf if best is None else best[0]
-            size = self._find_move(lambda size, way=direction: shift_program(program, size * way), below)
+            size = self._find_move(partial(_shift_along, program, direction), below)
             if size is not None:
                 best = size, name
         return best
@@ -188,7 +194,10 @@ class _Search:
         """Return the first size that is proved, bisected towards the one before it until `halve`
         returns None.
         """
-        first = next((k for k, size in enumerate(sizes) if self._fits(change, size, prove=True)), None)
+        first = next(
+            (k for k, size in enumerate(sizes) if self._fits(change, size, prove=True)),
+            None,
+        )
         if first is None:
             return None
         good = sizes[first]

@@ -22,11 +22,12 @@ from .feasibility import (
     find_singularity as find_singularity,
     prove_feasibility as prove_feasibility,
 )
-from .geometric_use import forget_paths as forget_paths, prove_path_use as prove_path_use
 from .limit_use import (
     LIMIT_ROUNDING as LIMIT_ROUNDING,
     ProvedUse as ProvedUse,
+    forget_paths as forget_paths,
     prove as prove,
+    prove_path_use as prove_path_use,
     round_reached_use as round_reached_use,
 )
 from .path_enclosure import enclose_along_path as enclose_along_path

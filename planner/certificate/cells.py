@@ -10,6 +10,8 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from planner.trajectory import Trajectory
 
+# Cells evaluated together: their series stay in the processor's cache.
+CELL_BATCH = 1024
 Values = tuple[np.ndarray, ...]
 """Results for N cells, each (…, N)."""
 
@@ -47,11 +49,13 @@ class Cells:
         return Cells(self.k[chosen], self.lo[chosen], self.hi[chosen])
 
 
-def evaluate_in_batches(cells: Cells, evaluate: Callable[[Cells], Values], batch: int) -> Values:
-    """Evaluate at most `batch` cells at a time and join the results."""
-    if len(cells.k) <= batch:
-        return evaluate(cells)
-    results = [evaluate(cells[first : first + batch]) for first in range(0, len(cells.k), batch)]
+def evaluate_in_batches(cells: Cells, evaluate: Callable[[Cells], Values], batch: int = CELL_BATCH) -> Values:
+    """Evaluate at most `batch` cells at a time and join the results. Overflow means: no bound."""
+    firsts = range(0, max(len(cells.k), 1), batch)
+    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+        results = [evaluate(cells[first : first + batch]) for first in firsts]
+    if len(results) == 1:
+        return results[0]
     return tuple(np.concatenate(each, axis=-1) for each in zip(*results, strict=True))
 
 
@@ -61,10 +65,12 @@ def refine(
     evaluate: Callable[[Cells], Values],
     find_loose: Callable[[Cells, Values], tuple[np.ndarray, int]],
 ) -> tuple[Cells, Values]:
-    """Split loose cells and evaluate their parts until none is loose. Returns the final cells and
-    their values.
+    """Split loose cells and evaluate their parts until all are tight.
+
+    Returns the final cells and their values.
 
     values      of the cells at the start
+    evaluate    returns the values of a batch of cells
     find_loose  returns which cells (N,) are loose, and into how many parts to split each of them
     """
     accepted: list[tuple[Cells, Values]] = []
@@ -74,7 +80,8 @@ def refine(
         if not loose.any():
             break
         cells = cells[loose].parts(parts)
-        values = evaluate(cells)
-    k, lo, hi = (np.concatenate([getattr(each, name) for each, _ in accepted]) for name in ("k", "lo", "hi"))
+        values = evaluate_in_batches(cells, evaluate)
+    names = ("k", "lo", "hi")
+    k, lo, hi = (np.concatenate([getattr(each, name) for each, _ in accepted]) for name in names)
     joined = zip(*(values for _, values in accepted), strict=True)
     return Cells(k, lo, hi), tuple(np.concatenate(each, axis=-1) for each in joined)

@@ -16,8 +16,12 @@ from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from planner.certificate.constant_speed import CONSTANT_SPEED, prove_speed_deviation
 from planner.certificate.continuity import find_gaps, find_jumps, place_at
-from planner.certificate.geometric_use import find_geometric_use, use_at_knots
-from planner.certificate.limit_use import ProvedUse, prove
+from planner.certificate.limit_use import (
+    ProvedUse,
+    find_geometric_use,
+    prove,
+    use_at_knots,
+)
 from planner.certificate.resonance_dwell import find_stays
 from planner.limits.limit import Limit, order_of
 from planner.limits.resonance import Resonance
@@ -59,11 +63,16 @@ class Certificate(Result):
         ratios = Column("bound", [*self.worst.values()], form=".7f", up=True)
         where = Place.columns([self.where[name] for name in self.worst])
         names = Column("limit", [*self.worst])
-        return (Table(f"{head}: value/limit, bounded over continuous time", (names, ratios, *where)),)
+        return (
+            Table(
+                f"{head}: value/limit, bounded over continuous time",
+                (names, ratios, *where),
+            ),
+        )
 
 
 def certify(trajectory: Trajectory, limits: Sequence[Limit], known: ProvedUse | None = None) -> Certificate:
-    """Prove what the trajectory uses of every limit, and that it is the whole motion.
+    """Prove bounds of the use of every limit, and that the trajectory is the whole motion.
 
     It runs the path once, forwards, from rest to rest or between the speeds that the path states
     for its ends, and is as smooth as its order requires.
@@ -77,7 +86,12 @@ def certify(trajectory: Trajectory, limits: Sequence[Limit], known: ProvedUse | 
     use, attained = prove(trajectory, timed, order, known)
     use |= find_geometric_use(trajectory, geometric)
     attained |= use_at_knots(trajectory, geometric, known)
-    where = {limit.name: _find_worst_place(trajectory, limit, use, attained) for limit in limits}
+    where: dict[str, Place] = {}
+    for limit in limits:
+        # a bound below 1 need not be tight everywhere
+        exceeded = not limit.geometric and use[limit.name].max() > 1
+        most = use if exceeded else attained
+        where[limit.name] = _find_place(trajectory, limit, int(np.argmax(most[limit.name])))
     for limit in limits:
         if isinstance(limit, Resonance) and limit.bands:
             use[CROSSING], attained[CROSSING], where[CROSSING] = _prove_crossing(trajectory, limit)
@@ -100,7 +114,7 @@ def _prove_crossing(trajectory: Trajectory, limit: Resonance) -> tuple[Array, Ar
     """Return the longest stay that each time piece (M,) takes part in, as a share of the time
     allowed.
 
-    First what is proved, then what is attained; and the place where the longest stay begins.
+    The proved bound, the attained value, and the place where the longest stay begins.
     """
     use, attained = np.zeros((2, len(trajectory.s)))
     stays = find_stays(trajectory, limit)
@@ -111,26 +125,22 @@ def _prove_crossing(trajectory: Trajectory, limit: Resonance) -> tuple[Array, Ar
     longest = max(stays, key=lambda stay: stay.use, default=None)
     if longest is None:
         return use, attained, place_at(trajectory, 0.0, "")
-    return use, attained, place_at(trajectory, longest.start, limit.channels[longest.band.axis])
+    return (
+        use,
+        attained,
+        place_at(trajectory, longest.start, limit.channels[longest.band.axis]),
+    )
 
 
 def find_place(trajectory: Trajectory, limits: Sequence[Limit], name: str, k: int) -> Place:
     """Return where in time piece k an entry of a certificate is used most, and by which axis.
 
-    An entry that is no limit, such as a stay in a band of speed, is placed where the piece begins.
+    Other entries, such as a stay in a band of speed, are placed where the piece begins.
     """
     limit = next((limit for limit in limits if limit.name == name), None)
     if limit is not None:
         return _find_place(trajectory, limit, k)
     return trajectory.path.place(float(trajectory.s[k]), int(trajectory.piece[k]), float(trajectory.knots[k]))
-
-
-def _find_worst_place(trajectory: Trajectory, limit: Limit, use: dict[str, Array], attained: dict[str, Array]) -> Place:
-    """Return where a limit is used most: by the bounds if they exceed 1, else by what is attained."""
-    # a bound below 1 need not be tight everywhere
-    exceeded = not limit.geometric and use[limit.name].max() > 1
-    most = use if exceeded else attained
-    return _find_place(trajectory, limit, int(np.argmax(most[limit.name])))
 
 
 def _find_place(trajectory: Trajectory, limit: Limit, k: int) -> Place:

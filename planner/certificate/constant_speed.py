@@ -4,13 +4,14 @@ ways.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.facts import Fact
-from planner.certificate.cells import Cells
+from planner.certificate.cells import Cells, evaluate_in_batches
 from planner.certificate.limit_use import LimitProof, bound_finely
 from planner.limits.limit import Limit, LimitState, Term
 from planner.limits.tool import squared_norm
@@ -91,7 +92,7 @@ def prove_speed_deviation(trajectory: Trajectory) -> tuple[Array, Array, Place]:
     cells = Cells.cover(trajectory)
     cells = cells[np.isfinite(trajectory.constant_speeds)[cells.k]]
     proof = LimitProof(trajectory, limit, order=2, least_share=MIN_CELL_SHARE)
-    bound, attained = bound_finely(trajectory, [limit], cells, 2)
+    bound, attained = evaluate_in_batches(cells, partial(bound_finely, trajectory, [limit], 2))
     proof.run(cells, (bound[0], attained[0]))
     worst = int(np.argmax(proof.use))
     s, piece, t = (values[worst] for values in (trajectory.s, trajectory.piece, trajectory.knots))

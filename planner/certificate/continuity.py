@@ -77,17 +77,12 @@ def _states_at_ends(path: ActuatorPath, order: int) -> tuple[Array, Array]:
     pieces = np.array([0, len(path.breaks) - 2])
     for n, (q, q1, q2) in enumerate(zip(*path.derivatives(path.breaks[[0, -1]], pieces, 2), strict=True)):
         speed = path.end_speeds[n]
-        states[n, :order] = [q, q1 * speed, q1 * path.end_accelerations[n] + q2 * speed**2][:order]
+        states[n, :order] = [
+            q,
+            q1 * speed,
+            q1 * path.end_accelerations[n] + q2 * speed**2,
+        ][:order]
     return states[0], states[1]
-
-
-def find_rounding(path: ActuatorPath) -> Array:
-    """Return the rounding (3, P, n) of q, q′ and q″ in the coefficients of a path of polynomials; 0
-    for other paths.
-    """
-    if isinstance(path, PolynomialPath):
-        return path.rounding
-    return np.zeros((3, len(path.breaks) - 1, len(path.names)))
 
 
 def _batches(piece: np.ndarray) -> Iterator[tuple[int, int]]:
@@ -117,11 +112,18 @@ def _states_of_pieces(trajectory: Trajectory, own: slice, extremes: Array) -> tu
     start, end = _derive_at_starts_and_ends(trajectory, own, order)
     first = np.flatnonzero(np.diff(piece, prepend=-1))
     rounding = VALUE_ROUNDING * np.maximum.reduceat(np.abs(start[:3]), first, axis=1)
-    rounding = np.maximum(find_rounding(trajectory.path)[:, piece[first]], rounding)
+    if isinstance(trajectory.path, PolynomialPath):  # its coefficients are rounded too
+        rounding = np.maximum(trajectory.path.rounding[:, piece[first]], rounding)
     rounding = np.repeat(rounding, np.diff(np.append(first, len(piece))), axis=1)
     states = np.empty((2, 2 * order + 1, *start.shape[1:]))
     fill_states(start, rounding, np.stack([v, a, j]), states[0], extremes)
-    fill_states(end, rounding, np.stack([v + h * (a + h * j / 2), a + h * j, j]), states[1], extremes)
+    fill_states(
+        end,
+        rounding,
+        np.stack([v + h * (a + h * j / 2), a + h * j, j]),
+        states[1],
+        extremes,
+    )
     return states[0], states[1]
 
 
@@ -207,13 +209,18 @@ def find_gaps(trajectory: Trajectory) -> dict[str, Place]:
         k = max(int(np.argmax(disorder)) - 1, 0)
         return {"time out of order": path.place(float(trajectory.s[k]), int(trajectory.piece[k]))}
     trajectory = _leave_out_instants(trajectory)
-    last_speed, slowest = _bound_speeds(trajectory)
+    h, v, a, j = np.diff(trajectory.knots), trajectory.v, trajectory.a, trajectory.j
+    last_speed = v + h * (a + h * j / 2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turns = (j > 0) & (-a / j > 0) & (-a / j < h)
+        turn = np.where(turns, v - a**2 / (2 * j), np.inf)  # least ṡ inside a piece
+    slowest = np.minimum(np.minimum(v, last_speed), turn)
     s, end = trajectory.s, piece_end_lengths(trajectory)
     allowed = MAX_JUMP * float(path.breaks[-1] - path.breaks[0])
     # how far, and by how much faster, the motion goes while an instant is rounded
     blur = INSTANT_ROUNDING * trajectory.knots[1:]
     drift = blur * np.abs(last_speed)
-    gain = blur * np.abs(trajectory.a + np.diff(trajectory.knots) * trajectory.j)
+    gain = blur * np.abs(a + h * j)
     slack = allowed + drift
     gap = np.maximum(np.abs(np.append(s[1:], end[-1]) - end) - drift, 0.0)
     low, high = path.breaks[trajectory.piece], path.breaks[trajectory.piece + 1]
@@ -222,7 +229,7 @@ def find_gaps(trajectory: Trajectory) -> dict[str, Place]:
         "start off the path's": (number == 0) & ~(np.abs(s - path.breaks[0]) <= slack),
         "end off the path's": (number == number[-1]) & ~(np.abs(end - path.breaks[-1]) <= slack),
         "place left out": ~(np.cumsum(gap) <= allowed),
-        "motion backwards": ~(slowest >= -MAX_JUMP * np.abs(trajectory.v).max() - gain),
+        "motion backwards": ~(slowest >= -MAX_JUMP * np.abs(v).max() - gain),
         "place off its piece": ~((s >= low - slack) & (end <= high + slack)),
         "piece out of turn": np.append(False, ~np.isin(np.diff(trajectory.piece), (0, 1))),
         "dwell left out": _find_short_rests(trajectory),
@@ -233,16 +240,6 @@ def find_gaps(trajectory: Trajectory) -> dict[str, Place]:
         for name, where in wrong.items()
         if where.any()
     }
-
-
-def _bound_speeds(trajectory: Trajectory) -> tuple[Array, Array]:
-    """Return ṡ at the end of each time piece (M,), and the least ṡ in it."""
-    h, v, a, j = np.diff(trajectory.knots), trajectory.v, trajectory.a, trajectory.j
-    last = v + h * (a + h * j / 2)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        inside = (j > 0) & (-a / j > 0) & (-a / j < h)
-        turn = np.where(inside, v - a**2 / (2 * j), np.inf)
-    return last, np.minimum(np.minimum(v, last), turn)
 
 
 def _leave_out_instants(trajectory: Trajectory) -> Trajectory:

@@ -1,7 +1,7 @@
 """Enclosure of a motion over cells of time, at two levels of accuracy behind one interface.
 
-`MotionEnclosure` is what limits see: the quantities of a motion as Taylor models, and how to bound
-what is computed from them. The coarse level (`planner.certificate.path_enclosure`) gives intervals
+Limits see a `MotionEnclosure`: the quantities of a motion as Taylor models, and a method that bounds
+values computed from them. The coarse level (`planner.certificate.path_enclosure`) gives intervals
 and is fast. The fine level below gives series in τ whose error falls with a high power of the cell:
 s(t) is put into the path's own expression, and q̇, q̈, q⃛ follow by differentiating the series. No
 chain rule of a solver takes part. Remainder: Taylor's theorem in Lagrange's form, the last
@@ -9,6 +9,7 @@ coefficient taken over the whole cell.
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from math import comb
@@ -16,11 +17,10 @@ from math import comb
 import numpy as np
 
 from kinematics.analysis.clearance import Bodies
-from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.arrays import Array, freeze_array, largest_in_rows
 from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.taylor_model import EPS, Series
 from planner.certificate.cells import Cells
-from planner.certificate.distances import bound_distances
 from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath, check_rate
 from planner.trajectory import Trajectory
@@ -58,7 +58,7 @@ class MotionEnclosure(ABC):
 
     @abstractmethod
     def bound(self, values: Series) -> tuple[Array, Array]:
-        """Return bounds low and high (N, m) of what is computed from this motion."""
+        """Return bounds low and high (N, m) of values computed from this motion."""
 
     @property
     def q(self) -> Series:
@@ -84,10 +84,9 @@ class MotionEnclosure(ABC):
         return expression.enclose_columns(*inputs)
 
     def bound_use(self, limit: Limit) -> Array:
-        """Return an upper bound (N, m) of the share of a limit that each channel uses over each
-        cell.
-        """
-        return limit.use(*self.bound(limit.value(self)), self.piece)
+        """Return an upper bound (N,) of the share of a limit that is used over each cell."""
+        use = largest_in_rows(limit.use(*self.bound(limit.value(self)), self.piece))
+        return np.where(np.isnan(use), np.inf, use)
 
 
 @dataclass(frozen=True)
@@ -163,7 +162,7 @@ def expand_motion(trajectory: Trajectory, cells: Cells) -> tuple[Array, Array, A
     k = cells.k
     centre = (cells.lo + cells.hi) / 2
     half = cells.lengths / 2 * (1 + 2 * EPS) + 2 * EPS * np.abs(cells.hi)
-    powers = take_powers(half)
+    powers = np.stack([np.ones_like(half), half, half**2, half**3])
     motion = np.stack([trajectory.s[k], trajectory.v[k], trajectory.a[k], trajectory.j[k]])
     # no term is rounded 32 times, whatever the signs
     error = 32 * EPS * shift_motion(np.abs(motion), centre) * powers
@@ -171,15 +170,17 @@ def expand_motion(trajectory: Trajectory, cells: Cells) -> tuple[Array, Array, A
     return shift_motion(motion, centre) * powers, error, half
 
 
-def take_powers(half: Array) -> Array:
-    """Return half⁰ … half³ (4, N)."""
-    return np.stack([np.ones_like(half), half, half * half, half * half * half])
-
-
 def shift_motion(motion: Array, t: Array) -> Array:
     """Return the coefficients (4, N) of s + v t + a t²/2 + j t³/6 about t."""
     s, v, a, j = motion
-    return np.stack([s + t * (v + t * (a / 2 + t * j / 6)), v + t * (a + t * j / 2), a / 2 + t * j / 2, j / 6])
+    return np.stack(
+        [
+            s + t * (v + t * (a / 2 + t * j / 6)),
+            v + t * (a + t * j / 2),
+            a / 2 + t * j / 2,
+            j / 6,
+        ]
+    )
 
 
 @cache
@@ -249,3 +250,35 @@ def bound_polynomials(polynomial: Array) -> tuple[Array, Array]:
         high[batch] = samples.max(0)
     shape = polynomial.shape[1:]
     return (low - beyond).reshape(shape), (high + beyond).reshape(shape)
+
+
+def bound_distances(bodies: Bodies, ends: Array, error: Array, rates: Sequence[Array]) -> tuple[Array, Array]:
+    """Return bounds low and high (N, k) of distances d over cells τ ∈ [−1, 1].
+
+    With the largest change V over a cell and the largest bend K (see `Bodies`):
+
+        (d₀ + d₁)/2 − V ≤ d ≤ (d₀ + d₁)/2 + V,   d ≥ min(d₀, d₁) − K/2.
+
+    ends   (2, N, 12) numbers of the pose at τ = −1 and 1; error (N, 12) of them
+    rates  bounds (N, 12) of their first and second derivatives by τ
+    """
+    start, end = np.split(bodies.distances(ends.reshape(-1, 12)), 2)
+    speed, swing = _norms(rates[0])
+    shift, twist = _norms(error)
+    spin = swing / np.sqrt(2)
+    farthest = 2 * speed + shift, 2 * spin + twist
+    # a rounded rotation matrix is not quite a rotation: twice the change allows for that
+    rounding = bodies.change(ends[0], 2 * shift, 2 * twist) + 64 * EPS * (1 + np.abs(ends[0]).max(1))[:, None]
+    change = bodies.change(ends[0], *farthest) / 2
+    middle = (start + end) / 2
+    bend = bodies.bend(ends[0], *farthest, middle - change - rounding, (speed, spin), _norms(rates[1]))
+    low = np.maximum(middle - change, np.minimum(start, end) - bend / 2)
+    return low - rounding, middle + change + rounding
+
+
+def _norms(numbers: Array) -> tuple[Array, Array]:
+    """Return upper bounds (N,) of the norm of the origin and the Frobenius norm of the rotation of
+    (N, 12) numbers.
+    """
+    origin, rotation = (np.linalg.norm(part, axis=1) * (1 + 16 * EPS) for part in (numbers[:, :3], numbers[:, 3:]))
+    return origin, rotation

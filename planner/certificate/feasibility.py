@@ -20,8 +20,7 @@ from kinematics.machine.motion import describe_singularity
 from planner.avoidable_stops import AvoidableStops
 from planner.certificate.cells import Cells, Values, evaluate_in_batches, refine
 from planner.certificate.conditioning import Conditioning, evaluate_jacobian
-from planner.certificate.geometric_use import prove_path_use
-from planner.certificate.limit_use import round_reached_use
+from planner.certificate.limit_use import LIMIT_ROUNDING, prove_path_use
 from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath, MachinePath
 from planner.path.outcome import Blended, FitSummary, blend_tables, fit_tables
@@ -34,8 +33,6 @@ from planner.trajectory import Trajectory, unit_speed_trajectory
 # Smallest cell as a share of a part of the path: a smaller one that is not proved counts as
 # singular.
 MIN_CELL_SHARE = 2.0**-12
-# Cells bounded together, which bounds the memory.
-CELL_BATCH = 1024
 # Samples of a part of the path in the search of the worst place.
 PART_POINTS = 65
 TIE_DIGITS = 9
@@ -43,31 +40,31 @@ TIE_DIGITS = 9
 
 
 def find_singularity(path: MachinePath, ends: Array, piece: np.ndarray) -> tuple[float, int] | None:
-    """Return s and piece of the first place at which the Jacobian is not proved nonsingular; None
-    if there is none.
+    """Return s and piece of the first place at which the Jacobian is not proved nonsingular, or
+    None.
 
     ends (N+1,), piece (N,): parts of the path, each within a piece. Cells that fail are halved.
     """
     width = np.diff(ends)
     first = np.inf
 
-    def evaluate(cells: Cells) -> Values:
-        return evaluate_in_batches(cells, prove, CELL_BATCH)
-
     def prove(cells: Cells) -> Values:
         middle = ends[cells.k] + (cells.lo + cells.hi) / 2
-        return (middle, _is_nonsingular(path, middle, cells.lengths / 2, piece[cells.k]))
+        return (
+            middle,
+            _is_nonsingular(path, middle, cells.lengths / 2, piece[cells.k]),
+        )
 
     def find_loose(cells: Cells, values: Values) -> tuple[np.ndarray, int]:
         nonlocal first
         middle, proved = values
         small = cells.lengths <= MIN_CELL_SHARE * width[cells.k]
         first = min(first, middle[~proved & small].min(initial=np.inf))
-        # only what lies before the first place that counts as singular
+        # cells beyond the first place that counts as singular do not matter
         return ~proved & ~small & (ends[cells.k] + cells.lo < first), 2
 
     cells = Cells(np.arange(len(width)), np.zeros(len(width)), width)
-    cells, (middle, _) = refine(cells, evaluate(cells), evaluate, find_loose)
+    cells, (middle, _) = refine(cells, evaluate_in_batches(cells, prove), prove, find_loose)
     if not np.isfinite(first):
         return None
     return float(first), int(piece[cells.k[np.flatnonzero(middle == first)[0]]])
@@ -92,7 +89,7 @@ def _is_nonsingular(path: MachinePath, middle: Array, half: Array, piece: np.nda
     at, slope = mid[:2, 0]
     rad_at, rad_slope = rad[:2, 0]
     bend = np.abs(mid[2, 1]) + rad[2, 1]
-    inverse = invert(at)  # approximate; what cannot be inverted proves nothing
+    inverse = invert(at)  # approximate; a singular matrix proves nothing
     size = np.abs(inverse)
     with np.errstate(invalid="ignore"):
         total = np.abs(np.eye(at.shape[1]) - inverse @ at) + size @ rad_at
@@ -127,7 +124,12 @@ class Standing(Result):
             "largest use of each limit, proved along the path",
             (
                 Column("limit", [*self.largest]),
-                Column("bound", [use for use, _ in self.largest.values()], form=".7f", up=True),
+                Column(
+                    "bound",
+                    [use for use, _ in self.largest.values()],
+                    form=".7f",
+                    up=True,
+                ),
                 *Place.columns([place for _, place in self.largest.values()]),
             ),
             (*map(str, self.violations), *self.warnings, *self._describe_stops()),
@@ -168,9 +170,15 @@ def prove_feasibility(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:
     for limit in geometric:
         bound = use[limit.name]
         worst = int(np.argmax(bound))
-        largest[limit.name] = float(bound[worst]), _sample_part(along, limit, worst).largest.place
+        largest[limit.name] = (
+            float(bound[worst]),
+            _sample_part(along, limit, worst)[0].place,
+        )
         for part in np.flatnonzero(bound > 1).tolist():
-            violations += _sample_part(along, limit, part).violations
+            samples = _sample_part(along, limit, part)
+            # the first exceeds the limit, at a peak between the samples at least: that is proved
+            violations += samples[:1]
+            violations += [each for each in samples[1:] if each.use > 1 + LIMIT_ROUNDING]
     return Standing(_sort_violations(violations), largest)
 
 
@@ -220,27 +228,11 @@ class _Violation:
         return limit_violation(self.limit, self.value, self.channel, self.piece, self.place)
 
 
-@dataclass(frozen=True, slots=True)
-class _Samples:
-    """Violations of every channel of a limit on one part of the path."""
+def _sample_part(along: Trajectory, limit: Limit, part: int) -> "list[_Violation]":
+    """Return the largest use of each channel of a limit at PART_POINTS places of a part of the path.
 
-    channels: list[_Violation]
-
-    @property
-    def largest(self) -> _Violation:
-        return max(self.channels, key=lambda each: each.use)
-
-    @property
-    def violations(self) -> list[_Violation]:
-        """The channels that exceed the limit at a sample, and the largest: its peak between the
-        samples is proved.
-        """
-        uses = round_reached_use(np.array([each.use for each in self.channels]))
-        return [each for each, use in zip(self.channels, uses, strict=True) if use > 1 or each is self.largest]
-
-
-def _sample_part(along: Trajectory, limit: Limit, part: int) -> _Samples:
-    """Return the use of a limit at PART_POINTS places of a part of the path."""
+    The channel that uses most is the first.
+    """
     length = along.knots[part + 1] - along.knots[part]
     state = along.within(np.full(PART_POINTS, part), length * np.linspace(0.0, 1.0, PART_POINTS))
     value = limit.value(state)
@@ -251,7 +243,7 @@ def _sample_part(along: Trajectory, limit: Limit, part: int) -> _Samples:
         place = along.path.place(float(state.along[row]), piece, None, limit.channels[channel])
         use = float(uses[row, channel])
         channels.append(_Violation(limit, channel, piece, use, float(value[row, channel]), place))
-    return _Samples(channels)
+    return sorted(channels, key=lambda each: -each.use)
 
 
 def _sort_violations(violations: Sequence[_Violation]) -> tuple[Infeasible, ...]:

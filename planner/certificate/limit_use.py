@@ -5,19 +5,31 @@ A limit that depends on time is bounded by the coarse enclosure first. Cells who
 then, and all cells of a geometric limit, are bounded by the fine one.
 """
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
-from kinematics.foundation.arrays import Array, largest_in_rows
-from planner.certificate.cells import Cells, Values, evaluate_in_batches, refine
-from planner.certificate.coarse_use import bound_coarsely, replace_nan, state_at, use_in
-from planner.certificate.continuity import INSTANT_ROUNDING
+from kinematics.foundation.arrays import Array, freeze_array, largest_in_rows
+from planner.certificate.cells import (
+    CELL_BATCH,
+    Cells,
+    Values,
+    evaluate_in_batches,
+    refine,
+)
+from planner.certificate.continuity import INSTANT_ROUNDING, MAX_JUMP, piece_end_lengths
 from planner.certificate.enclosure import enclose, find_extremes
+from planner.certificate.path_enclosure import (
+    COARSE_BATCH,
+    bound_coarsely,
+    state_at,
+    use_in,
+)
 from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath
-from planner.trajectory import Trajectory
+from planner.trajectory import State, Trajectory, unit_speed_trajectory
 
 LIMIT_ROUNDING = 1e-9
 """Excess over 1 that counts as rounding where a motion may reach a limit exactly.
@@ -25,7 +37,7 @@ LIMIT_ROUNDING = 1e-9
 That holds for places, and for motions that have to meet stated speeds. What the timing chooses
 freely is never above 1.
 """
-# Refinement ends at this share of a time piece, or where so many cells would be open at once.
+# Refinement ends at this share of a time piece, or at this number of loose cells.
 MIN_CELL_SHARE = 2.0**-24
 MAX_CELLS = 400_000
 # Cells are halved; a few cells are split into more parts, as one evaluation costs the same for all
@@ -35,8 +47,6 @@ MOST_PARTS = 8
 # Order of the series in time, by the highest derivative: q̈ or q⃛ keep a polynomial of degree 3 or
 # 4.
 EXPANSION = {2: 6, 3: 8}
-# Cells bounded together: their series stay in the processor's cache.
-CELL_BATCH = 1024
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +54,7 @@ class ProvedUse:
     """Earlier results, per limit: use and attained of each time piece (M,), NaN where nothing is
     proved yet.
 
-    Of geometric limits only what is attained: their use is proved along the path.
+    Geometric limits have only attained uses here: their bounds are proved along the path.
 
     of  (6, M) that it was proved for: s, ṡ, s̈ at the start, s⃛, duration and path piece of each
         time piece
@@ -63,12 +73,13 @@ class ProvedUse:
     @classmethod
     def join(cls, parts: "Sequence[ProvedUse]") -> "ProvedUse":
         """Join the results of consecutive time pieces."""
-
-        def concatenate(tables: Sequence[dict[str, Array]]) -> dict[str, Array]:
-            return {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
-
-        use = concatenate([part.use for part in parts])
-        attained = concatenate([part.attained for part in parts])
+        use, attained = (
+            {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
+            for tables in (
+                [part.use for part in parts],
+                [part.attained for part in parts],
+            )
+        )
         return cls(use, attained, np.concatenate([part.of for part in parts], axis=1))
 
     def fit(self, trajectory: Trajectory) -> "ProvedUse":
@@ -78,7 +89,16 @@ class ProvedUse:
         Pieces with other coefficients stay unproved.
         """
         lengths = np.diff(trajectory.knots)
-        own = np.stack([trajectory.s, trajectory.v, trajectory.a, trajectory.j, self.of[4], trajectory.piece])
+        own = np.stack(
+            [
+                trajectory.s,
+                trajectory.v,
+                trajectory.a,
+                trajectory.j,
+                self.of[4],
+                trajectory.piece,
+            ]
+        )
         with np.errstate(invalid="ignore"):
             rounded = np.abs(lengths - self.of[4]) <= INSTANT_ROUNDING * trajectory.knots[1:]
         same = rounded & (own == self.of).all(0)
@@ -90,13 +110,18 @@ class ProvedUse:
 
 
 def prove(
-    trajectory: Trajectory, limits: Sequence[Limit], order: int, known: ProvedUse | None = None
+    trajectory: Trajectory,
+    limits: Sequence[Limit],
+    order: int,
+    known: ProvedUse | None = None,
 ) -> tuple[dict[str, Array], dict[str, Array]]:
     """Return, per limit, a proved bound of its use over each time piece (M,), and the largest use
     attained there.
     """
     cells = Cells.cover(trajectory)
-    stated = states_speeds(trajectory.path)
+    path = trajectory.path
+    # stated speeds have to be met exactly
+    stated = max(path.end_speeds) > 0 or any(path.constant(piece) is not None for piece in range(len(path.breaks) - 1))
     proofs = {limit.name: LimitProof(trajectory, limit, order, reachable=limit.geometric or stated) for limit in limits}
     if known is not None:
         unknown = np.any([np.isnan(known.use[limit.name]) for limit in limits], axis=0)
@@ -107,35 +132,31 @@ def prove(
     if limits and len(cells.k):
         # geometry is not bounded over time, so the coarse enclosure does not apply to it
         coarse = not any(limit.geometric for limit in limits)
-        bound_all = bound_coarsely if coarse else bound_finely
-        bounds, attained = bound_all(trajectory, limits, cells, order)
+        bound = partial(bound_coarsely if coarse else bound_finely, trajectory, limits, order)
+        bounds, attained = evaluate_in_batches(cells, bound, COARSE_BATCH if coarse else CELL_BATCH)
         for proof, *values in zip(proofs.values(), bounds, attained, strict=True):
             proof.run(cells, tuple(values), coarse=coarse)
     use = {name: proof.use for name, proof in proofs.items()}
     return use, {name: proof.attained for name, proof in proofs.items()}
 
 
-def bound_finely(trajectory: Trajectory, limits: Sequence[Limit], cells: Cells, order: int) -> Values:
-    """Return bounds of each limit's use over N cells, and the use attained where it seems largest,
-    (limits, N) each.
+def bound_finely(trajectory: Trajectory, limits: Sequence[Limit], order: int, cells: Cells) -> Values:
+    """Return bounds of each limit's use over N cells, and the use attained where it seems largest.
+
+    Each (limits, N).
     """
-
-    def bound(batch: Cells) -> Values:
-        count = len(batch.k)
-        bounds, attained = np.zeros((2, len(limits), count))
-        enclosure = enclose(trajectory, batch, EXPANSION[order])
-        for n, limit in enumerate(limits):
-            value = limit.value(enclosure)
-            uses = limit.use(*enclosure.bound(value), enclosure.piece)
-            bounds[n] = largest_in_rows(uses)
-            places, values = find_extremes(value, count, uses.argmax(1))
-            top, bottom = (largest_in_rows(limit.use(each, each, enclosure.piece)) for each in values)
-            share = (1 + np.where(top >= bottom, places[0], places[1])) / 2
-            attained[n] = use_in(limit, state_at(trajectory, batch, share, order))
-        return replace_nan(bounds), replace_nan(attained)
-
-    with np.errstate(invalid="ignore", over="ignore"):
-        return evaluate_in_batches(cells, bound, CELL_BATCH)
+    count = len(cells.k)
+    bounds, attained = np.zeros((2, len(limits), count))
+    enclosure = enclose(trajectory, cells, EXPANSION[order])
+    for n, limit in enumerate(limits):
+        value = limit.value(enclosure)
+        uses = limit.use(*enclosure.bound(value), enclosure.piece)
+        bounds[n] = largest_in_rows(uses)
+        places, values = find_extremes(value, count, uses.argmax(1))
+        top, bottom = (largest_in_rows(limit.use(each, each, enclosure.piece)) for each in values)
+        share = (1 + np.where(top >= bottom, places[0], places[1])) / 2
+        attained[n] = use_in(limit, state_at(trajectory, cells, share, order))
+    return np.where(np.isnan(bounds), np.inf, bounds), attained
 
 
 @dataclass
@@ -161,25 +182,23 @@ class LimitProof:
         self.attained = np.zeros(len(self.trajectory.s))
 
     def run(self, cells: Cells, values: Values, *, coarse: bool = False) -> None:
-        """Fill use and attained; values: bound and attained use (N,) of the cells; coarse: the fine
-        ones come next.
+        """Fill use and attained.
+
+        values  bound and attained use (N,) of the cells
+        coarse  the values are of the coarse enclosure: cells that are loose have the fine one next
         """
         if coarse:
             loose, _ = self._find_loose(cells, values)
-            self._record(cells[~loose], values[0][~loose])
+            np.maximum.at(self.use, cells.k[~loose], self._round(values[0][~loose]))
             cells = cells[loose]
-            if not len(cells.k):
-                return
-            values = self._evaluate(cells)
-        cells, (bound, _) = refine(cells, values, self._evaluate, self._find_loose)
-        self._record(cells, bound)
+            values = evaluate_in_batches(cells, self._evaluate) if loose.any() else values
+        if len(cells.k):
+            cells, (bound, _) = refine(cells, values, self._evaluate, self._find_loose)
+            np.maximum.at(self.use, cells.k, self._round(bound))
 
     def _evaluate(self, cells: Cells) -> Values:
-        bounds, attained = bound_finely(self.trajectory, [self.limit], cells, self.order)
+        bounds, attained = bound_finely(self.trajectory, [self.limit], self.order, cells)
         return bounds[0], attained[0]
-
-    def _record(self, cells: Cells, bound: Array) -> None:
-        np.maximum.at(self.use, cells.k, self._round(bound))
 
     def _round(self, use: Array) -> Array:
         return round_reached_use(use) if self.reachable else use
@@ -198,7 +217,13 @@ class LimitProof:
         with np.errstate(invalid="ignore"):  # an unbounded cell
             excess = np.nanmax((bound - most) / tolerance, where=loose, initial=1.0)
         # bounds converge with the square of the cell's length at least
-        parts = int(np.clip(np.ceil(np.sqrt(excess)), 2, MOST_PARTS if loose.sum() <= FEW_CELLS else 2))
+        parts = int(
+            np.clip(
+                np.ceil(np.sqrt(excess)),
+                2,
+                MOST_PARTS if loose.sum() <= FEW_CELLS else 2,
+            )
+        )
         pieces = np.diff(self.trajectory.knots)[cells.k]
         if parts * loose.sum() > MAX_CELLS or (cells.lengths < parts * self.least_share * pieces).any():
             loose[:] = False
@@ -206,10 +231,100 @@ class LimitProof:
 
 
 def round_reached_use(use: Array) -> Array:
-    """Return shares of limits; those that exceed 1 by rounding count as 1."""
+    """Return shares of limits, where an excess over 1 by rounding counts as 1."""
     return np.where((use > 1) & (use <= 1 + LIMIT_ROUNDING), 1.0, use)
 
 
-def states_speeds(path: ActuatorPath) -> bool:
-    """Return whether a path states speeds, which its motion has to meet exactly."""
-    return max(path.end_speeds) > 0 or any(path.constant(k) is not None for k in range(len(path.breaks) - 1))
+# Knots at which geometric limits are evaluated first; then all knots around the worst of them.
+KNOTS_SAMPLED = 128
+# Paths whose proofs are remembered.
+REMEMBERED_PATHS = 16
+
+
+@dataclass(frozen=True, slots=True)
+class PathUse:
+    """Proved bounds of the use of geometric limits over parts of a path that begin at s (G,)."""
+
+    s: Array
+    end: float
+    use: dict[str, Array]
+
+
+_PROVED: dict[Hashable, PathUse] = {}
+
+
+def prove_path_use(path: ActuatorPath, limits: Sequence[Limit]) -> dict[str, Array]:
+    """Return, per geometric limit, the proved bound of its use on every part of
+    `unit_speed_trajectory(path)`.
+    """
+    return _prove_along(path, limits).use if limits else {}
+
+
+def _prove_along(path: ActuatorPath, limits: Sequence[Limit]) -> PathUse:
+    """Prove the use along a path. The last few proofs are remembered: orders, retries and reruns
+    share them.
+    """
+    key = path.content, *(limit.content for limit in limits)
+    proved = _PROVED.pop(key, None)
+    if proved is None:
+        along = unit_speed_trajectory(path)
+        use, _ = prove(along, limits, 2)
+        use = {name: freeze_array(values) for name, values in use.items()}
+        proved = PathUse(along.s, float(path.breaks[-1]), use)
+    _PROVED[key] = proved  # the most recent is the last
+    while len(_PROVED) > REMEMBERED_PATHS:
+        _PROVED.pop(next(iter(_PROVED)), None)
+    return proved
+
+
+def forget_paths() -> None:
+    """Forget all proofs along paths, to measure their time."""
+    _PROVED.clear()
+
+
+def find_geometric_use(trajectory: Trajectory, limits: Sequence[Limit]) -> dict[str, Array]:
+    """Return, per geometric limit, the proved bound over each time piece (M,): the largest of the
+    parts it passes.
+    """
+    if not limits:
+        return {}
+    proved = _prove_along(trajectory.path, limits)
+    s = np.append(trajectory.s, piece_end_lengths(trajectory)[-1:])
+    slack = MAX_JUMP * (proved.end - proved.s[0])  # by which `find_gaps` lets a motion leave a place out
+    first = np.searchsorted(proved.s, np.minimum(s[:-1], s[1:]) - slack, side="right") - 1
+    last = np.searchsorted(proved.s, np.maximum(s[:-1], s[1:]) + slack, side="right")
+    ranges = np.stack([np.clip(first, 0, len(proved.s) - 1), np.maximum(last, 1)], 1).ravel()
+    return {name: np.maximum.reduceat(np.append(values, 0.0), ranges)[::2] for name, values in proved.use.items()}
+
+
+def use_at_knots(trajectory: Trajectory, limits: Sequence[Limit], known: ProvedUse | None = None) -> dict[str, Array]:
+    """Return, per geometric limit, the larger use attained at the two ends of each time piece (M,).
+
+    It says where a limit is used most, and proves nothing: some knots are evaluated, then all
+    around the one that uses most. Both sides of a knot are one place. known: earlier results.
+    """
+    pieces = len(trajectory.s)
+    nothing = np.full(pieces, np.nan)
+    attained = {limit.name: (nothing if known is None else known.attained[limit.name]).copy() for limit in limits}
+    new = np.flatnonzero(np.isnan(attained[limits[0].name])) if limits else np.zeros(0, int)
+    if not len(new):
+        return attained
+    knots = np.union1d(new, new + 1)
+    step = -(-len(knots) // KNOTS_SAMPLED)
+    sampled = knots[np.unique(np.append(np.arange(0, len(knots), step), len(knots) - 1))]
+    states = _state_at_knots(trajectory, sampled)
+    for limit in limits:
+        use = np.zeros(pieces + 1)
+        use[sampled] = use_in(limit, states)
+        if step > 1:
+            best = int(np.searchsorted(knots, sampled[use[sampled].argmax()]))
+            around = knots[max(best - step + 1, 0) : best + step]
+            use[around] = use_in(limit, _state_at_knots(trajectory, around))
+        attained[limit.name][new] = round_reached_use(np.maximum(use[new], use[new + 1]))
+    return attained
+
+
+def _state_at_knots(trajectory: Trajectory, knots: np.ndarray) -> State:
+    last = len(trajectory.s) - 1
+    k = np.minimum(knots, last)
+    return trajectory.within(k, np.where(knots <= last, 0.0, np.diff(trajectory.knots)[k]))

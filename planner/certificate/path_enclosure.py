@@ -7,6 +7,7 @@ intervals of x′, x″, x‴ over their part of the path and intervals of ṡ, 
 """
 
 from abc import abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
@@ -14,19 +15,27 @@ import casadi as ca
 import numpy as np
 
 from kinematics.analysis.clearance import Bodies
-from kinematics.foundation.arrays import Array
+from kinematics.foundation.arrays import Array, largest_in_rows
 from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.taylor_model import EPS, Series
-from planner.certificate.cells import Cells
+from planner.certificate.cells import Cells, Values
 from planner.certificate.enclosure import MotionEnclosure, expand_motion, widen
 from planner.certificate.ranges import bound_motion
+from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath, MachinePath, check_rate
-from planner.trajectory import MIN_PARTS, PER_RADIAN, Trajectory
+from planner.trajectory import MIN_PARTS, PER_RADIAN, State, Trajectory
 
 # Order of the series along the path, and intervals of the path per part of `unit_speed_trajectory`.
 PATH_ORDER = 8
 INTERVALS = 2
+# Cells bounded together: their numbers stay in the processor's cache.
+COARSE_BATCH = 1 << 13
+# Parts into which a loose cell of a limit on single axes is split.
+PARTS = 8
+# Cells in a group, and the number of cells from which on groups pay.
+GROUP_CELLS = 16
+MIN_GROUPED = 512
 # Least extent of a group of cells as a share of its interval: a motion at rest has none.
 LEAST_EXTENT = 2.0**-29
 
@@ -104,7 +113,12 @@ class PathEnclosure(IntervalEnclosure):
     def _bound(self, series: Array, highest: int, kinds: int) -> Array:
         out = np.empty((kinds, highest + 1, len(self.interval), series.shape[3]))
         # one layout in memory, so that the kernel is compiled once
-        bound_motion(np.ascontiguousarray(series), self.interval, np.ascontiguousarray(self.motion), out)
+        bound_motion(
+            np.ascontiguousarray(series),
+            self.interval,
+            np.ascontiguousarray(self.motion),
+            out,
+        )
         return out
 
     def __getitem__(self, rows: np.ndarray) -> "PathEnclosure":
@@ -115,23 +129,11 @@ class PathEnclosure(IntervalEnclosure):
             motion=self.motion[:, rows],
         )
 
-    def split(self, trajectory: Trajectory, parts: Cells, rows: np.ndarray) -> "PathEnclosure":
-        """Return the enclosure of parts of the cells in `rows`, from the same series."""
-        return self.series.enclose(self.interval[rows], expand_motion(trajectory, parts), self.highest)
-
-    @property
-    def attained(self) -> tuple["AttainedValues", "AttainedValues"]:
-        """Values that each axis' value and derivatives surely reach: no less than the minimum, no
-        more than the maximum.
-        """
-        least, most = self.axes[2:]
-        return AttainedValues(self.path, self.piece, least), AttainedValues(self.path, self.piece, most)
-
-    def group(self, first: np.ndarray) -> "GroupEnclosure":
-        """Return the enclosure of groups of consecutive cells on one interval, each from `first`
-        on.
-        """
-        return GroupEnclosure(self.path, self.piece[first], self, first)
+    def find_attained_use(self, limit: Limit) -> Array:
+        """Return a use (N,) of a limit on single axes that is surely attained in each cell."""
+        attained = [AttainedValues(self.path, self.piece, values) for values in self.axes[2:]]
+        least, most = (limit.value(each).mid[0] for each in attained)
+        return largest_in_rows(limit.use(least, most, self.piece))
 
 
 @dataclass(frozen=True)
@@ -149,7 +151,14 @@ class GroupEnclosure(IntervalEnclosure):
 
     def bound_pose(self, highest: int) -> Array:
         """ẋ = x′ σ̇,  ẍ = x′ σ̈ + x″ σ̇²,  x⃛ = x′ σ⃛ + 3 x″ σ̇ σ̈ + x‴ σ̇³."""
-        sigma = _merge_balls(*self._bound_sigma(), self.first)[..., 0]
+        motion = self.cells.motion
+        rate = motion[8]
+        # the n-th derivative by τ is n! times the n-th coefficient, about any centre in the cell
+        factors = np.stack([np.ones_like(rate), rate, 2 * rate**2, 6 * rate**3])
+        mid = (motion[:4] * factors)[..., None]
+        rad = (widen(motion[:4], motion[4:8]) * factors)[..., None]
+        rad = rad * (1 + 16 * EPS) + 16 * EPS * np.abs(mid)
+        sigma = _merge_balls(mid, rad, self.first)[..., 0]
         pose = self._bound_pose_along(sigma[:, 0], highest)
         x1, x2 = _take_ball(pose, 1), _take_ball(pose, 2)
         speed, growth, jerk = (Series(sigma[:1, n, :, None], sigma[1:, n, :, None], 0) for n in (1, 2, 3))
@@ -160,16 +169,6 @@ class GroupEnclosure(IntervalEnclosure):
         for n, rate in enumerate(rates, 1):
             pose[:, n] = rate.mid[0], rate.rad[0]
         return pose
-
-    def _bound_sigma(self) -> tuple[Array, Array]:
-        """Return middles and radii (4, N, 1) of σ, σ̇, σ̈, σ⃛ over each cell."""
-        motion = self.cells.motion
-        rate = motion[8]
-        factors = np.stack([np.ones_like(rate), rate, 2 * rate**2, 6 * rate**3])
-        mid = motion[:4] * factors
-        # the n-th derivative by τ is n! times the n-th coefficient, about any centre in the cell
-        rad = widen(motion[:4], motion[4:8]) * factors
-        return mid[..., None], (rad * (1 + 16 * EPS) + 16 * EPS * np.abs(mid))[..., None]
 
     def _bound_pose_along(self, sigma: Array, highest: int) -> Array:
         """Return the pose and its derivatives by σ over balls (2, G) of σ."""
@@ -215,16 +214,18 @@ class _PathSeries:
     1].
 
     centre, half (G,) m; piece (G,) of the path
+    s  series in σ: about the centre of each interval, then about any place in it
     """
 
     path: ActuatorPath
     centre: Array
     half: Array
     piece: np.ndarray
+    s: Series
 
     def enclose(self, interval: np.ndarray, expansion: tuple[Array, Array, Array], highest: int) -> PathEnclosure:
-        """Return the enclosure of cells in intervals (N,), from what `expand_motion` returns for
-        them.
+        """Return the enclosure of cells in intervals (N,), from the result of
+        `expand_motion`.
         """
         s, error, half = expansion
         centre = self.centre[interval]
@@ -238,22 +239,14 @@ class _PathSeries:
     @cached_property
     def axes(self) -> Array:
         """Coefficients (2, D+1, G, n) of q and their errors; the last is the remainder."""
-        return self._join(self.path.enclose(self._s, np.tile(self.piece, 2)))
+        return self._join(self.path.enclose(self.s, np.tile(self.piece, 2)))
 
     @cached_property
     def pose(self) -> Array:
         """Coefficients (2, D+1, G, 12) of the pose's numbers likewise."""
-        pose = self.path.enclose_pose(self._s, np.tile(self.piece, 2))
+        pose = self.path.enclose_pose(self.s, np.tile(self.piece, 2))
         assert pose is not None  # only machines have limits on their pose
         return self._join(pose)
-
-    @cached_property
-    def _s(self) -> Series:
-        """s as a series in σ: about the centre of each interval, then about any place in it."""
-        mid = np.stack([self.centre, self.half])
-        rad = np.zeros((2, 2 * len(self.half)))
-        rad[0, len(self.half) :] = self.half
-        return Series(np.tile(mid, 2), rad, PATH_ORDER)
 
     def _join(self, series: Series) -> Array:
         """Return the coefficients about the centres, the last one over the whole interval as an
@@ -277,7 +270,9 @@ def enclose_along_path(trajectory: Trajectory, cells: Cells, highest: int) -> Pa
     piece = trajectory.piece[cells.k]
     s, error, half = expand_motion(trajectory, cells)
     reach = np.abs(s[1:]).sum(0) + error.sum(0)
-    parts = _count_intervals(path)
+    # a polynomial is known exactly over a whole piece
+    exact = not isinstance(path, MachinePath) or is_affine(path.machine.inverse_map)
+    parts = INTERVALS * np.maximum(1 if exact else MIN_PARTS, np.ceil(PER_RADIAN * path.turns))
     width = np.diff(path.breaks) / parts
     share = np.clip((s[0] - path.breaks[piece]) / width[piece], 0, parts[piece] - 1)
     place = np.append(0, np.cumsum(parts))[piece] + np.floor(np.nan_to_num(share))
@@ -289,21 +284,110 @@ def enclose_along_path(trajectory: Trajectory, cells: Cells, highest: int) -> Pa
     high = np.maximum.reduceat(s[0] + reach, first)
     centre = (low + high) / 2
     width = (high - low) / 2 * (1 + 64 * EPS) + 64 * EPS * np.maximum(np.abs(low), np.abs(high))
-    return _PathSeries(path, centre, width, piece[first]).enclose(interval, (s, error, half), highest)
+    mid = np.tile(np.stack([centre, width]), 2)
+    rad = np.zeros_like(mid)
+    rad[0, len(width) :] = width
+    series = _PathSeries(path, centre, width, piece[first], Series(mid, rad, PATH_ORDER))
+    return series.enclose(interval, (s, error, half), highest)
 
 
 @lru_cache(maxsize=32)
 def is_affine(inverse_map: Expression) -> bool:
-    """Return whether the actuator coordinates are affine in the pose's numbers: then pieces that
-    are polynomials in space are polynomials in the axes.
+    """Return whether the actuator coordinates are affine in the pose's numbers.
+
+    Then pieces of the path that are polynomials in space are polynomials in the axes.
     """
     x = ca.SX.sym("x", inverse_map.size[0])
     return bool(ca.is_linear(inverse_map.function(x), x))
 
 
-def _count_intervals(path: ActuatorPath) -> Array:
-    """Return the number of intervals (P,) of each path piece: a polynomial is known exactly over a
-    whole piece.
+def bound_coarsely(trajectory: Trajectory, limits: Sequence[Limit], order: int, cells: Cells) -> Values:
+    """Return bounds of each limit's use over N cells, and the use attained at some instants.
+
+    Each (limits, N). Limits on single axes: every cell, and loose cells in parts. Other limits: groups
+    of cells first, then the cells of those groups that may use the most.
     """
-    least = MIN_PARTS if isinstance(path, MachinePath) and not is_affine(path.machine.inverse_map) else 1
-    return INTERVALS * np.maximum(least, np.ceil(PER_RADIAN * path.turns))
+    motion = enclose_along_path(trajectory, cells, order)
+    groups = None
+    if len(cells.k) >= MIN_GROUPED and not all(limit.by_axis for limit in limits):
+        groups = _Groups.of(trajectory, cells, motion)
+    bounds, attained = np.zeros((2, len(limits), len(cells.k)))
+    centres: State | None = None
+    for n, limit in enumerate(limits):
+        if limit.by_axis:
+            bounds[n], attained[n] = _bound_by_axis(limit, trajectory, cells, motion)
+        elif groups is not None:
+            bounds[n], attained[n] = groups.bound(limit, motion)
+        else:
+            centres = centres or state_at(trajectory, cells, 0.5, order)
+            bounds[n], attained[n] = motion.bound_use(limit), use_in(limit, centres)
+    return bounds, attained
+
+
+def state_at(trajectory: Trajectory, cells: Cells, share: Array | float, order: int) -> State:
+    """Return the motion at these shares of the cells."""
+    return trajectory.within(cells.k, cells.lo + share * cells.lengths, jerk=order == 3)
+
+
+def use_in(limit: Limit, state: State) -> Array:
+    """Return the largest use (N,) of a limit at N instants; ∞ if it is undefined."""
+    value = limit.value(state)
+    use = largest_in_rows(limit.use(value, value, state.piece))
+    return np.where(np.isnan(use), np.inf, use)
+
+
+def _bound_by_axis(limit: Limit, trajectory: Trajectory, cells: Cells, motion: PathEnclosure) -> tuple[Array, Array]:
+    """Bound a limit on single axes: the values that each axis surely reaches need no state."""
+    bound = motion.bound_use(limit)
+    attained = motion.find_attained_use(limit)
+    most = np.maximum(attained, min(attained.max(), 1.0))
+    loose = np.flatnonzero((bound > most + limit.tight(most)) & (bound < np.inf))
+    if len(loose):
+        interval = np.tile(motion.interval[loose], PARTS)
+        expansion = expand_motion(trajectory, cells[loose].parts(PARTS))
+        parts = motion.series.enclose(interval, expansion, motion.highest)
+        bound[loose] = parts.bound_use(limit).reshape(PARTS, -1).max(0)
+        attained[loose] = parts.find_attained_use(limit).reshape(PARTS, -1).max(0)
+    return bound, attained
+
+
+@dataclass(frozen=True, slots=True)
+class _Groups:
+    """Groups of consecutive cells on one interval of the path.
+
+    motion, centres  enclosure of each group, and the state at the centre of its middle cell
+    middle   (G,) the middle cell of each group
+    number   (N,) group of each cell
+    """
+
+    trajectory: Trajectory
+    cells: Cells
+    motion: GroupEnclosure
+    centres: State
+    middle: np.ndarray
+    number: np.ndarray
+
+    @staticmethod
+    def of(trajectory: Trajectory, cells: Cells, motion: PathEnclosure) -> "_Groups":
+        count = len(motion.interval)
+        runs = np.flatnonzero(np.diff(motion.interval, prepend=-1))
+        place_in_run = np.arange(count) - np.repeat(runs, np.diff(np.append(runs, count)))
+        starts = place_in_run % GROUP_CELLS == 0
+        first = np.flatnonzero(starts)
+        middle = (first + np.append(first[1:], count)) // 2
+        centres = state_at(trajectory, cells[middle], 0.5, motion.highest)
+        group = GroupEnclosure(motion.path, motion.piece[first], motion, first)
+        return _Groups(trajectory, cells, group, centres, middle, np.cumsum(starts) - 1)
+
+    def bound(self, limit: Limit, motion: PathEnclosure) -> tuple[Array, Array]:
+        """Return the bound (N,) of a limit's use, and the use attained in some cells."""
+        attained = np.zeros(len(self.number))
+        attained[self.middle] = use_in(limit, self.centres)
+        most = attained.max()
+        bound = self.motion.bound_use(limit)[self.number]
+        loose = np.flatnonzero(~(bound < min(most, 1.0) + limit.tight(most)))
+        if len(loose):
+            bound[loose] = motion[loose].bound_use(limit)
+            centres = state_at(self.trajectory, self.cells[loose], 0.5, motion.highest)
+            attained[loose] = use_in(limit, centres)
+        return bound, attained

@@ -3,7 +3,7 @@
 x(σ) = Σ p_i σ^i + remainder is a Taylor series with guaranteed error over an interval of the path,
 |σ| ≤ 1. σ(τ) = s₀ + s₁τ + s₂τ² + s₃τ³ is the motion over a cell of time, |τ| ≤ 1. Horner's scheme
 gives x(σ(τ)) = Σ a_k τ^k. The same sums with the sizes of their factors, and with the sizes
-enlarged by the errors, bound all that is neglected:
+enlarged by the errors, bound everything neglected:
 
     |∏(x + e) − ∏x| ≤ ∏(|x| + |e|) − ∏|x|.
 
@@ -20,7 +20,7 @@ from kinematics.foundation.kernels import kernel
 from kinematics.foundation.taylor_model import EPS
 
 # Cells computed together: their scratch arrays stay in the processor's cache.
-CELLS = 64
+CELLS = 128
 # Powers of τ beyond the highest derivative. More are tighter and take longer.
 EXTRA_POWERS = 4
 # Ratio of a cubic coefficient to the lower ones below which the cubic is bounded as a parabola.
@@ -192,7 +192,7 @@ def _reduce_to_cubic(e: Array, degree: int, cubic: Array, slack: Array) -> None:
     """Fill cubic (first 4, CELLS) by Chebyshev economization: e₄ and e₅ are spread over lower
     powers.
 
-    slack[0] grows by what the cubic neglects; slack[1] (CELLS,) is the slack of the full
+    slack[0] grows by the neglected powers; slack[1] (CELLS,) is the slack of the full
     polynomial.
     """
     for n in range(CELLS):
@@ -209,7 +209,7 @@ def _reduce_to_cubic(e: Array, degree: int, cubic: Array, slack: Array) -> None:
 
 @kernel
 def _find_peaks(cubic: Array, places: Array, slack: Array) -> None:
-    """Fill places[2:] with the τ in [−1, 1] where the cubic's slope is zero; 0 where there is none.
+    """Fill places[2:] with the τ in [−1, 1] where the cubic's slope is zero, else 0.
 
     A small cubic coefficient is dropped, at the price of some slack: the roots would lose all
     digits.
@@ -278,8 +278,8 @@ def _bound_inner(values: Array, slack: Array, inner: Array) -> None:
 
 @kernel
 def _store(bounds: Array, reach: Array, scale: Array, out: Array) -> None:
-    """Write bounds of cells to out (2 or 4, N); of a cell that leaves its interval, that nothing is
-    known.
+    """Write bounds of cells to out (2 or 4, N); nothing is known of a cell that leaves its
+    interval.
     """
     for n in range(out.shape[1]):
         middle = bounds[0, n] * scale[n]

@@ -6,6 +6,7 @@ outside: an upper bound.
 """
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -20,8 +21,7 @@ from planner.trajectory import Trajectory
 MIN_CELL_SHARE = 5e-4
 # Order of the series in time.
 EXPANSION = 6
-# Cells bounded together, and the most cells of one round.
-CELL_BATCH = 1024
+# The most cells of one round.
 MAX_CELLS = 400_000
 
 
@@ -53,9 +53,6 @@ def find_stays(trajectory: Trajectory, limit: Resonance) -> tuple[Stay, ...]:
         return ()
     shortest = MIN_CELL_SHARE * min(band.time for band in limit.bands)
 
-    def evaluate(cells: Cells) -> Values:
-        return evaluate_in_batches(cells, lambda batch: _locate(trajectory, limit, batch), CELL_BATCH)
-
     def find_undecided(cells: Cells, values: Values) -> tuple[np.ndarray, int]:
         possible, certain = values
         undecided = (possible & ~certain).any(0) & (cells.lengths > shortest)
@@ -64,7 +61,8 @@ def find_stays(trajectory: Trajectory, limit: Resonance) -> tuple[Stay, ...]:
         return undecided, 2
 
     cells = Cells.cover(trajectory)
-    cells, values = refine(cells, evaluate(cells), evaluate, find_undecided)
+    locate = partial(_locate, trajectory, limit)
+    cells, values = refine(cells, evaluate_in_batches(cells, locate), locate, find_undecided)
     order = np.lexsort((cells.lo, cells.k))
     cells = cells[order]
     possible, certain = (each[:, order] for each in values)
@@ -75,7 +73,11 @@ def find_stays(trajectory: Trajectory, limit: Resonance) -> tuple[Stay, ...]:
 
 
 def _join_cells(
-    trajectory: Trajectory, band: Band, cells: Cells, possible: np.ndarray, certain: np.ndarray
+    trajectory: Trajectory,
+    band: Band,
+    cells: Cells,
+    possible: np.ndarray,
+    certain: np.ndarray,
 ) -> list[Stay]:
     """Return the stays in one band from consecutive cells."""
     start = trajectory.knots[cells.k] + cells.lo
@@ -104,8 +106,7 @@ def _find_sequences(flags: np.ndarray) -> list[tuple[int, int]]:
 def _locate(trajectory: Trajectory, limit: Resonance, cells: Cells) -> Values:
     """Return (bands, N) bool each: where |q̇| may be in a band, and where it is throughout."""
     motion = enclose(trajectory, cells, EXPANSION)
-    with np.errstate(invalid="ignore", over="ignore"):
-        low, high = motion.bound(limit.value(motion))
+    low, high = motion.bound(limit.value(motion))
     axes = [band.axis for band in limit.bands]
     slowest: Array = np.maximum(np.maximum(low, -high), 0.0).T[axes]
     fastest: Array = np.maximum(-low, high).T[axes]

@@ -66,7 +66,10 @@ def states_destination(program: Program) -> bool:
     """Return whether the program leads from its start to a stated point, by a line, a spline or a
     synchronised move.
     """
-    first = next((segment for segment in program.segments if not isinstance(segment, Dwell | Turn)), None)
+    first = next(
+        (segment for segment in program.segments if not isinstance(segment, Dwell | Turn)),
+        None,
+    )
     return isinstance(first, Line | Spline | Synchronised)
 
 
@@ -87,7 +90,10 @@ def _map_segment(segment: Segment, share: float, offset: Array) -> Segment:
             centre = freeze_array(share * np.asarray(segment.centre) + offset)
             return replace(segment, centre=centre, rise=share * segment.rise)
         case Spline():
-            return replace(segment, through=freeze_array(share * np.asarray(segment.through) + offset))
+            return replace(
+                segment,
+                through=freeze_array(share * np.asarray(segment.through) + offset),
+            )
         case Curve():
             length = share * segment.length
             texts = zip(segment.position, (offset / length).tolist(), strict=True)

@@ -20,7 +20,7 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.taylor_model import EPS, Series
 from kinematics.machine.kind import columns
 from planner.certificate.cells import Cells
-from planner.certificate.enclosure import Enclosure, bound_series, shift_motion, take_powers, widen
+from planner.certificate.enclosure import Enclosure, bound_series, shift_motion, widen
 from planner.path.actuation import MachinePath, check_rate
 from planner.shaping.shaped_motion import ShapedMotion
 from planner.trajectory import Trajectory
@@ -259,7 +259,7 @@ def _expand(
     sizes = shift_motion(np.abs(motion), np.abs(at))
     # an instant of a copy's own time is known to a few roundings of the whole time
     late = 8 * EPS * trajectory.knots[-1] * np.stack([sizes[1], 2 * sizes[2], 3 * sizes[3], np.zeros_like(half)])
-    powers = take_powers(half)
+    powers = np.stack([np.ones_like(half), half, half**2, half**3])
     powers[1:] *= moves
     mid = shift_motion(motion, at) * powers
     rad = (32 * EPS * sizes + late * (1 + 8 * EPS)) * powers

@@ -1,4 +1,4 @@
-"""What is proved of a motion behind input shapers: that it keeps every limit, and how far it is
+"""Proof of a motion behind input shapers: that it respects every limit, and how far it is
 from the path.
 
 Limits of one coordinate's value or rate, the same all along (`Limit.convex`): a weighed mean of
@@ -44,8 +44,8 @@ not made closer.
 """
 LONGEST_CELL, SHORTEST_CELL = 4e-3, 1e-4
 """s: cells of time that are looked at first, and below which none is cut."""
-CELL_BATCH, MOST_CUT = 512, 200_000
-"""Cells that are looked at together, and those that others are cut into, at most."""
+MOST_CUT = 200_000
+"""Largest number of cells into which others are split."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,7 +138,7 @@ class ShapedProof(Result):
 
 
 def refuse_unshaped(limits: Sequence[Limit], path: ActuatorPath) -> None:
-    """Raise MotionError for what no motion behind shapers is proved to keep."""
+    """Raise MotionError for limits that cannot be proved behind shapers."""
     for limit in limits:
         if isinstance(limit, Resonance) and limit.bands:
             axis = limit.channels[limit.bands[0].axis]
@@ -162,7 +162,7 @@ def prove_shaped(
     certificate: Certificate,
     since: float = 0.0,
 ) -> ShapedProof:
-    """What is proved of a trajectory behind shapers.
+    """Prove that a trajectory behind shapers respects its limits, and bound its deviations.
 
     certificate  of the trajectory itself, of its convex limits at least
     since        s of the shaped motion, from which on it is looked at: the whole of the interval
@@ -198,7 +198,7 @@ def prove_shaped(
 
 
 def describe_exceeded(path: MachinePath, proof: ShapedProof) -> str:
-    """What is said where a blend or fit tolerance is not proved behind the shapers; else ""."""
+    """Return the message where a blend or fit tolerance is not proved behind the shapers; else ""."""
     left = [(blend.tolerance, blend.deviation) for blend in path.blends if not blend.stop]
     left += [] if path.fit is None else [(path.fit.tolerance, path.fit.deviation)]
     over = [both for both in left if both[1] + proof.contour > both[0]]
@@ -216,7 +216,7 @@ def describe_exceeded(path: MachinePath, proof: ShapedProof) -> str:
 
 
 def advise_shapers(axes: Sequence[Axis]) -> str:
-    """What to do about shapers that take the tool too far: shorter ones do so less."""
+    """Return the remedy for shapers that take the tool too far: shorter ones do so less."""
     parts = [part for axis in axes if axis.shaper is not None for part in axis.shaper.parts]
     longer = sorted({part.kind for part in parts if part.kind != "zv"})
     if longer:
@@ -226,8 +226,8 @@ def advise_shapers(axes: Sequence[Axis]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class _Largest:
-    """The largest value over cells, and the instant (s) in the middle of its cell; 0 at 0 if there
-    is none.
+    """The largest value over cells, and the instant (s) in the middle of its cell; 0 at 0 without
+    any.
     """
 
     value: float
@@ -264,7 +264,7 @@ class _CellSearch:
         self.largest_sample = 0.0
         self.split = 0
         cells = self._cut_intervals()
-        cells, values = refine(cells, self._evaluate(cells), self._evaluate, self._find_loose)
+        cells, values = refine(cells, evaluate_in_batches(cells, self._bound), self._bound, self._find_loose)
         uses, channels, away, off, turned, axes = values
         begin = self.motion.knots[cells.k] + cells.lo
         end = self.motion.knots[cells.k] + cells.hi
@@ -304,10 +304,6 @@ class _CellSearch:
         loose &= (cells.lengths > SHORTEST_CELL) & (self.split <= MOST_CUT)
         self.split += 2 * int(loose.sum())
         return loose, 2
-
-    def _evaluate(self, cells: Cells) -> Values:
-        with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-            return evaluate_in_batches(cells, self._bound, CELL_BATCH)
 
     def _bound(self, cells: Cells) -> Values:
         """Return bounds of the uses and their channels (limits, N), of the three deviations (N,)

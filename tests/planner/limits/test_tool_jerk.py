@@ -9,6 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from kinematics import MotionError, load_machine
 from planner import Arc, Blend, Line, Program, Spline, load_program, plan
 from planner.certificate import Cells, bound_series, enclose, enclose_along_path
+from planner.certificate.path_enclosure import GroupEnclosure
 from planner.limits.tool import ToolJerk
 from planner.path.actuation import make_points
 
@@ -62,7 +63,8 @@ def test_enclosures_and_ranges_hold_it(made):
     cells = Cells(k, np.zeros(len(k)), width)
     enclosed = bound_series(enclose(trajectory, cells, 6).tool_rate(3), len(k))
     ranges = enclose_along_path(trajectory, cells, 3)
-    merged = ranges.group(np.flatnonzero(np.diff(ranges.interval, prepend=-1)))
+    first = np.flatnonzero(np.diff(ranges.interval, prepend=-1))
+    merged = GroupEnclosure(trajectory.path, ranges.piece[first], ranges, first)
     group = np.cumsum(np.diff(ranges.interval, prepend=-1) != 0) - 1
     balls = ranges.bound(ranges.tool_rate(3))
     wide = tuple(each[group] for each in merged.bound(merged.tool_rate(3)))
