@@ -242,7 +242,9 @@ class _Method:
 
     def linearize(self) -> OptimalityError:
         error: OptimalityError = linearize(self.program, self.point, self.multipliers, self.derivatives)
-        return error._replace(primal=max(error.primal, abs(self._time_residual())))
+        if self.posed.stages.fixed_time:
+            error = error._replace(primal=max(error.primal, abs(self._time_residual())))
+        return error
 
     def _time_residual(self) -> float:
         return self.merit.time - 1 if self.posed.stages.fixed_time else 0.0
@@ -265,7 +267,7 @@ class _Method:
         converged = self._converged(error)
         if not converged and self.iterations % EXAMINE_EACH != EXAMINE_EACH - 1:
             return False
-        solved = self.is_solved(error)
+        solved = converged and self.mu <= self.tolerance
         self._examine(self.point.states, self.point.controls)
         if ((self.room < (0.0 if solved else SHORT)) & ~self.mask).any():
             self._activate_more()
@@ -318,13 +320,14 @@ class _Method:
             time_residual=self._time_residual(),
             delta_w=delta,
         )
-        while not solve_newton(system._replace(delta_w=delta), self.recursion, self.direction):
+        while not solve_newton(system, self.recursion, self.direction):
             if delta == 0:
                 delta = max(MIN_DELTA, DECREASE * self.last_delta) if self.last_delta > 0 else FIRST_DELTA
             else:
                 delta *= INCREASE if self.last_delta > 0 else FIRST_INCREASE
             if not delta < MAX_DELTA:
                 return False
+            system = system._replace(delta_w=delta)
         self.delta = delta
         return True
 
