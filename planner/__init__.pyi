@@ -40,7 +40,7 @@ from .sources.positions import load_positions as load_positions
 from .sources.source import import_program as import_program
 from .time_optimal import time_optimal as time_optimal
 from .timing.certified_solve import Solution as Solution
-from .tradeoffs.limit_worth import LimitChange as LimitChange, Worth as Worth
+from .bounds.limit_worth import LimitChange as LimitChange, Worth as Worth
 from .timing.goals.objective import Objective as Objective
 from .trajectory import State as State, Trajectory as Trajectory
 from .pulses.triggers import Triggered as Triggered

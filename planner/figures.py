@@ -27,6 +27,8 @@ from kinematics.machine.axis import Axis, directional_bounds
 from kinematics.machine.pose import from_numbers, to_numbers
 from planner.active_limits import active_limits, find_segments, limit_shares
 from planner.baselines.classical import Classical
+from planner.bounds import figures as _worth_figures  # noqa: F401  # registers its own
+from planner.bounds.duration_bound import DurationBound
 from planner.certificate.certify import Certificate
 from planner.certificate.feasibility import Standing
 from planner.cross_check import CrossCheck
@@ -42,8 +44,6 @@ from planner.shaping import figures as _shaping_figures  # noqa: F401  # registe
 from planner.shaping.shaped_motion import reached_poses
 from planner.sources import figures as _source_figures  # noqa: F401  # registers its own
 from planner.timing.certified_solve import Solution
-from planner.timing.duration_bound import DurationBound
-from planner.tradeoffs import figures as _tradeoff_figures  # noqa: F401  # registers its own
 from planner.trajectory import Trajectory
 
 DRAWN_INSTANTS = 2000

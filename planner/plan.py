@@ -15,11 +15,12 @@ from kinematics.foundation.table import Table
 from kinematics.machine.machine import Machine
 from kinematics.machine.machine_file import MachineSource, load_machine
 from planner.avoidable_stops import AvoidableStops, find_avoidable_stops
+from planner.bounds.duration_bound import DurationBound, bound_duration
+from planner.bounds.lower_bound import find_left_out
 from planner.certificate.certify import Certificate
 from planner.certificate.conditioning import Conditioning, find_poorest
 from planner.certificate.constant_speed import CONSTANT_SPEED, Stretch, find_stretches
 from planner.certificate.feasibility import Standing, prove_feasibility
-from planner.certificate.lower_bound import find_left_out
 from planner.interruption.interruptible import Interruptible
 from planner.interruption.section import Whole
 from planner.limits import Limit, OwnLimit, limits_of, usual_order
@@ -43,7 +44,6 @@ from planner.shaping.keep_limits import Solve, solve_shaped
 from planner.shaping.shaped_motion import find_delays, shorten_duration
 from planner.shaping.shaped_proof import ShapedProof, describe_exceeded
 from planner.timing.certified_solve import Solution, certified_solve, solve_within, timing_table
-from planner.timing.duration_bound import DurationBound, bound_duration
 from planner.timing.goals.heat import solve_objective
 from planner.timing.goals.objective import TIME, Objective
 from planner.timing.goals.stated_duration import solve_stated
@@ -51,7 +51,7 @@ from planner.timing.problem import Solver
 from planner.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from planner.tradeoffs.limit_worth import Worth
+    from planner.bounds.limit_worth import Worth
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,7 +157,7 @@ class Plan(Result, Interruptible, Requested):
         """
         if not self.fastest:
             return None
-        from planner.tradeoffs.limit_worth import find_worth
+        from planner.bounds.limit_worth import find_worth
 
         return find_worth(self.trajectory, self.limits, self.order, self.certificate, self.bound)
 

@@ -23,6 +23,7 @@ from planner import LimitChange, Plan, Program, Worth
 from planner.baselines import KINDS, Classical, classical, pick_baseline
 from planner.baselines.classical import Course, course
 from planner.baselines.shapes import S_CURVE
+from planner.bounds.duration_bound import LEAST_SHARED_CELLS, bound_duration
 from planner.cross_check import CrossCheck, cross_check
 from planner.interruption.hold import Stops
 from planner.limits import find_unkept_limits
@@ -32,7 +33,6 @@ from planner.path.overshoot import overshoot_warnings
 from planner.plan import make_plan
 from planner.pulses import PulseCheck, RealisedPath
 from planner.request import PlanRequest
-from planner.timing.duration_bound import LEAST_SHARED_CELLS, bound_duration
 from planner.timing.order2.toppra_ import require
 from pulsepath.inputs import read_rig
 from pulsepath.options import LAWS

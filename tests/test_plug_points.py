@@ -36,7 +36,7 @@ TABLES = {
 DELIBERATE = {
     "planner/timing/goals/pacing.py": "eases acceleration and jerk, which every axis has, and heeds bands of resonance",
     "planner/timing/goals/constant_speed_errors.py": "explains a stated tool speed that bands of resonance forbid",
-    "planner/certificate/lower_bound.py": "proves a bound from the limits whose rows it encloses, and names the others",
+    "planner/bounds/lower_bound.py": "proves a bound from the limits whose rows it encloses, and names the others",
     "planner/baselines/classical.py": "trapezoids, whose limits are stated of the axes alone",
 }
 """Files that name several entries of one table for what these are: a new entry changes none of them."""

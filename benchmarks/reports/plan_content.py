@@ -10,6 +10,7 @@ from controllers.rig import Rig
 from kinematics.foundation.table import Table
 from planner.activity import Activity
 from planner.baselines import Classical
+from planner.bounds.limit_worth import LimitChange, Worth
 from planner.cross_check import CrossCheck
 from planner.interruption.hold import Stops
 from planner.overview import Overview
@@ -17,7 +18,6 @@ from planner.plan import Plan
 from planner.plan_parts import PlanStanding
 from planner.pulses import PulseCheck, RealisedPath
 from planner.shaping.shaped_proof import ShapedProof
-from planner.tradeoffs.limit_worth import LimitChange, Worth
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 from benchmarks.reports.page import NARROW, Picture, draw_figure, style
 from controllers.metrics import Metrics
 from planner.baselines import Classical
+from planner.bounds.limit_worth import Worth
 from planner.interruption.hold import Stops
 from planner.plan import Plan
 from planner.pulses import RealisedPath
-from planner.tradeoffs.limit_worth import Worth
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -68,7 +68,7 @@ def draw_realised(realised: RealisedPath | None) -> dict[str, Picture]:
 
 def draw_worth(worth: Worth | None) -> dict[str, Picture]:
     """Draw the worth of the limits, if any limit saves time."""
-    from planner.tradeoffs.figures import worth_along
+    from planner.bounds.figures import worth_along
 
     if worth is None or not worth.rank():
         return {}

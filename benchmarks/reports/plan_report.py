@@ -31,6 +31,7 @@ from kinematics.foundation.table import MAX_SHOWN_ROWS, Column, Table
 from planner.active_limits import ACTIVE_SHARE, tabulate_segments
 from planner.activity import MOST_SEGMENTS, Activity
 from planner.baselines import describe_differences, missing_limits
+from planner.bounds.limit_worth import Worth
 from planner.certificate.certify import CROSSING, Certificate
 from planner.certificate.constant_speed import CONSTANT_SPEED, SPEED_TOLERANCE
 from planner.limits import Limit
@@ -39,7 +40,6 @@ from planner.plan import Plan
 from planner.plan_parts import PlanStanding
 from planner.pulses.schedule import RATE_WINDOWS
 from planner.pulses.triggers import trigger_tables
-from planner.tradeoffs.limit_worth import Worth
 
 POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 """Content policy of the page: a browser loads only the content of the page itself."""
@@ -231,7 +231,7 @@ def _join_bounds(bounds: Sequence[float], directed: bool) -> str:
 
 def _list_top_worth(worth: Worth | None) -> Iterator[tuple[str, float, float]]:
     """Yield the limits that are worth most, the ms that 1 % more of each saves, and its share of the most."""
-    from planner.tradeoffs.limit_worth import call
+    from planner.bounds.limit_worth import call
 
     if worth is None:
         return

@@ -31,12 +31,6 @@ from .limit_use import (
     prove as prove,
     round_reached_use as round_reached_use,
 )
-from .lower_bound import (
-    bound_cells as bound_cells,
-    bound_rest as bound_rest,
-    enclose_rows as enclose_rows,
-    leave_rest as leave_rest,
-)
 from .ranges import bound_balls as bound_balls, bound_motion as bound_motion, bound_ranges as bound_ranges
 from .resonance_dwell import Stay as Stay, find_stays as find_stays
 from .summary import join_certificates as join_certificates

@@ -6,7 +6,6 @@ from .certified_solve import (
     solve_within as solve_within,
     timing_table as timing_table,
 )
-from .duration_bound import DurationBound as DurationBound, bound_duration as bound_duration
 from .goals.constant_speed import ConstantSpeed as ConstantSpeed
 from .goals.goal import Goal as Goal
 from .goals.heat import measure_heat as measure_heat, solve_objective as solve_objective

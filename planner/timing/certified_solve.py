@@ -11,6 +11,7 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError, attempt
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
+from planner.bounds.duration_bound import DurationBound, bound_duration
 from planner.certificate.certify import Certificate, certify
 from planner.certificate.feasibility import limit_violation, prove_feasibility
 from planner.certificate.limit_use import ProvedUse
@@ -18,7 +19,6 @@ from planner.limits.limit import Limit
 from planner.parallel import Progress, spread
 from planner.path.actuation import ActuatorPath
 from planner.timing.certify_loop import MAX_CERTIFY_ROUNDS, CertifiedRun, RunCertifier, hold_axes
-from planner.timing.duration_bound import DurationBound, bound_duration
 from planner.timing.goals.constant_speed import ConstantSpeed
 from planner.timing.goals.fastest import Fastest
 from planner.timing.goals.goal import Goal

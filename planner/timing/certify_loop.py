@@ -206,11 +206,15 @@ class RunCertifier:
 
 
 def _find_room(solution: RunSolution) -> Mapping[str, Array] | None:
-    """Return the room of each limit on each time piece, where these are a problem's intervals."""
+    """Return the room of each limit on each time piece, where these are a problem's intervals.
+
+    A motion that was slowed keeps the rows as well, if all terms of a row fall alike with time.
+    """
     problem = solution.problem
-    if problem is None or solution.parts or solution.slowness != 1:
+    if problem is None or solution.parts or len(problem.piece) != len(solution.profile.h):
         return None
-    if len(problem.piece) != len(solution.profile.h):
+    homogeneous = all(len({term.per_time for term in block.start}) == 1 for block in problem.blocks)
+    if solution.slowness != 1 and not homogeneous:
         return None
     return {block.name: block.room for block in problem.blocks}
 

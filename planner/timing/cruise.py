@@ -18,7 +18,7 @@ from planner.limits.tool import ToolSpeed
 from planner.path.actuation import ActuatorPath, Points
 from planner.timing.grid import divide_intervals
 from planner.timing.initial_guess import reduce_pieces
-from planner.timing.order2.second_order import is_of_speed
+from planner.timing.order2.second_order import follow_speeds, is_of_speed
 from planner.timing.problem import EXACT_AIM, SOLVER_AIM, EndCondition, Problem, Run
 from planner.timing.profile import Profile, close_profile
 from planner.timing.sampling import sample_limit_use
@@ -77,9 +77,10 @@ class Caps:
             points = Points(self.path, s[varies], piece[varies], ())
             _, p1, p2 = (derivative[:, :3] for derivative in points.tool_derivatives)
             f = np.linalg.norm(p1, axis=1)
+            slope = (p1 * p2).sum(1) / f
             c = EXACT_AIM * self.tool[local[varies]]
             v[varies] = c / f
-            a[varies] = -(c**2) * (p1 * p2).sum(1) / f**4
+            a[varies] = -(c**2) * slope / f**3
         return v, a
 
     def find_changes(self, breaks: Array, order: int, acceleration: Array) -> np.ndarray:
@@ -95,7 +96,8 @@ class Caps:
         if order == 3:
             least = np.minimum(acceleration[inner], acceleration[inner - 1])
             joined &= np.abs(a_before - a_after) <= MAX_STEP * least
-        return np.setdiff1d(np.arange(1, len(breaks) - 1), inner[joined])
+        pieces = np.arange(1, len(breaks) - 1)
+        return np.setdiff1d(pieces, inner[joined])
 
 
 def find_caps(
@@ -130,10 +132,12 @@ def find_caps(
         along = _level(np.where(even, EXACT_AIM / most, np.inf))
         uneven = np.where(least_f > 0, most_f / least_f - 1, 0.0)
         fastest = 1 / least
-    caps = np.where((excess < 0) & (least_f > 0), _tool_caps(limits, run), np.inf)
+    binds = (excess < 0) & (least_f > 0)
+    tool_caps = np.where(binds, _tool_caps(limits, run), np.inf)
     lowered = _find_lowered(path, limits, run)
-    caps[lowered] = along[lowered] = np.inf
-    result = Caps(path, run.first, caps, along, fastest, uneven)
+    tool_caps[lowered] = np.inf
+    along[lowered] = np.inf
+    result = Caps(path, run.first, tool_caps, along, fastest, uneven)
     return result if result.capped.any() else None
 
 
@@ -207,12 +211,14 @@ def _keep_speed(caps: Caps, pieces: Pieces) -> Profile:
     """Return the motion at constant ṡ: a time piece for each path piece, more where it turns."""
     breaks, numbers = pieces
     path = caps.path
-    share = np.diff(breaks) / (path.breaks[numbers + 1] - path.breaks[numbers])
-    count = np.ceil(PIECES_PER_RADIAN * path.turns[numbers] * share).astype(int)
+    whole = path.breaks[numbers + 1] - path.breaks[numbers]
+    turns = path.turns[numbers] * np.diff(breaks) / whole
+    count = np.ceil(PIECES_PER_RADIAN * turns).astype(int)
     s, owner = divide_intervals(breaks, np.maximum(count, 1))
-    v = caps.along[numbers[owner] - caps.first]
-    still = np.zeros(len(owner))
-    return Profile(s[:-1], v, still, still, np.diff(s) / v, numbers[owner])
+    piece = numbers[owner]
+    v = caps.along[piece - caps.first]
+    still = np.zeros(len(piece))
+    return Profile(s[:-1], v, still, still, np.diff(s) / v, piece)
 
 
 def _follow_varying(
@@ -235,14 +241,15 @@ def _follow_varying(
         if speed is not None:
             v[end] = speed
             a[end] = 0.0
-    step = np.diff(s)
-    if order == 2:  # ṡ² grows evenly over each interval
-        h = 2 * step / (v[1:] + v[:-1])
-        return Profile(s[:-1], v[:-1], np.diff(v) / h, np.zeros(len(h)), h, piece)
+    if order == 2:
+        return follow_speeds(s, v, piece)
     # ∫ f ds / c over each interval by Simpson's rule
     middle, _ = caps.at((s[1:] + s[:-1]) / 2, piece)
-    h = step / 6 * (1 / v[:-1] + 4 / middle + 1 / v[1:])
-    ends = EndCondition(float(v[0]), float(a[0])), EndCondition(float(v[-1]), float(a[-1]))
+    slowness = 1 / v[:-1] + 4 / middle + 1 / v[1:]
+    h = np.diff(s) * slowness / 6
+    first = EndCondition(float(v[0]), float(a[0]))
+    last = EndCondition(float(v[-1]), float(a[-1]))
+    problem = Problem(s, piece, (), (first, last))
     columns = np.stack([v[:-1], a[:-1], np.diff(a) / h, h])
-    profile = close_profile(Problem(s, piece, (), ends), columns)
+    profile = close_profile(problem, columns)
     return None if isinstance(profile, MotionError) else profile

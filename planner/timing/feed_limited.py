@@ -31,11 +31,10 @@ from planner.timing.problem import POWERS, EndCondition, Problem, Run
 from planner.timing.rows import pose_problem
 from planner.timing.solution import FEED_LIMITED, RunSolution
 
-# Intervals of a piece, and for each radian that it turns, at whose ends the limits are evaluated.
-# Too few would miss a peak of a limit's use; the proof finds such a peak, and the run is then
-# solved as a whole.
-SAMPLES_PER_PIECE = 8
-SAMPLES_PER_RADIAN = 8
+# Intervals of a piece, and as many for each radian that it turns, at whose ends the limits are
+# evaluated. Too few would miss a peak of a limit's use; the proof finds such a peak, and the run is
+# then solved as a whole.
+SAMPLES = 8
 # Largest use of the other limits at which the tool may cruise: the rest is for what lies between
 # the samples.
 MAX_CRUISING_USE = 0.95
@@ -55,7 +54,7 @@ MAX_UNUSED_SHARE = 0.02
 def sketch_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Problem:
     """Pose a run's rows at a few places of each piece: enough to see where limits bind."""
     pieces = np.arange(run.first, run.last + 1)
-    count = SAMPLES_PER_PIECE + np.ceil(SAMPLES_PER_RADIAN * path.turns[pieces]).astype(int)
+    count = SAMPLES + np.ceil(SAMPLES * path.turns[pieces]).astype(int)
     s, owner = divide_intervals(run.breaks(path), count)
     return pose_problem(path, limits, s, pieces[owner], run.ends)
 
@@ -97,12 +96,12 @@ class FeedLimitedRun:
             return None
         cruising = sum(part.cruise.duration for part in parts if part.cruise is not None)
         solutions: list[RunSolution] = []
-        for before, part, after in zip([None, *parts], parts, [*parts[1:], None], strict=False):
+        for number, part in enumerate(parts):
             solution = part.cruise
             if solution is None:
-                ramp = self._meet(part.run, before, after)
+                ramp = self._meet_cruises(parts, number)
                 solution = self._solve_in_closed_form(ramp, cruising) or solve(ramp)
-                if not solution.solved or not self._is_joined(solution, ramp, before, after):
+                if not solution.solved or not self._is_joined(solution, ramp):
                     return None
             solutions.append(solution)
         return RunSolution.joined(solutions, FEED_LIMITED)
@@ -122,8 +121,9 @@ class FeedLimitedRun:
                 parts.append(Part(whole.cut(self.path, place, first)))
             parts.append(Part(stretch, cruise))
             place = last
-        if parts and place < breaks[-1]:
-            parts.append(Part(whole.cut(self.path, place, float(breaks[-1]))))
+        end = float(breaks[-1])
+        if parts and place < end:
+            parts.append(Part(whole.cut(self.path, place, end)))
         return parts
 
     def _find_cruises(self, caps: Caps, breaks: Array) -> list[Stretch]:
@@ -148,52 +148,49 @@ class FeedLimitedRun:
             begins = first == 0 and _cruises_at(start, caps.along[0])
             ends = after == len(breaks) - 1 and _cruises_at(end, caps.along[-1])
             since, until = float(breaks[first]), float(breaks[after])
-            low, high = np.searchsorted(pieces[busy], [first, after])
             blocked = [
                 (since, since if begins else since + ramp),
-                *((float(sketch.s[k]) - ramp, float(sketch.s[k + 1]) + ramp) for k in busy[low:high]),
                 (until if ends else until - ramp, until),
             ]
+            low, high = np.searchsorted(pieces[busy], [first, after])
+            for k in busy[low:high]:
+                blocked.append((float(sketch.s[k]) - ramp, float(sketch.s[k + 1]) + ramp))
             for (_, since), (until, _) in pairwise(_join_overlapping(blocked)):
                 if until - since > ramp:
                     cruises.append((since, until))
         return cruises
 
-    def _meet(self, ramp: Run, before: Part | None, after: Part | None) -> Run:
-        """Return a ramp that begins and ends in the states of the cruises next to it."""
+    def _meet_cruises(self, parts: Sequence[Part], number: int) -> Run:
+        """Return a part that is a ramp, in the states of the cruises next to it at its ends."""
+        ramp = parts[number].run
         start, end = ramp.ends
-        if before is not None and before.cruise is not None:
-            profile = before.cruise.profile
-            start = self._condition(profile.last_speed, profile.last_acceleration)
-        if after is not None and after.cruise is not None:
-            profile = after.cruise.profile
-            end = self._condition(float(profile.v[0]), float(profile.a[0]))
+        if number > 0 and (cruise := parts[number - 1].cruise) is not None:
+            profile = cruise.profile
+            start = EndCondition(profile.last_speed, profile.last_acceleration)
+        if number + 1 < len(parts) and (cruise := parts[number + 1].cruise) is not None:
+            profile = cruise.profile
+            end = EndCondition(float(profile.v[0]), float(profile.a[0]))
+        if self.order == 2:
+            start = replace(start, acceleration=0.0)
+            end = replace(end, acceleration=0.0)
         return replace(ramp, ends=(start, end))
 
-    def _condition(self, v: float, a: float) -> EndCondition:
-        return EndCondition(v, a if self.order == 3 else 0.0)
-
-    def _is_joined(
-        self,
-        solution: RunSolution,
-        ramp: Run,
-        before: Part | None,
-        after: Part | None,
-    ) -> bool:
-        """Return whether a ramp meets its cruises: a solution that was slowed as a whole does not."""
+    def _is_joined(self, solution: RunSolution, ramp: Run) -> bool:
+        """Return whether a ramp meets its cruises. One that was slowed as a whole does not."""
         profile = solution.profile
+        largest_v = SAME_STATE * float(profile.v.max())
+        largest_a = SAME_STATE * float(np.abs(profile.a).max())
+        start, end = ramp.ends
         states = (
-            (before, ramp.ends[0], float(profile.v[0]), float(profile.a[0])),
-            (after, ramp.ends[1], profile.last_speed, profile.last_acceleration),
+            (start, float(profile.v[0]), float(profile.a[0])),
+            (end, profile.last_speed, profile.last_acceleration),
         )
-        v_most = float(profile.v.max())
-        a_most = float(np.abs(profile.a).max())
-        for neighbour, end, v, a in states:
-            if neighbour is None:
+        for condition, v, a in states:
+            if condition.speed == 0:  # at rest, no cruise is next to it
                 continue
-            if abs(v - end.speed) > SAME_STATE * v_most:
+            if abs(v - condition.speed) > largest_v:
                 return False
-            if self.order == 3 and abs(a - end.acceleration) > SAME_STATE * a_most:
+            if self.order == 3 and abs(a - condition.acceleration) > largest_a:
                 return False
         return True
 

@@ -26,7 +26,7 @@ from planner.timing.initial_guess import (
     spread_points,
 )
 from planner.timing.order2.second_order import second_order
-from planner.timing.problem import Continuation, Problem, Run, fix_passed_ends
+from planner.timing.problem import Block, Continuation, Problem, Run, fix_passed_ends
 from planner.timing.profile import Profile
 from planner.timing.rows import leave_out_idle, pose_problem
 
@@ -107,22 +107,25 @@ def make_grid(
 def find_pieces(path: ActuatorPath, run: Run, s: Array) -> np.ndarray:
     """Return the piece (N,) of each interval of a grid (N+1,) along a run."""
     inner = run.breaks(path)[1:-1]
-    return np.asarray(run.first + np.searchsorted(inner, (s[1:] + s[:-1]) / 2, side="right"))
+    middle = (s[1:] + s[:-1]) / 2
+    return np.asarray(run.first + np.searchsorted(inner, middle, side="right"))
 
 
 def divide_intervals(s: Array, count: np.ndarray) -> tuple[Array, np.ndarray]:
-    """Return the grid (M+1,) whose intervals are cut into count (N,) even parts, and their owners (M,)."""
+    """Cut each interval of a grid into count (N,) even parts; return the grid and their owners (M,)."""
     owner = np.repeat(np.arange(len(count)), count)
-    part = np.arange(len(owner)) - (np.cumsum(count) - count)[owner]
-    inner = s[owner] + part / count[owner] * np.diff(s)[owner]
-    return np.append(inner, s[-1]), owner
+    first = np.cumsum(count) - count
+    share = (np.arange(len(owner)) - first[owner]) / count[owner]
+    points = s[owner] + share * np.diff(s)[owner]
+    return np.append(points, s[-1]), owner
 
 
 def _fill_pieces(s: Array, breaks: Array, least: Array) -> Array:
     at = np.searchsorted(s, breaks)
     parts = [s[a:b] for a, b in pairwise(at)]
     for k in np.flatnonzero(np.diff(at) < least):
-        parts[k] = np.linspace(breaks[k], breaks[k + 1], int(np.ceil(least[k])) + 1)[:-1]
+        count = int(np.ceil(least[k]))
+        parts[k] = np.linspace(breaks[k], breaks[k + 1], count + 1)[:-1]
     return np.concatenate([*parts, breaks[-1:]])
 
 
@@ -130,14 +133,17 @@ def _distances(s: Array, places: Array) -> Array:
     """Return the distance (N,) from each s to the nearest of rising places; ∞ without any."""
     others = np.concatenate([[-np.inf], places, [np.inf]])
     after = np.searchsorted(others, s).clip(1)
-    return np.asarray(np.minimum(s - others[after - 1], others[after] - s))
+    to_previous = s - others[after - 1]
+    to_next = others[after] - s
+    return np.asarray(np.minimum(to_previous, to_next))
 
 
 def acceleration_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Problem:
-    """Pose a run at order 2, on an even grid, or on one that is graded where rows have ṡ next to others."""
-    mixed = any(Term.SD in limit.terms and len(limit.terms) > 1 for limit in limits)
-    stands = any(end.zero_derivatives == 1 for end in run.ends)
-    few = None if mixed or stands or run.fineness > 1 else _few_intervals(path, run)
+    """Pose a run at order 2: on an even grid, or a graded one if rows have ṡ next to other terms."""
+    of_speed = [limit.terms for limit in limits if Term.SD in limit.terms]
+    mixed = any(len(terms) > 1 for terms in of_speed)
+    has_free_end = any(end.zero_derivatives == 1 for end in run.ends)
+    few = None if mixed or has_free_end or run.fineness > 1 else _few_intervals(path, run)
     if few is not None:
         grid = make_grid(path, run, few)
     else:
@@ -166,11 +172,14 @@ def continue_problem(
     s = np.concatenate([known, s[s > known[-1] + least]])
     for _ in range(2):  # the knots of the first time change which points are near
         s = _insert_knots(s, continuation.knots, run.breaks(path))
-    posed = pose_problem(path, limits, s, find_pieces(path, run, s), run.ends)
-    blocks = []
+    piece = find_pieces(path, run, s)
+    posed = pose_problem(path, limits, s, piece, run.ends)
+    blocks: list[Block] = []
     for block in posed.blocks:
-        room = continuation.room.get(block.name, np.empty(0))
-        blocks.append(replace(block, room=np.append(room, block.room[len(room) :])))
+        room = block.room.copy()
+        known_room = continuation.room.get(block.name, np.empty(0))
+        room[: len(known_room)] = known_room
+        blocks.append(replace(block, room=room))
     return replace(posed, blocks=tuple(blocks))
 
 
@@ -178,8 +187,10 @@ def _insert_knots(s: Array, knots: Array, breaks: Array) -> Array:
     """Return a grid (N+1,) with knots in place of the points near them, except ends and breaks."""
     last = s[-1] - NEAR_STEP_SHARE * (s[-1] - s[-2])
     knots = knots[(knots > s[0]) & (knots < last)]
-    knots = knots[_distances(knots, breaks) > SAME_PLACE * (s[-1] - s[0])]
-    stays = np.isin(s, breaks) | (_distances(s, knots) > NEAR_STEP_SHARE * np.gradient(s))
+    same = SAME_PLACE * (s[-1] - s[0])
+    knots = knots[_distances(knots, breaks) > same]
+    near = NEAR_STEP_SHARE * np.gradient(s)
+    stays = np.isin(s, breaks) | (_distances(s, knots) > near)
     stays[[0, -1]] = True
     return np.union1d(s[stays], knots)
 
@@ -196,9 +207,10 @@ def refine_problem(
     """
     if problem.intervals not in FEW_INTERVALS:
         return None
-    jump = np.abs(np.diff(motion.a, prepend=0.0, append=0.0))
-    step = jump > MIN_STEP_SHARE * np.abs(motion.a).max()
-    return cut_intervals(path, limits, problem, np.where(step[:-1] | step[1:], STEP_PARTS, 1))
+    size = np.abs(np.diff(motion.a, prepend=0.0, append=0.0))
+    steps = size > MIN_STEP_SHARE * np.abs(motion.a).max()
+    count = np.where(steps[:-1] | steps[1:], STEP_PARTS, 1)
+    return cut_intervals(path, limits, problem, count)
 
 
 def cut_intervals(
@@ -211,9 +223,12 @@ def cut_intervals(
     s, owner = divide_intervals(problem.s, count)
     limits = leave_out_idle(limits, problem)
     finer = pose_problem(path, limits, s, problem.piece[owner], problem.ends)
-    room = {block.name: block.room[owner] for block in problem.blocks}
-    blocks = tuple(replace(block, room=room.get(block.name, block.room)) for block in finer.blocks)
-    return replace(finer, blocks=blocks, ends=problem.ends)
+    rooms = {block.name: block.room[owner] for block in problem.blocks}
+    blocks: list[Block] = []
+    for block in finer.blocks:
+        room = rooms.get(block.name, block.room)
+        blocks.append(replace(block, room=room))
+    return replace(finer, blocks=tuple(blocks), ends=problem.ends)
 
 
 def coarse_jerk_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Problem:
@@ -235,7 +250,8 @@ def brief_problem(
     if not sharp.solved or WINDOW_GROWTH * window > MAX_BRIEF_SHARE * sharp.duration:
         return None
     spread = _graded_shares(count_intervals(SECOND_ORDER, path, run))
-    return relax_jerk(pose_problem(path, limits, *_grid(SECOND_ORDER, path, run, spread)))
+    s, piece = _grid(SECOND_ORDER, path, run, spread)
+    return relax_jerk(pose_problem(path, limits, s, piece))
 
 
 def jerk_problem(
@@ -256,17 +272,18 @@ def jerk_problem(
         return start
     breaks = run.breaks(path)
     slow, speeds = slow_breaks(coarse, start, breaks)
+    ramps = None
     if len(slow):
         at = np.searchsorted(coarse.s, breaks[[0, *slow, -1]])
-        ramps = pass_breaks(coarse, at, np.array([run.speeds[0], *speeds, run.speeds[1]]))
-        if ramps is not None:  # else the jerk leaves no way from speed to speed
-            ramps = ramps.cut(breaks, run.first)
-            grid = _place_grid(rule, path, run, ramps, ramps.h)
-            return pose_problem(path, limits, *grid, run.ends), ramps
-
-    points = spread_points(start, count_intervals(rule, path, run, on_top=True))
-    spread = np.clip((points - coarse.s[0]) / (coarse.s[-1] - coarse.s[0]), 0.0, 1.0)
-    return pose_problem(path, limits, *_grid(rule, path, run, spread), run.ends), start
+        ramps = pass_breaks(coarse, at, speeds)
+    if ramps is not None:
+        start = ramps.cut(breaks, run.first)
+        s, piece = _place_grid(rule, path, run, start, start.h)
+    else:  # without slow breaks, or where the jerk leaves no way from speed to speed
+        points = spread_points(start, count_intervals(rule, path, run, on_top=True))
+        share = (points - breaks[0]) / (breaks[-1] - breaks[0])
+        s, piece = _grid(rule, path, run, share.clip(0.0, 1.0))
+    return pose_problem(path, limits, s, piece, run.ends), start
 
 
 def place_problem(
@@ -281,7 +298,8 @@ def place_problem(
     motion  (M pieces) of the run, cut at its breaks
     weight  (M,) of each piece; inside a piece it grows with time
     """
-    return pose_problem(path, limits, *_place_grid(THIRD_ORDER, path, run, motion, weight), run.ends)
+    s, piece = _place_grid(THIRD_ORDER, path, run, motion, weight)
+    return pose_problem(path, limits, s, piece, run.ends)
 
 
 def _place_grid(
@@ -293,27 +311,29 @@ def _place_grid(
 ) -> tuple[Array, np.ndarray]:
     """Return the grid of `place_problem`."""
     breaks = run.breaks(path)
+    share = motion.h / motion.duration
     total = weight.sum()
-    even = motion.h / motion.duration
-    share = (1 - TIME_SHARE) * weight / total + TIME_SHARE * even if total > 0 else even
-    # s over the weight that is passed, at a few places of each piece
+    if total > 0:
+        share = (1 - TIME_SHARE) * weight / total + TIME_SHARE * share
+    # the share that is passed, at a few places of each piece
     owner = np.repeat(np.arange(len(motion.h)), PLACE_PARTS)
-    tau = np.outer(motion.h, np.arange(PLACE_PARTS) / PLACE_PARTS).ravel()
-    s = np.append(motion.at(owner, tau)[0], breaks[-1])
-    s = np.clip(np.maximum.accumulate(s), breaks[0], breaks[-1])
+    parts = np.arange(PLACE_PARTS) / PLACE_PARTS
+    tau = np.outer(motion.h, parts).ravel()
+    places = np.append(motion.at(owner, tau)[0], breaks[-1])
+    places = np.maximum.accumulate(places).clip(breaks[0], breaks[-1])
     passed = np.concatenate([[0.0], np.cumsum(share[owner]) / PLACE_PARTS])
 
     pieces = np.arange(run.first, run.last + 1)
-    first = np.append(np.searchsorted(motion.piece, pieces), len(motion.h))
-    at_breaks = passed[PLACE_PARTS * first]
+    first = np.searchsorted(motion.piece, pieces)
+    at_breaks = passed[[*PLACE_PARTS * first, -1]]
     per_piece = min(MIN_PER_PIECE, _per_piece(rule, path, run))
     least = np.maximum(per_piece, rule.per_radian * path.turns[pieces] / 2)
-    intervals = count_intervals(rule, path, run, on_top=True)
-    count = np.ceil(np.maximum(least, np.diff(at_breaks) * intervals) - ROUNDING).astype(int)
-    wanted, owner = divide_intervals(at_breaks, count)
-    grid = np.interp(wanted, passed, s)
-    grid[np.append(np.cumsum(count) - count, len(owner))] = breaks
-    return grid, pieces[owner]
+    intervals = np.diff(at_breaks) * count_intervals(rule, path, run, on_top=True)
+    count = np.ceil(np.maximum(least, intervals) - ROUNDING).astype(int)
+    even, owner = divide_intervals(at_breaks, count)
+    s = np.interp(even, passed, places)
+    s[np.append(0, np.cumsum(count))] = breaks
+    return s, pieces[owner]
 
 
 def grade_problem(
@@ -354,16 +374,24 @@ def _per_piece(rule: Rule, path: ActuatorPath, run: Run) -> int:
     return min(rule.per_piece, max(1, MAX_INTERVALS[rule.order] // pieces))
 
 
-def count_intervals(rule: Rule, path: ActuatorPath, run: Run, on_top: bool = False) -> int:
+def count_intervals(
+    rule: Rule,
+    path: ActuatorPath,
+    run: Run,
+    on_top: bool = False,
+) -> int:
     """Return the number of intervals of a run. Raises MotionError if it is too large.
 
     on_top  pieces after the first add to the least number
     """
     pieces = run.last - run.first + 1
-    turn = float(path.turns[run.first : run.last + 1].sum())
     per_piece = _per_piece(rule, path, run)
-    least = rule.least + per_piece * (pieces - 1) if on_top else rule.least
-    size = run.fineness * max(least, per_piece * pieces, int(rule.per_radian * turn))
+    least = rule.least
+    if on_top:
+        least += per_piece * (pieces - 1)
+    turn = float(path.turns[run.first : run.last + 1].sum())
+    size = max(least, per_piece * pieces, int(rule.per_radian * turn))
+    size *= run.fineness
     if isinstance(path, PolynomialPath):
         _refuse_dense(pieces)
     elif size > MAX_INTERVALS[rule.order]:
@@ -398,15 +426,17 @@ def _few_intervals(path: ActuatorPath, run: Run) -> int | None:
     start, end = run.breaks(path)
     s = np.linspace(start, end, DIRECTION_POINTS)
     slope = path.derivatives(s, np.full(DIRECTION_POINTS, run.first), 2)[1]
-    change = float(np.abs(np.diff(slope, axis=0)).max(1).sum() / np.abs(slope).max())
-    return min([size for size in FEW_INTERVALS if size >= PER_CHANGE * change], default=None)
+    change = np.abs(np.diff(slope, axis=0)).max(1).sum()
+    needed = PER_CHANGE * change / np.abs(slope).max()
+    return min([size for size in FEW_INTERVALS if size >= needed], default=None)
 
 
 def unbounded_error(problem: Problem, order: int) -> MotionError | None:
-    """Return the error of a run on which nothing bounds s̈, or at order 3 s⃛; None where it is bounded."""
-    term, name = (Term.SDD, "acceleration") if order == 2 else (Term.SDDD, "jerk")
-    if any(np.any(block.start.get(term, 0.0)) for block in problem.blocks):
+    """Return the error of a run without a bound of s̈, or of s⃛ at order 3; None where there is one."""
+    term = Term.SDD if order == 2 else Term.SDDD
+    if any(np.any(block.start.get(term)) for block in problem.blocks):
         return None
+    name = "acceleration" if order == 2 else "jerk"
     return MotionError(
         f"the motion is unbounded: no moving axis states a limit of {name}; state one, or plan at another order"
     )

@@ -38,9 +38,14 @@ SAME_INSTANT = 1e-12
 ACTING_SHARE = 0.02
 # Least step of a grid as a share of an even one's: a step of 0 would divide by zero.
 MIN_STEP_SHARE = 1e-6
-# Speed at a slow break as a share of what the jerk allows. Measured on corners with blends of 1e-9
-# to 1e-3 m: shares of 0.3 to 1 lead to the same answers.
+# Least interval at the ends of a run that is shortened, as a share of it.
+MIN_INTERVAL_SHARE = 1e-9
+# Speed at a slow break as a share of the largest that the jerk allows. With 1, polylines with blends
+# of 1e-8 to 2e-4 m take up to 5e-4 longer; single corners take the same time with 0.3 to 1.
 SPEED_SHARE = 0.7
+# A break that the averaged motion passes this many times too fast is slow, whatever its other side
+# allows: from there a solver takes hundreds of iterations, or finds no motion.
+TOO_FAST = 2.0
 # Newton steps from above, and halvings, that reach rounding.
 NEWTON_STEPS = 30
 HALVINGS = 40
@@ -51,28 +56,35 @@ REACH_ROUNDING = 1e-9
 MAX_BRIEF_SHARE = 1e-3
 MIN_WINDOW_SHARE = 1e-9
 WINDOW_GROWTH = 4.0
-# Window between two speeds, as a share of what the run allows, where a gentle start finds no way.
+# Window between two speeds, as a share of the largest, where a gentle start finds no way.
 START_WINDOW_SHARE = 1e-2
 START_GRID = "start"
-"""Name of the rows that bound s̈ by what the jerk allows to reach: no limit's."""
+"""Name of the rows that bound s̈ to values that the jerk lets a motion reach: no limit's."""
 
 
-def average(motion: Profile, window: float, speeds: tuple[float, float] = (0.0, 0.0)) -> Profile:
+def average(
+    motion: Profile,
+    window: float,
+    speeds: tuple[float, float] = (0.0, 0.0),
+) -> Profile:
     """Return the moving average in time of a motion of order 2, which takes a window longer.
 
     speeds  ṡ at the motion's ends, which it keeps before and after: the average begins and ends
             ṡ w/2 beyond them
     """
     knots = np.concatenate([[0.0], np.cumsum(motion.h)])
-    end = motion.s[-1] + motion.h[-1] * (motion.v[-1] + motion.h[-1] * motion.a[-1] / 2)
-    # the motion with a piece of constant speed at each end
-    longer = np.concatenate([[-window], knots, [knots[-1] + window]])
-    s = np.concatenate([[motion.s[0] - speeds[0] * window], motion.s, [end]])
-    v = np.concatenate([speeds[:1], motion.v, speeds[1:]])
-    a = np.concatenate([[0.0], motion.a, [0.0]])
+    h = motion.h[-1]
+    end = motion.s[-1] + h * (motion.v[-1] + h * motion.a[-1] / 2)
+    # the motion with a piece of constant speed before and after it
+    start = motion.s[0] - speeds[0] * window
+    s = np.array([start, *motion.s, end])
+    v = np.array([speeds[0], *motion.v, speeds[1]])
+    a = np.array([0.0, *motion.a, 0.0])
+    longer = np.array([-window, *knots, knots[-1] + window])
 
-    t = np.unique(np.concatenate([knots, knots + window]))
-    t = t[np.append(np.diff(t) > SAME_INSTANT * t[-1], True)]
+    t = np.union1d(knots, knots + window)
+    differs = np.diff(t) > SAME_INSTANT * t[-1]
+    t = t[np.append(differs, True)]
     states = average_states(longer, s, v, a, t)
     h = np.diff(t)
     places, rates, accelerations = states[:, :-1]
@@ -105,10 +117,12 @@ def average_states(knots: Array, s: Array, v: Array, a: Array, t: Array) -> Arra
             if not h > 0:
                 break
             speed = v[k] + a[k] * (low - knots[k])
+            piece = h * (speed + h * a[k] / 2)
             width += h
-            way += h * (speed + h * a[k] / 2)
+            way += piece
             rise += h * a[k]
-            moment += h * ((low - begin) * (speed + h * a[k] / 2) + h * (speed / 2 + h * a[k] / 3))
+            moment += (low - begin) * piece
+            moment += h * h * (speed / 2 + h * a[k] / 3)
             tau = low + h - knots[k]
             place = s[k] + tau * (v[k] + tau * a[k] / 2)
         states[0, n] = place - moment / width
@@ -128,13 +142,14 @@ def spread_points(start: Profile, intervals: int) -> Array:
     weight = start.h / start.h.sum() + ramps / ramps.sum()
     passed = np.concatenate([[0.0], np.cumsum(weight)])
     even = np.linspace(0.0, 1.0, intervals + 1)
-    wanted = even * passed[-1]
-    k = np.clip(np.searchsorted(passed, wanted, side="right") - 1, 0, len(weight) - 1)
-    tau = (wanted - passed[k]) / weight[k] * start.h[k]
-    first = start.s[0]
-    last = start.at(np.array([-1]), start.h[-1:])[0][0]
-    s = np.clip(np.maximum.accumulate(start.at(k, tau)[0]), first, last)
-    return np.asarray((1 - MIN_STEP_SHARE) * s + MIN_STEP_SHARE * (first + (last - first) * even))
+    passing = even * passed[-1]
+    k = np.searchsorted(passed, passing, side="right") - 1
+    k = k.clip(0, len(weight) - 1)
+    tau = (passing - passed[k]) / weight[k] * start.h[k]
+    s, *_ = start.at(k, tau)
+    s = np.maximum.accumulate(s)
+    line = s[0] + (s[-1] - s[0]) * even
+    return np.asarray((1 - MIN_STEP_SHARE) * s + MIN_STEP_SHARE * line)
 
 
 def average_run(coarse: Problem) -> Profile | MotionError:
@@ -156,10 +171,11 @@ def _average_solution(problem: Problem, window: float) -> Profile | MotionError:
     """Average the order-2 motion over as much of a run as makes the average fill the run."""
     low = problem.s[0] + problem.speeds[0] * window / 2
     high = problem.s[-1] - problem.speeds[1] * window / 2
-    sliver = 1e-9 * (high - low)
-    inner = np.flatnonzero((problem.s[1:] > low + sliver) & (problem.s[:-1] < high - sliver))
-    part = problem.part(slice(inner[0], inner[-1] + 1))
-    s = np.concatenate([[low], part.s[1:-1], [high]])
+    sliver = MIN_INTERVAL_SHARE * (high - low)
+    first = np.searchsorted(problem.s[1:], low + sliver, side="right")
+    last = np.searchsorted(problem.s[:-1], high - sliver)
+    part = problem.part(slice(int(first), int(last)))
+    s = np.array([low, *part.s[1:-1], high])
     sharp = second_order(replace(part, s=s))
     return sharp.refusal or average(sharp.profile, window, problem.speeds)
 
@@ -175,15 +191,18 @@ def relax_jerk(problem: Problem) -> tuple[Problem, float]:
     speed = _mean_bound(problem, Term.SD)
     acceleration = _mean_bound(problem, Term.SDD)
     length = problem.s[-1] - problem.s[0]
-    reached = min(np.sqrt(speed * jerk), np.cbrt(jerk**2 * length / 2))
-    if not np.isfinite(reached):
+    by_speed = np.sqrt(speed * jerk)
+    by_length = np.cbrt(jerk**2 * length / 2)
+    attainable = min(by_speed, by_length)
+    if not np.isfinite(attainable):
         raise MotionError("the motion is unbounded: no moving axis states a limit of speed or acceleration; state one")
     sharp = select_order_2(problem.with_fixed_ends())
-    if reached >= acceleration:
+    if attainable >= acceleration:
         return sharp, acceleration / jerk
-    side = {Term.SDD: np.full((problem.intervals, 1), 1 / reached)}
-    gentle = Block(START_GRID, side, side, np.ones(problem.intervals), np.zeros(1))
-    return replace(sharp, blocks=(*sharp.blocks, gentle)), reached / jerk
+    count = problem.intervals
+    side = {Term.SDD: np.full((count, 1), 1 / attainable)}
+    gentle = Block(START_GRID, side, side, np.ones(count), np.zeros(1))
+    return replace(sharp, blocks=(*sharp.blocks, gentle)), attainable / jerk
 
 
 def select_order_2(problem: Problem) -> Problem:
@@ -192,13 +211,19 @@ def select_order_2(problem: Problem) -> Problem:
     return replace(problem, blocks=blocks)
 
 
-def add_brief_ramps(motion: Profile, window: float, breaks: Array, first: int) -> Profile | None:
+def add_brief_ramps(
+    motion: Profile,
+    window: float,
+    breaks: Array,
+    first: int,
+) -> Profile | None:
     """Return the order-2 motion from rest to rest with ramps of s̈ that are brief, or None.
 
     breaks (P+1,) of its run, whose pieces begin with number `first`. Ramps may not overlap.
     """
     window = max(WINDOW_GROWTH * window, MIN_WINDOW_SHARE * motion.duration)
-    if not window <= min(MAX_BRIEF_SHARE * motion.duration, float(motion.h.min())):
+    longest = min(MAX_BRIEF_SHARE * motion.duration, float(motion.h.min()))
+    if not window <= longest:
         return None
     return average(motion, window).cut(breaks, first)
 
@@ -213,12 +238,13 @@ class _Ramps:
     def phases(self, change: Array) -> list[tuple[Array, Array]]:
         """Return s⃛ and duration of the three phases of a change of ṡ."""
         size = np.abs(change)
-        jerk = np.sign(change) * self.jerk
-        rise = np.minimum(np.sqrt(size / self.jerk), self.acceleration / self.jerk)
+        full_rise = self.acceleration / self.jerk
+        rise = np.minimum(np.sqrt(size / self.jerk), full_rise)
         with np.errstate(invalid="ignore"):
             reaches = size * self.jerk > self.acceleration**2
-            hold = np.where(reaches, size / self.acceleration - self.acceleration / self.jerk, 0.0)
-        return [(jerk, rise), (np.zeros(len(size)), hold), (-jerk, rise)]
+            hold = np.where(reaches, size / self.acceleration - full_rise, 0.0)
+        jerk = np.sign(change) * self.jerk
+        return [(jerk, rise), (0 * jerk, hold), (-jerk, rise)]
 
     def length(self, *speeds: Array) -> Array:
         """Return the path length of the changes from speed to speed."""
@@ -238,15 +264,16 @@ def pass_breaks(problem: Problem, at: np.ndarray, speeds: Array) -> Profile | No
     """
     step = np.diff(problem.s)
     size = np.diff(problem.s[at])
-    bounds = [bound_term(problem, term) ** (1 / term.per_time) for term in (Term.SD, Term.SD2, Term.SD3)]
-    fastest, acceleration, jerk = (
-        np.add.reduceat(step * bound, at[:-1]) / size
-        for bound in (
-            np.min(bounds, axis=0),
-            bound_term(problem, Term.SDD),
-            bound_term(problem, Term.SDDD),
-        )
-    )
+
+    def average_bound(bound: Array) -> Array:
+        return np.asarray(np.add.reduceat(step * bound, at[:-1]) / size)
+
+    speed = np.full(problem.intervals, np.inf)
+    for term in (Term.SD, Term.SD2, Term.SD3):
+        speed = np.minimum(speed, bound_term(problem, term) ** (1 / term.per_time))
+    fastest = average_bound(speed)
+    acceleration = average_bound(bound_term(problem, Term.SDD))
+    jerk = average_bound(bound_term(problem, Term.SDDD))
     if not np.isfinite(jerk).all():
         return None
     before, after = speeds[:-1], speeds[1:]
@@ -255,50 +282,68 @@ def pass_breaks(problem: Problem, at: np.ndarray, speeds: Array) -> Profile | No
     ramps = _Ramps(np.where(too_long, np.inf, acceleration), jerk)
     if (ramps.length(before, low, after) > size * (1 + REACH_ROUNDING)).any():
         return None
-    high = np.maximum(low, np.minimum(fastest, low + np.cbrt(jerk * size**2)))
+    high = np.minimum(fastest, low + np.cbrt(jerk * size**2))
+    high = np.maximum(low, high)
     for _ in range(HALVINGS):
         top = (low + high) / 2
         fits = ramps.length(before, top, after) <= size
         low = np.where(fits, top, low)
         high = np.where(fits, high, top)
-    cruise = np.maximum(size - ramps.length(before, low, after), 0.0) / low
-    phases = [*ramps.phases(low - before), (0 * jerk, cruise), *ramps.phases(after - low)]
-    j, h = (np.stack(each) for each in zip(*phases, strict=True))
+    left = size - ramps.length(before, low, after)
+    phases = [
+        *ramps.phases(low - before),
+        (0 * jerk, np.maximum(left, 0.0) / low),
+        *ramps.phases(after - low),
+    ]
+    j = np.stack([jerk for jerk, _ in phases])
+    h = np.stack([duration for _, duration in phases])
     a = _sum_before(h * j)
     v = before + _sum_before(h * (a + h * j / 2))
     s = problem.s[at[:-1]] + _sum_before(h * (v + h * (a / 2 + h * j / 6)))
     lasting = (h > 0).T
-    s, v, a, j, h = (phase.T[lasting] for phase in (s, v, a, j, h))
+    s, v, a, j, h = (values.T[lasting] for values in (s, v, a, j, h))
     return Profile(s, v, a, j, h, np.full(len(s), problem.piece[0]))
 
 
 def _sum_before(values: Array) -> Array:
     """Return the sum of all rows before each row."""
-    return np.insert(np.cumsum(values, axis=0)[:-1], 0, 0.0, axis=0)
+    total = np.zeros_like(values)
+    np.cumsum(values[:-1], axis=0, out=total[1:])
+    return total
 
 
 def slow_breaks(problem: Problem, start: Profile, breaks: Array) -> tuple[np.ndarray, Array]:
-    """Return the inner breaks (K,) that `start` passes faster than the jerk allows, and speeds (K,).
+    """Return the inner breaks (K,) that `start` passes faster than the jerk allows, and speeds.
 
-    breaks (P+1,) of the run. A speed can be reached from the one before and from the one after,
-    under the jerk alone.
+    breaks (P+1,) of the run. Along a piece with q‴ a steady ṡ has the jerk q‴ ṡ³: no more than
+    c = (J/|q‴|)^⅓ gets through, and at its ends no more than can be reached from c within its
+    length. The speeds (K+2,) are those of the run's start, of the slow breaks and of its end. Each
+    can be reached from the one before and the one after, under the jerk alone.
     """
-    count = len(breaks) - 1
+    length = np.diff(breaks)
     with np.errstate(divide="ignore"):
-        constant = np.cbrt(1 / _largest_on_pieces(problem, Term.SD3))
+        steady = np.cbrt(1 / _largest_on_pieces(problem, Term.SD3))
         jerk = 1 / _largest_on_pieces(problem, Term.SDDD)
-    # the motion may change its speed on the side that allows more
-    allowed = np.maximum(constant[:-1], constant[1:])
-    passed = start.on(np.concatenate([problem.s[:1], breaks[1:-1], problem.s[-1:]]))[0, 1:]
-    slow = np.flatnonzero(passed > allowed)
-    at = np.concatenate([[0], slow + 1, [count]])
-    speeds = np.concatenate([problem.speeds[:1], SPEED_SHARE * allowed[slow], problem.speeds[1:]])
-    ways = [(float(jerk[a:b].min()), float(breaks[b] - breaks[a])) for a, b in pairwise(at)]
-    for k in range(len(slow)):
-        speeds[k + 1] = min(speeds[k + 1], _reachable_speed(speeds[k], *ways[k]))
-    for k in range(len(slow), 0, -1):
-        speeds[k] = min(speeds[k], _reachable_speed(speeds[k + 1], *ways[k]))
-    return slow + 1, speeds[1:-1]
+    at_ends = np.full(len(length), np.inf)
+    for k in np.flatnonzero(np.isfinite(steady)):
+        at_ends[k] = _reachable_speed(float(steady[k]), float(jerk[k]), float(length[k]))
+    allowed = np.minimum(at_ends[:-1], at_ends[1:])
+    passing, *_ = start.on(breaks)
+    # the motion may change its speed on the side that allows more, but not by much
+    most = np.minimum(np.maximum(steady[:-1], steady[1:]), TOO_FAST * allowed)
+    slow = 1 + np.flatnonzero(passing[1:] > most)
+    first, last = problem.speeds
+    speeds = np.array([first, *SPEED_SHARE * allowed[slow - 1], last])
+    at = np.array([0, *slow, len(breaks) - 1])
+    least_jerk = np.minimum.reduceat(jerk, at[:-1])
+    way = np.diff(breaks[at])
+    for n in range(len(slow)):
+        reachable = _reachable_speed(speeds[n], least_jerk[n], way[n])
+        speeds[n + 1] = min(speeds[n + 1], reachable)
+    for n in range(len(slow), 0, -1):
+        reachable = _reachable_speed(speeds[n + 1], least_jerk[n], way[n])
+        speeds[n] = min(speeds[n], reachable)
+    return slow, speeds
 
 
 def _reachable_speed(v: float, jerk: float, length: float) -> float:
@@ -309,7 +354,8 @@ def _reachable_speed(v: float, jerk: float, length: float) -> float:
     gain = np.cbrt(square)
     for _ in range(NEWTON_STEPS):
         total = 2 * v + gain
-        gain -= (total**2 * gain - square) / (total * (total + 2 * gain))
+        residual = total**2 * gain - square
+        gain -= residual / (total * (total + 2 * gain))
     return float(v + gain)
 
 
@@ -331,14 +377,17 @@ def _largest_coefficients(problem: Problem, term: Term, side: str = "start") -> 
     for block in problem.blocks:
         coefficients = getattr(block, side)
         if term in coefficients:
-            np.maximum(largest, np.abs(coefficients[term]).max(1), out=largest)
+            size = np.abs(coefficients[term]).max(1)
+            largest = np.maximum(largest, size)
     return largest
 
 
 def _largest_on_pieces(problem: Problem, term: Term) -> Array:
     """Return the largest coefficient of a term on each piece (P,)."""
-    largest = np.max([_largest_coefficients(problem, term, side) for side in ("start", "end")], axis=0)
-    return reduce_pieces(np.maximum, largest, problem.piece - problem.piece[0])
+    starts = _largest_coefficients(problem, term, "start")
+    ends = _largest_coefficients(problem, term, "end")
+    pieces = problem.piece - problem.piece[0]
+    return reduce_pieces(np.maximum, np.maximum(starts, ends), pieces)
 
 
 def reduce_pieces(operation: np.ufunc, values: Array, pieces: np.ndarray) -> Array:

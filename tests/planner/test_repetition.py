@@ -8,6 +8,7 @@ from scipy.spatial.transform import RigidTransform
 
 from kinematics import MotionError, load_machine
 from planner import plan, plan_parts
+from planner.bounds import bound_duration
 from planner.certificate import certify
 from planner.limits import limits_of
 from planner.limits.limit import Limit, Rows, Term
@@ -16,7 +17,6 @@ from planner.path.chain import walk_path
 from planner.path.shape import Piece
 from planner.program.model import Arc, Dwell, Line, Program
 from planner.program.modifiers import Blend
-from planner.timing import bound_duration
 from planner.windows import WindowPlanner
 
 REPEAT = 5

@@ -14,10 +14,10 @@ from scipy.interpolate import CubicSpline
 from benchmarks.evidence.table import Row, Table
 from kinematics import load_machine
 from planner import load_program, program_names, time_optimal
+from planner.bounds.limit_worth import ALL, find_worth
 from planner.limits import limits_of, usual_order
 from planner.path.actuation import actuate
 from planner.timing.certified_solve import Solution, certified_solve
-from planner.tradeoffs.limit_worth import ALL, find_worth
 
 STEP = 0.01
 CLOSE = 0.1

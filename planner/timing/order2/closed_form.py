@@ -1,4 +1,4 @@
-"""Fastest motion of a run that is straight in the actuators, in closed form: seven pieces of constant jerk.
+"""Fastest motion of a run that is straight in the actuators: seven pieces of constant jerk.
 
 Biagiotti and Melchiorri, Trajectory Planning for Automatic Machines and Robots (2008), 3.4, in its
 symbols, with bounds of its own for each direction (∞ without a limit). Where q′ is constant for
@@ -26,7 +26,7 @@ from planner.timing.solution import STRAIGHT, RunSolution, TooFast
 # Share of a limit by which rows may vary, or that curvature may use, on a straight run: a
 # synchronised move that is drawn by a polynomial has so much. The motion leaves it unused.
 STRAIGHTNESS_SHARE = 1e-8
-# Share by which rounding may take a speed or a length beyond what is possible.
+# Share by which rounding may make a speed too high, or a length too short.
 ROUNDING = 1e-11
 # Halvings that narrow a bracket of one octave to rounding, and doublings that find it.
 HALVINGS = 60
@@ -55,7 +55,9 @@ class _Ramp:
     def length(self, low: float) -> float:
         """Return the path length from or to its lower speed."""
         rise, hold, fall = self.rise, self.hold, self.fall
-        gained = rise**2 / 6 + hold * (rise + hold) / 2 + fall * (rise / 2 + hold + fall / 3)
+        gained = rise * rise / 6
+        gained += hold * (rise + hold) / 2
+        gained += fall * (rise / 2 + hold + fall / 3)
         return low * (rise + hold + fall) + self.peak * gained
 
     def pieces(self, sign: int) -> list[Piece]:
@@ -64,11 +66,20 @@ class _Ramp:
             return []
         j_rise = self.peak / self.rise if self.rise > 0 else 0.0
         j_fall = self.peak / self.fall if self.fall > 0 else 0.0
-        if sign < 0:
-            fall = (-j_fall, 0.0, self.fall)
-            return [fall, (0.0, -self.peak, self.hold), (j_rise, -self.peak, self.rise)]
-        rise = (j_rise, 0.0, self.rise)
-        return [rise, (0.0, self.peak, self.hold), (-j_fall, self.peak, self.fall)]
+        if sign > 0:
+            return [
+                (j_rise, 0.0, self.rise),
+                (0.0, self.peak, self.hold),
+                (-j_fall, self.peak, self.fall),
+            ]
+        return [
+            (-j_fall, 0.0, self.fall),
+            (0.0, -self.peak, self.hold),
+            (j_rise, -self.peak, self.rise),
+        ]
+
+
+NO_RAMP = _Ramp(0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +95,7 @@ class _Bounds:
     def ramp(self, change: float, sign: int) -> _Ramp:
         """Return the fastest acceleration by a change of ṡ; sign −1: deceleration."""
         if change <= 0:
-            return _Ramp(0.0, 0.0, 0.0, 0.0)
+            return NO_RAMP
         a = self.a_max if sign > 0 else self.a_min
         slowness = (1 / self.j_max + 1 / self.j_min) / 2
         if change >= a**2 * slowness:
@@ -95,8 +106,9 @@ class _Bounds:
         rise = a / self.j_max
         fall = a / self.j_min
         if rise + hold == 0:  # too short for its duration to differ from zero
-            return _Ramp(0.0, 0.0, 0.0, 0.0)
-        return _Ramp(change / (rise / 2 + hold + fall / 2), rise, hold, fall)
+            return NO_RAMP
+        peak = change / (rise / 2 + hold + fall / 2)
+        return _Ramp(peak, rise, hold, fall)
 
     def change(self, start: float, end: float) -> tuple[float, list[Piece]]:
         """Return length and pieces of the fastest change from one speed to another."""
@@ -115,14 +127,18 @@ class _Bounds:
         """
         a = max(self.a_max, self.a_min)
         j = max(self.j_max, self.j_min)
-        least = max(length / self.v_max, np.sqrt(length / a), np.cbrt(length / j))
+        least = max(
+            length / self.v_max,
+            np.sqrt(length / a),
+            np.cbrt(length / j),
+        )
         shortest = MIN_RAMP_SHARE * least
-        steepest = self.v_max / shortest
-        a_max, a_min = min(self.a_max, steepest), min(self.a_min, steepest)
+        a = self.v_max / shortest
+        lower = replace(self, a_max=min(self.a_max, a), a_min=min(self.a_min, a))
         if j == np.inf:
-            return replace(self, a_max=a_max, a_min=a_min)
-        j = max(a_max, a_min) / shortest
-        return _Bounds(self.v_max, a_max, a_min, min(self.j_max, j), min(self.j_min, j))
+            return lower
+        j = max(lower.a_max, lower.a_min) / shortest
+        return replace(lower, j_max=min(self.j_max, j), j_min=min(self.j_min, j))
 
     def stretch_ramp(self, speeds: tuple[float, float], least: float) -> "_Bounds":
         """Lower s̈ and s⃛ so that the change between two speeds takes at least some length.
@@ -132,8 +148,17 @@ class _Bounds:
         length = self.length(*speeds)
         if length >= least or length == 0:
             return self
-        k = length / least
-        return _Bounds(self.v_max, k * self.a_max, k * self.a_min, k**2 * self.j_max, k**2 * self.j_min)
+        return self.scale(1.0, length / least, (length / least) ** 2)
+
+    def scale(self, v: float, a: float, j: float) -> "_Bounds":
+        """Return the bounds of ṡ, s̈ and s⃛ times factors."""
+        return _Bounds(
+            v * self.v_max,
+            a * self.a_max,
+            a * self.a_min,
+            j * self.j_max,
+            j * self.j_min,
+        )
 
 
 def straight(problem: Problem) -> RunSolution | None:
@@ -158,7 +183,8 @@ def straight_ramp(problem: Problem, share: float) -> RunSolution | None:
     bounds = _bound_run(problem, share, max(problem.speeds))
     if bounds is None:
         return None
-    bounds = bounds.stretch_ramp(problem.speeds, least_ramp(float(np.abs(problem.s).max())))
+    farthest = float(np.abs(problem.s).max())
+    bounds = bounds.stretch_ramp(problem.speeds, least_ramp(farthest))
     ramp = _find_fastest(problem, bounds)
     return ramp if ramp.solved else None
 
@@ -195,7 +221,11 @@ def _find_fastest(problem: Problem, bounds: _Bounds) -> RunSolution:
     return RunSolution("solved", profile, EXACT_AIM * profile.duration, STRAIGHT, problem)
 
 
-def _check_ends(bounds: _Bounds, length: float, speeds: tuple[float, float]) -> TooFast | None:
+def _check_ends(
+    bounds: _Bounds,
+    length: float,
+    speeds: tuple[float, float],
+) -> TooFast | None:
     """Return that the higher speed is too fast, with the largest that is possible, or None."""
     low, high = min(speeds), max(speeds)
     rises = speeds[1] > speeds[0]
@@ -207,7 +237,8 @@ def _check_ends(bounds: _Bounds, length: float, speeds: tuple[float, float]) -> 
 
     # the shortest motion stops first, or changes speed directly
     stop = between(low, 0.0)
-    if not exceeds and min(between(low, high), stop + between(0.0, high)) <= length * (1 + ROUNDING):
+    shortest = min(between(low, high), stop + between(0.0, high))
+    if not exceeds and shortest <= length * (1 + ROUNDING):
         return None
     largest = _find_root(lambda v: between(low, v) - length, low)
     if stop < length:
@@ -220,12 +251,12 @@ def _bound_run(
     share: float = STRAIGHTNESS_SHARE,
     top_speed: float | None = None,
 ) -> _Bounds | None:
-    """Return the bounds that the motion aims at: the limits less what curvature and variation use.
+    """Return the bounds that the motion aims at: the limits less the use by curvature and variation.
 
-    share      of the limits that these may use; None is returned where it is more
+    share      of the limits that these may use; None where they use more
     top_speed  ṡ that is known to hold, in place of the limits on speed
     """
-    if not problem.is_unconditional or not all(_is_plain(block) for block in problem.blocks):
+    if not problem.is_unconditional or not all(map(_is_plain, problem.blocks)):
         return None
     forwards = dict.fromkeys(TANGENTIAL, 0.0)
     backwards = dict.fromkeys(TANGENTIAL, 0.0)
@@ -239,11 +270,13 @@ def _bound_run(
                 curving.append((term, size))
                 continue
             if size and not (term is Term.SD and top_speed is not None):
-                variation = max(variation, float(np.abs(values - values[0]).max()) / size)
+                difference = float(np.abs(values - values[0]).max())
+                variation = max(variation, difference / size)
             if variation > share:
                 return None
-            for use, value in ((forwards, values[0]), (backwards, -values[0])):
-                use[term] = max(use[term], float(block.share(value).max(initial=0.0)))
+            for use, sign in ((forwards, 1), (backwards, -1)):
+                largest = float(block.share(sign * values[0]).max(initial=0.0))
+                use[term] = max(use[term], largest)
     if not forwards[Term.SDDD] and not forwards[Term.SDD]:
         return None
 
@@ -256,28 +289,41 @@ def _bound_run(
     if curvature > share:
         return None
     aim = EXACT_AIM - 2 * variation - curvature
-    v_aim = aim if top_speed is None else EXACT_AIM
-    return _Bounds(v_aim * v_max, aim * a_max, aim * a_min, aim * j_max, aim * j_min)
+    return limits.scale(aim if top_speed is None else EXACT_AIM, aim, aim)
 
 
 def _is_plain(block: Block) -> bool:
     """Return whether rows have their usual room, and bound ṡ, s̈ and s⃛ each by itself."""
     usual = (block.room == SOLVER_AIM) | (block.room == 1)
-    return bool(usual.all()) and sum(bool(np.any(block.start.get(term))) for term in TANGENTIAL) < 2
+    bounded = [term for term in TANGENTIAL if np.any(block.start.get(term))]
+    return bool(usual.all()) and len(bounded) < 2
 
 
 def _invert(use: float) -> float:
     return 1 / use if use else float("inf")
 
 
-def _bound_curvature(bounds: _Bounds, length: float, curving: Sequence[tuple[Term, float]]) -> float:
+def _bound_curvature(
+    bounds: _Bounds,
+    length: float,
+    curving: Sequence[tuple[Term, float]],
+) -> float:
     """Return the largest use of limits by terms that a straight run does not have."""
-    # what ṡ and s̈ can reach within the length, where no limit bounds them
+    # ṡ and s̈ that can be reached within the length, where no limit bounds them
     a = max(bounds.a_max, bounds.a_min)
     j = max(bounds.j_max, bounds.j_min)
-    v = min(bounds.v_max, np.sqrt(2 * a * length), 2 * np.cbrt(j * length**2))
+    v = min(
+        bounds.v_max,
+        np.sqrt(2 * a * length),
+        2 * np.cbrt(j * length**2),
+    )
     a = min(a, 2 * np.cbrt(j**2 * length))
-    most = {Term.SD2: v**2, Term.SD3: v**3, Term.SDSDD: v * a, Term.ONE: np.inf}
+    most = {
+        Term.ONE: np.inf,
+        Term.SD2: v**2,
+        Term.SD3: v**3,
+        Term.SDSDD: v * a,
+    }
     return float(sum(size * most[term] for term, size in curving if size))
 
 
@@ -286,7 +332,7 @@ def _length(problem: Problem) -> float:
 
 
 def _find_root(rising: Callable[[float], float], low: float) -> float:
-    """Return the zero of a rising function that is not above 0 at `low`; ∞ where there is none."""
+    """Return the zero of a rising function that is not above 0 at `low`; ∞ without one."""
     step = low if low > 0 else 1.0
     while step > 0 and rising(low + step) > 0:
         step /= 2
@@ -308,13 +354,14 @@ def _find_root(rising: Callable[[float], float], low: float) -> float:
 
 def _join_pieces(problem: Problem, pieces: Sequence[Piece]) -> Profile:
     """Return the pieces one after the other, cut where the path's own pieces end."""
-    j, a, h = np.array([piece for piece in pieces if piece[2] > 0]).T
+    lasting = [piece for piece in pieces if piece[2] > 0]
+    j, a, h = np.array(lasting).T
     v = problem.speeds[0] + _sum_before(h * (a + h * j / 2))
     s = problem.s[0] + _sum_before(h * (v + h * (a / 2 + h * j / 6)))
     first = int(problem.piece[0])
-    whole = Profile(s, v, a, j, h, np.full(len(h), first))
-    inner = problem.s[1:-1][np.diff(problem.piece) > 0]
-    return whole.cut(np.concatenate([problem.s[:1], inner, problem.s[-1:]]), first)
+    profile = Profile(s, v, a, j, h, np.full(len(h), first))
+    is_break = np.diff(problem.piece, prepend=-1, append=-1) != 0
+    return profile.cut(problem.s[is_break], first)
 
 
 def _sum_before(values: Array) -> Array:

@@ -28,7 +28,7 @@ LOWER, UPPER, GAIN = range(3)
 NEGLIGIBLE_SHARE = 1e-12
 # Ceiling where no row bounds x, in problems that are scaled to about one: Newton steps start there.
 UNBOUNDED = 1e12
-# Share by which rounding may take a given x beyond what is possible.
+# Share by which rounding may take a stated x out of its set.
 ROUNDING = 1e-9
 
 
@@ -50,18 +50,26 @@ def largest_speeds(
     """
     first = int(free[0])
     last = len(step) - int(free[1])
-    rows = _stack(rows, len(ceiling))
-    ceiling = _lower_next_to_free_ends(rows, ceiling, free)
-    lines, ceiling = _draw_lines(rows[:, first : last + 1], ceiling[first : last + 1], step[first:last])
-    target = (0.0, float(ceiling[-1])) if free[1] else (ends[1], ends[1])
+    rows = np.asarray(rows, float)
+    if any(free):
+        ceiling = _lower_next_to_free_ends(rows, ceiling, free)
+    lines, ceiling = draw_lines(
+        np.ascontiguousarray(rows[:, first : last + 1]),
+        ceiling[first : last + 1],
+        step[first:last],
+    )
+    start, end = ends
+    target = (0.0, float(ceiling[-1])) if free[1] else (end, end)
     least, most = find_controllable_sets(lines, ceiling, target)
-    start = float(most[0]) if free[0] else ends[0]
-    starts_inside = least[0] * (1 - ROUNDING) <= start <= most[0] * (1 + ROUNDING)
-    if not starts_inside or ends[1] > ceiling[-1] * (1 + ROUNDING):
+    if free[0]:
+        start = float(most[0])
+    if not least[0] * (1 - ROUNDING) <= start <= most[0] * (1 + ROUNDING):
+        return np.zeros(len(step) + 1)
+    if end > ceiling[-1] * (1 + ROUNDING):
         return np.zeros(len(step) + 1)
     x = take_largest(lines, least, most, start)
     if not free[1]:
-        x[-1] = ends[1]
+        x[-1] = end
     if any(free):
         x = np.pad(x, (first, len(step) - last), mode="edge")
     return np.asarray(x)
@@ -73,71 +81,60 @@ def largest_ends(
     step: Array,
     ends: tuple[float, float],
 ) -> tuple[float, float]:
-    """Return the ends, of which one that is too large is replaced by the largest that is possible.
+    """Return the ends, with the largest possible x in place of one that is too large.
 
-    That is the start from which the given end is reached. Where there is none, it is the end that is
-    reached from the given start, or from a slower one.
+    The start is lowered until it leads to the stated end. If no start does, the end is lowered to
+    the largest that the stated start, or a slower one, leads to.
     """
     start, end = ends
-    lines, ceiling = _draw_lines(_stack(rows, len(ceiling)), ceiling, step)
+    lines, ceiling = draw_lines(np.asarray(rows, float), ceiling, step)
     least, most = find_controllable_sets(lines, ceiling, (end, end))
     if start > most[0] >= least[0] and end <= ceiling[-1]:
         return float(most[0]), end
-    least, most = find_controllable_sets(lines, ceiling, (0.0, float(ceiling[-1])))
+    anywhere = (0.0, float(ceiling[-1]))
+    least, most = find_controllable_sets(lines, ceiling, anywhere)
     x = take_largest(lines, least, most, min(start, float(most[0])))
     return start, min(end, float(x[-1]))
 
 
-def _stack(rows: Sequence[Array] | Array, stages: int) -> Array:
-    """Return the rows as one array (3, N+1, m) with m ≥ 1."""
-    rows = np.asarray(rows, float)
-    return rows if rows.size else np.zeros((3, stages, 1))
-
-
 def _lower_next_to_free_ends(rows: Array, ceiling: Array, free: tuple[bool, bool]) -> Array:
     """Return the ceiling of an x that is constant over the interval next to a free end."""
-    if not any(free):
-        return ceiling
     ceiling = ceiling.copy()
-    last = len(ceiling) - 2
-    for is_free, interval, outer, inner in ((free[0], 0, 0, 1), (free[1], last, last + 1, last)):
-        if is_free:
-            _, b, c = rows[:, interval, rows[1, interval] != 0]
-            largest = (1 - np.sign(b) * c) / np.abs(b)
-            ceiling[inner] = min(ceiling[inner], ceiling[outer], largest.min(initial=np.inf))
+    last = len(ceiling) - 1
+    for end, inner, interval in ((0, 1, 0), (last, last - 1, last - 1)):
+        if not free[min(end, 1)]:
+            continue
+        _, b, c = rows[:, interval, rows[1, interval] != 0]
+        largest = (1 - np.sign(b) * c) / np.abs(b)
+        ceiling[inner] = min(ceiling[inner], ceiling[end], largest.min(initial=np.inf))
     return ceiling
 
 
-def _draw_lines(rows: Array, ceiling: Array, step: Array) -> tuple[Array, Array]:
-    """Return the lines (3, N, m), and the largest x (N+1,) at which a next x lies between them."""
-    ceiling = np.minimum(ceiling, UNBOUNDED)
-    lines = draw_lines(np.ascontiguousarray(rows), step, ceiling)
-    lower_to_velocity_curve(lines, ceiling)
-    return lines, ceiling
-
-
 @kernel
-def draw_lines(rows: Array, step: Array, ceiling: Array) -> Array:
-    """Return LOWER, UPPER and GAIN (3, N, m) of each row; lower the ceiling by rows on x alone."""
+def draw_lines(rows: Array, ceiling: Array, step: Array) -> tuple[Array, Array]:
+    """Return the LOWER, UPPER and GAIN (3, N, m) of each row, and the velocity curve (N+1,)."""
     lines = np.empty((3, len(step), rows.shape[2]))
+    x = np.minimum(ceiling, UNBOUNDED)
     for i in range(len(step)):
         largest = 0.0
         for k in range(rows.shape[2]):
             largest = max(largest, abs(rows[0, i, k]))
         for k in range(rows.shape[2]):
-            a, b, c = rows[0, i, k], rows[1, i, k], rows[2, i, k]
+            a, b, c = rows[:, i, k]
             if abs(a) > NEGLIGIBLE_SHARE * largest:
                 middle = -c / a
-                lines[LOWER, i, k] = 2 * step[i] * (middle - 1 / abs(a))
-                lines[UPPER, i, k] = 2 * step[i] * (middle + 1 / abs(a))
+                half = 1 / abs(a)
+                lines[LOWER, i, k] = 2 * step[i] * (middle - half)
+                lines[UPPER, i, k] = 2 * step[i] * (middle + half)
                 lines[GAIN, i, k] = 1 - 2 * step[i] * b / a
                 continue
             lines[LOWER, i, k] = -np.inf
             lines[UPPER, i, k] = np.inf
             lines[GAIN, i, k] = 1.0
             if b != 0:
-                ceiling[i] = min(ceiling[i], (1 - np.sign(b) * c) / abs(b))
-    return lines
+                x[i] = min(x[i], (1 - np.sign(b) * c) / abs(b))
+    lower_to_velocity_curve(lines, x)
+    return lines, x
 
 
 @kernel
@@ -151,12 +148,16 @@ def lower_to_velocity_curve(lines: Array, x: Array) -> None:
         while x[i] > 0:
             above = 0  # the least of the upper lines
             below = 0  # the largest of the lower lines
+            least = upper[i, 0] + gain[i, 0] * x[i]
+            largest = lower[i, 0] + gain[i, 0] * x[i]
             for k in range(1, lines.shape[2]):
                 way = gain[i, k] * x[i]
-                if upper[i, k] + way < upper[i, above] + gain[i, above] * x[i]:
+                if upper[i, k] + way < least:
                     above = k
-                if lower[i, k] + way > lower[i, below] + gain[i, below] * x[i]:
+                    least = upper[i, k] + way
+                if lower[i, k] + way > largest:
                     below = k
+                    largest = lower[i, k] + way
             closing = gain[i, below] - gain[i, above]
             if not closing > 0:
                 break
@@ -174,7 +175,7 @@ def find_controllable_sets(
 ) -> tuple[Array, Array]:
     """Return the least and the largest x (N+1,) at each stage from which the target is reached.
 
-    Where there is none, the sets are empty from there on backwards: [∞, −∞].
+    Sets from which the target cannot be reached are empty: [∞, −∞].
     """
     lower, upper, gain = lines
     least = np.full(len(ceiling), np.inf)
@@ -185,11 +186,13 @@ def find_controllable_sets(
         high = ceiling[i]
         for k in range(lines.shape[2]):
             slope = gain[i, k]
+            to_least = least[i + 1] - upper[i, k]
+            to_most = most[i + 1] - lower[i, k]
             if slope > 0:
-                low = max(low, (least[i + 1] - upper[i, k]) / slope)
-                high = min(high, (most[i + 1] - lower[i, k]) / slope)
+                low = max(low, to_least / slope)
+                high = min(high, to_most / slope)
             elif slope < 0:
-                high = min(high, (least[i + 1] - upper[i, k]) / slope)
+                high = min(high, to_least / slope)
         high = max(high, 0.0)
         if low > high:
             break
@@ -205,8 +208,9 @@ def take_largest(lines: Array, least: Array, most: Array, start: float) -> Array
     x = np.empty(len(least))
     x[0] = start
     for i in range(lines.shape[1]):
-        largest = np.inf
+        largest = most[i + 1]
         for k in range(lines.shape[2]):
-            largest = min(largest, upper[i, k] + gain[i, k] * x[i])
-        x[i + 1] = min(max(largest, least[i + 1]), most[i + 1])
+            following = upper[i, k] + gain[i, k] * x[i]
+            largest = min(largest, following)
+        x[i + 1] = max(largest, least[i + 1])
     return x

@@ -1,4 +1,4 @@
-"""Fastest motion under limits on speed and acceleration: two passes (`passes`), or toppra as a second opinion.
+"""Fastest motion under limits on speed and acceleration, by two passes (`passes`) or by toppra.
 
 With x = ṡ² and u = s̈, constant on each interval, x grows by 2 u Δs. A row a u + b x + c at the end
 of an interval is (a + 2 Δs b) u + b x + c at its start, so that rows are imposed at both ends of
@@ -30,11 +30,16 @@ TERMS = frozenset({Term.ONE, Term.SD, Term.SD2, Term.SDD})
 # Room that a row has at rest at least, as a share of its limit, for the first chords and tangents.
 MIN_ROOM = 1e-3
 # Growth of ṡ² that each round allows, so that the chords approach the solution; rounds end when one
-# gains less than MIN_GAIN of the duration.
-SPEED_GROWTH = (8.0, 3.0, 1.0, 0.5, 0.25, 0.1, 0.05, 0.02, 0.01, 0.005)
+# gains less than MIN_GAIN of the duration. With a first value of 10, or with every other value
+# left out, random runs with friction take longer by 1e-5 to 1e-3.
+SPEED_GROWTH = (100.0, 1.0, 0.1, 0.01, 0.001)
 MIN_GAIN = 1e-7
 # Least unit of time of a scaled problem, where hardly any row bounds it.
 MIN_TIME = 1e-9
+STARTS = slice(None, -1)
+ENDS = slice(1, None)
+SIDES = ((STARTS, 0), (ENDS, -1))
+"""Grid points at which intervals start and end, and which of them is an end of the run."""
 
 
 def second_order(problem: Problem, *, solver: Solver = "passes") -> RunSolution:
@@ -45,7 +50,8 @@ def second_order(problem: Problem, *, solver: Solver = "passes") -> RunSolution:
     if not _has_linear_rows(problem):
         return _solve_in_rounds(problem, solver)
     rows, ceiling, unit = _scale(problem)
-    step = np.diff(problem.s) / (problem.s[-1] - problem.s[0])
+    s = problem.s
+    step = np.diff(s) / (s[-1] - s[0])
     start, end = ((speed / unit) ** 2 for speed in problem.speeds)
     if solver == "toppra":
         x = toppra_adapter.largest_speeds(rows, ceiling, step, (start, end))
@@ -53,19 +59,30 @@ def second_order(problem: Problem, *, solver: Solver = "passes") -> RunSolution:
             return RunSolution.refused(x)
     else:
         x = passes.largest_speeds(rows, ceiling, step, (start, end), problem.free)
+
     blocked = x[1:] + x[:-1] <= 0
     if blocked.any():
-        most = passes.largest_ends(rows, ceiling, step, (start, end)) if start + end > 0 else (0.0, 0.0)
-        for number, (speed, largest) in enumerate(zip((start, end), most, strict=True)):
-            if speed > largest:
-                too_fast = TooFast(number, problem.speeds[number], float(np.sqrt(largest)) * unit)
-                return RunSolution.refused(too_fast)
-        return RunSolution.refused(_blocked_error(problem.s[int(np.argmax(blocked))]))
+        if start + end > 0:
+            largest = passes.largest_ends(rows, ceiling, step, (start, end))
+            for number, possible in enumerate(largest):
+                if (start, end)[number] > possible:
+                    most = float(np.sqrt(possible)) * unit
+                    return RunSolution.refused(TooFast(number, problem.speeds[number], most))
+        return RunSolution.refused(_blocked_error(s[int(np.argmax(blocked))]))
+
     v = np.sqrt(x) * unit
-    for number, at in enumerate((0, -1)):
+    for number, point in enumerate((0, -1)):
         if solver == "toppra" or not problem.free[number]:
-            v[at] = problem.speeds[number]  # exactly
-    return RunSolution("solved", _profile(problem, v), maker=solver, problem=problem)
+            v[point] = problem.speeds[number]  # exactly
+    profile = follow_speeds(s, v, problem.piece)
+    return RunSolution("solved", profile, maker=solver, problem=problem)
+
+
+def follow_speeds(s: Array, v: Array, piece: np.ndarray) -> Profile:
+    """Return the motion with ṡ = v (N+1,) on a grid and constant s̈ on each interval."""
+    h = 2 * np.diff(s) / (v[1:] + v[:-1])
+    a = np.diff(v) / h
+    return Profile(s[:-1], v[:-1], a, np.zeros(len(h)), h, piece)
 
 
 def _blocked_error(s: float) -> MotionError:
@@ -74,40 +91,37 @@ def _blocked_error(s: float) -> MotionError:
     )
 
 
-def _profile(problem: Problem, v: Array) -> Profile:
-    """Return the motion with speeds v (N+1,) on the grid."""
-    h = 2 * np.diff(problem.s) / (v[1:] + v[:-1])
-    return Profile(problem.s[:-1], v[:-1], np.diff(v) / h, np.zeros(len(h)), h, problem.piece)
-
-
 def _scale(problem: Problem) -> tuple[Array, Array, float]:
     """Return a, b, c (3, N+1, m), the ceiling of x (N+1,) and the unit of ṡ.
 
     Lengths and times are scaled so that the run and its duration are about one.
     """
     length = float(problem.s[-1] - problem.s[0])
-    speeds = [block for block in problem.blocks if is_of_speed(block)]
-    others = [block for block in problem.blocks if not is_of_speed(block)]
     unit = length / _estimate_time(problem, length)
     ceiling = np.full(problem.intervals + 1, np.inf)
-    for block in speeds:
-        _lower_ceiling(ceiling, block, unit, problem.free)
+    others: list[Block] = []
+    for block in problem.blocks:
+        if is_of_speed(block):
+            _lower_ceiling(ceiling, block, unit, problem.free)
+        else:
+            others.append(block)
 
-    rows = np.zeros((3, problem.intervals + 1, 2 * sum(len(block.middle) for block in others)))
-    a, b, c = rows[:, :-1]
+    count = 2 * sum(len(block.middle) for block in others)
+    rows = np.zeros((3, problem.intervals + 1, max(count, 1)))
+    a, b, c = rows[:, STARTS]
     ahead = 2 * np.diff(problem.s)[:, None] / length
-    at = 0
+    first = 0
     for block in others:
-        room = block.room[:, None]
-        for side, onward in ((block.start, 0.0), (block.end, ahead)):
-            columns = slice(at, at + len(block.middle))
-            at = columns.stop
+        share = 1 / block.room[:, None]
+        for side, onward in zip(block.sides, (0.0, ahead), strict=True):
+            columns = slice(first, first + len(block.middle))
+            first = columns.stop
             if Term.SD2 in side:
-                b[:, columns] = side[Term.SD2] * unit**2 / room
+                b[:, columns] = side[Term.SD2] * (share * unit**2)
             if Term.SDD in side:
-                a[:, columns] = side[Term.SDD] * (unit**2 / length) / room
+                a[:, columns] = side[Term.SDD] * (share * unit**2 / length)
             a[:, columns] += onward * b[:, columns]
-            c[:, columns] = side.get(Term.ONE, 0.0) / room - block.middle
+            c[:, columns] = side.get(Term.ONE, 0.0) * share - block.middle
     rows[:, -1] = rows[:, -2]
     return rows, ceiling, unit
 
@@ -127,16 +141,21 @@ def _estimate_time(problem: Problem, length: float) -> float:
     return max(times)
 
 
-def _lower_ceiling(ceiling: Array, block: Block, unit: float, free: tuple[bool, bool]) -> None:
-    """Lower the ceiling of x by a limit on ṡ; a given speed at an end may use all of it."""
-    sides = ((block.start, slice(None, -1), 0), (block.end, slice(1, None), -1))
-    for side, points, end in sides:
+def _lower_ceiling(
+    ceiling: Array,
+    block: Block,
+    unit: float,
+    free: tuple[bool, bool],
+) -> None:
+    """Lower the ceiling of x by a limit on ṡ; a stated speed at an end may use all of it."""
+    for number, (points, end) in enumerate(SIDES):
         room = block.room.copy()
-        if not free[end]:
+        if not free[number]:
             room[end] = 1.0
-        slope = np.abs(side[Term.SD]).max(1) * unit
+        slope = np.abs(block.sides[number][Term.SD]).max(1) * unit
         with np.errstate(divide="ignore"):
-            np.minimum(ceiling[points], (room / slope) ** 2, out=ceiling[points])
+            largest = (room / slope) ** 2
+        ceiling[points] = np.minimum(ceiling[points], largest)
 
 
 def _has_linear_rows(problem: Problem) -> bool:
@@ -161,8 +180,8 @@ def _solve_in_rounds(problem: Problem, solver: Solver) -> RunSolution:
     for growth in SPEED_GROWTH if best.solved else ():
         last = best.profile.last_speed if problem.free[1] else problem.speeds[1]
         speed = np.append(best.profile.v, last)
-        reach = np.sqrt(1 + growth) * np.where(speed > 0, speed, speed.max())
-        highest = np.minimum(highest, reach)
+        reach = np.where(speed > 0, speed, speed.max())
+        highest = np.minimum(highest, np.sqrt(1 + growth) * reach)
         faster = second_order(_linearise(problem, speed, highest), solver=solver)
         if not faster.solved:  # only by rounding: the motion at hand keeps these rows
             break
@@ -182,41 +201,54 @@ def _linearise(
 
     They are exact at a speed (N+1,). Without one, they at least let the machine start from rest.
     """
-    v = np.zeros(problem.intervals + 1) if speed is None else speed
-    slope = np.zeros((len(v), 1)) if highest is None else 1 / highest[:, None]
-    full = np.ones(problem.intervals)
-    blocks = [Block("reach", {Term.SD: slope[:-1]}, {Term.SD: slope[1:]}, full, np.zeros(1))]
-    for block in problem.around(v[:-1], v[1:]).blocks:
+    count = problem.intervals
+    v = np.zeros(count + 1) if speed is None else speed
+    if highest is None:
+        highest = np.full(count + 1, np.inf)
+    slope = 1 / highest[:, None]
+    reach = Block(
+        "reach",
+        {Term.SD: slope[STARTS]},
+        {Term.SD: slope[ENDS]},
+        np.ones(count),
+        np.zeros(1),
+    )
+    blocks = [reach]
+    for block in problem.around(v[STARTS], v[ENDS]).blocks:
         if not _is_mixed(block):
             blocks.append(block)
             continue
         tangents = []
         chords = []
-        for side, part, outer in (
-            (block.start, slice(None, -1), 0),
-            (block.end, slice(1, None), -1),
-        ):
+        for side, (points, end) in zip(block.sides, SIDES, strict=True):
             factor = side[Term.SD].copy()
-            if v[outer] == 0:  # the run rests there, whatever the motion
-                factor[outer] = 0.0
+            if v[end] == 0:  # the run rests there, whatever the motion
+                factor[end] = 0.0
             if speed is None:
-                room = np.maximum(block.room[:, None] - np.abs(side.get(Term.ONE, 0.0)), MIN_ROOM)
+                rest = np.abs(side.get(Term.ONE, 0.0))
+                room = np.maximum(block.room[:, None] - rest, MIN_ROOM)
                 touching = room / np.where(factor != 0, np.abs(factor), 1.0)
             else:
-                touching = np.where(v[part] > 0, v[part], 1.0)[:, None]
-            tangents.append(_replace_speed(side, factor * touching / 2, factor / (2 * touching)))
-            chords.append(_replace_speed(side, 0.0 * factor, factor * slope[part]))
-        for start, end in (tangents, chords):
-            blocks.append(replace(block, start=start, end=end))
+                touching = np.where(v > 0, v, 1.0)[points, None]
+            one = factor * touching / 2
+            tangents.append(_replace_speed(side, one, factor / (2 * touching)))
+            chords.append(_replace_speed(side, 0.0 * one, factor * slope[points]))
+        for starts, ends in (tangents, chords):
+            blocks.append(replace(block, start=starts, end=ends))
     return replace(problem, blocks=tuple(blocks))
 
 
-def _replace_speed(side: Mapping[Term, Array], one: Array, square: Array) -> dict[Term, Array]:
+def _replace_speed(
+    side: Mapping[Term, Array],
+    one: Array,
+    square: Array,
+) -> dict[Term, Array]:
     """Return one side's coefficients with the term in ṡ replaced by one + square · ṡ²."""
-    others: dict[Term, Array] = {term: values for term, values in side.items() if term is not Term.SD}
-    one = side.get(Term.ONE, 0.0) + one
-    square = side.get(Term.SD2, 0.0) + square
-    return others | {Term.ONE: one, Term.SD2: square}
+    replaced = dict(side)
+    del replaced[Term.SD]
+    replaced[Term.ONE] = side.get(Term.ONE, 0.0) + one
+    replaced[Term.SD2] = side.get(Term.SD2, 0.0) + square
+    return replaced
 
 
 def estimate_lower_bound(problem: Problem, fastest: Profile | None = None) -> float | MotionError:
@@ -228,8 +260,11 @@ def estimate_lower_bound(problem: Problem, fastest: Profile | None = None) -> fl
 
     fastest  the order-2 motion of a problem without such limits, where it is known
     """
-    blocks = [block.hull or block for block in problem.blocks if set(block.start) <= TERMS]
-    blocks = [block for block in blocks if block.about is None]
+    blocks: list[Block] = []
+    for block in problem.blocks:
+        convex = block.hull or block
+        if set(block.start) <= TERMS and convex.about is None:
+            blocks.append(convex)
     relaxed = replace(problem, blocks=tuple(blocks))
     if fastest is None or not problem.is_unconditional:
         solution = second_order(relaxed)
@@ -255,5 +290,9 @@ def _halve_grid(problem: Problem) -> Problem:
         end = {term: values[last] for term, values in block.end.items()}
         room = np.minimum(block.room[first], block.room[last])
         blocks.append(Block(block.name, start, end, room, block.middle))
-    s = np.append(problem.s[first], problem.s[-1])
-    return replace(problem, s=s, piece=problem.piece[first], blocks=tuple(blocks))
+    return replace(
+        problem,
+        s=np.append(problem.s[first], problem.s[-1]),
+        piece=problem.piece[first],
+        blocks=tuple(blocks),
+    )

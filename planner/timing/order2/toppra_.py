@@ -23,7 +23,7 @@ def largest_speeds(
     step: Array,
     ends: tuple[float, float] = (0.0, 0.0),
 ) -> Array | MotionError:
-    """Return what `planner.timing.order2.passes.largest_speeds` does, or an error without an answer.
+    """Return x as `planner.timing.order2.passes.largest_speeds`, or an error without an answer.
 
     Raises NotInstalled without toppra.
     """
@@ -41,7 +41,7 @@ def largest_speeds(
 
 
 def require(what: str) -> None:
-    """Raise NotInstalled, with the name of what needs it, unless toppra is installed."""
+    """Raise NotInstalled unless toppra is installed. what: the feature that needs it."""
     _toppra(what)
 
 
@@ -81,8 +81,6 @@ def _toppra(what: str = "this solver") -> tuple[Any, Any]:
         ) -> tuple[Any, ...]:
             xbound = np.stack([np.zeros_like(self.ceiling), self.ceiling], 1)
             count = self.rows.shape[2]
-            if count == 0:
-                return None, None, None, None, None, None, xbound
             both = np.concatenate([np.eye(count), -np.eye(count)])
             return (*self.rows, both, np.ones(2 * count), None, xbound)
 

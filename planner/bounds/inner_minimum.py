@@ -7,7 +7,7 @@ For given a = ṡ², what is left of the bound's inner minimum is a linear progr
 For given b the best c is at the jerk row that binds first, so it is the least of a convex function of b that is linear
 in pieces; rows that are exceeded cost so much that they are not, where they can be kept. Of two lines that meet at the
 least a mean is flat: its rows' multipliers are those of the programme. About some a's near the motion's, they serve one
-part of the range of a each (planner.certificate.lower_bound).
+part of the range of a each (planner.bounds.lower_bound).
 """
 
 import numpy as np

@@ -7,8 +7,8 @@ one alone may not grow by much: b, or c under jerk, moves until the other has no
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from planner.certificate.lower_bound import RowCells, bound_rest, leave_rest
-from planner.timing.solvers.dual import DualCells, Multipliers
+from planner.bounds.dual import DualCells, Multipliers
+from planner.bounds.lower_bound import RowCells, bound_rest, leave_rest
 
 PER_CENT = 0.01
 

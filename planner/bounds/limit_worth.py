@@ -17,14 +17,14 @@ from kinematics.foundation.names import count_noun, nearest
 from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
+from planner.bounds.duration_bound import DurationBound
+from planner.bounds.lower_bound import AXIS_ROWS, SPEED_LIMITS
+from planner.bounds.worth import PER_CENT
 from planner.certificate.certify import Certificate
-from planner.certificate.lower_bound import AXIS_ROWS, SPEED_LIMITS
 from planner.limits.limit import Limit, Term
 from planner.limits.tool import ToolSpeed
 from planner.path.actuation import ActuatorPath, make_points
 from planner.timing.certified_solve import Solution, certified_solve
-from planner.timing.duration_bound import DurationBound
-from planner.timing.solvers.limit_worth import PER_CENT
 from planner.trajectory import Trajectory
 
 ALL = "all"

@@ -7,12 +7,12 @@ from scipy.optimize import linprog
 
 from kinematics import load_machine
 from planner import Line, Program, load_program, plan, time_optimal
-from planner.certificate import bound_cells, bound_rest, enclose_rows, leave_rest
+from planner.bounds import bound_cells, bound_duration, bound_rest, enclose_rows, leave_rest
+from planner.bounds.duration_bound import MANY_RUNS
+from planner.bounds.inner_minimum import solve_inner
 from planner.limits import limits_of
 from planner.path.actuation import actuate
-from planner.timing import bound_duration, certified_solve
-from planner.timing.duration_bound import MANY_RUNS
-from planner.timing.solvers.inner_minimum import solve_inner
+from planner.timing import certified_solve
 
 
 def straight(length):

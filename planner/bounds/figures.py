@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 
 from kinematics.foundation.figure import PALETTE, draw_bars, literal_label, new_axes
 from kinematics.foundation.result import draws
-from planner.tradeoffs.limit_worth import ALL, LimitChange, Worth
+from planner.bounds.limit_worth import ALL, LimitChange, Worth
 
 # Limits that are drawn, in bars and along the path, the least of the bars beside the largest, and parts of the path.
 MOST_BARS, MOST_BANDS, LEAST_BAR, WINDOWS = 16, 5, 2e-3, 150

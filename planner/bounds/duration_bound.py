@@ -1,6 +1,6 @@
 """How near a motion is to the fastest, proved: cells along its path, multipliers, and more cells where it loses.
 
-What is proved is `planner.certificate.lower_bound`'s; here is chosen what it is proved with, near a known motion.
+What is proved is `planner.bounds.lower_bound`'s; here is chosen what it is proved with, near a known motion.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,7 +14,9 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
-from planner.certificate.lower_bound import (
+from planner.bounds.dual import DualCells, Multipliers, maximise_dual
+from planner.bounds.inner_minimum import NEAR, fill_sets
+from planner.bounds.lower_bound import (
     SPEED_LIMITS,
     RowCells,
     bound_cells,
@@ -23,6 +25,7 @@ from planner.certificate.lower_bound import (
     find_left_out,
     leave_rest,
 )
+from planner.bounds.worth import weigh_limits, weigh_rest
 from planner.limits.limit import Limit, Term
 from planner.limits.tool import ToolSpeed
 from planner.path.actuation import ActuatorPath
@@ -31,9 +34,6 @@ from planner.timing.attempts import solve_run
 from planner.timing.problem import split_runs
 from planner.timing.profile import Profile
 from planner.timing.repetition import find_first_equals
-from planner.timing.solvers.dual import DualCells, Multipliers, maximise_dual
-from planner.timing.solvers.inner_minimum import NEAR, fill_sets
-from planner.timing.solvers.limit_worth import weigh_limits, weigh_rest
 from planner.trajectory import Trajectory
 
 # Cells near rest begin at so much of a run's time after it, and grow by such a share of the time since.

@@ -5,7 +5,7 @@ On cells of a path, with a = ṡ², b = s̈, c = db/ds as three free numbers x a
     minimise Σ w/√a  such that  −A₋ ≤ q′b + q″a ≤ A₊,  −J₋ ≤ √a (q′c + 3q″b + q‴a) ≤ J₊,  ya ≤ 1,  and
     Σ w (λa′a + (2λa + λb′) b + λb c) = [λa a + λb b]  for all λa linear and λb quadratic on each cell:
 
-a′ = 2b and b′ = c as seen by these. Its multipliers λ are what `planner.certificate.lower_bound` makes a proof of.
+a′ = 2b and b′ = c as seen by these. Its multipliers λ are what `planner.bounds.lower_bound` makes a proof of.
 Newton's method on the optimality conditions; the cells' systems are tridiagonal in the nodes' λ. The rows of jerk
 are not convex: what their curvature takes off that of the duration is left out where nothing would remain.
 """

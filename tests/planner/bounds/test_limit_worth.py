@@ -6,7 +6,7 @@ from scipy.interpolate import PPoly
 
 from kinematics import MotionError, load_machine
 from planner import Dwell, Line, Program, load_program, plan, time_optimal
-from planner.tradeoffs import ALL, find_worth
+from planner.bounds import ALL, find_worth
 
 
 @pytest.fixture(scope="module")
