@@ -1,9 +1,10 @@
 """Active constraints: the inequalities near which a motion is, of all that it must satisfy.
 
-A row with two bounds is two inequalities, Σ coefficient · term ≤ bound. Most are far from their bounds nearly
-everywhere: of six axes, one or two limit a motion at a time. An inactive constraint costs as much time as an active one
-and changes nothing, so it is left out until the motion comes near it (constraint reduction: A. L. Tits, P.-A. Absil and
-W. P. Woessner, SIAM Journal on Optimization 17 (2006) 119–146). Every solution is checked against all rows.
+A row with two bounds is two inequalities, Σ coefficient · term ≤ bound. Most are far from their
+bounds nearly everywhere: of six axes, one or two limit a motion at a time. An inactive constraint
+costs as much time as an active one and changes nothing, so it is left out until the motion comes
+near it (constraint reduction: A. L. Tits, P.-A. Absil and W. P. Woessner, SIAM Journal on
+Optimization 17 (2006) 119–146). Every solution is checked against all rows.
 """
 
 from typing import NamedTuple
@@ -14,16 +15,16 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.kernels import kernel
 from planner.timing.order3.stages import END, PLACE_COUNT, START, TERM_COUNT, WHOLE, Rows
 
-# Distance to its bound up to which a constraint is activated, where the whole range is about 1. A smaller one makes
-# iterations cheaper, and activations, which interrupt the method, more frequent.
+# Distance to its bound up to which a constraint is activated, where the whole range is about 1. A
+# smaller one makes iterations cheaper, and activations, which interrupt the method, more frequent.
 NEAR = 0.5
 
 
 class ActiveSet(NamedTuple):
     """K active constraints, ordered by stage and place.
 
-    begin (4 N + 1,)      index of the first at each place of each stage
-    coefficients (K, 7)   of the terms at that place; at the place WHOLE, entry 1 is that of h / duration
+    begin (N, 5)          index of the first at each place of each stage, and of the next stage
+    coefficients (K, 7)   of the terms at that place; at WHOLE, entry 1 is that of h / duration
     bound (K,)
     flat (K,)             index in a flat (2, N, 2M + 2): lower and upper bounds of all rows
     """
@@ -35,7 +36,7 @@ class ActiveSet(NamedTuple):
 
 
 def activate_near(mask: np.ndarray, room: Array, reach: int) -> None:
-    """Add to the active constraints (2, N, 2M + 2) those with little room, on up to `reach` stages before and after."""
+    """Add constraints with little room to a mask (2, N, 2M + 2), on `reach` stages around too."""
     near = (room <= NEAR) & ~mask
     mask |= near
     for by in range(1, min(reach, room.shape[1] - 1) + 1):
@@ -47,7 +48,7 @@ def activate_near(mask: np.ndarray, room: Array, reach: int) -> None:
 def collect_active(rows: Rows, mask: np.ndarray) -> ActiveSet:
     """Return the constraints that a mask (2, N, 2M + 2) selects."""
     size = int(mask.sum())
-    begin = np.zeros(PLACE_COUNT * len(rows.low) + 1, int)
+    begin = np.zeros((len(rows.low), PLACE_COUNT + 1), int)
     active = ActiveSet(begin, np.zeros((size, TERM_COUNT)), np.empty(size), np.empty(size, int))
     _fill_active(rows, mask, active)
     set_bounds(active, rows)
@@ -60,7 +61,7 @@ def set_bounds(active: ActiveSet, rows: Rows) -> None:
 
 
 def find_common(few: ActiveSet, many: ActiveSet, total: int) -> np.ndarray:
-    """Return the positions (K,) in `many` of all constraints in `few`; total: number of constraints in all."""
+    """Return the positions (K,) in `many` of the constraints in `few`; total: length of a mask."""
     position = np.empty(total, np.int64)
     position[many.flat] = np.arange(len(many.flat))
     return np.asarray(position[few.flat])
@@ -73,7 +74,7 @@ def _fill_active(rows: Rows, mask: np.ndarray, active: ActiveSet) -> None:
     n = 0
     for k in range(count):
         for place in range(PLACE_COUNT):
-            active.begin[PLACE_COUNT * k + place] = n
+            active.begin[k, place] = n
             column = width - 2 if place == START else width - 1
             if place in (START, WHOLE):
                 for side in range(2):
@@ -95,8 +96,9 @@ def _fill_active(rows: Rows, mask: np.ndarray, active: ActiveSet) -> None:
                             active.flat[n] = (side * count + k) * width + column + i
                             for t in range(length):
                                 value = coefficients[k, at + i * length + t]
-                                active.coefficients[n, rows.terms[b, t]] = value if side == 1 else -value
+                                sign = 2.0 * side - 1.0
+                                active.coefficients[n, rows.terms[b, t]] = sign * value
                             n += 1
                 at += length * rows.size[b]
                 column += rows.size[b]
-    active.begin[PLACE_COUNT * count] = n
+        active.begin[k, PLACE_COUNT] = n

@@ -1,12 +1,13 @@
 """Primal-dual interior-point method for the order-3 problem.
 
-Algorithm A of A. Wächter and L. T. Biegler, Mathematical Programming 106 (2006) 25–57; comments give its steps. Newton
-steps come from a Riccati recursion, so that an iteration costs time in proportion to the number of intervals. Beyond
-the paper, inactive constraints are left out (planner.timing.order3.active_set), and bounds may be revised.
+Algorithm A of A. Wächter and L. T. Biegler, Mathematical Programming 106 (2006) 25–57; comments
+give its steps. Newton steps come from a Riccati recursion, so that an iteration costs time in
+proportion to the number of intervals. Beyond the paper, inactive constraints are left out
+(planner.timing.order3.active_set), and bounds may be revised.
 
 | symbol | here | |
 |---|---|---|
-| x | `states`, `controls` | primal variables: (v, a) = (ṡ, s̈) at grid points, (j, h) = (s⃛, duration) of intervals |
+| x | `states`, `controls` | (v, a) = (ṡ, s̈) at grid points, (j, h) = (s⃛, duration) of intervals |
 | s | `Iterate.s` | slacks of the active constraints g(x) + s = b |
 | c(x) = 0 | `Iterate.next`, `Iterate.step` | equality constraints: next states and path steps |
 | λ | `EqualityMultipliers` | their multipliers |
@@ -41,7 +42,14 @@ from planner.timing.order3.kkt import (
     Program,
     linearize,
 )
-from planner.timing.order3.line_search import Filter, Ray, limit_step, search, step_multipliers, try_step
+from planner.timing.order3.line_search import (
+    Filter,
+    Ray,
+    limit_step,
+    search,
+    step_multipliers,
+    try_step,
+)
 from planner.timing.order3.pose import OBJECTIVE_SCALE, PosedStages
 from planner.timing.order3.riccati import Direction, NewtonSystem, Recursion, solve_newton
 from planner.timing.order3.stages import evaluate
@@ -54,7 +62,7 @@ MAX_ITERATIONS = 200
 
 @dataclass(frozen=True, slots=True)
 class Warmth:
-    """First μ, and least first slacks of rows and of bounds of v and h: by the distance of a guess from a solution."""
+    """First μ, and least first slacks of rows and of the bounds of v and h."""
 
     mu: float
     row_slack: float
@@ -72,35 +80,38 @@ STARTS: dict[Start, Warmth] = {
 FAR_STARTS: tuple[Start, ...] = ("far", "farther")
 """Starts that need no solution nearby."""
 NEAR_STARTS: tuple[Start, ...] = ("finer", "near", "nearer")
-# A barrier problem is solved where E_μ ≤ κ_ε μ; the next μ is max(tolerance, min(κ_μ μ, μ^θ_μ)) (equations 6 and 7).
+# A barrier problem is solved where E_μ ≤ κ_ε μ; the next μ is max(tolerance, min(κ_μ μ, μ^θ_μ))
+# (equations 6 and 7).
 KAPPA_EPSILON, KAPPA_MU, THETA_MU = 10.0, 0.2, 1.5
 # Regularization (algorithm IC): the first δ_w, factors of the next, and its range.
 FIRST_DELTA, MIN_DELTA, MAX_DELTA = 1e-4, 1e-14, 1e20
 DECREASE, INCREASE, FIRST_INCREASE = 1 / 3, 8.0, 100.0
-# The last iterations continue with so much regularization that residuals vanish where the method creeps: a motion that
-# satisfies all rows up to MAX_VIOLATION is a solution, though not the best.
+# The last iterations continue with so much regularization that residuals vanish where the method
+# creeps: a motion that satisfies all rows up to MAX_VIOLATION is a solution, though not the best.
 LAST_ITERATIONS, LAST_DELTA = 20, 1.0
 MAX_VIOLATION = 1e-6
 # Flat steps in a row after which rounding leaves nothing to gain.
 MAX_FLAT_STEPS = 8
-# Bounds are revised at the first solution for a μ up to EARLY_MU, from where that takes few iterations, and then with
-# each solution for the last μ. Two early revisions take fewer iterations in long splines, but lower rooms too much at
-# ends that are passed.
+# Bounds are revised at the first solution for a μ up to EARLY_MU, from where that takes few
+# iterations, and then with each solution for the last μ. Two early revisions take fewer iterations
+# in long splines, but lower rooms too much at ends that are passed.
 EARLY_MU, MAX_REVISIONS = 1e-4, 5
-# Average number of constraints per stage up to which all are active: leaving out some of few saves nothing.
+# Average number of constraints per stage up to which all are active: leaving out some of few saves
+# nothing.
 FEW_CONSTRAINTS = 32
-# Room of inactive constraints below which they are activated: examined at each solution, and in each of so many
-# iterations. At first on so many stages around, from near and far starts, then on twice as many each time.
+# Room of inactive constraints below which they are activated: examined at each solution, and in
+# each of so many iterations. At first on so many stages around, from near and far starts, then on
+# twice as many each time.
 SHORT, EXAMINE_EACH = 0.1, 4
 REACH, FAR_REACH = 5, 16
 
 Revise = Callable[[Array, Array, Array, bool], tuple[Array, Array] | None]
-"""States, controls, values of the rows, whether they are a solution -> new bounds `low` and `high`, or None."""
+"""States, controls, values of the rows, whether these are a solution -> new bounds, or None."""
 
 
 @dataclass(frozen=True, slots=True)
 class Minimum:
-    """States (N + 1, 2) and controls (N, 2), scaled as the problem, and multipliers of rows and of the duration.
+    """Scaled states (N + 1, 2) and controls (N, 2), and multipliers of rows and of the duration.
 
     The multipliers say what a unit of each bound is worth, in thousandths of the guess' duration.
     """
@@ -122,7 +133,8 @@ def minimise(
 ) -> Minimum:
     """Return a local minimum of the objective under all rows.
 
-    start: distance of the posed states and controls from it. revise: called with solutions, for other bounds.
+    start: distance of the posed states and controls from it. revise: called with solutions, for
+    other bounds.
     """
     method = _Method(posed, start, tolerance)  # A-1
     while True:
@@ -147,18 +159,18 @@ def try_starts(
     tolerance: float = TOLERANCE,
     revise: Revise | None = None,
 ) -> Minimum | MotionError:
-    """Return the minimum from the first start that leads to one, or why there is none."""
+    """Return the minimum from the first start that leads to one, or the error."""
     stages, rows = posed.stages, posed.rows
     numbers = (posed.states, posed.controls, stages.squares, rows.first, rows.second)
     if not (all(np.isfinite(each).all() for each in numbers) and (stages.step > 0).all()):
-        return MotionError("the jerk-limited problem has a coefficient that is not finite, or an interval of length 0")
+        fault = "a coefficient that is not finite, or an interval of length 0"
+        return MotionError(f"the jerk-limited problem has {fault}")
     for start in starts:
         minimum = minimise(posed, start, tolerance, revise)
         if minimum.status in ("solved", "loose"):
             return minimum
-    return MotionError(
-        f"the jerk-limited solver stopped without a solution ({minimum.status}, {minimum.iterations} iterations)"
-    )
+    reason = f"{minimum.status}, {minimum.iterations} iterations"
+    return MotionError(f"the jerk-limited solver stopped without a solution ({reason})")
 
 
 class _Method:
@@ -182,7 +194,7 @@ class _Method:
         self.values, self.room = np.empty((count, width)), np.empty((2, count, width))
         self.recursion = Recursion.allocate(count)
         self.derivatives = Derivatives.allocate(count)
-        self.multipliers = EqualityMultipliers(np.zeros((count + 1, 2)), np.zeros(count), np.zeros(1))
+        self.multipliers = EqualityMultipliers.allocate(count)
         self.filter = Filter()
         self.last_delta = self.delta = 0.0
         self.flat_steps = self.revisions = self.iterations = 0
@@ -204,10 +216,11 @@ class _Method:
         np.subtract(rows.high, self.values, out=self.room[1])
 
     def _activate(self, states: Array, controls: Array) -> None:
-        """Begin at states and controls with the constraints of the mask, their slacks and multipliers."""
+        """Begin at states and controls with the constraints of the mask."""
         active = collect_active(self.posed.rows, self.mask)
         count, size = len(controls), len(active.bound)
-        s = np.maximum(self.room.ravel()[active.flat], self.least_slack[active.flat % len(self.least_slack)])
+        least = self.least_slack[active.flat % len(self.least_slack)]
+        s = np.maximum(self.room.ravel()[active.flat], least)
         z = self.mu / s
         self.program = Program(self.posed.stages, active)
         self.point, self.trial = (
@@ -241,8 +254,15 @@ class _Method:
         self.flat_steps = 0
 
     def linearize(self) -> OptimalityError:
-        error: OptimalityError = linearize(self.program, self.point, self.multipliers, self.derivatives)
-        return error._replace(primal=max(error.primal, abs(self._time_residual())))
+        error: OptimalityError = linearize(
+            self.program,
+            self.point,
+            self.multipliers,
+            self.derivatives,
+        )
+        if self.posed.stages.fixed_time:
+            error = error._replace(primal=max(error.primal, abs(self._time_residual())))
+        return error
 
     def _time_residual(self) -> float:
         return self.merit.time - 1 if self.posed.stages.fixed_time else 0.0
@@ -253,7 +273,7 @@ class _Method:
 
     def is_solved(self, error: OptimalityError) -> bool:
         """Return whether the problem is solved (step A-2), by the error at the last μ."""
-        return self.mu <= self.tolerance and error.at(self.mu, self.constraints) <= KAPPA_EPSILON * self.tolerance
+        return self.mu <= self.tolerance and self._converged(error)
 
     def violation(self, error: OptimalityError) -> float:
         """Return the largest residual, of all rows too."""
@@ -261,11 +281,11 @@ class _Method:
         return max(error.primal, -float(self.room.min()))
 
     def update_constraints(self, error: OptimalityError, revise: Revise | None) -> bool:
-        """Activate constraints that the point comes near, or else revise bounds; return whether they changed."""
+        """Activate constraints near the point, or revise bounds. Return True if any changed."""
         converged = self._converged(error)
         if not converged and self.iterations % EXAMINE_EACH != EXAMINE_EACH - 1:
             return False
-        solved = self.is_solved(error)
+        solved = converged and self.mu <= self.tolerance
         self._examine(self.point.states, self.point.controls)
         if ((self.room < (0.0 if solved else SHORT)) & ~self.mask).any():
             self._activate_more()
@@ -318,13 +338,15 @@ class _Method:
             time_residual=self._time_residual(),
             delta_w=delta,
         )
-        while not solve_newton(system._replace(delta_w=delta), self.recursion, self.direction):
+        while not solve_newton(system, self.recursion, self.direction):
             if delta == 0:
-                delta = max(MIN_DELTA, DECREASE * self.last_delta) if self.last_delta > 0 else FIRST_DELTA
+                last = self.last_delta
+                delta = max(MIN_DELTA, DECREASE * last) if last > 0 else FIRST_DELTA
             else:
                 delta *= INCREASE if self.last_delta > 0 else FIRST_INCREASE
             if not delta < MAX_DELTA:
                 return False
+            system = system._replace(delta_w=delta)
         self.delta = delta
         return True
 

@@ -1,14 +1,14 @@
-"""Optimality (KKT) conditions of the order-3 problem: residuals, gradient and Hessian, in compiled loops.
+"""Optimality (KKT) conditions of the order-3 problem: residuals, gradient and Hessian.
 
-Active constraints are g(x) + s = b with slacks s > 0 and multipliers z, which also are those of the bounds s ≥ 0.
-Equality constraints c(x) = 0 are the next states, the steps Δs, and the duration if it is fixed; λ are their
-multipliers. For a barrier parameter μ a solution satisfies
+Active constraints are g(x) + s = b with slacks s > 0 and multipliers z, which also are those of the
+bounds s ≥ 0. Equality constraints c(x) = 0 are the next states, the steps Δs, and the duration if
+it is fixed; λ are their multipliers. For a barrier parameter μ a solution satisfies
 
     ∇f + ∇g z + ∇c λ = 0     c(x) = 0     g(x) + s = b     s z = μ
 
-Newton's method for these eliminates ds = b − g − s − ∇gᵀ dx and dz = (μ − z ds)/s − z, which leaves a problem in dx:
-its gradient is the sum of a part without μ and of μ times a second one, and its Hessian that of the Lagrangian
-with ∇g (z/s) ∇gᵀ.
+Newton's method for these eliminates ds = b − g − s − ∇gᵀ dx and dz = (μ − z ds)/s − z, which leaves
+a problem in dx: its gradient is the sum of a part without μ and of μ times a second one, and its
+Hessian that of the Lagrangian with ∇g (z/s) ∇gᵀ.
 """
 
 from typing import NamedTuple
@@ -21,7 +21,6 @@ from planner.timing.order3.active_set import ActiveSet
 from planner.timing.order3.stages import (
     END,
     MIDDLE,
-    PLACE_COUNT,
     START,
     WHOLE,
     Stages,
@@ -33,8 +32,8 @@ from planner.timing.order3.stages import (
 
 # Scaling of multipliers in the optimality error (s_max, after equation 5).
 S_MAX = 100.0
-# Parts of the gradient: of constraints with their multipliers (the dual residual), of constraints with z eliminated,
-# of the barrier, and of the objective.
+# Parts of the gradient: of constraints with their multipliers (the dual residual), of constraints
+# with z eliminated, of the barrier, and of the objective.
 DUAL, CONSTRAINTS, BARRIER, OBJECTIVE = range(4)
 
 
@@ -65,11 +64,16 @@ class Iterate(NamedTuple):
 
 
 class EqualityMultipliers(NamedTuple):
-    """λ of the next states (N + 1, 2), the last row for the last state; of the steps (N,); of the duration (1,)."""
+    """λ of the states (N + 1, 2) except the first, of the steps (N,), and of the duration (1,)."""
 
     next: Array
     step: Array
     time: Array
+
+    @classmethod
+    def allocate(cls, count: int) -> "EqualityMultipliers":
+        """Return zeros for `count` stages."""
+        return cls(np.zeros((count + 1, 2)), np.zeros(count), np.zeros(1))
 
 
 class Derivatives(NamedTuple):
@@ -93,7 +97,7 @@ class Derivatives(NamedTuple):
 
 
 class OptimalityError(NamedTuple):
-    """Parts of the optimality error: residuals of constraints, dual residual, extremes of s z, sum of z."""
+    """Parts of the optimality error: primal and dual residuals, extremes of s z, sum of z."""
 
     primal: float
     dual: float
@@ -126,15 +130,32 @@ class _Stage(NamedTuple):
 
 
 @kernel
-def linearize(program: Program, point: Iterate, multipliers: EqualityMultipliers, out: Derivatives) -> OptimalityError:
+def _allocate_sums() -> _Stage:
+    places, gradients, curvatures = np.empty((3, 2)), np.empty((4, 3, 3)), np.empty((3, 6))
+    errors = np.array([0.0, 0.0, np.inf, 0.0, 0.0])
+    return _Stage(places, gradients, curvatures, np.empty((4, 4)), errors)
+
+
+@kernel
+def linearize(
+    program: Program,
+    point: Iterate,
+    multipliers: EqualityMultipliers,
+    out: Derivatives,
+) -> OptimalityError:
     """Fill out, and return the optimality error."""
     stages, active = program
-    sums = _Stage(np.empty((3, 2)), np.empty((4, 3, 3)), np.empty((3, 6)), np.empty((4, 4)), np.zeros(5))
+    sums = _allocate_sums()
     errors = sums.errors
-    errors[2] = np.inf
-    last, scale = len(stages.step) - 1, stages.objective_scale
+    last = len(stages.step) - 1
+    scale = stages.objective_scale
     for k in range(last + 1):
-        v, a, j, h = point.states[k, 0], point.states[k, 1], point.controls[k, 0], point.controls[k, 1]
+        v, a, j, h = (
+            point.states[k, 0],
+            point.states[k, 1],
+            point.controls[k, 0],
+            point.controls[k, 1],
+        )
         for place in range(3):
             sums.places[place, 0], sums.places[place, 1] = advance(v, a, j, h * place / 2)
             _add_constraints(active, point, k, place, sums)
@@ -166,7 +187,8 @@ def linearize(program: Program, point: Iterate, multipliers: EqualityMultipliers
                 residual -= multipliers.next[k, n]
             elif (n == 0 and stages.start_reward == 0) or (n == 1 and not stages.free_start):
                 residual = 0.0
-            errors[1] = max(errors[1], abs(residual) * (stages.scale[n] if n < 3 else stages.duration[k]))
+            size = stages.scale[n] if n < 3 else stages.duration[k]
+            errors[1] = max(errors[1], abs(residual) * size)
         errors[0] = max(errors[0], abs(point.step[k]), abs(point.next[k, 0]) / stages.scale[0])
         if k < last or not stages.free_end:
             errors[0] = max(errors[0], abs(point.next[k, 1]) / stages.scale[1])
@@ -178,10 +200,12 @@ def _add_constraints(active: ActiveSet, point: Iterate, k: int, place: int, sums
     """Set the sums at a place to those of its active constraints."""
     v, a = sums.places[place, 0], sums.places[place, 1]
     rows = active.coefficients
-    dual_v = dual_a = dual_j = constant_v = constant_a = constant_j = barrier_v = barrier_a = barrier_j = 0.0
+    dual_v = dual_a = dual_j = 0.0
+    constant_v = constant_a = constant_j = 0.0
+    barrier_v = barrier_a = barrier_j = 0.0
     vv = va = vj = aa = aj = jj = 0.0
     primal, least, largest, total = sums.errors[0], sums.errors[2], sums.errors[3], sums.errors[4]
-    for i in range(active.begin[PLACE_COUNT * k + place], active.begin[PLACE_COUNT * k + place + 1]):
+    for i in range(active.begin[k, place], active.begin[k, place + 1]):
         square, cube, cross = rows[i, 2], rows[i, 3], rows[i, 5]
         by_v = rows[i, 1] + (2 * square + 3 * v * cube) * v + a * cross
         by_a = rows[i, 4] + v * cross
@@ -191,7 +215,9 @@ def _add_constraints(active: ActiveSet, point: Iterate, k: int, place: int, sums
         product = point.s[i] * z
         sigma = z * inverse
         constant = -sigma * residual
-        primal, least, largest = max(primal, abs(residual)), min(least, product), max(largest, product)
+        primal = max(primal, abs(residual))
+        least = min(least, product)
+        largest = max(largest, product)
         total += z
         dual_v += z * by_v
         dual_a += z * by_a
@@ -211,9 +237,24 @@ def _add_constraints(active: ActiveSet, point: Iterate, k: int, place: int, sums
     sums.errors[0], sums.errors[2], sums.errors[3], sums.errors[4] = primal, least, largest, total
     g, c = sums.gradients, sums.curvatures
     g[DUAL, place, 0], g[DUAL, place, 1], g[DUAL, place, 2] = dual_v, dual_a, dual_j
-    g[CONSTRAINTS, place, 0], g[CONSTRAINTS, place, 1], g[CONSTRAINTS, place, 2] = constant_v, constant_a, constant_j
-    g[BARRIER, place, 0], g[BARRIER, place, 1], g[BARRIER, place, 2] = barrier_v, barrier_a, barrier_j
-    c[place, 0], c[place, 1], c[place, 2], c[place, 3], c[place, 4], c[place, 5] = vv, va, vj, aa, aj, jj
+    g[CONSTRAINTS, place, 0], g[CONSTRAINTS, place, 1], g[CONSTRAINTS, place, 2] = (
+        constant_v,
+        constant_a,
+        constant_j,
+    )
+    g[BARRIER, place, 0], g[BARRIER, place, 1], g[BARRIER, place, 2] = (
+        barrier_v,
+        barrier_a,
+        barrier_j,
+    )
+    c[place, 0], c[place, 1], c[place, 2], c[place, 3], c[place, 4], c[place, 5] = (
+        vv,
+        va,
+        vj,
+        aa,
+        aj,
+        jj,
+    )
 
 
 @kernel
@@ -266,7 +307,9 @@ def _map_stage(a: float, j: float, h: float, sums: _Stage, hessian: Array) -> No
             mapped[part, 3] += g_v * v_h + g_a * a_h
         c = sums.curvatures
         add_hessian(
-            derivatives, (c[place, 0], c[place, 1], c[place, 2], c[place, 3], c[place, 4], c[place, 5]), hessian
+            derivatives,
+            (c[place, 0], c[place, 1], c[place, 2], c[place, 3], c[place, 4], c[place, 5]),
+            hessian,
         )
         if place != START:
             # v and a at the place have second derivatives themselves
@@ -283,7 +326,7 @@ def _add_duration(program: Program, point: Iterate, k: int, sums: _Stage, hessia
     """Add the active bounds of h."""
     stages, active = program
     errors, mapped = sums.errors, sums.mapped
-    for i in range(active.begin[PLACE_COUNT * k + WHOLE], active.begin[PLACE_COUNT * k + WHOLE + 1]):
+    for i in range(active.begin[k, WHOLE], active.begin[k, WHOLE + 1]):
         by_h = active.coefficients[i, 1] / stages.duration[k]
         s, z, residual = point.s[i], point.z[i], point.g[i]
         errors[0] = max(errors[0], abs(residual))

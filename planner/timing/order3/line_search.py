@@ -1,7 +1,7 @@
-"""Step lengths: the rule of the fraction to the boundary, and the backtracking line search with a filter.
+"""Step lengths: the fraction to the boundary, and the backtracking line search with a filter.
 
-Step A-5 of A. Wächter and L. T. Biegler, Mathematical Programming 106 (2006) 25–57, without second-order corrections
-and without a restoration phase.
+Step A-5 of A. Wächter and L. T. Biegler, Mathematical Programming 106 (2006) 25–57, without
+second-order corrections and without a restoration phase.
 """
 
 from typing import NamedTuple
@@ -12,18 +12,27 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.kernels import kernel
 from planner.timing.order3.kkt import Derivatives, Iterate, Program
 from planner.timing.order3.riccati import Direction
-from planner.timing.order3.stages import PLACE_COUNT, WHOLE, advance, differentiate_place, sum_costs
+from planner.timing.order3.stages import (
+    WHOLE,
+    advance,
+    differentiate_place,
+    get_stage,
+    sum_costs,
+)
 
-# Least fraction to the boundary, τ_min (equation 8); and the largest share of an interval's h that one step takes off.
+# Least fraction to the boundary, τ_min (equation 8); and the largest share of an interval's h that
+# one step takes off.
 TAU_MIN, MAX_SHORTENING = 0.99, 0.9
 # Margins γ_θ and γ_φ of the filter (equation 18), and η_φ of the Armijo condition (equation 20).
 GAMMA, ETA = 1e-5, 1e-8
 # Exponents of the switching condition (equation 19).
 S_PHI, S_THETA = 2.3, 1.1
-# θ_min and θ_max, as factors of the first θ. The paper's θ_max is 1e4, which lets steps from our guesses lead astray.
+# θ_min and θ_max, as factors of the first θ. The paper's θ_max is 1e4, which lets steps from our
+# guesses lead astray.
 THETA_MIN, THETA_MAX = 1e-4, 2.0
 MAX_HALVINGS = 14
-# A step along which φ changes by less than its own rounding, as a share of it, is judged by θ alone.
+# A step along which φ changes by less than its own rounding, as a share of it, is judged by θ
+# alone.
 FLAT = 1e-11
 # θ that counts as zero then.
 ROUNDING_THETA = 1e-11
@@ -49,7 +58,7 @@ class Merit(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """Largest step lengths of x and s and of z (equation 15), and the derivative of φ along the step."""
+    """Largest step lengths of x, s and of z (equation 15), and the slope of φ along the step."""
 
     alpha: float
     alpha_z: float
@@ -68,7 +77,7 @@ class Ray(NamedTuple):
 
     @property
     def is_flat(self) -> bool:
-        """Whether φ changes by no more than its rounding."""
+        """True if φ changes by no more than its rounding."""
         return abs(self.limits.slope) <= FLAT * abs(self.merit.phi(self.mu))
 
 
@@ -93,8 +102,13 @@ class Filter:
 
 
 def search(ray: Ray, filter: Filter, trial: Iterate) -> tuple[float, Merit]:
-    """Fill x, s and residuals of `trial` at an acceptable step length; return that and the merit (steps A-5, A-7)."""
-    theta, phi, slope = ray.merit.theta, ray.merit.phi(ray.mu), ray.limits.slope
+    """Fill x, s and residuals of `trial` at an acceptable step length (steps A-5 and A-7).
+
+    Returns the step length and the merit.
+    """
+    theta = ray.merit.theta
+    phi = ray.merit.phi(ray.mu)
+    slope = min(ray.limits.slope, 0.0)
     alpha = ray.limits.alpha  # A-5.1
     for _ in range(MAX_HALVINGS):
         merit = try_step(ray.program, ray.point, ray.direction, alpha, trial)  # A-5.2
@@ -103,7 +117,7 @@ def search(ray: Ray, filter: Filter, trial: Iterate) -> tuple[float, Merit]:
             if ray.is_flat:
                 if new_theta <= max(theta, ROUNDING_THETA):
                     return alpha, merit
-            elif theta <= filter.theta_min and slope < 0 and alpha * (-slope) ** S_PHI > theta**S_THETA:
+            elif theta <= filter.theta_min and alpha * (-slope) ** S_PHI > theta**S_THETA:
                 # A-5.4, case I: φ decreases by the Armijo condition
                 if new_phi <= phi + ETA * alpha * slope + ROUNDING * abs(phi):
                     return alpha, merit
@@ -112,19 +126,26 @@ def search(ray: Ray, filter: Filter, trial: Iterate) -> tuple[float, Merit]:
                 filter.entries.append((theta, phi))
                 return alpha, merit
         alpha /= 2  # A-5.10
-    # instead of the restoration phase (A-9): the shortest step is taken, from which others may succeed
+    # instead of the restoration phase (A-9): the shortest step is taken, from which others may
+    # succeed
     filter.entries.clear()
     return alpha, merit
 
 
 @kernel
-def limit_step(program: Program, point: Iterate, derivatives: Derivatives, mu: float, direction: Direction) -> Limits:
+def limit_step(
+    program: Program,
+    point: Iterate,
+    derivatives: Derivatives,
+    mu: float,
+    direction: Direction,
+) -> Limits:
     """Fill the changes of s and z, and return the limits of the step."""
     stages, active = program
     slope = 0.0
     alpha = 1.0
     for k in range(len(stages.step)):
-        a, j, h = point.states[k, 1], point.controls[k, 0], point.controls[k, 1]
+        v, a, j, h = get_stage(point.states, point.controls, k)
         dx = direction.stages[k]
         for n in range(4):
             slope += derivatives.objective[k, n] * dx[n]
@@ -132,13 +153,20 @@ def limit_step(program: Program, point: Iterate, derivatives: Derivatives, mu: f
             alpha = -MAX_SHORTENING * h / dx[3]
         for place in range(3):
             t, half_square, v_h, a_h = differentiate_place(place, a, j, h)
-            v_here, a_here = advance(point.states[k, 0], a, j, t)
+            v_here, a_here = advance(v, a, j, t)
             dv = dx[0] + t * dx[1] + half_square * dx[2] + v_h * dx[3]
             da = dx[1] + t * dx[2] + a_h * dx[3]
-            change = (dv, 2 * v_here * dv, 3 * v_here * v_here * dv, da, dv * a_here + v_here * da, dx[2])
-            for i in range(active.begin[PLACE_COUNT * k + place], active.begin[PLACE_COUNT * k + place + 1]):
+            change = (
+                dv,
+                2 * v_here * dv,
+                3 * v_here * v_here * dv,
+                da,
+                dv * a_here + v_here * da,
+                dx[2],
+            )
+            for i in range(active.begin[k, place], active.begin[k, place + 1]):
                 direction.s[i] = point.g[i] - _sum_terms(active.coefficients[i], change)
-        for i in range(active.begin[PLACE_COUNT * k + WHOLE], active.begin[PLACE_COUNT * k + WHOLE + 1]):
+        for i in range(active.begin[k, WHOLE], active.begin[k, WHOLE + 1]):
             direction.s[i] = point.g[i] - active.coefficients[i, 1] * dx[3] / stages.duration[k]
     primal = dual = centred = 0.0
     for i in range(len(point.s)):
@@ -163,8 +191,14 @@ def _sum_terms(row: Array, terms: tuple[float, float, float, float, float, float
 
 
 @kernel
-def try_step(program: Program, point: Iterate, direction: Direction, alpha: float, trial: Iterate) -> Merit:
-    """Fill x, s and the residuals of `trial` at a step of length alpha from a point, and return its merit."""
+def try_step(
+    program: Program,
+    point: Iterate,
+    direction: Direction,
+    alpha: float,
+    trial: Iterate,
+) -> Merit:
+    """Fill x, s and the residuals of `trial` after a step of length alpha; return its merit."""
     stages, active = program
     count = len(stages.step)
     theta = time = 0.0
@@ -185,10 +219,10 @@ def try_step(program: Program, point: Iterate, direction: Direction, alpha: floa
         for place in range(3):
             v_here, a_here = advance(v, a, j, h * place / 2)
             terms = (v_here, v_here * v_here, v_here * v_here * v_here, a_here, v_here * a_here, j)
-            for i in range(active.begin[PLACE_COUNT * k + place], active.begin[PLACE_COUNT * k + place + 1]):
+            for i in range(active.begin[k, place], active.begin[k, place + 1]):
                 row = active.coefficients[i]
                 trial.g[i] = active.bound[i] - row[0] - _sum_terms(row, terms)
-        for i in range(active.begin[PLACE_COUNT * k + WHOLE], active.begin[PLACE_COUNT * k + WHOLE + 1]):
+        for i in range(active.begin[k, WHOLE], active.begin[k, WHOLE + 1]):
             trial.g[i] = active.bound[i] - active.coefficients[i, 1] * h / stages.duration[k]
     if stages.fixed_time:
         theta += abs(time - 1)
@@ -207,8 +241,14 @@ def try_step(program: Program, point: Iterate, direction: Direction, alpha: floa
 
 
 @kernel
-def _move_states(point: Iterate, direction: Direction, alpha: float, free_end: bool, out: Array) -> None:
-    """Fill out with states + alpha · their change; what is given of the last state stays."""
+def _move_states(
+    point: Iterate,
+    direction: Direction,
+    alpha: float,
+    free_end: bool,
+    out: Array,
+) -> None:
+    """Fill out with states + alpha · their change. A given last state stays."""
     last = len(out) - 1
     for k in range(last + 1):
         for n in range(2):
@@ -221,4 +261,5 @@ def step_multipliers(point: Iterate, direction: Direction, alpha: float, mu: flo
     """Change z by a step of length alpha, and keep it near μ/s (equation 16)."""
     for i in range(len(point.z)):
         center = mu / point.s[i]
-        point.z[i] = min(max(point.z[i] + alpha * direction.z[i], center / KAPPA_SIGMA), center * KAPPA_SIGMA)
+        z = point.z[i] + alpha * direction.z[i]
+        point.z[i] = min(max(z, center / KAPPA_SIGMA), center * KAPPA_SIGMA)

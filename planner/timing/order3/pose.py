@@ -12,22 +12,24 @@ from planner.limits.limit import Term
 from planner.timing.order3.stages import Rows, Stages, sum_costs
 from planner.timing.problem import Block, Problem
 
-# Weight of the jerk's square, as a share of its limit, averaged over the time of the guess. Where many motions take the
-# same time it selects a smooth one, which also exceeds limits less between grid points; it costs duration.
+# Weight of the jerk's square, as a share of its limit, averaged over the time of the guess. Where
+# many motions take the same time it selects a smooth one, which also exceeds limits less between
+# grid points; it costs duration.
 JERK_WEIGHT = 2e-3
-# Weight of the jerk next to an end with free s̈, where s̈ is to be constant: on one interval q⃛ is zero at one grid
-# point, and may peak between two.
+# Weight of the jerk next to an end with free s̈, where s̈ is to be constant: on one interval q⃛ is
+# zero at one grid point, and may peak between two.
 FREE_END_JERK_WEIGHT = 1e3
-# Least duration of an interval, as a share of its guess: without it, solvers get stuck where intervals vanish. It binds
-# in 2 of 100 random runs, for 1e-3 of the duration at most, until the next solve starts from there.
+# Least duration of an interval, as a share of its guess: without it, solvers get stuck where
+# intervals vanish. It binds in 2 of 100 random runs, for 1e-3 of the duration at most, until the
+# next solve starts from there.
 SHORTEST = 0.1
 SHORTEST_STATED = 0.05
 """Least duration of an interval, as a share of its guess, where the total duration is stated."""
 STATED_COST = 10.0
 """Objective of the guess where the duration is stated: that of the solution may be a fraction."""
-# The objective is counted in thousandths of the guess' duration, or more finely on more than a thousand intervals: the
-# constants of the interior-point method are usual for that size, and μ then weighs as much against the time of an
-# interval however long the run is.
+# The objective is counted in thousandths of the guess' duration, or more finely on more than a
+# thousand intervals: the constants of the interior-point method are usual for that size, and μ then
+# weighs as much against the time of an interval however long the run is.
 OBJECTIVE_SCALE = 1000.0
 TERMS = tuple(Term)
 """Terms in the order of their numbers in `Rows`."""
@@ -44,7 +46,7 @@ POWERS = {
 
 
 class PosedStages(NamedTuple):
-    """Stages and rows, states (N + 1, 2) and controls (N, 2) to start from, and units (4,) of v, a, j, h.
+    """Stages and rows, a guess of states (N + 1, 2) and controls (N, 2), units (4,) of v, a, j, h.
 
     The first and the last states are fixed, except what the stages declare free.
     """
@@ -64,7 +66,7 @@ def pose_stages(problem: Problem, guess: Array, start_reward: float = 0.0) -> Po
     """Return the stages of the fastest motion.
 
     guess         (4, N) of ṡ, s̈, s⃛, h
-    start_reward  value of the first ṡ, counted in its largest; if positive, that ṡ is free below the problem's
+    start_reward  value of the first ṡ, counted in its largest; if positive, that ṡ is free
     """
     length = float(problem.s[-1] - problem.s[0])
     time = float(guess[3].sum())
@@ -112,7 +114,7 @@ def _pose_states(problem: Problem, start: Array, unit: Array) -> Array:
 
 
 def _pass_ends(problem: Problem, guess: Array) -> Array:
-    """Return the guess (4, N), with constant ṡ next to an end that is passed, until the guess is as fast."""
+    """Return the guess (4, N), at constant ṡ next to an end that is passed."""
     columns = guess.copy()
     step = np.diff(problem.s)
     nearby = slice(0, problem.intervals // 4)
@@ -128,7 +130,7 @@ def _pass_ends(problem: Problem, guess: Array) -> Array:
 
 
 def pose_smoothest(problem: Problem, guess: Array, jerks: Array) -> PosedStages:
-    """Return the stages of the motion with the least ∫ Σ r² dt that takes as long as the guess (4, N).
+    """Return the stages of the motion with the least ∫ Σ r² dt in the time of the guess (4, N).
 
     jerks (N, 2, A, 3): coefficients of s⃛, 3 ṡs̈ and ṡ³ in r at both ends of each interval.
     """
@@ -138,7 +140,11 @@ def pose_smoothest(problem: Problem, guess: Array, jerks: Array) -> PosedStages:
     length = posed.unit[0] * posed.unit[3]
     squares = np.zeros((*jerks.shape[:3], 5))
     squares[..., :3] = jerks * [1.0, 3 * length, length**2]
-    stages = posed.stages._replace(jerk_weight=np.zeros(problem.intervals), fixed_time=True, squares=squares)
+    stages = posed.stages._replace(
+        jerk_weight=np.zeros(problem.intervals),
+        fixed_time=True,
+        squares=squares,
+    )
     cost = sum_costs(stages, posed.states, posed.controls)
     if cost > 0:
         stages = stages._replace(squares=squares / np.sqrt(cost / STATED_COST))
@@ -146,7 +152,12 @@ def pose_smoothest(problem: Problem, guess: Array, jerks: Array) -> PosedStages:
     return posed._replace(stages=stages)
 
 
-def pose_weighted(problem: Problem, guess: Array, accelerations: Array, price: float) -> PosedStages:
+def pose_weighted(
+    problem: Problem,
+    guess: Array,
+    accelerations: Array,
+    price: float,
+) -> PosedStages:
     """Return the stages of the motion with the least T + price · ∫ Σ r² dt.
 
     guess          (4, N) of ṡ, s̈, s⃛, h
@@ -179,9 +190,10 @@ def _pose_rows(problem: Problem, length: float, time: float, free_speed: bool) -
     for block, numbers in zip(problem.blocks, terms, strict=True):
         unit = [length ** POWERS[term][0] / time ** POWERS[term][1] for term in block.start]
         numbers[: len(unit)] = [TERMS.index(term) for term in block.start]
-        start, end = (np.stack([side[term] for term in block.start], axis=-1) for side in (block.start, block.end))
-        other = end * unit if Term.SDDD in block.start else (start * unit + end * unit) / 2
-        first.append((start * unit).reshape(problem.intervals, -1))
+        start = np.stack(list(block.start.values()), axis=-1) * unit
+        end = np.stack([block.end[term] for term in block.start], axis=-1) * unit
+        other = end if Term.SDDD in block.start else (start + end) / 2
+        first.append(start.reshape(problem.intervals, -1))
         second.append(other.reshape(problem.intervals, -1))
     low, high = pose_bounds(problem, free_speed)
     return Rows(
@@ -204,7 +216,8 @@ def pose_bounds(problem: Problem, free_speed: bool = False) -> tuple[Array, Arra
         parts += [(block.middle + side) * block.room[:, None] for block in problem.blocks]
         parts.append(np.full((problem.intervals, 2), side * np.inf))
         bounds.append(np.concatenate(parts, axis=1))
-    with_jerk = np.concatenate([np.full(block.middle.size, Term.SDDD in block.start) for block in problem.blocks])
+    has_jerk = [Term.SDDD in block.start for block in problem.blocks]
+    with_jerk = np.repeat(has_jerk, [block.middle.size for block in problem.blocks])
     jerk_rows = np.flatnonzero(with_jerk)
     for side, bound in zip((-1, 1), bounds, strict=True):
         if not free_speed:
@@ -222,7 +235,7 @@ def pose_bounds(problem: Problem, free_speed: bool = False) -> tuple[Array, Arra
 
 
 def _start_room(block: Block) -> Array:
-    """Return the room (N,) of rows at the starts: a row without s⃛ there is also the end of the interval before."""
+    """Return the room (N,) at the starts: without s⃛, that of the interval before counts too."""
     if Term.SDDD in block.start:
         return block.room
     return np.concatenate([block.room[:1], np.minimum(block.room[1:], block.room[:-1])])

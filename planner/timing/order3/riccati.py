@@ -1,13 +1,14 @@
-"""A Newton step of the order-3 problem by a Riccati recursion, backward and forward over the stages.
+"""A Newton step of the order-3 problem by a Riccati recursion over the stages.
 
-Linearized, Δs eliminates one control of each stage: h where the interval ends in motion, j where it ends near rest. The
-other one is the stage's free control u. Backwards, the cost to go from the state y = (v, a) is ½ yᵀPy + pᵀy, and
-minimizing over u gives P and p of the stage before: see J. B. Rawlings, D. Q. Mayne and M. M. Diehl, Model Predictive
-Control (2nd ed., 2017), section 8.8.
+Linearized, Δs eliminates one control of each stage: h where the interval ends in motion, j where it
+ends near rest. The other one is the stage's free control u. Backwards, the cost to go from the
+state y = (v, a) is ½ yᵀPy + pᵀy, and minimizing over u gives P and p of the stage before: see J. B.
+Rawlings, D. Q. Mayne and M. M. Diehl, Model Predictive Control (2nd ed., 2017), section 8.8.
 
-A given last state enters as a penalty ϱ/2 |residual|² with its own multiplier (augmented Lagrangian). A larger ϱ
-would cost the recursion its digits: where this one leaves much of the residual, the last state is met exactly, as
-a fixed duration always is, by multipliers that border the system (Schur complement).
+A given last state enters as a penalty ϱ/2 |residual|² with a multiplier (augmented Lagrangian).
+A larger ϱ would cost the recursion its digits: where this one leaves much of the residual, the last
+state is met exactly, as a fixed duration always is, by multipliers that border the system (Schur
+complement).
 """
 
 from typing import NamedTuple
@@ -17,12 +18,20 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.kernels import kernel
 from planner.timing.order3.kkt import Iterate
-from planner.timing.order3.stages import END, Stages, add_hessian, advance, differentiate_place
+from planner.timing.order3.stages import (
+    END,
+    Stages,
+    add_hessian,
+    advance,
+    differentiate_place,
+    get_stage,
+)
 
-# Least curvature along a free control that counts as positive, in units of the objective per squared scale.
+# Least curvature along a free control that counts as positive, in units of the objective per
+# squared scale.
 MIN_CURVATURE = 1e-9
-# Penalty ϱ of the last state, in units of the objective per squared scale, and the share of its residual that a step
-# may leave.
+# Penalty ϱ of the last state, in units of the objective per squared scale, and the share of its
+# residual that a step may leave.
 PENALTY, MAX_REMAINDER = 1e8, 0.1
 # Share of a pivot of the Schur complement that is rounding once the others are eliminated.
 MIN_PIVOT = 1e-14
@@ -74,15 +83,36 @@ class Recursion(NamedTuple):
     @classmethod
     def allocate(cls, count: int) -> "Recursion":
         """Return room for the recursion over `count` stages."""
-        P, p, border = np.zeros((count + 1, 3)), np.zeros((count + 1, 2)), np.zeros((3, count + 1, 2))
+        P, p, border = (
+            np.zeros((count + 1, 3)),
+            np.zeros((count + 1, 2)),
+            np.zeros((3, count + 1, 2)),
+        )
         rows = np.zeros((count, 4))
         return cls(
-            P, p, np.zeros(count, int), rows, rows.copy(), border, np.zeros((3, count)), np.zeros(3), np.zeros(3)
+            P,
+            p,
+            np.zeros(count, int),
+            rows,
+            rows.copy(),
+            border,
+            np.zeros((3, count)),
+            np.zeros(3),
+            np.zeros(3),
         )
 
 
+class _Model(NamedTuple):
+    """Hessian and gradient of the cost to go of a stage: by x, H and g; by v, a and u, M and G."""
+
+    H: Array
+    g: Array
+    M: Array
+    G: Array
+
+
 class Direction(NamedTuple):
-    """A Newton step: changes of states (N + 1, 2), of stages (N, 4) and of s and z (K,), and the new λ.
+    """Newton step: changes of states (N + 1, 2), stages (N, 4), s and z (K,), and the new λ.
 
     next (N + 1, 2), step (N,)  multipliers after a full step
     time (1,)                   change of the multiplier of the duration
@@ -101,7 +131,8 @@ class Direction(NamedTuple):
 def solve_newton(system: NewtonSystem, recursion: Recursion, direction: Direction) -> bool:
     """Fill the direction, except s and z. Return False where more regularization is needed.
 
-    That is so where the Hessian is not positive definite along a free control, or so nearly that the step overflows.
+    That is so where the Hessian is not positive definite along a free control, or so nearly that
+    the step overflows.
     """
     stages, residual = system.stages, recursion.residual
     count = len(stages.step)
@@ -120,7 +151,8 @@ def solve_newton(system: NewtonSystem, recursion: Recursion, direction: Directio
     exact = after > MAX_REMAINDER * before
     if not (exact or stages.fixed_time):
         return True
-    enforce_ends(system, recursion, np.array([exact, exact and not stages.free_end, stages.fixed_time]))
+    enforced = np.array([exact, exact and not stages.free_end, stages.fixed_time])
+    enforce_ends(system, recursion, enforced)
     direction.time[0] = recursion.change[2]
     system.gradient[:, 3] += recursion.change[2]
     recur_forward(system, recursion, direction)
@@ -133,8 +165,8 @@ def recur_backward(system: NewtonSystem, recursion: Recursion) -> bool:
     """Fill the recursion; return False where the curvature along a free control is not positive."""
     stages, point = system.stages, system.point
     count, scale = len(stages.step), stages.scale
-    H = np.empty((4, 4))
-    g = np.empty(4)
+    model = _Model(np.empty((4, 4)), np.empty(4), np.empty((3, 3)), np.empty(3))
+    H, g = model.H, model.g
     P, p = recursion.P, recursion.p
     P[count, 0] = PENALTY / scale[0] ** 2
     P[count, 1] = 0.0
@@ -142,13 +174,11 @@ def recur_backward(system: NewtonSystem, recursion: Recursion) -> bool:
     p[count, 0] = system.last[0]
     p[count, 1] = 0.0 if stages.free_end else system.last[1]
     for k in range(count - 1, -1, -1):
-        a, j, h = point.states[k, 1], point.controls[k, 0], point.controls[k, 1]
+        _, a, j, h = get_stage(point.states, point.controls, k)
         derivatives = differentiate_place(END, a, j, h)
         t, half_square, v_h, a_h = derivatives
         # the cost to go of the next state, as a function of x
-        for m in range(4):
-            for n in range(m, 4):
-                H[m, n] = system.hessian[k, m, n]
+        H[:] = system.hessian[k]
         add_hessian(derivatives, (P[k + 1, 0], P[k + 1, 1], 0.0, P[k + 1, 2], 0.0, 0.0), H)
         next_v = p[k + 1, 0] + P[k + 1, 0] * point.next[k, 0] + P[k + 1, 1] * point.next[k, 1]
         next_a = p[k + 1, 1] + P[k + 1, 1] * point.next[k, 0] + P[k + 1, 2] * point.next[k, 1]
@@ -159,7 +189,7 @@ def recur_backward(system: NewtonSystem, recursion: Recursion) -> bool:
         for n in range(3):
             H[n, n] += system.delta_w / scale[n] ** 2
         H[3, 3] += system.delta_w / stages.duration[k] ** 2
-        if not _condense(system, recursion, k, H, g):
+        if not _condense(system, recursion, k, model):
             return False
     if stages.start_reward > 0 and not P[0, 0] * scale[0] ** 2 > MIN_CURVATURE:
         return False
@@ -167,41 +197,44 @@ def recur_backward(system: NewtonSystem, recursion: Recursion) -> bool:
 
 
 @kernel
-def _condense(system: NewtonSystem, recursion: Recursion, k: int, H: Array, g: Array) -> bool:
-    """Eliminate both controls of stage k, whose Hessian and gradient are H and g: set P[k] and p[k]."""
+def _condense(system: NewtonSystem, recursion: Recursion, k: int, model: _Model) -> bool:
+    """Eliminate both controls of stage k: set P[k] and p[k]."""
     stages, point = system.stages, system.point
-    v, a, j, h = point.states[k, 0], point.states[k, 1], point.controls[k, 0], point.controls[k, 1]
+    H, g, M, G = model
+    v, a, j, h = get_stage(point.states, point.controls, k)
     # Δs by j and by h: the control that moves it more is eliminated
     by_j, by_h = h * h * h / 6, advance(v, a, j, h)[0]
     if abs(by_h) * stages.duration[k] >= abs(by_j) * stages.scale[2]:
         e, u, pivot, other, unit = 3, 2, by_h, by_j, stages.scale[2]
     else:
         e, u, pivot, other, unit = 2, 3, by_j, by_h, stages.duration[k]
-    f0, f1, f2 = -h / pivot, -h * h / 2 / pivot, -other / pivot
-    f3 = -point.step[k] * stages.step[k] / pivot
-    H_ue = H[2, 3]
-    curvature = H[u, u] + 2 * f2 * H_ue + f2 * f2 * H[e, e]
+    f = recursion.elimination[k]
+    f[0] = -h / pivot
+    f[1] = -h * h / 2 / pivot
+    f[2] = -other / pivot
+    f[3] = -point.step[k] * stages.step[k] / pivot
+    # x as a function of v, a and u: the Hessian M and the gradient G by these
+    index = (0, 1, u)
+    for m in range(4):
+        for n in range(m):
+            H[m, n] = H[n, m]
+    for m in range(3):
+        G[m] = g[index[m]] + H[index[m], e] * f[3] + f[m] * (g[e] + H[e, e] * f[3])
+        for n in range(m, 3):
+            M[m, n] = H[index[m], index[n]] + f[n] * H[index[m], e]
+            M[m, n] += f[m] * (H[index[n], e] + f[n] * H[e, e])
+    curvature = M[2, 2]
     if not curvature * unit * unit > MIN_CURVATURE:
         return False
-    vv = H[0, 0] + 2 * f0 * H[0, e] + f0 * f0 * H[e, e]
-    va = H[0, 1] + f1 * H[0, e] + f0 * H[1, e] + f0 * f1 * H[e, e]
-    aa = H[1, 1] + 2 * f1 * H[1, e] + f1 * f1 * H[e, e]
-    vu = H[0, u] + f2 * H[0, e] + f0 * H_ue + f0 * f2 * H[e, e]
-    au = H[1, u] + f2 * H[1, e] + f1 * H_ue + f1 * f2 * H[e, e]
-    g_e = g[e] + H[e, e] * f3
-    g_v = g[0] + H[0, e] * f3 + f0 * g_e
-    g_a = g[1] + H[1, e] * f3 + f1 * g_e
-    g_u = g[u] + H_ue * f3 + f2 * g_e
-    elimination, control = recursion.elimination[k], recursion.control[k]
     recursion.eliminated[k] = e
-    elimination[0], elimination[1], elimination[2], elimination[3] = f0, f1, f2, f3
-    control[0], control[1], control[2], control[3] = curvature, vu, au, g_u
-    v_share, a_share = vu / curvature, au / curvature
-    recursion.P[k, 0] = vv - vu * v_share
-    recursion.P[k, 1] = va - vu * a_share
-    recursion.P[k, 2] = aa - au * a_share
-    recursion.p[k, 0] = g_v - v_share * g_u
-    recursion.p[k, 1] = g_a - a_share * g_u
+    control = recursion.control[k]
+    control[0], control[1], control[2], control[3] = curvature, M[0, 2], M[1, 2], G[2]
+    P, p = recursion.P[k], recursion.p[k]
+    P[0] = M[0, 0] - M[0, 2] * M[0, 2] / curvature
+    P[1] = M[0, 1] - M[0, 2] * M[1, 2] / curvature
+    P[2] = M[1, 1] - M[1, 2] * M[1, 2] / curvature
+    p[0] = G[0] - M[0, 2] * G[2] / curvature
+    p[1] = G[1] - M[1, 2] * G[2] / curvature
     return True
 
 
@@ -213,9 +246,13 @@ def recur_forward(system: NewtonSystem, recursion: Recursion, direction: Directi
     dy[0, 0] = -p[0, 0] / P[0, 0] if stages.start_reward > 0 else 0.0
     dy[0, 1] = -p[0, 1] / P[0, 2] if stages.free_start else 0.0
     for k in range(len(stages.step)):
-        v, a, j, h = point.states[k, 0], point.states[k, 1], point.controls[k, 0], point.controls[k, 1]
+        v, a, j, h = get_stage(point.states, point.controls, k)
         t, half_square, v_h, a_h = differentiate_place(END, a, j, h)
-        control, elimination, e = recursion.control[k], recursion.elimination[k], recursion.eliminated[k]
+        control, elimination, e = (
+            recursion.control[k],
+            recursion.elimination[k],
+            recursion.eliminated[k],
+        )
         dv, da = dy[k, 0], dy[k, 1]
         du = -(control[1] * dv + control[2] * da + control[3]) / control[0]
         de = elimination[0] * dv + elimination[1] * da + elimination[2] * du + elimination[3]
@@ -233,19 +270,22 @@ def recur_forward(system: NewtonSystem, recursion: Recursion, direction: Directi
         H = system.hessian[k]
         total = system.gradient[k, e] + H[0, e] * dv + H[1, e] * da + H[2, 3] * du + H[e, e] * de
         if e == 3:
-            total += system.delta_w / stages.duration[k] ** 2 * de + v_h * lambda_v + a_h * lambda_a
+            total += v_h * lambda_v + a_h * lambda_a
+            total += system.delta_w / stages.duration[k] ** 2 * de
             slope = advance(v, a, j, h)[0]
         else:
-            total += system.delta_w / stages.scale[2] ** 2 * de + half_square * lambda_v + t * lambda_a
+            total += half_square * lambda_v + t * lambda_a
+            total += system.delta_w / stages.scale[2] ** 2 * de
             slope = h * h * h / 6
         direction.step[k] = -total / slope * stages.step[k]
 
 
 @kernel
 def enforce_ends(system: NewtonSystem, recursion: Recursion, enforced: np.ndarray) -> None:
-    """Change the multipliers of the last v, the last a and Σ h so that no residual is left of those to enforce (3,).
+    """Change the multipliers of the last v, the last a and Σ h so that the enforced ones (3,) hold.
 
-    Where that overflows, they stay: the step of the penalty is finite, though it leaves some residual.
+    Where that overflows, they stay: the step of the penalty is finite, though it leaves some
+    residual.
     """
     schur = _recur_border(system, recursion, enforced)
     _solve_schur(schur, recursion, enforced)
@@ -263,7 +303,7 @@ def enforce_ends(system: NewtonSystem, recursion: Recursion, enforced: np.ndarra
 
 @kernel
 def _recur_border(system: NewtonSystem, recursion: Recursion, enforced: np.ndarray) -> Array:
-    """Fill border and lever; return the Schur complement (3, 3): residuals removed per multiplier."""
+    """Fill border and lever. Return the Schur complement (3, 3): residual per multiplier."""
     stages, point = system.stages, system.point
     border, P = recursion.border, recursion.P
     count = len(stages.step)
@@ -271,12 +311,8 @@ def _recur_border(system: NewtonSystem, recursion: Recursion, enforced: np.ndarr
     border[0, count, 0] = border[1, count, 1] = 1.0
     schur = np.zeros((3, 3))
     for k in range(count - 1, -1, -1):
-        t, half_square, v_h, a_h = differentiate_place(
-            END,
-            point.states[k, 1],
-            point.controls[k, 0],
-            point.controls[k, 1],
-        )
+        _, a, j, h = get_stage(point.states, point.controls, k)
+        t, half_square, v_h, a_h = differentiate_place(END, a, j, h)
         control, elimination = recursion.control[k], recursion.elimination[k]
         v_share, a_share = control[1] / control[0], control[2] / control[0]
         for i in range(3):
@@ -305,7 +341,7 @@ def _recur_border(system: NewtonSystem, recursion: Recursion, enforced: np.ndarr
 
 @kernel
 def _solve_schur(schur: Array, recursion: Recursion, enforced: np.ndarray) -> None:
-    """Solve schur · change = residual by elimination; withdraw what overflows or depends on the others."""
+    """Solve schur · change = residual, without rows that overflow or depend on others."""
     residual, change = recursion.residual, recursion.change
     pivots = np.array([schur[0, 0], schur[1, 1], schur[2, 2]])
     for i in range(3):

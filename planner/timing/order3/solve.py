@@ -1,12 +1,14 @@
 """Time-optimal motion under limits on speed, acceleration and jerk.
 
-On a fixed grid, with the states (ṡ, s̈) at the grid points, and a constant jerk s⃛ over a duration h on each interval:
+On a fixed grid, with the states (ṡ, s̈) at the grid points, and a constant jerk s⃛ over a duration
+h on each interval:
 
     minimise Σ h (and a small weight of jerk)
     such that Δs = ṡ h + s̈ h²/2 + s⃛ h³/6, the next state follows, and all rows hold
 
-Rows with s⃛ hold at both ends of each interval, where the jerk steps, the others at starts and middles. Time is a
-variable instead of the usual ṡ²: so nothing is singular at rest, derivatives of q are constants, and s(t) is exact.
+Rows with s⃛ hold at both ends of each interval, where the jerk steps, the others at starts and
+middles. Time is a variable instead of the usual ṡ²: so nothing is singular at rest, derivatives of
+q are constants, and s(t) is exact.
 """
 
 from collections.abc import Sequence
@@ -24,7 +26,8 @@ from planner.timing.problem import Problem
 from planner.timing.profile import Profile, close_profile
 from planner.timing.solution import RunSolution
 
-# Rounds of a problem whose rows depend on the motion, and the gain, as a share, below which no other follows.
+# Rounds of a problem whose rows depend on the motion, and the gain, as a share, below which no
+# other follows.
 MAX_ROW_ROUNDS, MIN_ROUND_GAIN = 4, 1e-4
 # Value of a maximal speed at an end, relative to the duration.
 END_SPEED_REWARD = 100.0
@@ -34,18 +37,23 @@ ROUGH_TOLERANCE = 1e-3
 MAX_LOSS_SHARE = 0.1
 
 
-def solve_jerk_limited(problem: Problem, guess: Array, start: Start = "far", look: Look | None = None) -> RunSolution:
+def solve_jerk_limited(
+    problem: Problem,
+    guess: Array,
+    start: Start = "far",
+    look: Look | None = None,
+) -> RunSolution:
     """Return the fastest motion.
 
     guess  (4, N) of ṡ, s̈, s⃛, h
     start  distance of the guess from the solution
     look   samples a motion between grid points: the solution satisfies the limits there too
 
-    Rows that apply only near some motions are those near the guess at first, and then those near each solution.
+    Rows that apply only near some motions are those near the guess at first, and then those near
+    each solution.
     """
     for _ in range(1 if problem.is_unconditional else MAX_ROW_ROUNDS):
-        settled = settle_rows(problem, guess)
-        solution = third_order(settled, guess, start=start, look=look)
+        solution = third_order(settle_rows(problem, guess), guess, start=start, look=look)
         if not solution.solved:
             return solution
         gain = 1 - solution.duration / guess[3].sum()
@@ -53,8 +61,9 @@ def solve_jerk_limited(problem: Problem, guess: Array, start: Start = "far", loo
         if abs(gain) < MIN_ROUND_GAIN:
             break
         start = "nearer"
-    rooms = [block.room for block in solution.problem.blocks] if solution.problem is not None else []
-    blocks = tuple(replace(block, room=room) for block, room in zip(problem.blocks, rooms, strict=True))
+    assert solution.problem is not None
+    pairs = zip(problem.blocks, solution.problem.blocks, strict=True)
+    blocks = tuple(replace(block, room=settled.room) for block, settled in pairs)
     return replace(solution, problem=replace(problem, blocks=blocks))
 
 
@@ -79,7 +88,7 @@ def third_order(
 
     guess     (4, N) of ṡ, s̈, s⃛, h
     start     distance of the guess from the solution
-    fast_end  0 for the start, 1 for the end: instead, the motion with the largest speed there, up to the problem's
+    fast_end  0 for the start, 1 for the end: return the motion with the largest speed there
     """
     if fast_end is not None:
         return _maximise_speed(problem, guess, fast_end)
@@ -89,9 +98,11 @@ def third_order(
     peaks = Peaks(problem, posed, look)
     solution = try_starts(posed, (start,), revise=peaks)
     if isinstance(solution, MotionError):
-        return _close(problem, minimise_posed(posed, [each for each in FAR_STARTS if each != start]))
+        others = [each for each in FAR_STARTS if each != start]
+        return _close(problem, minimise_posed(posed, others))
     use = peaks.use if solution.status == "solved" else None
-    return replace(_close(peaks.problem, posed.columns(solution.states, solution.controls)), use=use)
+    columns = posed.columns(solution.states, solution.controls)
+    return replace(_close(peaks.problem, columns), use=use)
 
 
 def _close(problem: Problem, columns: Array | MotionError) -> RunSolution:
@@ -103,7 +114,7 @@ def _close(problem: Problem, columns: Array | MotionError) -> RunSolution:
 
 
 def _maximise_speed(problem: Problem, guess: Array, end: int) -> RunSolution:
-    """Return the motion with the largest speed at its start (end 0) or its end (1), and the problem with that speed."""
+    """Return the motion with the largest speed at its start (end 0) or its end (1)."""
     oriented = _reverse_columns(guess) if end else guess
     posed = pose_stages(problem.reversed() if end else problem, oriented, END_SPEED_REWARD)
     columns = minimise_posed(posed, FAR_STARTS)
@@ -123,11 +134,11 @@ def _reverse_columns(columns: Array) -> Array:
 
 
 def estimate_motion(problem: Problem, guess: Array) -> tuple[Profile, Array] | MotionError:
-    """Return about the fastest motion, and (N,) s, the time that each interval loses because the grid is coarse.
+    """Return about the fastest motion, and the time (N,) that intervals lose because of their size.
 
-    s⃛ is constant over an interval, so a row with s⃛ that is active at one end has slack at the other, equal to the
-    change of its value. By the row's multiplier that is worth the lost time, which falls with the square of the
-    interval.
+    s⃛ is constant over an interval, so a row with s⃛ that is active at one end has slack at the
+    other, equal to the change of its value. By the row's multiplier that is worth the lost time,
+    which falls with the square of the interval.
     """
     settled = settle_rows(problem, guess)
     posed = pose_stages(settled, guess)
@@ -149,7 +160,7 @@ def estimate_motion(problem: Problem, guess: Array) -> tuple[Profile, Array] | M
 
 
 def minimise_posed(posed: PosedStages, starts: Sequence[Start]) -> Array | MotionError:
-    """Return the columns (4, N) of ṡ, s̈, s⃛, h from the first start that leads to a solution, or the error."""
+    """Return (4, N) of ṡ, s̈, s⃛, h from the first start that leads to a solution, or the error."""
     solution = try_starts(posed, starts)
     if isinstance(solution, MotionError):
         return solution

@@ -1,11 +1,12 @@
-"""Stages of the order-3 problem: dynamics, rows, objective and their derivatives, in compiled loops.
+"""Stages of the order-3 problem: dynamics, rows, objective and their derivatives.
 
-A stage is one interval of the grid, from the state (v, a) = (ṡ, s̈) at its start with the controls (j, h): constant
-s⃛ for a duration. With x = (v, a, j, h),
+A stage is one interval of the grid, from the state (v, a) = (ṡ, s̈) at its start with the controls
+(j, h): constant s⃛ for a duration. With x = (v, a, j, h),
 
     v⁺ = v + a h + j h²/2     a⁺ = a + j h     Δs = v h + a h²/2 + j h³/6
 
-A row is a sum of terms at the start of a stage, and at its end (rows with s⃛, which steps there) or in its middle.
+A row is a sum of terms at the start of a stage, and at its end (rows with s⃛, which steps there) or
+in its middle.
 """
 
 from typing import NamedTuple
@@ -19,11 +20,11 @@ START, MIDDLE, END, WHOLE = range(4)
 """Places of a stage at which rows apply; WHOLE: the bound of its duration."""
 PLACE_COUNT = 4
 TERM_COUNT = 7
-"""Members of planner.limits.limit.Term, in whose order terms are counted: 1, v, v², v³, a, va, j."""
+"""Number of terms, in the order of planner.limits.limit.Term: 1, v, v², v³, a, va, j."""
 
 
 class Rows(NamedTuple):
-    """Rows low ≤ Σ coefficient · term ≤ high of N stages: M at the starts, then the same M at the second places.
+    """Rows low ≤ Σ coefficient · term ≤ high of N stages: M at the starts, M at the second places.
 
     terms (B, 7)       numbers of the terms of each block
     lengths (B,)       number of its terms
@@ -48,7 +49,8 @@ class Rows(NamedTuple):
 class Stages(NamedTuple):
     """Dynamics and objective of N stages.
 
-    The objective is Σ h + Σ jerk_weight j² + ∫ Σ r² dt − start_reward · v₀, without Σ h if the time is fixed, where
+    The objective is Σ h + Σ jerk_weight j² + ∫ Σ r² dt − start_reward · v₀, without Σ h if the time
+    is fixed, where
 
         r = r₀ j + r₁ va + r₂ v³ + r₃ a + r₄ v²
 
@@ -79,14 +81,25 @@ class Stages(NamedTuple):
 
 
 @kernel
+def get_stage(states: Array, controls: Array, k: int) -> tuple[float, float, float, float]:
+    """Return v, a, j, h of stage k."""
+    return states[k, 0], states[k, 1], controls[k, 0], controls[k, 1]
+
+
+@kernel
 def advance(v: float, a: float, j: float, h: float) -> tuple[float, float]:
     """Return (v, a) after h with constant j."""
     return v + h * (a + h * j / 2), a + h * j
 
 
 @kernel
-def differentiate_place(place: int, a: float, j: float, h: float) -> tuple[float, float, float, float]:
-    """Return the derivatives of v and a at a place: t = ∂v/∂a = ∂a/∂j, t²/2 = ∂v/∂j, ∂v/∂h and ∂a/∂h."""
+def differentiate_place(
+    place: int,
+    a: float,
+    j: float,
+    h: float,
+) -> tuple[float, float, float, float]:
+    """Return derivatives at a place: t = ∂v/∂a = ∂a/∂j, t²/2 = ∂v/∂j, ∂v/∂h and ∂a/∂h."""
     share = 0.0 if place == START else (0.5 if place == MIDDLE else 1.0)
     t = share * h
     return t, t * t / 2, share * (a + t * j), share * j
@@ -129,10 +142,11 @@ def add_hessian(
 @kernel
 def evaluate(stages: Stages, rows: Rows, states: Array, controls: Array, out: Array) -> None:
     """Fill out (N, 2M + 2) with the values of all rows."""
-    last, half_width = out.shape[1] - 1, out.shape[1] // 2 - 1
+    last = out.shape[1] - 1
+    half_width = out.shape[1] // 2 - 1
     terms = np.empty((3, TERM_COUNT))
     for k in range(len(stages.step)):
-        v, a, j, h = states[k, 0], states[k, 1], controls[k, 0], controls[k, 1]
+        v, a, j, h = get_stage(states, controls, k)
         for place in range(3):
             _fill_terms(v, a, j, h * place / 2, terms[place])
         for half in range(2):
@@ -176,13 +190,13 @@ def sum_costs(stages: Stages, states: Array, controls: Array) -> float:
     total = 0.0 if stages.fixed_time else -stages.start_reward * states[0, 0]
     squares = stages.squares
     for k in range(len(stages.step)):
-        j, h = controls[k, 0], controls[k, 1]
+        v, a, j, h = get_stage(states, controls, k)
         if not stages.fixed_time:
             total += h + stages.jerk_weight[k] * j * j
         for end in range(2 if squares.shape[2] > 0 else 0):
-            v, a = advance(states[k, 0], states[k, 1], j, h * end)
+            v_end, a_end = advance(v, a, j, h * end)
             for i in range(squares.shape[2]):
-                r = evaluate_square(squares[k, end, i], v, a, j)
+                r = evaluate_square(squares[k, end, i], v_end, a_end, j)
                 total += h / 2 * r * r
     return total
 
