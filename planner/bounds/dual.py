@@ -172,7 +172,8 @@ def _find_usual(cells: DualCells) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         by_acceleration = (cells.acceleration.min(0) / size) ** 2
         by_jerk = 2 * cells.root[:, :, None] * cells.jerk.min(0) / size
-    return np.nan_to_num(np.fmin(by_acceleration, by_jerk), nan=np.inf, posinf=np.inf).min(2).ravel()
+    usual = np.nan_to_num(np.fmin(by_acceleration, by_jerk), nan=np.inf, posinf=np.inf)
+    return np.asarray(usual.min(2).ravel())
 
 
 def _iterate(cells: DualCells, rows: _Rows, x: Array, s: Array, z: Array, unknown: Array) -> int:
