@@ -219,9 +219,12 @@ def _bound_without_jerk(case: Case, ends: Ends, least: float) -> SpanBound | Non
         return None
     gentle = Case(motion, limits, 2)
     spans = [split_run(motion, limits, run) for run in runs]
-    # without a stated gap no less than at order 2 itself, and to a fair gap as the motion is another
-    tries = [
-        join_bounds([_bound_run(gentle, run, own, gap) for run, own in zip(runs, spans, strict=True)])
-        for gap in (None, FAIR_GAP)
-    ]
-    return max(tries, key=lambda bound: bound.value)
+    # no less than at order 2 itself, where no gap is stated; then to a fair gap
+    best: SpanBound | None = None
+    for gap in (None, FAIR_GAP):
+        bounds = [_bound_run(gentle, run, own, gap) for run, own in zip(runs, spans, strict=True)]
+        joined = join_bounds(bounds)
+        best = joined if best is None or joined.value > best.value else best
+        if motion.duration <= (1 + FAIR_GAP) * best.value:
+            break
+    return best

@@ -13,7 +13,7 @@ from kinematics.foundation.arrays import Array
 from planner.bounds.cells import Nodes, guess_motion, place_nodes, refine_nodes, sample_nodes, thin_nodes
 from planner.bounds.dual import DualCells, Multipliers, maximise_dual
 from planner.bounds.inner_minimum import NEAR, fill_sets
-from planner.bounds.lower_bound import RowCells, bound_cells, enclose_rows
+from planner.bounds.lower_bound import RowCells, Trial, bound_cells, enclose_rows
 from planner.bounds.rest import bound_rest, leave_rest
 from planner.bounds.spans import Span
 from planner.bounds.worth import finite, weigh_limits, weigh_rest
@@ -144,8 +144,8 @@ def _bound_cruise(case: Case, span: Span) -> SpanBound:
     rows = enclose_rows(case.trajectory.path, case.limits, nodes.s, nodes.piece)
     count, axes = len(nodes.piece), rows.acceleration.shape[1]
     nothing, out = np.zeros(count), np.zeros(count)
-    sets, speeds = np.zeros((count, 1, 2, 2, axes)), np.zeros((count, 1, 2))
-    bound_cells(rows, case.order == 3, np.zeros((count + 1, 2)), nothing, sets, speeds, nothing, out)
+    trial = Trial(np.zeros((count + 1, 2)), nothing, np.zeros((count, 1, 2, 2, axes)), np.zeros((count, 1, 2)), nothing)
+    bound_cells(rows, case.order == 3, trial, out)
     took = np.diff(nodes.t)
     # one per cent more speed saves about one per cent of the time
     worth = np.zeros((count, 3, axes))
@@ -224,23 +224,8 @@ def _pad(multipliers: Multipliers, before: int, after: int) -> Multipliers:
     return Multipliers._make([*padded, multipliers.iterations])
 
 
-class _Trial(NamedTuple):
-    """Multipliers that are handed to the proof, in SI units; of rows in S sets, each for a part of the range of a.
-
-    nodes (M+1, 2), bulge (M,); rows (M, S, 2, 2, n), speed (M, S, 2); about (M,) m²/s², of a
-    jerky  cells in which one set does not serve every a
-    """
-
-    nodes: Array
-    bulge: Array
-    rows: Array
-    speed: Array
-    about: Array
-    jerky: np.ndarray
-
-
-def _scale(problem: _Problem, multipliers: Multipliers) -> _Trial:
-    """Return multipliers in SI units, 0 where they are no numbers or have to be 0."""
+def _scale(problem: _Problem, multipliers: Multipliers) -> tuple[Trial, np.ndarray]:
+    """Return multipliers in SI units, 0 where they are no numbers or have to be 0, and cells that need several sets."""
     length, time, rows = problem.length, problem.time, problem.rows
     nodes = finite(multipliers.nodes) * np.array([time**3 / length**2, time**3 / length])
     nodes[problem.dual.free] = 0.0  # exactly: the state is not known there
@@ -257,14 +242,14 @@ def _scale(problem: _Problem, multipliers: Multipliers) -> _Trial:
     used = np.abs(of_rows[:, :, 1]) * finite(bound[:, :, 1])
     x = np.where(np.isfinite(multipliers.x), multipliers.x, 1.0)
     about = x[:, :, 0].mean(1) * (length / time) ** 2
-    return _Trial(nodes, bulge, sets, speeds, about, np.flatnonzero(used.sum(-1).max(1) > 0.999))
+    return Trial(nodes, bulge, sets, speeds, about), np.flatnonzero(used.sum(-1).max(1) > 0.999)
 
 
 def _prove(problem: _Problem, multipliers: Multipliers) -> SpanBound:
     """Return what multipliers prove. Where they prove nothing they are made smaller."""
-    trial = _scale(problem, multipliers)
+    trial, jerky = _scale(problem, multipliers)
     nodes, bulge = trial.nodes, trial.bulge
-    out = _bound_all(problem, trial)
+    out = _bound_all(problem, trial, jerky)
     for n in range(SHRINKAGES):
         weak = ~(out > -np.inf)
         if not weak.any():
@@ -273,7 +258,7 @@ def _prove(problem: _Problem, multipliers: Multipliers) -> SpanBound:
         nodes[:-1][weak] *= factor
         nodes[1:][weak & ~np.append(weak[1:], False)] *= factor
         bulge[weak] *= factor
-        out = _bound_all(problem, trial)
+        out = _bound_all(problem, trial, jerky)
 
     edges = np.where(nodes == 0, 0.0, nodes * problem.state)  # λa a, λb b
     loss = np.diff(problem.nodes.t) + np.diff(edges.sum(1)) - out
@@ -286,22 +271,11 @@ def _prove(problem: _Problem, multipliers: Multipliers) -> SpanBound:
     return SpanBound(value, problem.nodes.s[:-1], problem.nodes.piece, loss, worth, alone)
 
 
-def _bound_all(problem: _Problem, trial: _Trial) -> Array:
+def _bound_all(problem: _Problem, trial: Trial, jerky: np.ndarray) -> Array:
     """Return what each cell surely takes (M,), s, with what λ adds."""
     rows, out = problem.rows, np.zeros(len(trial.bulge))
-    fill_sets(
-        rows.ends,
-        rows.width,
-        rows.acceleration,
-        rows.jerk,
-        trial.nodes,
-        trial.bulge,
-        trial.about,
-        trial.jerky,
-        trial.rows,
-        trial.speed,
-    )
-    bound_cells(rows, problem.order == 3, trial.nodes, trial.bulge, trial.rows, trial.speed, trial.about, out)
+    fill_sets(rows, trial, jerky)
+    bound_cells(rows, problem.order == 3, trial, out)
     for rest in problem.rests:
         leaving = leave_rest(problem.rows_at(rest), rest.side, rest.zeros)
         out[-rest.side] = bound_rest(leaving, rest.side, trial.nodes[1 - 3 * rest.side])
