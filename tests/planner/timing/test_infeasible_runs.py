@@ -22,7 +22,7 @@ def machine(hexapod, stroke=STROKE, tilt=None):
 
 @pytest.fixture(autouse=True)
 def impatient(limit_search):
-    """How far a path must shrink or move is test_advice' matter, and takes its time."""
+    """How far a path must shrink or move is tested in test_remedies."""
     limit_search(0.0)
 
 

@@ -113,7 +113,7 @@ def test_what_follows_cannot_be_asked_for(call):
 
 def test_a_pose_beyond_a_singular_one_keeps_its_limits_and_is_refused(call, tmp_path):
     """However it is asked for: beyond the line of both rods, the same axes hold the platform another way."""
-    from tests.planner.certificate.test_advice import FIVE_BAR
+    from tests.planner.test_remedies import FIVE_BAR
 
     file = tmp_path / "fivebar.toml"
     file.write_text(FIVE_BAR)
