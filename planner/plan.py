@@ -472,7 +472,7 @@ def _add_advice(
     order: int,
 ) -> MotionError:
     """Add to a geometric violation how far the path must shrink or move. Others stay unchanged."""
-    from planner.certificate.advice import find_remedy
+    from planner.remedies import find_remedy
 
     if isinstance(error, NotFree):
         return error

@@ -1,36 +1,53 @@
-"""Multipliers for the lower bound of the duration: an interior-point method on the dual problem.
+"""Multipliers for the lower bound of the duration: a primal-dual interior-point method on cells of a path.
 
-On cells of a path, with a = ṡ², b = s̈, c = db/ds as three free numbers x at both ends of each cell,
+On each of M cells of width h, with weight w = h/2 for each of its ends, x = (a, b, c) is free at both ends, and
 
-    minimise Σ w/√a  such that  −A₋ ≤ q′b + q″a ≤ A₊,  −J₋ ≤ √a (q′c + 3q″b + q‴a) ≤ J₊,  ya ≤ 1,  and
-    Σ w (λa′a + (2λa + λb′) b + λb c) = [λa a + λb b]  for all λa linear and λb quadratic on each cell:
+    minimise    Σ w/√a                                                                        (1)
+    subject to  −A₋ ≤ q′b + q″a ≤ A₊,  −J₋ ≤ √a (q′c + 3q″b + q‴a) ≤ J₊,  ya ≤ 1              (2)
+                Σ w (λa′a + (2λa + λb′) b + λb c) = [λa a + λb b]  for all λ                  (3)
 
-a′ = 2b and b′ = c as seen by these. Its multipliers λ are what `planner.bounds.lower_bound` makes a proof of.
-Newton's method on the optimality conditions; the cells' systems are tridiagonal in the nodes' λ. The rows of jerk
-are not convex: what their curvature takes off that of the duration is left out where nothing would remain.
+for λa linear and λb quadratic on each cell: (3) is a′ = 2b and b′ = c in weak form. Its multipliers λ are what
+`planner.bounds.lower_bound` makes a proof of. That proof holds for any λ, so nothing here has to be exact.
+
+The method is J. Nocedal and S. Wright, Numerical Optimization (2006), section 19.2, in its symbols:
+
+    s, z        slacks and multipliers of the rows (2), h(x) + s = 0; all as shares of the time spent at a place
+    λ           multipliers of (3); on a cell λa, λb at its start, the bulge of λb, and λa, λb at its end
+    B           (3, 5) at each end: B λ multiplies (a, b, c) in (3)
+    G           (R, 3) at each end: gradient of the rows
+    μ, σ        complementarity and centring
+    H           Hessian of the Lagrangian by x, to which the rows add Gᵀ (z/s) G
+    α_s, α_z    step lengths of x, s and of z, λ, by the fraction-to-the-boundary rule (19.9)
+
+The rows of jerk are not convex: what their curvature takes off that of the duration is left out where nothing would
+remain.
 """
 
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy.linalg import LinAlgError, solve_banded
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.kernels import kernel
 
 MAX_ITERATIONS = 80
-# Complementarity and miss of the equations, as shares of the duration, at which λ is good enough for the bound.
-DUAL_TOLERANCE, TO_BOUNDARY = 1e-5, 0.99
-# Where steps become so short, by rounding, what has been reached is taken if its complementarity is at most this.
-LEAST_CURVATURE = 0.01
-# What is added to the curvature by a and b so that first steps stay near, of what that by a is; it goes as μ does.
-STEADINESS = 1.0
-# Of what rounding leaves of a pivot, beside what it was.
-LEAST_PIVOT = 1e-14
+# Complementarity, as a share of the duration, and residual of the rows at which λ is good enough for the bound.
+DUAL_TOLERANCE, ROW_TOLERANCE = 1e-5, 1e-2
+TO_BOUNDARY = 0.99
+# Where rounding makes steps so short, what has been reached is taken if its complementarity is at most this.
 SHORT_STEP, ROUGH_TOLERANCE = 0.05, 1e-3
+# Least curvature by a, as a share of the duration's own.
+LEAST_CURVATURE = 0.01
+# Least pivot, as a share of the diagonal: below it there is only rounding.
+LEAST_PIVOT = 1e-14
+# λ of a cell: two at its start, its bulge, two at its end, which the next cell shares.
+LOCAL, STRIDE = 5, 3
 
 
 class DualCells(NamedTuple):
-    """M cells on n axes, scaled so that times and ways are near 1.
+    """M cells on n axes, scaled so that times and lengths are near 1.
 
     width (M,); q (M, 2, 3, n): q′, q″, q‴ at both ends; y (M, 2) of the speed row
     acceleration, jerk (2, n): towards greater and smaller values, ∞ where there is none
@@ -49,9 +66,11 @@ class DualCells(NamedTuple):
 
 
 class Multipliers(NamedTuple):
-    """λ (M+1, 2) at the nodes, bulge (M,) by which λb′ differs at a cell's ends, and of the rows at both ends of each
-    cell (M, 2, …): rows (…, 2, n) of acceleration and jerk, with their signs, and speed (…).
-    x (M, 2, 3): a, b, c.
+    """Multipliers and x at which the iterations ended.
+
+    nodes (M+1, 2): λ; bulge (M,): by which λb′ differs at a cell's ends
+    rows (M, 2, 2, n): of acceleration and jerk at both ends of each cell, with their signs; speed (M, 2)
+    x (M, 2, 3): a, b, c
     """
 
     nodes: Array
@@ -62,323 +81,249 @@ class Multipliers(NamedTuple):
     iterations: int
 
 
+class _Rows(NamedTuple):
+    """Rows h = G x − t ≤ 0 at K = 2M ends of cells; t = 1, but √a₀/√a for jerk, which is scaled to be near 1 too.
+
+    slope (K, R, 3): G without the slope of t; jerk, exists (K, R); root, weight (K,): √a₀ and w
+    """
+
+    slope: Array
+    jerk: np.ndarray
+    exists: np.ndarray
+    root: Array
+    weight: Array
+
+
 def maximise_dual(cells: DualCells, x: Array) -> Multipliers:
-    """From x (M, 2, 3) near a motion, with a > 0."""
+    """Return multipliers, from x (M, 2, 3) near a motion with a > 0."""
     count, axes = len(cells.width), cells.q.shape[3]
-    nodes, bulge, x = np.zeros((count + 1, 2)), np.zeros(count), x.copy()
-    slack, force = np.ones((count, 2, 4 * axes + 1)), np.ones((count, 2, 4 * axes + 1))
-    iterations = run_iterations(cells, x, nodes, bulge, slack, force)
-    force[:, :, 2 * axes : 4 * axes] *= cells.root[:, :, None]
-    pairs = force[..., : 4 * axes].reshape(count, 2, 2, 2, axes)  # kind, side
-    return Multipliers(nodes, bulge, pairs[:, :, :, 0] - pairs[:, :, :, 1], force[..., -1].copy(), x, int(iterations))
+    rows = _list_rows(cells)
+    x = x.reshape(-1, 3).copy()
+    s, z = _start_rows(rows, x)
+    unknown = np.zeros(STRIDE * count + 2)
+    iterations = _iterate(cells, rows, x, s, z, unknown)
+
+    nodes = np.stack([unknown[::STRIDE], unknown[1::STRIDE]], 1)
+    z[rows.jerk] *= np.broadcast_to(rows.root[:, None], z.shape)[rows.jerk]
+    pairs = z[:, :-1].reshape(count, 2, 2, 2, axes)  # kind, side
+    signed = pairs[:, :, :, 0] - pairs[:, :, :, 1]
+    return Multipliers(nodes, unknown[2::STRIDE], signed, z[:, -1].reshape(-1, 2), x.reshape(-1, 2, 3), iterations)
 
 
-@kernel
-def fill_row(cells: DualCells, k: int, e: int, r: int, x: Array, g: Array) -> tuple[bool, float]:
-    """Slope g (3,) of a row by (a, b, c), whether there is one, and its value: at most 0 where it is kept."""
-    n = cells.q.shape[3]
-    q = cells.q[k, e]
-    a, b, c = x[k, e, 0], x[k, e, 1], x[k, e, 2]
-    if r == 4 * n:
-        y = cells.y[k, e]
-        g[0], g[1], g[2] = y, 0.0, 0.0
-        return y > 0, y * a - 1.0
-    i = r % n
-    side = (r // n) % 2
-    sign = 1.0 - 2.0 * side
-    if r < 2 * n:
-        bound = cells.acceleration[side, i]
-        g[0], g[1], g[2] = sign * q[1, i], sign * q[0, i], 0.0
-        if not bound < np.inf:
-            return False, 0.0
-        g[0], g[1] = g[0] / bound, g[1] / bound
-        return True, g[0] * a + g[1] * b - 1.0
-    bound = cells.jerk[side, i]
-    if not bound < np.inf:
-        return False, 0.0
-    g[0], g[1], g[2] = sign * q[2, i] / bound, sign * 3 * q[1, i] / bound, sign * q[0, i] / bound
-    # in shares of what a motion near here may use, of which jerk's part goes with 1/√a
-    size = cells.root[k, e] / bound
-    g[0], g[1], g[2] = sign * q[2, i] * size, sign * 3 * q[1, i] * size, sign * q[0, i] * size
-    root = np.sqrt(a)
-    value = g[0] * a + g[1] * b + g[2] * c - cells.root[k, e] / root
-    g[0] += 0.5 * cells.root[k, e] / (a * root)
-    return True, value
+def _list_rows(cells: DualCells) -> _Rows:
+    """Return the rows (2) of acceleration and jerk, upwards and downwards for each axis, and of speed."""
+    first, second, third = cells.q.reshape(-1, *cells.q.shape[2:]).transpose(1, 0, 2)
+    root = cells.root.ravel()
+    nothing = np.zeros_like(first)
+    acceleration = np.stack([second, first, nothing], -1)
+    jerk = root[:, None, None] * np.stack([third, 3 * second, first], -1)
+    speed = cells.y.reshape(-1, 1, 1) * np.array([1.0, 0.0, 0.0])
+
+    signed = [
+        sign * slope / bound[:, None]
+        for slope, bounds in ((acceleration, cells.acceleration), (jerk, cells.jerk))
+        for sign, bound in zip((1, -1), bounds, strict=True)
+    ]
+    bounds = np.concatenate([*cells.acceleration, *cells.jerk])
+    exists = np.hstack([np.tile(bounds < np.inf, (len(root), 1)), cells.y.reshape(-1, 1) > 0])
+    is_jerk = exists.copy()
+    is_jerk[:, : 2 * first.shape[1]] = is_jerk[:, -1] = False
+    slope = np.ascontiguousarray(np.concatenate([*signed, speed], 1))
+    return _Rows(slope, is_jerk, exists, root, np.repeat(cells.width / 2, 2))
 
 
-@kernel
-def fill_balance(cells: DualCells, nodes: Array, bulge: Array, k: int, e: int, out: Array) -> None:
-    """What multiplies a, b and c: λa′, 2λa + λb′, λb."""
-    h = cells.width[k]
-    out[0] = (nodes[k + 1, 0] - nodes[k, 0]) / h
-    out[1] = 2 * nodes[k + e, 0] + (nodes[k + 1, 1] - nodes[k, 1]) / h + (1.0 - 2.0 * e) * bulge[k]
-    out[2] = nodes[k + e, 1]
+def _start_rows(rows: _Rows, x: Array) -> tuple[Array, Array]:
+    """Return first slacks and multipliers: 0.1 times each other where a row is near or exceeded."""
+    root = np.sqrt(x[:, :1])
+    room = np.where(rows.jerk, rows.root[:, None] / root, 1.0) - (rows.slope @ x[:, :, None])[:, :, 0]
+    s = np.where(rows.exists, np.maximum(room, 0.1), 1.0)
+    z = np.where(rows.exists, 0.1 / s / root, 0.0)
+    return s, z
 
 
-@kernel
-def factorize(m: Array) -> None:
-    """L of a positive definite matrix L Lᵀ (3, 3) of which the upper half counts, its diagonal inverted, in place."""
-    for i in range(3):
-        for j in range(i + 1):
-            value = m[j, i]
-            for k in range(j):
-                value -= m[i, k] * m[j, k]
-            if i == j:
-                m[i, i] = 1 / np.sqrt(max(value, LEAST_PIVOT * m[i, i]))
-            else:
-                m[i, j] = value * m[j, j]
+def _list_balance(cells: DualCells) -> tuple[Array, np.ndarray]:
+    """Return B (M, 2, 3, 5) at both ends of each cell, and which λ have to be 0 (3M + 2,)."""
+    count = len(cells.width)
+    slope = 1 / cells.width[:, None]
+    balance = np.zeros((count, 2, 3, LOCAL))
+    balance[:, :, 0, 0], balance[:, :, 0, 3] = -slope, slope  # λa′
+    balance[:, :, 1, 1], balance[:, :, 1, 4] = -slope, slope  # λb′, of the chord
+    balance[:, :, 1, 2] = 1.0, -1.0  # and of the bulge
+    for end in range(2):
+        balance[:, end, 1, 3 * end] = 2.0  # 2λa
+        balance[:, end, 2, 3 * end + 1] = 1.0  # λb
+
+    fixed = np.zeros(STRIDE * count + 2, bool)
+    fixed[::STRIDE], fixed[1::STRIDE] = cells.free.T
+    if not (cells.jerk < np.inf).any():
+        fixed[1::STRIDE] = fixed[2::STRIDE] = True
+    balance[np.broadcast_to(_windows(fixed)[:, None, None], balance.shape)] = 0.0
+    return balance, fixed
 
 
-@kernel
-def solve_lower(m: Array, out: Array) -> None:
-    """L⁻¹ out, in place, of what `factorize` left."""
-    out[0] *= m[0, 0]
-    out[1] = (out[1] - m[1, 0] * out[0]) * m[1, 1]
-    out[2] = (out[2] - m[2, 0] * out[0] - m[2, 1] * out[1]) * m[2, 2]
+def _windows(unknown: Array) -> Array:
+    """Return λ of each cell (M, 5)."""
+    return sliding_window_view(unknown, LOCAL)[::STRIDE]
 
 
-@kernel
-def solve_upper(m: Array, out: Array) -> None:
-    """L⁻ᵀ out, in place."""
-    out[2] *= m[2, 2]
-    out[1] = (out[1] - m[2, 1] * out[2]) * m[1, 1]
-    out[0] = (out[0] - m[1, 0] * out[1] - m[2, 0] * out[2]) * m[0, 0]
+def _find_usual(cells: DualCells) -> Array:
+    """Return about the largest b² (2M,) at a place, by acceleration, or by jerk at the speed there."""
+    size = np.abs(cells.q[:, :, 0])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        by_acceleration = (cells.acceleration.min(0) / size) ** 2
+        by_jerk = 2 * cells.root[:, :, None] * cells.jerk.min(0) / size
+    usual = np.nan_to_num(np.fmin(by_acceleration, by_jerk), nan=np.inf, posinf=np.inf)
+    return np.asarray(usual.min(2).ravel())
 
 
-@kernel
-def add_cell_end(h: float, e: int, m: Array, rest: Array, local: Array, part: Array) -> None:
-    """Add what a cell's end says of (λa, λb at the start, bulge, λa, λb at the end); rest (3,): L⁻¹ (Lᵀ x − …)."""
-    columns = np.zeros((5, 3))  # L⁻¹ of what multiplies a, b, c, by each of the five
-    columns[0, 0], columns[3, 0] = -1 / h, 1 / h
-    columns[1, 1], columns[4, 1], columns[2, 1] = -1 / h, 1 / h, 1.0 - 2.0 * e
-    columns[3 * e, 1] = 2.0
-    columns[3 * e + 1, 2] = 1.0
-    for u in range(5):
-        solve_lower(m, columns[u])
-    for u in range(5):
-        part[u] += h / 2 * (columns[u, 0] * rest[0] + columns[u, 1] * rest[1] + columns[u, 2] * rest[2])
-        for v in range(u, 5):
-            dot = columns[u, 0] * columns[v, 0] + columns[u, 1] * columns[v, 1] + columns[u, 2] * columns[v, 2]
-            local[u, v] += h / 2 * dot
-
-
-@kernel
-def solve_nodes(diagonal: Array, beside: Array, right: Array) -> None:
-    """Block-tridiagonal symmetric systems (M+1, 2, 2), in place: the answer in `right` (M+1, 2)."""
-    last = len(diagonal) - 1
-    inverse = np.empty((last + 1, 2, 2))
-    for j in range(last + 1):
-        d00, d01, d11 = diagonal[j, 0, 0], diagonal[j, 0, 1], diagonal[j, 1, 1]
-        if j > 0:
-            m = inverse[j - 1]
-            u = beside[j - 1]  # rows: node j−1, columns: node j
-            p00, p01 = m[0, 0] * u[0, 0] + m[0, 1] * u[1, 0], m[0, 0] * u[0, 1] + m[0, 1] * u[1, 1]
-            p10, p11 = m[1, 0] * u[0, 0] + m[1, 1] * u[1, 0], m[1, 0] * u[0, 1] + m[1, 1] * u[1, 1]
-            d00 -= u[0, 0] * p00 + u[1, 0] * p10
-            d01 -= u[0, 0] * p01 + u[1, 0] * p11
-            d11 -= u[0, 1] * p01 + u[1, 1] * p11
-            right[j, 0] -= p00 * right[j - 1, 0] + p10 * right[j - 1, 1]
-            right[j, 1] -= p01 * right[j - 1, 0] + p11 * right[j - 1, 1]
-        d00, d11 = max(d00, LEAST_PIVOT * diagonal[j, 0, 0]), max(d11, LEAST_PIVOT * diagonal[j, 1, 1])
-        det = max(d00 * d11 - d01 * d01, LEAST_PIVOT * d00 * d11)
-        inverse[j, 0, 0], inverse[j, 0, 1], inverse[j, 1, 0], inverse[j, 1, 1] = (
-            d11 / det,
-            -d01 / det,
-            -d01 / det,
-            d00 / det,
-        )
-    for j in range(last, -1, -1):
-        r0, r1 = right[j, 0], right[j, 1]
-        if j < last:
-            u = beside[j]
-            r0 -= u[0, 0] * right[j + 1, 0] + u[0, 1] * right[j + 1, 1]
-            r1 -= u[1, 0] * right[j + 1, 0] + u[1, 1] * right[j + 1, 1]
-        m = inverse[j]
-        right[j, 0], right[j, 1] = m[0, 0] * r0 + m[0, 1] * r1, m[1, 0] * r0 + m[1, 1] * r1
-
-
-@kernel
-def run_iterations(cells: DualCells, x: Array, nodes: Array, bulge: Array, slack: Array, force: Array) -> int:
-    """Fill x, λ, slacks and multipliers of the rows; how many iterations that took."""
-    count, n = len(cells.width), cells.q.shape[3]
-    rows = 4 * n + 1
-    third = False
-    for i in range(n):
-        third = third or cells.jerk[0, i] < np.inf or cells.jerk[1, i] < np.inf
-    g, balance, rest = np.zeros(3), np.zeros(3), np.zeros(3)
-    hessian, factors = np.zeros((3, 3)), np.zeros((count, 2, 3, 3))
-    pull, local, part = np.zeros((count, 2, 3)), np.zeros((5, 5)), np.zeros(5)
-    diagonal, beside, right = np.zeros((count + 1, 2, 2)), np.zeros((count, 2, 2)), np.zeros((count + 1, 2))
-    middle = np.zeros((count, 6))  # of each bulge: its own, right side, and how it hangs on the four λ
-    bulge_step, x_step = np.zeros(count), np.zeros((count, 2, 3))
-    weighed = 0.0
-    for k in range(count):
-        for e in range(2):
-            for r in range(rows):
-                there, value = fill_row(cells, k, e, r, x, g)
-                slack[k, e, r] = max(-value, 0.1) if there else 1.0
-                force[k, e, r] = 0.0
-                if there:
-                    force[k, e, r] = 0.1 / slack[k, e, r] / np.sqrt(x[k, e, 0])
-                    weighed += cells.width[k] / 2 / cells.root[k, e]
-    share = 0.5
+def _iterate(cells: DualCells, rows: _Rows, x: Array, s: Array, z: Array, unknown: Array) -> int:
+    """Improve x, s, z and λ in place. Return how many iterations that took."""
+    balance, fixed = _list_balance(cells)
+    usual, weight = _find_usual(cells), rows.weight
+    per_row = weight / rows.root @ rows.exists.sum(1)  # s of time, over all rows
+    ds, dz = np.zeros_like(s), np.zeros_like(z)
+    alpha = 0.5
     for iteration in range(MAX_ITERATIONS):
-        mu, time = 0.0, 0.0
-        for k in range(count):
-            for e in range(2):
-                time += cells.width[k] / 2 / np.sqrt(x[k, e, 0])
-                for r in range(rows):
-                    mu += cells.width[k] / 2 * slack[k, e, r] * force[k, e, r]
-        steady = STEADINESS * min(1.0, mu / time)
-        centre = 0.1 if share > 0.9 else (0.3 if share > 0.5 else 0.7)
-        diagonal[:], beside[:], right[:], middle[:] = 0.0, 0.0, 0.0, 0.0
-        worst = 0.0
-        for k in range(count):
-            h = cells.width[k]
-            local[:], part[:] = 0.0, 0.0
-            for e in range(2):
-                a = x[k, e, 0]
-                root = np.sqrt(a)
-                hessian[:] = 0.0
-                left = 1.0  # of the curvature by a, what jerk's rows leave
-                for r in range(2 * n, 4 * n):
-                    left -= force[k, e, r] * cells.root[k, e]
-                hessian[0, 0] = (max(left, LEAST_CURVATURE) + steady) * 0.75 / (a * a * root)
-                # where nothing tells b yet, as far as it is usual at such a speed
-                usual = np.inf
-                for i in range(n):
-                    size = abs(cells.q[k, e, 0, i])
-                    if size > 0:
-                        for side in range(2):
-                            usual = min(usual, (cells.acceleration[side, i] / size) ** 2)
-                            usual = min(usual, 2 * root * cells.jerk[side, i] / size)
-                hessian[1, 1] = steady / (usual * root)
-                if not third:
-                    hessian[2, 2] = 1.0
-                fill_balance(cells, nodes, bulge, k, e, balance)
-                p = pull[k, e]
-                p[0], p[1], p[2] = balance[0] - 0.5 / (a * root), balance[1], balance[2]
-                # what a row's slack and multiplier are led to, as share of the time that is spent here
-                goal = centre * mu / weighed / cells.root[k, e]
-                for r in range(rows):
-                    there, value = fill_row(cells, k, e, r, x, g)
-                    if not there:
-                        continue
-                    s, z = slack[k, e, r], force[k, e, r]
-                    miss = value + s
-                    worst = max(worst, abs(miss))
-                    weight = z / s
-                    led = z + (goal - z * s) / s + weight * miss
-                    for i in range(3):
-                        p[i] += led * g[i]
-                        for j in range(i, 3):
-                            hessian[i, j] += weight * g[i] * g[j]
-                factor = factors[k, e]
-                for i in range(3):
-                    if hessian[i, i] == 0:  # where the path stands, nothing tells b and c
-                        hessian[i, i] = 1.0
-                    for j in range(i, 3):
-                        factor[i, j] = hessian[i, j]
-                factorize(factor)
-                # Lᵀ x − L⁻¹ p: what moves x, less the multipliers of the balance
-                solve_lower(factor, p)
-                for i in range(3):
-                    rest[i] = x[k, e, i] / factor[i, i] - p[i]
-                    for j in range(i + 1, 3):
-                        rest[i] += factor[j, i] * x[k, e, j]
-                add_cell_end(h, e, factor, rest, local, part)
-            for u in range(5):
-                for v in range(u):
-                    local[u, v] = local[v, u]
-            if third:
-                d = 1 / local[2, 2]
-                middle[k, 0], middle[k, 1] = d, part[2]
-                middle[k, 2], middle[k, 3], middle[k, 4], middle[k, 5] = (
-                    local[2, 0],
-                    local[2, 1],
-                    local[2, 3],
-                    local[2, 4],
-                )
-                for u in range(5):
-                    if u != 2:
-                        part[u] -= local[2, u] * d * part[2]
-                        for v in range(5):
-                            if v != 2:
-                                local[u, v] -= local[2, u] * d * local[2, v]
-            for u in range(2):
-                right[k, u] += part[u]
-                right[k + 1, u] += part[u + 3]
-                for v in range(2):
-                    diagonal[k, u, v] += local[u, v]
-                    diagonal[k + 1, u, v] += local[u + 3, v + 3]
-                    beside[k, u, v] += local[u, v + 3]
-        for u in range(2):
-            right[0, u] += cells.given[0, u]
-            right[count, u] -= cells.given[1, u]
-            for j in range(count + 1):
-                if cells.free[j, u]:
-                    diagonal[j, u, u] *= 1e12
-                    right[j, u] = 0.0
-        if not third:
-            for j in range(count + 1):
-                right[j, 1], diagonal[j, 0, 1], diagonal[j, 1, 0], diagonal[j, 1, 1] = 0.0, 0.0, 0.0, 1.0
-                if j < count:
-                    beside[j, 0, 1], beside[j, 1, 0], beside[j, 1, 1] = 0.0, 0.0, 0.0
-        solve_nodes(diagonal, beside, right)
-        most, most_force = 1.0, 1.0
-        for k in range(count):
-            h = cells.width[k]
-            bulge_step[k] = 0.0
-            if third:
-                m = middle[k]
-                hang = m[2] * right[k, 0] + m[3] * right[k, 1] + m[4] * right[k + 1, 0] + m[5] * right[k + 1, 1]
-                bulge_step[k] = m[0] * (m[1] - hang)
-            for e in range(2):
-                fill_balance(cells, right, bulge_step, k, e, balance)
-                factor, p, step = factors[k, e], pull[k, e], x_step[k, e]
-                solve_lower(factor, balance)
-                for i in range(3):
-                    step[i] = -p[i] - balance[i]
-                solve_upper(factor, step)
-                if step[0] < 0:
-                    most = min(most, -0.9 * x[k, e, 0] / step[0])
-                elif step[0] > 3 * x[k, e, 0]:
-                    most = min(most, 3 * x[k, e, 0] / step[0])
-                goal = centre * mu / weighed / cells.root[k, e]
-                for r in range(rows):
-                    there, value = fill_row(cells, k, e, r, x, g)
-                    if not there:
-                        continue
-                    s, z = slack[k, e, r], force[k, e, r]
-                    ds = -(value + s) - (g[0] * step[0] + g[1] * step[1] + g[2] * step[2])
-                    dz = (goal - z * s - z * ds) / s
-                    if ds < 0:
-                        most = min(most, -TO_BOUNDARY * s / ds)
-                    if dz < 0:
-                        most_force = min(most_force, -TO_BOUNDARY * z / dz)
-        share = min(most, most_force)
-        if share < SHORT_STEP and mu < ROUGH_TOLERANCE * time:
+        a, root = x[:, 0].copy(), np.sqrt(x[:, 0])
+        time = weight @ (1 / root)
+        mu = weight @ (s * z).sum(1)
+        sigma = 0.1 if alpha > 0.9 else (0.3 if alpha > 0.5 else 0.7)
+        goal = sigma * mu / per_row / rows.root
+
+        # Hessian and gradient of the Lagrangian by x, with the rows' slacks and multipliers eliminated (19.6)
+        steady = min(1.0, mu / time)  # keeps first steps near, and goes as μ does
+        kept = 1.0 - (z * rows.jerk).sum(1) * rows.root
+        hessian = np.zeros((len(x), 3, 3))
+        hessian[:, 0, 0] = (np.maximum(kept, LEAST_CURVATURE) + steady) * 0.75 / (a * a * root)
+        hessian[:, 1, 1] = steady / (usual * root)
+        gradient = np.einsum("keij,kj->kei", balance, _windows(unknown)).reshape(-1, 3)
+        gradient[:, 0] -= 0.5 / (a * root)
+        residual = add_rows(rows, (x, s, z), goal, hessian, gradient)
+
+        try:
+            dx, step = _solve_newton(cells, (balance, fixed), x, hessian, gradient)
+        except LinAlgError:  # by rounding; what has been reached is taken
+            return iteration
+        alpha_s, alpha_z = find_step(rows, (x, s, z), goal, dx, (ds, dz))
+        alpha = min(alpha_s, alpha_z)
+        if not alpha > SHORT_STEP and mu < ROUGH_TOLERANCE * time:
             return iteration + 1
-        for k in range(count):
-            h = cells.width[k]
-            for e in range(2):
-                step = x_step[k, e]
-                goal = centre * mu / weighed / cells.root[k, e]
-                for r in range(rows):
-                    there, value = fill_row(cells, k, e, r, x, g)
-                    if not there:
-                        continue
-                    s, z = slack[k, e, r], force[k, e, r]
-                    ds = -(value + s) - (g[0] * step[0] + g[1] * step[1] + g[2] * step[2])
-                    dz = (goal - z * s - z * ds) / s
-                    slack[k, e, r] += most * ds
-                    force[k, e, r] += most_force * dz
-                for i in range(3):
-                    x[k, e, i] += most * step[i]
-            bulge[k] += most_force * bulge_step[k]
-        for j in range(count + 1):
-            for u in range(2):
-                nodes[j, u] += most_force * right[j, u]
-        if mu < DUAL_TOLERANCE * time and worst < 1e-2 and share > 0.5:
+        x += alpha_s * dx
+        s += alpha_s * ds
+        z += alpha_z * dz
+        unknown += alpha_z * step
+        if mu < DUAL_TOLERANCE * time and residual < ROW_TOLERANCE and alpha > 0.5:
             return iteration + 1
     return MAX_ITERATIONS
+
+
+@kernel
+def add_rows(rows: _Rows, point: tuple[Array, Array, Array], goal: Array, hessian: Array, gradient: Array) -> float:
+    """Add Gᵀ (z/s) G, upper half, to H, and Gᵀ (z + (goal + z h)/s) to the gradient. Return the largest |h + s|."""
+    x, s, z = point
+    residual = 0.0
+    g = np.zeros(3)
+    for k in range(len(x)):
+        a = x[k, 0]
+        share = rows.root[k] / np.sqrt(a)
+        for r in range(s.shape[1]):
+            if not rows.exists[k, r]:
+                continue
+            g[:] = rows.slope[k, r]
+            h = g[0] * a + g[1] * x[k, 1] + g[2] * x[k, 2]
+            if rows.jerk[k, r]:
+                h -= share
+                g[0] += 0.5 * share / a
+            else:
+                h -= 1.0
+            residual = max(residual, abs(h + s[k, r]))
+            curvature = z[k, r] / s[k, r]
+            pull = z[k, r] + goal[k] / s[k, r] + curvature * h
+            for i in range(3):
+                gradient[k, i] += pull * g[i]
+                for j in range(i, 3):
+                    hessian[k, i, j] += curvature * g[i] * g[j]
+    return residual
+
+
+@kernel
+def find_step(
+    rows: _Rows, point: tuple[Array, Array, Array], goal: Array, dx: Array, out: tuple[Array, Array]
+) -> tuple[float, float]:
+    """Fill ds and dz of the step dx. Return α_s and α_z (19.9); a changes fourfold or to a tenth at most."""
+    x, s, z = point
+    ds, dz = out
+    alpha_s = alpha_z = 1.0
+    for k in range(len(x)):
+        a, da = x[k, 0], dx[k, 0]
+        if da < 0:
+            alpha_s = min(alpha_s, -0.9 * a / da)
+        elif da > 3 * a:
+            alpha_s = min(alpha_s, 3 * a / da)
+        share = rows.root[k] / np.sqrt(a)
+        for r in range(s.shape[1]):
+            if not rows.exists[k, r]:
+                continue
+            g = rows.slope[k, r]
+            h = g[0] * (a + da) + g[1] * (x[k, 1] + dx[k, 1]) + g[2] * (x[k, 2] + dx[k, 2])
+            h += 0.5 * share / a * da - share if rows.jerk[k, r] else -1.0
+            ds[k, r] = -h - s[k, r]
+            dz[k, r] = (goal[k] - z[k, r] * (s[k, r] + ds[k, r])) / s[k, r]
+            if ds[k, r] < 0:
+                alpha_s = min(alpha_s, -TO_BOUNDARY * s[k, r] / ds[k, r])
+            if dz[k, r] < 0:
+                alpha_z = min(alpha_z, -TO_BOUNDARY * z[k, r] / dz[k, r])
+    return alpha_s, alpha_z
+
+
+def _solve_newton(
+    cells: DualCells, constraint: tuple[Array, np.ndarray], x: Array, hessian: Array, gradient: Array
+) -> tuple[Array, Array]:
+    """Return the steps of x (2M, 3) and of λ (3M + 2,): H dx + B dλ = −gradient, and (3).
+
+    With dx eliminated, Σ w Bᵀ H⁻¹ B dλ = Σ w Bᵀ (x − H⁻¹ gradient) − [a, b]: a band, as cells share λ at nodes.
+    """
+    balance, fixed = constraint
+    count = len(cells.width)
+    right = np.concatenate([balance.reshape(-1, 3, LOCAL), gradient[:, :, None]], 2)
+    solved = _solve_small(hessian, right)
+    both = solved.reshape(count, 6, LOCAL + 1).copy()
+    both[:, :, LOCAL] = x.reshape(count, 6) - both[:, :, LOCAL]
+    weighted = balance.reshape(count, 6, LOCAL).transpose(0, 2, 1) * (cells.width / 2)[:, None, None]
+    local = weighted @ both
+
+    size = len(fixed)
+    band, right_side = np.zeros((2 * LOCAL - 1, size)), np.zeros(size)
+    for i in range(LOCAL):
+        right_side[i : size - LOCAL + 1 + i : STRIDE] += local[:, i, LOCAL]
+        for j in range(LOCAL):
+            band[LOCAL - 1 + i - j, j : size - LOCAL + 1 + j : STRIDE] += local[:, i, j]
+    right_side[:2] += cells.given[0]
+    right_side[-2:] -= cells.given[1]
+    right_side[fixed] = 0.0
+    diagonal = band[LOCAL - 1]
+    diagonal[diagonal == 0] = 1.0
+    step = solve_banded((LOCAL - 1, LOCAL - 1), band, right_side, check_finite=False)
+    by_lambda = np.einsum("kij,kj->ki", solved.reshape(count, 6, -1)[:, :, :LOCAL], _windows(step))
+    return -solved[:, :, LOCAL] - by_lambda.reshape(-1, 3), step
+
+
+def _solve_small(matrices: Array, right: Array) -> Array:
+    """Solve symmetric systems (K, 3, 3), of which the upper half counts, by L D Lᵀ: right (K, 3, N)."""
+    own = np.maximum(np.einsum("kii->ki", matrices), 0.0)
+    own[own == 0] = 1.0  # where the path stands, nothing tells b and c
+    least = LEAST_PIVOT * own
+    m01, m02, m12 = matrices[:, 0, 1], matrices[:, 0, 2], matrices[:, 1, 2]
+    d0 = own[:, 0]
+    l10, l20 = m01 / d0, m02 / d0
+    d1 = np.maximum(own[:, 1] - l10 * m01, least[:, 1])
+    l21 = (m12 - l20 * m01) / d1
+    d2 = np.maximum(own[:, 2] - l20 * m02 - l21 * l21 * d1, least[:, 2])
+
+    y0 = right[:, 0]
+    y1 = right[:, 1] - l10[:, None] * y0
+    y2 = right[:, 2] - l20[:, None] * y0 - l21[:, None] * y1
+    z2 = y2 / d2[:, None]
+    z1 = y1 / d1[:, None] - l21[:, None] * z2
+    z0 = y0 / d0[:, None] - l10[:, None] * z1 - l20[:, None] * z2
+    return np.stack([z0, z1, z2], 1)

@@ -14,6 +14,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.kernels import kernel
+from planner.bounds.lower_bound import RowCells, Trial
 
 # Of a near which the motion's is, those whose programmes are solved, and how much more than what the motion's rows are
 # worth it costs to exceed a row.
@@ -102,38 +103,27 @@ def solve_inner(
 
 
 @kernel
-def fill_sets(
-    ends: Array,
-    width: Array,
-    acceleration: Array,
-    jerk: Array,
-    nodes: Array,
-    bulge: Array,
-    about: Array,
-    chosen: np.ndarray,
-    given: Array,
-    sigma: Array,
-) -> None:
-    """Fill given (M, S, 2, 2, n) and sigma (M, S, 2) of chosen cells from the second set on; the first is there.
-
-    ends (M, 2, 3, n) of q′, q″, q‴; nodes (M+1, 2), bulge (M,) of λ; about (M,) of a.
-    """
+def fill_sets(rows: RowCells, trial: Trial, chosen: np.ndarray) -> None:
+    """Fill the sets of chosen cells from the second on, for a's near the motion's; the first is there."""
     e, penalty = np.zeros(2), np.zeros(2)
+    acceleration, jerk, given = rows.acceleration, rows.jerk, trial.rows
     for k in chosen:
+        slope = (trial.nodes[k + 1, 1] - trial.nodes[k, 1]) / rows.width[k]
         for side in range(2):
-            q = ends[k, side]
-            e[0] = 2 * nodes[k + side, 0] + (nodes[k + 1, 1] - nodes[k, 1]) / width[k] + (1.0 - 2.0 * side) * bulge[k]
-            e[1] = nodes[k + side, 1]
-            penalty[0], penalty[1], reach = abs(e[0]), abs(e[1]), 0.0
+            q, first = rows.ends[k, side], given[k, 0, side]
+            e[0] = 2 * trial.nodes[k + side, 0] + slope + (1.0 - 2.0 * side) * trial.bulge[k]
+            e[1] = trial.nodes[k + side, 1]
+            penalty[:] = np.abs(e)
             for i in range(q.shape[1]):
-                penalty[0] += abs(given[k, 0, side, 0, i] * q[0, i]) + 3 * abs(given[k, 0, side, 1, i] * q[1, i])
-                penalty[1] += abs(given[k, 0, side, 1, i] * q[0, i])
+                penalty[0] += abs(first[0, i] * q[0, i]) + 3 * abs(first[1, i] * q[1, i])
+                penalty[1] += abs(first[1, i] * q[0, i])
             for n in range(NEAR.size):
-                a = NEAR[n] * about[k]
+                a = NEAR[n] * trial.about[k]
                 reach = np.inf
                 for i in range(q.shape[1]):
                     if q[0, i] != 0.0:
                         most = max(acceleration[0, i], acceleration[1, i]) + abs(q[1, i]) * a
                         reach = min(reach, most / abs(q[0, i]))
                 solve_inner(q, acceleration, jerk, a, 2 * reach, e, PENALTY * penalty, given[k, n + 1, side])
-                sigma[k, n + 1, side] = sigma[k, 0, side] * (0.0 if NEAR[n] < 0.9 else (1.0 if NEAR[n] < 1.03 else 2.0))
+                share = 0.0 if NEAR[n] < 0.9 else (1.0 if NEAR[n] < 1.03 else 2.0)
+                trial.speed[k, n + 1, side] = share * trial.speed[k, 0, side]

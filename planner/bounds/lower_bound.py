@@ -52,6 +52,31 @@ class RowCells(NamedTuple):
     jerk: Array
 
 
+class Trial(NamedTuple):
+    """Multipliers for which cells are bounded; of rows in S sets, each for a part of the range of a. Any will do.
+
+    nodes (M+1, 2), bulge (M,): λ, and by how much λb′ differs at a cell's ends from its mean
+    rows (M, S, 2, 2, n), speed (M, S, 2): at both ends of each cell, those of acceleration (ν) and of jerk (μ); σ
+    about (M,)  m²/s², a at which the least is thought to be
+    """
+
+    nodes: Array
+    bulge: Array
+    rows: Array
+    speed: Array
+    about: Array
+
+
+class CellTrial(NamedTuple):
+    """One set of these for one cell: λ at both ends (2,), the bulge, ν and μ (2, 2, n), σ (2,)."""
+
+    lambda_a: Array
+    lambda_b: Array
+    bulge: float
+    rows: Array
+    speed: Array
+
+
 def enclose_rows(path: ActuatorPath, limits: Sequence[Limit], nodes: Array, piece: np.ndarray) -> RowCells:
     """Over the cells between nodes (M+1,), which lie in pieces (M,)."""
     count, axes = len(piece), len(path.names)
@@ -135,77 +160,6 @@ def _add_speed(limit: Limit, along: Enclosure, within: tuple[Array, Array], spee
     speed_off[more] = error[more, best[more]]
 
 
-class RestDeparture(NamedTuple):
-    """How n axes may leave rest in a run's first cell, or come to it in the last, looked at back in time.
-
-    An axis that does not turn in the cell goes by X there, with ẍ ≤ A and x⃛ ≤ J. So it surely takes T, and leaves the
-    cell with no more than full acceleration, or full jerk, give it on X:
-
-        T ≥ √(2X/A), ẋ² ≤ 2AX;  T ≥ ∛(6X/J), ẋ² ≤ (3/2) ∛(6J²X⁴), ẍ ≤ ∛(6J²X).
-
-    moves (n,): of which that is known; time, square, speedup (n,): T, ẋ², ẍ; against (n,): most of −ẍ
-    slope, bend (2, n): x′ and x″ at the inner end, at least and at most
-    """
-
-    moves: np.ndarray
-    time: Array
-    square: Array
-    speedup: Array
-    against: Array
-    slope: Array
-    bend: Array
-
-
-def leave_rest(rows: RowCells, side: int, still: int) -> RestDeparture:
-    """In the first cell (side 0) or the last; `still` of the path's first derivatives are 0 at its outer end."""
-    k, out, sign = (0, 1, 1.0) if side == 0 else (-1, 0, -1.0)
-    h, q, off = rows.width[k], rows.ends[k], rows.off[k]
-    away = np.sign(sign * q[out, 0])
-    # the first derivative by the way from the rest that is not 0, as its chord, and what follows for those before it
-    first, last = (away * sign ** (still + 1) * q[end, still] for end in (1 - out, out))
-    error = off[still]
-    x1, x2 = away * sign * q[out, 0], away * q[out, 1]
-    if still == 0:
-        way, bend = h * np.stack([(first + last) / 2, error]), np.stack([x2, off[1]])
-        slope = np.stack([x1, off[0]])
-    else:
-        steep = h * np.stack([(first + last) / 2, error])
-        slope, bend = steep, np.stack([x2, off[1]])
-        way = h**2 * np.stack([(2 * first + last) / 6, error / 2])
-        if still == 2:
-            slope, bend = way, steep
-            way = h**3 * np.stack([(3 * first + last) / 24, error / 6])
-    way, slope, bend = (np.stack([middle - rest, middle + rest]) for middle, rest in (way, slope, bend))
-    onward = np.where(away > 0, rows.acceleration[0], rows.acceleration[1])
-    against = np.where(away > 0, rows.acceleration[1], rows.acceleration[0])
-    jerk = np.where(sign * away > 0, rows.jerk[0], rows.jerk[1])  # back in time it has the other sign
-    moves = (np.minimum(first, last) > error) & (way[0] > 0) & (slope[0] > 0)
-    with np.errstate(invalid="ignore", over="ignore"):
-        return RestDeparture(
-            moves,
-            np.maximum(np.sqrt(2 * way[0] / onward), np.cbrt(6 * way[0] / jerk)),
-            np.minimum(2 * onward * way[1], 1.5 * np.cbrt(6 * jerk**2 * way[1] ** 4)),
-            np.minimum(onward, np.cbrt(6 * jerk**2 * way[1])),
-            against,
-            slope,
-            bend,
-        )
-
-
-def bound_rest(leaving: RestDeparture, side: int, inner: Array) -> float:
-    """What the cell surely takes, s, with what λ (2,) of its inner node adds to it; −∞ where nothing is proved."""
-    by_a, by_b = (1 - 2 * side) * inner[0], inner[1]
-    low = leaving.slope[0]
-    with np.errstate(all="ignore"):
-        # λa a + λb b in ẋ² = x′²a and ẍ = x′b + x″a
-        turned = by_b * np.stack([bend / slope for bend in leaving.bend for slope in leaving.slope])
-        of_square = np.minimum(by_a - turned.max(0), 0.0) / low**2
-        end = by_b / low * (leaving.speedup if by_b < 0 else -leaving.against) if by_b != 0 else 0.0 * low
-        size = leaving.time + np.abs(end) + (abs(by_a) + np.abs(turned).max(0)) / low**2 * leaving.square
-        values = leaving.time + of_square * leaving.square + end - ROUNDINGS * size
-    return float(np.where(leaving.moves & np.isfinite(values), values, -np.inf).max())
-
-
 @kernel
 def least_over(g: float, p: float, low: float, high: float) -> float:
     """The least of g/√a + p a over low ≤ a ≤ high, low > 0 or 0, high maybe ∞."""
@@ -237,109 +191,116 @@ def add_below(one: float, other: float) -> float:
 
 
 @kernel
-def sum_rows(
-    rows: RowCells, k: int, third: bool, nodes: Array, bulge: float, given: Array, sigma: Array, out: Array
-) -> None:
-    """out (2, 3): g, P and K at both ends of cell k, surely, for multipliers given (2, 2, n) and sigma (2,).
-
-    given is balanced here: what its rows leave of b and c at an end is taken by one row more of each kind.
-    """
-    n = rows.ends.shape[3]
-    h = rows.width[k]
-    q, off = rows.ends[k], rows.off[k]
-    m = np.empty((2, 2, n))
-    # the rows that balance: of which the axis moves most beside its bound, at the end where it does least
-    first, second, most_first, most_second = -1, -1, 0.0, 0.0
-    for i in range(n):
-        least = min(abs(q[0, 0, i]), abs(q[1, 0, i])) - off[0, i]
-        if q[0, 0, i] * q[1, 0, i] <= 0 or not least > 0:
+def find_movers(rows: RowCells, k: int) -> tuple[int, int]:
+    """Return the axes that surely move most beside their limit of acceleration, and of jerk; −1 for none."""
+    first = second = -1
+    most_first = most_second = 0.0
+    for i in range(rows.ends.shape[3]):
+        one, two = rows.ends[k, 0, 0, i], rows.ends[k, 1, 0, i]
+        least = min(abs(one), abs(two)) - rows.off[k, 0, i]
+        if one * two <= 0 or not least > 0:
             continue
-        bound = max(rows.acceleration[0, i], rows.acceleration[1, i])
-        if least / bound > most_first:
-            first, most_first = i, least / bound
-        bound = max(rows.jerk[0, i], rows.jerk[1, i])
-        if least / bound > most_second:
-            second, most_second = i, least / bound
-    out[:] = -np.inf
-    if first < 0 or (third and second < 0):
-        return
-    push = (nodes[k + 1, 1] - nodes[k, 1]) / h
-    bend = (nodes[k + 1, 0] - nodes[k, 0]) / h
-    left_b = left_c = 0.0  # what is left at the ends, by rounding, and as the sums bend
+        use = least / max(rows.acceleration[0, i], rows.acceleration[1, i])
+        if use > most_first:
+            first, most_first = i, use
+        use = least / max(rows.jerk[0, i], rows.jerk[1, i])
+        if use > most_second:
+            second, most_second = i, use
+    return first, second
+
+
+@kernel
+def add_products(factor: float, m: Array, q: Array, off: Array, out: Array) -> None:
+    """Add factor · Σ m q over a cell to out (5,): at both ends, its bend, its error, and the size of all summands.
+
+    m (2, n) are linear along the cell, q (2, n) up to off (n,). A product of two chords leaves its own chord by a
+    quarter of what the two changes make.
+    """
+    for i in range(q.shape[1]):
+        most = factor * max(abs(m[0, i]), abs(m[1, i]))
+        out[0] += factor * m[0, i] * q[0, i]
+        out[1] += factor * m[1, i] * q[1, i]
+        out[2] += factor * (m[1, i] - m[0, i]) * (q[1, i] - q[0, i]) / 4
+        out[3] += most * off[i]
+        out[4] += most * max(abs(q[0, i]), abs(q[1, i]))
+
+
+@kernel
+def bound_size(total: Array) -> float:
+    """Return the most that a sum of `add_products` can be over its cell."""
+    most = max(abs(total[0]), abs(total[1])) + abs(total[2]) + total[3]
+    size: float = (most + ROUNDINGS * (total[4] + abs(total[2]))) * (1 + ROUNDINGS)
+    return size
+
+
+@kernel
+def sum_rows(rows: RowCells, k: int, cell: CellTrial, movers: tuple[int, int], out: Array) -> None:
+    """Fill out (2, 3): g, P and K at both ends of cell k, surely. A mover of jerk of −1 stands for order 2.
+
+    What the given multipliers leave of R and Q at an end is taken by the mover's rows; what then is left in between,
+    |R| ≤ r and |Q| ≤ ρ, by one row more of each kind.
+    """
+    first, second = movers
+    n, h = rows.ends.shape[3], rows.width[k]
+    q, off = rows.ends[k], rows.off[k]
+    lambda_a, lambda_b, bulge = cell.lambda_a, cell.lambda_b, cell.bulge
+    mu, nu = np.zeros((2, n)), np.zeros((2, n))
     for e in range(2):
-        balance_b = 2 * nodes[k + e, 0] + push + (1.0 - 2.0 * e) * bulge
-        balance_c = nodes[k + e, 1]
-        size = 0.0
         for i in range(n):
-            m[e, 0, i], m[e, 1, i] = given[e, 0, i], given[e, 1, i] if third else 0.0
-            if not max(rows.acceleration[0, i], rows.acceleration[1, i]) < np.inf:
-                m[e, 0, i] = 0.0
-            if not max(rows.jerk[0, i], rows.jerk[1, i]) < np.inf:
-                m[e, 1, i] = 0.0
-            balance_c += m[e, 1, i] * q[e, 0, i]
-        if third:
-            m[e, 1, second] -= balance_c / q[e, 0, second]
-        balance_c, size_c = nodes[k + e, 1], abs(nodes[k + e, 1])
-        size = abs(2 * nodes[k + e, 0]) + (abs(nodes[k + 1, 1]) + abs(nodes[k, 1])) / h + abs(bulge)
-        for i in range(n):
-            balance_c += m[e, 1, i] * q[e, 0, i]
-            size_c += abs(m[e, 1, i] * q[e, 0, i])
-            balance_b += 3 * m[e, 1, i] * q[e, 1, i] + m[e, 0, i] * q[e, 0, i]
-            size += abs(3 * m[e, 1, i] * q[e, 1, i]) + abs(m[e, 0, i] * q[e, 0, i])
-        extra = balance_b / q[e, 0, first]
-        m[e, 0, first] -= extra
-        left_b = max(left_b, ROUNDINGS * (size + abs(extra * q[e, 0, first])))
-        left_c = max(left_c, abs(balance_c) + ROUNDINGS * size_c)
-    bent_b, bent_c, bent_p = 0.0, -bulge * h / 4, 0.0
-    rough_b, rough_c, rough_p = 0.0, abs(bent_c), 0.0  # what is summed, and so rounded, at most
-    for i in range(n):
-        d = (m[1, 0, i] - m[0, 0, i]) / 2
-        j = (m[1, 1, i] - m[0, 1, i]) / 2
-        big, large = max(abs(m[0, 0, i]), abs(m[1, 0, i])), max(abs(m[0, 1, i]), abs(m[1, 1, i]))
-        s1, s2, s3 = (q[1, 0, i] - q[0, 0, i]) / 2, (q[1, 1, i] - q[0, 1, i]) / 2, (q[1, 2, i] - q[0, 2, i]) / 2
-        bent_c += j * s1
-        bent_b += 3 * j * s2 + d * s1
-        bent_p += j * s3 + d * s2
-        most = max(abs(q[0, 0, i]), abs(q[1, 0, i])), max(abs(q[0, 1, i]), abs(q[1, 1, i]))
-        rough_c += large * most[0]
-        rough_b += 3 * large * most[1] + big * most[0]
-        rough_p += large * max(abs(q[0, 2, i]), abs(q[1, 2, i])) + big * most[1]
-        left_c += large * off[0, i]
-        left_b += 3 * large * off[1, i] + big * off[0, i]
-    left_c += abs(bent_c) + ROUNDINGS * (rough_c + left_c)
-    left_b += abs(bent_b) + ROUNDINGS * (rough_b + left_b)
-    more_c = more_b = 0.0
-    if third:
+            if max(rows.acceleration[0, i], rows.acceleration[1, i]) < np.inf:
+                nu[e, i] = cell.rows[e, 0, i]
+            if second >= 0 and max(rows.jerk[0, i], rows.jerk[1, i]) < np.inf:
+                mu[e, i] = cell.rows[e, 1, i]
+
+    slope_a, slope_b = (lambda_a[1] - lambda_a[0]) / h, (lambda_b[1] - lambda_b[0]) / h
+    size_a = (abs(lambda_a[0]) + abs(lambda_a[1])) / h
+    size_b = 2 * max(abs(lambda_a[0]), abs(lambda_a[1])) + (abs(lambda_b[0]) + abs(lambda_b[1])) / h + abs(bulge)
+    # R = λb + Σ μ q′, of which λb bends
+    r, rho, p = np.zeros(5), np.zeros(5), np.zeros(5)
+    r[0], r[1], r[2] = lambda_b[0], lambda_b[1], -bulge * h / 4
+    r[4] = max(abs(lambda_b[0]), abs(lambda_b[1])) + abs(r[2])
+    if second >= 0:
+        for e in range(2):
+            mu[e, second] -= (lambda_b[e] + (mu[e] * q[e, 0]).sum()) / q[e, 0, second]
+        add_products(1.0, mu, q[:, 0], off[0], r)
+    # Q = 2 λa + λb′ + 3 Σ μ q″ + Σ ν q′
+    for e in range(2):
+        rho[e] = 2 * lambda_a[e] + slope_b + (1.0 - 2.0 * e) * bulge
+    rho[4] = size_b
+    add_products(3.0, mu, q[:, 1], off[1], rho)
+    for e in range(2):
+        nu[e, first] -= (rho[e] + (nu[e] * q[e, 0]).sum()) / q[e, 0, first]
+    add_products(1.0, nu, q[:, 0], off[0], rho)
+    # P = λa′ + Σ μ q‴ + Σ ν q″ + σ y
+    p[0] = p[1] = slope_a
+    p[4] = size_a
+    add_products(1.0, mu, q[:, 2], off[2], p)
+    add_products(1.0, nu, q[:, 1], off[1], p)
+    sigma = cell.speed.reshape(2, 1)
+    add_products(1.0, sigma, rows.speed[k].reshape(2, 1), rows.speed_off[k : k + 1], p)
+
+    # one row more of each kind: |μ| ≤ r / min |q′|, |ν| ≤ ρ / min |q′|
+    more_mu, left = 0.0, bound_size(rho)
+    if second >= 0:
         near = min(abs(q[0, 0, second]), abs(q[1, 0, second])) - off[0, second]
-        more_c = left_c / near * (1 + ROUNDINGS)
-        left_b += 3 * more_c * (max(abs(q[0, 1, second]), abs(q[1, 1, second])) + off[1, second])
+        more_mu = bound_size(r) / near * (1 + ROUNDINGS)
+        left += 3 * more_mu * (max(abs(q[0, 1, second]), abs(q[1, 1, second])) + off[1, second])
     near = min(abs(q[0, 0, first]), abs(q[1, 0, first])) - off[0, first]
-    more_b = left_b / near * (1 + ROUNDINGS)
+    more_nu = left / near * (1 + ROUNDINGS)
+    least_p = -abs(p[2]) - p[3] - more_nu * (max(abs(q[0, 1, first]), abs(q[1, 1, first])) + off[1, first])
+    if second >= 0:
+        least_p -= more_mu * (max(abs(q[0, 2, second]), abs(q[1, 2, second])) + off[2, second])
+
     for e in range(2):
-        g, p, c = 1.0, bend, 0.0
-        size = abs(nodes[k, 0]) / h + abs(nodes[k + 1, 0]) / h + rough_p
-        size += (sigma[0] + sigma[1]) * max(abs(rows.speed[k, 0]), abs(rows.speed[k, 1]))
+        g = 1.0 - (more_mu * max(rows.jerk[0, second], rows.jerk[1, second]) if second >= 0 else 0.0)
+        c = -sigma[e, 0] - more_nu * max(rows.acceleration[0, first], rows.acceleration[1, first])
         for i in range(n):
-            value, jerk = m[e, 0, i], m[e, 1, i]
-            if jerk != 0.0:
-                g -= abs(jerk) * rows.jerk[0 if jerk > 0 else 1, i]
-                p += jerk * q[e, 2, i]
-            if value != 0.0:
-                c -= abs(value) * rows.acceleration[0 if value > 0 else 1, i]
-                p += value * q[e, 1, i]
-        for i in range(n):
-            p -= max(abs(m[0, 1, i]), abs(m[1, 1, i])) * off[2, i] + max(abs(m[0, 0, i]), abs(m[1, 0, i])) * off[1, i]
-        s_y = (rows.speed[k, 1] - rows.speed[k, 0]) / 2
-        p += sigma[e] * rows.speed[k, e] - max(sigma[0], sigma[1]) * rows.speed_off[k]
-        c -= sigma[e]
-        p -= abs(bent_p + (sigma[1] - sigma[0]) / 2 * s_y)
-        if third:
-            g -= more_c * max(rows.jerk[0, second], rows.jerk[1, second])
-            p -= more_c * (max(abs(q[0, 2, second]), abs(q[1, 2, second])) + off[2, second])
-        p -= more_b * (max(abs(q[0, 1, first]), abs(q[1, 1, first])) + off[1, first])
-        c -= more_b * max(rows.acceleration[0, first], rows.acceleration[1, first])
+            if mu[e, i] != 0.0:
+                g -= abs(mu[e, i]) * rows.jerk[0 if mu[e, i] > 0 else 1, i]
+            if nu[e, i] != 0.0:
+                c -= abs(nu[e, i]) * rows.acceleration[0 if nu[e, i] > 0 else 1, i]
         out[e, 0] = g - ROUNDINGS * (1 + abs(1 - g))
-        out[e, 1] = p - ROUNDINGS * (size + abs(p))
+        out[e, 1] = p[e] + least_p - ROUNDINGS * (p[4] + abs(p[e]) + abs(least_p))
         out[e, 2] = c - ROUNDINGS * abs(c)
     if not np.isfinite(out).all():
         out[:] = -np.inf
@@ -375,31 +336,37 @@ def bound_cell(sums: Array, about: float, cap: float, out: Array) -> None:
 
 
 @kernel
-def bound_cells(
-    rows: RowCells, third: bool, nodes: Array, bulge: Array, given: Array, sigma: Array, about: Array, out: Array
-) -> None:
+def bound_cells(rows: RowCells, third: bool, trial: Trial, out: Array) -> None:
     """Fill out (M,): what each cell surely takes, s, with what λ adds; −∞ where nothing is proved.
 
-    nodes (M+1, 2), bulge (M,) of λ; given (M, S, 2, 2, n), sigma (M, S, 2): of the rows, in several sets
-    about (M,): a near which the least is thought to be
+    third: at order 3. At order 2 nothing is known of c, and λb has to be 0.
     """
-    sets = given.shape[1]
+    sets = trial.rows.shape[1]
     sums, ends = np.empty((sets, 2, 3)), np.empty(2)
     for k in range(len(out)):
-        y = min(rows.speed[k, 0], rows.speed[k, 1]) - rows.speed_off[k]  # speeds let no more than 1/y pass
+        low, high = rows.speed[k, 0] - rows.speed_off[k], rows.speed[k, 1] - rows.speed_off[k]
+        y = min(low, high)  # speeds let no more than 1/y pass
         cap = 1 / y * (1 + ROUNDINGS) if y > 0 else np.inf
-        if nodes[k, 0] == 0 and nodes[k, 1] == 0 and nodes[k + 1, 0] == 0 and nodes[k + 1, 1] == 0 and bulge[k] == 0:
+        lambda_a, lambda_b, bulge = trial.nodes[k : k + 2, 0], trial.nodes[k : k + 2, 1], trial.bulge[k]
+        without_c = lambda_b[0] == 0 and lambda_b[1] == 0 and bulge == 0
+        if without_c and lambda_a[0] == 0 and lambda_a[1] == 0:
             # y lies above its chord, and the square root of a chord lies above the chord of the square root
-            first, last = rows.speed[k, 0] - rows.speed_off[k], rows.speed[k, 1] - rows.speed_off[k]
-            slowness = (np.sqrt(first) + np.sqrt(last)) / 2 if y > 0 else 0.0
+            slowness = (np.sqrt(low) + np.sqrt(high)) / 2 if y > 0 else 0.0
             out[k] = rows.width[k] * slowness * (1 - ROUNDINGS)
             continue
-        sum_rows(rows, k, third, nodes, bulge[k], given[k, 0], sigma[k, 0], sums[0])
+        first, second = find_movers(rows, k)
+        out[k] = -np.inf
+        if first < 0 or (third and second < 0) or not (third or without_c):
+            continue
+        movers = (first, second if third else -1)
+        cell = CellTrial(lambda_a, lambda_b, bulge, trial.rows[k, 0], trial.speed[k, 0])
+        sum_rows(rows, k, cell, movers, sums[0])
         for e in range(2):
             ends[e] = add_below(least_over(sums[0, e, 0], sums[0, e, 1], 0.0, cap), sums[0, e, 2])
         if sums[0, 0, 0] < 0 or sums[0, 1, 0] < 0:
             for n in range(1, sets):
-                sum_rows(rows, k, third, nodes, bulge[k], given[k, n], sigma[k, n], sums[n])
-            bound_cell(sums, about[k], cap, ends)
-        out[k] = add_below(ends[0], ends[1]) * rows.width[k] / 2
-        out[k] -= ROUNDINGS * abs(out[k]) if out[k] > -np.inf else 0.0
+                cell = CellTrial(lambda_a, lambda_b, bulge, trial.rows[k, n], trial.speed[k, n])
+                sum_rows(rows, k, cell, movers, sums[n])
+            bound_cell(sums, trial.about[k], cap, ends)
+        total = add_below(ends[0], ends[1]) * rows.width[k] / 2
+        out[k] = total - ROUNDINGS * abs(total) if total > -np.inf else total

@@ -8,7 +8,8 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from planner.bounds.dual import DualCells, Multipliers
-from planner.bounds.lower_bound import RowCells, bound_rest, leave_rest
+from planner.bounds.lower_bound import RowCells
+from planner.bounds.rest import bound_rest, leave_rest
 
 PER_CENT = 0.01
 
@@ -23,7 +24,7 @@ def weigh_limits(cells: DualCells, found: Multipliers, took: float) -> tuple[Arr
     count, axes = len(cells.width), cells.q.shape[3]
     half = took * cells.width[:, None] / 2
     together, alone = np.zeros((2, count, 3, axes))
-    together[:, 2, 0] = alone[:, 2, 0] = 2 * (_finite(found.speed) * half).sum(1)
+    together[:, 2, 0] = alone[:, 2, 0] = 2 * (finite(found.speed) * half).sum(1)
     x = np.where(np.isfinite(found.x), found.x, 1.0)
     a, b, c = (x[:, :, k, None] for k in range(3))
     root = np.sqrt(np.maximum(a, 0.0))
@@ -31,11 +32,11 @@ def weigh_limits(cells: DualCells, found: Multipliers, took: float) -> tuple[Arr
     values = first * b + second * a, root * (first * c + 3 * second * b + third * a)
     for kind, (value, slope, size) in enumerate(zip(values, (first, root * first), (1.0, root), strict=True)):
         bounds = (cells.acceleration, cells.jerk)[kind]
-        force = _finite(found.rows[:, :, kind])
+        force = finite(found.rows[:, :, kind])
         bound = np.where(force > 0, bounds[0], bounds[1])
         with np.errstate(divide="ignore", invalid="ignore"):
             worth = np.where(np.isfinite(bound), np.abs(force) / size * half[:, :, None], 0.0)
-            worth = _finite(worth)
+            worth = finite(worth)
             together[:, kind] = worth.sum(1)
             for i in range(axes):
                 # by how much the others' values go when the bound of this one grows by one of itself
@@ -67,5 +68,6 @@ def weigh_rest(rows: RowCells, side: int, still: int, inner: Array) -> tuple[Arr
     return together, alone
 
 
-def _finite(values: Array) -> Array:
+def finite(values: Array) -> Array:
+    """Return values, with 0 for what is no number."""
     return np.where(np.isfinite(values), values, 0.0)

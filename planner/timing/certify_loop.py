@@ -16,8 +16,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
-from planner.certificate.certify import use_at_knots
-from planner.certificate.limit_use import ProvedUse, prove
+from planner.certificate.limit_use import ProvedUse, prove, use_at_knots
 from planner.certificate.resonance_dwell import find_stays
 from planner.limits.limit import Limit
 from planner.limits.resonance import BAND_MARGIN, Resonance, SpeedCap

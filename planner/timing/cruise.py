@@ -47,7 +47,7 @@ class Caps:
     """The largest speed along each of the P pieces of a run.
 
     tool    (P,) the tool's speed in m/s where its cap binds everywhere; ∞ elsewhere
-    along   (P,) ṡ where that is constant, by whichever limit on speed; ∞ elsewhere
+    along   (P,) ṡ where that is constant, by any limit on speed; ∞ elsewhere
     fastest (P,) the largest ṡ by the limits on speed
     uneven  (P,) how much f varies on each piece, as a share
     """
@@ -108,7 +108,7 @@ def find_caps(
 ) -> Caps | None:
     """Find the caps of a run's pieces from its rows at a few places.
 
-    None where rows depend on the motion itself, or where nothing is capped.
+    None where rows depend on the motion itself, or without a cap.
     """
     if not sketch.is_unconditional:
         return None

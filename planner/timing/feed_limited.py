@@ -1,4 +1,4 @@
-"""Feed-limited runs: cruise at the capped tool speed, and solve only what lies between cruises.
+"""Feed-limited runs: cruise at the capped tool speed, and solve the ramps between cruises only.
 
 Most runs of a mill, a router or a laser reach the programmed feed within micrometres and keep it
 almost to their end. Where the cap c on the tool's speed is the only limit that binds, the fastest
@@ -35,8 +35,8 @@ from planner.timing.solution import FEED_LIMITED, RunSolution
 # evaluated. Too few would miss a peak of a limit's use; the proof finds such a peak, and the run is
 # then solved as a whole.
 SAMPLES = 8
-# Largest use of the other limits at which the tool may cruise: the rest is for what lies between
-# the samples.
+# Largest use of the other limits at which the tool may cruise: the rest is for peaks between the
+# samples.
 MAX_CRUISING_USE = 0.95
 # Ramps are given the room that they need at this share of the allowed acceleration and jerk.
 # More could leave too little room for a ramp, less would lengthen the parts that are solved.
@@ -195,7 +195,7 @@ class FeedLimitedRun:
         return True
 
     def _solve_in_closed_form(self, ramp: Run, cruising: float) -> RunSolution | None:
-        """Return a ramp in closed form, where it is short enough that this costs next to nothing.
+        """Return a ramp in closed form, where it is so short that the loss of time is negligible.
 
         cruising  duration of all cruises
         """

@@ -33,7 +33,7 @@ from planner.timing.rows import leave_out_idle, pose_problem
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """How many intervals a run has: at least, for each piece, and for each radian that it turns."""
+    """Number of intervals of a run: at least, for each piece, and for each radian that it turns."""
 
     least: int
     per_piece: int
@@ -264,7 +264,7 @@ def jerk_problem(
     """Pose a run at order 3 on a grid that is graded for it, with the motion to start from.
 
     That is the averaged order-2 motion, or ramps from slow break to slow break. Returns an error
-    where nothing bounds the jerk, or without an order-2 motion.
+    without a bound of the jerk, or without an order-2 motion.
     """
     coarse = coarse or coarse_jerk_problem(path, limits, run)
     start = unbounded_error(coarse, 3) or average_run(coarse)
@@ -342,7 +342,7 @@ def grade_problem(
     run: Run,
     shares: Callable[[int], Array],
 ) -> Problem:
-    """Pose a run at order 3 with points at shares of it, which depend on their number."""
+    """Pose a run at order 3 with points at shares of the run that depend on their number."""
     spread = shares(count_intervals(THIRD_ORDER, path, run))
     ends = fix_passed_ends(run.ends)  # a passing speed is too fast for a slow motion
     return pose_problem(path, limits, *_grid(THIRD_ORDER, path, run, spread), ends)

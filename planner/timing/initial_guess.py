@@ -9,8 +9,8 @@ optimum where acceleration binds, and s̈ = 0 at both its ends.
 
 **Past slow breaks.** On a piece with q‴, constant ṡ causes a jerk q‴ ṡ³, so that no more than
 ṡ = (J/|q‴|)^⅓ gets through. The order-2 motion passes at √(A/|q″|): through a blend of reach d, that is
-d^(1/2) instead of d^(2/3), too fast by ever more in smaller blends. From there solvers find nothing,
-and from rest at such breaks only one of many slow motions. There the start has ramps of constant
+d^(1/2) instead of d^(2/3), too fast by ever more in smaller blends. From there solvers find no
+motion, and from rest at such breaks only one of many slow ones. There the start has ramps of constant
 jerk from break to break.
 
 **Brief ramps.** If w is below a thousandth of the motion, no solver can tell ramps of s̈ from steps.
@@ -38,7 +38,7 @@ SAME_INSTANT = 1e-12
 ACTING_SHARE = 0.02
 # Least step of a grid as a share of an even one's: a step of 0 would divide by zero.
 MIN_STEP_SHARE = 1e-6
-# Least interval at the ends of a run that is shortened, as a share of it.
+# Least interval at the ends of a run that is shortened, as a share of the run.
 MIN_INTERVAL_SHARE = 1e-9
 # Speed at a slow break as a share of the largest that the jerk allows. With 1, polylines with blends
 # of 1e-8 to 2e-4 m take up to 5e-4 longer; single corners take the same time with 0.3 to 1.
@@ -260,7 +260,7 @@ def pass_breaks(problem: Problem, at: np.ndarray, speeds: Array) -> Profile | No
 
     There it has `speeds` and s̈ = 0. In between it rises to a largest speed and falls again, under
     the rows' own bounds of ṡ, s̈ and s⃛ on average. Where that of s̈ leaves no way from speed to speed,
-    that of s⃛ alone may; None where it does not, or where nothing bounds s⃛ somewhere.
+    that of s⃛ alone may; None where it does not, or where s⃛ has no bound.
     """
     step = np.diff(problem.s)
     size = np.diff(problem.s[at])

@@ -3,6 +3,7 @@
 `--kind paths`     the circle at both orders, and the spline through 50 waypoints
 `--kind splines`   COPP's random ones
 `--kind straight`  random moves of one axis from rest to rest, with their shortest durations
+`--kind random`    random problems at order 3, and how many are bounded within 1 %
 `--kind zoo`       random problems of one run, with other solvers: toppra at order 2, FATROP and
                    IPOPT at order 3 on a grid twice as fine, each motion slowed until no sample is
                    above a limit
@@ -42,7 +43,7 @@ Solve = Callable[[], Solution]
 
 
 def measure(
-    kind: Literal["paths", "splines", "straight", "zoo"],
+    kind: Literal["paths", "splines", "straight", "random", "zoo"],
     count: int = 100,
 ) -> Iterator[Table]:
     """Yield how far durations are above their bounds."""
@@ -50,10 +51,22 @@ def measure(
         problems = list_paths() if kind == "paths" else islice(list_splines(), count)
         yield Table("Lower bounds", COLUMNS, (describe(*problem) for problem in problems))
         return
+    if kind == "random":
+        yield measure_random(count)
+        return
     gaps: dict[str, list[float]] = defaultdict(list)
     for name, bound, duration in solve_straight(count) if kind == "straight" else solve_zoo(count):
         gaps[name].append(1 - bound / duration)
     yield quantile_table("1 - bound / duration, below 0 for a bound that is wrong", gaps)
+
+
+def measure_random(count: int) -> Table:
+    """Return how many random problems at order 3 come within some gaps of their bounds."""
+    solutions = [attempt(random_problem(seed, 3).solve) for seed in range(count)]
+    gaps = np.array([solution.gap for solution in solutions if isinstance(solution, Solution)])
+    shares = (0.001, 0.003, 0.01, 0.03, 0.1)
+    rows = ((100 * share, int((gaps <= share).sum()), len(gaps)) for share in shares)
+    return Table("Random problems at order 3", ("gap (%)", "within it", "of"), rows)
 
 
 def list_paths() -> Iterator[tuple[str, Solve]]:

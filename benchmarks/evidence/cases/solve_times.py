@@ -19,7 +19,7 @@ from benchmarks.evidence.table import Row, Table
 from kinematics import Machine, load_machine
 from kinematics.foundation.errors import require
 from planner import Program, load_program
-from planner.certificate.certify import forget_paths
+from planner.certificate.limit_use import forget_paths
 from planner.limits import limits_of
 from planner.path.actuation import actuate
 from planner.timing.certified_solve import certified_solve

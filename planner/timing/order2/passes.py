@@ -9,11 +9,11 @@ The paper solves linear programmes in (u, x) at each stage. Here u is eliminated
 so that both passes only compare straight lines.
 
 | here                     | in the paper                                                  |
-| --------------------------- | ------------------------------------------------------------- |
-| ceiling                     | bounds of 𝒳_i, and then the maximum velocity curve            |
-| controllable set            | K_i, an interval [least, most]: from there the end is reached |
-| `find_controllable_sets`    | backward pass                                                 |
-| `take_largest`              | forward pass, the greedy choice of u                          |
+| ------------------------ | ------------------------------------------------------------- |
+| ceiling                  | bound of x, lowered to the maximum velocity curve             |
+| controllable set         | K_i, an interval [least, most]: from there the end is reached |
+| `find_controllable_sets` | backward pass                                                 |
+| `take_largest`           | forward pass, the greedy choice of u                          |
 """
 
 from collections.abc import Sequence

@@ -39,7 +39,7 @@ MIN_TIME = 1e-9
 STARTS = slice(None, -1)
 ENDS = slice(1, None)
 SIDES = ((STARTS, 0), (ENDS, -1))
-"""Grid points at which intervals start and end, and which of them is an end of the run."""
+"""Grid points at which intervals start and end, and the end of the run among these."""
 
 
 def second_order(problem: Problem, *, solver: Solver = "passes") -> RunSolution:
@@ -147,7 +147,7 @@ def _lower_ceiling(
     unit: float,
     free: tuple[bool, bool],
 ) -> None:
-    """Lower the ceiling of x by a limit on ṡ; a stated speed at an end may use all of it."""
+    """Lower the ceiling of x by a limit on ṡ; a stated speed at an end may use the whole limit."""
     for number, (points, end) in enumerate(SIDES):
         room = block.room.copy()
         if not free[number]:
@@ -174,7 +174,7 @@ def _is_mixed(block: Block) -> bool:
 
 
 def _solve_in_rounds(problem: Problem, solver: Solver) -> RunSolution:
-    """Solve with linear rows around the fastest motion yet, until this gains next to nothing."""
+    """Solve with linear rows around the fastest motion yet, until the gain is negligible."""
     best = second_order(_linearise(problem), solver=solver)
     highest = np.full(problem.intervals + 1, np.inf)
     for growth in SPEED_GROWTH if best.solved else ():

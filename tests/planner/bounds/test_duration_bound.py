@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline, PPoly
 from scipy.optimize import linprog
 
@@ -10,6 +12,7 @@ from planner import Line, Program, load_program, plan, time_optimal
 from planner.bounds import bound_cells, bound_duration, bound_rest, enclose_rows, leave_rest
 from planner.bounds.duration_bound import MANY_RUNS
 from planner.bounds.inner_minimum import solve_inner
+from planner.bounds.lower_bound import Trial
 from planner.limits import limits_of
 from planner.path.actuation import actuate
 from planner.timing import certified_solve
@@ -189,9 +192,8 @@ def test_no_multipliers_lead_above_the_truth(circle, wrong):
         )
         bulge = scale * rng.normal(size=200) * (wrong == "random")
         out = np.zeros(200)
-        bound_cells(
-            rows, True, multipliers, bulge, given, np.abs(rng.normal(size=(200, 3, 2))), np.full(200, 1e-4), out
-        )
+        trial = Trial(multipliers, bulge, given, np.abs(rng.normal(size=(200, 3, 2))), np.full(200, 1e-4))
+        bound_cells(rows, True, trial, out)
         assert out.sum() <= least
 
 
@@ -285,3 +287,29 @@ def test_order_3_proves_no_less_than_order_2(seed):
     jerky = time_optimal(path, max_jerk=limits["max_acceleration"] * rng.uniform(5, 50), **limits)
     gentle = time_optimal(path, **limits)
     assert jerky.lower_bound >= gentle.lower_bound * (1 - 1e-9)
+
+
+@settings(max_examples=8, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 10**6), pieces=st.integers(1, 6), axes=st.integers(1, 4), jerk=st.floats(1.0, 1e4))
+def test_jerk_limits_never_lower_what_is_proved(seed, pieces, axes, jerk):
+    """Every motion within limits of jerk is one without them: its bound holds as well, however large the jerk is."""
+    points = np.random.default_rng(seed).uniform(-1, 1, (pieces + 2, axes))
+    path = CubicSpline(np.arange(pieces + 2.0), points, bc_type="natural")
+    limits = {"max_speed": 1.0, "max_acceleration": 2.0}
+    jerky = time_optimal(path, max_jerk=jerk, **limits)
+    assert jerky.lower_bound <= jerky.trajectory.duration
+    assert jerky.lower_bound >= time_optimal(path, **limits).lower_bound * (1 - 1e-12)
+
+
+def test_nothing_is_proved_without_jerk_by_multipliers_of_what_jerk_bounds(circle):
+    """At order 2, c = db/ds is free, so that no λb but 0 leads to a bound."""
+    path, limits = circle[2].trajectory.path, circle[2].limits
+    nodes = np.linspace(path.breaks[0], path.breaks[-1], 21)
+    rows = enclose_rows(path, limits, nodes, np.zeros(20, int))
+    multipliers = np.zeros((21, 2))
+    multipliers[10, 1] = 1e-9
+    trial = Trial(multipliers, np.zeros(20), np.zeros((20, 1, 2, 2, 6)), np.zeros((20, 1, 2)), np.ones(20))
+    out = np.zeros(20)
+    bound_cells(rows, False, trial, out)
+    assert (out[9:11] == -np.inf).all()
+    assert np.isfinite(np.delete(out, [9, 10])).all()

@@ -10,7 +10,8 @@ import pytest
 from planner import plan
 from planner.baselines.classical import course
 from planner.bounds import bound_duration
-from planner.bounds.duration_bound import LEAST_SHARED_CELLS, split_run
+from planner.bounds.duration_bound import LEAST_SHARED_CELLS
+from planner.bounds.spans import split_run
 from pulsepath.job import find_affordable_cells, time_like_baseline
 
 ASKED = ("plan", "bare-circle", "--no-figures", "--pulses", "none")
