@@ -100,8 +100,8 @@ EARLY_MU, MAX_REVISIONS = 1e-4, 5
 # nothing.
 FEW_CONSTRAINTS = 32
 # Room of inactive constraints below which they are activated: examined at each solution, and in
-# each of so many iterations. At first on so many stages around, from near and far starts, then on
-# twice as many each time.
+# every fourth iteration. An activation extends to stages around, 5 from near starts and 16 from far
+# ones, and to twice as many each time: with a constant number more solves fail.
 SHORT, EXAMINE_EACH = 0.1, 4
 REACH, FAR_REACH = 5, 16
 

@@ -17,7 +17,7 @@ from planner.path.polynomial import PolynomialPath
 from planner.timing import EndCondition, Run, jerk_problem, third_order
 from planner.timing.goals.stated_duration import quintic_motion
 from planner.timing.order3 import active_set, interior_point, riccati
-from planner.timing.order3.pose import pose_smoothest, pose_stages
+from planner.timing.order3.pose import pose_smoothest, pose_stages, pose_weighted
 from planner.timing.order3.stages import evaluate, sum_costs
 
 
@@ -150,6 +150,29 @@ def newton_system(posed):
     last = method.multipliers.next[-1]
     system = riccati.NewtonSystem(posed.stages, method.point, method.derivatives.hessian, gradient, last, 0.0, 1.0)
     return system, method.recursion, method.direction
+
+
+@pytest.mark.parametrize("goal", ["fastest", "weighted"])
+def test_the_gradient_of_the_objective_is_that_of_finite_differences(goal):
+    problem, guess = make_problem(spline(2), [1.0] * 3, [3.0] * 3, [30.0] * 3)
+    posed = pose_stages(problem, guess)
+    if goal == "weighted":
+        slopes = np.random.default_rng(0).uniform(-1, 1, (problem.intervals, 2, 3, 2))
+        posed = pose_weighted(problem, guess, slopes, 0.1)
+    method = interior_point._Method(posed, "far", interior_point.TOLERANCE)
+    method.linearize()
+    stages = posed.stages
+    for k in (1, 100, problem.intervals - 1):
+        for n in range(4):
+            change = 1e-5 * (stages.scale[n] if n < 3 else stages.duration[k])
+            costs = []
+            for sign in (-1, 1):
+                states, controls = posed.states.copy(), posed.controls.copy()
+                (states if n < 2 else controls)[k, n % 2] += sign * change
+                costs.append(stages.objective_scale * sum_costs(stages, states, controls))
+            expected = (costs[1] - costs[0]) / (2 * change)
+            size = stages.objective_scale / (stages.scale[n] if n < 3 else stages.duration[k])
+            assert method.derivatives.objective[k, n] == pytest.approx(expected, rel=1e-5, abs=1e-9 * size)
 
 
 def test_a_newton_step_solves_its_equations():
