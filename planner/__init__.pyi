@@ -41,6 +41,6 @@ from .sources.source import import_program as import_program
 from .time_optimal import time_optimal as time_optimal
 from .timing.certified_solve import Solution as Solution
 from .bounds.limit_worth import LimitChange as LimitChange, Worth as Worth
-from .tradeoffs.objective import Objective as Objective
+from .timing.goals.objective import Objective as Objective
 from .trajectory import State as State, Trajectory as Trajectory
 from .pulses.triggers import Triggered as Triggered

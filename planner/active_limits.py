@@ -13,7 +13,8 @@ from planner.path.actuation import MachinePath
 from planner.path.arc_length import find_travel_rates
 from planner.plan import Plan
 from planner.program.model import Dwell, Segment
-from planner.timing.profile import Profile, sample_limit_use
+from planner.timing.profile import Profile
+from planner.timing.sampling import sample_limit_use
 from planner.trajectory import Trajectory
 
 ACTIVE_SHARE = 0.99

@@ -10,7 +10,7 @@ from kinematics.foundation.table import Column, Table
 from planner.limits.limit import Term
 from planner.plan import Plan
 from planner.timing.certified_solve import Solution, certified_solve
-from planner.timing.solvers.toppra_ import require
+from planner.timing.order2.toppra_ import require
 
 
 @dataclass(frozen=True, slots=True)

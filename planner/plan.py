@@ -44,10 +44,10 @@ from planner.shaping.keep_limits import Solve, solve_shaped
 from planner.shaping.shaped_motion import find_delays, shorten_duration
 from planner.shaping.shaped_proof import ShapedProof, describe_exceeded
 from planner.timing.certified_solve import Solution, certified_solve, solve_within, timing_table
+from planner.timing.goals.heat import solve_objective
+from planner.timing.goals.objective import TIME, Objective
+from planner.timing.goals.stated_duration import solve_stated
 from planner.timing.problem import Solver
-from planner.timing.stated_duration import solve_stated
-from planner.tradeoffs.heat import solve_objective
-from planner.tradeoffs.objective import TIME, Objective
 from planner.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -290,7 +290,7 @@ def plan(
         Duration (s) of the smoothest motion that is planned instead (`solve_stated`). None: the
         duration that the program states, if any.
     objective
-        "time", or a weighted sum with heat, as "time + 0.2 heat" (`planner.tradeoffs.objective`).
+        "time", or a weighted sum with heat, as "time + 0.2 heat" (`planner.timing.goals.objective`).
     gap, effort
         Largest share by which the motion may be longer than its proved lower bound, and the largest
         number of rounds that refine bound and grid for it (`solve_within`). `Plan.gap` is the share
@@ -472,7 +472,7 @@ def _add_advice(
     order: int,
 ) -> MotionError:
     """Add to a geometric violation how far the path must shrink or move. Others stay unchanged."""
-    from planner.certificate.advice import find_remedy
+    from planner.remedies import find_remedy
 
     if isinstance(error, NotFree):
         return error

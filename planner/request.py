@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from planner.limits import OwnLimit
     from planner.program.model import Program
     from planner.pulses import Rule
+    from planner.timing.goals.objective import Objective
     from planner.timing.problem import Solver
-    from planner.tradeoffs.objective import Objective
 
 # Ticks per second: of a faster clock, ten seconds are more ticks than int64 holds.
 MAX_CLOCK_HZ = 10**18
@@ -179,7 +179,7 @@ class PlanRequest:
     def _check_solver(self, heated: bool) -> None:
         """Raise MotionError for a solver that is unknown, not installed, or not for this goal."""
         from kinematics.foundation.errors import MotionError
-        from planner.timing.solvers.toppra_ import require
+        from planner.timing.order2.toppra_ import require
 
         if self.solver != "toppra":
             raise MotionError(
@@ -208,7 +208,7 @@ class PlanRequest:
         from planner.limits import usual_order
         from planner.pulses import find_rule
         from planner.pulses.generation.motion_parts import refuse_long
-        from planner.tradeoffs.objective import read_objective
+        from planner.timing.goals.objective import read_objective
 
         request = self
         if self.order is None:
@@ -235,7 +235,7 @@ class PlanRequest:
         """Weight of the motors' heat in the objective. Raises BadValue for an unknown objective."""
         if self.objective == "time":
             return 0.0
-        from planner.tradeoffs.objective import read_objective
+        from planner.timing.goals.objective import read_objective
 
         if isinstance(self.objective, str):
             return read_objective(self.objective).heat
@@ -254,7 +254,7 @@ def record_request(request: PlanRequest) -> dict[str, Any]:
 
 def read_request_record(record: Mapping[str, Any]) -> PlanRequest:
     """Return the request of a record. Raises MotionError for one that is invalid, and KeyError."""
-    from planner.tradeoffs.objective import read_objective
+    from planner.timing.goals.objective import read_objective
 
     values = {name: record[key] for name, key in _find_keys().items()}
     values["objective"] = read_objective(values["objective"])

@@ -66,6 +66,7 @@ class Start:
     steps         number of steps of the path before the window
     pieces        initial size of the window; None: the planner's own, at the beginning of a stretch
     speed         ṡ at the beginning
+    acceleration  s̈ at the beginning
     near          (n,) coordinates near which the window begins; None: near home's
     continuation  motion of the previous window from the break on
     """
@@ -75,6 +76,7 @@ class Start:
     steps: int = 0
     pieces: int | None = None
     speed: float = 0.0
+    acceleration: float = 0.0
     near: Array | None = None
     continuation: Continuation | None = None
 
@@ -466,10 +468,7 @@ class WindowPlanner:
             np.array([steps[0].wait, *(step.dwell for step in steps)]),
             tool=self.tool,
             end_speeds=(start.speed, 0.0),
-            end_accelerations=(
-                0.0 if start.continuation is None else start.continuation.acceleration,
-                0.0,
-            ),
+            end_accelerations=(start.acceleration, 0.0),
             near=start.near,
             origin=(start.length, start.begin) if self.placed else (0.0, 0.0),
             avoidable=list_avoidable(steps[:-1]),
@@ -489,7 +488,6 @@ class WindowPlanner:
             s[: last - first + 1],
             np.stack([motion.v, motion.a, motion.j, np.diff(motion.knots)])[:, first:last],
             {} if room is None else {name: values[first:last] for name, values in room.items()},
-            float(motion.a[knot]),
         )
         elapsed, length = (
             start.elapsed + Fraction(float(motion.knots[knot])),
@@ -501,6 +499,7 @@ class WindowPlanner:
             start.steps + seam.steps,
             count,
             float(motion.v[knot]),
+            float(motion.a[knot]),
             state.q[0],
             continuation,
         )

@@ -33,7 +33,7 @@ from planner.path.overshoot import overshoot_warnings
 from planner.plan import make_plan
 from planner.pulses import PulseCheck, RealisedPath
 from planner.request import PlanRequest
-from planner.timing.solvers.toppra_ import require
+from planner.timing.order2.toppra_ import require
 from pulsepath.inputs import read_rig
 from pulsepath.options import LAWS
 from pulsepath.progress import detail, note, step

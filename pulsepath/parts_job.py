@@ -13,7 +13,7 @@ from planner.needs_whole import find_whole_reason
 from planner.parallel import LocalHelpers
 from planner.plan_parts import PlanStanding, make_parts
 from planner.request import MOST_WHOLE, PlanRequest
-from planner.timing.solvers.toppra_ import require
+from planner.timing.order2.toppra_ import require
 from planner.windows import Helpers
 from pulsepath.inputs import Inputs, read_rig
 from pulsepath.progress import note, step

@@ -34,8 +34,8 @@ TABLES = {
 """By the name of its how-to: the file of the table, and what is plugged in there."""
 
 DELIBERATE = {
-    "planner/timing/pacing.py": "eases acceleration and jerk, which every axis has, and sees to bands of resonance",
-    "planner/timing/constant_speed.py": "keeps a stated tool speed, which bands of resonance forbid",
+    "planner/timing/goals/pacing.py": "eases acceleration and jerk, which every axis has, and heeds bands of resonance",
+    "planner/timing/goals/constant_speed_errors.py": "explains a stated tool speed that bands of resonance forbid",
     "planner/bounds/lower_bound.py": "proves a bound from the limits whose rows it encloses, and names the others",
     "planner/baselines/classical.py": "trapezoids, whose limits are stated of the axes alone",
 }

@@ -32,11 +32,14 @@ from planner.path.actuation import ActuatorPath, MachinePath, actuate
 from planner.plan import Plan
 from planner.program.joins import stop_at_joins
 from planner.program.model import MIN_MOVE, MovingSegment, Program
-from planner.timing.certified_run import Timing, required_slowness
 from planner.timing.certified_solve import certified_solve
-from planner.timing.problem import Block, Problem, Run, make_grid, pose_problem
-from planner.timing.profile import Profile, RunSolution
-from planner.timing.solvers.closed_form import straight
+from planner.timing.grid import make_grid
+from planner.timing.order2.closed_form import straight
+from planner.timing.problem import Block, Problem, Run
+from planner.timing.profile import Profile
+from planner.timing.rows import pose_problem
+from planner.timing.solution import RunSolution
+from planner.timing.tighten import required_slowness
 from planner.trajectory import Trajectory
 
 
@@ -78,11 +81,11 @@ BISECTIONS_OF_SPEED = 50
 
 
 @dataclass(frozen=True, slots=True)
-class FamilyTiming:
-    """The quickest profile of a family along a run: what `planner.timing.certified_solve.certified_solve` asks of a
-    timing. Of the least time of any motion it knows nothing."""
+class ClassicalFamily:
+    """The goal "quickest profile of a family". It has no estimate of the least duration."""
 
     shapes: Shapes
+    uniform: bool = True
 
     def solve(self, path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolution:
         if self.shapes in (TRAPEZOID, S_CURVE) and (exact := _find_straight(path, limits, run)) is not None:
@@ -324,8 +327,7 @@ def classical(plan: Plan | Course, kind: str = "trapezoid") -> Classical:
         raise MotionError(f"baseline timing {kind}: no axis states a jerk limit; state one, or choose another kind")
     path, standing = _stopping_path(plan)
     limits = _reuse_limits(standing, limits_of(path, _axes(plan), shapes.order, _own(plan, path, shapes.order)))
-    family = FamilyTiming(shapes)
-    solution = certified_solve(path, limits, shapes.order, timing=Timing(family.solve, family.tighten, uniform=True))
+    solution = certified_solve(path, limits, shapes.order, goal=ClassicalFamily(shapes))
     return Classical(kind, shapes.order, solution.trajectory, solution.certificate)
 
 

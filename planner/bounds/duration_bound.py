@@ -19,10 +19,10 @@ from planner.bounds.spans import Span, split_run
 from planner.limits.limit import Limit, Term
 from planner.path.actuation import ActuatorPath
 from planner.path.stands import count_zero_derivatives
-from planner.timing.certified_run import find_first_equals
-from planner.timing.problem import Run
+from planner.timing.attempts import solve_run
+from planner.timing.problem import split_runs
 from planner.timing.profile import Profile
-from planner.timing.run import solve_run
+from planner.timing.repetition import find_first_equals
 from planner.trajectory import Trajectory
 
 # Runs above which each is bounded only to FAIR_GAP: finer cells take most of the time.
@@ -113,19 +113,6 @@ def bound_duration(
     return DurationBound(value, trajectory.duration, find_left_out(path, limits), *joined[1:])
 
 
-def _pose_run(path: ActuatorPath, ends: Ends) -> Run:
-    """Return a run between two breaks, with the stated speeds at the ends of the path."""
-    start, end = ends[0] == 0, ends[1] == len(path.breaks) - 1
-    return Run(
-        ends[0],
-        ends[1] - 1,
-        path.end_speeds[0] if start else 0.0,
-        path.end_speeds[1] if end else 0.0,
-        start_acceleration=path.end_accelerations[0] if start else 0.0,
-        end_acceleration=path.end_accelerations[1] if end else 0.0,
-    )
-
-
 def _find_equal_motions(case: Case, runs: Sequence[Ends]) -> list[int]:
     """Return for each run the index of an earlier one with an equal path, limits and motion, or else its own index.
 
@@ -134,7 +121,8 @@ def _find_equal_motions(case: Case, runs: Sequence[Ends]) -> list[int]:
     """
     path = case.trajectory.path
     zeros = count_zero_derivatives(path)
-    firsts = find_first_equals(path, case.limits, [_pose_run(path, ends) for ends in runs])
+    posed = [run for ends in runs for run in split_runs(path, np.array(ends), 3)]
+    firsts = find_first_equals(path, case.limits, posed)
     for n, first in enumerate(firsts):
         start, end = runs[n]
         turns_back = zeros[0, start] or zeros[1, end - 1]
@@ -199,17 +187,10 @@ def _bound_without_jerk(case: Case, ends: Ends, least: float) -> SpanBound | Non
     path = case.trajectory.path
     limits = [limit for limit in case.limits if Term.SDDD not in limit.terms]
     stops = np.flatnonzero(path.stops(2))
-    runs = list(pairwise(stops[(stops >= ends[0]) & (stops <= ends[1])].tolist()))
-    zeros = count_zero_derivatives(path)
+    stops = stops[(stops >= ends[0]) & (stops <= ends[1])]
+    runs = list(pairwise(stops.tolist()))
     profiles = []
-    for start, end in runs:
-        run = Run(
-            start,
-            end - 1,
-            path.end_speeds[0] if start == 0 else 0.0,
-            path.end_speeds[1] if end == len(path.breaks) - 1 else 0.0,
-            stands=(int(zeros[0, start]), int(zeros[1, end - 1])),
-        )
+    for run in split_runs(path, stops, 2):
         fastest = solve_run(path, limits, run, 2)
         if not fastest.solved:
             return None

@@ -229,7 +229,8 @@ def add_products(factor: float, m: Array, q: Array, off: Array, out: Array) -> N
 def bound_size(total: Array) -> float:
     """Return the most that a sum of `add_products` can be over its cell."""
     most = max(abs(total[0]), abs(total[1])) + abs(total[2]) + total[3]
-    return (most + ROUNDINGS * (total[4] + abs(total[2]))) * (1 + ROUNDINGS)
+    size: float = (most + ROUNDINGS * (total[4] + abs(total[2]))) * (1 + ROUNDINGS)
+    return size
 
 
 @kernel

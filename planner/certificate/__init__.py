@@ -1,4 +1,4 @@
-"""The certificate: a bound of every limit over continuous time, which trusts no solver; and what it advises."""
+"""The certificate: a bound of every limit over continuous time, which trusts no solver."""
 
 import lazy_loader
 

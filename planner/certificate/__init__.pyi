@@ -1,10 +1,8 @@
-from .advice import find_remedy as find_remedy
+from .cells import Cells as Cells
 from .certify import (
     CROSSING as CROSSING,
     Certificate as Certificate,
     certify as certify,
-    forget_paths as forget_paths,
-    prove_path_use as prove_path_use,
 )
 from .conditioning import Conditioning as Conditioning, find_poorest as find_poorest
 from .constant_speed import (
@@ -14,7 +12,6 @@ from .constant_speed import (
     find_stretches as find_stretches,
 )
 from .enclosure import (
-    Cells as Cells,
     Enclosure as Enclosure,
     bound_polynomials as bound_polynomials,
     bound_series as bound_series,
@@ -28,9 +25,12 @@ from .feasibility import (
 from .limit_use import (
     LIMIT_ROUNDING as LIMIT_ROUNDING,
     ProvedUse as ProvedUse,
+    forget_paths as forget_paths,
     prove as prove,
+    prove_path_use as prove_path_use,
     round_reached_use as round_reached_use,
 )
-from .ranges import bound_balls as bound_balls, bound_motion as bound_motion, bound_ranges as bound_ranges
+from .path_enclosure import enclose_along_path as enclose_along_path
+from .ranges import bound_motion as bound_motion
 from .resonance_dwell import Stay as Stay, find_stays as find_stays
 from .summary import join_certificates as join_certificates

@@ -1,6 +1,7 @@
-"""How near a path comes to singular poses, at many places along it: for warnings and for the search of a remedy.
+"""Conditioning of a path: how near it comes to singular poses, at many places; for warnings and the
+search of a remedy.
 
-That none is met is proved by `planner.certificate.feasibility.find_singularity`.
+That it meets none is proved by `planner.certificate.feasibility.find_singularity`.
 """
 
 from dataclasses import dataclass
@@ -14,16 +15,19 @@ from planner.place import Place
 from planner.trajectory import unit_speed_trajectory
 
 POOR_CONDITIONING = 0.01
-"""Conditioning below which a motion is warned of: one direction moves the axes a hundredth of what another does."""
-# Places of a part of a path that are looked at, its ends among them.
+"""Conditioning below which a motion gets a warning: one direction moves the axes a hundredth of
+what another does.
+"""
+# Sampled places of a part of a path, its ends among them.
 PART_SHARES = np.linspace(0.0, 1.0, 9)
 
 
 @dataclass(frozen=True, slots=True)
 class Conditioning:
-    """The poorest conditioning σ_min/σ_max of the Jacobian that was found along a path, and where.
+    """The poorest conditioning σ_min/σ_max of the Jacobian at sampled places of a path, and where.
 
-    The columns of rotations are divided by the machine's characteristic length: 1 at best, 0 in a singular pose.
+    The columns of rotations are divided by the machine's characteristic length: 1 at best, 0 in a
+    singular pose.
     """
 
     value: float
@@ -31,7 +35,7 @@ class Conditioning:
 
     @property
     def warning(self) -> str:
-        """What to say of a poor one, else ""."""
+        """The warning of a poor conditioning, else ""."""
         if self.value >= POOR_CONDITIONING:
             return ""
         return (
@@ -41,22 +45,24 @@ class Conditioning:
 
 
 def find_poorest(path: MachinePath) -> Conditioning:
-    """The poorest conditioning of a path that has no singular pose."""
-    s, piece, jacobian = look_along(path)
-    stretch = np.linalg.svd(np.nan_to_num(jacobian, nan=0.0, posinf=0.0, neginf=0.0), compute_uv=False)
-    ratio = stretch[:, -1] / np.where(stretch[:, 0] > 0, stretch[:, 0], 1.0)
+    """Return the poorest conditioning of a path that has no singular pose."""
+    s, piece, jacobian = sample_jacobian(path)
+    singular = np.linalg.svd(np.nan_to_num(jacobian, nan=0.0, posinf=0.0, neginf=0.0), compute_uv=False)
+    ratio = singular[:, -1] / np.where(singular[:, 0] > 0, singular[:, 0], 1.0)
     worst = int(ratio.argmin())
     return Conditioning(float(ratio[worst]), path.place(float(s[worst]), int(piece[worst])))
 
 
-def stays_on_one_side(path: MachinePath) -> bool:
-    """Whether the Jacobian's determinant has one sign at all places that are looked at: else a pose is singular."""
-    sign = np.linalg.slogdet(look_along(path)[2])[0]
+def has_one_sign(path: MachinePath) -> bool:
+    """Return whether the Jacobian's determinant has one sign at all sampled places: else a pose is
+    singular.
+    """
+    sign = np.linalg.slogdet(sample_jacobian(path)[2])[0]
     return bool((sign == sign[0]).all() and sign[0] != 0 and np.isfinite(sign[0]))
 
 
-def look_along(path: MachinePath) -> tuple[Array, np.ndarray, Array]:
-    """s (N,), piece (N,) and Jacobian (N, n, n) at many places of a path."""
+def sample_jacobian(path: MachinePath) -> tuple[Array, np.ndarray, Array]:
+    """Return s (N,), piece (N,) and Jacobian (N, n, n) at many places of a path."""
     along = unit_speed_trajectory(path)
     part = np.repeat(np.arange(len(along.s)), len(PART_SHARES))
     width = np.diff(np.append(along.s, path.breaks[-1]))
@@ -66,8 +72,10 @@ def look_along(path: MachinePath) -> tuple[Array, np.ndarray, Array]:
 
 
 def evaluate_jacobian(path: MachinePath, s: Array, piece: np.ndarray) -> Array:
-    """(N, n, n) at s (N,) in pieces (N,), columns of rotation by the characteristic length."""
-    none = np.zeros((2, len(s)))
+    """Return J (N, n, n) at s (N,) in pieces (N,), with columns of rotation divided by the
+    characteristic length.
+    """
+    zero = np.zeros((2, len(s)))
     with np.errstate(all="ignore"):  # beyond reach there are no numbers
-        found = path.jacobian(Series(np.stack([s, none[0]]), none, 2), piece)
-    return np.asarray(found.mid[0]).reshape(len(s), len(path.names), -1)
+        series = path.jacobian(Series(np.stack([s, zero[0]]), zero, 2), piece)
+    return np.asarray(series.mid[0]).reshape(len(s), len(path.names), -1)

@@ -1,10 +1,15 @@
-"""A motion over cells of time, with guaranteed error: Taylor series in time of the actuators and of the pose.
+"""Enclosure of a motion over cells of time, at two levels of accuracy behind one interface.
 
-s(t) is put into the path's own expression, so no chain rule of a solver takes part; q̇, q̈, q⃛ follow by
-differentiating the series. Remainder: Taylor's theorem with Lagrange's form, the last coefficient taken over the whole
-cell.
+Limits see a `MotionEnclosure`: the quantities of a motion as Taylor models, and a method that bounds
+values computed from them. The coarse level (`planner.certificate.path_enclosure`) gives intervals
+and is fast. The fine level below gives series in τ whose error falls with a high power of the cell:
+s(t) is put into the path's own expression, and q̇, q̈, q⃛ follow by differentiating the series. No
+chain rule of a solver takes part. Remainder: Taylor's theorem in Lagrange's form, the last
+coefficient taken over the whole cell.
 """
 
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from math import comb
@@ -12,47 +17,87 @@ from math import comb
 import numpy as np
 
 from kinematics.analysis.clearance import Bodies
-from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.foundation.arrays import Array, freeze_array, largest_in_rows
 from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.taylor_model import EPS, Series
+from planner.certificate.cells import Cells
+from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath, check_rate
 from planner.trajectory import Trajectory
 
-# Places at which a polynomial's value is worked out: a parabola of height h is then over-estimated by h/4096.
+# Points at which a polynomial is sampled: a parabola of height h is then over-estimated by h/4096.
 POINTS = 65
-# Columns worked out together: few enough for a linear algebra library to leave its threads alone, which for products as
-# narrow as these take twice the processor time and no less of ours.
+# Columns sampled together. Products this narrow are faster on one thread of the linear algebra
+# library.
 COLUMN_BATCH = 1024
 PLACE_ROUNDING = 4 * EPS
-"""Share of a path's length: what is proved of a motion holds for all whose places are that near to its own.
+"""Share of the path's length by which the enclosure of s is widened.
 
-A motion is copied to equal pieces elsewhere on the path, whose breaks are rounded differently: by less than 2 EPS.
+A proof then also holds for a copy of the motion on an equal piece elsewhere on the path, whose
+breaks are rounded differently, by less than 2 EPS.
 """
 
 
-@dataclass(frozen=True, slots=True)
-class Cells:
-    """Parts of time pieces k, from lo to hi after the piece's start."""
+class MotionEnclosure(ABC):
+    """A motion over N cells: a `LimitState` of Taylor models."""
 
-    k: np.ndarray
-    lo: Array
-    hi: Array
+    path: ActuatorPath
+    piece: np.ndarray
 
-    def parts(self, count: int) -> "Cells":
-        """Each cell in equal parts."""
-        share = np.arange(1, count)[:, None] / count
-        cuts = np.concatenate([self.lo[None], self.lo + (self.hi - self.lo) * share, self.hi[None]])
-        return Cells(np.tile(self.k, count), cuts[:-1].ravel(), cuts[1:].ravel())
+    @abstractmethod
+    def axis_rate(self, times: int) -> Series:
+        """Return a derivative of q by time, of order 0 to 3."""
 
-    def __getitem__(self, chosen: np.ndarray) -> "Cells":
-        return Cells(self.k[chosen], self.lo[chosen], self.hi[chosen])
+    @abstractmethod
+    def pose_rate(self, times: int) -> Series:
+        """Return a derivative of the pose's numbers by time, of order 0 to 3."""
+
+    @abstractmethod
+    def distances(self, bodies: Bodies) -> Series:
+        """Return the distances between the axes of bodies."""
+
+    @abstractmethod
+    def bound(self, values: Series) -> tuple[Array, Array]:
+        """Return bounds low and high (N, m) of values computed from this motion."""
+
+    @property
+    def q(self) -> Series:
+        return self.axis_rate(0)
+
+    @property
+    def qd(self) -> Series:
+        return self.axis_rate(1)
+
+    @property
+    def qdd(self) -> Series:
+        return self.axis_rate(2)
+
+    @property
+    def qddd(self) -> Series:
+        return self.axis_rate(3)
+
+    def tool_rate(self, times: int) -> Series:
+        rate = self.pose_rate(times)
+        return rate if self.path.tool is None else self.evaluate(self.path.tool, rate)
+
+    def evaluate(self, expression: Expression, *inputs: Series) -> Series:
+        return expression.enclose_columns(*inputs)
+
+    def bound_use(self, limit: Limit) -> Array:
+        """Return an upper bound (N,) of the share of a limit that is used over each cell."""
+        use = largest_in_rows(limit.use(*self.bound(limit.value(self)), self.piece))
+        return np.where(np.isnan(use), np.inf, use)
 
 
 @dataclass(frozen=True)
-class Enclosure:
-    """The motion over N cells, in τ ∈ [−1, 1]: the first N rows about each centre, the last N over the whole cell.
+class Enclosure(MotionEnclosure):
+    """Taylor series in τ ∈ [−1, 1]: the first N rows about each centre, the last N over the whole
+    cell.
 
-    s (order+1, 2N); rate (2N, 1) 1/s, by which τ runs. What no limit looks at is not worked out.
+    s     (order+1, 2N) path length
+    rate  (2N, 1) dτ/dt, 1/s
+
+    The series of axes and pose are computed when a limit asks for them.
     """
 
     path: ActuatorPath
@@ -61,151 +106,179 @@ class Enclosure:
     piece: np.ndarray
 
     @cached_property
-    def q(self) -> Series:
+    def _axes(self) -> Series:
+        """q (order+1, 2N, n)."""
         return self.path.enclose(self.s, np.tile(self.piece, 2))
 
     @cached_property
     def pose(self) -> Series:
-        found = self.path.enclose_pose(self.s, np.tile(self.piece, 2))
-        assert found is not None  # only machines have limits on their pose
-        return found
+        """The pose's numbers (order+1, 2N, 12)."""
+        pose = self.path.enclose_pose(self.s, np.tile(self.piece, 2))
+        assert pose is not None  # only machines have limits on their pose
+        return pose
 
-    def _differentiate(self, series: Series, times: int) -> Series:
-        return series.differentiate(times, self.rate)
-
-    @property
-    def qd(self) -> Series:
-        return self._differentiate(self.q, 1)
-
-    @property
-    def qdd(self) -> Series:
-        return self._differentiate(self.q, 2)
-
-    @property
-    def qddd(self) -> Series:
-        return self._differentiate(self.q, 3)
+    def axis_rate(self, times: int) -> Series:
+        return self._axes.differentiate(times, self.rate)
 
     def pose_rate(self, times: int) -> Series:
-        return self._differentiate(self.pose, check_rate(times))
+        return self.pose.differentiate(check_rate(times), self.rate)
 
     def distances(self, bodies: Bodies) -> Series:
-        """Between those at either end of a cell, less what they can fall below both: see `Bodies`.
+        first = self.pose.derivative()
+        rates = [np.maximum(*np.abs(self.bound(each))) for each in (first, first.derivative())]
+        ends, error = _evaluate_at_ends(self.pose, len(self.piece))
+        low, high = bound_distances(bodies, ends, error, rates)
+        middle = (low + high) / 2
+        radius = (high - low) / 2 * (1 + 64 * EPS) + 4 * EPS * np.abs(high)
+        return Series(np.tile(middle, (2, 1))[None], np.tile(radius, (2, 1))[None], 1)
 
-        τ goes by 2 from end to end, so d ≥ (d₀ + d₁)/2 − V of change V, and d ≥ min(d₀, d₁) − K/2 of bend K.
-        """
-        cells = len(self.piece)
-        first, second = self.pose.derivative(), self.pose.derivative().derivative()
-        rates = [_norms(np.maximum(*np.abs(bound_series(each, cells)))) for each in (first, second)]
-        x, error = _ends(self.pose, cells)
-        start, end = np.split(bodies.distances(x.reshape(-1, 12)), 2)
-        (pace, swing), (shift, twist) = rates[0], _norms(error)
-        spin = swing / np.sqrt(2)
-        far = 2 * pace + shift, 2 * spin + twist
-        # what rounding leaves of a rotation is none: twice for what that changes
-        off = bodies.change(x[0], 2 * shift, 2 * twist) + 64 * EPS * (1 + np.abs(x[0]).max(1))[:, None]
-        change = bodies.change(x[0], *far) / 2
-        middle, least = (start + end) / 2, np.minimum(start, end)
-        bend = bodies.bend(x[0], *far, middle - change - off, (pace, spin), rates[1])
-        low = np.maximum(middle - change, least - bend / 2) - off
-        high = middle + change + off
-        mid, rad = np.zeros((2, 2, 2 * cells, low.shape[1]))
-        mid[0] = np.tile((low + high) / 2, (2, 1))
-        rad[0] = np.tile((high - low) / 2 * (1 + 64 * EPS) + 4 * EPS * np.abs(high), (2, 1))
-        return Series(mid, rad, 1)
-
-    def tool_rate(self, times: int) -> Series:
-        rate, tool = self.pose_rate(times), self.path.tool
-        return rate if tool is None else self.evaluate(tool, rate)
-
-    def evaluate(self, expression: Expression, *inputs: Series) -> Series:
-        return expression.enclose_columns(*inputs)
+    def bound(self, values: Series) -> tuple[Array, Array]:
+        return bound_series(values, len(self.piece))
 
 
 def enclose(trajectory: Trajectory, cells: Cells, order: int) -> Enclosure:
-    """The motion over cells, as series in τ up to τ^order, with t = centre + τ · half width."""
+    """Return the motion over cells as series up to τ^order, with t = centre + τ · half width."""
     mid, rad, half = expand_motion(trajectory, cells)
-    # over the whole cell every coefficient moves by what the higher ones can add: c_k(x) = Σ_j C(j, k) c_j x^(j−k)
+    s = Series(np.concatenate([mid, mid], 1), np.concatenate([rad, widen(mid, rad)], 1), order)
+    return Enclosure(trajectory.path, s, np.tile(1 / half, 2)[:, None], trajectory.piece[cells.k])
+
+
+def widen(mid: Array, rad: Array) -> Array:
+    """Return radii of a polynomial's coefficients about any centre in the cell.
+
+    About the centre x, c_k(x) = Σ_j C(j, k) c_j x^(j−k): it differs from c_k by at most the sum
+    over j > k of the sizes.
+    """
     size = np.abs(mid) + rad
-    spread = np.stack([sum((comb(j, n) * size[j] for j in range(n + 1, 4)), np.zeros_like(half)) for n in range(4)])
-    s = Series(np.concatenate([mid, mid], 1), np.concatenate([rad, (rad + spread) * (1 + 8 * EPS)], 1), order)
-    return Enclosure(trajectory.path, s, np.concatenate([1 / half, 1 / half])[:, None], trajectory.piece[cells.k])
+    count = len(size)
+    spread = [sum((comb(j, k) * size[j] for j in range(k + 1, count)), 0 * size[0]) for k in range(count)]
+    return np.asarray((rad + np.stack(spread)) * (1 + 8 * EPS))
 
 
 def expand_motion(trajectory: Trajectory, cells: Cells) -> tuple[Array, Array, Array]:
-    """Coefficients of s in τ about each cell's centre, their errors, (4, N) each, and the cells' half widths (N,)."""
-    k, centre = cells.k, (cells.lo + cells.hi) / 2
-    half = (cells.hi - cells.lo) / 2 * (1 + 2 * EPS) + 2 * EPS * np.abs(cells.hi)
-    powers = np.stack([np.ones_like(half), half, half * half, half * half * half])
-
-    def shift(s: Array, v: Array, a: Array, j: Array) -> Array:
-        first, second = v + centre * (a + centre * j / 2), a / 2 + centre * j / 2
-        about = [s + centre * (v + centre * (a / 2 + centre * j / 6)), first, second, j / 6]
-        return np.stack(about) * powers
-
-    motion = trajectory.s[k], trajectory.v[k], trajectory.a[k], trajectory.j[k]
-    # fewer roundings than 32 of each term, whatever the signs
-    error = 32 * EPS * shift(*map(np.abs, motion))
+    """Return coefficients of s in τ about each cell's centre, their errors, (4, N) each, and half
+    widths (N,).
+    """
+    k = cells.k
+    centre = (cells.lo + cells.hi) / 2
+    half = cells.lengths / 2 * (1 + 2 * EPS) + 2 * EPS * np.abs(cells.hi)
+    powers = np.stack([np.ones_like(half), half, half**2, half**3])
+    motion = np.stack([trajectory.s[k], trajectory.v[k], trajectory.a[k], trajectory.j[k]])
+    # no term is rounded 32 times, whatever the signs
+    error = 32 * EPS * shift_motion(np.abs(motion), centre) * powers
     error[0] += PLACE_ROUNDING * np.abs(trajectory.path.breaks[[0, -1]]).max()
-    return shift(*motion), error, half
+    return shift_motion(motion, centre) * powers, error, half
+
+
+def shift_motion(motion: Array, t: Array) -> Array:
+    """Return the coefficients (4, N) of s + v t + a t²/2 + j t³/6 about t."""
+    s, v, a, j = motion
+    return np.stack(
+        [
+            s + t * (v + t * (a / 2 + t * j / 6)),
+            v + t * (a + t * j / 2),
+            a / 2 + t * j / 2,
+            j / 6,
+        ]
+    )
 
 
 @cache
 def _powers_at(points: int, powers: int) -> Array:
-    """(points, powers): τ^k at places evenly over [−1, 1]."""
+    """Powers (points, powers) of evenly spaced τ in [−1, 1]."""
     return freeze_array(np.linspace(-1, 1, points)[:, None] ** np.arange(powers))
 
 
 def bound_series(series: Series, cells: int) -> tuple[Array, Array]:
-    """Bounds low and high (cells, m) of a series over each cell."""
-    full = series.pad(series.order)
-    polynomial, error = full.mid[:-1, :cells], full.rad[:-1, :cells].sum(0)
-    remainder = np.abs(full.mid[-1, cells:]) + full.rad[-1, cells:]
+    """Return bounds low and high (cells, m) of a series over each cell."""
+    polynomial, error = _split_error(series, cells)
     low, high = bound_polynomials(polynomial)
-    slack = (error + remainder) * (1 + 32 * EPS) + 32 * EPS * np.abs(polynomial).sum(0)
+    slack = error * (1 + 32 * EPS) + 32 * EPS * np.abs(polynomial).sum(0)
     slack = np.where(np.isfinite(slack), slack, np.inf)
     return low - slack, high + slack
 
 
-def _norms(numbers: Array) -> tuple[Array, Array]:
-    """Of a pose's numbers (N, 12): of the origin, and Frobenius' of the rotation, (N,) each, no rounding below."""
-    return tuple(np.linalg.norm(part, axis=1) * (1 + 16 * EPS) for part in (numbers[:, :3], numbers[:, 3:]))
-
-
-def _ends(series: Series, cells: int) -> tuple[Array, Array]:
-    """Values (2, cells, m) at τ = −1 and 1, and their error (cells, m)."""
+def _split_error(series: Series, cells: int) -> tuple[Array, Array]:
+    """Return the polynomials about the centres and the errors (cells, m) of their values, the
+    remainder included.
+    """
     full = series.pad(series.order)
-    polynomial = full.mid[:-1, :cells]
-    even, odd = polynomial[::2].sum(0), polynomial[1::2].sum(0)
-    error = full.rad[:-1, :cells].sum(0) + np.abs(full.mid[-1, cells:]) + full.rad[-1, cells:]
-    return np.stack([even - odd, even + odd]), (error + np.abs(polynomial).sum(0) * 32 * EPS) * (1 + 32 * EPS)
+    remainder = np.abs(full.mid[-1, cells:]) + full.rad[-1, cells:]
+    return full.mid[:-1, :cells], full.rad[:-1, :cells].sum(0) + remainder
+
+
+def _evaluate_at_ends(series: Series, cells: int) -> tuple[Array, Array]:
+    """Return values (2, cells, m) at τ = −1 and 1, and their error (cells, m)."""
+    polynomial, error = _split_error(series, cells)
+    even = polynomial[::2].sum(0)
+    odd = polynomial[1::2].sum(0)
+    rounding = np.abs(polynomial).sum(0) * 32 * EPS
+    return np.stack([even - odd, even + odd]), (error + rounding) * (1 + 32 * EPS)
 
 
 def find_extremes(series: Series, cells: int, channel: np.ndarray) -> tuple[Array, Array]:
-    """Where in each cell one channel (cells,) is about largest and least, −1 to 1, and what all are there.
+    """Return about where in each cell one channel (cells,) is largest and least, and all values
+    there.
 
-    Places (2, cells), values (2, cells, m).
+    Places τ (2, cells), values (2, cells, m). They prove nothing: a state is evaluated there.
     """
-    polynomial = series.pad(series.order).mid[:-1, :cells]
-    own = polynomial[:, np.arange(cells), channel]
-    values = _powers_at(POINTS, len(own)) @ own
-    places = np.linspace(-1, 1, POINTS)[np.stack([values.argmax(0), values.argmin(0)])]
-    found = np.zeros((2, *polynomial.shape[1:]))
-    for power in polynomial[::-1]:
-        found = found * places[..., None] + power
-    return places, found
+    polynomial, _ = _split_error(series, cells)
+    chosen = polynomial[:, np.arange(cells), channel]
+    samples = _powers_at(POINTS, len(chosen)) @ chosen
+    places = np.linspace(-1, 1, POINTS)[np.stack([samples.argmax(0), samples.argmin(0)])]
+    values = np.zeros((2, *polynomial.shape[1:]))
+    for coefficient in polynomial[::-1]:
+        values = values * places[..., None] + coefficient
+    return places, values
 
 
 def bound_polynomials(polynomial: Array) -> tuple[Array, Array]:
     """Bound each polynomial (powers, …) on [−1, 1] by its values at places h apart.
 
-    Beyond two neighbours it goes by h²/8 times the largest second derivative at most, Σ k (k − 1) |c_k|.
+    Between two of them it exceeds both by at most h²/8 times the largest second derivative, which
+    is at most Σ k (k − 1) |c_k|.
     """
     columns = polynomial.reshape(len(polynomial), -1)
-    low, high = np.empty((2, columns.shape[1]))
     k = np.arange(len(columns))
-    beyond = (k * (k - 1)) @ np.abs(columns) * (1 / (POINTS - 1) ** 2 / 2)
+    spacing = 2 / (POINTS - 1)
+    beyond = (k * (k - 1)) @ np.abs(columns) * (spacing**2 / 8)
+    low, high = np.empty((2, columns.shape[1]))
     for first in range(0, columns.shape[1], COLUMN_BATCH):
-        some = slice(first, first + COLUMN_BATCH)
-        values = _powers_at(POINTS, len(columns)) @ columns[:, some]
-        low[some], high[some] = values.min(0), values.max(0)
-    return (low - beyond).reshape(polynomial.shape[1:]), (high + beyond).reshape(polynomial.shape[1:])
+        batch = slice(first, first + COLUMN_BATCH)
+        samples = _powers_at(POINTS, len(columns)) @ columns[:, batch]
+        low[batch] = samples.min(0)
+        high[batch] = samples.max(0)
+    shape = polynomial.shape[1:]
+    return (low - beyond).reshape(shape), (high + beyond).reshape(shape)
+
+
+def bound_distances(bodies: Bodies, ends: Array, error: Array, rates: Sequence[Array]) -> tuple[Array, Array]:
+    """Return bounds low and high (N, k) of distances d over cells τ ∈ [−1, 1].
+
+    With the largest change V over a cell and the largest bend K (see `Bodies`):
+
+        (d₀ + d₁)/2 − V ≤ d ≤ (d₀ + d₁)/2 + V,   d ≥ min(d₀, d₁) − K/2.
+
+    ends   (2, N, 12) numbers of the pose at τ = −1 and 1; error (N, 12) of them
+    rates  bounds (N, 12) of their first and second derivatives by τ
+    """
+    start, end = np.split(bodies.distances(ends.reshape(-1, 12)), 2)
+    speed, swing = _norms(rates[0])
+    shift, twist = _norms(error)
+    spin = swing / np.sqrt(2)
+    farthest = 2 * speed + shift, 2 * spin + twist
+    # a rounded rotation matrix is not quite a rotation: twice the change allows for that
+    rounding = bodies.change(ends[0], 2 * shift, 2 * twist) + 64 * EPS * (1 + np.abs(ends[0]).max(1))[:, None]
+    change = bodies.change(ends[0], *farthest) / 2
+    middle = (start + end) / 2
+    bend = bodies.bend(ends[0], *farthest, middle - change - rounding, (speed, spin), _norms(rates[1]))
+    low = np.maximum(middle - change, np.minimum(start, end) - bend / 2)
+    return low - rounding, middle + change + rounding
+
+
+def _norms(numbers: Array) -> tuple[Array, Array]:
+    """Return upper bounds (N,) of the norm of the origin and the Frobenius norm of the rotation of
+    (N, 12) numbers.
+    """
+    origin, rotation = (np.linalg.norm(part, axis=1) * (1 + 16 * EPS) for part in (numbers[:, :3], numbers[:, 3:]))
+    return origin, rotation

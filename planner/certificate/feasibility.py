@@ -1,6 +1,8 @@
-"""Limits that slowing down cannot fix: reach, control, travel, tilt, clearance, holding; proved before solving.
+"""Feasibility: limits that slowing down cannot fix (reach, control, travel, tilt, clearance,
+holding), proved first.
 
-Control is lost in singular poses, which are excluded cell by cell along the path by guaranteed bounds.
+Control is lost in singular poses, which are excluded cell by cell along the path by guaranteed
+bounds.
 """
 
 from collections.abc import Sequence
@@ -13,12 +15,12 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
-from kinematics.foundation.taylor_model import Series
+from kinematics.foundation.taylor_model import EPS, Series
 from kinematics.machine.motion import describe_singularity
 from planner.avoidable_stops import AvoidableStops
-from planner.certificate.certify import prove_path_use
+from planner.certificate.cells import Cells, Values, evaluate_in_batches, refine
 from planner.certificate.conditioning import Conditioning, evaluate_jacobian
-from planner.certificate.limit_use import round_reached_use
+from planner.certificate.limit_use import LIMIT_ROUNDING, prove_path_use
 from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath, MachinePath
 from planner.path.outcome import Blended, FitSummary, blend_tables, fit_tables
@@ -26,73 +28,85 @@ from planner.path.overshoot import overshoot_tables, overshoot_warnings
 from planner.path.point_to_point import Departure, departure_tables
 from planner.path.shape import Overshoot
 from planner.place import Infeasible, Place
-from planner.trajectory import State, Trajectory, unit_speed_trajectory
+from planner.trajectory import Trajectory, unit_speed_trajectory
 
-# Smallest cell, as a share of the part that it is cut from; beyond it a singular pose counts as met.
+# Smallest cell as a share of a part of the path: a smaller one that is not proved counts as
+# singular.
 MIN_CELL_SHARE = 2.0**-12
-# Cells that are looked at together: few enough for what their series take.
-CELL_BATCH = 1024
+# Samples of a part of the path in the search of the worst place.
+PART_POINTS = 65
+TIE_DIGITS = 9
+"""Decimals of a use beyond which two count as equal."""
 
 
 def find_singularity(path: MachinePath, ends: Array, piece: np.ndarray) -> tuple[float, int] | None:
-    """s and piece of the first place at which the Jacobian is not proved to be nonsingular; None where there is none.
+    """Return s and piece of the first place at which the Jacobian is not proved nonsingular, or
+    None.
 
-    ends (N+1,), piece (N,): parts of the path, each within a piece. Over a cell with centre c, J = J_c + J_1 τ + J_2 τ²
-    with |τ| ≤ 1; with C ≈ J_c⁻¹, ‖|I − C J_c| + |C J_1| + |C| |J_2|‖_∞ < 1 proves J nonsingular all over it. Cells that
-    fail are halved.
+    ends (N+1,), piece (N,): parts of the path, each within a piece. Cells that fail are halved.
     """
-    low, width = ends[:-1], np.diff(ends)
-    least = MIN_CELL_SHARE * width
-    met: list[tuple[float, int]] = []
-    while len(low):
-        batches = (slice(first, first + CELL_BATCH) for first in range(0, len(low), CELL_BATCH))
-        fine = np.concatenate([_is_nonsingular(path, low[own], width[own], piece[own]) for own in batches])
-        hopeless = ~fine & (width <= least)
-        met += zip((low + width / 2)[hopeless].tolist(), piece[hopeless].tolist(), strict=True)
-        # only what lies before the first place that is met
-        again = ~fine & ~hopeless & (low < min(met, default=(np.inf, 0))[0])
-        half = width[again] / 2
-        low, width = np.concatenate([low[again], low[again] + half]), np.concatenate([half, half])
-        piece, least = np.tile(piece[again], 2), np.tile(least[again], 2)
-    return min(met, default=None)
+    width = np.diff(ends)
+    first = np.inf
+
+    def prove(cells: Cells) -> Values:
+        middle = ends[cells.k] + (cells.lo + cells.hi) / 2
+        return (
+            middle,
+            _is_nonsingular(path, middle, cells.lengths / 2, piece[cells.k]),
+        )
+
+    def find_loose(cells: Cells, values: Values) -> tuple[np.ndarray, int]:
+        nonlocal first
+        middle, proved = values
+        small = cells.lengths <= MIN_CELL_SHARE * width[cells.k]
+        first = min(first, middle[~proved & small].min(initial=np.inf))
+        # cells beyond the first place that counts as singular do not matter
+        return ~proved & ~small & (ends[cells.k] + cells.lo < first), 2
+
+    cells = Cells(np.arange(len(width)), np.zeros(len(width)), width)
+    cells, (middle, _) = refine(cells, evaluate_in_batches(cells, prove), prove, find_loose)
+    if not np.isfinite(first):
+        return None
+    return float(first), int(piece[cells.k[np.flatnonzero(middle == first)[0]]])
 
 
-def _is_nonsingular(path: MachinePath, low: Array, width: Array, piece: np.ndarray) -> np.ndarray:
-    """(N,) whether the Jacobian is proved to be nonsingular all over each cell."""
-    count, half = len(low), width / 2
-    # the centres of all cells, then the cells whole
-    middle, scale = np.tile(low + half, 2), np.tile(half, 2)
+def _is_nonsingular(path: MachinePath, middle: Array, half: Array, piece: np.ndarray) -> np.ndarray:
+    """Return whether the Jacobian is proved nonsingular over each cell (N,).
+
+    About the centre, J = J₀ + J₁ τ + J₂ τ² with |τ| ≤ 1 and J₂ over the whole cell. With C ≈ J₀⁻¹,
+    ‖|1 − C J₀| + |C J₁| + |C| |J₂|‖_∞ < 1 proves it.
+    """
+    count = len(middle)
+    half = half + 4 * EPS * np.abs(middle)
+    # the centres of all cells, then the whole cells
     spread = np.concatenate([np.zeros(count), half])
-    s = Series(np.stack([middle, scale]), np.stack([spread, np.zeros(2 * count)]), 2)
+    s = Series(np.tile(np.stack([middle, half]), 2), np.stack([spread, np.zeros(2 * count)]), 2)
     with np.errstate(over="ignore", invalid="ignore"):  # metres beyond reach: unbounded, which proves nothing
-        j = path.jacobian(s, np.tile(piece, 2)).pad(2)
-    shape = (count, len(path.names), -1)
-    at, slope, bend = (
-        (j.mid[k, part].reshape(shape), j.rad[k, part].reshape(shape))
-        for k, part in ((0, slice(count)), (1, slice(count)), (2, slice(count, None)))
-    )
-    inverse = invert(at[0])  # about; what cannot be inverted proves nothing
+        jacobian = path.jacobian(s, np.tile(piece, 2)).pad(2)
+    shape = (3, 2, count, len(path.names), -1)
+    mid = jacobian.mid.reshape(shape)
+    rad = jacobian.rad.reshape(shape)
+    at, slope = mid[:2, 0]
+    rad_at, rad_slope = rad[:2, 0]
+    bend = np.abs(mid[2, 1]) + rad[2, 1]
+    inverse = invert(at)  # approximate; a singular matrix proves nothing
     size = np.abs(inverse)
     with np.errstate(invalid="ignore"):
-        whole = np.abs(np.eye(shape[1]) - inverse @ at[0]) + size @ at[1]
-        whole = whole + np.abs(inverse @ slope[0]) + size @ (slope[1] + np.abs(bend[0]) + bend[1])
+        total = np.abs(np.eye(at.shape[1]) - inverse @ at) + size @ rad_at
+        total = total + np.abs(inverse @ slope) + size @ (rad_slope + bend)
         # a little below 1, for the rounding of these lines themselves
-        return np.asarray(whole.sum(-1).max(-1) < 1 - 1e-9)
-
-
-# Points of a part of the path that are looked at for the worst place.
-PART_POINTS = 65
+        return np.asarray(total.sum(-1).max(-1) < 1 - 1e-9)
 
 
 @dataclass(frozen=True, slots=True)
 class Standing(Result):
     """All violations, the worst first, and for each limit the largest proven use, and where.
 
-    blends: what became of the program's joins that ask for one; fit: of its chains that became curves
+    blends: outcome of the program's joins that state a blend; fit: of its chains that became curves
     departures: how far its synchronised moves leave the straight line
     overshoots: how far its splines leave the polygon of their points
-    conditioning: the poorest that was found along the path; None where it breaks a limit
-    avoidable: its stops at joins that nobody asked for, at the machine's usual order; None likewise
+    conditioning: the poorest along the path; None if the path exceeds a limit
+    avoidable: its stops at joins that nobody stated, at the machine's usual order; None likewise
     """
 
     violations: tuple[MotionError, ...]
@@ -105,12 +119,17 @@ class Standing(Result):
     avoidable: AvoidableStops | None = None
 
     def tables(self) -> tuple[Table, ...]:
-        """The largest use of each limit and where, the violations below; the blends."""
+        """Return the largest use of each limit and where, the violations below; the blends."""
         uses = Table(
             "largest use of each limit, proved along the path",
             (
                 Column("limit", [*self.largest]),
-                Column("bound", [use for use, _ in self.largest.values()], form=".7f", up=True),
+                Column(
+                    "bound",
+                    [use for use, _ in self.largest.values()],
+                    form=".7f",
+                    up=True,
+                ),
                 *Place.columns([place for _, place in self.largest.values()]),
             ),
             (*map(str, self.violations), *self.warnings, *self._describe_stops()),
@@ -134,68 +153,114 @@ class Standing(Result):
         return (*((near,) if near else ()), *overshoot_warnings(self.overshoots))
 
 
-TIE_DIGITS = 9
-"""Of a limit's use, beyond which two are the same."""
-
-
 def prove_feasibility(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:
-    """Bound the geometric limits over the path, walked at unit speed: what they use is the same under every timing."""
+    """Bound the geometric limits along the path at unit speed: their use is the same under every
+    timing.
+    """
     along = unit_speed_trajectory(path)
-    geometric = [limit for limit in limits if limit.geometric]
-    everywhere = np.repeat(np.arange(len(along.s)), 3)
-    state = along.within(everywhere, np.tile([0.0, 0.5, 1.0], len(along.s)) * np.diff(along.knots)[everywhere])
-    lost = ~np.isfinite(state.q).all(1)
-    if lost.any():
-        first = int(np.argmax(lost))
-        place = path.place(float(state.along[first]), int(state.piece[first]))
-        axes = ", ".join(name for name, q in zip(path.names, state.q[first], strict=True) if not np.isfinite(q))
-        reach = f"no actuator coordinates reach the path at {place}: there is no position of {axes}"
-        error = OutOfReach(f"{reach}; bring it nearer to home").in_segment(place.segment)
+    error = _find_lost_reach(path, along)
+    if error is None and isinstance(path, MachinePath):
+        error = _find_lost_control(path, along)
+    if error is not None:
         return Standing((error,), {})
-    if isinstance(path, MachinePath):
-        met = find_singularity(path, np.append(along.s, path.breaks[-1]), along.piece)
-        if met is not None:
-            place = path.place(*met)
-            where = f"the pose at {place} is singular, or too close to a singularity"
-            jacobian = evaluate_jacobian(path, np.array(met[:1]), np.array(met[1:]))[0]
-            loss = describe_singularity(path.machine, jacobian)
-            error = OutOfReach(f"{where}: {loss}; route the path around it").in_segment(place.segment)
-            return Standing((error,), {})
+    geometric = [limit for limit in limits if limit.geometric]
     use = prove_path_use(path, geometric)
     largest: dict[str, tuple[float, Place]] = {}
-    found: dict[tuple[str, int, int], tuple[float, Infeasible]] = {}
+    violations: list[_Violation] = []
     for limit in geometric:
         bound = use[limit.name]
-        worst, broken = int(np.argmax(bound)), np.flatnonzero(bound > 1).tolist()
-        for part in {worst, *broken}:
-            look = _state_at_points(along, part)
-            value = limit.value(look)
-            uses = limit.use(value, value, look.piece)
-            rows, most = uses.argmax(0), uses.max(0)
-            top, piece = int(np.argmax(most)), int(look.piece[0])
-            places = [
-                path.place(float(look.along[row]), piece, None, name)
-                for row, name in zip(rows, limit.channels, strict=True)
-            ]
-            if part == worst:
-                largest[limit.name] = float(bound[part]), places[top]
-            # a peak between the points looked at is proved all the same
-            for channel in {top, *np.flatnonzero(round_reached_use(most) > 1).tolist()} if part in broken else ():
-                if most[channel] > found.get((limit.name, piece, channel), (0.0,))[0]:
-                    told = limit_violation(limit, float(value[rows[channel], channel]), channel, piece, places[channel])
-                    found[limit.name, piece, channel] = float(most[channel]), told
-    # where two pieces meet both are as far out: that is the fault of the one that leads there
-    worst_first = sorted(found.items(), key=lambda item: (-round(item[1][0], TIE_DIGITS), item[0][1]))
-    return Standing(tuple(told for _, (_, told) in worst_first), largest)
+        worst = int(np.argmax(bound))
+        largest[limit.name] = (
+            float(bound[worst]),
+            _sample_part(along, limit, worst)[0].place,
+        )
+        for part in np.flatnonzero(bound > 1).tolist():
+            samples = _sample_part(along, limit, part)
+            # the first exceeds the limit, at a peak between the samples at least: that is proved
+            violations += samples[:1]
+            violations += [each for each in samples[1:] if each.use > 1 + LIMIT_ROUNDING]
+    return Standing(_sort_violations(violations), largest)
 
 
-def _state_at_points(along: Trajectory, part: int) -> State:
-    span = along.knots[part + 1] - along.knots[part]
-    return along.within(np.full(PART_POINTS, part), span * np.linspace(0.0, 1.0, PART_POINTS))
+def _find_lost_reach(path: ActuatorPath, along: Trajectory) -> OutOfReach | None:
+    """Return the error of the first sampled place that the actuators do not reach."""
+    part = np.repeat(np.arange(len(along.s)), 3)
+    state = along.within(part, np.tile([0.0, 0.5, 1.0], len(along.s)) * np.diff(along.knots)[part])
+    lost = ~np.isfinite(state.q).all(1)
+    if not lost.any():
+        return None
+    first = int(np.argmax(lost))
+    place = path.place(float(state.along[first]), int(state.piece[first]))
+    axes = ", ".join(name for name, q in zip(path.names, state.q[first], strict=True) if not np.isfinite(q))
+    reach = f"no actuator coordinates reach the path at {place}: there is no position of {axes}"
+    return OutOfReach(f"{reach}; bring it nearer to home").in_segment(place.segment)
+
+
+def _find_lost_control(path: MachinePath, along: Trajectory) -> OutOfReach | None:
+    """Return the error of the first singular pose."""
+    singular = find_singularity(path, np.append(along.s, path.breaks[-1]), along.piece)
+    if singular is None:
+        return None
+    s, piece = singular
+    place = path.place(s, piece)
+    jacobian = evaluate_jacobian(path, np.array([s]), np.array([piece]))[0]
+    loss = describe_singularity(path.machine, jacobian)
+    where = f"the pose at {place} is singular, or too close to a singularity"
+    return OutOfReach(f"{where}: {loss}; route the path around it").in_segment(place.segment)
+
+
+@dataclass(frozen=True, slots=True)
+class _Violation:
+    """The largest sampled use of one channel of a limit on a part of the path."""
+
+    limit: Limit
+    channel: int
+    piece: int
+    use: float
+    value: float
+    place: Place
+
+    @property
+    def key(self) -> tuple[str, int, int]:
+        return self.limit.name, self.piece, self.channel
+
+    def make_error(self) -> Infeasible:
+        return limit_violation(self.limit, self.value, self.channel, self.piece, self.place)
+
+
+def _sample_part(along: Trajectory, limit: Limit, part: int) -> "list[_Violation]":
+    """Return the largest use of each channel of a limit at PART_POINTS places of a part of the path.
+
+    The channel that uses most is the first.
+    """
+    length = along.knots[part + 1] - along.knots[part]
+    state = along.within(np.full(PART_POINTS, part), length * np.linspace(0.0, 1.0, PART_POINTS))
+    value = limit.value(state)
+    uses = limit.use(value, value, state.piece)
+    piece = int(state.piece[0])
+    channels = []
+    for channel, row in enumerate(uses.argmax(0).tolist()):
+        place = along.path.place(float(state.along[row]), piece, None, limit.channels[channel])
+        use = float(uses[row, channel])
+        channels.append(_Violation(limit, channel, piece, use, float(value[row, channel]), place))
+    return sorted(channels, key=lambda each: -each.use)
+
+
+def _sort_violations(violations: Sequence[_Violation]) -> tuple[Infeasible, ...]:
+    """Return the errors, the worst first: one for each limit, piece and channel.
+
+    Where two pieces meet both exceed a limit as much: the one that leads there comes first.
+    """
+    worst: dict[tuple[str, int, int], _Violation] = {}
+    for each in violations:
+        if each.key not in worst or each.use > worst[each.key].use:
+            worst[each.key] = each
+    ordered = sorted(worst.values(), key=lambda each: (-round(each.use, TIE_DIGITS), each.key))
+    return tuple(each.make_error() for each in ordered)
 
 
 def limit_violation(limit: Limit, value: float, channel: int, piece: int, place: Place) -> Infeasible:
-    """What to say where a geometric limit is broken."""
+    """Return the error of a geometric limit that is exceeded."""
     unit, scale = limit.units[channel]
     reached, allowed = (each * scale for each in limit.report_value(value, channel, piece))
     remedy = limit.remedy(abs(reached - allowed), unit)

@@ -1,4 +1,4 @@
-"""The certificate of a long motion in few numbers: what each part of it uses of the limits, and the parts joined."""
+"""The certificate of a long motion in few numbers: the use of the limits by each part, and the parts joined."""
 
 from collections.abc import Sequence
 
@@ -11,16 +11,16 @@ from planner.place import Place
 from planner.trajectory import Trajectory
 
 MOST_ENTRIES = 512
-"""Of each limit in the certificate of a plan that was made in parts."""
+"""Entries per limit in the certificate of a plan that is made in parts."""
 
 
 def summarise_part(certificate: Certificate, motion: Trajectory, limits: Sequence[Limit], part: slice) -> Certificate:
-    """Of a window's certificate what concerns some of its time pieces, as one entry of each limit."""
+    """Return the certificate of some time pieces of a window, with one entry per limit."""
     worst, where, use, attained = dict[str, float](), dict[str, Place](), {}, {}
     for name, values in certificate.use.items():
         worst[name] = float(values[part].max())
         where[name] = certificate.where[name]
-        if worst[name] < certificate.worst[name]:  # that place is in another part
+        if worst[name] < certificate.worst[name]:  # the worst place is in another part
             k = part.start + int(np.argmax(certificate.attained[name][part]))
             where[name] = find_place(motion, limits, name, k)
         use[name] = np.array([worst[name]])
@@ -29,23 +29,13 @@ def summarise_part(certificate: Certificate, motion: Trajectory, limits: Sequenc
 
 
 def join_certificates(one: Certificate, other: Certificate) -> Certificate:
-    """One over the parts of both. A limit that has nothing to bind in one of them is used by nothing there.
+    """Join two certificates. A limit that binds nothing in one of them is not used there.
 
-    Where there are many entries, two become one: what is kept does not grow with the program.
+    Neighbouring entries are merged where there are many, so that their number does not grow with the program.
     """
     names = dict.fromkeys((*one.use, *other.use))
-    sizes = [len(next(iter(each.use.values()))) for each in (one, other)]
-    use, attained = (
-        {
-            name: np.concatenate(
-                [getattr(each, what).get(name, np.zeros(size)) for each, size in zip((one, other), sizes, strict=True)]
-            )
-            for name in names
-        }
-        for what in ("use", "attained")
-    )
-    if sum(sizes) > MOST_ENTRIES:
-        use, attained = ({name: _merge_pairs(values) for name, values in each.items()} for each in (use, attained))
+    use = {name: _join_entries(one.use, other.use, name) for name in names}
+    attained = {name: _join_entries(one.attained, other.attained, name) for name in names}
     higher = {name: one if one.worst.get(name, -1.0) >= other.worst.get(name, -1.0) else other for name in names}
     return Certificate(
         one.holds and other.holds,
@@ -56,6 +46,10 @@ def join_certificates(one: Certificate, other: Certificate) -> Certificate:
     )
 
 
-def _merge_pairs(values: Array) -> Array:
-    """The larger of each two, and the last by itself where it has no other."""
-    return np.maximum.reduceat(values, np.arange(0, len(values), 2))
+def _join_entries(one: dict[str, Array], other: dict[str, Array], name: str) -> Array:
+    """Return the entries of both tables for a limit: 0 in a table without it, pairs merged if there are too many."""
+    tables = [table.get(name, np.zeros(len(next(iter(table.values()))))) for table in (one, other)]
+    entries = np.concatenate(tables)
+    if len(entries) <= MOST_ENTRIES:
+        return entries
+    return np.maximum.reduceat(entries, np.arange(0, len(entries), 2))

@@ -14,7 +14,8 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import count_noun
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
-from planner.certificate.certify import Certificate, certify, find_place, use_at_knots
+from planner.certificate.certify import Certificate, certify, find_place
+from planner.certificate.limit_use import use_at_knots
 from planner.interruption.instant import (
     REST_SHARE,
     Instant,

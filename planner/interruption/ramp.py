@@ -13,11 +13,11 @@ import numpy as np
 from kinematics.foundation.errors import MotionError, attempt
 from planner.interruption.instant import Instant
 from planner.interruption.section import ProvedMotion, Whole
+from planner.timing.attempts import solve_once
 from planner.timing.certified_solve import certified_solve
-from planner.timing.discretization import coarse_jerk_problem
-from planner.timing.jerk_limited import place_by_loss
-from planner.timing.problem import Continuation, Run
-from planner.timing.run import solve_run
+from planner.timing.grid import coarse_jerk_problem
+from planner.timing.loss_grid import pose_by_loss
+from planner.timing.problem import Continuation, EndCondition, Run, at_speeds
 from planner.trajectory import Trajectory
 
 # Share of a distance by which an end may be farther than the nearest that the search would find:
@@ -65,7 +65,7 @@ def find_ramps(
         return
     places = np.unique(followed.s)
     knots = places[places > now.s] - now.s
-    continuation = Continuation(np.zeros(1), np.zeros((4, 0)), {}, now.a, knots)
+    continuation = Continuation(np.zeros(1), np.zeros((4, 0)), {}, knots)
     search = _Search(whole, now, end, target, continuation)
     distance = search.find_nearest(shortest)
     for farther in FARTHER:
@@ -145,21 +145,15 @@ class _Search:
         speed, acceleration = self.target(self.now.s + distance)
         if order == 2:
             begin = self.now.v if self.order == 2 else BEGIN_SPEED * self.now.v
-            run = Run(0, last, start_speed=begin, end_speed=speed, until=distance)
-            return solve_run(self.path, self.limits, run, order, probing=True).solved
+            run = Run(0, last, at_speeds(begin, speed), until=distance)
+            return solve_once(self.path, self.limits, run, order).solved
         run = Run(
             0,
             last,
-            self.now.v,
-            speed,
+            (EndCondition(self.now.v, self.now.a), EndCondition(speed, acceleration)),
             until=distance,
             continuation=self.continuation,
-            end_acceleration=acceleration,
         )
-        result = place_by_loss(
-            self.path,
-            self.limits,
-            run,
-            coarse_jerk_problem(self.path, self.limits, run),
-        )
-        return result is not None and not isinstance(result, MotionError)
+        coarse = coarse_jerk_problem(self.path, self.limits, run)
+        posed = pose_by_loss(self.path, self.limits, run, coarse)
+        return posed is not None and not isinstance(posed, MotionError)

@@ -49,7 +49,7 @@ class MovingSegment:
     acceleration, angular_speed  caps of the tool's acceleration, m/s², and of the platform's turning, rad/s
     max_tool_jerk  cap of the tool's jerk, m/s³
     speed_constant  exactly this speed, outside the shortest ramps where it is begun from rest or left to rest
-                (planner.timing.parts: where the ramps lie at other joins)
+                (planner.timing.goals.constant_speed: where the ramps lie at other joins)
     trigger      an event along it
     free         what of its orientation is left free, for `planner.orientation.orient` to choose
     line_number  where it stands in its file, for messages

@@ -22,7 +22,7 @@ from planner.place import Infeasible
 from planner.shaping.shaped_motion import shape_motion, shaper_length
 from planner.shaping.shaped_proof import ShapedProof, advise_shapers, prove_shaped, refuse_unshaped
 from planner.shaping.shaping_cost import ShapingCost, find_stretches
-from planner.timing.stated_duration import SHORT_DURATION, short_duration_error
+from planner.timing.goals.stated_duration import SHORT_DURATION, short_duration_error
 from planner.trajectory import Trajectory
 
 LOCAL_ROUNDS, ROUNDS = 4, 5

@@ -11,7 +11,6 @@ J V̇ + h(x_s, V) = q̈_s, with J at x_s: with E = 1 − C J, V = C q̇_s + E C 
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +19,8 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.taylor_model import EPS, Series
 from kinematics.machine.kind import columns
-from planner.certificate.enclosure import Cells, Enclosure, bound_series
+from planner.certificate.cells import Cells
+from planner.certificate.enclosure import Enclosure, bound_series, shift_motion, widen
 from planner.path.actuation import MachinePath, check_rate
 from planner.shaping.shaped_motion import ShapedMotion
 from planner.trajectory import Trajectory
@@ -45,9 +45,8 @@ class ShapedEnclosure(Enclosure):
     apart: Series
     pieces: NDArray[np.intp]
 
-    @property
-    def q(self) -> Series:
-        return self.axes
+    def axis_rate(self, times: int) -> Series:
+        return self.axes.differentiate(times, self.rate)
 
     @cached_property
     def reached(self) -> "_ReachedPoses":
@@ -140,11 +139,7 @@ class ShapedEnclosure(Enclosure):
         inside = np.clip(s, low + reach, np.maximum(high - reach, low + reach))  # where all of u is on the piece
         along[0] = np.where(2 * reach <= high - low, inside, (low + high) / 2)
         along[1:] *= np.where(2 * reach <= high - low, 1.0, 0.0)
-        size, degree = np.abs(along), len(along)
-        wide = np.stack(
-            [sum((comb(j, k) * size[j] for j in range(k + 1, degree)), np.zeros(cells)) for k in range(degree)]
-        )
-        error = np.concatenate([np.zeros_like(wide), wide * (1 + 8 * EPS)], 1)
+        error = np.concatenate([np.zeros_like(along), widen(along, np.zeros_like(along))], 1)
         beside = path.enclose_pose(Series(np.concatenate([along, along], 1), error, at.order), np.tile(piece, 2))
         beside = beside if path.tool is None else self.evaluate(path.tool, beside)
         off = np.maximum(*np.abs(bound_series(at - beside[:, :3], cells)))
@@ -260,20 +255,15 @@ def _expand(
     end = np.where(whose > last, trajectory.knots[last + 1] - trajectory.knots[last], 0.0)
     at = np.where(moves, centre - trajectory.knots[k], end)
 
-    def shift(s: Array, v: Array, a: Array, j: Array, at: Array) -> Array:
-        return np.stack(
-            [s + at * (v + at * (a / 2 + at * j / 6)), v + at * (a + at * j / 2), a / 2 + at * j / 2, j / 6]
-        )
-
-    motion = trajectory.s[k], trajectory.v[k], trajectory.a[k], trajectory.j[k]
-    sizes = shift(*(np.abs(each) for each in (*motion, at)))
+    motion = np.stack([trajectory.s[k], trajectory.v[k], trajectory.a[k], trajectory.j[k]])
+    sizes = shift_motion(np.abs(motion), np.abs(at))
     # an instant of a copy's own time is known to a few roundings of the whole time
     late = 8 * EPS * trajectory.knots[-1] * np.stack([sizes[1], 2 * sizes[2], 3 * sizes[3], np.zeros_like(half)])
-    powers = np.stack([np.ones_like(half), half * moves, half * half * moves, half * half * half * moves])
-    mid, rad = shift(*motion, at) * powers, (32 * EPS * sizes + late * (1 + 8 * EPS)) * powers
-    _, c1, c2, c3 = np.abs(mid) + rad
-    wide = np.stack([c1 + c2 + c3, 2 * c2 + 3 * c3, 3 * c3, np.zeros_like(c3)])
-    series = Series(np.concatenate([mid, mid], 1), np.concatenate([rad, (rad + wide) * (1 + 8 * EPS)], 1), ORDER)
+    powers = np.stack([np.ones_like(half), half, half**2, half**3])
+    powers[1:] *= moves
+    mid = shift_motion(motion, at) * powers
+    rad = (32 * EPS * sizes + late * (1 + 8 * EPS)) * powers
+    series = Series(np.concatenate([mid, mid], 1), np.concatenate([rad, widen(mid, rad)], 1), ORDER)
     return series, trajectory.piece[k]
 
 

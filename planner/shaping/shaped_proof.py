@@ -1,10 +1,12 @@
-"""What is proved of a motion behind input shapers: that it keeps every limit, and how far it is from the path.
+"""Proof of a motion behind input shapers: that it respects every limit, and how far it is
+from the path.
 
-Limits of one coordinate's value or rate, the same all along (`Limit.convex`): a weighed mean of motions that keep one
-keeps it, so what is proved of the motion that is shaped holds. Every other limit is bounded over cells of time from the
-axes' copies and from the pose that the axes reach (`planner.shaping.shaped_enclosure`). Caps of a segment's tool hold
-while all copies are on that segment; while some are on the next, the larger cap of the two does: there the tool rounds
-the corner between them.
+Limits of one coordinate's value or rate, the same all along (`Limit.convex`): a weighed mean of
+motions that keep one keeps it, so what is proved of the motion that is shaped holds. Every other
+limit is bounded over cells of time from the axes' copies and from the pose that the axes reach
+(`planner.shaping.shaped_enclosure`). Caps of a segment's tool hold while all copies are on that
+segment; while some are on the next, the larger cap of the two does: there the tool rounds the
+corner between them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,8 +22,8 @@ from kinematics.foundation.names import count_noun
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.axis import Axis
+from planner.certificate.cells import Cells, Values, evaluate_in_batches, refine
 from planner.certificate.certify import Certificate
-from planner.certificate.enclosure import Cells, bound_series
 from planner.certificate.limit_use import LIMIT_ROUNDING, round_reached_use
 from planner.limits.limit import Limit
 from planner.limits.resonance import Resonance
@@ -33,13 +35,17 @@ from planner.shaping.shaping_cost import ShapingCost
 from planner.trajectory import Trajectory
 
 OVER = 1e-3
-"""How far beyond a limit a bound may stay that slowing down mends: what is planned anew keeps that much away."""
+"""How far beyond a limit a bound may stay that slowing down mends: what is planned anew keeps that
+much away.
+"""
 CLOSE, LEAST_CONTOUR = 1.05, 1e-7
-"""Times what was met of the distance from the path that its bound may be, and m below which it is not made closer."""
+"""Times what was met of the distance from the path that its bound may be, and m below which it is
+not made closer.
+"""
 LONGEST_CELL, SHORTEST_CELL = 4e-3, 1e-4
 """s: cells of time that are looked at first, and below which none is cut."""
-CELL_BATCH, MOST_CUT = 512, 200_000
-"""Cells that are looked at together, and those that others are cut into, at most."""
+MOST_CUT = 200_000
+"""Largest number of cells into which others are split."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,13 +55,15 @@ class ShapedProof(Result):
     motion         q_s(t) = Σ Aᵢ q(t − tᵢ)
     worst, where   per limit, the proven bound of value/limit over continuous time, and its place
     convex         names of the limits that follow from those of the motion that is shaped
-    deviation      m: of the tool from its place on the path `delay` earlier, ahead and behind too; a proven bound
+    deviation      m: of the tool from its place on the path `delay` earlier, ahead and behind too;
+                   a proven bound
     contour        m: of the tool from the path, wherever on it; a proven bound, at most `deviation`
     turn           rad: of the platform likewise
     axis_deviation (n,) m or rad: of each axis likewise: ½ Σ Aᵢ (tᵢ − t̄)² · sup |q̈|, or tighter
     since          s of the motion, from which on all this is proved
-    excess         per limit that is exceeded, and that timing changes: of N cells of time, from where to where on the
-                   path (m) the copies are, and the bound of value/limit there (3, N)
+    excess         per limit that is exceeded, and that timing changes: of N cells of time, from
+                   where to where on the path (m) the copies are, and the bound of value/limit there
+                   (3, N)
     cost           of the shapers, where the motion was planned behind them
     """
 
@@ -130,7 +138,7 @@ class ShapedProof(Result):
 
 
 def refuse_unshaped(limits: Sequence[Limit], path: ActuatorPath) -> None:
-    """Raise MotionError for what no motion behind shapers is proved to keep."""
+    """Raise MotionError for limits that cannot be proved behind shapers."""
     for limit in limits:
         if isinstance(limit, Resonance) and limit.bands:
             axis = limit.channels[limit.bands[0].axis]
@@ -154,11 +162,13 @@ def prove_shaped(
     certificate: Certificate,
     since: float = 0.0,
 ) -> ShapedProof:
-    """What is proved of a trajectory behind shapers.
+    """Prove that a trajectory behind shapers respects its limits, and bound its deviations.
 
     certificate  of the trajectory itself, of its convex limits at least
-    since        s of the shaped motion, from which on it is looked at: the whole of the interval that it is in
-    Raises MotionError where the pose that the axes reach is not proved to be near the path, and as `refuse_unshaped`.
+    since        s of the shaped motion, from which on it is looked at: the whole of the interval
+                 that it is in
+    Raises MotionError where the pose that the axes reach is not proved to be near the path, and as
+    `refuse_unshaped`.
     """
     refuse_unshaped(limits, trajectory.path)
     convex = [limit for limit in limits if limit.convex]
@@ -176,19 +186,19 @@ def prove_shaped(
         worst,
         where,
         tuple(limit.name for limit in convex),
-        float(search.away),
-        float(search.off),
-        float(search.turned),
-        search.place(search.away_at),
-        search.place(search.off_at),
+        search.away.value,
+        search.off.value,
+        search.turned,
+        search.place(search.away.at),
+        search.place(search.off.at),
         search.axes,
         since,
-        search.find_excess(),
+        search.excess,
     )
 
 
 def describe_exceeded(path: MachinePath, proof: ShapedProof) -> str:
-    """What is said where a blend or fit tolerance is not proved behind the shapers; else ""."""
+    """Return the message where a blend or fit tolerance is not proved behind the shapers; else ""."""
     left = [(blend.tolerance, blend.deviation) for blend in path.blends if not blend.stop]
     left += [] if path.fit is None else [(path.fit.tolerance, path.fit.deviation)]
     over = [both for both in left if both[1] + proof.contour > both[0]]
@@ -206,7 +216,7 @@ def describe_exceeded(path: MachinePath, proof: ShapedProof) -> str:
 
 
 def advise_shapers(axes: Sequence[Axis]) -> str:
-    """What to do about shapers that take the tool too far: shorter ones do so less."""
+    """Return the remedy for shapers that take the tool too far: shorter ones do so less."""
     parts = [part for axis in axes if axis.shaper is not None for part in axis.shaper.parts]
     longer = sorted({part.kind for part in parts if part.kind != "zv"})
     if longer:
@@ -214,119 +224,134 @@ def advise_shapers(axes: Sequence[Axis]) -> str:
     return "stiffen the machine (zv is the shortest kind of shaper already; a higher frequency shortens it)"
 
 
-class _CellSearch:
-    """Cells of time, cut where a limit may be broken: the largest bound of each limit, and of the deviations."""
+@dataclass(frozen=True, slots=True)
+class _Largest:
+    """The largest value over cells, and the instant (s) in the middle of its cell; 0 at 0 without
+    any.
+    """
 
-    def __init__(
-        self, motion: ShapedMotion, trajectory: Trajectory, limits: Sequence[Limit], since: float, advice: str
-    ) -> None:
-        self.motion, self.trajectory, self.limits, self.since, self.advice = motion, trajectory, limits, since, advice
-        self.bound, self.at = np.zeros((2, len(limits)))
-        self.channel = np.zeros(len(limits), int)
-        self.away = self.away_at = self.off = self.off_at = self.met = self.turned = 0.0
-        self.axes = np.zeros(motion.copies.weights.shape[1])
-        self.over: list[list[Array]] = [[] for _ in limits]
+    value: float
+    at: float
+
+    @staticmethod
+    def of(values: Array, middle: Array) -> "_Largest":
+        first = int(values.argmax())
+        return _Largest(float(values[first]), float(middle[first])) if values[first] > 0 else _Largest(0.0, 0.0)
+
+
+@dataclass
+class _CellSearch:
+    """Largest bounds over cells of time, of each limit and of the deviations. Cells are split where
+    bounds are loose.
+    """
+
+    motion: ShapedMotion
+    trajectory: Trajectory
+    limits: Sequence[Limit]
+    since: float
+    advice: str
+    bound: Array = field(init=False)
+    at: Array = field(init=False)
+    channel: np.ndarray = field(init=False)
+    away: _Largest = field(init=False)
+    off: _Largest = field(init=False)
+    turned: float = field(init=False)
+    axes: Array = field(init=False)
+    excess: dict[str, Array] = field(init=False)
 
     def run(self) -> None:
-        """Look at all cells, and at parts of those whose bounds are loose."""
-        lengths = np.diff(self.motion.knots)
-        parts = np.maximum(np.ceil(lengths / LONGEST_CELL), 1).astype(int) * (self.motion.knots[1:] > self.since)
-        k, share = np.repeat(np.arange(len(lengths)), parts), lengths / np.maximum(parts, 1)
-        nth = np.arange(len(k)) - np.repeat(np.cumsum(parts) - parts, parts)
-        cells = Cells(k, share[k] * nth, share[k] * (nth + 1))
-        over = np.array([[LIMIT_ROUNDING if limit.geometric else OVER] for limit in self.limits]).reshape(-1, 1)
-        cut = 0
-        while len(cells.k):
-            found = [self._look(cells[part]) for part in _batches(len(cells.k))]
-            uses, channels, away, off, turned, axes = (
-                np.concatenate(each, axis=-1) for each in zip(*found, strict=True)
-            )
-            loose = (uses > 1 + over).any(0) | ~np.isfinite(away) | (off > max(CLOSE * self.met, LEAST_CONTOUR))
-            loose &= (cells.hi - cells.lo > SHORTEST_CELL) & (cut <= MOST_CUT)
-            kept = ~loose
-            self._keep(
-                cells[kept], uses[:, kept], channels[:, kept], away[kept], off[kept], turned[kept], axes[:, kept]
-            )
-            cells = cells[loose].parts(2)
-            cut += len(cells.k)
-
-    def _look(self, cells: Cells) -> tuple[Array, np.ndarray, Array, Array, Array, Array]:
-        """Of N cells: bounds of the uses (limits, N), the channels that have them, bounds of the three deviations (N,)
-        each, and of the axes' (n, N).
-        """
-        count = len(cells.k)
-        with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-            enclosure = enclose_shaped(self.motion, self.trajectory, cells)
-            uses, channels = np.zeros((len(self.limits), count)), np.zeros((len(self.limits), count), int)
-            for n, limit in enumerate(self.limits):
-                uses[n], channels[n] = _use(limit, *bound_series(limit.value(enclosure), count), enclosure)
-            away, turned = enclosure.away()
-            off, least = enclosure.contour()
-            self.met = max(self.met, float(np.minimum(least, away).max()))
-            low, high = bound_series(enclosure.apart, count)
-        moved = np.maximum(np.abs(low), np.abs(high)).T
-        return np.where(np.isnan(uses), np.inf, uses), channels, away, np.minimum(off, away), turned, moved
-
-    def _keep(
-        self, cells: Cells, uses: Array, channels: np.ndarray, away: Array, off: Array, turned: Array, axes: Array
-    ) -> None:
-        if not len(cells.k):
-            return
-        begin, end = (self.motion.knots[cells.k] + each for each in (cells.lo, cells.hi))
+        """Bound all cells and fill the results."""
+        self.largest_sample = 0.0
+        self.split = 0
+        cells = self._cut_intervals()
+        cells, values = refine(cells, evaluate_in_batches(cells, self._bound), self._bound, self._find_loose)
+        uses, channels, away, off, turned, axes = values
+        begin = self.motion.knots[cells.k] + cells.lo
+        end = self.motion.knots[cells.k] + cells.hi
         middle = (begin + end) / 2
-        if not np.isfinite(away).all():
-            lost = self.place(float(middle[int(np.argmin(np.isfinite(away)))]))
+        self._refuse_lost(away, middle)
+        first = uses.argmax(1)
+        rows = np.arange(len(self.limits))
+        self.bound = round_reached_use(uses[rows, first])
+        self.at = np.where(self.bound > 0, middle[first], 0.0)
+        self.channel = channels[rows, first]
+        self.away = _Largest.of(away, middle)
+        self.off = _Largest.of(off, middle)
+        self.turned = float(turned.max())
+        self.axes = axes.max(1)
+        self.excess = {}
+        for limit, use in zip(self.limits, uses, strict=True):
+            above = round_reached_use(use) > 1
+            if above.any() and not limit.geometric:
+                self.excess[limit.name] = self._find_excess(begin[above], end[above], use[above])
+
+    def _cut_intervals(self) -> Cells:
+        """Return the intervals between knots from `since` on, in cells of LONGEST_CELL at most."""
+        lengths = np.diff(self.motion.knots)
+        needed = self.motion.knots[1:] > self.since
+        needed[-1] = True
+        parts = np.maximum(np.ceil(lengths / LONGEST_CELL), 1).astype(int) * needed
+        k = np.repeat(np.arange(len(lengths)), parts)
+        share = (lengths / np.maximum(parts, 1))[k]
+        nth = np.arange(len(k)) - np.repeat(np.cumsum(parts) - parts, parts)
+        return Cells(k, share * nth, share * (nth + 1))
+
+    def _find_loose(self, cells: Cells, values: Values) -> tuple[np.ndarray, int]:
+        uses, _, away, off, *_ = values
+        allowed = np.array([[1 + (LIMIT_ROUNDING if limit.geometric else OVER)] for limit in self.limits])
+        loose = (uses > allowed.reshape(-1, 1)).any(0) | ~np.isfinite(away)
+        loose |= off > max(CLOSE * self.largest_sample, LEAST_CONTOUR)
+        loose &= (cells.lengths > SHORTEST_CELL) & (self.split <= MOST_CUT)
+        self.split += 2 * int(loose.sum())
+        return loose, 2
+
+    def _bound(self, cells: Cells) -> Values:
+        """Return bounds of the uses and their channels (limits, N), of the three deviations (N,)
+        and of the axes (n, N).
+        """
+        enclosure = enclose_shaped(self.motion, self.trajectory, cells)
+        uses, channels = np.zeros((2, len(self.limits), len(cells.k)))
+        for n, limit in enumerate(self.limits):
+            uses[n], channels[n] = _bound_use(limit, enclosure)
+        away, turned = enclosure.away()
+        off, least = enclosure.contour()
+        self.largest_sample = max(self.largest_sample, float(np.minimum(least, away).max()))
+        moved = np.maximum(*np.abs(enclosure.bound(enclosure.apart))).T
+        return np.where(np.isnan(uses), np.inf, uses), channels.astype(int), away, np.minimum(off, away), turned, moved
+
+    def _refuse_lost(self, away: Array, middle: Array) -> None:
+        """Raise MotionError where the pose that the axes reach is not proved to be near the path."""
+        lost = ~np.isfinite(away)
+        if lost.any():
+            place = self.place(float(middle[int(np.argmax(lost))]))
             raise MotionError(
-                f"behind its input shapers the machine is not proved to stay near the path at {lost}: it is "
+                f"behind its input shapers the machine is not proved to stay near the path at {place}: it is "
                 "too near to a singularity there, or the shapers are too long; keep away from it, or "
                 f"{self.advice}"
-            ).in_segment(lost.segment)
-        for n, limit in enumerate(self.limits):
-            above = round_reached_use(uses[n]) > 1
-            if above.any() and not limit.geometric:
-                self.over[n].append(np.stack([begin[above], end[above], uses[n, above]]))
-            first = int(uses[n].argmax())
-            if uses[n, first] > self.bound[n]:
-                self.bound[n], self.at[n] = float(round_reached_use(uses[n, first : first + 1])[0]), middle[first]
-                self.channel[n] = channels[n, first]
-        first = int(away.argmax())
-        if away[first] > self.away:
-            self.away, self.away_at = float(away[first]), float(middle[first])
-        first = int(off.argmax())
-        if off[first] > self.off:
-            self.off, self.off_at = float(off[first]), float(middle[first])
-        self.turned = max(self.turned, float(turned.max()))
-        self.axes = np.maximum(self.axes, axes.max(1))
+            ).in_segment(place.segment)
 
-    def find_excess(self) -> dict[str, Array]:
-        """Of limits that are exceeded, where on the path the copies are meanwhile and the use (3, N)."""
-        found, copies = {}, self.motion.copies
-        for limit, cells in zip(self.limits, self.over, strict=True):
-            if cells:
-                begin, end, use = np.concatenate(cells, axis=1)
-                own = (begin - copies.delays[-1], end - copies.delays[0])
-                found[limit.name] = np.stack([*(self._passed(t) for t in own), use])
-        return found
-
-    def _passed(self, t: Array) -> Array:
-        """(N,) m along the path at instants (N,) of the motion that is shaped."""
-        return np.asarray(self.trajectory.at(np.clip(t, 0.0, self.trajectory.duration)).s)
+    def _find_excess(self, begin: Array, end: Array, use: Array) -> Array:
+        """Return where on the path the copies are while a limit is exceeded, from and to, and its
+        use (3, N).
+        """
+        copies = self.motion.copies
+        span = begin - copies.delays[-1], end - copies.delays[0]
+        first, last = (self.trajectory.at(np.clip(t, 0.0, self.trajectory.duration)).s for t in span)
+        return np.stack([first, last, use])
 
     def place(self, t: float, axis: str = "") -> Place:
-        """Where the path is `centre` before t; its time is that of the shaped motion."""
+        """Return where the path is `centre` before t; its time is that of the shaped motion."""
         state = self.trajectory.at(np.clip(t - self.motion.copies.centre, 0.0, self.trajectory.duration))
         path = self.trajectory.path
         assert isinstance(path, MachinePath)
         return path.place(float(state.s[0]), int(state.piece[0]), float(t), axis)
 
 
-def _batches(count: int) -> list[np.ndarray]:
-    return [np.arange(first, min(first + CELL_BATCH, count)) for first in range(0, count, CELL_BATCH)]
-
-
-def _use(limit: Limit, low: Array, high: Array, enclosure: ShapedEnclosure) -> tuple[Array, np.ndarray]:
-    """(N,) the share of a limit that is used, and the channel that uses it: of caps on several segments, the largest
-    holds.
+def _bound_use(limit: Limit, enclosure: ShapedEnclosure) -> tuple[Array, np.ndarray]:
+    """Return the share (N,) of a limit that is used, and the channel. Of caps on several segments
+    the largest counts.
     """
+    low, high = enclosure.bound(limit.value(enclosure))
     uses = [limit.use(low, high, piece) for piece in enclosure.pieces]
-    return np.asarray(np.min([largest_in_rows(each) for each in uses], axis=0)), np.min(uses, axis=0).argmax(1)
+    use = np.min([largest_in_rows(each) for each in uses], axis=0)
+    return np.asarray(use), np.min(uses, axis=0).argmax(1)

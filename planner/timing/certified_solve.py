@@ -1,4 +1,4 @@
-"""The fastest certified motion along an actuator path: discretize, solve, certify, tighten what fails, run by run."""
+"""The certified motion along a path: every run solved, proved and tightened, then joined."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -18,36 +18,33 @@ from planner.certificate.limit_use import ProvedUse
 from planner.limits.limit import Limit
 from planner.parallel import Progress, spread
 from planner.path.actuation import ActuatorPath
-from planner.path.stands import count_zero_derivatives
-from planner.timing.certified_run import (
-    MAX_CERTIFY_ROUNDS,
-    CertifiedRun,
-    RunCertifier,
-    Timing,
-    find_first_equals,
-    hold_axes,
-    move_run,
-    tighten_run,
-)
-from planner.timing.parts import solve_in_parts, tighten_in_parts
-from planner.timing.problem import Continuation, Run, Solver
+from planner.timing.certify_loop import MAX_CERTIFY_ROUNDS, CertifiedRun, RunCertifier, hold_axes
+from planner.timing.goals.constant_speed import ConstantSpeed
+from planner.timing.goals.fastest import Fastest
+from planner.timing.goals.goal import Goal
+from planner.timing.problem import Continuation, Run, Solver, split_runs
 from planner.timing.profile import Profile
-from planner.timing.run import solve_run
+from planner.timing.repetition import find_first_equals, move_run
 from planner.trajectory import Trajectory
 
-# Runs that are solved and proved together: what one of them takes is more than handing it to another process. Of many,
-# more, which takes less time each; parts that are left for each process to be through at about the same time.
+# Runs that are solved and proved together: handing a run to another process takes longer than
+# solving it. Many runs are split into MANY_PARTS: larger parts take less time for each run, smaller
+# ones let all processes end at about the same time.
 PART_RUNS, MANY_PARTS = 8, 32
+BEFORE_SHAPERS = "before the input shapers"
+"""Name in tables of the duration of the motion that is shaped."""
 
 
 @dataclass(frozen=True, slots=True)
 class Solution(Result):
     """A trajectory with the proof that it respects every limit.
 
-    order; rounds: how often it was solved until the proof held; methods: the solver that gave each run's motion
-    lower_estimate: s, about the least that any motion within the limits on speed and acceleration takes, with the
-    constant speeds that are asked for; of a stated duration too, which need not be near it
-    last_room: of its last run, by limit what it was left on each of its intervals (K,); None where those are no more
+    rounds          largest number of times that a run was timed until its proof held
+    methods         solver of each run's motion
+    lower_estimate  estimate (s) of the least duration within the limits on speed and acceleration
+                    and the stated constant speeds; a stated duration need not be near it
+    last_room       room (K,) of each limit on the intervals of the last run, if these still exist
+    known           the bound, once it has been computed
     """
 
     trajectory: Trajectory = field(repr=False)
@@ -62,34 +59,32 @@ class Solution(Result):
 
     @property
     def bound(self) -> DurationBound:
-        """What is proved of the least time; worked out when first asked for, in some times the time of solving."""
+        """Proved bound of the least duration; computed once, in some times the solving time."""
         if not self.known:
             self.known.append(bound_duration(self.trajectory, self.limits, self.order))
         return self.known[0]
 
     @property
     def lower_bound(self) -> float:
-        """s; no motion within the limits takes less, proved, whatever `bound.left_out` names."""
+        """Proved lower bound (s) of any motion within the limits; see `bound.left_out`."""
         return self.bound.value
 
     @property
     def gap(self) -> float:
-        """How far the duration is above the proven lower bound, as a share of that."""
+        """Share by which the duration is above the proved lower bound."""
         return self.bound.gap
 
     def tables(self) -> tuple[Table, ...]:
-        """How long it takes, and how long about it must; its certificate."""
-        title = f"motion at order {self.order}, by {', '.join(sorted(set(self.methods)))}"
+        """Return the durations and the certificate as tables."""
+        methods = ", ".join(sorted(set(self.methods)))
+        title = f"motion at order {self.order}, by {methods}"
         bound = self.known[0] if self.known else None
-        return timing_table(title, self.trajectory.duration, self.lower_estimate, bound), *self.certificate.tables()
+        timing = timing_table(title, self.trajectory.duration, self.lower_estimate, bound)
+        return timing, *self.certificate.tables()
 
     def data(self) -> Table:
-        """The motion over time."""
+        """Return the motion over time."""
         return self.trajectory.data()
-
-
-BEFORE_SHAPERS = "before the input shapers"
-"""What tables call the duration of the motion that is shaped."""
 
 
 def timing_table(
@@ -101,22 +96,25 @@ def timing_table(
     *,
     shaped: float | None = None,
 ) -> Table:
-    """What a motion takes, and what is proved or else estimated of the least that any would.
+    """Return a table of a duration and of its proved bound, or else its estimated least.
 
-    note: of the first; shaped: s that it takes behind its input shapers, of which the bounds know nothing
+    note    remark on the duration
+    shaped  duration (s) after the input shapers, to which the bounds do not refer
     """
-    what, times, notes = ["duration"], [duration], [note]
+    rows: list[tuple[str, float, str | None]] = [("duration", duration, note)]
     if shaped is not None:
-        what, times, notes = [*what, BEFORE_SHAPERS], [shaped, duration], [note, "the rows below refer to this"]
+        rows = [
+            ("duration", shaped, note),
+            (BEFORE_SHAPERS, duration, "the rows below refer to this"),
+        ]
     if bound is not None:
-        what.append("lower bound, proved")
-        times.append(bound.value)
-        notes.append(bound.describe())
+        rows.append(("lower bound, proved", bound.value, bound.describe()))
     elif least is not None:
-        what.append("lower bound, estimated")
-        times.append(least)
-        notes.append(f"the duration is {100 * (duration / least - 1):.2f} % above it")
-    return Table(title, (Column("what", what), Column("time", times, "s", form=".6f"), Column("note", notes)))
+        remark = f"the duration is {100 * (duration / least - 1):.2f} % above it"
+        rows.append(("lower bound, estimated", least, remark))
+    names, times, notes = (list(column) for column in zip(*rows, strict=True))
+    columns = Column("what", names), Column("time", times, "s", form=".6f"), Column("note", notes)
+    return Table(title, columns)
 
 
 def certified_solve(
@@ -125,61 +123,77 @@ def certified_solve(
     order: int,
     progress: Progress | None = None,
     *,
-    timing: Timing | None = None,
+    goal: Goal | None = None,
     solver: Solver = "passes",
     proving: bool = True,
     continuation: Continuation | None = None,
     fineness: int = 1,
     cruising: bool = True,
 ) -> Solution:
-    """The motion of every run between stops, discretized, solved, certified and tightened until it holds, as a whole.
+    """Return the motion along a path with the proof that it respects every limit.
 
-    Runs go in parts of PART_RUNS or more to whichever process is free; each part is solved and proved by itself, so
-    that what becomes of it does not depend on who does it. Here refusals are raised that were values so far: Infeasible
-    where a limit is broken, MotionError where no round holds.
+    Runs go in parts to whichever process is free. Each part is solved and proved by itself, so that
+    the result does not depend on the number of processes.
 
-    progress  called with the number of different runs that are solved, and their number in all
-    timing    what is asked of the motion; None: that it is the fastest, along a path that is checked first
-    solver    of order 2
-    proving   else a motion of which no round holds is returned, its certificate as it is
-    continuation  what the first run goes on with
-    fineness  times as many intervals as usual
-    cruising  whether cruises at the capped tool speed are in closed form (planner.timing.feed_limited)
+    progress      called with the number of different runs that are solved, and their number in all
+    goal          None: fastest, along a path that is checked first
+    solver        for order 2
+    proving       if false, a motion whose proof fails is returned with its certificate
+    continuation  motion that the first run continues
+    fineness      number of intervals as a multiple of the usual
+    cruising      time cruises at the capped tool speed in closed form
+
+    Raises Infeasible where a limit cannot be respected, MotionError where no proof was found.
     """
-    if timing is None:
-        for worst in prove_feasibility(path, limits).violations:
-            raise worst
-        timing = _fastest_timing(path, order)
+    if goal is None:
+        for violation in prove_feasibility(path, limits).violations:
+            raise violation
+        goal = _choose_goal(path, order)
     stops = np.flatnonzero(path.stops(order))
-    runs = [replace(run, solver=solver, fineness=fineness, whole=not cruising) for run in _split_runs(path, stops)]
+    runs = [
+        replace(run, solver=solver, fineness=fineness, whole=not cruising) for run in split_runs(path, stops, order)
+    ]
     runs[0] = replace(runs[0], continuation=continuation)
-    firsts = find_first_equals(path, limits, runs) if timing.uniform else list(range(len(runs)))
+    firsts = find_first_equals(path, limits, runs) if goal.uniform else list(range(len(runs)))
     different = sorted(set(firsts))
     size = max(PART_RUNS, -(-len(different) // MANY_PARTS))
     parts = [[runs[n] for n in different[first : first + size]] for first in range(0, len(different), size)]
-    found: list[CertifiedRun] = []
+    solved: list[CertifiedRun] = []
 
     def finish_part(part: Sequence[Run], outcome: list[CertifiedRun] | MotionError) -> None:
         if isinstance(outcome, MotionError):
             raise outcome
-        found.extend(outcome)
+        solved.extend(outcome)
         if progress is not None:
-            progress(len(found), len(different))
+            progress(len(solved), len(different))
 
-    spread(RunCertifier(path, tuple(limits), order, timing), parts, finish_part)
-    solved = dict(zip(different, found, strict=True))
-    certified = [solved[n] if first == n else move_run(path, solved[first], runs[n]) for n, first in enumerate(firsts)]
+    spread(RunCertifier(path, tuple(limits), order, goal), parts, finish_part)
+    by_index = dict(zip(different, solved, strict=True))
+    certified = [
+        by_index[n] if first == n else move_run(path, by_index[first], runs[n]) for n, first in enumerate(firsts)
+    ]
     limits = hold_axes(limits, [cap for one in certified for cap in one.held])
     trajectory, known = _join_runs(path, limits, certified, stops)
-    rounds, methods = max(one.rounds for one in certified), tuple(one.solution.method for one in certified)
+    methods = tuple(one.solution.method for one in certified)
+    rounds = max(one.rounds for one in certified)
     least = sum(one.solution.bound for one in certified) + float(path.dwells.sum())
     room = certified[-1].room
-    for each in (found, solved, certified):
-        each.clear()  # as much again as what was joined of it
+    # the runs take as much memory as the trajectory that is joined of them
+    solved.clear()
+    by_index.clear()
+    certified.clear()
     certificate = certify(trajectory, limits, known)
     if proving and not certificate.holds:
         raise _unproved_error(trajectory, limits, certificate)
     return Solution(trajectory, certificate, limits, order, rounds, methods, least, room)
+
+
+def _choose_goal(path: ActuatorPath, order: int) -> Goal:
+    """Return the goal of the fastest motion at the constant speeds that segments state."""
+    pieces = range(len(path.breaks) - 1)
+    if all(path.constant(piece) is None for piece in pieces):
+        return Fastest(order)
+    return ConstantSpeed(order)
 
 
 def solve_within(
@@ -192,60 +206,75 @@ def solve_within(
     *,
     solver: Solver = "passes",
 ) -> Solution:
-    """The fastest motion, proved to be within a share (gap) of the least time, or as near as so many rounds come.
+    """Return the fastest motion, proved to be within a share (gap) of the least duration.
 
-    In each round the cells of the bound are made finer where they lose most; then the motion's grid is. A bound is one
-    of all motions: the best of all rounds counts. Raises as `certified_solve`.
+    In each of at most `effort` rounds the cells of the bound are refined where they lose most, then
+    the motion's grid. The best bound of all rounds counts, as each is one of all motions. Raises as
+    `certified_solve` does.
     """
     best = certified_solve(path, limits, order, progress, solver=solver)
     bound: DurationBound | None = None
     for n in range(effort + 1):
-        found = bound_duration(best.trajectory, limits, order, gap=gap)
-        bound = found if bound is None or found.value > bound.value else bound
+        latest = bound_duration(best.trajectory, limits, order, gap=gap)
+        if bound is None or latest.value > bound.value:
+            bound = latest
         bound = replace(bound, duration=best.trajectory.duration)
         if bound.gap <= gap or n == effort:
             break
-        finer = attempt(partial(certified_solve, path, limits, order, solver=solver, fineness=2 ** (n + 1)))
-        if not isinstance(finer, MotionError) and finer.trajectory.duration < best.trajectory.duration:
+        fineness = 2 ** (n + 1)
+        solve = partial(certified_solve, path, limits, order, solver=solver, fineness=fineness)
+        finer = attempt(solve)
+        if isinstance(finer, MotionError):
+            continue
+        if finer.trajectory.duration < best.trajectory.duration:
             best = finer
     return replace(best, known=[bound] if bound is not None else [])
 
 
-def _fastest_timing(path: ActuatorPath, order: int) -> Timing:
-    """The fastest motion, at the constant speeds that segments ask for."""
-    if all(path.constant(piece) is None for piece in range(len(path.breaks) - 1)):
-        return Timing(partial(solve_run, order=order), tighten_run, uniform=True)
-    return Timing(partial(solve_in_parts, order=order), tighten_in_parts, uniform=True)
-
-
-def _split_runs(path: ActuatorPath, stops: np.ndarray) -> list[Run]:
-    """From stop to stop, the first and the last with the speeds that the path states for its ends."""
-    still = count_zero_derivatives(path) % 3  # where q‴ is nothing too, nothing is free
-    runs = [Run(int(a), int(b) - 1, stands=(int(still[0, a]), int(still[1, b - 1]))) for a, b in pairwise(stops)]
-    runs[0] = replace(runs[0], start_speed=path.end_speeds[0])
-    runs[-1] = replace(runs[-1], end_speed=path.end_speeds[1], end_acceleration=path.end_accelerations[1])
-    return runs
+def cut_runs(path: ActuatorPath, solution: Solution, order: int) -> dict[int, Profile]:
+    """Cut a motion into its runs, without rests. Return them by their first pieces."""
+    motion = solution.trajectory
+    moves = (motion.v != 0) | (motion.a != 0) | (motion.j != 0)
+    h = np.diff(motion.knots)
+    profiles = {}
+    for first, after in pairwise(np.flatnonzero(path.stops(order))):
+        inside = moves & (motion.piece >= first) & (motion.piece < after)
+        k = np.flatnonzero(inside)
+        profiles[int(first)] = Profile(
+            motion.s[k],
+            motion.v[k],
+            motion.a[k],
+            motion.j[k],
+            h[k],
+            motion.piece[k],
+        )
+    return profiles
 
 
 def _join_runs(
-    path: ActuatorPath, limits: Sequence[Limit], found: Sequence[CertifiedRun], stops: np.ndarray
+    path: ActuatorPath,
+    limits: Sequence[Limit],
+    certified: Sequence[CertifiedRun],
+    stops: np.ndarray,
 ) -> tuple[Trajectory, ProvedUse]:
-    """The runs one after the other with the rests between, and what is proved of them: of the rests, nothing yet."""
-    parts: list[tuple[Profile, ProvedUse]] = []
-    still = np.zeros(1)
+    """Join the runs with the dwells between them. Of the dwells nothing is proved yet."""
+    profiles: list[Profile] = []
+    proofs: list[ProvedUse] = []
+    zero = np.zeros(1)
     for n, stop in enumerate(stops):
         if path.dwells[stop] > 0:
-            s, h, piece = path.breaks[[stop]], path.dwells[[stop]], np.array([max(stop - 1, 0)])
-            rest = Profile(s, still, still, still, h, piece)
-            parts.append((rest, ProvedUse.make_empty(limits, 1)))
-        if n < len(found):
-            parts.append((found[n].solution.profile, found[n].known))
-    joined = Profile.joined([profile for profile, _ in parts])
-    return joined.along(path), ProvedUse.join([known for _, known in parts])
+            piece = np.array([max(stop - 1, 0)])
+            dwell = Profile(path.breaks[[stop]], zero, zero, zero, path.dwells[[stop]], piece)
+            profiles.append(dwell)
+            proofs.append(ProvedUse.make_empty(limits, 1))
+        if n < len(certified):
+            profiles.append(certified[n].solution.profile)
+            proofs.append(certified[n].known)
+    return Profile.joined(profiles).along(path), ProvedUse.join(proofs)
 
 
 def _unproved_error(trajectory: Trajectory, limits: Sequence[Limit], certificate: Certificate) -> MotionError:
-    """Why there is no proof."""
+    """Return the reason why there is no proof."""
     for limit in limits:
         if limit.geometric and certificate.worst[limit.name] > 1:
             place = certificate.where[limit.name]

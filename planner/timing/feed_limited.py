@@ -1,4 +1,4 @@
-"""Feed-limited runs: cruise at the capped tool speed, and solve only what lies between cruises.
+"""Feed-limited runs: cruise at the capped tool speed, and solve the ramps between cruises only.
 
 Most runs of a mill, a router or a laser reach the programmed feed within micrometres and keep it
 almost to their end. Where the cap c on the tool's speed is the only limit that binds, the fastest
@@ -13,7 +13,7 @@ microseconds next to cruises of minutes; each ramp by itself is an ordinary prob
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -22,128 +22,197 @@ from kinematics.foundation.arrays import Array
 from planner.limits.limit import Limit, Term
 from planner.limits.resonance import Resonance
 from planner.path.actuation import ActuatorPath
-from planner.timing.cruise import Caps, cut_run, find_caps, follow_cap, is_of_speed, spread_points
-from planner.timing.initial_guess import bound_term
-from planner.timing.problem import POWERS, Problem, Run, pose_problem
-from planner.timing.profile import FEED_LIMITED, RunSolution
-from planner.timing.solvers.closed_form import least_ramp, straight_ramp
+from planner.timing.cruise import Caps, find_caps, follow_cap
+from planner.timing.grid import divide_intervals
+from planner.timing.initial_guess import bound_term, reduce_pieces
+from planner.timing.order2.closed_form import least_ramp, straight_ramp
+from planner.timing.order2.second_order import is_of_speed
+from planner.timing.problem import POWERS, EndCondition, Problem, Run
+from planner.timing.rows import pose_problem
+from planner.timing.solution import FEED_LIMITED, RunSolution
 
-# Intervals of a piece, and for each radian that it turns, at whose ends the limits are evaluated.
-# Too few would miss a peak of a limit's use; the proof finds such a peak, and the run is then
-# solved as a whole.
-SAMPLES_PER_PIECE, SAMPLES_PER_RADIAN = 8, 8
-# Largest use of the other limits at which the tool may cruise: the rest is for what lies between
-# the samples.
+# Intervals of a piece, and as many for each radian that it turns, at whose ends the limits are
+# evaluated. Too few would miss a peak of a limit's use; the proof finds such a peak, and the run is
+# then solved as a whole.
+SAMPLES = 8
+# Largest use of the other limits at which the tool may cruise: the rest is for peaks between the
+# samples.
 MAX_CRUISING_USE = 0.95
 # Ramps are given the room that they need at this share of the allowed acceleration and jerk.
 # More could leave too little room for a ramp, less would lengthen the parts that are solved.
 RAMP_SHARE = 0.5
-# Share by which rounding may tell a cap from the same cap in the window before.
+# Share by which rounding may make a cap differ from the same cap in the window before.
 SPEED_ROUNDING = 1e-13
-# Share of a ramp's largest speed and acceleration up to which those at its ends are as they should
-# be.
+# Share of a ramp's largest speed and acceleration by which its ends may differ from the cruise's.
 SAME_STATE = 1e-9
 # A closed form may lengthen a run by this share of its duration, and leave unused up to this share
 # of the limits on its ramps.
-CLOSED_FORM_LOSS, MAX_UNUSED_SHARE = 1e-7, 0.02
+CLOSED_FORM_LOSS = 1e-7
+MAX_UNUSED_SHARE = 0.02
 
 
 def sketch_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Problem:
     """Pose a run's rows at a few places of each piece: enough to see where limits bind."""
-    turns = path.turns[run.first : run.last + 1]
-    count = SAMPLES_PER_PIECE + np.ceil(SAMPLES_PER_RADIAN * turns).astype(int)
-    s, piece = spread_points(run.breaks(path), count, run.first)
-    return pose_problem(path, limits, s, piece, run.speeds, run.stands)
+    pieces = np.arange(run.first, run.last + 1)
+    count = SAMPLES + np.ceil(SAMPLES * path.turns[pieces]).astype(int)
+    s, owner = divide_intervals(run.breaks(path), count)
+    return pose_problem(path, limits, s, pieces[owner], run.ends)
 
 
-def solve_feed_limited(
-    path: ActuatorPath,
-    limits: Sequence[Limit],
-    run: Run,
-    sketch: Problem,
-    solve: Callable[[Run], RunSolution],
-    *,
-    order: int,
-) -> RunSolution | None:
-    """Join the cruises of a run and the fastest motions between them.
-
-    sketch  rows of the run at a few places (`sketch_problem`)
-    solve   finds the fastest motion of a part of the run, from and to given speeds
-
-    None where no stretch of the run is feed-limited, or a part has no solution.
-    """
-    if any(isinstance(limit, Resonance) and limit.bands for limit in limits):
-        return None  # an axis may have to cross a band elsewhere than at the cap
-    caps = find_caps(path, limits, run, sketch)
-    if caps is None:
-        return None
-    parts: list[tuple[Run, RunSolution | None]] = []
-    breaks = run.breaks(path)
-    place = float(breaks[0])
-    for first, last in _find_cruises(run, sketch, caps, breaks, order):
-        stretch = cut_run(path, run, first, last)
-        cruise = follow_cap(path, limits, caps, stretch, order)
-        if cruise is None:
-            continue
-        if first > place:
-            parts.append((cut_run(path, run, place, first), None))
-        parts.append((stretch, cruise))
-        place = last
-    if not parts:
-        return None
-    if place < breaks[-1]:
-        parts.append((cut_run(path, run, place, float(breaks[-1])), None))
-    return _solve_ramps(path, limits, parts, solve, order)
+Stretch = tuple[float, float]
+"""Path lengths between which a part of a run lies."""
 
 
-def _find_cruises(
-    run: Run,
-    sketch: Problem,
-    caps: Caps,
-    breaks: Array,
-    order: int,
-) -> list[tuple[float, float]]:
-    """List the stretches of a run on which the fastest motion keeps the capped speed.
+@dataclass(frozen=True, slots=True)
+class Part:
+    """Part of a run, and its motion if it is a cruise."""
 
-    A ramp to or from a cap lies within the stretch of path that has this cap.
-    """
-    pieces = sketch.piece - run.first
-    acceleration = _least_on_pieces(bound_term(sketch, Term.SDD), pieces)
-    jerk = _least_on_pieces(bound_term(sketch, Term.SDDD), pieces)
-    ramps = _bound_ramps(caps.fastest, RAMP_SHARE * acceleration, RAMP_SHARE * jerk)
-    ramps = np.maximum(ramps, 2 * least_ramp(float(breaks[-1])))
-    busy = np.flatnonzero(_find_cruising_use(sketch, caps) > MAX_CRUISING_USE)
-    changes = caps.find_changes(breaks, order, acceleration)
-    cruises = []
-    for first, after in pairwise([0, *changes.tolist(), len(breaks) - 1]):
-        if not caps.capped[first]:
-            continue
-        ramp = float(ramps[first:after].max())
-        begin, end = float(breaks[first]), float(breaks[after])
-        ends = first == 0, after == len(breaks) - 1
-        continues = ends[0] and _cruises_at(run.start_speed, run.start_acceleration, caps.along[0])
-        blocked = [(begin, begin if continues else begin + ramp)]
-        low, high = np.searchsorted(pieces[busy], [first, after])
-        for interval in busy[low:high]:
-            blocked.append((float(sketch.s[interval]) - ramp, float(sketch.s[interval + 1]) + ramp))
-        continues = ends[1] and _cruises_at(run.end_speed, run.end_acceleration, caps.along[-1])
-        blocked.append((end if continues else end - ramp, end))
-        for (_, since), (until, _) in pairwise(_join_overlapping(blocked)):
-            if until - since > ramp:
-                cruises.append((since, until))
-    return cruises
+    run: Run
+    cruise: RunSolution | None = None
 
 
-def _cruises_at(speed: float, acceleration: float, cap: float) -> bool:
+@dataclass(frozen=True, slots=True)
+class FeedLimitedRun:
+    """Run whose tool may cruise at its cap; sketch: its rows at a few places (`sketch_problem`)."""
+
+    path: ActuatorPath
+    limits: Sequence[Limit]
+    run: Run
+    order: int
+    sketch: Problem
+
+    def solve(self, solve: Callable[[Run], RunSolution]) -> RunSolution | None:
+        """Join the cruises of the run and the fastest motions between them.
+
+        solve  finds the fastest motion of a part of the run, from and to given speeds
+
+        None where no stretch of the run is feed-limited, or a part has no solution.
+        """
+        if any(isinstance(limit, Resonance) and limit.bands for limit in self.limits):
+            return None  # an axis may have to cross a band elsewhere than at the cap
+        caps = find_caps(self.path, self.limits, self.run, self.sketch)
+        parts = [] if caps is None else self._cut_into_parts(caps)
+        if not parts:
+            return None
+        cruising = sum(part.cruise.duration for part in parts if part.cruise is not None)
+        solutions: list[RunSolution] = []
+        for number, part in enumerate(parts):
+            solution = part.cruise
+            if solution is None:
+                ramp = self._meet_cruises(parts, number)
+                solution = self._solve_in_closed_form(ramp, cruising) or solve(ramp)
+                if not solution.solved or not self._is_joined(solution, ramp):
+                    return None
+            solutions.append(solution)
+        return RunSolution.joined(solutions, FEED_LIMITED)
+
+    def _cut_into_parts(self, caps: Caps) -> list[Part]:
+        """Cut the run into cruises and the ramps between them; no parts without a cruise."""
+        whole = replace(self.run, whole=True)
+        breaks = whole.breaks(self.path)
+        parts: list[Part] = []
+        place = float(breaks[0])
+        for first, last in self._find_cruises(caps, breaks):
+            stretch = whole.cut(self.path, first, last)
+            cruise = follow_cap(self.path, self.limits, caps, stretch, self.order)
+            if cruise is None:
+                continue
+            if first > place:
+                parts.append(Part(whole.cut(self.path, place, first)))
+            parts.append(Part(stretch, cruise))
+            place = last
+        end = float(breaks[-1])
+        if parts and place < end:
+            parts.append(Part(whole.cut(self.path, place, end)))
+        return parts
+
+    def _find_cruises(self, caps: Caps, breaks: Array) -> list[Stretch]:
+        """List the stretches of the run on which the fastest motion keeps the capped speed.
+
+        A ramp to or from a cap lies within the stretch of path that has this cap.
+        """
+        sketch = self.sketch
+        pieces = sketch.piece - self.run.first
+        acceleration = reduce_pieces(np.minimum, bound_term(sketch, Term.SDD), pieces)
+        jerk = reduce_pieces(np.minimum, bound_term(sketch, Term.SDDD), pieces)
+        ramps = _bound_ramps(caps.fastest, RAMP_SHARE * acceleration, RAMP_SHARE * jerk)
+        ramps = np.maximum(ramps, 2 * least_ramp(float(breaks[-1])))
+        busy = np.flatnonzero(_find_cruising_use(sketch, caps) > MAX_CRUISING_USE)
+        changes = caps.find_changes(breaks, self.order, acceleration)
+        start, end = self.run.ends
+        cruises: list[Stretch] = []
+        for first, after in pairwise([0, *changes.tolist(), len(breaks) - 1]):
+            if not caps.capped[first]:
+                continue
+            ramp = float(ramps[first:after].max())
+            begins = first == 0 and _cruises_at(start, caps.along[0])
+            ends = after == len(breaks) - 1 and _cruises_at(end, caps.along[-1])
+            since, until = float(breaks[first]), float(breaks[after])
+            blocked = [
+                (since, since if begins else since + ramp),
+                (until if ends else until - ramp, until),
+            ]
+            low, high = np.searchsorted(pieces[busy], [first, after])
+            for k in busy[low:high]:
+                blocked.append((float(sketch.s[k]) - ramp, float(sketch.s[k + 1]) + ramp))
+            for (_, since), (until, _) in pairwise(_join_overlapping(blocked)):
+                if until - since > ramp:
+                    cruises.append((since, until))
+        return cruises
+
+    def _meet_cruises(self, parts: Sequence[Part], number: int) -> Run:
+        """Return a part that is a ramp, in the states of the cruises next to it at its ends."""
+        ramp = parts[number].run
+        start, end = ramp.ends
+        if number > 0 and (cruise := parts[number - 1].cruise) is not None:
+            profile = cruise.profile
+            start = EndCondition(profile.last_speed, profile.last_acceleration)
+        if number + 1 < len(parts) and (cruise := parts[number + 1].cruise) is not None:
+            profile = cruise.profile
+            end = EndCondition(float(profile.v[0]), float(profile.a[0]))
+        if self.order == 2:
+            start = replace(start, acceleration=0.0)
+            end = replace(end, acceleration=0.0)
+        return replace(ramp, ends=(start, end))
+
+    def _is_joined(self, solution: RunSolution, ramp: Run) -> bool:
+        """Return whether a ramp meets its cruises. One that was slowed as a whole does not."""
+        profile = solution.profile
+        largest_v = SAME_STATE * float(profile.v.max())
+        largest_a = SAME_STATE * float(np.abs(profile.a).max())
+        start, end = ramp.ends
+        states = (
+            (start, float(profile.v[0]), float(profile.a[0])),
+            (end, profile.last_speed, profile.last_acceleration),
+        )
+        for condition, v, a in states:
+            if condition.speed == 0:  # at rest, no cruise is next to it
+                continue
+            if abs(v - condition.speed) > largest_v:
+                return False
+            if self.order == 3 and abs(a - condition.acceleration) > largest_a:
+                return False
+        return True
+
+    def _solve_in_closed_form(self, ramp: Run, cruising: float) -> RunSolution | None:
+        """Return a ramp in closed form, where it is so short that the loss of time is negligible.
+
+        cruising  duration of all cruises
+        """
+        plain = all(end.acceleration == 0 and end.zero_derivatives == 0 for end in ramp.ends)
+        if ramp.first != ramp.last or not plain or max(ramp.speeds) == 0:
+            return None
+        sketch = sketch_problem(self.path, self.limits, ramp)
+        length = float(sketch.s[-1] - sketch.s[0])
+        share = CLOSED_FORM_LOSS * cruising * max(ramp.speeds) / length
+        return straight_ramp(sketch, min(share, MAX_UNUSED_SHARE))
+
+
+def _cruises_at(end: EndCondition, cap: float) -> bool:
     """Return whether a run begins or ends at its cap already."""
-    return acceleration == 0 and cap < np.inf and abs(speed - cap) <= SPEED_ROUNDING * cap
-
-
-def _least_on_pieces(values: Array, pieces: np.ndarray) -> Array:
-    """Return the least of values (N,) on each of some pieces, which are given for each value (N,)."""
-    least = np.full(pieces[-1] + 1, np.inf)
-    np.minimum.at(least, pieces, values)
-    return least
+    if end.acceleration != 0 or cap == np.inf:
+        return False
+    return abs(end.speed - cap) <= SPEED_ROUNDING * cap
 
 
 def _bound_ramps(speed: Array, acceleration: Array, jerk: Array) -> Array:
@@ -163,7 +232,7 @@ def _find_cruising_use(sketch: Problem, caps: Caps) -> Array:
     largest = np.full(sketch.intervals, np.inf)
     capped = np.flatnonzero(caps.capped[sketch.piece - caps.first])
     largest[capped] = 0.0
-    for name, places in (("start", sketch.s[:-1]), ("end", sketch.s[1:])):
+    for side, places in (("start", sketch.s[:-1]), ("end", sketch.s[1:])):
         v, a = caps.at(places[capped], sketch.piece[capped])
         terms = {term: v**power for term, power in POWERS.items()}
         terms |= {Term.SDD: a, Term.SDSDD: v * a}
@@ -171,85 +240,19 @@ def _find_cruising_use(sketch: Problem, caps: Caps) -> Array:
             if is_of_speed(block):
                 continue
             values = np.zeros((sketch.intervals, len(block.middle)))
-            for term, coefficients in getattr(block, name).items():
+            for term, coefficients in getattr(block, side).items():
                 if term in terms:
                     values[capped] += coefficients[capped] * terms[term][:, None]
             largest = np.maximum(largest, block.share(values).max(1, initial=0.0))
     return largest
 
 
-def _join_overlapping(stretches: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+def _join_overlapping(stretches: Sequence[Stretch]) -> list[Stretch]:
     """Join the stretches that overlap, and put them in order."""
-    joined: list[tuple[float, float]] = []
+    joined: list[Stretch] = []
     for first, last in sorted(stretches):
         if joined and first <= joined[-1][1]:
             joined[-1] = joined[-1][0], max(joined[-1][1], last)
         else:
             joined.append((first, last))
     return joined
-
-
-def _solve_ramps(
-    path: ActuatorPath,
-    limits: Sequence[Limit],
-    parts: Sequence[tuple[Run, RunSolution | None]],
-    solve: Callable[[Run], RunSolution],
-    order: int,
-) -> RunSolution | None:
-    """Join cruises and the ramps between them, which begin and end at the cruises' speeds.
-
-    None where a ramp has no solution.
-    """
-    cruising = sum(cruise.duration for _, cruise in parts if cruise is not None)
-    solutions: list[RunSolution] = []
-    for k, (part, cruise) in enumerate(parts):
-        if cruise is None:
-            before = parts[k - 1][1] if k > 0 else None
-            after = parts[k + 1][1] if k + 1 < len(parts) else None
-            if before is not None:
-                v, a = before.profile.last_speed, before.profile.last_acceleration
-                part = replace(part, start_speed=v, start_acceleration=a if order == 3 else 0.0)
-            if after is not None:
-                v, a = float(after.profile.v[0]), float(after.profile.a[0])
-                part = replace(part, end_speed=v, end_acceleration=a if order == 3 else 0.0)
-            cruise = _solve_ramp(path, limits, part, cruising, solve)
-            if not cruise.solved:
-                return None
-            for end, cruise_there in enumerate((before, after)):
-                if cruise_there is not None and not _meets(cruise, part, end, order):
-                    return None
-        solutions.append(cruise)
-    return RunSolution.joined(solutions, FEED_LIMITED)
-
-
-def _meets(ramp: RunSolution, part: Run, end: int, order: int) -> bool:
-    """Return whether a ramp has the speed and acceleration of the cruise at its start or end.
-
-    end  0 for the start, 1 for the end. A solution that was slowed as a whole does not.
-    """
-    profile = ramp.profile
-    v = profile.last_speed if end else float(profile.v[0])
-    a = profile.last_acceleration if end else float(profile.a[0])
-    acceleration = part.end_acceleration if end else part.start_acceleration
-    if abs(v - part.speeds[end]) > SAME_STATE * float(profile.v.max()):
-        return False
-    return order == 2 or abs(a - acceleration) <= SAME_STATE * float(np.abs(profile.a).max())
-
-
-def _solve_ramp(
-    path: ActuatorPath,
-    limits: Sequence[Limit],
-    part: Run,
-    cruising: float,
-    solve: Callable[[Run], RunSolution],
-) -> RunSolution:
-    """Find the fastest motion of one part: in closed form where that costs next to nothing."""
-    resting = part.start_acceleration == 0 and part.end_acceleration == 0
-    if part.first == part.last and resting and not any(part.stands) and max(part.speeds) > 0:
-        sketch = sketch_problem(path, limits, part)
-        length = float(sketch.s[-1] - sketch.s[0])
-        share = CLOSED_FORM_LOSS * cruising * max(part.speeds) / length
-        ramp = straight_ramp(sketch, min(share, MAX_UNUSED_SHARE))
-        if ramp is not None:
-            return ramp
-    return solve(part)

@@ -41,7 +41,7 @@ def planned(hexapod):
 @pytest.fixture
 def limit_search(monkeypatch):
     """(s) -> refusals search for a remedy so long: not at all where none is asked for, or however busy the computer."""
-    return lambda seconds: monkeypatch.setattr("planner.certificate.advice.MAX_SEARCH_TIME", seconds)
+    return lambda seconds: monkeypatch.setattr("planner.remedies.MAX_SEARCH_TIME", seconds)
 
 
 @pytest.fixture(scope="session")

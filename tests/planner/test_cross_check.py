@@ -7,7 +7,7 @@ import pytest
 from kinematics import MotionError, NotInstalled
 from planner import Line, Program, load_program, plan
 from planner.cross_check import cross_check
-from planner.timing.solvers import toppra_
+from planner.timing.order2 import toppra_
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""The names by which other folders and tests use timing, certificate, bounds, tradeoffs and interruption.
+"""The names by which other folders and tests use timing, certificate, bounds and interruption.
 
 A test that imports these names from a folder, not from a file below it, protects what moves within the folder.
 """
@@ -10,14 +10,14 @@ from pathlib import Path
 import pytest
 
 TESTS = Path(__file__).parents[1]
-FOLDERS = {f"planner.{name}" for name in ("timing", "certificate", "bounds", "tradeoffs", "interruption")}
+FOLDERS = {f"planner.{name}" for name in ("timing", "certificate", "bounds", "interruption")}
 
 # Tests that reach below a folder, because a step of an algorithm is what they test.
 INTERNALS = {
     # steps of the interior point and of the passes: against finite differences, dense solves and linear programmes
-    "planner/timing/solvers/test_interior_point.py",
-    "planner/timing/solvers/test_passes.py",
-    "planner/timing/solvers/test_third_order.py",
+    "planner/timing/order3/test_interior_point.py",
+    "planner/timing/order2/test_passes.py",
+    "planner/timing/order3/test_solve.py",
     "planner/bounds/test_duration_bound.py",
     "planner/timing/test_stated_duration.py",
     # attempts in their order: each is reached only where the one before it is made to fail

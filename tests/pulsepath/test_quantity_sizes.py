@@ -6,7 +6,7 @@ from click.testing import CliRunner
 from kinematics import FileError, MotionError, load_machine
 from planner import Arc, Dwell, Line, Program, Turn, load_program, plan
 from planner.path.actuation import actuate
-from planner.timing import discretization
+from planner.timing import grid
 from planner.trajectory import MOST_ROWS, period
 from pulsepath.cli import main
 from pulsepath.options import Frequency
@@ -107,7 +107,7 @@ def turning(tmp_path):
 
 
 def test_a_run_of_too_many_intervals_is_refused_with_the_remedy(monkeypatch):
-    monkeypatch.setattr(discretization, "MAX_INTERVALS", (100, 100))
+    monkeypatch.setattr(grid, "MAX_INTERVALS", {2: 100, 3: 100})
 
     with pytest.raises(MotionError, match=r'intervals to time, at most 100: write join = "stop" .* or plan at order 2'):
         plan(load_program("bare-circle"), load_machine("hexapod"), order=3)

@@ -30,8 +30,8 @@ from planner.interruption.section import Section
 from planner.limits import usual_order
 from planner.pulses import AxesMotion, PulseSchedule, check
 from planner.pulses.generation.motion_parts import JoinedMotion, MotionSpan
-from planner.timing.problem import Continuation, Run
-from planner.timing.run import solve_run
+from planner.timing.attempts import solve_once
+from planner.timing.problem import REST, Continuation, EndCondition, Run
 
 EXAMPLES = Path(__file__).parents[3] / "docs/examples"
 SAMPLES = 100_000
@@ -177,7 +177,7 @@ def find_soonest(planned: Plan, stop: Section) -> float:
     now = look(planned.trajectory, begin)
     going = None
     if planned.order == 3:
-        going = Continuation(np.zeros(1), np.zeros((4, 0)), {}, now.a)
+        going = Continuation(np.zeros(1), np.zeros((4, 0)), {})
     soonest = np.inf
     for share in ENDS:
         until = stop.since + share * stop.distance
@@ -186,8 +186,8 @@ def find_soonest(planned: Plan, stop: Section) -> float:
         path = whole.draw(now, until)
         if path.stops(planned.order)[1:-1].any():
             continue
-        run = Run(0, len(path.pieces) - 1, start_speed=now.v, continuation=going)
-        solution = solve_run(path, whole.limits(path), run, planned.order, probing=True)
+        run = Run(0, len(path.pieces) - 1, (EndCondition(now.v, now.a), REST), continuation=going)
+        solution = solve_once(path, whole.limits(path), run, planned.order)
         if solution.solved:
             soonest = min(soonest, solution.duration)
     for wait in stop.duration * np.array(LATER):

@@ -11,6 +11,7 @@
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from itertools import islice
 from typing import Literal, get_args
@@ -29,12 +30,11 @@ from kinematics.foundation.errors import MotionError, attempt
 from planner import load_program, time_optimal
 from planner.limits import limits_of
 from planner.path.actuation import actuate
-from planner.path.stands import count_zero_derivatives
-from planner.timing.certified_run import required_slowness
 from planner.timing.certified_solve import Solution, certified_solve
-from planner.timing.discretization import jerk_problem
-from planner.timing.problem import Run
-from planner.timing.profile import sample_limit_use
+from planner.timing.grid import jerk_problem
+from planner.timing.problem import split_runs
+from planner.timing.sampling import sample_limit_use
+from planner.timing.tighten import required_slowness
 
 COLUMNS = ("motion", "duration (s)", "at least (s)", "gap (%)", "cells", "time (s)", "of solving")
 LIMITS = ("max_speed", "max_acceleration", "max_jerk")
@@ -151,8 +151,8 @@ def find_others(ours: Solution) -> Iterator[tuple[str, float]]:
         if isinstance(theirs, Solution):
             yield "toppra", theirs.trajectory.duration
         return
-    still = count_zero_derivatives(path) % 3
-    run = Run(0, len(path.breaks) - 2, stands=(int(still[0, 0]), int(still[1, -1])), fineness=2)
+    (run,) = split_runs(path, np.array([0, len(path.breaks) - 1]), 3)
+    run = replace(run, fineness=2)
     posed = jerk_problem(path, ours.limits, run)
     if isinstance(posed, MotionError):
         return

@@ -28,7 +28,7 @@ from kinematics import load_machine
 from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.machine.machine import Machine
 from planner import Infeasible, Program, classical, plan
-from planner.timing.profile import AVERAGED, WITH_RESTS
+from planner.timing.solution import AVERAGED, WITH_RESTS
 
 MAX_EXCESS = 0.01
 """Share by which a plan may take longer than one with stops at every join.

@@ -19,15 +19,16 @@ from benchmarks.evidence.table import Row, Table
 from kinematics import Machine, load_machine
 from kinematics.foundation.errors import require
 from planner import Program, load_program
-from planner.certificate.certify import forget_paths
+from planner.certificate.limit_use import forget_paths
 from planner.limits import limits_of
 from planner.path.actuation import actuate
 from planner.timing.certified_solve import certified_solve
-from planner.timing.discretization import jerk_problem
-from planner.timing.problem import Run, make_grid, pose_problem
-from planner.timing.profile import RunSolution
-from planner.timing.solvers.second_order import second_order
-from planner.timing.solvers.third_order import third_order
+from planner.timing.grid import jerk_problem, make_grid
+from planner.timing.order2.second_order import second_order
+from planner.timing.order3.solve import third_order
+from planner.timing.problem import Run
+from planner.timing.rows import pose_problem
+from planner.timing.solution import RunSolution
 from planner.trajectory import Trajectory
 
 REPEATS = 7

@@ -21,7 +21,7 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import Axis
 from planner import Solution, time_optimal
-from planner.timing.stated_duration import solve_stated
+from planner.timing.goals.stated_duration import solve_stated
 
 INSTANTS = 20_001
 COLUMNS = (

@@ -22,14 +22,15 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from planner.limits.limit import Term
-from planner.timing.problem import Block, Problem
-from planner.timing.profile import RunSolution, close_profile
-from planner.timing.solvers.stage_problem import (
+from planner.timing.order3.pose import (
     JERK_WEIGHT,
     POWERS,
     SHORTEST,
     jerk_share,
 )
+from planner.timing.problem import Block, Problem
+from planner.timing.profile import close_profile
+from planner.timing.solution import RunSolution
 
 Solver = Literal["fatrop", "ipopt"]
 Motion = tuple[ca.MX, ca.MX, ca.MX]

@@ -10,10 +10,11 @@ from benchmarks.evidence.peers.casadi_ import CasadiProblem
 from benchmarks.evidence.peers.problems import SHARES, Motion, PathProblem, Solve
 from kinematics.foundation.errors import require
 from planner.timing.certified_solve import certified_solve
-from planner.timing.discretization import jerk_problem
-from planner.timing.problem import Run, Solver, make_grid, pose_problem
-from planner.timing.solvers.second_order import second_order
-from planner.timing.solvers.third_order import third_order
+from planner.timing.grid import Rule, jerk_problem, make_grid
+from planner.timing.order2.second_order import second_order
+from planner.timing.order3.solve import third_order
+from planner.timing.problem import Run, Solver
+from planner.timing.rows import pose_problem
 from planner.trajectory import Trajectory
 
 
@@ -53,7 +54,7 @@ def solve_general(problem: PathProblem) -> Callable[[], Motion]:
 
 def pose_reference(problem: PathProblem, intervals: int) -> tuple[int, Solve]:
     """Return the number of intervals of a fine grid, and what solves order 3 on it by IPOPT."""
-    run, rule = whole_run(problem), (intervals, 0, 0)
+    run, rule = whole_run(problem), Rule(intervals, 0, 0)
     posed, start = require(jerk_problem(problem.path, problem.limits(3), run, rule=rule))
     built = CasadiProblem(posed, start.on(posed.s), "ipopt")
 

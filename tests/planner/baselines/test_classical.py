@@ -9,11 +9,11 @@ from scipy.spatial.transform import RigidTransform
 from kinematics import Axis, MotionError, load_machine
 from kinematics.machine.pose import from_numbers
 from planner import Arc, Line, Program, classical, plan
-from planner.baselines.classical import PATH_SHAPES, FamilyTiming
+from planner.baselines.classical import PATH_SHAPES, ClassicalFamily
 from planner.baselines.shapes import SINE_PARTS, quarter_sine
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
-from planner.timing import Timing, certified_solve
+from planner.timing import certified_solve
 
 
 @pytest.fixture(scope="module")
@@ -75,9 +75,9 @@ def alone(kind, length, speed, acceleration, jerk=None):
     """The baseline timing of one axis on a straight line."""
     path, shapes = straight(length), PATH_SHAPES[kind]
     axes = [Axis("x", max_speed=speed, max_acceleration=acceleration, max_jerk=jerk)]
-    family = FamilyTiming(shapes)
-    timing = Timing(family.solve, family.tighten)
-    return certified_solve(path, limits_of(path, axes, shapes.order), shapes.order, timing=timing)
+    return certified_solve(
+        path, limits_of(path, axes, shapes.order), shapes.order, goal=ClassicalFamily(shapes, uniform=False)
+    )
 
 
 MOVES = [(1.0, 1.0, 2.0), (1.0, 10.0, 1.0), (0.05, 0.02, 0.225), (20.0, 30.0, 0.5), (100.0, 0.01, 10.0)]

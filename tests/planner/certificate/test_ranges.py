@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner import Arc, Line, Program, Trajectory
-from planner.certificate import Cells, bound_balls, bound_motion, bound_ranges
+from planner.certificate import Cells, bound_motion, enclose_along_path
 from planner.certificate.ranges import ROUNDINGS
 from planner.path.actuation import actuate
 from planner.path.polynomial import PolynomialPath
@@ -54,9 +54,9 @@ def test_what_is_exact_lies_in_the_range(seed, small, far):
     v, a, j = random.uniform(0.1, 0.4, 3) / h, random.normal(0, 0.1, 3) / h**2, random.normal(0, 0.1, 3) / h**3
     walk = Trajectory(path, np.arange(4.0) * h, s, v, a, j, np.zeros(3, int))
     cells = Cells(np.arange(3), random.uniform(0, 0.4, 3) * h, random.uniform(0.5, 1, 3) * h)
-    ranges = bound_ranges(walk, cells, 3)
-    for n, values in enumerate((ranges.q, ranges.qd, ranges.qdd, ranges.qddd)):
-        low, high = bound_balls(values)
+    enclosed = enclose_along_path(walk, cells, 3)
+    for n, values in enumerate((enclosed.q, enclosed.qd, enclosed.qdd, enclosed.qddd)):
+        low, high = enclosed.bound(values)
         assert np.isfinite([low, high]).all()
         for k in range(3):
             x, speed, push, pull = exact([each[k] for each in (walk.s, walk.v, walk.a, walk.j)])
@@ -88,13 +88,13 @@ def whole(walk):
 
 def test_every_sample_lies_in_the_range_of_axes_and_pose(walk):
     cells = whole(walk)
-    ranges = bound_ranges(walk, cells, 3)
+    enclosed = enclose_along_path(walk, cells, 3)
     for share in np.linspace(0, 1, 33):
         state = walk.within(cells.k, share * cells.hi, jerk=True)
         met = [state.q, state.qd, state.qdd, state.qddd, *(state.pose_rate(n) for n in range(3))]
-        found = [ranges.q, ranges.qd, ranges.qdd, ranges.qddd, *(ranges.pose_rate(n) for n in range(3))]
+        found = [enclosed.q, enclosed.qd, enclosed.qdd, enclosed.qddd, *(enclosed.pose_rate(n) for n in range(3))]
         for value, ball in zip(met, found, strict=True):
-            low, high = bound_balls(ball)
+            low, high = enclosed.bound(ball)
             off = 1e-12 * np.abs(value).max(0)  # what the sample itself rounds
             assert (value >= low - off).all()
             assert (value <= high + off).all()
@@ -104,13 +104,13 @@ def test_what_is_met_for_certain_is_met(walk):
     """No instant's value is needed to know it, and of short cells it is next to the bound."""
     for count, near in ((1, 1.0), (32, 1e-6)):
         cells = whole(walk).parts(count)
-        ranges = bound_ranges(walk, cells, 3)
+        enclosed = enclose_along_path(walk, cells, 3)
         places = cells.lo[:, None] + (cells.hi - cells.lo)[:, None] * np.linspace(0, 1, 257)
         state = walk.within(np.repeat(cells.k, 257), places.ravel(), jerk=True)
-        for name in ("q", "qd", "qdd", "qddd"):
+        for n, name in enumerate(("q", "qd", "qdd", "qddd")):
             met = getattr(state, name).reshape(len(cells.k), 257, -1)
-            low, high = bound_balls(getattr(ranges, name))
-            least, most = (getattr(each, name).mid[0] for each in ranges.met)
+            low, high = enclosed.bound(getattr(enclosed, name))
+            least, most = enclosed.axes[2:, n]
             # between two samples a parabola's peak is 1/256² of its height above both
             beside = np.ptp(met, axis=1) / 256**2 + 1e-12 * np.abs(met).max()
             assert (least >= met.min(1) - beside).all()
@@ -118,18 +118,28 @@ def test_what_is_met_for_certain_is_met(walk):
             assert np.maximum(least - low, high - most).max() <= near * np.abs(met).max()
 
 
+def _bound_qdd(walk, cells):
+    enclosed = enclose_along_path(walk, cells, 3)
+    return enclosed.bound(enclosed.qdd)
+
+
 def test_ranges_of_short_cells_are_near_what_is_met(walk):
     """No wider than the motion's own range but for what goes with the fourth power of a cell."""
     gaps = []
     for count in (1, 2, 4):
         cells = whole(walk).parts(count)
-        low, high = bound_balls(bound_ranges(walk, cells, 3).qdd)
+        low, high = _bound_qdd(walk, cells)
         places = cells.lo[:, None] + (cells.hi - cells.lo)[:, None] * np.linspace(0, 1, 65)
         met = walk.within(np.repeat(cells.k, 65), places.ravel()).qdd.reshape(len(cells.k), 65, -1)
         scale = np.abs(met).max()
         gaps.append(np.maximum(met.min(1) - low, high - met.max(1)).max() / scale)
     assert gaps[2] < 1e-9
     assert gaps[0] > 7 * gaps[1] > 49 * gaps[2]
+
+
+def at_unit_rate(motion):
+    """Of coefficients without error."""
+    return np.concatenate([motion, 0 * motion, np.ones((1, motion.shape[1]))])
 
 
 def test_polynomials_of_every_shape_stay_in_their_range():
@@ -142,7 +152,7 @@ def test_polynomials_of_every_shape_stay_in_their_range():
         motion = random.normal(size=(4, cells)) * 10 ** random.uniform(-4, -0.1, (4, cells))
         motion /= np.maximum(1, np.abs(motion).sum(0) / 0.999)
         found = np.empty((4, 4, cells, width))
-        bound_motion(mid, 0 * mid, np.zeros(cells, int), motion, 0 * motion, np.ones(cells), *found)
+        bound_motion(np.stack([mid, 0 * mid]), np.zeros(cells, int), at_unit_rate(motion), found)
         for n, c in np.ndindex(cells, width):
             q = [np.longdouble(0)]
             for power in mid[7::-1, 0, c].astype(np.longdouble):
@@ -161,7 +171,7 @@ def test_a_cell_beyond_its_stretch_has_no_bound(walk):
     mid, rad = np.ones((9, 1, 1)), np.zeros((9, 1, 1))
     found = np.empty((4, 4, 1, 1))
     reach = np.array([[0.5], [0.6], [0.0], [0.0]])
-    bound_motion(mid, rad, np.zeros(1, np.int64), reach, 0 * reach, np.ones(1), *found)
+    bound_motion(np.stack([mid, rad]), np.zeros(1, np.int64), at_unit_rate(reach), found)
     assert (found[1] == np.inf).all()
 
 
@@ -169,11 +179,12 @@ def test_the_kernel_is_the_same_in_python(walk):
     random = np.random.default_rng(1)
     mid, rad = random.normal(size=(9, 2, 3)), 1e-12 * random.uniform(size=(9, 2, 3))
     motion = random.uniform(-0.2, 0.2, (4, 5))
-    given = (mid, rad, np.array([0, 1, 1, 0, 1]), motion, 1e-15 * np.abs(motion), random.uniform(1, 9, 5))
+    cells = np.concatenate([motion, 1e-15 * np.abs(motion), random.uniform(1, 9, (1, 5))])
+    given = (np.stack([mid, rad]), np.array([0, 1, 1, 0, 1]), cells)
     compiled, plain = np.empty((2, 4, 4, 5, 3))
-    bound_motion(*given, *compiled)
+    bound_motion(*given, compiled)
     source = getattr(bound_motion, "function", None) or bound_motion.py_func  # compiled before this module was loaded
-    source(*given, *plain)
+    source(*given, plain)
     # of the middle of a narrow range a last place is a little of the ball
     assert plain[0] == pytest.approx(compiled[0], rel=1e-14, abs=ROUNDINGS)
     assert plain[1] == pytest.approx(compiled[1], rel=1e-9, abs=10 * ROUNDINGS)

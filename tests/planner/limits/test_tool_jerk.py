@@ -8,7 +8,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import MotionError, load_machine
 from planner import Arc, Blend, Line, Program, Spline, load_program, plan
-from planner.certificate import Cells, bound_balls, bound_ranges, bound_series, enclose
+from planner.certificate import Cells, bound_series, enclose, enclose_along_path
+from planner.certificate.path_enclosure import GroupEnclosure
 from planner.limits.tool import ToolJerk
 from planner.path.actuation import make_points
 
@@ -48,7 +49,7 @@ def test_the_third_derivative_is_that_of_the_second(made):
 def test_other_orders_are_refused(made, times):
     trajectory = made.trajectory
     cells = Cells(np.array([0]), np.zeros(1), np.diff(trajectory.knots)[:1])
-    for motion in (trajectory.at(0.1), enclose(trajectory, cells, 6), bound_ranges(trajectory, cells, 3)):
+    for motion in (trajectory.at(0.1), enclose(trajectory, cells, 6), enclose_along_path(trajectory, cells, 3)):
         for rate in (motion.pose_rate, motion.tool_rate):
             with pytest.raises(MotionError, match=r"of a pose is not supported: give 0, 1, 2 or 3"):
                 rate(times)
@@ -61,11 +62,12 @@ def test_enclosures_and_ranges_hold_it(made):
     width = np.diff(trajectory.knots)[k]
     cells = Cells(k, np.zeros(len(k)), width)
     enclosed = bound_series(enclose(trajectory, cells, 6).tool_rate(3), len(k))
-    ranges = bound_ranges(trajectory, cells, 3)
-    merged = ranges.merge(np.flatnonzero(np.diff(ranges.stretches.stretch, prepend=-1)))
-    group = np.cumsum(np.diff(ranges.stretches.stretch, prepend=-1) != 0) - 1
-    balls = bound_balls(ranges.tool_rate(3))
-    wide = tuple(each[group] for each in bound_balls(merged.tool_rate(3)))
+    ranges = enclose_along_path(trajectory, cells, 3)
+    first = np.flatnonzero(np.diff(ranges.interval, prepend=-1))
+    merged = GroupEnclosure(trajectory.path, ranges.piece[first], ranges, first)
+    group = np.cumsum(np.diff(ranges.interval, prepend=-1) != 0) - 1
+    balls = ranges.bound(ranges.tool_rate(3))
+    wide = tuple(each[group] for each in merged.bound(merged.tool_rate(3)))
     size = np.abs(enclosed[1]).max()
     for share in (0.0, 0.3, 0.5, 1.0):
         third = trajectory.within(k, share * width).tool_rate(3)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import casadi as ca
 
 from benchmarks.evidence.peers.casadi_ import CasadiProblem
-from planner.timing.solvers.stage_problem import SHORTEST_STATED
+from planner.timing.order3.pose import SHORTEST_STATED
 
 
 class SmoothestProblem(CasadiProblem):

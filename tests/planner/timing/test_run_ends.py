@@ -9,7 +9,7 @@ from planner import Infeasible, Trajectory
 from planner.certificate import prove
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
-from planner.timing import Run, certified_solve, make_grid, pose_problem, second_order, solve_run
+from planner.timing import Run, at_speeds, certified_solve, make_grid, pose_problem, second_order, solve_run
 
 SPEED, ACCELERATION, JERK = 1.0, 2.0, 20.0
 
@@ -37,7 +37,7 @@ def draw(way, length):
 
 
 def solved(path, start, end, order, last=0):
-    return solve_run(path, limits_on(path, order), Run(0, last, start, end), order).require_profile()
+    return solve_run(path, limits_on(path, order), Run(0, last, at_speeds(start, end)), order).require_profile()
 
 
 def ramp(change, order):
@@ -93,8 +93,8 @@ def test_runs_joined_at_a_speed_are_as_fast_as_one(order):
     speed = float(whole.v[np.searchsorted(whole.s, 2.0)]) * (1.0 if order == 2 else 0.9)
     limits = limits_on(path, order)
     parts = [
-        solve_run(path, limits, Run(0, 1, 0.0, speed), order).profile,
-        solve_run(path, limits, Run(2, 3, speed, 0.0), order).profile,
+        solve_run(path, limits, Run(0, 1, at_speeds(0.0, speed)), order).profile,
+        solve_run(path, limits, Run(2, 3, at_speeds(speed, 0.0)), order).profile,
     ]
     together = sum(part.duration for part in parts)
     # other grids on both sides of the cut: an interval's share of each switch, as on one axis
@@ -136,7 +136,9 @@ def test_a_solver_returns_what_it_came_to_and_raises_nothing():
     """Too fast for its own limit of speed, and for the way; who needs a motion all the same is refused."""
     path = line(1.5)
     for speed in (1.2, 50.0):
-        found = second_order(pose_problem(path, limits_on(path, 2), *make_grid(path, Run(0, 0), 300), (0.0, speed)))
+        found = second_order(
+            pose_problem(path, limits_on(path, 2), *make_grid(path, Run(0, 0), 300), at_speeds(0.0, speed))
+        )
         assert (found.status, found.solved, found.duration) == ("too fast", False, 0.0)
         assert found.refusal.largest < speed
         with pytest.raises(MotionError, match="is beyond"):
@@ -147,7 +149,7 @@ def test_a_solver_returns_what_it_came_to_and_raises_nothing():
 def test_toppra_agrees(start, end):
     spline = CubicSpline(np.arange(4.0), [[0.0, 0.0], [0.5, 0.3], [1.0, -0.2], [1.5, 0.1]], bc_type="natural")
     path = PolynomialPath(spline.x, spline.c, ["x", "y"])
-    problem = pose_problem(path, limits_on(path, 2), *make_grid(path, Run(0, 2), 300), (start, end))
+    problem = pose_problem(path, limits_on(path, 2), *make_grid(path, Run(0, 2), 300), at_speeds(start, end))
     ours, toppra = second_order(problem), second_order(problem, solver="toppra")
     assert ours.duration == pytest.approx(toppra.duration, rel=1e-5)
     assert toppra.profile.v[0] == start

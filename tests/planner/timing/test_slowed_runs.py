@@ -7,7 +7,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from planner import time_optimal
-from planner.timing import Profile, jerk_limited, sample_limit_use
+from planner.timing import Profile, attempts, sample_limit_use
 
 
 def test_what_a_solver_started_from_is_taken_where_its_answer_has_to_be_slowed_more(monkeypatch):
@@ -15,12 +15,12 @@ def test_what_a_solver_started_from_is_taken_where_its_answer_has_to_be_slowed_m
     s = np.linspace(0, 3, 6)
     path = CubicSpline(s, np.stack([np.sin(s), np.cos(s)], 1))
     limits = {"max_speed": 1.0, "max_acceleration": 4.0, "max_jerk": 40.0}
-    best, solve = time_optimal(path, **limits), jerk_limited.solve_leg
+    best, solve = time_optimal(path, **limits), attempts.solve_jerk_limited
 
     def slowed(*args, **kwargs):
         return solve(*args, **kwargs).slowed(1.5)
 
-    monkeypatch.setattr(jerk_limited, "solve_leg", slowed)
+    monkeypatch.setattr(attempts, "solve_jerk_limited", slowed)
     found = time_optimal(path, **limits)
     assert found.certificate.holds
     assert found.methods[0].startswith("averaged")

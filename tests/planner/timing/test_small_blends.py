@@ -13,11 +13,20 @@ from kinematics.foundation.errors import require
 from planner import Blend, Line, Program, load_program, plan
 from planner.limits import Term, limits_of
 from planner.path.actuation import actuate
-from planner.timing import Block, Run, RunSolution, coarse_jerk_problem, jerk_problem, solve_jerk_limited, third_order
-from planner.timing.certified_run import tighten_block
+from planner.timing import (
+    Block,
+    Problem,
+    Run,
+    RunSolution,
+    coarse_jerk_problem,
+    jerk_problem,
+    lower_rooms,
+    solve_jerk_limited,
+    solve_once,
+    third_order,
+)
 from planner.timing.initial_guess import pass_breaks
-from planner.timing.jerk_limited import solve_leg
-from planner.timing.solvers import third_order as solver_module
+from planner.timing.order3 import solve as solver_module
 
 START = RigidTransform.from_translation([0.0, 0.0, 0.025])
 
@@ -99,7 +108,8 @@ def test_less_room_leaves_room_to_hold_still(held):
     one, pushed = np.full((3, 1), held), np.full((3, 1), 1.0)
     block = Block("force", *[{Term.ONE: one, Term.SDD: pushed}] * 2, np.ones(3), np.zeros(1))
     excess = np.array([1.0, 1.0 + 0.5 * (1 - held), 3.0])
-    room = tighten_block(block, excess, 1).room
+    problem = Problem(np.arange(4.0), np.zeros(3, int), (block,))
+    room = lower_rooms(problem, {"force": excess}, 1).blocks[0].room
     assert room[0] == 1.0
     assert (room > held).all()
     # of s̈ = room − held, the excess' share less: 1/(1 + 1.1 · 0.5)
@@ -128,6 +138,6 @@ def test_intervals_lie_where_they_gain_time(hexapod):
     path = actuate(load_program("bare-circle"), hexapod)
     limits = limits_of(path, hexapod.axes, 3)
     graded, start = require(jerk_problem(path, limits, Run(0, 0)))
-    placed = solve_leg(path, limits, Run(0, 0))
+    placed = solve_once(path, limits, Run(0, 0), 3)
     assert len(placed.profile.h) <= graded.intervals + 2
     assert placed.duration < solve_jerk_limited(graded, start.on(graded.s)).duration * (1 - 2e-5)

@@ -13,8 +13,9 @@ from kinematics import Axis, Hexapod, MotionError
 from planner import Arc, Blend, Dwell, Infeasible, Line, Program, load_program, plan
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
-from planner.timing import certified_solve, solve_stated, stated_duration
-from planner.timing.stated_duration import jerk_slopes
+from planner.timing import certified_solve, solve_stated
+from planner.timing.goals import stated_duration
+from planner.timing.goals.stated_duration import jerk_slopes
 from tests.planner.timing.smoothest_by_ipopt import smooth_by_ipopt
 
 

@@ -3,7 +3,7 @@
 import json
 import sys
 
-from planner.timing.solvers import toppra_
+from planner.timing.order2 import toppra_
 from pulsepath.process.exits import describe_error
 
 

@@ -1,0 +1,87 @@
+"""Cells of time, and their refinement: bound every cell, split the loose ones, repeat (branch and
+bound).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinematics.foundation.arrays import Array
+from planner.trajectory import Trajectory
+
+# Cells evaluated together: their series stay in the processor's cache.
+CELL_BATCH = 1024
+Values = tuple[np.ndarray, ...]
+"""Results for N cells, each (…, N)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cells:
+    """N parts of time pieces k, from lo to hi (s) after the start of the piece."""
+
+    k: np.ndarray
+    lo: Array
+    hi: Array
+
+    @staticmethod
+    def cover(trajectory: Trajectory) -> "Cells":
+        """Return one cell for each time piece that lasts."""
+        lengths = np.diff(trajectory.knots)
+        k = np.flatnonzero(lengths > 0)
+        return Cells(k, np.zeros(len(k)), lengths[k])
+
+    @property
+    def lengths(self) -> Array:
+        return self.hi - self.lo
+
+    def parts(self, count: int) -> "Cells":
+        """Split each cell into equal parts: first the first part of every cell, then every second
+        part.
+        """
+        if count == 1:
+            return self
+        share = np.arange(1, count)[:, None] / count
+        cuts = np.concatenate([self.lo[None], self.lo + self.lengths * share, self.hi[None]])
+        return Cells(np.tile(self.k, count), cuts[:-1].ravel(), cuts[1:].ravel())
+
+    def __getitem__(self, chosen: np.ndarray | slice) -> "Cells":
+        return Cells(self.k[chosen], self.lo[chosen], self.hi[chosen])
+
+
+def evaluate_in_batches(cells: Cells, evaluate: Callable[[Cells], Values], batch: int = CELL_BATCH) -> Values:
+    """Evaluate at most `batch` cells at a time and join the results. Overflow means: no bound."""
+    firsts = range(0, max(len(cells.k), 1), batch)
+    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+        results = [evaluate(cells[first : first + batch]) for first in firsts]
+    if len(results) == 1:
+        return results[0]
+    return tuple(np.concatenate(each, axis=-1) for each in zip(*results, strict=True))
+
+
+def refine(
+    cells: Cells,
+    values: Values,
+    evaluate: Callable[[Cells], Values],
+    find_loose: Callable[[Cells, Values], tuple[np.ndarray, int]],
+) -> tuple[Cells, Values]:
+    """Split loose cells and evaluate their parts until all are tight.
+
+    Returns the final cells and their values.
+
+    values      of the cells at the start
+    evaluate    returns the values of a batch of cells
+    find_loose  returns which cells (N,) are loose, and into how many parts to split each of them
+    """
+    accepted: list[tuple[Cells, Values]] = []
+    while True:
+        loose, parts = find_loose(cells, values)
+        accepted.append((cells[~loose], tuple(each[..., ~loose] for each in values)))
+        if not loose.any():
+            break
+        cells = cells[loose].parts(parts)
+        values = evaluate_in_batches(cells, evaluate)
+    names = ("k", "lo", "hi")
+    k, lo, hi = (np.concatenate([getattr(each, name) for each, _ in accepted]) for name in names)
+    joined = zip(*(values for _, values in accepted), strict=True)
+    return Cells(k, lo, hi), tuple(np.concatenate(each, axis=-1) for each in joined)

@@ -1,0 +1,453 @@
+"""The ways to time a run, tried in order until one gives a motion that respects every limit.
+
+This table is the only place that tries again by another way. A motion that exceeds a limit between
+grid points is first tightened (planner.timing.tighten); one that then still has to be slowed as a
+whole is remembered while the next ways are tried, and the fastest of all is returned.
+"""
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
+from planner.limits.limit import Limit
+from planner.path.actuation import ActuatorPath
+from planner.place import Infeasible
+from planner.timing.end_speeds import find_excessive_end_speed
+from planner.timing.feed_limited import FeedLimitedRun, sketch_problem
+from planner.timing.grid import (
+    acceleration_problem,
+    brief_problem,
+    coarse_jerk_problem,
+    jerk_problem,
+    refine_problem,
+    unbounded_error,
+)
+from planner.timing.initial_guess import add_brief_ramps
+from planner.timing.loss_grid import pose_by_loss, pose_usual_problem
+from planner.timing.order2.closed_form import straight
+from planner.timing.order2.second_order import TERMS as ORDER_2_TERMS
+from planner.timing.order2.second_order import estimate_lower_bound, second_order
+from planner.timing.order3.interior_point import Start
+from planner.timing.order3.solve import solve_jerk_limited
+from planner.timing.problem import Problem, Run, fix_passed_ends
+from planner.timing.profile import Profile
+from planner.timing.rows import leave_out_idle
+from planner.timing.sampling import sample_limit_use
+from planner.timing.solution import (
+    AVERAGED,
+    BRIEF_RAMPS,
+    STRAIGHT,
+    WITH_RESTS,
+    RunSolution,
+    TooFast,
+)
+from planner.timing.tighten import SOLVER_MARGIN, required_slowness, tighten_until_kept
+
+# A motion that has to be slowed by more than this is not accepted while other ways are left: a rest
+# in between slows it in one place only.
+MAX_ACCEPTED_SLOWNESS = 1.01
+# Ramps of s̈ shorter than this share of a motion are ramps that no solver can tell from steps.
+SURELY_BRIEF = 1e-5
+# Number of pieces of a run up to which rests at all of its breaks are tried.
+MOST_RESTED = 12
+
+
+@dataclass(frozen=True)
+class Task:
+    """A run that is to be timed as fast as possible, and what several attempts need of it."""
+
+    path: ActuatorPath
+    limits: Sequence[Limit]
+    run: Run
+    order: int
+
+    @cached_property
+    def sketch(self) -> Problem:
+        """Rows at a few places of each piece."""
+        return sketch_problem(self.path, self.limits, self.run)
+
+    @cached_property
+    def coarse(self) -> Problem:
+        """Rows on a coarse even grid."""
+        return coarse_jerk_problem(self.path, self.limits, self.run)
+
+    @cached_property
+    def active_limits(self) -> list[Limit]:
+        """Limits without those on loads that surely stay far from binding."""
+        return leave_out_idle(self.limits, self.coarse)
+
+    @cached_property
+    def resting(self) -> "Task":
+        """Task with rest at the ends that a motion might pass; this one if there are none."""
+        ends = fix_passed_ends(self.run.ends)
+        return self if ends == self.run.ends else self.with_run(replace(self.run, ends=ends))
+
+    @cached_property
+    def ramps(self) -> RunSolution | None:
+        """Order-2 motion with ramps of s̈, where these are brief."""
+        return _ramp_steps(self)
+
+    def with_run(self, run: Run) -> "Task":
+        """Return the task for another run."""
+        return Task(self.path, self.limits, run, self.order)
+
+
+Outcomes = Sequence[RunSolution]
+"""What earlier attempts returned."""
+
+
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """One way to time a run.
+
+    reason   why it is tried, and why at this place in the table
+    solve    returns a motion or a refusal; None where this way does not apply
+    accepts  a motion that needs next to no slowing ends the search
+    refuses  a refusal ends the search
+    once     tried also where a single solve is wanted (`solve_once`)
+    """
+
+    reason: str
+    solve: Callable[[Task, Outcomes], RunSolution | None]
+    accepts: bool = True
+    refuses: bool = False
+    once: bool = False
+
+
+def solve_run(
+    path: ActuatorPath,
+    limits: Sequence[Limit],
+    run: Run,
+    order: int,
+) -> RunSolution:
+    """Return the fastest motion along a run, or its refusal.
+
+    Infeasible for a speed at an end that is not possible; stopped where nothing bounds the motion.
+    """
+    task = Task(path, limits, run, order)
+    unbounded = unbounded_error(task.sketch, order)
+    if unbounded is not None:
+        return RunSolution.refused(unbounded)
+    outcomes: list[RunSolution] = []
+    for attempt in ATTEMPTS[order]:
+        solution = attempt.solve(task, outcomes)
+        if solution is None:
+            continue
+        if solution.problem is not None and solution.maker != STRAIGHT:
+            solution = tighten_until_kept(path, limits, solution)
+        outcomes.append(solution)
+        if not solution.solved and attempt.refuses:
+            return _place_refusal(task, solution)
+        if solution.solved and attempt.accepts and solution.slowness <= MAX_ACCEPTED_SLOWNESS:
+            break
+    solved = [solution for solution in outcomes if solution.solved]
+    if not solved:
+        return _place_refusal(task, outcomes[-1] if outcomes else NOT_TRIED)
+    return _add_bound(task, min(solved, key=lambda solution: solution.duration))
+
+
+def solve_once(
+    path: ActuatorPath,
+    limits: Sequence[Limit],
+    run: Run,
+    order: int,
+) -> RunSolution:
+    """Return the motion of one solve, untightened: for callers that have other runs to try."""
+    task = Task(path, limits, run, order)
+    solution = NOT_TRIED
+    for attempt in ATTEMPTS[order]:
+        if attempt.once:
+            solution = attempt.solve(task, ()) or solution
+            if solution.solved:
+                return _add_bound(task, solution)
+    return _place_refusal(task, solution)
+
+
+NOT_TRIED = RunSolution.refused(MotionError("no way to time the run applies"))
+
+
+def _add_bound(task: Task, solution: RunSolution) -> RunSolution:
+    """Add the estimate of the least time that the run can take, where the maker has none."""
+    if solution.bound > 0 or task.run.continuation is not None:
+        return solution
+    bound = estimate_lower_bound(task.coarse)
+    return RunSolution.refused(bound) if isinstance(bound, MotionError) else replace(solution, bound=bound)
+
+
+def _place_refusal(task: Task, solution: RunSolution) -> RunSolution:
+    """Say where along the path a speed at an end is too fast: solvers do not know that."""
+    error = solution.refusal
+    if not isinstance(error, TooFast):
+        return solution
+    run = task.run
+    s = float(run.breaks(task.path)[-error.end])
+    place = task.path.place(s, run.last if error.end else run.first)
+    unit, scale = ("/s", 1.0) if place.segment is None else ("mm/s", 1e3)
+    largest = error.largest * scale
+    remedy = f"{largest:.6g} {unit} is the largest that the limits allow"
+    if error.both:
+        remedy += ", from rest or to rest at the other end: both are too high"
+    return RunSolution.refused(Infeasible(error.name, "path", place, error.speed * scale, largest, unit, remedy))
+
+
+def _has_motion(outcomes: Outcomes) -> bool:
+    return any(solution.solved for solution in outcomes)
+
+
+def follow_closed_form(task: Task, outcomes: Outcomes) -> RunSolution | None:
+    """Time a run that is straight in the actuators by seven pieces of constant jerk."""
+    if task.order == 3 and task.run.continuation is not None:
+        return None
+    return straight(task.sketch)
+
+
+def cruise_at_caps(task: Task, outcomes: Outcomes) -> RunSolution | None:
+    """Time a feed-limited run: cruises at the capped speed of the tool, and ramps between them."""
+    if task.run.whole:
+        return None
+    run = replace(task.run, continuation=None)
+
+    def solve(part: Run) -> RunSolution:
+        return solve_run(task.path, task.limits, part, task.order)
+
+    return FeedLimitedRun(task.path, task.limits, run, task.order, task.sketch).solve(solve)
+
+
+def solve_two_passes(task: Task, outcomes: Outcomes) -> RunSolution | None:
+    """Solve an order-2 run on its grid, on a finer one where s̈ steps."""
+    problem = acceleration_problem(task.path, task.limits, task.run)
+    solver = task.run.solver
+    solution = second_order(problem, solver=solver)
+    if solution.solved:
+        finer = refine_problem(task.path, task.limits, problem, solution.profile)
+        if finer is not None:
+            solution = second_order(finer, solver=solver)
+    if not solution.solved or solution.problem is None or task.run.continuation is not None:
+        return solution
+    fastest = solution.profile if solver == "passes" else None
+    bound = estimate_lower_bound(solution.problem, fastest)
+    return RunSolution.refused(bound) if isinstance(bound, MotionError) else replace(solution, bound=bound)
+
+
+def ramp_surely_brief_steps(task: Task, outcomes: Outcomes) -> RunSolution | None:
+    """Return the order-2 motion with brief ramps, where no solver could tell these from steps."""
+    ramps = task.ramps
+    if ramps is None or not ramps.solved:
+        return ramps
+    longest = float(ramps.profile.h[ramps.profile.j != 0].max(initial=0.0))
+    return ramps if longest <= SURELY_BRIEF * ramps.duration else None
+
+
+def ramp_brief_steps(task: Task, outcomes: Outcomes) -> RunSolution | None:
+    """Return the order-2 motion with brief ramps."""
+    pieces = range(task.run.first, task.run.last + 1)
+    if any(task.path.constant(piece) is not None for piece in pieces):
+        return None  # only a solver tells where a stated constant speed is reached
+    return task.ramps
+
+
+def solve_by_loss(task: Task, outcomes: Outcomes) -> RunSolution | None:
+    """Solve roughly, then on a grid that is fine where the rough solution loses time."""
+    posed = pose_by_loss(task.path, task.active_limits, task.run, task.coarse)
+    if posed is None:
+        return None
+    return _solve_posed(task, posed, "finer")
+
+
+def solve_by_loss_from_rest(task: Task, outcomes: Outcomes) -> RunSolution | None:
+    """Solve with rest at the ends that a motion might pass."""
+    if task.resting is task or _has_motion(outcomes):
+        return None
+    return solve_by_loss(task.resting, outcomes)
+
+
+def solve_on_usual_grid(task: Task, outcomes: Outcomes) -> RunSolution | None:
+    """Solve on the usual grid."""
+    if _has_motion(outcomes):
+        return None
+    task = task.resting
+    posed = pose_usual_problem(task.path, task.active_limits, task.run, task.coarse)
+    return _solve_posed(task, posed, "far")
+
+
+def _solve_posed(
+    task: Task,
+    posed: tuple[Problem, Array] | MotionError,
+    start: Start,
+) -> RunSolution:
+    if isinstance(posed, MotionError):
+        return RunSolution.refused(posed)
+
+    def look(motion: Profile, names: Collection[str]) -> Mapping[str, Array]:
+        watched = [limit for limit in task.active_limits if limit.name in names]
+        return sample_limit_use(task.path, watched, motion)
+
+    return solve_jerk_limited(*posed, start, look)
+
+
+def refuse_end_speed(task: Task, outcomes: Outcomes) -> RunSolution | None:
+    """Refuse a run whose start or end speed is too high."""
+    if task.run.continuation is not None or _has_motion(outcomes):
+        return None
+
+    def is_feasible(run: Run) -> bool:
+        solution = solve_once(task.path, task.limits, run, task.order)
+        solution = tighten_until_kept(task.path, task.limits, solution)
+        if not solution.solved:
+            return False
+        use = sample_limit_use(task.path, task.limits, solution.profile)
+        slowness = required_slowness(task.limits, solution.relate_use(use))
+        return slowness <= 1 + SOLVER_MARGIN
+
+    error = find_excessive_end_speed(task.path, task.limits, task.run, is_feasible)
+    if error is not None:
+        return RunSolution.refused(error)
+    too_fast = (solution for solution in outcomes if solution.status == "too fast")
+    return next(too_fast, None)
+
+
+def rest_in_middle(task: Task, outcomes: Outcomes) -> RunSolution | None:
+    """Rest at the break about the middle at which the motion is slowest anyway."""
+    run = task.run
+    count = run.last - run.first + 1
+    if count == 1 or run.continuation is not None:
+        return None
+    posed = jerk_problem(task.path, task.limits, run)
+    if isinstance(posed, MotionError):
+        return None
+    problem, guess = posed
+    first = (count - 1) // 4
+    inner = run.breaks(task.path)[1:-1][first : count - 1 - first]
+    speed = guess.on(problem.s)[0, np.searchsorted(problem.s, inner)]
+    return _rest_at(task, [1 + first + int(np.argmin(speed))])
+
+
+def rest_at_all_breaks(task: Task, outcomes: Outcomes) -> RunSolution | None:
+    """Rest at each break of a run of few pieces, as the classical timings do."""
+    count = task.run.last - task.run.first + 1
+    if not 2 < count <= MOST_RESTED or task.run.continuation is not None:
+        return None
+    return _rest_at(task, range(1, count))
+
+
+def _rest_at(task: Task, inner: Sequence[int]) -> RunSolution | None:
+    """Rest at some inner breaks, by their numbers in the run. None where there is no room."""
+    breaks = task.run.breaks(task.path)
+    places = breaks[[0, *inner, len(breaks) - 1]].tolist()
+    parts: list[RunSolution] = []
+    for since, until in pairwise(places):
+        part = solve_run(task.path, task.limits, task.run.cut(task.path, since, until), task.order)
+        if not part.solved:
+            return None
+        parts += part.parts or (part,)
+    return RunSolution.joined(parts, WITH_RESTS)
+
+
+def average_acceleration(task: Task, outcomes: Outcomes) -> RunSolution | None:
+    """Return the averaged order-2 motion from which solvers start, which only has to be slowed."""
+    if task.run.continuation is not None:
+        return None
+    if _has_motion(outcomes) and max(task.run.speeds) > 0:
+        return None  # it could not be slowed
+    if task.ramps is not None:
+        return task.ramps
+    posed = jerk_problem(task.path, task.limits, task.run, task.coarse)
+    if isinstance(posed, MotionError):
+        return RunSolution.refused(posed)
+    problem, guess = posed
+    profile = guess.cut(task.run.breaks(task.path), task.run.first)
+    return RunSolution("solved", profile, maker=AVERAGED, problem=problem)
+
+
+def _ramp_steps(task: Task) -> RunSolution | None:
+    """Return the order-2 motion whose steps of s̈ become ramps; None where these are not brief."""
+    brief = brief_problem(task.path, task.active_limits, task.run, task.coarse)
+    if brief is None:
+        return None
+    problem, window = brief
+    sharp = second_order(problem, solver=task.run.solver)
+    gentle = [limit for limit in task.active_limits if limit.terms <= ORDER_2_TERMS]
+    sharp = tighten_until_kept(task.path, gentle, sharp)
+    if not sharp.solved:
+        return sharp
+    breaks = task.run.breaks(task.path)
+    profile = add_brief_ramps(sharp.profile, window, breaks, task.run.first)
+    if profile is None:
+        return None
+    return RunSolution("solved", profile, maker=BRIEF_RAMPS, problem=problem)
+
+
+CLOSED_FORM = Attempt(
+    "A straight run has an exact solution, and an exact refusal.",
+    follow_closed_form,
+    refuses=True,
+    once=True,
+)
+CRUISES = Attempt(
+    "Most runs of a mill reach the feed at once and keep it: one grid over ramps of microseconds "
+    "and cruises of minutes would resolve neither.",
+    cruise_at_caps,
+)
+ATTEMPTS = {
+    2: (
+        CLOSED_FORM,
+        CRUISES,
+        Attempt("The general method.", solve_two_passes, refuses=True, once=True),
+    ),
+    3: (
+        CLOSED_FORM,
+        CRUISES,
+        Attempt(
+            "Ramps of s̈ may take a billionth of the motion: a solver cannot tell them from steps.",
+            ramp_surely_brief_steps,
+            refuses=True,
+            once=True,
+        ),
+        Attempt(
+            "Where ramps are brief but not that brief, the solver may be a little faster, or fail.",
+            ramp_brief_steps,
+            accepts=False,
+        ),
+        Attempt(
+            "The general method: interior point on a grid made for the run.",
+            solve_by_loss,
+            once=True,
+        ),
+        Attempt(
+            "The solver may not come away from an end that a motion passes, but from rest.",
+            solve_by_loss_from_rest,
+            once=True,
+        ),
+        Attempt(
+            "A rough solution that takes far longer than its guess makes no good grid.",
+            solve_on_usual_grid,
+            once=True,
+        ),
+        Attempt(
+            "Without a motion so far, a speed at an end may be too high: say which is possible.",
+            refuse_end_speed,
+            refuses=True,
+        ),
+        Attempt(
+            "A limit that the solver cannot keep in one place slows all of a run: a rest between slows one half only.",
+            rest_in_middle,
+            accepts=False,
+        ),
+        Attempt(
+            "The classical timings rest at every break: never be slower than these.",
+            rest_at_all_breaks,
+            accepts=False,
+        ),
+        Attempt(
+            "The solver's guess is a motion whatever the solver does, and may need less slowing.",
+            average_acceleration,
+            accepts=False,
+        ),
+    ),
+}
+"""The attempts of each order, in the order in which they are tried."""

@@ -1,0 +1,225 @@
+"""The loop that makes a motion hold: solve, certify, tighten.
+
+This is the only place that certifies runs and reacts to the proof. A run whose motion exceeds a
+limit between grid points is corrected by the first remedy that applies:
+
+1. An axis stays in a resonance band too long: solve with the axis held below the band there.
+2. A limit is exceeded: the goal tightens the motion, up to MAX_TIGHTENINGS times.
+3. A run of cruises and ramps that cannot be tightened: solve it as one problem.
+4. Nothing else is left: slow the motion as a whole, if it is from rest to rest.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
+from planner.certificate.limit_use import ProvedUse, prove, use_at_knots
+from planner.certificate.resonance_dwell import find_stays
+from planner.limits.limit import Limit
+from planner.limits.resonance import BAND_MARGIN, Resonance, SpeedCap
+from planner.path.actuation import ActuatorPath
+from planner.timing.goals.goal import Goal
+from planner.timing.problem import Run
+from planner.timing.profile import Profile
+from planner.timing.sampling import sample_limit_use
+from planner.timing.solution import CRUISE, FEED_LIMITED, RunSolution
+from planner.timing.tighten import required_slowness
+
+# Number of times that a run is timed, and slowed after that.
+MAX_CERTIFY_ROUNDS, MAX_SLOWINGS = 8, 3
+# Number of times that axes are held below resonance bands: first where they stay in them too long,
+# after STRETCH_ROUNDS over their whole run, after ALL_HOLDINGS in all bands.
+MAX_HOLDINGS, STRETCH_ROUNDS, ALL_HOLDINGS = 8, 2, 6
+# Each time that an axis is held below the same band again, the margin grows by this factor: a
+# motion may peak between grid points.
+MARGIN_GROWTH = 4.0
+# A motion that is slowed is slowed by this share more: rounding.
+SLOWING_MARGIN = 1e-6
+NOTHING_KNOWN = ProvedUse({}, {}, np.zeros((6, 0)))
+
+
+@dataclass(frozen=True, slots=True)
+class CertifiedRun:
+    """A run's motion with its proved use of the limits.
+
+    held       stretches on which axes are held below resonance bands
+    tightened  number of times that it was tightened
+    holdings   number of times that it was solved with axes held back
+    slowed     number of times that it was slowed as a whole
+    room       room (M,) of each limit on each time piece; None unless it was just solved
+    """
+
+    run: Run
+    solution: RunSolution
+    known: ProvedUse = NOTHING_KNOWN
+    held: tuple[SpeedCap, ...] = ()
+    tightened: int = 0
+    holdings: int = 0
+    slowed: int = 0
+    room: Mapping[str, Array] | None = None
+
+    @property
+    def rounds(self) -> int:
+        """Number of times that it was timed."""
+        return 1 + self.tightened + self.holdings + self.slowed
+
+
+@dataclass(frozen=True, slots=True)
+class RunCertifier:
+    """Times runs for a goal and proves that their motions respect every limit on time."""
+
+    path: ActuatorPath
+    limits: tuple[Limit, ...]
+    order: int
+    goal: Goal
+
+    def __call__(self, runs: Sequence[Run]) -> list[CertifiedRun] | MotionError:
+        """Return the runs' motions, or the first refusal.
+
+        A motion for which no remedy is left is returned as it is: its use says what it exceeds.
+        """
+        certified: list[CertifiedRun] = []
+        for run in runs:
+            solution = self.goal.solve(self.path, self.limits, run)
+            if solution.refusal is not None:
+                return solution.refusal
+            certified.append(CertifiedRun(run, solution))
+        pending = list(range(len(runs)))
+        while pending:
+            proofs = self._certify([certified[n].solution for n in pending])
+            changed = []
+            for n, known in zip(pending, proofs, strict=True):
+                certified[n] = replace(certified[n], known=known)
+                better = self._correct(certified[n])
+                if isinstance(better, MotionError):
+                    return better
+                if better is not None:
+                    certified[n] = better
+                    changed.append(n)
+            pending = changed
+        return [replace(one, solution=one.solution.bare(), room=_find_room(one.solution)) for one in certified]
+
+    def _certify(self, solutions: Sequence[RunSolution]) -> list[ProvedUse]:
+        """Prove the use of all limits by several runs' motions in one batch."""
+        profiles = [solution.profile for solution in solutions]
+        motion = Profile.joined(profiles).along(self.path)
+        use, attained = prove(motion, self._timed_limits, self.order)
+        attained |= use_at_knots(motion, [limit for limit in self.limits if limit.geometric])
+        ends = np.cumsum([len(profile.h) for profile in profiles])
+        begins = ends - [len(profile.h) for profile in profiles]
+        return [
+            ProvedUse(
+                {name: values[begin:end] for name, values in use.items()},
+                {name: values[begin:end] for name, values in attained.items()},
+                profile.numbers(),
+            )
+            for profile, begin, end in zip(profiles, begins, ends, strict=True)
+        ]
+
+    def _correct(self, one: CertifiedRun) -> CertifiedRun | MotionError | None:
+        """Apply the first remedy of the table above. None where the motion holds, or none is left."""
+        stays = self._find_stays(one.solution.profile)
+        if stays:
+            return self._hold_axes(one, stays)
+        largest = max(float(one.known.use[limit.name].max()) for limit in self._timed_limits)
+        # another motion would not give a bound where there is none
+        if not 1 < largest < np.inf:
+            return None
+        cruises = one.solution.maker in (FEED_LIMITED, CRUISE)
+        if one.tightened + 1 < MAX_CERTIFY_ROUNDS:
+            solution = self.goal.tighten(self.path, self.limits, one.solution, one.known.use)
+            if solution.solved:
+                return replace(one, solution=solution, tightened=one.tightened + 1)
+            if not cruises:
+                return solution.refusal
+        if cruises:
+            whole = self.goal.solve(self.path, self.limits, replace(one.run, whole=True))
+            return whole.refusal or replace(one, solution=whole, tightened=0)
+        slowness = required_slowness(self._timed_limits, one.known.use)
+        return self._slow(one, slowness * (1 + SLOWING_MARGIN))
+
+    def _slow(self, one: CertifiedRun, slowness: float) -> CertifiedRun | None:
+        """Slow the motion as a whole. Only a fastest motion from rest to rest may be slowed."""
+        solution = one.solution
+        if one.slowed >= MAX_SLOWINGS or not solution.fastest or solution.has_end_speed:
+            return None
+        return replace(one, solution=solution.slowed(slowness), slowed=one.slowed + 1)
+
+    def _find_stays(self, profile: Profile) -> list[SpeedCap]:
+        """Find the stretches on which an axis stays in a resonance band too long."""
+        motion = profile.along(self.path)
+        stretches = []
+        for limit in self.limits:
+            if not isinstance(limit, Resonance):
+                continue
+            for stay in find_stays(motion, limit):
+                if stay.use > 1:
+                    ends = motion.at(np.array([stay.start, stay.end])).along
+                    stretches.append(SpeedCap(stay.band, *ends.tolist()))
+        return stretches
+
+    def _hold_axes(
+        self,
+        one: CertifiedRun,
+        stays: Sequence[SpeedCap],
+    ) -> CertifiedRun | MotionError | None:
+        """Solve with axes held below bands in more places, or slow the motion below all bands."""
+        if one.holdings < MAX_HOLDINGS:
+            held = (*one.held, *self._choose_caps(one, stays))
+            solution = self.goal.solve(self.path, hold_axes(self.limits, held), one.run)
+            if solution.refusal is None:
+                return replace(one, solution=solution, held=held, holdings=one.holdings + 1)
+            if one.holdings + 1 < ALL_HOLDINGS:
+                # to hold all axes may leave a solver more room than to hold some
+                return self._hold_axes(replace(one, holdings=ALL_HOLDINGS), ())
+            if not one.solution.fastest:
+                return solution.refusal
+        resonances = [limit for limit in self.limits if isinstance(limit, Resonance)]
+        below = [limit.kept_below() for limit in resonances]
+        use = sample_limit_use(self.path, below, one.solution.profile)
+        return self._slow(one, required_slowness(resonances, use) * (1 + BAND_MARGIN))
+
+    def _choose_caps(self, one: CertifiedRun, stays: Sequence[SpeedCap]) -> list[SpeedCap]:
+        """Choose where to hold axes: where they stay, over the whole run, or in all bands."""
+        if one.holdings < STRETCH_ROUNDS:
+            return list(stays)
+        bands = list(dict.fromkeys(stay.band for stay in stays))
+        if one.holdings >= ALL_HOLDINGS:
+            resonances = [limit for limit in self.limits if isinstance(limit, Resonance)]
+            bands = list(dict.fromkeys(band for limit in resonances for band in limit.bands))
+        first, last = one.run.breaks(self.path)[[0, -1]].tolist()
+        caps = []
+        for band in bands:
+            earlier = [cap for cap in one.held if (cap.band, cap.first, cap.last) == (band, first, last)]
+            margin = BAND_MARGIN * MARGIN_GROWTH ** len(earlier)
+            caps.append(SpeedCap(band, first, last, margin))
+        return caps
+
+    @property
+    def _timed_limits(self) -> list[Limit]:
+        """The limits that depend on timing; the others have one value for every timing."""
+        return [limit for limit in self.limits if not limit.geometric]
+
+
+def _find_room(solution: RunSolution) -> Mapping[str, Array] | None:
+    """Return the room of each limit on each time piece, where these are a problem's intervals.
+
+    A motion that was slowed keeps the rows as well, if all terms of a row fall alike with time.
+    """
+    problem = solution.problem
+    if problem is None or solution.parts or len(problem.piece) != len(solution.profile.h):
+        return None
+    homogeneous = all(len({term.per_time for term in block.start}) == 1 for block in problem.blocks)
+    if solution.slowness != 1 and not homogeneous:
+        return None
+    return {block.name: block.room for block in problem.blocks}
+
+
+def hold_axes(limits: Sequence[Limit], held: Sequence[SpeedCap]) -> tuple[Limit, ...]:
+    """Return the limits with axes held below resonance bands on more stretches."""
+    if not held:
+        return tuple(limits)
+    return tuple(limit.hold_more(held) if isinstance(limit, Resonance) else limit for limit in limits)

@@ -1,0 +1,1 @@
+"""Goals of a motion: fastest, constant speed, stated duration, time and heat."""

@@ -1,0 +1,248 @@
+"""The goal "constant speed": segments at the constant tool speeds that they state, the rest fastest.
+
+A segment is at its constant speed from end to end wherever it is joined without a stop: the ramp
+lies in the neighbour, where that may be as fast as it can. Of two constant speeds the ramp lies in
+the faster segment, because each is its segment's cap as well. Where the motion comes from rest, or
+from a slower segment, the ramp lies in its own segment.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
+from planner.limits.limit import Limit
+from planner.limits.tool import ToolSpeed
+from planner.path.actuation import ActuatorPath
+from planner.place import ConstantRefused, Infeasible
+from planner.timing.attempts import solve_run
+from planner.timing.certify_loop import MAX_CERTIFY_ROUNDS, RunCertifier
+from planner.timing.goals.constant_speed_errors import speed_error
+from planner.timing.goals.constant_stretch import (
+    joined_speed_error,
+    refuse_excess,
+    solve_constant_stretch,
+)
+from planner.timing.problem import EndCondition, Run
+from planner.timing.solution import IN_PARTS, MADE_CONSTANT_SPEED, RunSolution
+from planner.timing.tighten import tighten_run
+
+# Slower speeds that are tried where one is refused: each is this share of what was then possible.
+MAX_TRIALS, SPEED_SHARE = 4, 0.9995
+
+
+@dataclass(frozen=True, slots=True)
+class ConstantSpeed:
+    """The fastest motion at the constant speeds that segments state.
+
+    instead  speeds of pieces in place of those that their segments state
+    """
+
+    order: int
+    instead: Mapping[int, float] = field(default_factory=dict)
+    uniform: bool = True
+
+    def solve(self, path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolution:
+        """Solve a run in parts, one for each speed.
+
+        Infeasible where a constant speed is not possible, or where the part before or after cannot
+        reach it; with a speed that was proved to be possible, if one was found.
+        """
+        solution = self._solve_parts(path, limits, run)
+        refusal = solution.refusal
+        if not isinstance(refusal, ConstantRefused) or self.instead:
+            return solution
+        slower = self._find_slower_speed(path, limits, run, refusal)
+        return solution if slower is None else RunSolution.refused(refusal.add_possible_speed(slower))
+
+    def tighten(
+        self,
+        path: ActuatorPath,
+        limits: Sequence[Limit],
+        solution: RunSolution,
+        use: Mapping[str, Array],
+    ) -> RunSolution:
+        """Tighten each part that exceeds a limit by itself."""
+        if solution.maker == MADE_CONSTANT_SPEED:
+            return refuse_excess(path, limits, solution, use)
+        if solution.maker != IN_PARTS:
+            return tighten_run(path, limits, solution, use)
+        parts: list[RunSolution] = []
+        ends = np.cumsum([0, *(len(part.profile.h) for part in solution.parts)])
+        for part, (first, last) in zip(solution.parts, pairwise(ends), strict=True):
+            part_use = {name: values[first:last] for name, values in use.items()}
+            tightened = part
+            if max(map(np.max, part_use.values())) > 1:
+                tightened = self.tighten(path, limits, part, part_use)
+            if tightened.status in ("stopped", "too fast"):
+                return RunSolution.refused(_ramp_error(path, part, tightened))
+            parts.append(tightened)
+        return RunSolution.joined(parts, IN_PARTS)
+
+    def _stated(self, path: ActuatorPath, piece: int) -> float | None:
+        """Return the constant speed of a piece, if there is one."""
+        return self.instead.get(piece, path.constant(piece))
+
+    def _solve_parts(self, path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolution:
+        """Solve the parts of a run in which the stated speed is one."""
+        blocks = self._split(path, limits, run)
+        stated = [self._stated(path, block.first) for block in blocks]
+        if len(blocks) == 1 and stated == [None]:
+            return solve_run(path, limits, run, self.order)
+        refusal = self._refuse_speeds(path, limits, blocks)
+        if refusal is not None:
+            return RunSolution.refused(refusal)
+        parts: dict[int, Sequence[RunSolution]] = {}
+        # constant speeds first: whether they are possible shows soon
+        for block, speed in sorted(zip(blocks, stated, strict=True), key=lambda each: each[1] is None):
+            if speed is None:
+                solutions: Sequence[RunSolution] = [solve_run(path, limits, block, self.order)]
+            else:
+                solutions = solve_constant_stretch(path, limits, block, self.order, speed)
+            refusal = solutions[0].refusal
+            if refusal is not None:
+                return RunSolution.refused(_end_speed_error(path, block, run, speed, refusal))
+            parts[block.first] = solutions
+        joined = [solution for block in blocks for solution in parts[block.first]]
+        return RunSolution.joined(joined, IN_PARTS)
+
+    def _split(self, path: ActuatorPath, limits: Sequence[Limit], run: Run) -> list[Run]:
+        """Split a run where the stated speed changes, at the largest speed that both sides allow."""
+        pieces = range(run.first, run.last + 1)
+        changes = [
+            after for before, after in pairwise(pieces) if self._stated(path, before) != self._stated(path, after)
+        ]
+        if not changes:
+            return [run]
+        # a constant speed is one of the tool's caps
+        (caps,) = (limit.caps for limit in limits if isinstance(limit, ToolSpeed))
+        inner = [EndCondition(float(caps[[piece - 1, piece]].min())) for piece in changes]
+        starts = pairwise([run.first, *changes, run.last + 1])
+        ends = pairwise([run.ends[0], *inner, run.ends[1]])
+        return [
+            Run(first, after - 1, both, solver=run.solver, whole=True)
+            for (first, after), both in zip(starts, ends, strict=True)
+        ]
+
+    def _refuse_speeds(
+        self,
+        path: ActuatorPath,
+        limits: Sequence[Limit],
+        blocks: Sequence[Run],
+    ) -> MotionError | None:
+        """Return why a stated speed is not possible where parts meet."""
+        for block in blocks:
+            speed = self._stated(path, block.first)
+            if speed is not None:
+                refusal = joined_speed_error(path, limits, block, self.order, speed)
+                if refusal is not None:
+                    return refusal
+        for before, after in pairwise(blocks):
+            sides = np.array([before.last, after.first])
+            s = path.breaks[[after.first, after.first]]
+            refusal = speed_error(path, limits, s, sides, after.speeds[0])
+            if refusal is not None:
+                return refusal
+        return None
+
+    def _find_slower_speed(
+        self,
+        path: ActuatorPath,
+        limits: Sequence[Limit],
+        run: Run,
+        refusal: ConstantRefused,
+    ) -> float | None:
+        """Return a speed in place of the refused one at which the run is proved."""
+        pieces = range(run.first, run.last + 1)
+        changed = [piece for piece in pieces if path.constant(piece) == refusal.requested]
+        speed = refusal.possible
+        for _ in range(MAX_TRIALS):
+            speed *= SPEED_SHARE
+            if not changed or speed <= 0:
+                return None
+            goal = ConstantSpeed(self.order, dict.fromkeys(changed, speed))
+            capped = _cap_tool_speed(limits, changed, speed)
+            outcome = RunCertifier(path, capped, self.order, goal)([run])
+            if isinstance(outcome, ConstantRefused):
+                if outcome.requested != speed:
+                    return None
+                speed = min(speed, outcome.possible)
+            elif not isinstance(outcome, MotionError):
+                (one,) = outcome
+                proved = all(np.max(use) < np.inf for use in one.known.use.values())
+                if one.rounds < MAX_CERTIFY_ROUNDS and proved:
+                    return speed
+        return None
+
+
+def _cap_tool_speed(
+    limits: Sequence[Limit],
+    pieces: Sequence[int],
+    speed: float,
+) -> tuple[Limit, ...]:
+    """Return the limits with the tool no faster than a speed on some pieces."""
+    capped: list[Limit] = []
+    for limit in limits:
+        if isinstance(limit, ToolSpeed):
+            caps = np.array(limit.caps)
+            caps[pieces] = np.minimum(caps[pieces], speed)
+            capped.append(ToolSpeed(caps).lower(limit.shares))
+        else:
+            capped.append(limit)
+    return tuple(capped)
+
+
+def _ramp_error(path: ActuatorPath, ramp: RunSolution, tightened: RunSolution) -> MotionError:
+    """Return the refusal of a ramp between given speeds, with its place."""
+    place = path.place(float(ramp.profile.s[0]), int(ramp.profile.piece[0]))
+    remedy = 'lower the adjacent constant speed, or write join = "stop" between the segments'
+    error = MotionError(f"the ramp from {place}: {tightened.refusal}: {remedy}")
+    return error.in_segment(place.segment)
+
+
+def _end_speed_error(
+    path: ActuatorPath,
+    block: Run,
+    run: Run,
+    speed: float | None,
+    error: MotionError,
+) -> MotionError:
+    """Return the refusal of a part that cannot begin or end at its neighbour's constant speed."""
+    kind = error.kind if isinstance(error, Infeasible) else ""
+    if kind in ("start speed", "") and block.first > run.first:
+        end, piece = 0, block.first
+        direction, neighbour = "from", "before"
+    elif kind in ("end speed", "") and block.last < run.last:
+        end, piece = -1, block.last
+        direction, neighbour = "to", "after"
+    else:
+        return error
+    place = path.place(float(block.breaks(path)[end]), piece)
+    joint_speed = block.speeds[end]
+    if speed == joint_speed:
+        reason = (
+            f"segment {place.segment} is at its constant speed where it joins the segment {neighbour} "
+            f"it without a stop, and no motion {direction} that speed was found in it"
+        )
+    else:
+        reason = (
+            f"the ramp {direction} the constant speed of the segment {neighbour} lies in segment "
+            f"{place.segment}, joined to it without a stop"
+        )
+    remedy = f'{reason}: lower that speed, or write join = "stop" between the two'
+    if not isinstance(error, Infeasible):
+        return MotionError(f"{place}: {error}; {remedy}").in_segment(place.segment)
+    return ConstantRefused(
+        "constant speed",
+        error.axis,
+        place,
+        error.value,
+        error.limit,
+        error.unit,
+        remedy,
+        requested=joint_speed,
+        possible=error.limit / 1e3,
+    )

@@ -1,0 +1,152 @@
+"""The goal "time + heat": the least weighted sum of the duration and of the heat of the motors.
+
+    minimise T/T₀ + w H/H₀,   H = Σ_i ∫ (q̈_i/A_i)² dt
+
+with T₀ and H₀ of the fastest motion, dwells aside. A motor's torque goes with q̈ where its own
+inertia outweighs the rest, its current with the torque, and the loss in its coils with the square
+of the current. Both are sums over the runs between stops, so that each run is solved by itself with
+the cost T + p H, p = w T₀/H₀: by the stages of order 3 with another cost, q̈ taken at both ends of
+each interval and weighted half each.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
+from kinematics.machine.axis import Axis, directional_bounds
+from planner.limits.limit import Limit
+from planner.limits.resonance import Resonance
+from planner.parallel import Progress
+from planner.path.actuation import ActuatorPath
+from planner.timing.certified_solve import Solution, certified_solve, cut_runs
+from planner.timing.goals.fallback import FallbackGoal, integrate
+from planner.timing.goals.objective import Objective
+from planner.timing.grid import place_problem
+from planner.timing.order3.pose import pose_weighted
+from planner.timing.order3.solve import minimise_posed
+from planner.timing.problem import Problem, Run, fix_passed_ends
+from planner.timing.profile import Profile, close_profile
+from planner.timing.rows import pose_problem
+from planner.timing.solution import RunSolution
+from planner.trajectory import Trajectory
+
+WEIGHED = "weighed"
+
+
+def weigh_axes(axes: Sequence[Axis]) -> Array:
+    """Return (n,) A of each axis: the smaller of its two limits on acceleration; ∞ without one.
+
+    An axis with A = ∞ does not count.
+    """
+    return np.array([min(directional_bounds(axis.max_acceleration)) for axis in axes])
+
+
+def measure_heat(trajectory: Trajectory, weights: Array) -> float:
+    """Return H (s) = ∫ Σ (q̈/A)² dt. weights (n,): A."""
+    h = np.diff(trajectory.knots)
+    pieces = np.arange(len(h))
+    values = [((trajectory.within(pieces, share * h).qdd / weights) ** 2).sum(1) for share in (0.0, 0.5, 1.0)]
+    return integrate(values, h)
+
+
+def solve_objective(
+    path: ActuatorPath,
+    limits: Sequence[Limit],
+    axes: Sequence[Axis],
+    order: int,
+    objective: Objective,
+    progress: Progress | None = None,
+) -> Solution:
+    """Return the certified motion with the least of an objective, dwells aside.
+
+    Raises MotionError at order 2, for constant speeds, speeds at the ends, bands of resonance, and
+    machines that state no limit of acceleration; and as `certified_solve` does.
+    """
+    best = certified_solve(path, limits, order, progress)
+    if objective.heat == 0:
+        return best
+    weights = weigh_axes(axes)
+    _refuse(path, limits, order, objective, weights)
+    time = best.trajectory.duration - float(path.dwells.sum())
+    heat = measure_heat(best.trajectory, weights)
+    if heat == 0:
+        return best
+    goal = TimeAndHeat(
+        cut_runs(path, best, order),
+        weights=weights,
+        price=objective.heat * time / heat,
+        slower=max(1.0, (3 * objective.heat) ** 0.25),
+    )
+    solution = certified_solve(path, best.limits, order, progress, goal=goal)
+    return replace(solution, lower_estimate=best.lower_estimate)
+
+
+def _refuse(
+    path: ActuatorPath,
+    limits: Sequence[Limit],
+    order: int,
+    objective: Objective,
+    weights: Array,
+) -> None:
+    """Raise MotionError for a motion that an objective with heat does not apply to."""
+    name = f'objective "{objective}"'
+    if order != 3:
+        raise MotionError(f"{name} needs limits of jerk: plan at order 3, with max_jerk stated of the axes, or omit it")
+    if any(path.constant(piece) is not None for piece in range(len(path.breaks) - 1)):
+        raise MotionError(f"{name}: a constant speed leaves no choice of motion: omit one of the two")
+    if max(path.end_speeds) > 0:
+        raise MotionError(f"{name} is of motions from rest to rest: omit it, or start_speed and end_speed")
+    if any(isinstance(limit, Resonance) and limit.bands for limit in limits):
+        raise MotionError(f"{name} may linger in a resonance band: omit it, or the axes' resonance_time")
+    if not np.isfinite(weights).any():
+        raise MotionError(f"{name} counts heat in limits of acceleration: state max_acceleration of some axis")
+
+
+@dataclass(frozen=True, slots=True)
+class TimeAndHeat(FallbackGoal):
+    """The least T + price · H along each run.
+
+    weights  (n,) A of each axis
+    price    s per unit of H
+    slower   duration of the fallback as a multiple of the fastest motion's: the multiple with the
+             least of the objective
+    """
+
+    weights: Array = field(default_factory=lambda: np.empty(0), repr=False)
+    price: float = 0.0
+    slower: float = 1.0
+
+    def solve(self, path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolution:
+        """Solve on a grid that is fine where the fastest motion's is."""
+        fastest = self.fastest[run.first]
+        resting = replace(run, ends=fix_passed_ends(run.ends))
+        problem = place_problem(path, limits, resting, fastest, fastest.h)
+        if 2 * len(fastest.h) >= problem.intervals:
+            # the fastest motion's own grid is fine where that loses time
+            grid = np.append(fastest.s, problem.s[-1])
+            problem = pose_problem(path, limits, grid, fastest.piece, resting.ends)
+        return self.improve_or_fall_back(path, problem, fastest.slowed(self.slower))
+
+    def improve(self, path: ActuatorPath, problem: Problem, slowed: Profile) -> RunSolution | None:
+        """Solve from the fastest motion slowed."""
+        guess = slowed.on(problem.s)
+        slopes = self._acceleration_slopes(path, problem)
+        columns = minimise_posed(
+            pose_weighted(problem, guess, slopes, self.price),
+            ("far", "farther"),
+        )
+        profile = columns if isinstance(columns, MotionError) else close_profile(problem, columns)
+        if isinstance(profile, MotionError) or self._cost(path, profile) > self._cost(path, slowed):
+            return None
+        return RunSolution("solved", profile, maker=WEIGHED)
+
+    def _acceleration_slopes(self, path: ActuatorPath, problem: Problem) -> Array:
+        """Return (N, 2, n, 2) of q′ and q″ over A at each interval's start and end."""
+        sides = [np.stack(path.derivatives(s, problem.piece, 2)[1:], axis=-1) for s in (problem.s[:-1], problem.s[1:])]
+        return np.stack(sides, axis=1) / self.weights[:, None]
+
+    def _cost(self, path: ActuatorPath, profile: Profile) -> float:
+        return profile.duration + self.price * measure_heat(profile.along(path), self.weights)

@@ -1,0 +1,149 @@
+"""Motions of a duration that cross resonance bands in time and are slow elsewhere."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from kinematics.foundation.arrays import Array
+from kinematics.machine.axis import Axis
+from planner.certificate.resonance_dwell import Stay, find_stays
+from planner.limits.axis import Acceleration, Jerk, Speed
+from planner.limits.limit import AxisLimit, Limit
+from planner.limits.resonance import Resonance, SpeedCap
+from planner.path.actuation import ActuatorPath
+from planner.timing.attempts import solve_run
+from planner.timing.certify_loop import hold_axes
+from planner.timing.problem import Run
+from planner.timing.profile import Profile
+
+# Shares of the axes' accelerations and jerks, tried in turn: the gentlest that crosses in time.
+EASING_SHARES = (0.1, 0.3, 0.9)
+# A motion may be this much shorter than the duration before it is slowed to that: room for the
+# proof, and no more than what a crossing has to spare.
+MIN_SHORTENING, MAX_SHORTENING = 1e-4, 2e-3
+# Secant steps and halvings at most.
+MOST_STEPS = 40
+
+
+@dataclass(frozen=True, slots=True)
+class Pacer:
+    """Times one run for a given duration under lower speeds."""
+
+    path: ActuatorPath
+    limits: tuple[Limit, ...]
+    axes: tuple[Axis, ...]
+    run: Run
+    order: int
+
+    def pace(self, duration: float) -> Profile | None:
+        """Return the fastest motion under lower and gentler limits that takes `duration` (s).
+
+        An axis that would stay in a band too long is held below it. None where no motion is found.
+        """
+        held: list[SpeedCap] = []
+        for _ in range(1 + len(self._resonances)):
+            late: list[Stay] = []
+            for easing in EASING_SHARES:
+                limits = hold_axes(self.limits, held)
+                profile = self._fit_duration(limits, easing, duration)
+                if profile is not None:
+                    late = self.find_late(profile)
+                    if not late:
+                        return profile
+            if not late:
+                return None
+            held += self._list_caps({stay.band.axis for stay in late})
+        return None
+
+    def find_late(self, profile: Profile) -> list[Stay]:
+        """Find the stays in a band that last too long."""
+        motion = profile.along(self.path)
+        stays = [stay for limit in self._resonances for stay in find_stays(motion, limit)]
+        return [stay for stay in stays if stay.use > 1]
+
+    def hold_below(self) -> tuple[Limit, ...]:
+        """Return the limits with every axis held below its bands."""
+        return hold_axes(self.limits, self._list_caps(set(range(len(self.axes)))))
+
+    def solve_fastest(self, limits: Sequence[Limit]) -> Profile | None:
+        """Return the fastest motion under other limits; None if there is none."""
+        solution = solve_run(self.path, limits, replace(self.run, whole=True), self.order)
+        return solution.profile if solution.solved else None
+
+    @property
+    def _resonances(self) -> list[Resonance]:
+        return [limit for limit in self.limits if isinstance(limit, Resonance) and limit.bands]
+
+    def _list_caps(self, axes: set[int]) -> list[SpeedCap]:
+        ends = self.run.breaks(self.path)[[0, -1]].tolist()
+        bands = [band for limit in self._resonances for band in limit.bands]
+        return [SpeedCap(band, *ends) for band in bands if band.axis in axes]
+
+    def _fit_duration(
+        self,
+        limits: Sequence[Limit],
+        easing: float,
+        duration: float,
+    ) -> Profile | None:
+        """Return the fastest motion with speeds lowered by the share that gives the duration.
+
+        The duration nearly goes with 1/share, so secants in 1/share find it; halving where a
+        secant leads out of the bracket. The first share is that of the free motion slowed.
+        """
+        free = self.solve_fastest([*self._ease(limits, easing, None)])
+        if free is None or free.duration > duration * (1 - MIN_SHORTENING):
+            return None
+        states = free.along(self.path).within(np.arange(len(free.h)), free.h)
+        most = np.abs(states.qd).max(0)
+        low = 0.0
+        high = 1.0
+        best = free
+        share = free.duration / duration
+        before = (1.0, free.duration)
+        target = duration * (1 - (MIN_SHORTENING + MAX_SHORTENING) / 2)
+        for _ in range(MOST_STEPS):
+            motion = self.solve_fastest([*self._ease(limits, easing, share * most)])
+            if motion is None:
+                return None
+            if motion.duration <= duration * (1 - MIN_SHORTENING):
+                best = motion
+                high = share
+            else:
+                low = share
+            if best.duration >= duration * (1 - MAX_SHORTENING):
+                break
+            now = (1 / share, motion.duration)
+            slope = 0.0
+            if now[1] != before[1]:
+                slope = (now[0] - before[0]) / (now[1] - before[1])
+            inverse = now[0] + slope * (target - now[1])
+            share = 1 / inverse if inverse > 0 else low
+            before = now
+            if not low < share < high:
+                share = (low + high) / 2
+        return best.slowed(duration / best.duration)
+
+    def _ease(
+        self,
+        limits: Sequence[Limit],
+        easing: float,
+        speeds: Array | None,
+    ) -> Iterator[Limit]:
+        """Yield the limits with a share of the accelerations and jerks, and with lower speeds."""
+        if speeds is not None:
+            # the limit is of the motors' speeds
+            speeds = speeds * np.array([axis.motor_ratio for axis in self.axes])
+            if not any(isinstance(limit, Speed) for limit in limits):
+                yield Speed(self.axes, [*speeds])
+        for limit in limits:
+            if isinstance(limit, (Acceleration, Jerk)):
+                yield self._bound(limit, easing * limit.below, easing * limit.bounds)
+            elif isinstance(limit, Speed) and speeds is not None:
+                below = np.minimum(limit.below, speeds)
+                yield self._bound(limit, below, np.minimum(limit.bounds, speeds))
+            else:
+                yield limit
+
+    def _bound(self, limit: AxisLimit, below: Array, bounds: Array) -> Limit:
+        return type(limit)(self.axes, [*zip(below.tolist(), bounds.tolist(), strict=True)])

@@ -1,0 +1,182 @@
+"""Solving a run again with less room where its motion exceeded a limit.
+
+Solvers keep limits on grid points. A motion that exceeds a limit by a share e in an interval gets
+that much less room there and is solved again; what little remains goes by slowing it as a whole.
+Two loops use this: `planner.timing.attempts` with sampled use, and `planner.timing.certify_loop`
+with proved use.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
+from planner.limits.limit import Limit
+from planner.path.actuation import ActuatorPath
+from planner.timing.grid import cut_intervals
+from planner.timing.order2.second_order import second_order
+from planner.timing.order3.solve import solve_jerk_limited
+from planner.timing.problem import Block, Problem
+from planner.timing.rows import leave_out_idle
+from planner.timing.sampling import MIN_WATCHED_USE, sample_limit_use
+from planner.timing.solution import (
+    AVERAGED,
+    BRIEF_RAMPS,
+    CRUISE,
+    FEED_LIMITED,
+    STRAIGHT,
+    WITH_RESTS,
+    RunSolution,
+)
+
+# Room taken off, as a multiple of the excess and of the number of tries: more each time, since a
+# peak between grid points heeds the room only in part.
+EXCESS_FACTOR = 1.1
+# Excess that is a solver's tolerance.
+SOLVER_MARGIN = 2e-7
+# Number of times that a run is solved before it is slowed instead.
+MAX_TRIES = 6
+# Excess from which an interval is cut in CUT_PARTS when it is solved again. Later tries cut from a
+# smaller excess on: it then lies between grid points, where less room does not help.
+MIN_CUT_EXCESS, MIN_LATE_CUT_EXCESS = 1.03, 1.0003
+CUT_PARTS = 4
+# Excess up to which the next answer is very near the last.
+MIN_NEAR_EXCESS = 1 + 1e-3
+# Samples may miss this much of a peak of a jerk-limited motion.
+UNSEEN_EXCESS = 1 + 2e-6
+# A motion that needs no more slowness than this is slowed: solving again would gain less.
+MAX_CHEAP_SLOWNESS = 1 + 3e-5
+
+
+def required_slowness(limits: Sequence[Limit], use: Mapping[str, Array]) -> float:
+    """Return how many times slower a motion with this use must be to keep all limits."""
+    return max(limit.slowness(float(use[limit.name].max())) for limit in limits if limit.name in use)
+
+
+def tighten_until_kept(
+    path: ActuatorPath,
+    limits: Sequence[Limit],
+    solution: RunSolution,
+) -> RunSolution:
+    """Tighten a motion until samples show no limit exceeded.
+
+    Loads for which the problem has no rows are far from their limits and left to the proof.
+    """
+    watched = list(limits)
+    if solution.problem is not None:
+        watched = leave_out_idle(limits, solution.problem)
+    sample = None
+    while solution.solved and solution.tries < MAX_TRIES:
+        use = solution.use or sample_limit_use(path, watched, solution.profile, sample)
+        sample = solution.profile, use
+        aimed_use = solution.relate_use(use)
+        slowness = required_slowness(watched, aimed_use)
+        watched = [
+            limit for limit in watched if limit.name in aimed_use and aimed_use[limit.name].max() > MIN_WATCHED_USE
+        ]
+        if slowness <= 1 + SOLVER_MARGIN:
+            break
+        if solution.maker not in ("passes", "toppra"):
+            slowness *= UNSEEN_EXCESS
+        before = solution
+        solution = _tighten_part(path, limits, solution, aimed_use, slowness)
+        if solution.problem is before.problem:  # it was slowed as a whole
+            break
+    return solution
+
+
+def tighten_run(
+    path: ActuatorPath,
+    limits: Sequence[Limit],
+    solution: RunSolution,
+    use: Mapping[str, Array],
+) -> RunSolution:
+    """Tighten each part of a motion that exceeds a limit. use (M,): of each time piece."""
+    if not solution.parts:
+        aimed_use = solution.relate_use(use)
+        slowness = required_slowness(limits, aimed_use)
+        return _tighten_part(path, limits, solution, aimed_use, slowness)
+    parts = []
+    first = 0
+    for part in solution.parts:
+        last = first + len(part.profile.h)
+        part_use = {name: values[first:last] for name, values in use.items()}
+        slowness = required_slowness(limits, part.relate_use(part_use))
+        if slowness > 1 + SOLVER_MARGIN:
+            part = tighten_run(path, limits, part, part_use)
+        parts.append(part)
+        first = last
+    maker = FEED_LIMITED if solution.maker == FEED_LIMITED else WITH_RESTS
+    return RunSolution.joined(parts, maker)
+
+
+def _tighten_part(
+    path: ActuatorPath,
+    limits: Sequence[Limit],
+    part: RunSolution,
+    use: Mapping[str, Array],
+    slowness: float,
+) -> RunSolution:
+    """Solve again with less room, or slow a motion from rest to rest where that gains more."""
+    if part.maker == CRUISE:
+        return RunSolution.refused(MotionError("the capped tool speed exceeds another limit"))
+    can_solve = part.problem is not None and part.slowness == 1
+    can_solve &= part.maker not in (AVERAGED, BRIEF_RAMPS, STRAIGHT)
+    pays = slowness > MAX_CHEAP_SLOWNESS and part.tries < MAX_TRIES
+    if can_solve and (pays or part.has_end_speed):
+        solution = _solve_again(path, limits, part, use)
+        if solution.solved:
+            return replace(solution, bound=part.bound, tries=part.tries + 1)
+        if part.has_end_speed:
+            return solution
+    if part.has_end_speed:
+        start = float(part.profile.v[0])
+        end = max(part.profile.last_speed, 0.0)
+        return RunSolution.refused(
+            MotionError(
+                f"no motion from {start:.6g} to {end:.6g} along the path was found "
+                "that respects every limit; use slower end speeds"
+            )
+        )
+    return part.slowed(slowness)
+
+
+def _solve_again(
+    path: ActuatorPath,
+    limits: Sequence[Limit],
+    part: RunSolution,
+    use: Mapping[str, Array],
+) -> RunSolution:
+    """Solve again with less room, on a finer grid where less room did not help."""
+    assert part.problem is not None
+    tighter = lower_rooms(part.problem, use, part.tries)
+    if part.maker in ("passes", "toppra"):
+        return second_order(tighter, solver="passes" if part.maker == "passes" else "toppra")
+    excess = np.max([use[block.name] for block in tighter.blocks if block.name in use], axis=0)
+    guess = part.profile.columns()
+    least = MIN_LATE_CUT_EXCESS if part.tries > 2 else MIN_CUT_EXCESS
+    if part.tries > 1 and excess.max() > least:
+        tighter = cut_intervals(path, limits, tighter, np.where(excess > least, CUT_PARTS, 1))
+        guess = part.profile.on(tighter.s)
+    is_near = excess.max() <= MIN_NEAR_EXCESS
+    return solve_jerk_limited(tighter, guess, "nearer" if is_near else "near")
+
+
+def lower_rooms(problem: Problem, use: Mapping[str, Array], tries: int) -> Problem:
+    """Return the problem with less room where a limit was exceeded. use (N,): of each interval."""
+    blocks = tuple(
+        # rows that are no limit's have no use
+        _lower_room(block, use[block.name], tries) if block.name in use else block
+        for block in problem.blocks
+    )
+    return replace(problem, blocks=blocks)
+
+
+def _lower_room(block: Block, excess: Array, tries: int) -> Block:
+    """Take the excess (N,) off the room, off the part of it that holding still does not use."""
+    taken = EXCESS_FACTOR * tries * (excess - 1) / (1 - block.holding_use)
+    lowered = block.aimed((1 - SOLVER_MARGIN) / (1 + taken))
+    room = np.where(excess > 1 + SOLVER_MARGIN, lowered.room, block.room)
+    return replace(block, room=room)

@@ -1,5 +1,0 @@
-"""The objective: time, or time and heat."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
