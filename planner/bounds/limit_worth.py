@@ -330,7 +330,8 @@ def _share_speeds(
 ) -> Iterator[tuple[Array, Array, Array]]:
     """Yield the worth of speeds on each cell, shared by the channels that bind.
 
-    Each is together (m, M), alone (m, M), and alone of all channels of the limit (M,). Alone, a channel saves up to where the next one binds.
+    Each is together (m, M), alone (m, M), and alone of all channels of the limit (M,).
+    Alone, a channel saves up to where the next one binds.
     """
     worth = bound.worth[:, 2, 0]
     points = make_points(path, (ends[1:] + ends[:-1]) / 2, bound.piece, 2)
