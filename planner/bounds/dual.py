@@ -101,7 +101,7 @@ def maximise_dual(cells: DualCells, x: Array) -> Multipliers:
     x = x.reshape(-1, 3).copy()
     s, z = _start_rows(rows, x)
     unknown = np.zeros(STRIDE * count + 2)
-    iterations = _iterate(cells, rows, x, s, z, unknown)
+    iterations = _iterate(cells, rows, (x, s, z), unknown)
 
     nodes = np.stack([unknown[::STRIDE], unknown[1::STRIDE]], 1)
     z[rows.jerk] *= np.broadcast_to(rows.root[:, None], z.shape)[rows.jerk]
@@ -166,20 +166,21 @@ def _windows(unknown: Array) -> Array:
     return sliding_window_view(unknown, LOCAL)[::STRIDE]
 
 
-def _find_usual(cells: DualCells) -> Array:
-    """Return about the largest b² (2M,) at a place, by acceleration, or by jerk at the speed there."""
+def _find_usual(cells: DualCells) -> tuple[Array, Array]:
+    """Return about the largest b² at each place (2M,): by acceleration, and by jerk at a speed ṡ of 1."""
     size = np.abs(cells.q[:, :, 0])
     with np.errstate(divide="ignore", invalid="ignore"):
-        by_acceleration = (cells.acceleration.min(0) / size) ** 2
-        by_jerk = 2 * cells.root[:, :, None] * cells.jerk.min(0) / size
-    usual = np.nan_to_num(np.fmin(by_acceleration, by_jerk), nan=np.inf, posinf=np.inf)
-    return np.asarray(usual.min(2).ravel())
+        ratios = (cells.acceleration.min(0) / size) ** 2, 2 * cells.jerk.min(0) / size
+    by_acceleration, by_jerk = (np.where(size > 0, ratio, np.inf).min(2).ravel() for ratio in ratios)
+    return by_acceleration, by_jerk
 
 
-def _iterate(cells: DualCells, rows: _Rows, x: Array, s: Array, z: Array, unknown: Array) -> int:
-    """Improve x, s, z and λ in place. Return how many iterations that took."""
+def _iterate(cells: DualCells, rows: _Rows, point: tuple[Array, Array, Array], unknown: Array) -> int:
+    """Improve the point (x, s, z) and λ in place. Return how many iterations that took."""
+    x, s, z = point
     balance, fixed = _list_balance(cells)
-    usual, weight = _find_usual(cells), rows.weight
+    usual_by_acceleration, usual_by_jerk = _find_usual(cells)
+    weight = rows.weight
     per_row = weight / rows.root @ rows.exists.sum(1)  # s of time, over all rows
     ds, dz = np.zeros_like(s), np.zeros_like(z)
     alpha = 0.5
@@ -192,19 +193,19 @@ def _iterate(cells: DualCells, rows: _Rows, x: Array, s: Array, z: Array, unknow
 
         # Hessian and gradient of the Lagrangian by x, with the rows' slacks and multipliers eliminated (19.6)
         steady = min(1.0, mu / time)  # keeps first steps near, and goes as μ does
-        kept = 1.0 - (z * rows.jerk).sum(1) * rows.root
+        left = 1.0 - (z * rows.jerk).sum(1) * rows.root  # of the duration's curvature, after the rows of jerk
         hessian = np.zeros((len(x), 3, 3))
-        hessian[:, 0, 0] = (np.maximum(kept, LEAST_CURVATURE) + steady) * 0.75 / (a * a * root)
-        hessian[:, 1, 1] = steady / (usual * root)
+        hessian[:, 0, 0] = (np.maximum(left, LEAST_CURVATURE) + steady) * 0.75 / (a * a * root)
+        hessian[:, 1, 1] = steady / (np.minimum(usual_by_acceleration, usual_by_jerk * root) * root)
         gradient = np.einsum("keij,kj->kei", balance, _windows(unknown)).reshape(-1, 3)
         gradient[:, 0] -= 0.5 / (a * root)
-        residual = add_rows(rows, (x, s, z), goal, hessian, gradient)
+        residual = add_rows(rows, point, goal, hessian, gradient)
 
         try:
             dx, step = _solve_newton(cells, (balance, fixed), x, hessian, gradient)
         except LinAlgError:  # by rounding; what has been reached is taken
             return iteration
-        alpha_s, alpha_z = find_step(rows, (x, s, z), goal, dx, (ds, dz))
+        alpha_s, alpha_z = find_step(rows, point, goal, dx, (ds, dz))
         alpha = min(alpha_s, alpha_z)
         if not alpha > SHORT_STEP and mu < ROUGH_TOLERANCE * time:
             return iteration + 1

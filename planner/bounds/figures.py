@@ -13,7 +13,7 @@ MOST_BARS, MOST_BANDS, LEAST_BAR, WINDOWS = 16, 5, 2e-3, 150
 
 @draws(Worth)
 def limit_worths(worth: Worth, ax: Axes | None = None) -> Axes:
-    """What one per cent more of each limit saves, the most valuable first."""
+    """Draw the time that one per cent more of each limit saves, the most valuable first."""
     rows = [k for k in worth.rank() if worth.saved[k] >= LEAST_BAR * worth.saved.max()][:MOST_BARS]
     names = [_name(worth, k) for k in rows]
     ax = draw_bars(names, [1e3 * float(worth.saved[k]) for k in rows], "ms saved by raising the limit by 1 %", ax)
@@ -22,7 +22,7 @@ def limit_worths(worth: Worth, ax: Axes | None = None) -> Axes:
 
 
 def worth_along(worth: Worth, ax: Axes | None = None) -> Axes:
-    """Where along the path one per cent more of each axis' limits saves how much, with what binds beside it."""
+    """Draw where along the path one per cent more of each axis' limits saves time, with all that bind there raised."""
     ax = new_axes(ax)
     edges = np.linspace(worth.ends[0], worth.ends[-1], WINDOWS + 1)
     passed = np.concatenate([np.zeros((len(worth.along), 1)), np.cumsum(worth.along, axis=1)], axis=1)
@@ -45,7 +45,7 @@ def worth_along(worth: Worth, ax: Axes | None = None) -> Axes:
 
 @draws(LimitChange)
 def changed_duration(change: LimitChange, ax: Axes | None = None) -> Axes:
-    """Both durations."""
+    """Draw both durations."""
     after = change.solution.trajectory.duration
     return draw_bars(
         ["before", f"{change.limit} {100 * change.by:+g} %"], [after + change.saved, after], "time (s)", ax

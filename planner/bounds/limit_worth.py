@@ -1,4 +1,4 @@
-"""What each limit of a motion is worth: the seconds that one per cent more of it saves, in all and along the path.
+"""The worth of each limit of a motion: the seconds that one per cent more of it saves, in all and along the path.
 
 To first order, by the multipliers of the lower bound's proof (docs/theory/limit_worth.md). What a larger change saves
 is found by planning again.
@@ -28,7 +28,7 @@ from planner.timing.certified_solve import Solution, certified_solve
 from planner.trajectory import Trajectory
 
 ALL = "all"
-"""What stands for every axis of a limit together."""
+"""Name of all axes of a limit together."""
 # Uses of a limit, relative to the largest, up to which channels are the same.
 TIE = 1e-6
 # Use up to which a limit that the multipliers do not know surely saves nothing.
@@ -61,14 +61,14 @@ class LimitChange(Result):
     solution: Solution = field(repr=False)
 
     def describe(self) -> str:
-        """One sentence."""
+        """Return one sentence."""
         kind = "saves" if self.saved >= 0 else "costs"
         way = "higher" if self.by > 0 else "lower"
         change = f"{100 * abs(self.by):g} % {way}"
         return f"{call(self.limit, self.axis)} {change} {kind} {_tell_ms(abs(self.saved))} ms, planned again"
 
     def tables(self) -> tuple[Table, ...]:
-        """What it saves, beside the prediction."""
+        """Return the saving, next to its prediction."""
         after = self.solution.trajectory.duration
         times = [after + self.saved, after, self.saved, self.predicted]
         what = ["duration", "duration, changed", "saved", "saved, predicted to first order"]
@@ -78,7 +78,7 @@ class LimitChange(Result):
 
 @dataclass(frozen=True, slots=True)
 class Worth(Result):
-    """What it saves to raise each limit by one per cent, both of its directions, to first order.
+    """Seconds that are saved by one per cent more of each limit, in both of its directions, to first order.
 
     limits, axes (R,)  names; axis "all": every axis of that limit at once
     saved (R,)     s, where nothing else is raised: up to where another limit binds instead
@@ -103,7 +103,7 @@ class Worth(Result):
 
     @property
     def best(self) -> tuple[str, str] | None:
-        """The limit, and the one axis or all of it, that save most; None where nothing is saved.
+        """The limit and the axis, or all axes, that save most; None where nothing is saved.
 
         All axes are that only where they save more than the best of them.
         """
@@ -120,7 +120,7 @@ class Worth(Result):
 
     @check_arguments()
     def replan(self, limit: str, axis: str = ALL, by: float = 0.2) -> LimitChange:
-        """The motion with a limit of an axis, or of all, changed by a share, and what that saves.
+        """Plan again with a limit of an axis, or of all axes, changed by a share.
 
         A speed is the limit's own: a pulse rate that holds the same axis stays. Raises MotionError for a limit or an
         axis that is not there, for what no number scales, and as `planner.plan`.
@@ -137,7 +137,7 @@ class Worth(Result):
         return LimitChange(limit, axis, by, saved, self.of(limit, axis) * by / PER_CENT, solution)
 
     def _find(self, limit: str, axis: str) -> tuple[Limit, int | None, str]:
-        """The limit, the channel of an axis, None for all of them, and what the rows call that."""
+        """Return the limit, the channel of an axis, None for all of them, and the axis name of its rows."""
         timed = {each.name: each for each in self.kept if not each.geometric}
         if limit not in timed:
             known = f"{nearest(limit, timed)}; there are {', '.join(timed)}"
@@ -173,12 +173,12 @@ class Worth(Result):
         return count, lost
 
     def rank(self) -> list[int]:
-        """The rows that save anything, the most valuable first."""
+        """Return the rows that save time, the most valuable first."""
         order = np.lexsort((-self.together, -self.saved)).tolist()
         return [k for k in order if self.together[k] > self._least]
 
     def describe(self) -> str:
-        """The most valuable change in one line: of all axes where that is more than of one, then of one axis."""
+        """Return the most valuable change in one line: of all axes where that is more than of one, then of one axis."""
         one, every = self._find_most()
         told = [
             f"{call(self.limits[k], self.axes[k])}, {_tell_ms(self.saved[k])} ms" for k in (every, one) if k is not None
@@ -188,7 +188,7 @@ class Worth(Result):
         return "; ".join(told) or "no limit whose worth is known saves time"
 
     def _find_most(self) -> tuple[int | None, int | None]:
-        """The rows of the one axis that saves most, and of all axes of a limit where that is more."""
+        """Return the rows of the one axis that saves most, and of all axes of a limit where that is more."""
         rows = [k for k in self.rank() if self.saved[k] > self._least]
         one = next((k for k in rows if self.axes[k] != ALL), None)
         every = next((k for k in rows if self.axes[k] == ALL), None)
@@ -196,7 +196,9 @@ class Worth(Result):
         return one, every if more else None
 
     def tables(self) -> tuple[Table, ...]:
-        """What each limit saves, the most valuable first; below, what saves nothing, and what is not known.
+        """Return the saving of each limit, the most valuable first.
+
+        Notes name the limits that save nothing, and those that are not known.
 
         Axes of a limit that save the same share a row, and what saves nothing by itself has no number.
         """
@@ -245,7 +247,7 @@ class Worth(Result):
 
 
 def _find_corner_stops(motion: Trajectory) -> list[int]:
-    """The knots at which it rests between two pieces that meet at a corner, without a dwell."""
+    """Return the knots at which it rests between two pieces that meet at a corner, without a dwell."""
     path, found = motion.path, []
     for k in (np.flatnonzero(np.diff(motion.piece)) + 1).tolist():
         if motion.v[k] > 0 or path.dwells[motion.piece[k]] > 0:
@@ -264,14 +266,14 @@ def _tell_ms(time: float) -> str:
 
 
 def call(limit: str, axis: str) -> str:
-    """What to call a limit of an axis in a sentence."""
+    """Return the name of a limit of an axis in a sentence."""
     return f"the {limit} of {'all axes' if axis == ALL else axis}" if axis != "tool" else f"the {limit}"
 
 
 def find_worth(
     trajectory: Trajectory, limits: Sequence[Limit], order: int, certificate: Certificate, bound: DurationBound
 ) -> Worth:
-    """Of the fastest motion within limits, by its lower bound."""
+    """Return the worth of each limit of the fastest motion within them, from its lower bound."""
     path = trajectory.path
     ends = np.append(bound.s, path.breaks[-1])
     rows: list[tuple[str, str, Array, Array]] = []
@@ -326,8 +328,10 @@ def find_worth(
 def _share_speeds(
     path: ActuatorPath, limits: Sequence[Limit], ends: Array, bound: DurationBound
 ) -> Iterator[tuple[Array, Array, Array]]:
-    """What speeds are worth on each cell, given to the channels that bind: together (m, M), alone (m, M), and alone of
-    all channels of the limit (M,). Alone, a channel saves up to where the next one binds.
+    """Yield the worth of speeds on each cell, shared by the channels that bind.
+
+    Each is together (m, M), alone (m, M), and alone of all channels of the limit (M,).
+    Alone, a channel saves up to where the next one binds.
     """
     worth = bound.worth[:, 2, 0]
     points = make_points(path, (ends[1:] + ends[:-1]) / 2, bound.piece, 2)
@@ -353,7 +357,7 @@ def _share_speeds(
 
 
 def _find_room(most: Array, others: Array) -> Array:
-    """Share of one per cent by which what is used most may grow until one of others binds."""
+    """Return the share of one per cent by which the most used channel may grow until another binds."""
     if not len(others):
         return np.ones_like(most)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -34,7 +34,7 @@ ROUNDINGS = 256 * EPS  # of any one sum or product below: fewer
 
 
 class RowCells(NamedTuple):
-    """What rows are over M cells of a path, as values at both ends of a cell and how far from their chord it may be.
+    """Rows over M cells of a path, as values at both ends of a cell and how far from their chord it may be.
 
     width (M,) m, between nodes (M+1,)
     ends (M, 2, 3, n) of q′, q″, q‴; off (M, 3, n): that and the error of the ends
@@ -78,7 +78,7 @@ class CellTrial(NamedTuple):
 
 
 def enclose_rows(path: ActuatorPath, limits: Sequence[Limit], nodes: Array, piece: np.ndarray) -> RowCells:
-    """Over the cells between nodes (M+1,), which lie in pieces (M,)."""
+    """Enclose the rows over the cells between nodes (M+1,), which lie in pieces (M,)."""
     count, axes = len(piece), len(path.names)
     # of stretches of path that are not too short beside their piece for rounding to tell derivatives
     first, last = path.breaks[piece], path.breaks[piece + 1]
@@ -106,7 +106,7 @@ def enclose_rows(path: ActuatorPath, limits: Sequence[Limit], nodes: Array, piec
 
 
 def _end_values(series: Series, within: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Values (2, M, m) at both ends of cells, τ (M,) each, and how far they and their chord may be from the truth."""
+    """Return values (2, M, m) at both ends of cells, τ (M,) each, and the error of them and of their chord."""
     count = len(within[0])
     full = series.pad(series.order)
     polynomial, radii = full.mid[:-1, :count], full.rad[:-1, :count]
@@ -126,7 +126,7 @@ def _end_values(series: Series, within: tuple[Array, Array]) -> tuple[Array, Arr
 
 
 def find_left_out(path: ActuatorPath, limits: Sequence[Limit]) -> tuple[str, ...]:
-    """What asks for time and the bound knows nothing of: it may lie below the least time by what that costs."""
+    """List what costs time and the bound does not account for: it may lie below the least time by as much."""
     known = (Acceleration, Jerk, *SPEED_LIMITS)
     found = [limit.name for limit in limits if not limit.geometric and not isinstance(limit, known)]
     if any(path.constant(piece) is not None for piece in range(len(path.breaks) - 1)):
@@ -135,7 +135,7 @@ def find_left_out(path: ActuatorPath, limits: Sequence[Limit]) -> tuple[str, ...
 
 
 def _add_speed(limit: Limit, along: Enclosure, within: tuple[Array, Array], speed: Array, speed_off: Array) -> None:
-    """The rows y a ≤ 1 of a limit on speeds where they ask for more than those there are."""
+    """Add the rows y a ≤ 1 of a limit on speeds where they ask for more than those there are."""
     count = len(speed)
     value = limit.value(along)
     channels = value.mid.shape[2]
@@ -162,7 +162,7 @@ def _add_speed(limit: Limit, along: Enclosure, within: tuple[Array, Array], spee
 
 @kernel
 def least_over(g: float, p: float, low: float, high: float) -> float:
-    """The least of g/√a + p a over low ≤ a ≤ high, low > 0 or 0, high maybe ∞."""
+    """Return the least of g/√a + p a over low ≤ a ≤ high, low > 0 or 0, high maybe ∞."""
     best = np.inf
     if low > 0:
         best = g / np.sqrt(low) + p * low - ROUNDINGS * (abs(g) / np.sqrt(low) + abs(p) * low)
@@ -185,7 +185,7 @@ def least_over(g: float, p: float, low: float, high: float) -> float:
 
 @kernel
 def add_below(one: float, other: float) -> float:
-    """A sum, no rounding above; −∞ of what is no number."""
+    """Return a sum that rounding does not raise; −∞ where it is no number."""
     total = one + other - ROUNDINGS * (abs(one) + abs(other))
     return total if total > -np.inf and total < np.inf else -np.inf
 
@@ -337,7 +337,7 @@ def bound_cell(sums: Array, about: float, cap: float, out: Array) -> None:
 
 @kernel
 def bound_cells(rows: RowCells, third: bool, trial: Trial, out: Array) -> None:
-    """Fill out (M,): what each cell surely takes, s, with what λ adds; −∞ where nothing is proved.
+    """Fill out (M,): the least time of each cell (s) with the terms of λ, proved; −∞ where nothing is proved.
 
     third: at order 3. At order 2 nothing is known of c, and λb has to be 0.
     """

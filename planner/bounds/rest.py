@@ -1,4 +1,4 @@
-"""The lower bound of the cell beside a rest, in closed form: docs/theory/lower_bound.md, "Beside rests".
+"""The lower bound of the cell next to a rest, in closed form: docs/theory/lower_bound.md, "Beside rests".
 
 The integrand of `planner.bounds.lower_bound` has no bound that is good all over that cell.
 """
@@ -33,7 +33,10 @@ class RestDeparture(NamedTuple):
 
 
 def leave_rest(rows: RowCells, side: int, still: int) -> RestDeparture:
-    """In the first cell (side 0) or the last; `still` of the path's first derivatives are 0 at its outer end."""
+    """Return how rest is left in the first cell (side 0) or the last.
+
+    still: how many of the path's first derivatives are 0 at its outer end
+    """
     k, out, sign = (0, 1, 1.0) if side == 0 else (-1, 0, -1.0)
     h, q, off = rows.width[k], rows.ends[k], rows.off[k]
     away = np.sign(sign * q[out, 0])
@@ -69,7 +72,7 @@ def leave_rest(rows: RowCells, side: int, still: int) -> RestDeparture:
 
 
 def bound_rest(leaving: RestDeparture, side: int, inner: Array) -> float:
-    """What the cell surely takes, s, with what λ (2,) of its inner node adds to it; −∞ where nothing is proved."""
+    """Return the least time of the cell (s) with the terms of λ (2,) of its inner node; −∞ where nothing is proved."""
     by_a, by_b = (1 - 2 * side) * inner[0], inner[1]
     low = leaving.slope[0]
     with np.errstate(all="ignore"):

@@ -246,7 +246,7 @@ def _scale(problem: _Problem, multipliers: Multipliers) -> tuple[Trial, np.ndarr
 
 
 def _prove(problem: _Problem, multipliers: Multipliers) -> SpanBound:
-    """Return what multipliers prove. Where they prove nothing they are made smaller."""
+    """Return the bound by multipliers. Where they prove nothing they are made smaller."""
     trial, jerky = _scale(problem, multipliers)
     nodes, bulge = trial.nodes, trial.bulge
     out = _bound_all(problem, trial, jerky)
@@ -272,7 +272,7 @@ def _prove(problem: _Problem, multipliers: Multipliers) -> SpanBound:
 
 
 def _bound_all(problem: _Problem, trial: Trial, jerky: np.ndarray) -> Array:
-    """Return what each cell surely takes (M,), s, with what λ adds."""
+    """Return the least time of each cell (M,), s, with the terms of λ."""
     rows, out = problem.rows, np.zeros(len(trial.bulge))
     fill_sets(rows, trial, jerky)
     bound_cells(rows, problem.order == 3, trial, out)

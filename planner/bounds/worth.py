@@ -1,4 +1,4 @@
-"""What limits on acceleration, jerk and speed are worth along a path, by the multipliers of the dual problem.
+"""The worth of limits on acceleration, jerk and speed along a path, by the multipliers of the dual problem.
 
 A row |r| ≤ B that has the multiplier f saves f dB where B grows. Where another row of the same kind binds beside it,
 one alone may not grow by much: b, or c under jerk, moves until the other has no room left.
@@ -14,9 +14,11 @@ from planner.bounds.rest import bound_rest, leave_rest
 PER_CENT = 0.01
 
 
-def weigh_limits(cells: DualCells, found: Multipliers, took: float) -> tuple[Array, Array]:
-    """(M, 3, n) s each, per unit of relative change: what each limit saves that grows with all that bind beside it,
-    and for a change of one per cent what it saves that grows alone.
+def weigh_limits(cells: DualCells, multipliers: Multipliers, took: float) -> tuple[Array, Array]:
+    """Return (M, 3, n) s each, per unit of relative change: together and alone.
+
+    Together: what each limit saves that grows with all that bind at the same place. Alone: what it saves that grows by
+    itself, for a change of one per cent.
 
     Of each axis' acceleration and jerk; the third is of speeds, for whichever binds, in its first entry.
     took: s, the cells' unit of time.
@@ -24,15 +26,15 @@ def weigh_limits(cells: DualCells, found: Multipliers, took: float) -> tuple[Arr
     count, axes = len(cells.width), cells.q.shape[3]
     half = took * cells.width[:, None] / 2
     together, alone = np.zeros((2, count, 3, axes))
-    together[:, 2, 0] = alone[:, 2, 0] = 2 * (finite(found.speed) * half).sum(1)
-    x = np.where(np.isfinite(found.x), found.x, 1.0)
+    together[:, 2, 0] = alone[:, 2, 0] = 2 * (finite(multipliers.speed) * half).sum(1)
+    x = np.where(np.isfinite(multipliers.x), multipliers.x, 1.0)
     a, b, c = (x[:, :, k, None] for k in range(3))
     root = np.sqrt(np.maximum(a, 0.0))
     first, second, third = (cells.q[:, :, k] for k in range(3))
     values = first * b + second * a, root * (first * c + 3 * second * b + third * a)
     for kind, (value, slope, size) in enumerate(zip(values, (first, root * first), (1.0, root), strict=True)):
         bounds = (cells.acceleration, cells.jerk)[kind]
-        force = finite(found.rows[:, :, kind])
+        force = finite(multipliers.rows[:, :, kind])
         bound = np.where(force > 0, bounds[0], bounds[1])
         with np.errstate(divide="ignore", invalid="ignore"):
             worth = np.where(np.isfinite(bound), np.abs(force) / size * half[:, :, None], 0.0)
@@ -50,7 +52,7 @@ def weigh_limits(cells: DualCells, found: Multipliers, took: float) -> tuple[Arr
 
 
 def weigh_rest(rows: RowCells, side: int, still: int, inner: Array) -> tuple[Array, Array]:
-    """(3, n) s each, as `weigh_limits`, of a cell beside a rest: of the axis that takes longest to leave it."""
+    """Return (3, n) s each, as `weigh_limits`, of a cell next to a rest: of the axis that takes longest to leave it."""
     together, alone = np.zeros((2, 3, rows.ends.shape[3]))
     leaving = leave_rest(rows, side, still)
     longest = int(np.where(leaving.moves, leaving.time, 0.0).argmax())
