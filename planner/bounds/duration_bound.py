@@ -188,6 +188,8 @@ def _bound_without_jerk(case: Case, ends: Ends, least: float) -> SpanBound | Non
     limits = [limit for limit in case.limits if Term.SDDD not in limit.terms]
     stops = np.flatnonzero(path.stops(2))
     stops = stops[(stops >= ends[0]) & (stops <= ends[1])]
+    if not np.isin(ends, stops).all():
+        return None  # without jerk limits the motion does not rest there
     runs = list(pairwise(stops.tolist()))
     profiles = []
     for run in split_runs(path, stops, 2):

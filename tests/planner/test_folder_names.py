@@ -31,6 +31,7 @@ INTERNALS = {
     # averages and enclosures to the last bit
     "planner/timing/test_long_durations.py",
     "planner/certificate/test_ranges.py",
+    "planner/limits/test_tool_jerk.py",
     "planner/limits/test_resonance.py",
     # how much work a bound may be, and what an adapter says
     "pulsepath/commands/test_plan_bound.py",
