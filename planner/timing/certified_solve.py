@@ -172,7 +172,7 @@ def certified_solve(
     certified = [
         by_index[n] if first == n else move_run(path, by_index[first], runs[n]) for n, first in enumerate(firsts)
     ]
-    limits = hold_axes(limits, [cap for one in certified for cap in one.held])
+    limits = hold_axes(limits, [cap for one in certified for cap in one.caps])
     trajectory, known = _join_runs(path, limits, certified, stops)
     methods = tuple(one.solution.method for one in certified)
     rounds = max(one.rounds for one in certified)

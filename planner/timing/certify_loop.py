@@ -45,7 +45,7 @@ NOTHING_KNOWN = ProvedUse({}, {}, np.zeros((6, 0)))
 class CertifiedRun:
     """A run's motion with its proved use of the limits.
 
-    held       stretches on which axes are held below resonance bands
+    caps       stretches on which axes are held below resonance bands
     tightened  number of times that it was tightened
     holdings   number of times that it was solved with axes held back
     slowed     number of times that it was slowed as a whole
@@ -55,7 +55,7 @@ class CertifiedRun:
     run: Run
     solution: RunSolution
     known: ProvedUse = NOTHING_KNOWN
-    held: tuple[SpeedCap, ...] = ()
+    caps: tuple[SpeedCap, ...] = ()
     tightened: int = 0
     holdings: int = 0
     slowed: int = 0
@@ -79,7 +79,7 @@ class RunCertifier:
     def __call__(self, runs: Sequence[Run]) -> list[CertifiedRun] | MotionError:
         """Return the runs' motions, or the first refusal.
 
-        A motion for which no remedy is left is returned as it is: its use says what it exceeds.
+        A motion for which no remedy is left is returned as it is, with the use that exceeds 1.
         """
         certified: list[CertifiedRun] = []
         for run in runs:
@@ -125,7 +125,7 @@ class RunCertifier:
         if stays:
             return self._hold_axes(one, stays)
         largest = max(float(one.known.use[limit.name].max()) for limit in self._timed_limits)
-        # another motion would not give a bound where there is none
+        # a use without a bound: another motion would have none either
         if not 1 < largest < np.inf:
             return None
         cruises = one.solution.maker in (FEED_LIMITED, CRUISE)
@@ -168,10 +168,10 @@ class RunCertifier:
     ) -> CertifiedRun | MotionError | None:
         """Solve with axes held below bands in more places, or slow the motion below all bands."""
         if one.holdings < MAX_HOLDINGS:
-            held = (*one.held, *self._choose_caps(one, stays))
-            solution = self.goal.solve(self.path, hold_axes(self.limits, held), one.run)
+            caps = (*one.caps, *self._choose_caps(one, stays))
+            solution = self.goal.solve(self.path, hold_axes(self.limits, caps), one.run)
             if solution.refusal is None:
-                return replace(one, solution=solution, held=held, holdings=one.holdings + 1)
+                return replace(one, solution=solution, caps=caps, holdings=one.holdings + 1)
             if one.holdings + 1 < ALL_HOLDINGS:
                 # to hold all axes may leave a solver more room than to hold some
                 return self._hold_axes(replace(one, holdings=ALL_HOLDINGS), ())
@@ -193,7 +193,7 @@ class RunCertifier:
         first, last = one.run.breaks(self.path)[[0, -1]].tolist()
         caps = []
         for band in bands:
-            earlier = [cap for cap in one.held if (cap.band, cap.first, cap.last) == (band, first, last)]
+            earlier = [cap for cap in one.caps if (cap.band, cap.first, cap.last) == (band, first, last)]
             margin = BAND_MARGIN * MARGIN_GROWTH ** len(earlier)
             caps.append(SpeedCap(band, first, last, margin))
         return caps
@@ -218,8 +218,8 @@ def _find_room(solution: RunSolution) -> Mapping[str, Array] | None:
     return {block.name: block.room for block in problem.blocks}
 
 
-def hold_axes(limits: Sequence[Limit], held: Sequence[SpeedCap]) -> tuple[Limit, ...]:
+def hold_axes(limits: Sequence[Limit], caps: Sequence[SpeedCap]) -> tuple[Limit, ...]:
     """Return the limits with axes held below resonance bands on more stretches."""
-    if not held:
+    if not caps:
         return tuple(limits)
-    return tuple(limit.hold_more(held) if isinstance(limit, Resonance) else limit for limit in limits)
+    return tuple(limit.hold_more(caps) if isinstance(limit, Resonance) else limit for limit in limits)

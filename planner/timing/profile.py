@@ -190,12 +190,12 @@ def close_profile(problem: Problem, columns: Array) -> Profile | MotionError:
     )
     for _ in range(NEWTON_STEPS):
         v, a, j, h = columns
-        reached = np.stack([h * (v + h * (a / 2 + h * j / 6)), v + h * (a + h * j / 2), a + h * j])
-        wanted = np.stack([step, np.append(v[1:], last), np.append(a[1:], end.acceleration)])
-        residual = reached - wanted
+        ends = np.stack([h * (v + h * (a / 2 + h * j / 6)), v + h * (a + h * j / 2), a + h * j])
+        starts = np.stack([step, np.append(v[1:], last), np.append(a[1:], end.acceleration)])
+        residual = ends - starts
         if end.free_acceleration:
             residual[2, -1] = 0.0
-        change = _smallest_change(problem, columns, reached, residual, size)
+        change = _smallest_change(problem, columns, ends, residual, size)
         if isinstance(change, MotionError):
             return change
         columns = columns + size * change
@@ -213,7 +213,7 @@ def close_profile(problem: Problem, columns: Array) -> Profile | MotionError:
 def _smallest_change(
     problem: Problem,
     columns: Array,
-    reached: Array,
+    ends: Array,
     residual: Array,
     size: Array,
 ) -> Array | MotionError:
@@ -231,26 +231,26 @@ def _smallest_change(
     one = np.ones(count)
     zero = np.zeros(count)
     unit = np.stack([step, size[0], size[1]])
-    own = np.array(
+    jacobian = np.array(
         [
-            [h, h**2 / 2, h**3 / 6, reached[1]],
-            [one, h, h**2 / 2, reached[2]],
+            [h, h**2 / 2, h**3 / 6, ends[1]],
+            [one, h, h**2 / 2, ends[2]],
             [zero, one, h, j],
         ]
     )
-    own = np.moveaxis(own * size / unit[:, None], 2, 0)
-    own[0, :, 0] = 0.0  # the first ṡ is given
+    jacobian = np.moveaxis(jacobian * size / unit[:, None], 2, 0)
+    jacobian[0, :, 0] = 0.0  # the first ṡ is given
     if not start.free_acceleration:
-        own[0, :, 1] = 0.0
+        jacobian[0, :, 1] = 0.0
     if end.free_acceleration:
-        own[-1, 2] = 0.0
+        jacobian[-1, 2] = 0.0
     following = np.zeros((count, 3, 4))
     following[:-1, 1, 0] = -size[0, 1:] / size[0, :-1]
     following[:-1, 2, 1] = -size[1, 1:] / size[1, :-1]
-    diagonal = own @ own.mT + following @ following.mT
+    diagonal = jacobian @ jacobian.mT + following @ following.mT
     if end.free_acceleration:
         diagonal[-1, 2, 2] = 1.0
-    upper = following[:-1] @ own[1:].mT
+    upper = following[:-1] @ jacobian[1:].mT
     band = np.zeros((11, 3 * count))
     for p in range(3):
         for q in range(3):
@@ -262,6 +262,6 @@ def _smallest_change(
         weights = solve_banded((5, 5), band, right, check_finite=False).reshape(count, 3)
     except LinAlgError as failure:
         return MotionError(f"the motion that the solver found cannot be made continuous: {failure}")
-    change = (own.mT @ weights[:, :, None])[:, :, 0]
+    change = (jacobian.mT @ weights[:, :, None])[:, :, 0]
     change[1:] += (following[:-1].mT @ weights[:-1, :, None])[:, :, 0]
     return np.asarray(change.T)

@@ -30,7 +30,7 @@ from planner.timing.problem import EndCondition, Run
 from planner.timing.solution import IN_PARTS, MADE_CONSTANT_SPEED, RunSolution
 from planner.timing.tighten import tighten_run
 
-# Slower speeds that are tried where one is refused: each is this share of what was then possible.
+# Slower speeds that are tried where one is refused: each this share of the possible one.
 MAX_TRIALS, SPEED_SHARE = 4, 0.9995
 
 
@@ -38,7 +38,7 @@ MAX_TRIALS, SPEED_SHARE = 4, 0.9995
 class ConstantSpeed:
     """The fastest motion at the constant speeds that segments state.
 
-    instead  speeds of pieces in place of those that their segments state
+    instead  speeds of pieces that replace those of their segments
     """
 
     order: int

@@ -41,11 +41,11 @@ class Pacer:
 
         An axis that would stay in a band too long is held below it. None where no motion is found.
         """
-        held: list[SpeedCap] = []
+        caps: list[SpeedCap] = []
         for _ in range(1 + len(self._resonances)):
             late: list[Stay] = []
             for easing in EASING_SHARES:
-                limits = hold_axes(self.limits, held)
+                limits = hold_axes(self.limits, caps)
                 profile = self._fit_duration(limits, easing, duration)
                 if profile is not None:
                     late = self.find_late(profile)
@@ -53,7 +53,7 @@ class Pacer:
                         return profile
             if not late:
                 return None
-            held += self._list_caps({stay.band.axis for stay in late})
+            caps += self._list_caps({stay.band.axis for stay in late})
         return None
 
     def find_late(self, profile: Profile) -> list[Stay]:
@@ -67,7 +67,7 @@ class Pacer:
         return hold_axes(self.limits, self._list_caps(set(range(len(self.axes)))))
 
     def solve_fastest(self, limits: Sequence[Limit]) -> Profile | None:
-        """Return the fastest motion under other limits; None if there is none."""
+        """Return the fastest motion under other limits, or None."""
         solution = solve_run(self.path, limits, replace(self.run, whole=True), self.order)
         return solution.profile if solution.solved else None
 
