@@ -133,7 +133,7 @@ def test_what_cannot_be_changed_is_refused(circle):
         with pytest.raises(MotionError, match=words):
             worth.replan(limit, axis, by)
     with pytest.raises(MotionError, match="timing"):
-        next(each for each in worth.kept if each.geometric).scale(1.1)
+        next(each for each in worth.constraints if each.geometric).scale(1.1)
 
 
 def test_a_stated_duration_is_worth_nothing():
