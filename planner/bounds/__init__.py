@@ -1,4 +1,4 @@
-"""Proved lower bounds of the duration, the multipliers that prove them, and what each limit is worth."""
+"""Proved lower bounds of the duration, their multipliers, and the worth of each limit."""
 
 import lazy_loader
 

@@ -1,6 +1,6 @@
-"""Cells of a span, between nodes near a motion: where they lie, and how they are refined.
+"""Cells of a span, between nodes of a motion: their places and refinement.
 
-Any cells prove a bound. These are chosen so that little is lost on each.
+All cells prove a bound. These make its loss small.
 """
 
 from dataclasses import dataclass
@@ -11,16 +11,22 @@ from kinematics.foundation.arrays import Array
 from planner.bounds.spans import Span
 from planner.trajectory import Trajectory
 
-# Cells near a rest begin at this share of a span's time after it, and grow by this share of the time since.
-FIRST_CELL, CELL_GROWTH = 1e-3, 0.15
+# Time of the first cell at a rest, as a share of the span's time.
+FIRST_CELL = 1e-3
+# Growth of cells from a rest, as a share of the time since.
+CELL_GROWTH = 0.15
 # Share of a span's time up to which cells grow from a rest.
 GROWTH_END = 0.3
-# Least cells of a span, and the least share of its time that a refined cell takes.
-LEAST_CELLS, LEAST_CELL = 160, 5e-5
-# Most parts of a cell in one refinement.
+# Least number of cells of a span.
+LEAST_CELLS = 160
+# Least time of a refined cell, as a share of the span's time.
+LEAST_CELL = 5e-5
+# Greatest number of parts of a cell in one refinement.
 MOST_PARTS = 8
-# How much slower than the motion the search of multipliers begins, and where in a cell at rest its state is taken.
-SLOWER, INSIDE = 0.97, 0.3
+# Speed of the first guess relative to the motion: strictly inside the limits.
+SLOWER = 0.97
+# Share of a cell at rest after which the guess takes its state.
+INSIDE = 0.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,17 +43,20 @@ class Nodes:
 def place_nodes(trajectory: Trajectory, span: Span) -> Nodes:
     """Return nodes at the motion's knots, and more near rests."""
     knots = trajectory.knots[span.pieces[0] : span.pieces[-1] + 2]
-    begin, end = knots[0], knots[-1]
+    begin = knots[0]
+    end = knots[-1]
     took = end - begin
     wide = np.maximum(np.diff(knots), took * 1e-12)
 
     def find_width(t: Array) -> Array:
-        return np.asarray(wide[np.clip(np.searchsorted(knots, t, side="right") - 1, 0, len(wide) - 1)])
+        interval = np.searchsorted(knots, t, side="right") - 1
+        return np.asarray(wide[np.clip(interval, 0, len(wide) - 1)])
 
     count = 1 + int(np.log(GROWTH_END / FIRST_CELL) / np.log(1 + CELL_GROWTH))
     since = took * FIRST_CELL * (1 + CELL_GROWTH) ** np.arange(count)
     growing = np.concatenate([begin + since, end - since])
-    growing = growing[find_width(growing) > CELL_GROWTH * np.minimum(growing - begin, end - growing)]
+    away = np.minimum(growing - begin, end - growing)
+    growing = growing[find_width(growing) > CELL_GROWTH * away]
     even = np.linspace(begin, end, LEAST_CELLS + 1)
     even = even[find_width(even) > took / LEAST_CELLS]
 
@@ -59,20 +68,23 @@ def place_nodes(trajectory: Trajectory, span: Span) -> Nodes:
 
 def sample_nodes(trajectory: Trajectory, span: Span, t: Array) -> Nodes:
     """Return the motion at instants t, and at every break of the path in between."""
-    pieces, breaks = span.pieces, span.breaks
+    pieces = span.pieces
+    breaks = span.breaks
     k = np.clip(trajectory.locate(t), pieces[0], pieces[-1])
     s, v, b = _sample(trajectory, k, t - trajectory.knots[k])
 
-    beside = np.abs(s - breaks[np.searchsorted((breaks[1:] + breaks[:-1]) / 2, s)])
+    distance = np.abs(s - breaks[np.searchsorted((breaks[1:] + breaks[:-1]) / 2, s)])
+    clear = distance > 1e-10 * np.diff(breaks).min()
     apart = np.append(True, np.diff(s) > 1e-13 * (breaks[-1] - breaks[0]))
-    inside = (s > breaks[0]) & (s < breaks[-1]) & apart & (beside > 1e-10 * np.diff(breaks).min())
-    # at a break, the motion at the nearest of the instants
+    inside = (s > breaks[0]) & (s < breaks[-1]) & apart & clear
+    # a break takes the state at the nearest instant
     nearest = np.searchsorted((s[1:] + s[:-1]) / 2, breaks)
     places, chosen = np.unique(np.concatenate([s[inside], breaks]), return_index=True)
     chosen = np.concatenate([np.flatnonzero(inside), nearest])[chosen]
     within = np.searchsorted(breaks, places[:-1], side="right") - 1
     piece = span.first + np.clip(within, 0, len(breaks) - 2)
-    return Nodes(places, np.maximum(v[chosen], 0.0) ** 2, b[chosen], np.maximum.accumulate(t[chosen]), piece)
+    a = np.maximum(v[chosen], 0.0) ** 2
+    return Nodes(places, a, b[chosen], np.maximum.accumulate(t[chosen]), piece)
 
 
 def _sample(trajectory: Trajectory, k: np.ndarray, tau: Array) -> tuple[Array, Array, Array]:
@@ -83,7 +95,7 @@ def _sample(trajectory: Trajectory, k: np.ndarray, tau: Array) -> tuple[Array, A
 
 
 def thin_nodes(nodes: Nodes, most: int) -> Nodes:
-    """Return an even selection of about `most` cells, with every break of the path."""
+    """Join cells evenly to about `most`, and keep every break of the path."""
     count = len(nodes.piece)
     if count <= most:
         return nodes
@@ -92,14 +104,24 @@ def thin_nodes(nodes: Nodes, most: int) -> Nodes:
     return Nodes(nodes.s[ends], nodes.a[ends], nodes.b[ends], nodes.t[ends], nodes.piece[ends[:-1]])
 
 
-def refine_nodes(trajectory: Trajectory, span: Span, nodes: Nodes, loss: Array, most: float) -> Nodes:
-    """Return about `most` cells, more of them where more is lost: the loss goes with the square of a cell."""
+def refine_nodes(
+    trajectory: Trajectory,
+    span: Span,
+    nodes: Nodes,
+    loss: Array,
+    most: float,
+) -> Nodes:
+    """Return about `most` cells, with more where the loss is larger.
+
+    The loss rate is quadratic in the width of a cell.
+    """
     times = np.diff(nodes.t)
     loss = np.minimum(np.where(np.isfinite(loss), loss, np.inf), times)
     share = np.cbrt(np.maximum(loss, 1e-4 * np.abs(loss).mean() + 1e-300))
     parts = np.clip(np.round(share / share.sum() * most), 1, MOST_PARTS)
-    # cells at rest stay: times there are as small as rounding of s leaves them
-    parts = np.clip(parts, 1, np.maximum(times / (LEAST_CELL * (nodes.t[-1] - nodes.t[0])), 1)).astype(int)
+    least = LEAST_CELL * (nodes.t[-1] - nodes.t[0])
+    parts = np.clip(parts, 1, np.maximum(times / least, 1)).astype(int)
+    # cells at rest stay: rounding of s allows no shorter times there
     parts[[0, -1]] = 1
     within = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
     t = np.repeat(nodes.t[:-1], parts) + within * np.repeat(times / parts, parts)
@@ -107,9 +129,9 @@ def refine_nodes(trajectory: Trajectory, span: Span, nodes: Nodes, loss: Array, 
 
 
 def guess_motion(trajectory: Trajectory, nodes: Nodes, length: float, time: float) -> Array:
-    """Return a, b, c at both ends of each cell (M, 2, 3), in units of length and time, of a slightly slower motion.
+    """Return a, b, c of a slightly slower motion at both ends of each cell (M, 2, 3).
 
-    Where a cell begins or ends at rest, they are of a place inside it.
+    Units are `length` and `time`. An end at rest takes the state of a place inside its cell.
     """
     mean = np.diff(nodes.s) / np.maximum(np.diff(nodes.t), 1e-15 * time)
     ends = np.stack([nodes.t[:-1], nodes.t[1:]], 1)

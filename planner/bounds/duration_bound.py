@@ -1,6 +1,6 @@
-"""How near a motion is to the fastest, proved: the sum of the bounds of its runs between stops, and its dwells.
+"""Proved lower bound of the duration: dwells, and the bounds of the runs between stops.
 
-Each run is split into spans (`spans`), each span is bounded (`span_bound`), and equal runs share a bound.
+`spans` splits a run into spans, `span_bound` bounds each span. Equal runs share a bound.
 """
 
 from collections.abc import Sequence
@@ -25,31 +25,33 @@ from planner.timing.profile import Profile
 from planner.timing.repetition import find_first_equals
 from planner.trajectory import Trajectory
 
-# Runs above which each is bounded only to FAIR_GAP: finer cells take most of the time.
-MANY_RUNS, FAIR_GAP = 32, 0.001
-# Gap of a run from which it is also bounded at order 2 where a gap is stated, or runs are many.
+# Number of runs above which each is only refined to FAIR_GAP: finer cells take most of the time.
+MANY_RUNS = 32
+FAIR_GAP = 0.001
+# Gap above which a run is also bounded at order 2, if a gap is stated or runs are many.
 POOR_GAP_AT_ORDER_3 = 0.002
-# Least cells of a span of a quick bound.
+# Least number of cells of a span in a quick bound.
 LEAST_SHARED_CELLS = 24
-# Share of its duration by which a time piece may differ from one of an equal motion: instants are rounded, by more late
-# in a long motion.
+# Relative difference of durations of time pieces in equal motions: late instants are rounded more.
 SAME_DURATION = 1e-6
 
-Ends = tuple[int, int]  # breaks of the path at which a run starts and ends
+# Breaks of the path at both ends of a run.
+Ends = tuple[int, int]
 
 
 @dataclass(frozen=True, slots=True)
 class DurationBound(Result):
-    """No motion that keeps the limits takes less, proved.
+    """Proved lower bound of the duration of all motions within the limits.
 
     value     s
-    duration  s, of the motion that it is compared with
-    left_out  what it does not account for: it may lie below the least time by what that costs
-    s, piece, loss  of all cells: path length at the start of each (M,), its piece (M,), and what is lost on it (M,), s:
-                    the loss of all is the duration less the bound
-    worth     (M, 3, n) s: by how much the bound falls per unit of relative change, of each axis' acceleration and jerk
-              on each cell; the third is of speeds, for whichever binds, in its first entry
-    alone     the same for a change of one per cent, up to where the next row binds that has not changed
+    duration  s, of the motion it is compared with
+    left_out  limits it leaves out: it is too low by the time that these cost
+    s (M,)      path length at the start of each cell
+    piece (M,)  piece of each cell
+    loss (M,)   s, loss on each cell. Their sum is the duration less the bound
+    worth (M, 3, n)  s, fall of the bound per unit of relative change of each axis' acceleration
+                     and jerk, and of the speed limit that binds (first entry)
+    alone (M, 3, n)  s, `worth` if no other limit changes, for a change of one per cent
     """
 
     value: float
@@ -63,15 +65,16 @@ class DurationBound(Result):
 
     @property
     def gap(self) -> float:
-        """Share by which the duration may be above the least: ∞ where the bound is 0."""
+        """Greatest relative excess of the duration over the least. ∞ if the bound is 0."""
         return self.duration / self.value - 1 if self.value > 0 else np.inf
 
     def describe(self) -> str:
-        """Return how near the duration is to it, and what it does not account for."""
+        """Return the gap in a sentence, with the limits that are left out."""
         left_out = f"; without {', '.join(self.left_out)}" if self.left_out else ""
         if self.gap == np.inf:
             return f"nothing is proved of how near the duration is to the least{left_out}"
-        return f"the duration is at most {ceil(1e5 * self.gap) / 1e3:.3f} % above the least{left_out}"
+        gap = ceil(1e5 * self.gap) / 1e3
+        return f"the duration is at most {gap:.3f} % above the least{left_out}"
 
     def tables(self) -> tuple[Table, ...]:
         """Return the bound and the duration."""
@@ -91,8 +94,8 @@ def bound_duration(
 ) -> DurationBound:
     """Prove a lower bound for a motion.
 
-    gap: share of the bound up to which its cells are refined; None: as far as is quick, and for many runs to FAIR_GAP
-    most_cells: about how many cells a quick bound has in all, without a round of finer ones; None: no such limit
+    gap: gap to which cells are refined; None: as far as is quick, to FAIR_GAP for many runs
+    most_cells: approximate number of cells of a quick bound, without refinement; None: no limit
     """
     case = Case(trajectory, limits, order)
     path = trajectory.path
@@ -104,20 +107,22 @@ def bound_duration(
     else:
         if gap is None and len(runs) > MANY_RUNS:
             gap = FAIR_GAP
-        bounds = {n: _bound_run(case, runs[n], own, gap) for n, own in spans.items()}
+        bounds = {n: _bound_run(case, runs[n], parts, gap) for n, parts in spans.items()}
 
-    every = [_shift(path, bounds[first], runs[n][0] - runs[first][0]) for n, first in enumerate(firsts)]
-    joined = join_bounds(every)
+    shifts = [runs[n][0] - runs[first][0] for n, first in enumerate(firsts)]
+    joined = join_bounds(
+        [_shift(path, bounds[first], by) for first, by in zip(firsts, shifts, strict=True)],
+    )
     value = float(path.dwells.sum()) + joined.value
-    value -= 1e-15 * (len(runs) + 8) * abs(value)  # by rounding
+    value -= 1e-15 * (len(runs) + 8) * abs(value)  # rounding error
     return DurationBound(value, trajectory.duration, find_left_out(path, limits), *joined[1:])
 
 
 def _find_equal_motions(case: Case, runs: Sequence[Ends]) -> list[int]:
-    """Return for each run the index of an earlier one with an equal path, limits and motion, or else its own index.
+    """Return for each run the index of the first run with equal path, limits and motion.
 
-    A bound belongs to the pieces of a run, wherever they are on the path, so that it holds for equal runs. The loss on
-    each cell depends on the motion as well. Where q′ = 0 at an end of a run, the bound also depends on the neighbours.
+    Equal runs have equal bounds, anywhere on the path. The loss on each cell also depends on the
+    motion. If q′ = 0 at an end of a run, its bound depends on the neighbours as well.
     """
     path = case.trajectory.path
     zeros = count_zero_derivatives(path)
@@ -132,7 +137,7 @@ def _find_equal_motions(case: Case, runs: Sequence[Ends]) -> list[int]:
 
 
 def _move_alike(trajectory: Trajectory, one: Ends, other: Ends) -> bool:
-    """Return whether the motions along two runs are the same, but for the rounding of instants."""
+    """Return whether the motions along two runs are equal up to the rounding of instants."""
     motions = []
     for ends in (one, other):
         part = slice(*np.searchsorted(trajectory.piece, ends))
@@ -146,30 +151,41 @@ def _move_alike(trajectory: Trajectory, one: Ends, other: Ends) -> bool:
 
 
 def _shift(path: ActuatorPath, bound: SpanBound, by: int) -> SpanBound:
-    """Return the bound of an equal run so many path pieces later."""
+    """Return the bound of an equal run that starts `by` path pieces later."""
+    if not by:
+        return bound
     piece = bound.piece + by
-    return bound._replace(s=path.breaks[piece] + (bound.s - path.breaks[bound.piece]), piece=piece) if by else bound
+    s = path.breaks[piece] + (bound.s - path.breaks[bound.piece])
+    return bound._replace(s=s, piece=piece)
 
 
 def _bound_quickly(
-    case: Case, runs: dict[int, list[Span]], firsts: Sequence[int], most_cells: int
+    case: Case,
+    runs: dict[int, list[Span]],
+    firsts: Sequence[int],
+    most_cells: int,
 ) -> dict[int, SpanBound]:
-    """Share the cells out by time pieces; each span between cruises has LEAST_SHARED_CELLS at least."""
+    """Bound each run with a share of the cells, and at least LEAST_SHARED_CELLS for a span.
+
+    Shares are in proportion to the number of time pieces.
+    """
     pieces = sum(len(span.pieces) for first in firsts for span in runs[first] if not span.cruising)
     bounds = {}
     for n, spans in runs.items():
-        shares = [max(most_cells * len(span.pieces) // max(pieces, 1), LEAST_SHARED_CELLS) for span in spans]
-        parts = [bound_span_quickly(case, span, most) for span, most in zip(spans, shares, strict=True)]
+        parts = []
+        for span in spans:
+            share = most_cells * len(span.pieces) // max(pieces, 1)
+            parts.append(bound_span_quickly(case, span, max(share, LEAST_SHARED_CELLS)))
         bounds[n] = join_bounds(parts)
     return bounds
 
 
 def _bound_run(case: Case, ends: Ends, spans: Sequence[Span], gap: float | None) -> SpanBound:
-    """Bound a run: the sum over its spans, or its bound without jerk where that is larger."""
+    """Bound a run by the sum over its spans, or without jerk limits if that bound is larger."""
     took = sum(span.duration for span in spans)
     solved = sum(span.duration for span in spans if not span.cruising)
     aim = gap
-    if len(spans) > 1 and solved > 0:  # cruises lose next to nothing
+    if len(spans) > 1 and solved > 0:  # cruises have nearly no gap
         aim = took / solved * (FAIR_GAP if gap is None else gap)
     best = join_bounds([bound_span(case, span, aim) for span in spans])
     fair = 0.0 if gap is None else POOR_GAP_AT_ORDER_3
@@ -180,9 +196,9 @@ def _bound_run(case: Case, ends: Ends, spans: Sequence[Span], gap: float | None)
 
 
 def _bound_without_jerk(case: Case, ends: Ends, least: float) -> SpanBound | None:
-    """Bound a run by the limits on speed and acceleration, from its fastest motion within these.
+    """Bound a run by its limits on speed and acceleration, near its fastest motion within them.
 
-    None where that motion takes no longer than the bound `least`, or there is none.
+    Return None if there is no such motion, or if it is no longer than the bound `least`.
     """
     path = case.trajectory.path
     limits = [limit for limit in case.limits if Term.SDDD not in limit.terms]
@@ -202,10 +218,12 @@ def _bound_without_jerk(case: Case, ends: Ends, least: float) -> SpanBound | Non
         return None
     gentle = Case(motion, limits, 2)
     spans = [split_run(motion, limits, run) for run in runs]
-    # no less than at order 2 itself, where no gap is stated; then to a fair gap
+    # first as for a plan at order 2, then to a fair gap
     best: SpanBound | None = None
     for gap in (None, FAIR_GAP):
-        bounds = [_bound_run(gentle, run, own, gap) for run, own in zip(runs, spans, strict=True)]
+        bounds = [
+            _bound_run(gentle, run, parts, gap) for run, parts in zip(runs, spans, strict=True)
+        ]
         joined = join_bounds(bounds)
         best = joined if best is None or joined.value > best.value else best
         if motion.duration <= (1 + FAIR_GAP) * best.value:

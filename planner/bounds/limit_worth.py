@@ -31,7 +31,7 @@ ALL = "all"
 """Name of all axes of a limit together."""
 # Relative difference of two uses below which two channels bind together.
 TIE = 1e-6
-# A limit without multipliers saves nothing if its largest use is below this.
+# Largest use below which a limit without multipliers is inactive.
 BINDING = 0.99
 # Smallest saving that counts, as a share of the duration: errors of the multipliers are smaller.
 LEAST_SHARE = 1e-6
@@ -110,7 +110,7 @@ class Worth(Result):
 
     @property
     def best(self) -> tuple[str, str] | None:
-        """Limit and axis that save most, or None if nothing is saved.
+        """Limit and axis that save most, or None if none saves time.
 
         The axis is "all" only if all axes save more than the best of them.
         """
@@ -120,7 +120,7 @@ class Worth(Result):
 
     @check_arguments()
     def of(self, limit: str, axis: str = ALL) -> float:
-        """Return the saving (s) of a limit, or NaN if unknown. Raise MotionError for a wrong name."""
+        """Return the saving (s) of a limit, NaN if unknown. Raise MotionError for a wrong name."""
         *_, axis = self._find(limit, axis)
         rows = zip(self.limits, self.axes, self.saved.tolist(), strict=True)
         return next((saved for *name, saved in rows if name == [limit, axis]), np.nan)
@@ -149,7 +149,7 @@ class Worth(Result):
         return LimitChange(limit, axis, by, saved, predicted, solution)
 
     def _find(self, limit: str, axis: str) -> tuple[Limit, int | None, str]:
-        """Return a limit, its channel for an axis (None: all channels), and the axis name of its row."""
+        """Return a limit, its channel (None: all channels), and the axis name of its row."""
         timed = {each.name: each for each in self.constraints if not each.geometric}
         if limit not in timed:
             known = f"{nearest(limit, timed)}; there are {', '.join(timed)}"
@@ -423,7 +423,7 @@ def _share_speeds(
 
 
 def _find_room(most: Array, others: Array) -> Array:
-    """Return the share of one per cent by which the most used channel can grow until another binds."""
+    """Return the share of one per cent that the most used channel can grow before another binds."""
     if not len(others):
         return np.ones_like(most)
     next_most = others.max(0)

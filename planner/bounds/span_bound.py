@@ -1,6 +1,7 @@
-"""The bound of one span of a run: its cells, multipliers for them, and what these prove.
+"""Bound of one span of a run: cells, multipliers, and proof.
 
-In units of the span's length and duration, `dual` finds multipliers near the motion; `lower_bound` and `rest` prove.
+`dual` finds multipliers near the motion, in units of the span's length and duration. `lower_bound`
+and `rest` prove the bound.
 """
 
 from collections.abc import Sequence
@@ -10,7 +11,14 @@ from typing import NamedTuple
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from planner.bounds.cells import Nodes, guess_motion, place_nodes, refine_nodes, sample_nodes, thin_nodes
+from planner.bounds.cells import (
+    Nodes,
+    guess_motion,
+    place_nodes,
+    refine_nodes,
+    sample_nodes,
+    thin_nodes,
+)
 from planner.bounds.dual import DualCells, Multipliers, maximise_dual
 from planner.bounds.inner_minimum import NEAR, fill_sets
 from planner.bounds.lower_bound import RowCells, Trial, bound_cells, enclose_rows
@@ -22,22 +30,28 @@ from planner.path.actuation import ActuatorPath
 from planner.path.stands import count_zero_derivatives
 from planner.trajectory import Trajectory
 
-# Gap up to which a span is refined where none is stated, and how often at most.
-POOR_GAP, MOST_ROUNDS = 0.01, 4
-# How often a span is refined at most for a stated gap.
+# Gap to which a span is refined if none is stated, and the most refinements.
+POOR_GAP = 0.01
+MOST_ROUNDS = 4
+# Most refinements for a stated gap.
 STATED_ROUNDS = 2
-# Cells of the first refinement, for each there is; half as many as for a stated gap. Cells of a later one.
-FIRST_GROWTH, GROWTH = {2: 1.0, 3: 3.0}, 2.0
-# Gap from which a quick bound is also sought at order 2: with few cells less is lost without the jerk.
+# Growth of the number of cells in the first refinement by order: twice as much for a stated gap.
+FIRST_GROWTH = {2: 1.0, 3: 3.0}
+# Growth in later refinements.
+GROWTH = 2.0
+# Gap above which a quick bound also tries order 2: with few cells it is often better without jerk.
 QUICK_POOR_GAP = 0.05
-# Factor of λ next to a cell that has no bound, and how often it is applied at most; then λ is 0 there.
-SHRINKAGE, SHRINKAGES = 0.7, 40
-# Where a cell loses more than its time by this share of the span's, λ is 0 and the others are sought again; so often.
-PARTING_LOSS, MOST_PARTINGS = 0.005, 3
+# Factor of λ next to a cell without a bound, and how often it is applied. The last is 0.
+SHRINKAGE = 0.7
+SHRINKAGES = 40
+# λ becomes 0 around cells whose loss exceeds their time by this share of the span's time.
+PARTING_LOSS = 0.005
+# Most searches after that.
+MOST_PARTINGS = 3
 
 
 class SpanBound(NamedTuple):
-    """A bound (s), and by cell what `DurationBound` says of all of a motion."""
+    """Bound (s), and the fields of `DurationBound` for its cells."""
 
     value: float
     s: Array
@@ -48,7 +62,7 @@ class SpanBound(NamedTuple):
 
 
 class Case(NamedTuple):
-    """A motion, and the limits and order for which it is bounded."""
+    """Motion, with the limits and the order of its bound."""
 
     trajectory: Trajectory
     limits: Sequence[Limit]
@@ -56,11 +70,11 @@ class Case(NamedTuple):
 
 
 class _Rest(NamedTuple):
-    """An end of a span at which no axis moves.
+    """End of a span at which no axis moves.
 
     side      0 for the start, 1 for the end
     zeros     how many of the path's derivatives are 0 there
-    standing  whether no axis accelerates there either
+    standing  whether all accelerations are 0 as well
     """
 
     side: int
@@ -70,7 +84,7 @@ class _Rest(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class _Ends:
-    """a and b at both ends of a span (2, 2), where λ has to be 0 there (2, 2), and the ends at rest."""
+    """Values of a and b at both ends of a span (2, 2), where λ must be 0 (2, 2), and rests."""
 
     state: Array
     free: np.ndarray
@@ -79,10 +93,11 @@ class _Ends:
 
 @dataclass(frozen=True, slots=True)
 class _Problem:
-    """The cells of a span: rows, in SI units, and the dual problem, in units of its length (m) and time (s).
+    """Cells of a span: rows in SI units, and the dual problem in units of its length and time.
 
     state (M+1, 2)  a and b of the motion
-    inner           the cells that are not next to a rest: those are bounded in closed form, for any λ
+    length, time    m, s
+    inner           the cells not next to a rest, whose bound is in closed form, for any λ
     """
 
     order: int
@@ -96,18 +111,19 @@ class _Problem:
     inner: slice
 
     def rows_at(self, rest: _Rest) -> RowCells:
-        """Return the rows next to a rest: without jerk where an axis may accelerate there already."""
+        """Return the rows next to a rest: without jerk if an axis may accelerate there."""
         return self.rows if rest.standing else _without_jerk(self.rows)
 
 
 def join_bounds(bounds: Sequence[SpanBound]) -> SpanBound:
-    """Add up the bounds of stretches that follow each other."""
+    """Add the bounds of consecutive spans or runs."""
     value = sum(max(bound.value, 0.0) for bound in bounds)
-    return SpanBound(value, *(np.concatenate(parts) for parts in list(zip(*bounds, strict=True))[1:]))
+    _, *arrays = zip(*bounds, strict=True)
+    return SpanBound(value, *map(np.concatenate, arrays))
 
 
 def bound_span(case: Case, span: Span, gap: float | None) -> SpanBound:
-    """Bound a span, and refine its cells until the gap is small enough; once at least where none is stated."""
+    """Bound a span, and refine its cells to the gap, or at least once if no gap is stated."""
     if span.cruising:
         return _bound_cruise(case, span)
     nodes = place_nodes(case.trajectory, span)
@@ -126,7 +142,7 @@ def bound_span(case: Case, span: Span, gap: float | None) -> SpanBound:
 
 
 def bound_span_quickly(case: Case, span: Span, most_cells: int) -> SpanBound:
-    """Bound a span with about so many cells, once."""
+    """Bound a span with about `most_cells` cells, without refinement."""
     if span.cruising:
         return _bound_cruise(case, span)
     nodes = thin_nodes(place_nodes(case.trajectory, span), most_cells)
@@ -142,9 +158,16 @@ def _bound_cruise(case: Case, span: Span) -> SpanBound:
     knots = case.trajectory.knots[span.pieces[0] : span.pieces[-1] + 2]
     nodes = sample_nodes(case.trajectory, span, knots)
     rows = enclose_rows(case.trajectory.path, case.limits, nodes.s, nodes.piece)
-    count, axes = len(nodes.piece), rows.acceleration.shape[1]
-    nothing, out = np.zeros(count), np.zeros(count)
-    trial = Trial(np.zeros((count + 1, 2)), nothing, np.zeros((count, 1, 2, 2, axes)), np.zeros((count, 1, 2)), nothing)
+    count = len(nodes.piece)
+    axes = rows.acceleration.shape[1]
+    out = np.zeros(count)
+    trial = Trial(
+        nodes=np.zeros((count + 1, 2)),
+        bulge=np.zeros(count),
+        rows=np.zeros((count, 1, 2, 2, axes)),
+        speed=np.zeros((count, 1, 2)),
+        about=np.zeros(count),
+    )
     bound_cells(rows, case.order == 3, trial, out)
     took = np.diff(nodes.t)
     # one per cent more speed saves about one per cent of the time
@@ -154,28 +177,30 @@ def _bound_cruise(case: Case, span: Span) -> SpanBound:
 
 
 def _bound_nodes(case: Case, span: Span, nodes: Nodes) -> SpanBound:
-    """Bound a span by its cells, with λ = 0 where the others' cells would lose much."""
+    """Bound a span by its cells, with λ = 0 around cells that lose too much."""
     problem = _pose(case, span, nodes)
-    inner, free = problem.inner, problem.dual.free
+    inner = problem.inner
+    free = problem.dual.free
     start = guess_motion(case.trajectory, nodes, problem.length, problem.time)
     if case.order == 2:
         start[:, :, 2] = 0.0
     first, last = inner.start, inner.stop
-    own = problem.dual._replace(
+    dual = problem.dual._replace(
         width=problem.dual.width[inner],
         q=problem.dual.q[inner],
         y=problem.dual.y[inner],
         root=np.sqrt(start[inner, :, 0]),
-        free=free[first : last + 1],  # a view: what is set free below is free in the next search
+        free=free[first : last + 1],  # a view of free, which changes below
     )
     bounds = []
     for _ in range(MOST_PARTINGS + 1):
-        multipliers = _pad(maximise_dual(own, start[inner]), first, len(nodes.piece) - last)
+        multipliers = _pad(maximise_dual(dual, start[inner]), first, len(nodes.piece) - last)
         with np.errstate(all="ignore"):
             bound = _prove(problem, multipliers)
         bounds.append(bound)
-        # what is before and after such cells is bounded as if it were not one motion
-        poor = np.flatnonzero(~(bound.loss < np.diff(nodes.t) + PARTING_LOSS * problem.time))
+        # λ = 0 there cuts the motion in two, with separate bounds
+        most = np.diff(nodes.t) + PARTING_LOSS * problem.time
+        poor = np.flatnonzero(~(bound.loss < most))
         poor = poor[(poor >= first) & (poor < last)]
         if not len(poor):
             break
@@ -199,7 +224,9 @@ def _pose(case: Case, span: Span, nodes: Nodes) -> _Problem:
     state = np.stack([nodes.a, nodes.b], 1)
     state[[0, -1]] = ends.state
 
-    length, time = float(nodes.s[-1] - nodes.s[0]), float(nodes.t[-1] - nodes.t[0])
+    length = float(nodes.s[-1] - nodes.s[0])
+    time = float(nodes.t[-1] - nodes.t[0])
+    units = np.array([(time / length) ** 2, time**2 / length])
     dual = DualCells(
         rows.width / length,
         np.ascontiguousarray(rows.ends * np.array([length, length**2, length**3])[:, None]),
@@ -207,7 +234,7 @@ def _pose(case: Case, span: Span, nodes: Nodes) -> _Problem:
         rows.acceleration * time**2,
         rows.jerk * time**3,
         np.ones((count, 2)),
-        state[[inner.start, inner.stop]] * np.array([(time / length) ** 2, time**2 / length]),
+        state[[inner.start, inner.stop]] * units,
         free,
     )
     return _Problem(case.order, nodes, rows, dual, state, ends.rests, length, time, inner)
@@ -218,35 +245,42 @@ def _without_jerk(rows: RowCells) -> RowCells:
 
 
 def _pad(multipliers: Multipliers, before: int, after: int) -> Multipliers:
-    """Add cells before and after, in which all of them are 0."""
+    """Add cells before and after, with multipliers 0."""
     arrays = multipliers[:-1]
     padded = (np.pad(each, [(before, after), *[(0, 0)] * (each.ndim - 1)]) for each in arrays)
     return Multipliers._make([*padded, multipliers.iterations])
 
 
 def _scale(problem: _Problem, multipliers: Multipliers) -> tuple[Trial, np.ndarray]:
-    """Return multipliers in SI units, 0 where they are no numbers or have to be 0, and cells that need several sets."""
-    length, time, rows = problem.length, problem.time, problem.rows
+    """Return multipliers in SI units, and the cells that need several sets.
+
+    Multipliers are 0 where they are not finite, and λ where it must be.
+    """
+    length = problem.length
+    time = problem.time
+    rows = problem.rows
     nodes = finite(multipliers.nodes) * np.array([time**3 / length**2, time**3 / length])
-    nodes[problem.dual.free] = 0.0  # exactly: the state is not known there
+    nodes[problem.dual.free] = 0.0  # exactly: the state is unknown there
     bulge = finite(multipliers.bulge) * time**3 / length**2
     bulge[(nodes[1:] == 0).all(1) & (nodes[:-1] == 0).all(1)] = 0.0
 
     size = np.stack([rows.acceleration, rows.jerk], 1)
     bound = np.where(multipliers.rows > 0, size[0], size[1])
     of_rows = finite(np.where(np.isfinite(bound), multipliers.rows / bound, 0.0))
-    of_rows[:, :, 0] *= time / length  # those of jerk go with 1/√a, as the integrand does
+    of_rows[:, :, 0] *= time / length  # those of jerk scale with 1/√a, as the integrand
     sets = np.zeros((len(bulge), 1 + len(NEAR), *of_rows.shape[1:]))
     speeds = np.zeros((len(bulge), 1 + len(NEAR), 2))
-    sets[:, 0], speeds[:, 0] = of_rows, finite(multipliers.speed) * time / length
+    sets[:, 0] = of_rows
+    speeds[:, 0] = finite(multipliers.speed) * time / length
     used = np.abs(of_rows[:, :, 1]) * finite(bound[:, :, 1])
     x = np.where(np.isfinite(multipliers.x), multipliers.x, 1.0)
     about = x[:, :, 0].mean(1) * (length / time) ** 2
-    return Trial(nodes, bulge, sets, speeds, about), np.flatnonzero(used.sum(-1).max(1) > 0.999)
+    jerky = np.flatnonzero(used.sum(-1).max(1) > 0.999)
+    return Trial(nodes, bulge, sets, speeds, about), jerky
 
 
 def _prove(problem: _Problem, multipliers: Multipliers) -> SpanBound:
-    """Return the bound by multipliers. Where they prove nothing they are made smaller."""
+    """Return the bound by multipliers. λ shrinks next to cells that lack a bound."""
     trial, jerky = _scale(problem, multipliers)
     nodes, bulge = trial.nodes, trial.bulge
     out = _bound_all(problem, trial, jerky)
@@ -263,7 +297,8 @@ def _prove(problem: _Problem, multipliers: Multipliers) -> SpanBound:
     edges = np.where(nodes == 0, 0.0, nodes * problem.state)  # λa a, λb b
     loss = np.diff(problem.nodes.t) + np.diff(edges.sum(1)) - out
     value = float(out.sum() - edges[-1].sum() + edges[0].sum())
-    value -= 1e-15 * len(out) * float(np.abs(out).sum() + np.abs(edges[[0, -1]]).sum())  # by rounding
+    size = float(np.abs(out).sum() + np.abs(edges[[0, -1]]).sum())
+    value -= 1e-15 * len(out) * size  # rounding error
     worth, alone = weigh_limits(problem.dual, multipliers, problem.time)
     for rest in problem.rests:
         leaving = problem.rows_at(rest), rest.side, rest.zeros
@@ -273,7 +308,8 @@ def _prove(problem: _Problem, multipliers: Multipliers) -> SpanBound:
 
 def _bound_all(problem: _Problem, trial: Trial, jerky: np.ndarray) -> Array:
     """Return the least time of each cell (M,), s, with the terms of λ."""
-    rows, out = problem.rows, np.zeros(len(trial.bulge))
+    rows = problem.rows
+    out = np.zeros(len(trial.bulge))
     fill_sets(rows, trial, jerky)
     bound_cells(rows, problem.order == 3, trial, out)
     for rest in problem.rests:
@@ -283,8 +319,9 @@ def _bound_all(problem: _Problem, trial: Trial, jerky: np.ndarray) -> Array:
 
 
 def _find_ends(path: ActuatorPath, order: int, stops: tuple[int | None, int | None]) -> _Ends:
-    """Return what is known of a and b at both ends; λ has to be 0 where they are not known."""
-    state, free = np.zeros((2, 2)), np.zeros((2, 2), bool)
+    """Return the states at both ends of a span. λ must be 0 where a state is unknown."""
+    state = np.zeros((2, 2))
+    free = np.zeros((2, 2), bool)
     rests = []
     zero_derivatives = count_zero_derivatives(path)
     last = len(path.breaks) - 1
@@ -294,18 +331,18 @@ def _find_ends(path: ActuatorPath, order: int, stops: tuple[int | None, int | No
             continue
         outer = stop in (0, last)
         zeros = int(zero_derivatives[side, stop - 1 if side else stop])
-        # a turn without a dwell, where ṡ goes on
-        passed = zeros > 0 and not outer and zero_derivatives[1 - side, stop if side else stop - 1] > 0
-        passed = passed and path.dwells[stop] == 0
+        # a turn without a dwell, which ṡ passes
+        passed = zeros > 0 and not outer and path.dwells[stop] == 0
+        passed = passed and zero_derivatives[1 - side, stop if side else stop - 1] > 0
         if outer:
             state[side] = path.end_speeds[side] ** 2, path.end_accelerations[side]
-            resting_zeros = zeros if path.end_speeds[side] == 0 else 0
-            free[side] = (resting_zeros > 0, True) if order == 2 else (resting_zeros > 1, resting_zeros > 0)
+            at_rest = zeros if path.end_speeds[side] == 0 else 0
+            free[side] = (at_rest > 0, True) if order == 2 else (at_rest > 1, at_rest > 0)
         elif passed:
             free[side] = True
         elif zeros > 0:
             free[side] = (order == 2 or zeros > 1, True)
-        # q̇ = q′ṡ is 0; at order 3 so is q̈ = q′s̈ + q″ṡ², but where the motion goes on through q′ = 0
+        # q̇ = q′ṡ is 0. At order 3 q̈ = q′s̈ + q″ṡ² is 0 too, unless the motion passes q′ = 0
         standing = zeros > 1 or (not passed and (zeros > 0 or state[side, 1] == 0))
         resting = state[side, 0] == 0 and (order == 2 or standing or passed)
         if resting and zeros < 3:
@@ -315,7 +352,7 @@ def _find_ends(path: ActuatorPath, order: int, stops: tuple[int | None, int | No
 
 
 def _find_dead_nodes(rows: RowCells, order: int, inner: slice) -> np.ndarray:
-    """Return which nodes of inner cells (M+1,) are next to one in which no axis with a limit surely moves."""
+    """Return whether each node (M+1,) touches a cell in which no limited axis surely moves."""
     ends, off = rows.ends[inner, :, 0], rows.off[inner, 0]
     moves = (np.abs(ends).min(1) > off) & (ends[:, 0] * ends[:, 1] > 0)
     dead = ~(moves & (rows.acceleration.max(0) < np.inf)).any(1)

@@ -1,7 +1,7 @@
-"""Spans of a run that are bounded one by one: cruises at a capped speed, and what lies between them.
+"""Spans of a run, bounded one by one: cruises at a capped speed, and the motion between them.
 
-Between two spans the state is free, which costs next to nothing where both keep the capped speed there. A run is also
-split where its path turns back, q′ = 0: there no axis moves, whatever ṡ is.
+The state between two spans is free, which costs little at a capped speed. A run is also
+split where its path turns back, q′ = 0: there no axis moves, for any ṡ.
 """
 
 from collections.abc import Sequence
@@ -17,22 +17,22 @@ from planner.limits.tool import ToolSpeed
 from planner.path.stands import count_zero_derivatives
 from planner.trajectory import Trajectory
 
-# Use of a limit on speed from which a motion cruises.
+# Least use of a speed limit at which a motion cruises.
 CRUISING_USE = 1 - 2e-4
-# Least share of its run for which a cruise is a span: each span between cruises takes as many cells as a short run.
+# Least share of a run for a cruise: each further span takes as many cells as a short run.
 LEAST_CRUISE = 0.01
 
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """A stretch of a run between two instants.
+    """Motion of a run between two instants.
 
-    pieces    the trajectory's time pieces (K,)
-    begin, end  s, of the trajectory
-    breaks    path lengths at its start, at the path's breaks inside, and at its end
-    first     the path piece at its start
-    stops     the path's breaks at which it starts and ends; None inside a run, where its state is free
-    cruising  whether the motion keeps a capped speed over all of it
+    pieces      the trajectory's time pieces (K,)
+    begin, end  s, instants of the trajectory
+    breaks      path lengths at the start, at the path's breaks inside, and at the end
+    first       the path piece at the start
+    stops       the path's breaks at both ends; None inside a run, where the state is free
+    cruising    whether the motion is at a capped speed throughout
     """
 
     pieces: np.ndarray
@@ -45,15 +45,15 @@ class Span:
 
     @property
     def duration(self) -> float:
-        """s."""
+        """Duration in s."""
         return self.end - self.begin
 
 
 def split_run(trajectory: Trajectory, limits: Sequence[Limit], ends: tuple[int, int]) -> list[Span]:
     """Split the motion between two breaks of the path."""
     moving = (trajectory.v != 0) | (trajectory.a != 0) | (trajectory.j != 0)
-    inside = (trajectory.piece >= ends[0]) & (trajectory.piece < ends[1])
-    moved = np.flatnonzero(moving & inside)
+    within = (trajectory.piece >= ends[0]) & (trajectory.piece < ends[1])
+    moved = np.flatnonzero(moving & within)
     pieces = np.arange(moved[0], moved[-1] + 1)
     cruising = _find_cruises(trajectory, limits, pieces)
     turns = _find_turns(trajectory, pieces)
@@ -61,41 +61,42 @@ def split_run(trajectory: Trajectory, limits: Sequence[Limit], ends: tuple[int, 
 
     spans = []
     for a, b in pairwise(cuts):
-        own = pieces[a:b]
-        first, last = trajectory.piece[own[[0, -1]]].tolist()
+        inside = pieces[a:b]
+        first, last = trajectory.piece[inside[[0, -1]]].tolist()
         breaks = np.array(trajectory.path.breaks[first : last + 2])
-        start, stop = None, None
-        if a == 0:
-            start = ends[0]
-        else:
-            breaks[0] = trajectory.s[own[0]]
+        start: int | None = ends[0]
+        stop: int | None = ends[1]
+        if a > 0:
+            breaks[0] = trajectory.s[inside[0]]
             start = first if a in turns else None
-        if b == len(pieces):
-            stop = ends[1]
-        else:
+        if b < len(pieces):
             breaks[-1] = trajectory.s[pieces[b]]
             stop = last + 1 if b in turns else None
-        begin, end = trajectory.knots[[own[0], own[-1] + 1]].tolist()
-        spans.append(Span(own, begin, end, breaks, first, (start, stop), bool(cruising[a])))
+        begin, end = trajectory.knots[[inside[0], inside[-1] + 1]].tolist()
+        spans.append(Span(inside, begin, end, breaks, first, (start, stop), bool(cruising[a])))
     return spans
 
 
-def _find_cruises(trajectory: Trajectory, limits: Sequence[Limit], own: np.ndarray) -> np.ndarray:
-    """Return which time pieces (K,) are bounded as cruises: long ones, without what their neighbours need.
+def _find_cruises(
+    trajectory: Trajectory, limits: Sequence[Limit], pieces: np.ndarray
+) -> np.ndarray:
+    """Return whether each time piece (K,) is bounded as part of a cruise. Cruises are long.
 
-    A cap that begins or ends at a break of the path holds inside the cruise only: a neighbour that ends at the break
-    would be bounded as if it could pass there at any speed. It takes time pieces of the cruise next to the break, for
-    a time that is not lost in the rounding of its cells.
+    At a break of the path a cap may end. A neighbour that ends at this break would be bounded as if
+    it could pass at any speed. So it also gets the time pieces of the cruise next to the break, for
+    a time well above rounding.
     """
-    keeps_cap = _keep_caps(trajectory, limits, own)
+    keeps_cap = _keep_caps(trajectory, limits, pieces)
     edges = np.flatnonzero(np.diff(keeps_cap, prepend=False, append=False))
-    knots, piece = trajectory.knots[own[0] : own[-1] + 2], trajectory.piece[own]
+    knots = trajectory.knots[pieces[0] : pieces[-1] + 2]
+    piece = trajectory.piece[pieces]
     least = LEAST_CRUISE * (knots[-1] - knots[0])
-    cruising = np.zeros(len(own), bool)
+    cruising = np.zeros(len(pieces), bool)
     for a, b in edges.reshape(-1, 2).tolist():
         if knots[b] - knots[a] <= least:
             continue
-        first, last = a, b
+        first = a
+        last = b
         if a > 0 and piece[a] != piece[a - 1]:
             first = int(np.searchsorted(knots, knots[a] + least))
         if b < len(piece) and piece[b] != piece[b - 1]:
@@ -104,16 +105,15 @@ def _find_cruises(trajectory: Trajectory, limits: Sequence[Limit], own: np.ndarr
     return cruising
 
 
-def _keep_caps(trajectory: Trajectory, limits: Sequence[Limit], own: np.ndarray) -> np.ndarray:
-    """Return whether each time piece (K,) keeps to the tool's cap, or to constant ṡ at another's.
+def _keep_caps(trajectory: Trajectory, limits: Sequence[Limit], pieces: np.ndarray) -> np.ndarray:
+    """Return whether each time piece (K,) is at the tool's cap, or at another cap with constant ṡ.
 
-    A motion along which an axis keeps its largest speed while ṡ varies is better bounded together with what comes
-    before and after.
+    Where an axis is at its cap while ṡ varies, the bound is better without a cut.
     """
-    steady = np.repeat((trajectory.a[own] == 0) & (trajectory.j[own] == 0), 3)
-    instants = np.outer(np.diff(trajectory.knots)[own], [0.0, 0.5, 1.0]).ravel()
-    state = trajectory.within(np.repeat(own, 3), instants)
-    used = np.zeros(3 * len(own))
+    steady = np.repeat((trajectory.a[pieces] == 0) & (trajectory.j[pieces] == 0), 3)
+    instants = np.outer(np.diff(trajectory.knots)[pieces], [0.0, 0.5, 1.0]).ravel()
+    state = trajectory.within(np.repeat(pieces, 3), instants)
+    used = np.zeros(3 * len(pieces))
     for limit in limits:
         if isinstance(limit, SPEED_LIMITS):
             value = limit.value(state)
@@ -124,10 +124,10 @@ def _keep_caps(trajectory: Trajectory, limits: Sequence[Limit], own: np.ndarray)
     return np.asarray(used.reshape(-1, 3).min(1) > CRUISING_USE)
 
 
-def _find_turns(trajectory: Trajectory, own: np.ndarray) -> list[int]:
-    """List which of a run's time pieces (K,) start at a place where q′ = 0 on both sides."""
+def _find_turns(trajectory: Trajectory, pieces: np.ndarray) -> list[int]:
+    """List the indices of a run's time pieces (K,) that start where q′ = 0 on both sides."""
     zeros = count_zero_derivatives(trajectory.path)
-    piece = trajectory.piece[own]
+    piece = trajectory.piece[pieces]
     starts = np.flatnonzero(np.diff(piece)) + 1
     turning = (zeros[0, piece[starts]] > 0) & (zeros[1, piece[starts] - 1] > 0)
     return [int(start) for start in starts[turning]]

@@ -1,7 +1,7 @@
-"""The worth of limits on acceleration, jerk and speed along a path, by the multipliers of the dual problem.
+"""Worth of limits on acceleration, jerk and speed along a path, by the dual multipliers.
 
-A row |r| ≤ B that has the multiplier f saves f dB where B grows. Where another row of the same kind binds beside it,
-one alone may not grow by much: b, or c under jerk, moves until the other has no room left.
+A row |r| ≤ B with the multiplier f saves f dB if B grows. Alone, it saves only until another row of
+the same kind binds, as b (c under jerk) moves.
 """
 
 import numpy as np
@@ -11,48 +11,60 @@ from planner.bounds.dual import DualCells, Multipliers
 from planner.bounds.lower_bound import RowCells
 from planner.bounds.rest import bound_rest, leave_rest
 
+# Relative change of a limit for which it saves time alone.
 PER_CENT = 0.01
 
 
 def weigh_limits(cells: DualCells, multipliers: Multipliers, took: float) -> tuple[Array, Array]:
-    """Return (M, 3, n) s each, per unit of relative change: together and alone.
+    """Return the savings (M, 3, n) per unit of relative change (s), together and alone.
 
-    Together: what each limit saves that grows with all that bind at the same place. Alone: what it saves that grows by
-    itself, for a change of one per cent.
+    together  of each limit, if all limits that bind at the same place are raised
+    alone     of each limit, if only it is raised, by one per cent
 
-    Of each axis' acceleration and jerk; the third is of speeds, for whichever binds, in its first entry.
-    took: s, the cells' unit of time.
+    Of the three kinds, acceleration and jerk are by axis. Speed has one value for the limit that
+    binds, in the first entry. took: s, the cells' unit of time.
     """
-    count, axes = len(cells.width), cells.q.shape[3]
+    count = len(cells.width)
+    axes = cells.q.shape[3]
     half = took * cells.width[:, None] / 2
     together, alone = np.zeros((2, count, 3, axes))
-    together[:, 2, 0] = alone[:, 2, 0] = 2 * (finite(multipliers.speed) * half).sum(1)
+    together[:, 2, 0] = 2 * (finite(multipliers.speed) * half).sum(1)
+    alone[:, 2, 0] = together[:, 2, 0]
     x = np.where(np.isfinite(multipliers.x), multipliers.x, 1.0)
     a, b, c = (x[:, :, k, None] for k in range(3))
     root = np.sqrt(np.maximum(a, 0.0))
     first, second, third = (cells.q[:, :, k] for k in range(3))
-    values = first * b + second * a, root * (first * c + 3 * second * b + third * a)
-    for kind, (value, slope, size) in enumerate(zip(values, (first, root * first), (1.0, root), strict=True)):
-        bounds = (cells.acceleration, cells.jerk)[kind]
+    acceleration = first * b + second * a
+    jerk = root * (first * c + 3 * second * b + third * a)
+    kinds = (
+        (acceleration, first, 1.0, cells.acceleration),
+        (jerk, root * first, root, cells.jerk),
+    )
+    for kind, (value, slope, size, bounds) in enumerate(kinds):
         force = finite(multipliers.rows[:, :, kind])
         bound = np.where(force > 0, bounds[0], bounds[1])
         with np.errstate(divide="ignore", invalid="ignore"):
-            worth = np.where(np.isfinite(bound), np.abs(force) / size * half[:, :, None], 0.0)
-            worth = finite(worth)
+            worth = np.abs(force) / size * half[:, :, None]
+            worth = finite(np.where(np.isfinite(bound), worth, 0.0))
             together[:, kind] = worth.sum(1)
             for i in range(axes):
-                # by how much the others' values go when the bound of this one grows by one of itself
+                # change of the other axes' values per relative change of this axis' bound
                 rate = slope * (np.sign(force) * bound / slope)[:, :, i : i + 1]
                 room = np.where(rate > 0, bounds[0] - value, bounds[1] + value)
-                growth = np.where(np.abs(rate) > 0, np.maximum(room, 0.0) / np.abs(rate), np.inf)
+                growth = np.maximum(room, 0.0) / np.abs(rate)
+                growth = np.where(np.abs(rate) > 0, growth, np.inf)
                 growth[:, :, i] = np.inf
                 share = np.minimum(growth.min(-1) / PER_CENT, 1.0)
-                alone[:, kind, i] = (worth[:, :, i] * np.where(np.isfinite(share), share, 1.0)).sum(1)
+                share = np.where(np.isfinite(share), share, 1.0)
+                alone[:, kind, i] = (worth[:, :, i] * share).sum(1)
     return together, alone
 
 
 def weigh_rest(rows: RowCells, side: int, still: int, inner: Array) -> tuple[Array, Array]:
-    """Return (3, n) s each, as `weigh_limits`, of a cell next to a rest: of the axis that takes longest to leave it."""
+    """Return the savings (3, n) as `weigh_limits` for a cell next to a rest.
+
+    Only the axis that takes longest to leave the rest has any.
+    """
     together, alone = np.zeros((2, 3, rows.ends.shape[3]))
     leaving = leave_rest(rows, side, still)
     longest = int(np.where(leaving.moves, leaving.time, 0.0).argmax())
@@ -60,8 +72,9 @@ def weigh_rest(rows: RowCells, side: int, still: int, inner: Array) -> tuple[Arr
     def save(kind: int, axes: slice) -> float:
         bounds = [rows.acceleration.copy(), rows.jerk.copy()]
         bounds[kind][:, axes] *= 1 + PER_CENT
-        more = leave_rest(rows._replace(acceleration=bounds[0], jerk=bounds[1]), side, still)
-        saved = bound_rest(leaving, side, inner) - bound_rest(more, side, inner)
+        raised = rows._replace(acceleration=bounds[0], jerk=bounds[1])
+        sooner = leave_rest(raised, side, still)
+        saved = bound_rest(leaving, side, inner) - bound_rest(sooner, side, inner)
         return saved / PER_CENT if np.isfinite(saved) else 0.0
 
     for kind in range(2):
@@ -71,5 +84,5 @@ def weigh_rest(rows: RowCells, side: int, still: int, inner: Array) -> tuple[Arr
 
 
 def finite(values: Array) -> Array:
-    """Return values, with 0 for what is no number."""
+    """Return values, with 0 in place of NaN and ∞."""
     return np.where(np.isfinite(values), values, 0.0)

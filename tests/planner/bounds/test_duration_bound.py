@@ -11,7 +11,7 @@ from kinematics import load_machine
 from planner import Line, Program, load_program, plan, time_optimal
 from planner.bounds import bound_cells, bound_duration, bound_rest, enclose_rows, leave_rest
 from planner.bounds.duration_bound import MANY_RUNS
-from planner.bounds.inner_minimum import solve_inner
+from planner.bounds.inner_minimum import InnerProgram, solve_inner
 from planner.bounds.lower_bound import Trial
 from planner.limits import limits_of
 from planner.path.actuation import actuate
@@ -217,7 +217,8 @@ def test_the_inner_minimum_is_that_of_its_linear_programme():
         if truth.status != 0:
             continue
         out = np.zeros((2, 4))
-        solve_inner(q, acceleration, jerk, a, 100.0, e, np.array([1e3, 1e3]), out)
+        program = InnerProgram(q, acceleration, jerk, a, e, np.array([1e3, 1e3]))
+        solve_inner(program, 100.0, out)
         cost = np.where(out > 0, np.stack([acceleration, jerk])[:, 0], np.stack([acceleration, jerk])[:, 1])
         value = -(np.abs(out) * cost)[0].sum() - (np.abs(out) * cost)[1].sum() / np.sqrt(a)
         value += (out[1] * q[2] + out[0] * q[1]).sum() * a
