@@ -221,10 +221,8 @@ def _bound_without_jerk(case: Case, ends: Ends, least: float) -> SpanBound | Non
     # first as for a plan at order 2, then to a fair gap
     best: SpanBound | None = None
     for gap in (None, FAIR_GAP):
-        bounds = [
-            _bound_run(gentle, run, parts, gap) for run, parts in zip(runs, spans, strict=True)
-        ]
-        joined = join_bounds(bounds)
+        cases = zip(runs, spans, strict=True)
+        joined = join_bounds([_bound_run(gentle, run, parts, gap) for run, parts in cases])
         best = joined if best is None or joined.value > best.value else best
         if motion.duration <= (1 + FAIR_GAP) * best.value:
             break

@@ -140,10 +140,9 @@ class Worth(Result):
         pieces = range(len(path.breaks) - 1)
         if isinstance(chosen, ToolSpeed) and any(path.constant(k) is not None for k in pieces):
             raise MotionError("a constant speed is what the program asks for: change it there")
-        changed = [
-            each.scale(1 + by, channel) if each is chosen else each for each in self.constraints
-        ]
-        solution = certified_solve(path, tuple(changed), self.order)
+        scaled = chosen.scale(1 + by, channel)
+        changed = tuple(scaled if each is chosen else each for each in self.constraints)
+        solution = certified_solve(path, changed, self.order)
         saved = self.trajectory.duration - solution.trajectory.duration
         predicted = self.of(limit, axis) * by / PER_CENT
         return LimitChange(limit, axis, by, saved, predicted, solution)

@@ -58,9 +58,8 @@ def leave_rest(rows: RowCells, side: int, still: int) -> RestDeparture:
         curvature = mean
         slope = way
         way = h**3 * np.stack([(3 * first + last) / 24, error / 6])
-    way, slope, curvature = (
-        np.stack([middle - radius, middle + radius]) for middle, radius in (way, slope, curvature)
-    )
+    pairs = (way, slope, curvature)
+    way, slope, curvature = (np.stack([middle - rad, middle + rad]) for middle, rad in pairs)
     onward = np.where(away > 0, rows.acceleration[0], rows.acceleration[1])
     against = np.where(away > 0, rows.acceleration[1], rows.acceleration[0])
     # reversed in time, jerk has the other sign

@@ -78,7 +78,9 @@ def split_run(trajectory: Trajectory, limits: Sequence[Limit], ends: tuple[int, 
 
 
 def _find_cruises(
-    trajectory: Trajectory, limits: Sequence[Limit], pieces: np.ndarray
+    trajectory: Trajectory,
+    limits: Sequence[Limit],
+    pieces: np.ndarray,
 ) -> np.ndarray:
     """Return whether each time piece (K,) is bounded as part of a cruise. Cruises are long.
 
