@@ -328,7 +328,9 @@ def sum_rows(rows: RowCells, k: int, cell: CellTrial, movers: tuple[int, int], o
     add_products(1.0, mu, q[:, 2], off[2], p)
     add_products(1.0, nu, q[:, 1], off[1], p)
     sigma = cell.speed.reshape(2, 1)
-    add_products(1.0, sigma, rows.speed[k].reshape(2, 1), rows.speed_off[k : k + 1], p)
+    # strided views as q and off are: other memory layouts would compile the kernel again
+    y = rows.speed.T[:, k : k + 1]
+    add_products(1.0, sigma, y, rows.speed_off[k : k + 1 : 1], p)
 
     # one more row of each kind: |μ| ≤ r / min |q′|, |ν| ≤ ρ / min |q′|
     more_mu = 0.0

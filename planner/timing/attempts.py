@@ -1,6 +1,6 @@
 """The ways to time a run, tried in order until one gives a motion that respects every limit.
 
-This table is the only place that tries again by another way. A motion that exceeds a limit between
+No other place looks for another way to a fastest run. A motion that exceeds a limit between
 grid points is first tightened (planner.timing.tighten); one that then still has to be slowed as a
 whole is remembered while the next ways are tried, and the fastest of all is returned.
 """
@@ -41,6 +41,7 @@ from planner.timing.sampling import sample_limit_use
 from planner.timing.solution import (
     AVERAGED,
     BRIEF_RAMPS,
+    MAX_UNTOLD_SLOWNESS,
     STRAIGHT,
     WITH_RESTS,
     RunSolution,
@@ -105,16 +106,16 @@ Outcomes = Sequence[RunSolution]
 class Attempt:
     """One way to time a run.
 
-    reason   why it is tried, and why at this place in the table
-    solve    returns a motion or a refusal; None where this way does not apply
-    accepts  a motion that needs next to no slowing ends the search
-    refuses  a refusal ends the search
-    once     tried also where a single solve is wanted (`solve_once`)
+    reason    why it is tried, and why at this place in the table
+    solve     returns a motion or a refusal; None where this way does not apply
+    slowness  a motion that was slowed by no more than this ends the search; 0: none does
+    refuses   a refusal ends the search
+    once      tried also where a quick answer is wanted (`solve_once`)
     """
 
     reason: str
     solve: Callable[[Task, Outcomes], RunSolution | None]
-    accepts: bool = True
+    slowness: float = MAX_ACCEPTED_SLOWNESS
     refuses: bool = False
     once: bool = False
 
@@ -143,7 +144,7 @@ def solve_run(
         outcomes.append(solution)
         if not solution.solved and attempt.refuses:
             return _place_refusal(task, solution)
-        if solution.solved and attempt.accepts and solution.slowness <= MAX_ACCEPTED_SLOWNESS:
+        if solution.solved and solution.slowness <= attempt.slowness:
             break
     solved = [solution for solution in outcomes if solution.solved]
     if not solved:
@@ -157,14 +158,21 @@ def solve_once(
     run: Run,
     order: int,
 ) -> RunSolution:
-    """Return the motion of one solve, untightened: for callers that have other runs to try."""
+    """Return the first motion of the general ways, untightened: for callers with other runs to try."""
     task = Task(path, limits, run, order)
+    unbounded = unbounded_error(task.sketch, order)
+    if unbounded is not None:
+        return RunSolution.refused(unbounded)
     solution = NOT_TRIED
     for attempt in ATTEMPTS[order]:
-        if attempt.once:
-            solution = attempt.solve(task, ()) or solution
-            if solution.solved:
-                return _add_bound(task, solution)
+        outcome = attempt.solve(task, ()) if attempt.once else None
+        if outcome is None:
+            continue
+        if outcome.solved:
+            return _add_bound(task, outcome)
+        solution = outcome
+        if attempt.refuses:
+            break
     return _place_refusal(task, solution)
 
 
@@ -173,7 +181,9 @@ NOT_TRIED = RunSolution.refused(MotionError("no way to time the run applies"))
 
 def _add_bound(task: Task, solution: RunSolution) -> RunSolution:
     """Add the estimate of the least time that the run can take, where the maker has none."""
-    if solution.bound > 0 or task.run.continuation is not None:
+    # of parts with rests between, the sum is no bound of the run
+    has_bound = solution.bound > 0 and solution.maker != WITH_RESTS
+    if has_bound or task.run.continuation is not None:
         return solution
     bound = estimate_lower_bound(task.coarse)
     return RunSolution.refused(bound) if isinstance(bound, MotionError) else replace(solution, bound=bound)
@@ -196,7 +206,8 @@ def _place_refusal(task: Task, solution: RunSolution) -> RunSolution:
 
 
 def _has_motion(outcomes: Outcomes) -> bool:
-    return any(solution.solved for solution in outcomes)
+    """Return whether an earlier attempt found a motion, other than brief ramps."""
+    return any(solution.solved and solution.maker != BRIEF_RAMPS for solution in outcomes)
 
 
 def follow_closed_form(task: Task, outcomes: Outcomes) -> RunSolution | None:
@@ -317,7 +328,7 @@ def rest_in_middle(task: Task, outcomes: Outcomes) -> RunSolution | None:
     count = run.last - run.first + 1
     if count == 1 or run.continuation is not None:
         return None
-    posed = jerk_problem(task.path, task.limits, run)
+    posed = jerk_problem(task.path, task.limits, run, task.coarse)
     if isinstance(posed, MotionError):
         return None
     problem, guess = posed
@@ -337,11 +348,12 @@ def rest_at_all_breaks(task: Task, outcomes: Outcomes) -> RunSolution | None:
 
 def _rest_at(task: Task, inner: Sequence[int]) -> RunSolution | None:
     """Rest at some inner breaks, by their numbers in the run. None where there is no room."""
-    breaks = task.run.breaks(task.path)
+    run = replace(task.run, whole=True)
+    breaks = run.breaks(task.path)
     places = breaks[[0, *inner, len(breaks) - 1]].tolist()
     parts: list[RunSolution] = []
     for since, until in pairwise(places):
-        part = solve_run(task.path, task.limits, task.run.cut(task.path, since, until), task.order)
+        part = solve_run(task.path, task.limits, run.cut(task.path, since, until), task.order)
         if not part.solved:
             return None
         parts += part.parts or (part,)
@@ -405,13 +417,13 @@ ATTEMPTS = {
         Attempt(
             "Ramps of s̈ may take a billionth of the motion: a solver cannot tell them from steps.",
             ramp_surely_brief_steps,
-            refuses=True,
+            slowness=MAX_UNTOLD_SLOWNESS,
             once=True,
         ),
         Attempt(
             "Where ramps are brief but not that brief, the solver may be a little faster, or fail.",
             ramp_brief_steps,
-            accepts=False,
+            slowness=0.0,
         ),
         Attempt(
             "The general method: interior point on a grid made for the run.",
@@ -436,17 +448,17 @@ ATTEMPTS = {
         Attempt(
             "A limit that the solver cannot keep in one place slows all of a run: a rest between slows one half only.",
             rest_in_middle,
-            accepts=False,
+            slowness=0.0,
         ),
         Attempt(
             "The classical timings rest at every break: never be slower than these.",
             rest_at_all_breaks,
-            accepts=False,
+            slowness=0.0,
         ),
         Attempt(
             "The solver's guess is a motion whatever the solver does, and may need less slowing.",
             average_acceleration,
-            accepts=False,
+            slowness=0.0,
         ),
     ),
 }

@@ -4,7 +4,7 @@ This is the only place that certifies runs and reacts to the proof. A run whose 
 limit between grid points is corrected by the first remedy that applies:
 
 1. An axis stays in a resonance band too long: solve with the axis held below the band there.
-2. A limit is exceeded: the goal tightens the motion, up to MAX_TIGHTENINGS times.
+2. A limit is exceeded: the goal tightens the motion, MAX_CERTIFY_ROUNDS − 1 times at most.
 3. A run of cruises and ramps that cannot be tightened: solve it as one problem.
 4. Nothing else is left: slow the motion as a whole, if it is from rest to rest.
 """
@@ -28,7 +28,7 @@ from planner.timing.sampling import sample_limit_use
 from planner.timing.solution import CRUISE, FEED_LIMITED, RunSolution
 from planner.timing.tighten import required_slowness
 
-# Number of times that a run is timed, and slowed after that.
+# Number of times that a run is solved and tightened, and slowed after that.
 MAX_CERTIFY_ROUNDS, MAX_SLOWINGS = 8, 3
 # Number of times that axes are held below resonance bands: first where they stay in them too long,
 # after STRETCH_ROUNDS over their whole run, after ALL_HOLDINGS in all bands.
@@ -47,6 +47,7 @@ class CertifiedRun:
 
     caps       stretches on which axes are held below resonance bands
     tightened  number of times that it was tightened
+    earlier    number of times that it was tightened before it was solved as one problem
     holdings   number of times that it was solved with axes held back
     slowed     number of times that it was slowed as a whole
     room       room (M,) of each limit on each time piece; None unless it was just solved
@@ -57,6 +58,7 @@ class CertifiedRun:
     known: ProvedUse = NOTHING_KNOWN
     caps: tuple[SpeedCap, ...] = ()
     tightened: int = 0
+    earlier: int = 0
     holdings: int = 0
     slowed: int = 0
     room: Mapping[str, Array] | None = None
@@ -64,7 +66,7 @@ class CertifiedRun:
     @property
     def rounds(self) -> int:
         """Number of times that it was timed."""
-        return 1 + self.tightened + self.holdings + self.slowed
+        return 1 + self.earlier + self.tightened + self.holdings + self.slowed
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,14 +132,16 @@ class RunCertifier:
             return None
         cruises = one.solution.maker in (FEED_LIMITED, CRUISE)
         if one.tightened + 1 < MAX_CERTIFY_ROUNDS:
-            solution = self.goal.tighten(self.path, self.limits, one.solution, one.known.use)
+            limits = hold_axes(self.limits, one.caps)
+            solution = self.goal.tighten(self.path, limits, one.solution, one.known.use)
             if solution.solved:
                 return replace(one, solution=solution, tightened=one.tightened + 1)
             if not cruises:
                 return solution.refusal
         if cruises:
             whole = self.goal.solve(self.path, self.limits, replace(one.run, whole=True))
-            return whole.refusal or replace(one, solution=whole, tightened=0)
+            earlier = one.earlier + one.tightened
+            return whole.refusal or replace(one, solution=whole, tightened=0, earlier=earlier)
         slowness = required_slowness(self._timed_limits, one.known.use)
         return self._slow(one, slowness * (1 + SLOWING_MARGIN))
 

@@ -110,7 +110,9 @@ class _Search:
         problem, guess_motion = posed
         guess = guess_motion.on(problem.s)
         problem = settle_rows(problem, guess)
-        bounded = replace(problem, ends=set_speed(run, end, bound).ends)
+        ends = list(problem.ends)
+        ends[end] = replace(ends[end], speed=bound)
+        bounded = replace(problem, ends=(ends[0], ends[1]))
         solution = third_order(bounded, guess, fast_end=end)
         if not solution.solved:
             return 0.0

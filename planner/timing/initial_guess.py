@@ -327,11 +327,13 @@ def slow_breaks(problem: Problem, start: Profile, breaks: Array) -> tuple[np.nda
     at_ends = np.full(len(length), np.inf)
     for k in np.flatnonzero(np.isfinite(steady)):
         at_ends[k] = _reachable_speed(float(steady[k]), float(jerk[k]), float(length[k]))
-    allowed = np.minimum(at_ends[:-1], at_ends[1:])
     passing, *_ = start.on(breaks)
-    # the motion may change its speed on the side that allows more, but not by much
-    most = np.minimum(np.maximum(steady[:-1], steady[1:]), TOO_FAST * allowed)
-    slow = 1 + np.flatnonzero(passing[1:] > most)
+    # the motion may change its speed on the side that allows more
+    allowed = np.maximum(steady[:-1], steady[1:])
+    # but not where it is far too fast on the other side
+    both = np.minimum(at_ends[:-1], at_ends[1:])
+    allowed = np.where(passing[1:] > TOO_FAST * both, np.minimum(allowed, both), allowed)
+    slow = 1 + np.flatnonzero(passing[1:] > allowed)
     first, last = problem.speeds
     speeds = np.array([first, *SPEED_SHARE * allowed[slow - 1], last])
     at = np.array([0, *slow, len(breaks) - 1])

@@ -123,7 +123,7 @@ class ConstantSpeed:
         starts = pairwise([run.first, *changes, run.last + 1])
         ends = pairwise([run.ends[0], *inner, run.ends[1]])
         return [
-            Run(first, after - 1, both, solver=run.solver, whole=True)
+            Run(first, after - 1, both, solver=run.solver, fineness=run.fineness, whole=True)
             for (first, after), both in zip(starts, ends, strict=True)
         ]
 

@@ -68,17 +68,16 @@ def solve_constant_stretch(
         capped = _solve_capped(path, limits, run, order, speed)
         if not capped.solved:
             return (capped,)
-        too_short = RunSolution.refused(too_short_error(path, limits, capped.profile, speed))
         for end in (0, 1):
             if run.speeds[end] < speed:
                 search = _RampSearch(path, limits, run, order, speed, end)
                 ramp = search.find_shortest(capped)
                 if ramp is None:
-                    return (too_short,)
+                    return _refuse_short(path, limits, capped, speed)
                 ramps[end].append(ramp[0])
                 places[end] = ramp[1]
         if places[0] >= places[1]:
-            return (too_short,)
+            return _refuse_short(path, limits, capped, speed)
     profile = _keep_speed(path, run, (places[0], places[1]), speed)
     samples = _list_places(profile, np.arange(len(profile.h)), FIRST_POINTS)
     refusal = speed_error(path, limits, *samples, speed)
@@ -86,6 +85,15 @@ def solve_constant_stretch(
         return (RunSolution.refused(refusal),)
     constant = RunSolution("solved", profile, profile.duration, MADE_CONSTANT_SPEED)
     return (*ramps[0], constant, *ramps[1])
+
+
+def _refuse_short(
+    path: ActuatorPath,
+    limits: Sequence[Limit],
+    capped: RunSolution,
+    speed: float,
+) -> tuple[RunSolution]:
+    return (RunSolution.refused(too_short_error(path, limits, capped.profile, speed)),)
 
 
 def refuse_excess(

@@ -164,8 +164,11 @@ class _Bounds:
 def straight(problem: Problem) -> RunSolution | None:
     """Find the fastest motion of a straight run, exact to rounding; None where it is not straight.
 
-    A speed at an end is too fast if it is beyond v_max, or if the run is too short for it.
+    A speed at an end is too fast if it is beyond v_max, or if the run is too short for it. The
+    closed form has s̈ = 0 at both ends.
     """
+    if any(end.acceleration != 0 for end in problem.ends):
+        return None
     bounds = _bound_run(problem)
     if bounds is None:
         return None

@@ -1,1 +1,0 @@
-"""Solvers of timing problems: one file each; adapters of libraries end in an underscore."""
