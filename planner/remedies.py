@@ -60,7 +60,7 @@ ProgramChange = Callable[[float], Program]
 class Remedy:
     """scale: the largest about the start that fits, as a share; turn: the largest scale of its
     angles, from the start's orientation; move: the least (m) and its direction, "+x" to "-z". None:
-    there is none.
+    nothing fits.
 
     home: what the machine exceeds at home, as `Margins.worst` puts it: then its file is at fault
     movable: whether moves were tried; late: whether the search ran out of time

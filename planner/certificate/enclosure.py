@@ -1,4 +1,4 @@
-"""Enclosure of a motion over cells of time, at two levels of accuracy behind one interface.
+"""Enclosure of a motion over cells of time, at two levels of accuracy, with one interface.
 
 Limits see a `MotionEnclosure`: the quantities of a motion as Taylor models, and a method that bounds
 values computed from them. The coarse level (`planner.certificate.path_enclosure`) gives intervals

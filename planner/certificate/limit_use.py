@@ -89,7 +89,7 @@ class ProvedUse:
         Pieces with other coefficients stay unproved.
         """
         lengths = np.diff(trajectory.knots)
-        own = np.stack(
+        numbers = np.stack(
             [
                 trajectory.s,
                 trajectory.v,
@@ -101,7 +101,7 @@ class ProvedUse:
         )
         with np.errstate(invalid="ignore"):
             rounded = np.abs(lengths - self.of[4]) <= INSTANT_ROUNDING * trajectory.knots[1:]
-        same = rounded & (own == self.of).all(0)
+        same = rounded & (numbers == self.of).all(0)
         if same.all():
             return self
         use = {name: np.where(same, values, np.nan) for name, values in self.use.items()}

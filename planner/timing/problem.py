@@ -34,8 +34,8 @@ SpeedRanges = tuple[Array, Array, Array, Array]
 class EndCondition:
     """State (ṡ, s̈) in which a run begins or ends, and what of it a solver may choose.
 
-    Where q′ = 0 the axes are at rest for every ṡ, since q̇ = q′ ṡ (planner.path.stands): ṡ is free
-    there, or s̈ under jerk limits. Where q″ = 0 too, a jerk-limited motion passes at ṡ > 0.
+    Where q′ = 0 the axes are at rest for every ṡ, since q̇ = q′ ṡ: ṡ is free there, or s̈ under
+    jerk limits. Where q″ = 0 too, a jerk-limited motion passes at ṡ > 0.
 
     speed             ṡ
     acceleration      s̈, which only jerk-limited problems use
