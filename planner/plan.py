@@ -47,7 +47,7 @@ from planner.timing.certified_solve import Solution, certified_solve, solve_with
 from planner.timing.goals.heat import solve_objective
 from planner.timing.goals.objective import TIME, Objective
 from planner.timing.goals.stated_duration import solve_stated
-from planner.timing.problem import Solver
+from planner.timing.problem import Settings, Solver
 from planner.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -393,16 +393,15 @@ def _choose_solvers(
     fastest = partial(
         certified_solve,
         path,
-        solver=request.solver,
         # Shaping examines each time piece: those of a grid show where a limit is exceeded.
-        cruising=not any(axis.shaper for axis in axes),
+        settings=Settings(solver=request.solver, whole=any(axis.shaper for axis in axes)),
         **options,
     )
     if request.heat > 0:
         options |= {"axes": axes, "objective": request.objective}
         return partial(solve_objective, path, **options), fastest
     if request.gap is not None:
-        options |= {"gap": request.gap, "effort": request.effort, "solver": request.solver}
+        options |= {"gap": request.gap, "effort": request.effort, "settings": Settings(solver=request.solver)}
         return partial(solve_within, path, **options), fastest
     if request.duration is not None:
         before = shorten_duration(request.duration, axes)

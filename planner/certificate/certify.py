@@ -23,7 +23,7 @@ from planner.certificate.limit_use import (
     use_at_knots,
 )
 from planner.certificate.resonance_dwell import find_stays
-from planner.limits.limit import Limit, order_of
+from planner.limits.limit import Limit, order_of, select_timed
 from planner.limits.resonance import Resonance
 from planner.place import Place
 from planner.trajectory import Trajectory
@@ -81,7 +81,7 @@ def certify(trajectory: Trajectory, limits: Sequence[Limit], known: ProvedUse | 
     """
     order = order_of(limits)
     known = None if known is None else known.fit(trajectory)
-    timed = [limit for limit in limits if not limit.geometric]
+    timed = select_timed(limits)
     geometric = [limit for limit in limits if limit.geometric]
     use, attained = prove(trajectory, timed, order, known)
     use |= find_geometric_use(trajectory, geometric)
@@ -147,6 +147,6 @@ def _find_place(trajectory: Trajectory, limit: Limit, k: int) -> Place:
     """Return where in time piece k, and in which channel, a limit is used most."""
     length = trajectory.knots[k + 1] - trajectory.knots[k]
     state = trajectory.within(np.full(SAMPLES, k), length * np.linspace(0.0, 1.0, SAMPLES))
-    value = limit.value(state)
-    row, channel = np.unravel_index(int(np.argmax(limit.use(value, value, state.piece))), value.shape)
+    use = limit.use_at(state)
+    row, channel = np.unravel_index(int(np.argmax(use)), use.shape)
     return place_at(trajectory, float(state.t[row]), limit.channels[int(channel)])

@@ -27,8 +27,8 @@ from planner.certificate.path_enclosure import (
     state_at,
     use_in,
 )
-from planner.limits.limit import Limit
-from planner.path.actuation import ActuatorPath
+from planner.limits.limit import Limit, select_timed
+from planner.path.actuation import ActuatorPath, has_constant_speed
 from planner.trajectory import State, Trajectory, unit_speed_trajectory
 
 LIMIT_ROUNDING = 1e-9
@@ -66,7 +66,7 @@ class ProvedUse:
 
     @classmethod
     def make_empty(cls, limits: Sequence[Limit], pieces: int) -> "ProvedUse":
-        use = {limit.name: np.full(pieces, np.nan) for limit in limits if not limit.geometric}
+        use = {limit.name: np.full(pieces, np.nan) for limit in select_timed(limits)}
         attained = {limit.name: np.full(pieces, np.nan) for limit in limits}
         return cls(use, attained, np.full((6, pieces), np.nan))
 
@@ -121,7 +121,7 @@ def prove(
     cells = Cells.cover(trajectory)
     path = trajectory.path
     # stated speeds have to be met exactly
-    stated = max(path.end_speeds) > 0 or any(path.constant(piece) is not None for piece in range(len(path.breaks) - 1))
+    stated = max(path.end_speeds) > 0 or has_constant_speed(path)
     proofs = {limit.name: LimitProof(trajectory, limit, order, reachable=limit.geometric or stated) for limit in limits}
     if known is not None:
         unknown = np.any([np.isnan(known.use[limit.name]) for limit in limits], axis=0)

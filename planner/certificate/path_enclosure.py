@@ -331,8 +331,7 @@ def state_at(trajectory: Trajectory, cells: Cells, share: Array | float, order: 
 
 def use_in(limit: Limit, state: State) -> Array:
     """Return the largest use (N,) of a limit at N instants; ∞ if it is undefined."""
-    value = limit.value(state)
-    use = largest_in_rows(limit.use(value, value, state.piece))
+    use = largest_in_rows(limit.use_at(state))
     return np.where(np.isnan(use), np.inf, use)
 
 

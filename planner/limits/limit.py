@@ -160,6 +160,11 @@ class Limit(ABC):
     def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:
         """Share of the limit (N, m) that values between low and high use at most; 1 is at the limit."""
 
+    def use_at(self, state: LimitState) -> Array:
+        """Return the share of the limit (N, m) that N states use."""
+        value = self.value(state)
+        return self.use(value, value, state.piece)
+
     def tight(self, met: Array) -> Array | float:
         """How far above the use that is met a proven bound may stay."""
         return MAX_OVERESTIMATE
@@ -194,6 +199,11 @@ class Limit(ABC):
         changed = copy(self)
         changed.shares = shares
         return changed
+
+
+def select_timed(limits: Iterable[Limit]) -> list[Limit]:
+    """Return the limits that depend on timing; the others have one value for every timing."""
+    return [limit for limit in limits if not limit.geometric]
 
 
 def order_of(limits: Iterable[Limit]) -> int:

@@ -104,16 +104,31 @@ class Continuation:
     knots: Array = field(default_factory=lambda: np.empty(0))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """How runs are solved.
+
+    solver        for order 2
+    continuation  motion that the first run continues
+    fineness      number of intervals as a multiple of the usual
+    whole         solve as one problem, without cruises in closed form (planner.timing.feed_limited)
+    """
+
+    solver: Solver = "passes"
+    continuation: Continuation | None = None
+    fineness: int = 1
+    whole: bool = False
+
+
+USUAL = Settings()
+
+
 @dataclass(frozen=True, slots=True)
-class Run:
+class Run(Settings):
     """Pieces first … last (inclusive) of a path, without a stop between them.
 
     ends          how it begins and ends
     since, until  path lengths in the first and the last piece between which it runs; None: all
-    solver        for order 2
-    fineness      number of intervals as a multiple of the usual
-    whole         solve as one problem, without cruises in closed form (planner.timing.feed_limited)
-    continuation  motion that it continues
     """
 
     first: int
@@ -121,10 +136,6 @@ class Run:
     ends: Ends = (REST, REST)
     since: float | None = None
     until: float | None = None
-    solver: Solver = "passes"
-    continuation: Continuation | None = None
-    fineness: int = 1
-    whole: bool = False
 
     @property
     def speeds(self) -> tuple[float, float]:
@@ -252,6 +263,14 @@ class Block:
         holding = self.holding_use
         return replace(self, room=holding + (self.room - holding) * share)
 
+    def find_steady_use(self, at: int, speed: float) -> float:
+        """Return the use at the first or last point (at: 0 or −1) by ṡ alone, 0 by rows with s⃛."""
+        rows = self.end if at else self.start
+        if Term.SDDD in rows:
+            return 0.0
+        sums = [values[at] * speed ** POWERS[term] for term, values in rows.items() if term in POWERS]
+        return float(np.max(self.share(np.sum(sums, axis=0)), initial=0.0))
+
     def share(self, values: Array) -> Array:
         """Return sums (N, m) of the rows as shares of the bound on their side of zero."""
         return np.abs(values) / (1 + np.sign(values) * self.middle)
@@ -317,9 +336,15 @@ class Problem:
         return replace(self, blocks=tuple(block.around(start, end) for block in self.blocks))
 
 
-def split_runs(path: ActuatorPath, stops: np.ndarray, order: int) -> list[Run]:
+def split_runs(
+    path: ActuatorPath,
+    stops: np.ndarray,
+    order: int,
+    settings: Settings = USUAL,
+) -> list[Run]:
     """Return the runs between stops (K,); the path's own ends have the speeds that it states."""
-    still = count_zero_derivatives(path) % 3  # where q‴ = 0 too, nothing is free
+    zeros = count_zero_derivatives(path)
+    zeros = np.where(zeros == 3, 0, zeros)  # where q‴ = 0 too, nothing is free
     start, end = (
         EndCondition(speed, acceleration if order == 3 else 0.0)
         for speed, acceleration in zip(path.end_speeds, path.end_accelerations, strict=True)
@@ -328,6 +353,18 @@ def split_runs(path: ActuatorPath, stops: np.ndarray, order: int) -> list[Run]:
 
     def condition(stop: int, side: int, piece: int) -> EndCondition:
         at_stop = outer.get(stop, REST)
-        return replace(at_stop, zero_derivatives=int(still[side, piece]))
+        return replace(at_stop, zero_derivatives=int(zeros[side, piece]))
 
-    return [Run(a, b - 1, (condition(a, 0, a), condition(b, 1, b - 1))) for a, b in pairwise(stops.tolist())]
+    runs = [
+        Run(
+            first,
+            after - 1,
+            (condition(first, 0, first), condition(after, 1, after - 1)),
+            solver=settings.solver,
+            fineness=settings.fineness,
+            whole=settings.whole,
+        )
+        for first, after in pairwise(stops.tolist())
+    ]
+    runs[0] = replace(runs[0], continuation=settings.continuation)
+    return runs

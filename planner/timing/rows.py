@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from planner.limits.limit import Limit, Rows, Term, order_of
+from planner.limits.limit import Limit, Rows, Term, order_of, select_timed
 from planner.limits.lowered import ALL, Shares
 from planner.path.actuation import ActuatorPath, Points, make_points
 from planner.timing.problem import (
@@ -43,7 +43,7 @@ def pose_problem(
     The rows of loads that surely do not bind are left out. The proof looks at all limits.
     """
     sides = _Sides.of(path, s, piece, order_of(limits))
-    timed = [limit for limit in limits if not limit.geometric]
+    timed = select_timed(limits)
     blocks: dict[str, Block | None] = {}
     for limit in timed:
         if Term.ONE not in limit.terms:
@@ -155,13 +155,8 @@ def _open_room(block: Block, ends: Ends) -> Block:
     speeds = [end.speed for end in ends]
     if min(speeds) == 0:
         return block
-    for rows, at, speed in zip(block.sides, (0, -1), speeds, strict=True):
-        if Term.SDDD in rows:
-            continue
-        sums = [values[at] * speed ** POWERS[term] for term, values in rows.items() if term in POWERS]
-        if sums and np.max(block.share(np.sum(sums, axis=0)), initial=0.0) > block.room[at]:
-            return replace(block, room=np.ones(len(block.room)))
-    return block
+    is_short = any(block.find_steady_use(at, speed) > block.room[at] for at, speed in zip((0, -1), speeds, strict=True))
+    return replace(block, room=np.ones(len(block.room))) if is_short else block
 
 
 def leave_out_idle(limits: Sequence[Limit], problem: Problem) -> list[Limit]:

@@ -10,7 +10,7 @@ from functools import reduce
 import numpy as np
 
 from kinematics.foundation.arrays import Array, largest_in_rows
-from planner.limits.limit import Limit, order_of
+from planner.limits.limit import Limit, order_of, select_timed
 from planner.path.actuation import ActuatorPath
 from planner.timing.profile import Profile
 
@@ -37,7 +37,7 @@ def sample_limit_use(
     last  an earlier sample: pieces that have not changed since are not sampled again
     """
     motion = profile.along(path)
-    timed = [limit for limit in limits if not limit.geometric]
+    timed = select_timed(limits)
     count = INSTANTS if profile.j.any() else INSTANTS_WITHOUT_JERK
     share = np.linspace(0.0, 1.0, count)
     if last is None or not _has_same_pieces(last, profile, timed):
