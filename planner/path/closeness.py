@@ -17,7 +17,7 @@ import numpy as np
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.casadi_function import TAPE_CELLS
 from kinematics.foundation.taylor_model import EPS, Series
-from planner.path.shape import Piece, pose_derivatives_map, pose_map
+from planner.path.shape import Piece, pose_derivatives_map, pose_map, split_derivatives
 
 # Highest power of the Taylor models, and degree of the Bernstein forms.
 ORDER, BERNSTEIN_DEGREE = 6, 9
@@ -68,8 +68,7 @@ class Track:
             if len(chosen):
                 inputs = np.column_stack([local[chosen], parameters[self._row[piece[chosen]]]])
                 out[chosen] = pose_derivatives_map(shape)(inputs)
-        x, x1, x2, x3 = np.split(out, 4, axis=1)
-        return x, x1, x2, x3
+        return split_derivatives(out)
 
     def nearest(self, x: Array, s: Array, piece: np.ndarray, low: Array, high: Array) -> Array:
         """s (N,) in [low, high] on pieces, where they come near positions x (N, 3), sought from s."""
@@ -91,16 +90,17 @@ class Track:
         ends = np.stack([np.concatenate([middle, middle]), np.concatenate([half, half])])
         spread = np.stack([np.concatenate([slack, np.abs(half) + 2 * slack]), np.concatenate([slack, slack])])
         both = np.concatenate([piece, piece])
+        local = Series(ends[..., None], spread[..., None], ORDER)
         found = Series.zeros(ORDER, (len(both), 12))
         for k, (shape, parameters) in enumerate(self._groups):
             chosen = np.flatnonzero(self._kind[both] == k)
             if not len(chosen):
                 continue
-            rows = np.resize(chosen, max(len(chosen), TAPE_CELLS))  # fewer would be worked out one by one
-            inputs = [Series(ends[:, rows], spread[:, rows], ORDER)]
-            inputs += [Series.constant(column, ORDER) for column in parameters[self._row[both[rows]]].T]
-            numbers = Series.stack([*pose_map(shape).enclose(inputs), Series.zeros(ORDER, (len(rows),))])
-            found.put(chosen, numbers[: len(chosen), :12])
+            # Fewer cells than TAPE_CELLS would be evaluated one by one.
+            rows = np.resize(chosen, max(len(chosen), TAPE_CELLS))
+            own = Series.constant(parameters[self._row[both[rows]]], ORDER)
+            numbers = pose_map(shape).enclose_columns(local[rows], own)
+            found.put(chosen, numbers[: len(chosen)])
         return found
 
 

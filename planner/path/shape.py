@@ -110,8 +110,7 @@ class Piece:
 
     def derivatives(self, s: Array) -> tuple[Array, Array, Array, Array]:
         """The same and their first three derivatives by s, each (N, 12)."""
-        x, x1, x2, x3 = np.split(pose_derivatives_map(self.shape)(self._inputs(s)), 4, axis=1)
-        return x, x1, x2, x3
+        return split_derivatives(pose_derivatives_map(self.shape)(self._inputs(s)))
 
     def _inputs(self, s: Array) -> Array:
         return np.column_stack([s, np.broadcast_to(self.parameters, (len(s), self.shape.size))])
@@ -187,6 +186,11 @@ def pose_map(shape: Shape) -> Expression:
 def pose_derivatives_map(shape: Shape) -> Expression:
     s, parameters = ca.SX.sym("s"), ca.SX.sym("parameters", shape.size)
     return differentiate(f"{shape.name}_moved", column(*shape.motion(s, parameters)), s, ca.vertcat(s, parameters))
+
+
+def split_derivatives(values: Array) -> tuple[Array, Array, Array, Array]:
+    """Return views of x, x′, x″, x‴, each (N, 12), in the values (N, 48) of a `pose_derivatives_map`."""
+    return values[:, :12], values[:, 12:24], values[:, 24:36], values[:, 36:]
 
 
 def differentiate(name: str, values: ca.SX, s: ca.SX, inputs: ca.SX, highest: int = 3) -> Expression:
