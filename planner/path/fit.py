@@ -11,8 +11,10 @@ the chain in the least squares, whose spans are halved where they leave it by to
 four. What is proved is `planner.path.closeness`.
 """
 
+from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -20,7 +22,7 @@ from scipy.spatial.transform import Rotation
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
 from planner.path.closeness import Closeness, Track, bound_distance
-from planner.path.shape import ARC, LINE, Drawn, Fitted, Piece, turning_angle
+from planner.path.shape import ARC, LINE, Drawn, Fitted, Piece, measure_turns
 from planner.path.spline import SPLINE, align_signs, smooth_spline
 from planner.program.modifiers import Fit, Join, Through
 
@@ -248,22 +250,22 @@ class _Spline:
 
     def _pieces(self, unit: _Unit) -> list[Piece]:
         """Its spans, cut where caps change and a little before corners, each a part of the segment it is beside."""
-        places = self.proved.places
+        ends = self.proved.places[1:].tolist()
         keys = [_caps(link) for link in self.links]
-        cuts = [float(places[k]) for k in range(1, len(keys)) if keys[k] != keys[k - 1]]
+        cuts = [ends[k - 1] for k in range(1, len(keys)) if keys[k] != keys[k - 1]]
         last = float(self.knots[len(self.powers)])
         cuts += [] if self.state is not None else [last - TAIL * unit.tolerance]
         cuts += [TAIL * unit.tolerance] if unit.start is None else []
         least = NOTHING * last
-        spans = []
+        spans: list[Piece] = []
         for knot, after, own in zip(self.knots[:-1].tolist(), self.knots[1:].tolist(), self.powers, strict=False):
             inner = sorted({cut for cut in cuts if knot + least < cut < after - least})
             parameters = freeze_array(own.ravel())
-            for low, high in zip([knot, *inner], [*inner, after], strict=True):
-                k = int(np.clip(np.searchsorted(places, (low + high) / 2, side="right") - 1, 0, len(self.links) - 1))
-                piece = replace(self.links[k], shape=SPLINE, parameters=parameters, length=high - low, start=low - knot)
-                spans.append(replace(piece, turn=turning_angle(piece)))
-        return spans
+            for low, high in pairwise([knot, *inner, after]):
+                k = bisect_right(ends, (low + high) / 2)
+                link = self.links[min(k, len(self.links) - 1)]
+                spans.append(replace(link, shape=SPLINE, parameters=parameters, length=high - low, start=low - knot))
+        return measure_turns(spans)
 
 
 def _caps(link: Piece) -> tuple[object, ...]:

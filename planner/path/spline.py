@@ -7,7 +7,6 @@ deviation of a parametric cubic spline interpolant from its data polygon, 2008).
 but has no such bound; each knot takes its derivatives as far as they are near the cubic's.
 """
 
-from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -18,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.pose import Pose
-from planner.path.shape import Piece, Shape, turning_angle
+from planner.path.shape import Piece, Shape, measure_turns
 
 # Degree of curves that are fitted to chains.
 DEGREE = 5
@@ -92,7 +91,7 @@ def spline(start: Pose, through: Array, rotate: Rotation | None, segment: int) -
         Piece(HERMITE, freeze_array(coefficients.ravel()), length, segment)
         for coefficients, length in zip(powers, parts.lengths.tolist(), strict=True)
     ]
-    return [replace(piece, turn=turning_angle(piece)) for piece in pieces]
+    return measure_turns(pieces)
 
 
 def _name(point: int) -> str:
