@@ -275,8 +275,9 @@ def _caps(link: Piece) -> tuple[object, ...]:
 def _fit(unit: _Unit, end: Array | None, spans: int, *, whole: bool) -> _Spline:
     """The spline along a unit's links, proved as far as it is used: all of it, or the first half of its spans."""
     track = Track(unit.links)
-    origin = _derivatives(unit.links[0], unit.links[0].start)[0] * np.array([1, 1, 1, 0, 0, 0, 0])
-    first = _derivatives(unit.links[0], unit.links[0].start)[:1] if unit.start is None else unit.start.copy()
+    start = _derivatives(unit.links[0], unit.links[0].start)[:1]
+    origin = start[0] * np.array([1, 1, 1, 0, 0, 0, 0])
+    first = start if unit.start is None else unit.start.copy()
     first[0] = first[0] - origin
     tail = unit.links[-1]
     last = _derivatives(tail, tail.start + tail.length)[:1] if end is None else end.copy()
@@ -388,7 +389,7 @@ def _prove(unit: _Unit, knots: Array, powers: Array, whole: bool) -> _Spline:
         x = np.tile(state[0, :3], (len(around), 1))
         low, high = track.breaks[around], track.breaks[around + 1]
         u = track.nearest(x, np.clip(np.full(len(around), knots[count]), low, high), around, low, high)
-        away = np.linalg.norm(track.derivatives(u, around)[0][:, :3] - x, axis=1)
+        away = np.linalg.norm(track.positions(u, around)[0] - x, axis=1)
         best = int(np.argmin(away))
         k, done = int(around[best]), float(u[best] - low[best])
         links, rest = [*unit.links[:k]], [*unit.links[k + 1 :]]
