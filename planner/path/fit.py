@@ -22,8 +22,8 @@ from scipy.spatial.transform import Rotation
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
 from planner.path.closeness import Closeness, Track, bound_distance
-from planner.path.shape import ARC, LINE, Drawn, Fitted, Piece, measure_turns
-from planner.path.spline import SPLINE, align_signs, smooth_spline
+from planner.path.shape import ARC, LINE, Drawn, Fitted, Piece, Shape, measure_turns
+from planner.path.spline import SPLINE, STEADY_SPLINE, align_signs, smooth_spline
 from planner.program.modifiers import Fit, Join, Through
 
 # Pieces that are looked at at once, at first, at least and at most; and the spans that a window begins with.
@@ -226,11 +226,13 @@ def _advance(unit: _Unit) -> Iterator[Drawn]:
 class _Spline:
     """Spans between knots (K+1,), and what is proved of them; whole, or as far as a window goes that has more.
 
+    shape, parameters (K, size): of the spans
     rest, state: what of the chain is left, and (5, 7) derivatives with which the next one begins
     """
 
     knots: Array
-    powers: Array
+    shape: Shape
+    parameters: Array
     links: list[Piece]
     proved: Closeness
     rest: list[Piece]
@@ -253,18 +255,26 @@ class _Spline:
         ends = self.proved.places[1:].tolist()
         keys = [_caps(link) for link in self.links]
         cuts = [ends[k - 1] for k in range(1, len(keys)) if keys[k] != keys[k - 1]]
-        last = float(self.knots[len(self.powers)])
+        last = float(self.knots[-1])
         cuts += [] if self.state is not None else [last - TAIL * unit.tolerance]
         cuts += [TAIL * unit.tolerance] if unit.start is None else []
         least = NOTHING * last
         spans: list[Piece] = []
-        for knot, after, own in zip(self.knots[:-1].tolist(), self.knots[1:].tolist(), self.powers, strict=False):
+        for (knot, after), own in zip(pairwise(self.knots.tolist()), self.parameters, strict=True):
             inner = sorted({cut for cut in cuts if knot + least < cut < after - least})
-            parameters = freeze_array(own.ravel())
+            parameters = freeze_array(own)
             for low, high in pairwise([knot, *inner, after]):
                 k = bisect_right(ends, (low + high) / 2)
                 link = self.links[min(k, len(self.links) - 1)]
-                spans.append(replace(link, shape=SPLINE, parameters=parameters, length=high - low, start=low - knot))
+                spans.append(
+                    replace(
+                        link,
+                        shape=self.shape,
+                        parameters=parameters,
+                        length=high - low,
+                        start=low - knot,
+                    ),
+                )
         return measure_turns(spans)
 
 
@@ -284,11 +294,14 @@ def _fit(unit: _Unit, end: Array | None, spans: int, *, whole: bool) -> _Spline:
     last[0] = last[0] - origin
     if not whole:
         last = last[:0]
+    turning = any(link.parameters[-1] != 0 for link in unit.links)
+    if not (turning or first[1:, 3:].any() or last[1:, 3:].any()):
+        first, last = first[:, :3], last[:, :3]
     target, use = TARGET_SHARE, 0.0
     knots = np.linspace(0.0, track.breaks[-1], max(spans, len(first) + len(last) - 5) + 1)
     for _ in range(MAX_TRIES):
         knots, powers = _refine(track, knots, origin, (first, last), unit, target)
-        powers[:, 0] += origin
+        powers[:, 0] += origin[: powers.shape[2]]
         found = _prove(unit, knots, powers, whole)
         use = max(worst / most for worst, most in zip(found.proved.worst, (unit.tolerance, unit.angle), strict=True))
         if use <= 1:
@@ -312,16 +325,21 @@ def _halve_open_spans(spline: _Spline, knots: Array, unit: _Unit) -> Array:
 def _refine(
     track: Track, knots: Array, origin: Array, ends: tuple[Array, Array], unit: _Unit, target: float
 ) -> tuple[Array, Array]:
-    """Knots, halved until the spline between them is near the chain where that is looked at, and its coefficients."""
+    """Knots, halved until the spline between them is near the chain where that is looked at, and its coefficients.
+
+    ends: (m, 7) values and derivatives there, of position and quaternion; (m, 3) where the chain does not turn
+    """
     reach = unit.tolerance * target, unit.angle * target
     while True:
         s, link, weights = _sample(track, knots)
         x, x1, _, _ = track.derivatives(s, link)
-        wanted = np.concatenate([x[:, :3] - origin[:3], _quaternions(x, ends[0][0, 3:])], 1)
+        wanted = x[:, :3] - origin[:3]
         first, last = ends
-        if len(last):
-            last = last.copy()
-            last[:, 3:] *= np.sign(last[0, 3:] @ wanted[-1, 3:])
+        if first.shape[1] > 3:
+            wanted = np.concatenate([wanted, _quaternions(x, first[0, 3:])], 1)
+            if len(last):
+                last = last.copy()
+                last[:, 3:] *= np.sign(last[0, 3:] @ wanted[-1, 3:])
         powers = smooth_spline(knots, s, wanted, weights, (first, last))
         span = np.clip(np.searchsorted(knots, s, side="right") - 1, 0, len(powers) - 1)
         away = _evaluate(powers[span], s - knots[span]) - wanted
@@ -375,14 +393,20 @@ def _evaluate(powers: Array, s: Array) -> Array:
 
 def _prove(unit: _Unit, knots: Array, powers: Array, whole: bool) -> _Spline:
     count = len(powers) if whole else len(powers) // 2
+    shape, parameters = SPLINE, powers[:count].reshape(count, -1)
+    begin = unit.links[0]
+    if powers.shape[2] == 3:
+        rotation = begin.poses(np.array([begin.start]))[:, 3:]
+        shape, parameters = STEADY_SPLINE, np.hstack([parameters, np.repeat(rotation, count, axis=0)])
     pieces = [
-        Piece(SPLINE, freeze_array(own.ravel()), float(h), 0)
-        for own, h in zip(powers[:count], np.diff(knots)[:count], strict=True)
+        Piece(shape, freeze_array(own), float(h), 0) for own, h in zip(parameters, np.diff(knots)[:count], strict=True)
     ]
     links, rest, state = unit.links, [], None
     if not whole:
         track = Track(links)
-        state = powers[count, :5] * np.array([1.0, 1, 2, 6, 24])[:, None]
+        state = np.zeros((5, 7))
+        state[0, 3:] = _derivatives(begin, begin.start)[0, 3:]
+        state[:, : powers.shape[2]] = powers[count, :5] * np.array([1.0, 1, 2, 6, 24])[:, None]
         k = int(track.find_piece(knots[count : count + 1])[0])
         # the link on which the chain comes nearest, among its neighbours
         around = np.arange(max(k - 1, 0), min(k + 2, len(links)))
@@ -399,4 +423,4 @@ def _prove(unit: _Unit, knots: Array, powers: Array, whole: bool) -> _Spline:
         if whole_link.length - done > NOTHING * whole_link.length:
             rest.insert(0, whole_link.trim(done, 0.0))
     proved = bound_distance(pieces, links, unit.tolerance, unit.angle)
-    return _Spline(knots[: count + 1], powers[:count], links, proved, rest, state)
+    return _Spline(knots[: count + 1], shape, parameters, links, proved, rest, state)
