@@ -99,7 +99,7 @@ class Task:
 
 
 Outcomes = Sequence[RunSolution]
-"""What earlier attempts returned."""
+"""Results of earlier attempts."""
 
 
 @dataclass(frozen=True, slots=True)

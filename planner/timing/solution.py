@@ -105,7 +105,7 @@ class RunSolution:
 
     @property
     def solved(self) -> bool:
-        """Whether there is a motion."""
+        """True if there is a motion."""
         return self.status == "solved"
 
     @property
@@ -135,14 +135,14 @@ class RunSolution:
 
     @property
     def fastest(self) -> bool:
-        """Whether it was solved for as the fastest motion of its run."""
+        """True if it was solved for as the fastest motion of its run."""
         if self.parts:
             return self.maker in (WITH_RESTS, FEED_LIMITED)
         return self.problem is not None and self.fallback is None
 
     @property
     def has_end_speed(self) -> bool:
-        """Whether it begins or ends in motion: such a motion cannot be slowed."""
+        """True if it begins or ends in motion: such a motion cannot be slowed."""
         if any(part.has_end_speed for part in self.parts):
             return True
         return self.problem is not None and max(self.problem.speeds) > 0

@@ -124,7 +124,8 @@ def test_copies_have_the_same_pulses(plans):
 def test_the_bound_of_equal_runs_is_that_of_each(plans):
     copied, single, _ = plans
     quick = [bound_duration(one.trajectory, one.limits, one.order, most_cells=600) for one in (copied, single)]
-    assert quick[0].value == pytest.approx(quick[1].value, rel=1e-9)
+    # path lengths differ by rounding, and the dual stops at 1e-5 of the time: bounds then differ by 2e-9
+    assert quick[0].value == pytest.approx(quick[1].value, rel=1e-8)
     np.testing.assert_allclose(quick[0].s, quick[1].s, atol=1e-9 * copied.path.breaks[-1])
     assert quick[0].loss.sum() == pytest.approx(copied.duration - quick[0].value, rel=1e-6)
 

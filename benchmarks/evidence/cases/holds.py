@@ -30,8 +30,7 @@ from planner.interruption.section import Section
 from planner.limits import usual_order
 from planner.pulses import AxesMotion, PulseSchedule, check
 from planner.pulses.generation.motion_parts import JoinedMotion, MotionSpan
-from planner.timing.attempts import solve_once
-from planner.timing.problem import REST, Continuation, EndCondition, Run
+from planner.timing import REST, Continuation, EndCondition, Run, solve_once
 
 EXAMPLES = Path(__file__).parents[3] / "docs/examples"
 SAMPLES = 100_000

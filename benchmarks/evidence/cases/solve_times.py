@@ -22,13 +22,16 @@ from planner import Program, load_program
 from planner.certificate.limit_use import forget_paths
 from planner.limits import limits_of
 from planner.path.actuation import actuate
-from planner.timing.certified_solve import certified_solve
-from planner.timing.grid import jerk_problem, make_grid
-from planner.timing.order2.second_order import second_order
-from planner.timing.order3.solve import third_order
-from planner.timing.problem import Run
-from planner.timing.rows import pose_problem
-from planner.timing.solution import RunSolution
+from planner.timing import (
+    Run,
+    RunSolution,
+    certified_solve,
+    jerk_problem,
+    make_grid,
+    pose_problem,
+    second_order,
+    third_order,
+)
 from planner.trajectory import Trajectory
 
 REPEATS = 7

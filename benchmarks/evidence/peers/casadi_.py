@@ -22,15 +22,13 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from planner.limits.limit import Term
+from planner.timing import Block, Problem, RunSolution, close_profile
 from planner.timing.order3.pose import (
     JERK_WEIGHT,
     POWERS,
     SHORTEST,
     jerk_share,
 )
-from planner.timing.problem import Block, Problem
-from planner.timing.profile import close_profile
-from planner.timing.solution import RunSolution
 
 Solver = Literal["fatrop", "ipopt"]
 Motion = tuple[ca.MX, ca.MX, ca.MX]

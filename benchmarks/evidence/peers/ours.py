@@ -9,12 +9,17 @@ import numpy as np
 from benchmarks.evidence.peers.casadi_ import CasadiProblem
 from benchmarks.evidence.peers.problems import SHARES, Motion, PathProblem, Solve
 from kinematics.foundation.errors import require
-from planner.timing.certified_solve import certified_solve
-from planner.timing.grid import Rule, jerk_problem, make_grid
-from planner.timing.order2.second_order import second_order
-from planner.timing.order3.solve import third_order
-from planner.timing.problem import Run, Solver
-from planner.timing.rows import pose_problem
+from planner.timing import (
+    Run,
+    Solver,
+    certified_solve,
+    jerk_problem,
+    make_grid,
+    pose_problem,
+    second_order,
+    third_order,
+)
+from planner.timing.grid import Rule
 from planner.trajectory import Trajectory
 
 

@@ -1,6 +1,6 @@
-"""What a motion is to have least of: its duration, or a weighed sum of that and the heat of its motors.
+"""The objective of a motion: its duration, or a weighted sum of that and the heat of its motors.
 
-How such a motion is found is in planner.timing.goals.heat.
+`planner.timing.goals.heat` finds the motion with the least of it.
 """
 
 import re
@@ -16,7 +16,10 @@ MOST_WEIGHT = 1e3
 
 @dataclass(frozen=True, slots=True)
 class Objective:
-    """What a motion is to have least of: its duration, and heat with a weight, both counted in the fastest motion's."""
+    """Weighted sum of duration and heat, each as a multiple of the fastest motion's.
+
+    heat  weight of the heat; 0: duration alone
+    """
 
     heat: float = 0.0
 
@@ -33,17 +36,17 @@ TIME = Objective()
 
 
 def read_objective(text: str) -> Objective:
-    """Of "time", "time + heat" or "time + 0.2 heat". Raises BadValue for what is none of these."""
-    found = _SUM.fullmatch(text)
-    if found is None:
+    """Read "time", "time + heat" or "time + 0.2 heat". Raises BadValue for any other text."""
+    match = _SUM.fullmatch(text)
+    if match is None:
         known = 'there are "time", "time + heat" and, weighed, "time + 0.2 heat"'
         raise BadValue(f"objective {text!r} is not known; {known}")
     if "heat" not in text:
         return TIME
     try:
-        weight = 1.0 if found["weight"] is None else float(found["weight"])
+        weight = 1.0 if match["weight"] is None else float(match["weight"])
     except ValueError:
-        raise BadValue(f"objective {text!r}: {found['weight']} is not a number") from None
+        raise BadValue(f"objective {text!r}: {match['weight']} is not a number") from None
     if not 0 <= weight <= MOST_WEIGHT:
         raise BadValue(f"objective {text!r}: the weight {weight:g} of heat must be from 0 to {MOST_WEIGHT:g}")
     return Objective(weight)

@@ -84,7 +84,7 @@ def third_order(
     start: Start = "far",
     look: Look | None = None,
 ) -> RunSolution:
-    """Return the fastest motion, between the states that its ends state, except what is free there.
+    """Return the fastest motion between the end conditions of a problem.
 
     guess     (4, N) of ṡ, s̈, s⃛, h
     start     distance of the guess from the solution

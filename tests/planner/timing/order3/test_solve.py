@@ -22,6 +22,7 @@ from planner.timing import (
     jerk_problem,
     sample_limit_use,
     solve_jerk_limited,
+    solve_once,
     solve_run,
     third_order,
 )
@@ -297,3 +298,17 @@ def test_a_motion_that_uses_little_of_every_limit_is_looked_at_no_more():
     looked = solve_jerk_limited(problem, guess, look=lambda motion, names: {})
     assert looked.solved
     assert looked.duration == pytest.approx(blind.duration, rel=1e-9)
+
+
+def test_a_quick_solve_refuses_what_the_full_one_refuses():
+    """An unbounded motion, and an end speed that the closed form of a straight run excludes exactly."""
+    path = line(1.0)
+    unbounded = solve_once(path, limits_on(path, 1.0, 1.0, None), Run(0, 0), 3)
+    assert "unbounded" in str(unbounded.refusal)
+    limits = limits_on(path, 10.0, 1.0, 10.0)
+    run = Run(0, 0, at_speeds(0.0, 2.0))
+    quick, full = (solve(path, limits, run, 3).refusal for solve in (solve_once, solve_run))
+    assert quick.kind == full.kind == "end speed"
+    # from rest, v²/2A + v A/2J = L with A = 1, J = 10, L = 1
+    largest = -0.05 + np.sqrt(0.05**2 + 2)
+    assert quick.limit == full.limit == pytest.approx(largest, rel=1e-6)
