@@ -294,18 +294,15 @@ class MachinePath:
         self._near, self._start = np.array(meant), np.array([piece.start for piece in self.pieces])
         self._shapes = list({piece.shape: None for piece in pieces})
         self._shape_of = np.array([self._shapes.index(piece.shape) for piece in self.pieces])
-        self._inputs = [self._tabulate_inputs(k) for k in range(len(self._shapes))]
+        self._inputs = [self._tabulate_inputs(shape) for shape in self._shapes]
         self._avoidable = frozenset(avoidable)
         self._refuse()
 
-    def _tabulate_inputs(self, k: int) -> Array:
-        """Return what the maps of shape k take, piece by piece: room for s, parameters, near; 0 for other shapes."""
-        end = 1 + self._shapes[k].size
-        inputs = np.zeros((len(self.pieces), end + len(self.names)))
-        inputs[:, end:] = self._near
-        own = np.flatnonzero(self._shape_of == k)
-        inputs[own, 1:end] = [self.pieces[n].parameters for n in own.tolist()]
-        return inputs
+    def _tabulate_inputs(self, shape: Shape) -> Array:
+        """Return what the maps of a shape take, piece by piece: room for s, parameters, near; 0 for other shapes."""
+        other = np.zeros(shape.size)
+        parameters = [piece.parameters if piece.shape == shape else other for piece in self.pieces]
+        return np.column_stack([np.zeros(len(parameters)), parameters, self._near])
 
     def _refuse(self) -> None:
         """Raise OutOfReach for a path that needs what the machine holds."""
@@ -390,14 +387,11 @@ class MachinePath:
         local = s - self.breaks[piece] + self._start[piece]
         out = np.empty((len(s), expression(self._shapes[0]).size[1]))
         for k, shape in enumerate(self._shapes):
-            alone = len(self._shapes) == 1
-            chosen = slice(None) if alone else np.flatnonzero(self._shape_of[piece] == k)
-            mine = piece[chosen]
-            if alone or len(mine):
-                own = expression(shape)
-                inputs = self._inputs[k][:, : own.size[0]].take(mine, axis=0)
-                inputs[:, 0] = local[chosen]
-                out[chosen] = own(inputs)
+            chosen = np.flatnonzero(self._shape_of[piece] == k)
+            own = expression(shape)
+            inputs = self._inputs[k][:, : own.size[0]].take(piece[chosen], axis=0)
+            inputs[:, 0] = local[chosen]
+            out[chosen] = own(inputs)
         return out
 
     def enclose(self, s: Series, piece: np.ndarray) -> Series:

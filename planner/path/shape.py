@@ -203,7 +203,8 @@ def _first_derivative_map(shape: Shape) -> Expression:
 
 def split_derivatives(values: Array) -> tuple[Array, Array, Array, Array]:
     """Return views of x, x′, x″, x‴, each (N, 12), in the values (N, 48) of a `pose_derivatives_map`."""
-    return values[:, :12], values[:, 12:24], values[:, 24:36], values[:, 36:]
+    x, x1, x2, x3 = values.reshape(-1, 4, 12).swapaxes(0, 1)
+    return x, x1, x2, x3
 
 
 def differentiate(name: str, values: ca.SX, s: ca.SX, inputs: ca.SX, highest: int = 3) -> Expression:
