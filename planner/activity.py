@@ -214,9 +214,9 @@ class Activity:
         total = len(self.program.segments)
         chosen = {number % total for number in numbers if number is not None}
         if not chosen <= self._segments.keys():
-            wanted = chosen | {int(number) % total for number in self._rows[:, NUMBER]}
-            ahead = islice(self.program.segments, max(wanted) + 1)
-            self._segments |= {number: segment for number, segment in enumerate(ahead) if number in wanted}
+            needed = chosen | {int(number) % total for number in self._rows[:, NUMBER]}
+            ahead = islice(self.program.segments, max(needed) + 1)
+            self._segments |= {number: segment for number, segment in enumerate(ahead) if number in needed}
         return {number: self._segments[number] for number in chosen}
 
 

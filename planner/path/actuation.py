@@ -388,10 +388,10 @@ class MachinePath:
         out = np.empty((len(s), expression(self._shapes[0]).size[1]))
         for k, shape in enumerate(self._shapes):
             chosen = np.flatnonzero(self._shape_of[piece] == k)
-            own = expression(shape)
-            inputs = self._inputs[k][:, : own.size[0]].take(piece[chosen], axis=0)
+            mapped = expression(shape)
+            inputs = self._inputs[k][:, : mapped.size[0]].take(piece[chosen], axis=0)
             inputs[:, 0] = local[chosen]
-            out[chosen] = own(inputs)
+            out[chosen] = mapped(inputs)
         return out
 
     def enclose(self, s: Series, piece: np.ndarray) -> Series:

@@ -111,8 +111,8 @@ class Track:
                 continue
             # Fewer cells than TAPE_CELLS would be evaluated one by one.
             rows = np.resize(chosen, max(len(chosen), TAPE_CELLS))
-            own = Series.constant(table[self._row[both[rows]], 1:], ORDER)
-            numbers = pose_map(shape).enclose_columns(local[rows], own)
+            constants = Series.constant(table[self._row[both[rows]], 1:], ORDER)
+            numbers = pose_map(shape).enclose_columns(local[rows], constants)
             found.put(chosen, numbers[: len(chosen)])
         return found
 

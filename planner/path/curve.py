@@ -172,13 +172,15 @@ def _by_length(piece: Callable[[float, float], Piece], begin: float, end: float,
 
 
 def _measure_turning(piece: Piece) -> float:
-    points, found = FIRST_POINTS, float(turning_angles([piece], FIRST_POINTS)[0])
+    points = FIRST_POINTS
+    angle = float(turning_angles([piece], points)[0])
     while points < MAX_POINTS:
-        points, before = 2 * points - 1, found
-        found = float(turning_angles([piece], points)[0])
-        if abs(found - before) <= TURNING_AGREEMENT * found:
+        before = angle
+        points = 2 * points - 1
+        angle = float(turning_angles([piece], points)[0])
+        if abs(angle - before) <= TURNING_AGREEMENT * angle:
             break
-    return found
+    return angle
 
 
 def _curve_speeds(pose: Expression, t: Array) -> Array:

@@ -260,9 +260,9 @@ class _Spline:
         cuts += [TAIL * unit.tolerance] if unit.start is None else []
         least = NOTHING * last
         spans: list[Piece] = []
-        for (knot, after), own in zip(pairwise(self.knots.tolist()), self.parameters, strict=True):
+        for (knot, after), row in zip(pairwise(self.knots.tolist()), self.parameters, strict=True):
             inner = sorted({cut for cut in cuts if knot + least < cut < after - least})
-            parameters = freeze_array(own)
+            parameters = freeze_array(row)
             for low, high in pairwise([knot, *inner, after]):
                 k = bisect_right(ends, (low + high) / 2)
                 link = self.links[min(k, len(self.links) - 1)]
@@ -333,16 +333,16 @@ def _refine(
     while True:
         s, link, weights = _sample(track, knots)
         x, x1, _, _ = track.derivatives(s, link)
-        wanted = x[:, :3] - origin[:3]
+        values = x[:, :3] - origin[:3]
         first, last = ends
         if first.shape[1] > 3:
-            wanted = np.concatenate([wanted, _quaternions(x, first[0, 3:])], 1)
+            values = np.concatenate([values, _quaternions(x, first[0, 3:])], 1)
             if len(last):
                 last = last.copy()
-                last[:, 3:] *= np.sign(last[0, 3:] @ wanted[-1, 3:])
-        powers = smooth_spline(knots, s, wanted, weights, (first, last))
+                last[:, 3:] *= np.sign(last[0, 3:] @ values[-1, 3:])
+        powers = smooth_spline(knots, s, values, weights, (first, last))
         span = np.clip(np.searchsorted(knots, s, side="right") - 1, 0, len(powers) - 1)
-        away = _evaluate(powers[span], s - knots[span]) - wanted
+        away = _evaluate(powers[span], s - knots[span]) - values
         along = x1[:, :3]
         across = away[:, :3] - (away[:, :3] * along).sum(1, keepdims=True) * along
         turned = 2 * np.linalg.norm(away[:, 3:], axis=1)
@@ -399,7 +399,7 @@ def _prove(unit: _Unit, knots: Array, powers: Array, whole: bool) -> _Spline:
         rotation = begin.poses(np.array([begin.start]))[:, 3:]
         shape, parameters = STEADY_SPLINE, np.hstack([parameters, np.repeat(rotation, count, axis=0)])
     pieces = [
-        Piece(shape, freeze_array(own), float(h), 0) for own, h in zip(parameters, np.diff(knots)[:count], strict=True)
+        Piece(shape, freeze_array(row), float(h), 0) for row, h in zip(parameters, np.diff(knots)[:count], strict=True)
     ]
     links, rest, state = unit.links, [], None
     if not whole:

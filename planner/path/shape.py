@@ -225,9 +225,9 @@ def measure_turns(pieces: Sequence[Piece]) -> list[Piece]:
     for _, group in groupby(pieces, lambda piece: piece.shape):
         alike = list(group)
         for first in range(0, len(alike), PIECES_AT_ONCE):
-            own = alike[first : first + PIECES_AT_ONCE]
-            angles = turning_angles(own).tolist()
-            measured += [replace(piece, turn=angle) for piece, angle in zip(own, angles, strict=True)]
+            batch = alike[first : first + PIECES_AT_ONCE]
+            angles = turning_angles(batch).tolist()
+            measured += [replace(piece, turn=angle) for piece, angle in zip(batch, angles, strict=True)]
     return measured
 
 
