@@ -13,7 +13,7 @@ GC_THRESHOLDS = 50_000, 20, 100
 
 
 def main() -> None:
-    """Run the command line. Ctrl-C before a command begins, or after its end, exits silently."""
+    """Run the command line. Ctrl-C before a command begins exits silently."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else it stays ignored
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     _reopen_closed_streams()

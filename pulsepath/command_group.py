@@ -15,7 +15,7 @@ import click
 
 from pulsepath import progress
 from pulsepath.process import intent
-from pulsepath.process.ending import EndSignal, raise_on_signal, set_exit_code
+from pulsepath.process.ending import get_signal_code, raise_on_signal, set_exit_code
 from pulsepath.process.error_record import error_json
 from pulsepath.process.exits import BAD_INPUT, INTERRUPTED, JSON, TRACEBACK, describe_error
 from pulsepath.progress import say
@@ -89,16 +89,23 @@ class Commands(click.Group):
             shown = StringIO()
             error.show(shown)
             _report(ctx, error, error.exit_code, shown.getvalue().rstrip("\n"))
-        except KeyboardInterrupt as error:
-            code = error.code if isinstance(error, EndSignal) else INTERRUPTED
-            message = intent.describe_interruption()
-            set_exit_code(code)
-            _say_error(message)
-            ctx.exit(code)
+        except KeyboardInterrupt:
+            _end_interrupted(ctx, get_signal_code() or INTERRUPTED)
         except Exception as error:  # every kind of failure ends here
+            code = get_signal_code()
+            if code is not None:
+                _end_interrupted(ctx, code)
             _end_with_error(ctx, error)
         finally:
             _flush_streams()
+
+
+def _end_interrupted(ctx: click.Context, code: int) -> NoReturn:
+    """End a command that a signal interrupted, with a message on what it has written."""
+    message = intent.describe_interruption()
+    set_exit_code(code)
+    _say_error(message)
+    ctx.exit(code)
 
 
 def _end_with_error(ctx: click.Context, error: Exception) -> NoReturn:

@@ -9,6 +9,7 @@ first signal, or at a second one, this thread cleans up and ends the process.
 Only `pulsepath` as a program is watched. A program that calls its functions keeps its own signals.
 """
 
+import atexit
 import os
 import select
 import signal
@@ -51,12 +52,14 @@ class _State:
     watched: a thread watches
     postponed: the handler came inside one of UNSAFE_MODULES and did not raise
     grace: s from the first signal to a forced end
+    signal_code: exit code of the signal for which EndSignal was raised; None: none was
     code: exit code; None until the command has printed its last message
     """
 
     watched: bool = False
     postponed: bool = False
     grace: float = GRACE_PERIOD
+    signal_code: int | None = None
     code: int | None = None
 
 
@@ -68,8 +71,11 @@ _ACTIONS: list[Callable[[], None]] = []
 def raise_on_signal() -> Iterator[None]:
     """Let the first signal raise EndSignal; further ones do not interrupt the clean-up.
 
-    A signal that is ignored already, as under nohup, stays ignored.
+    A signal that is ignored already, as under nohup, stays ignored. Once the block has ended, a
+    watched process is about to end: it ends as it would, and if it does not within GRACE_PERIOD
+    after a signal, the watching thread ends it.
     """
+    _STATE.signal_code = None
     # The frame of the with statement: those of this function and of contextlib end before its body.
     outermost = sys._getframe(2)
     before: dict[int, Any] = {}
@@ -80,9 +86,10 @@ def raise_on_signal() -> Iterator[None]:
             return
         for each in before:
             signal.signal(each, _ignore)
-        raise EndSignal(number)
+        raised = EndSignal(number)
+        _STATE.signal_code = raised.code
+        raise raised
 
-    ended = False
     try:
         for number in _list_numbers():
             handler = signal.getsignal(number)
@@ -90,12 +97,17 @@ def raise_on_signal() -> Iterator[None]:
                 before[number] = handler
                 signal.signal(number, end)
         yield
-    except EndSignal:
-        ended = _STATE.watched
-        raise
     finally:
         for number, handler in before.items():
-            signal.signal(number, _ignore if ended else handler)
+            signal.signal(number, _ignore if _STATE.watched else handler)
+
+
+def get_signal_code() -> int | None:
+    """Return the exit code of the signal that interrupted the command; None: none did.
+
+    A library may turn EndSignal into an exception of its own.
+    """
+    return _STATE.signal_code
 
 
 def _list_numbers() -> list[int]:
@@ -105,6 +117,12 @@ def _list_numbers() -> list[int]:
 
 def _ignore(number: int, frame: FrameType | None) -> None:
     """Leave a signal to the watching thread."""
+
+
+def _ignore_from_now() -> None:
+    """Let signals do nothing while the interpreter takes itself apart: it has no handlers then."""
+    for number in _list_numbers():
+        signal.signal(number, signal.SIG_IGN)
 
 
 def _is_unsafe(frame: FrameType | None, outermost: FrameType) -> bool:
@@ -120,6 +138,7 @@ def watch() -> None:
     """Start the thread that ends this process if a signal alone does not."""
     if os.name != "posix":
         return
+    atexit.register(_ignore_from_now)  # registered first, it runs last
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
     signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
@@ -156,8 +175,6 @@ def leave() -> None:
     """
     if not _STATE.watched or _STATE.code is None:
         return
-    import atexit
-
     atexit._run_exitfuncs()
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError):
