@@ -11,7 +11,6 @@ from itertools import pairwise
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.kernels import kernel
 from planner.path.actuation import ActuatorPath
 from planner.path.polynomial import PolynomialPath
 from planner.place import Place
@@ -33,6 +32,7 @@ VALUE_ROUNDING = 64 * float(np.finfo(float).eps)
 STATE_BATCH = 1 << 14
 
 
+@np.errstate(invalid="ignore", over="ignore")  # an undefined jump counts as infinite
 def find_jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
     """Return each quantity that is not continuous, or at an end not as stated, and where it jumps
     most.
@@ -43,29 +43,35 @@ def find_jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
     trajectory = _leave_out_instants(trajectory)
     path = trajectory.path
     shape = order, len(path.names)
+    worst = largest = np.full(shape, -np.inf)
+    least = np.full(shape, np.inf)
+    at = np.zeros(shape, int)
     before, final = _states_at_ends(path, order)
-    jumps = np.stack([np.full(shape, -np.inf), np.zeros(shape)])
-    extremes = np.stack([np.full(shape, np.inf), np.full(shape, -np.inf)])
     for first, stop in _batches(trajectory.piece):
-        start, end = _states_of_pieces(trajectory, slice(first, stop), extremes)
+        start, end = _states_of_pieces(trajectory, slice(first, stop), order)
+        for values in (start[:order], end[:order]):
+            least = np.fmin(least, np.fmin.reduce(values, axis=1))
+            largest = np.fmax(largest, np.fmax.reduce(values, axis=1))
         if first == 0:
             before[0] = start[0, 0]
         before = np.concatenate([before[:, None], end], 1)
         if stop == len(trajectory.s):
             final[0] = end[0, -1]
             start = np.concatenate([start, final[:, None]], 1)
-        blur = INSTANT_ROUNDING * trajectory.knots[first : first + start.shape[1]]
-        measure_jumps(before, start, blur, first, jumps)
+        count = start.shape[1]
+        blur = INSTANT_ROUNDING * trajectory.knots[first : first + count]
+        jumps = _measure_jumps(before[:, :count], start, blur)
+        most = jumps.max(1)
+        at = np.where(most > worst, first + jumps.argmax(1), at)
+        worst = np.maximum(worst, most)
         before = end[:, -1]
-    worst, at = jumps
-    least, largest = extremes
     scale = largest - least + 1e-6 * np.maximum(np.abs(least), np.abs(largest))
     beyond = worst - MAX_JUMP * scale - AXIS_ROUNDING * scale.max(1, keepdims=True)
     places: dict[str, Place] = {}
     for n, name in enumerate(("position jump", "speed jump", "acceleration jump")[:order]):
         axis = int(np.argmax(beyond[n]))
         if not beyond[n, axis] <= 0:
-            places[name] = place_at(trajectory, float(trajectory.knots[int(at[n, axis])]), path.names[axis])
+            places[name] = place_at(trajectory, float(trajectory.knots[at[n, axis]]), path.names[axis])
     return places
 
 
@@ -97,96 +103,72 @@ def _batches(piece: np.ndarray) -> Iterator[tuple[int, int]]:
         first = stop
 
 
-def _states_of_pieces(trajectory: Trajectory, own: slice, extremes: Array) -> tuple[Array, Array]:
-    """Return the states (2 order+1, M, n) where time pieces start, and where they end: see
-    `fill_states`.
-    """
-    order = extremes.shape[1]
+def _states_of_pieces(trajectory: Trajectory, own: slice, order: int) -> tuple[Array, Array]:
+    """Return the states (2 order+1, M, n) where time pieces start, and where they end."""
     piece = trajectory.piece[own]
-    h, v, a, j = (
-        np.diff(trajectory.knots)[own],
-        trajectory.v[own],
-        trajectory.a[own],
-        trajectory.j[own],
-    )
-    start, end = _derive_at_starts_and_ends(trajectory, own, order)
+    v, a, j = trajectory.v[own], trajectory.a[own], trajectory.j[own]
+    last, last_v, last_a = trajectory.advance(own, np.diff(trajectory.knots)[own])
+    start, end = _derive_at_starts_and_ends(trajectory, own, last, order)
     first = np.flatnonzero(np.diff(piece, prepend=-1))
     rounding = VALUE_ROUNDING * np.maximum.reduceat(np.abs(start[:3]), first, axis=1)
     if isinstance(trajectory.path, PolynomialPath):  # its coefficients are rounded too
         rounding = np.maximum(trajectory.path.rounding[:, piece[first]], rounding)
     rounding = np.repeat(rounding, np.diff(np.append(first, len(piece))), axis=1)
-    states = np.empty((2, 2 * order + 1, *start.shape[1:]))
-    fill_states(start, rounding, np.stack([v, a, j]), states[0], extremes)
-    fill_states(
-        end,
-        rounding,
-        np.stack([v + h * (a + h * j / 2), a + h * j, j]),
-        states[1],
-        extremes,
+    return (
+        _find_states(start, rounding, (v, a, j)),
+        _find_states(end, rounding, (last_v, last_a, j)),
     )
-    return states[0], states[1]
 
 
-@kernel
-def fill_states(slopes: Array, rounding: Array, motion: Array, states: Array, extremes: Array) -> None:
-    """Fill states (2 order+1, N, n) with q, q̇, … up to the order-th derivative, and the rounding
-    of all but that.
+def _find_states(slopes: Array, rounding: Array, rates: tuple[Array, Array, Array]) -> Array:
+    """Return q, q̇, … up to the order-th derivative, and the rounding of all but that.
 
     q̇ = q′ ṡ,  q̈ = q′ s̈ + q″ ṡ²,  q⃛ = q′ s⃛ + 3 q″ ṡ s̈ + q‴ ṡ³. The rounding of q, q′, q″
     enters likewise: near rest, where q′ is almost zero, a large s̈ multiplies it.
 
-    slopes (order+1, N, n) q, q′, …; rounding (3, N, n); motion (3, N) ṡ, s̈, s⃛
-    extremes (2, order, n)  grow to contain the values
+    slopes (order+1, N, n) q, q′, …; rounding (3, N, n); rates ṡ, s̈, s⃛ (N,)
     """
-    order = len(slopes) - 1
-    for k in range(slopes.shape[1]):
-        v, a, j = motion[0, k], motion[1, k], motion[2, k]
-        for c in range(slopes.shape[2]):
-            q1, q2 = slopes[1, k, c], slopes[2, k, c]
-            states[0, k, c] = slopes[0, k, c]
-            states[1, k, c] = q1 * v
-            states[2, k, c] = q1 * a + q2 * v * v
-            if order == 3:
-                states[3, k, c] = q1 * j + 3 * q2 * v * a + slopes[3, k, c] * v * v * v
-                states[6, k, c] = rounding[1, k, c] * abs(a) + rounding[2, k, c] * v * v
-            states[order + 1, k, c] = rounding[0, k, c]
-            states[order + 2, k, c] = rounding[1, k, c] * abs(v)
-            for n in range(order):
-                extremes[0, n, c] = min(extremes[0, n, c], states[n, k, c])
-                extremes[1, n, c] = max(extremes[1, n, c], states[n, k, c])
+    v, a, j = (rate[:, None] for rate in rates)
+    square = v * v
+    q, q1, q2, *third = slopes
+    states = [q, q1 * v, q1 * a + q2 * square]
+    states += [q1 * j + q2 * (3 * v * a) + q3 * (square * v) for q3 in third]
+    errors = [
+        rounding[0],
+        rounding[1] * np.abs(v),
+        rounding[1] * np.abs(a) + rounding[2] * square,
+    ]
+    return np.stack([*states, *errors[: len(states) - 1]])
 
 
-@kernel
-def measure_jumps(before: Array, after: Array, blur: Array, first: int, jumps: Array) -> None:
-    """Grow jumps (2, order, n): the largest that rounding does not explain, and its knot, counted
-    on from `first`.
+def _measure_jumps(before: Array, after: Array, blur: Array) -> Array:
+    """Return the jumps (order, N, n) that rounding does not explain; ∞ where one is undefined.
 
-    before, after (2 order+1, ≥ N, n)  states on the two sides of N knots: see `fill_states`
-    blur (N,) s                        rounding of the instants, in which a value changes by its
-    derivative
+    before, after (2 order+1, N, n)  states on the two sides of N knots: see `_find_states`
+    blur (N,) s  rounding of the instants, in which a value changes by its derivative
     """
-    order = jumps.shape[1]
-    for k in range(len(blur)):
-        for c in range(jumps.shape[2]):
-            for n in range(order):
-                drift = blur[k] * max(abs(before[n + 1, k, c]), abs(after[n + 1, k, c]))
-                rounding = max(before[order + 1 + n, k, c], after[order + 1 + n, k, c])
-                jump = abs(after[n, k, c] - before[n, k, c]) - drift - rounding
-                if not jump <= jumps[0, n, c]:
-                    jumps[0, n, c] = np.inf if np.isnan(jump) else jump
-                    jumps[1, n, c] = first + k
+    order = len(before) // 2
+    rates = np.maximum(np.abs(before[1 : order + 1]), np.abs(after[1 : order + 1]))
+    rounding = np.maximum(before[order + 1 :], after[order + 1 :])
+    jumps = np.abs(after[:order] - before[:order]) - blur[:, None] * rates - rounding
+    return np.where(np.isnan(jumps), np.inf, jumps)
 
 
-def _derive_at_starts_and_ends(trajectory: Trajectory, own: slice, order: int) -> tuple[Array, Array]:
-    """Return q, q′, q″ (and q‴ at order 3), (order + 1, M, n), where time pieces start, and where
-    they end.
+def _derive_at_starts_and_ends(
+    trajectory: Trajectory,
+    own: slice,
+    last: Array,
+    order: int,
+) -> tuple[Array, Array]:
+    """Return q, q′, q″ (and q‴ at order 3), (order + 1, M, n), where time pieces start and end.
+
+    last  (M,) path lengths at which they end
 
     A piece ends where the next one starts, but for rounding δ. On the same piece of path the values
     there are those at the next start plus δ times the next derivative.
     """
     path, piece, s = trajectory.path, trajectory.piece[own], trajectory.s[own]
     start = np.stack(path.derivatives(s, piece, order))
-    last = piece_end_lengths(trajectory, own)
     ahead = last - np.append(s[1:], np.nan)
     near = (np.abs(ahead) <= INSTANT_ROUNDING * np.abs(last)) & (piece == np.append(piece[1:], -1))
     end = np.roll(start, -1, axis=1)
@@ -210,17 +192,17 @@ def find_gaps(trajectory: Trajectory) -> dict[str, Place]:
         return {"time out of order": path.place(float(trajectory.s[k]), int(trajectory.piece[k]))}
     trajectory = _leave_out_instants(trajectory)
     h, v, a, j = np.diff(trajectory.knots), trajectory.v, trajectory.a, trajectory.j
-    last_speed = v + h * (a + h * j / 2)
+    end, last_speed, last_acceleration = trajectory.advance(slice(None), h)
     with np.errstate(divide="ignore", invalid="ignore"):
         turns = (j > 0) & (-a / j > 0) & (-a / j < h)
         turn = np.where(turns, v - a**2 / (2 * j), np.inf)  # least ṡ inside a piece
     slowest = np.minimum(np.minimum(v, last_speed), turn)
-    s, end = trajectory.s, piece_end_lengths(trajectory)
+    s = trajectory.s
     allowed = MAX_JUMP * float(path.breaks[-1] - path.breaks[0])
     # how far, and by how much faster, the motion goes while an instant is rounded
     blur = INSTANT_ROUNDING * trajectory.knots[1:]
     drift = blur * np.abs(last_speed)
-    gain = blur * np.abs(a + h * j)
+    gain = blur * np.abs(last_acceleration)
     slack = allowed + drift
     gap = np.maximum(np.abs(np.append(s[1:], end[-1]) - end) - drift, 0.0)
     low, high = path.breaks[trajectory.piece], path.breaks[trajectory.piece + 1]
@@ -292,16 +274,15 @@ def _find_lost_speeds(trajectory: Trajectory) -> np.ndarray:
     return lost
 
 
-def piece_end_lengths(trajectory: Trajectory, chosen: slice = slice(None)) -> Array:
+def piece_end_lengths(trajectory: Trajectory) -> Array:
     """Return the path lengths (M,) at which the time pieces end."""
-    h = np.diff(trajectory.knots)[chosen]
-    v, a, j = trajectory.v[chosen], trajectory.a[chosen], trajectory.j[chosen]
-    return np.asarray(trajectory.s[chosen] + h * (v + h * (a / 2 + h * j / 6)))
+    ends, _, _ = trajectory.advance(slice(None), np.diff(trajectory.knots))
+    return ends
 
 
 def place_at(trajectory: Trajectory, t: float, axis: str) -> Place:
     """Return the place of the motion at instant t."""
-    k = int(trajectory.locate(np.array([t]))[0])
+    k = trajectory.locate(np.array([t]))
     tau = min(max(t, 0.0), trajectory.duration) - trajectory.knots[k]
-    s = trajectory.s[k] + tau * (trajectory.v[k] + tau * (trajectory.a[k] / 2 + tau * trajectory.j[k] / 6))
-    return trajectory.path.place(float(s), int(trajectory.piece[k]), t, axis)
+    s, _, _ = trajectory.advance(k, tau)
+    return trajectory.path.place(float(s[0]), int(trajectory.piece[k[0]]), t, axis)
