@@ -240,8 +240,8 @@ def _block_time(block: Block, interval: np.ndarray, values: Mapping[Term, Array]
     for _ in range(BISECTIONS_OF_SPEED):
         time = float(np.sqrt(low * high))
         total: Array = np.sum([part / time**power for power, part in parts.items()], axis=0)
-        if block.about is not None:  # rows that speak near some motions only
-            low_v, high_v = (values[interval] for values in block.about[:2])
+        if block.speed_range is not None:  # rows that count near some motions only
+            low_v, high_v = (values[interval] for values in block.speed_range[:2])
             total = np.where((low_v <= v[:, None] / time) & (v[:, None] / time < high_v), total, 0.0)
         kept = block.share(total).max() <= 1
         low, high = (low, time) if kept else (time, high)

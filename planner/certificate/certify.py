@@ -140,7 +140,7 @@ def find_place(trajectory: Trajectory, limits: Sequence[Limit], name: str, k: in
     limit = next((limit for limit in limits if limit.name == name), None)
     if limit is not None:
         return _find_place(trajectory, limit, k)
-    return trajectory.path.place(float(trajectory.s[k]), int(trajectory.piece[k]), float(trajectory.knots[k]))
+    return trajectory.path.place(trajectory.s[k], trajectory.piece[k], trajectory.knots[k])
 
 
 def _find_place(trajectory: Trajectory, limit: Limit, k: int) -> Place:

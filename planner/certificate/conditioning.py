@@ -50,7 +50,7 @@ def find_poorest(path: MachinePath) -> Conditioning:
     singular = np.linalg.svd(np.nan_to_num(jacobian, nan=0.0, posinf=0.0, neginf=0.0), compute_uv=False)
     ratio = singular[:, -1] / np.where(singular[:, 0] > 0, singular[:, 0], 1.0)
     worst = int(ratio.argmin())
-    return Conditioning(float(ratio[worst]), path.place(float(s[worst]), int(piece[worst])))
+    return Conditioning(float(ratio[worst]), path.place(s[worst], piece[worst]))
 
 
 def has_one_sign(path: MachinePath) -> bool:

@@ -189,7 +189,7 @@ def find_gaps(trajectory: Trajectory) -> dict[str, Place]:
     disorder = np.append(knots[0] != 0, ~(np.isfinite(knots[1:]) & (np.diff(knots) >= 0)))
     if disorder.any():
         k = max(int(np.argmax(disorder)) - 1, 0)
-        return {"time out of order": path.place(float(trajectory.s[k]), int(trajectory.piece[k]))}
+        return {"time out of order": path.place(trajectory.s[k], trajectory.piece[k])}
     trajectory = _leave_out_instants(trajectory)
     h, v, a, j = np.diff(trajectory.knots), trajectory.v, trajectory.a, trajectory.j
     end, last_speed, last_acceleration = trajectory.advance(slice(None), h)
@@ -285,4 +285,4 @@ def place_at(trajectory: Trajectory, t: float, axis: str) -> Place:
     k = trajectory.locate(np.array([t]))
     tau = min(max(t, 0.0), trajectory.duration) - trajectory.knots[k]
     s, _, _ = trajectory.advance(k, tau)
-    return trajectory.path.place(float(s[0]), int(trajectory.piece[k[0]]), t, axis)
+    return trajectory.path.place(s[0], trajectory.piece[k[0]], t, axis)

@@ -190,7 +190,7 @@ def _find_lost_reach(path: ActuatorPath, along: Trajectory) -> OutOfReach | None
     if not lost.any():
         return None
     first = int(np.argmax(lost))
-    place = path.place(float(state.along[first]), int(state.piece[first]))
+    place = path.place(state.along[first], state.piece[first])
     axes = ", ".join(name for name, q in zip(path.names, state.q[first], strict=True) if not np.isfinite(q))
     reach = f"no actuator coordinates reach the path at {place}: there is no position of {axes}"
     return OutOfReach(f"{reach}; bring it nearer to home").in_segment(place.segment)
@@ -240,7 +240,7 @@ def _sample_part(along: Trajectory, limit: Limit, part: int) -> "list[_Violation
     piece = int(state.piece[0])
     channels = []
     for channel, row in enumerate(uses.argmax(0).tolist()):
-        place = along.path.place(float(state.along[row]), piece, None, limit.channels[channel])
+        place = along.path.place(state.along[row], piece, None, limit.channels[channel])
         use = float(uses[row, channel])
         channels.append(_Violation(limit, channel, piece, use, float(value[row, channel]), place))
     return sorted(channels, key=lambda each: -each.use)

@@ -45,23 +45,24 @@ class Rows:
     """−below ≤ Σ coefficient · term ≤ bound at N grid points: each (N, m); below None: the same as bound, which is
     broadcast; a bound of ∞ says that a channel is free.
 
-    about  (low, high), each (N, m), of a limit that is not convex: a row speaks where the motion sought is near one
-           whose ṡ lies between. All that speak near any one ṡ keep the limit at every ṡ, with no loss at that one.
-    hull   of such a limit, rows without `about` that every motion keeps which keeps it
+    speed_range  least and largest ṡ, each (N, m), at which a row of a limit that is not convex counts. All rows that
+                 count at one ṡ keep the limit at every ṡ, with no loss at that one.
+    convex_part  rows that every motion within such a limit keeps, at every ṡ
     """
 
     coefficients: Mapping[Term, Array]
     bound: Array
     below: Array | None = None
-    about: tuple[Array, Array] | None = None
-    hull: "Rows | None" = None
+    speed_range: tuple[Array, Array] | None = None
+    convex_part: "Rows | None" = None
 
     def scale(self, factor: Array) -> "Rows":
         """As if all bounds were so many times as large, factor (N, 1)."""
         coefficients = {term: values / factor for term, values in self.coefficients.items()}
-        about = None if self.about is None else (self.about[0] * factor, self.about[1] * factor)
-        hull = None if self.hull is None else self.hull.scale(factor)
-        return Rows(coefficients, self.bound, self.below, about, hull)
+        speeds = self.speed_range
+        speeds = None if speeds is None else (speeds[0] * factor, speeds[1] * factor)
+        convex_part = None if self.convex_part is None else self.convex_part.scale(factor)
+        return Rows(coefficients, self.bound, self.below, speeds, convex_part)
 
 
 class LimitState(Protocol):

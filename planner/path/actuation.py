@@ -359,7 +359,7 @@ class MachinePath:
 
     def place(self, s: float, piece: int, t: float | None = None, axis: str = "") -> Place:
         own, (way, begin) = self.pieces[piece], self.origin
-        return Place(way + s, own.segment, None if t is None else begin + t, axis, own.repetition)
+        return Place(float(way + s), own.segment, None if t is None else float(begin + t), axis, own.repetition)
 
     def parameter(self, s: Array, piece: np.ndarray) -> Array:
         return s

@@ -145,7 +145,7 @@ def _place_refusal(task: Task, solution: RunSolution) -> RunSolution:
     if not isinstance(error, TooFast):
         return solution
     run = task.run
-    s = float(run.breaks(task.path)[-error.end])
+    s = run.breaks(task.path)[-error.end]
     place = task.path.place(s, run.last if error.end else run.first)
     unit, scale = ("/s", 1.0) if place.segment is None else ("mm/s", 1e3)
     largest = error.largest * scale

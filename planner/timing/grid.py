@@ -443,8 +443,8 @@ def count_intervals(
 
 
 def _size_error(rule: Rule, path: ActuatorPath, run: Run, size: int) -> MotionError:
-    since = path.place(float(path.breaks[run.first]), run.first)
-    until = path.place(float(path.breaks[run.last + 1]), run.last)
+    since = path.place(path.breaks[run.first], run.first)
+    until = path.place(path.breaks[run.last + 1], run.last)
     order = ", or plan at order 2" if rule.order == 3 else ""
     return MotionError(
         f"from {since} to {until} the motion does not stop, and takes {count_noun(size, 'interval')} "

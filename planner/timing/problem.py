@@ -26,8 +26,6 @@ Solver = Literal["passes", "toppra"]
 """Solver of order 2: our own two passes, or toppra."""
 SideRows = Mapping[Term, Array]
 """Coefficients (N, m) of each term, at one side of N intervals."""
-SpeedRanges = tuple[Array, Array, Array, Array]
-"""Least and largest ṡ, each (N, m), at the start and then at the end of N intervals."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,8 +176,9 @@ class Block:
 
     room    (N,) SOLVER_AIM, or less where the proof asked for it
     middle  (m,) middle of the range, in ]−1, 1[: 0 where the bounds are the same both ways
-    about   ranges of ṡ in which a row of a limit that is not convex counts; None: all rows count
-    hull    rows of a convex part of such a limit, which count at every ṡ
+    speed_range  (4, N, m) least and largest ṡ at which a row of a limit that is not convex counts,
+                 at the starts, then at the ends; None: all rows count
+    convex_part  rows of a convex part of such a limit, which count at every ṡ
     """
 
     name: str
@@ -187,8 +186,8 @@ class Block:
     end: SideRows
     room: Array
     middle: Array
-    about: SpeedRanges | None = None
-    hull: "Block | None" = None
+    speed_range: Array | None = None
+    convex_part: "Block | None" = None
 
     @property
     def sides(self) -> tuple[SideRows, SideRows]:
@@ -197,7 +196,7 @@ class Block:
 
     def around(self, start: Array, end: Array) -> "Block":
         """Return the rows that count near ṡ (N,) at the starts and ends; the others become 0."""
-        if self.about is None:
+        if self.speed_range is None:
             return self
 
         def select(rows: SideRows, speed: Array, least: Array, most: Array) -> SideRows:
@@ -206,10 +205,10 @@ class Block:
 
         return replace(
             self,
-            start=select(self.start, start, *self.about[:2]),
-            end=select(self.end, end, *self.about[2:]),
-            about=None,
-            hull=None,
+            start=select(self.start, start, *self.speed_range[:2]),
+            end=select(self.end, end, *self.speed_range[2:]),
+            speed_range=None,
+            convex_part=None,
         )
 
     def reversed(self) -> "Block":
@@ -218,17 +217,14 @@ class Block:
         def turn(rows: SideRows) -> SideRows:
             return {term: -values[::-1] if term in ODD_TERMS else values[::-1] for term, values in rows.items()}
 
-        about = None
-        if self.about is not None:
-            low, high, low_end, high_end = (values[::-1] for values in self.about)
-            about = low_end, high_end, low, high
+        speeds = self.speed_range
         return replace(
             self,
             start=turn(self.end),
             end=turn(self.start),
             room=self.room[::-1],
-            about=about,
-            hull=None if self.hull is None else self.hull.reversed(),
+            speed_range=None if speeds is None else speeds[[2, 3, 0, 1], ::-1],
+            convex_part=None if self.convex_part is None else self.convex_part.reversed(),
         )
 
     def part(self, intervals: slice) -> "Block":
@@ -237,16 +233,13 @@ class Block:
         def cut(rows: SideRows) -> SideRows:
             return {term: values[intervals] for term, values in rows.items()}
 
-        about = None
-        if self.about is not None:
-            low, high, low_end, high_end = (values[intervals] for values in self.about)
-            about = low, high, low_end, high_end
+        speeds = self.speed_range
         return replace(
             self,
             start=cut(self.start),
             end=cut(self.end),
             room=self.room[intervals],
-            about=about,
+            speed_range=None if speeds is None else speeds[:, intervals],
         )
 
     @property
@@ -308,7 +301,7 @@ class Problem:
     @property
     def is_unconditional(self) -> bool:
         """True if every row counts at every speed."""
-        return all(block.about is None for block in self.blocks)
+        return all(block.speed_range is None for block in self.blocks)
 
     def reversed(self) -> "Problem":
         """Return the problem run backwards: s̈ changes its sign, ṡ and s⃛ do not."""

@@ -112,18 +112,18 @@ class _Sides:
             half = (above + below) / 2
             middle = (above - below) / 2 / half
         scaled = {term: values[:, finite] / half for term, values in rows.coefficients.items()}
-        about = None
-        if rows.about is not None:
-            low, high = (values[:, finite] for values in rows.about)
-            about = low[:count], high[:count], low[self.ends], high[self.ends]
+        speeds = None
+        if rows.speed_range is not None:
+            low, high = (values[:, finite] for values in rows.speed_range)
+            speeds = np.stack([low[:count], high[:count], low[self.ends], high[self.ends]])
         return Block(
             name,
             {term: values[:count] for term, values in scaled.items()},
             {term: values[self.ends] for term, values in scaled.items()},
             np.ones(count),
             middle,
-            about,
-            None if rows.hull is None else self.normalise(name, rows.hull, ALL),
+            speeds,
+            None if rows.convex_part is None else self.normalise(name, rows.convex_part, ALL),
         ).aimed(SOLVER_AIM)
 
 
@@ -199,7 +199,7 @@ def _drop_idle(blocks: Sequence[Block]) -> list[Block]:
 
 
 def _select_bounding(blocks: Sequence[Block]) -> list[Block]:
-    return [block for block in blocks if block.about is None and set(block.start) in BOUNDING_TERMS]
+    return [block for block in blocks if block.speed_range is None and set(block.start) in BOUNDING_TERMS]
 
 
 def _bound_terms(rows: Sequence[tuple[SideRows, Array]]) -> dict[Term, Array]:
@@ -226,7 +226,7 @@ def _bound_terms(rows: Sequence[tuple[SideRows, Array]]) -> dict[Term, Array]:
 
 def _find_largest_use(block: Block, bounds: Sequence[Mapping[Term, Array]]) -> float:
     """Return the largest use of a load by terms of these sizes at both sides; ∞ if one has none."""
-    if Term.ONE not in block.start or block.about is not None:
+    if Term.ONE not in block.start or block.speed_range is not None:
         return np.inf
     if not set(block.start) <= set(bounds[0]):
         return np.inf

@@ -187,7 +187,7 @@ def _cap_tool_speed(
 
 def _ramp_error(path: ActuatorPath, ramp: RunSolution, tightened: RunSolution) -> MotionError:
     """Return the refusal of a ramp between given speeds, with its place."""
-    place = path.place(float(ramp.profile.s[0]), int(ramp.profile.piece[0]))
+    place = path.place(ramp.profile.s[0], ramp.profile.piece[0])
     remedy = 'lower the adjacent constant speed, or write join = "stop" between the segments'
     error = MotionError(f"the ramp from {place}: {tightened.refusal}: {remedy}")
     return error.in_segment(place.segment)
@@ -211,7 +211,7 @@ def _end_speed_error(
     else:
         return error
     path = task.path
-    place = path.place(float(block.breaks(path)[end]), piece)
+    place = path.place(block.breaks(path)[end], piece)
     joint_speed = block.speeds[end]
     if speed == joint_speed:
         reason = (

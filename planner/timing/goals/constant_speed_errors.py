@@ -80,7 +80,7 @@ def speed_error(task: Task, places: Places, speed: float) -> ConstantRefused | N
     return ConstantRefused(
         limit.name,
         name,
-        path.place(float(s[worst[0]]), int(piece[worst[0]]), None, name),
+        path.place(s[worst[0]], piece[worst[0]], None, name),
         attained * scale,
         allowed * scale,
         unit,
@@ -105,7 +105,7 @@ def too_short_error(task: Task, capped: Profile, speed: float) -> Infeasible:
     return ConstantRefused(
         "constant speed",
         channel,
-        path.place(float(capped.s[k[0]]), int(capped.piece[k[0]]), None, channel),
+        path.place(capped.s[k[0]], capped.piece[k[0]], None, channel),
         speed * 1e3,
         fastest * 1e3,
         "mm/s",
@@ -144,7 +144,7 @@ def resonance_error(task: Task, speed: float) -> Infeasible | None:
             return Infeasible(
                 limit.name,
                 name,
-                path.place(float(s[worst]), int(piece[worst]), None, name),
+                path.place(s[worst], piece[worst], None, name),
                 float(slope[worst]) * speed * scale,
                 band.low * scale,
                 unit,

@@ -89,7 +89,7 @@ def _refuse_speeds(path: ActuatorPath) -> None:
     """Raise MotionError for a path that states speeds: they would fix the duration."""
     for piece in range(len(path.breaks) - 1):
         if path.constant(piece) is not None:
-            place = path.place(float(path.breaks[piece]), piece)
+            place = path.place(path.breaks[piece], piece)
             error = MotionError(f"{place}: a constant speed fixes the duration: omit one of the two")
             raise error.in_segment(place.segment)
     if max(path.end_speeds) > 0:
@@ -192,8 +192,8 @@ def _stays_error(pacer: Pacer, profile: Profile, below: Profile | None) -> Infea
     scale, unit = (1e3, "mm/s") if axis.kind == "linear" else (180 / np.pi, "deg/s")
     at_start = profile.along(pacer.task.path).at(np.array([worst.start]))
     place = pacer.task.path.place(
-        float(at_start.along[0]),
-        int(at_start.piece[0]),
+        at_start.along[0],
+        at_start.piece[0],
         None,
         axis.name,
     )
