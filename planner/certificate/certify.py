@@ -85,7 +85,7 @@ def certify(trajectory: Trajectory, limits: Sequence[Limit], known: ProvedUse | 
     geometric = [limit for limit in limits if limit.geometric]
     use, attained = prove(trajectory, timed, order, known)
     use |= find_geometric_use(trajectory, geometric)
-    attained |= use_at_knots(trajectory, geometric, known)
+    attained |= use_at_knots(trajectory, geometric)
     where: dict[str, Place] = {}
     for limit in limits:
         # a bound below 1 need not be tight everywhere

@@ -66,9 +66,8 @@ class ProvedUse:
 
     @classmethod
     def make_empty(cls, limits: Sequence[Limit], pieces: int) -> "ProvedUse":
-        use = {limit.name: np.full(pieces, np.nan) for limit in select_timed(limits)}
-        attained = {limit.name: np.full(pieces, np.nan) for limit in limits}
-        return cls(use, attained, np.full((6, pieces), np.nan))
+        nothing = {limit.name: np.full(pieces, np.nan) for limit in select_timed(limits)}
+        return cls(nothing, nothing, np.full((6, pieces), np.nan))
 
     @classmethod
     def join(cls, parts: "Sequence[ProvedUse]") -> "ProvedUse":
@@ -297,30 +296,25 @@ def find_geometric_use(trajectory: Trajectory, limits: Sequence[Limit]) -> dict[
     return {name: np.maximum.reduceat(np.append(values, 0.0), ranges)[::2] for name, values in proved.use.items()}
 
 
-def use_at_knots(trajectory: Trajectory, limits: Sequence[Limit], known: ProvedUse | None = None) -> dict[str, Array]:
+def use_at_knots(trajectory: Trajectory, limits: Sequence[Limit]) -> dict[str, Array]:
     """Return, per geometric limit, the larger use attained at the two ends of each time piece (M,).
 
     It says where a limit is used most, and proves nothing: some knots are evaluated, then all
-    around the one that uses most. Both sides of a knot are one place. known: earlier results.
+    around the one that uses most. Both sides of a knot are one place.
     """
-    pieces = len(trajectory.s)
-    nothing = np.full(pieces, np.nan)
-    attained = {limit.name: (nothing if known is None else known.attained[limit.name]).copy() for limit in limits}
-    new = np.flatnonzero(np.isnan(attained[limits[0].name])) if limits else np.zeros(0, int)
-    if not len(new):
-        return attained
-    knots = np.union1d(new, new + 1)
-    step = -(-len(knots) // KNOTS_SAMPLED)
-    sampled = knots[np.unique(np.append(np.arange(0, len(knots), step), len(knots) - 1))]
+    count = len(trajectory.s) + 1
+    step = -(-count // KNOTS_SAMPLED)
+    sampled = np.append(np.arange(0, count - 1, step), count - 1)
     states = _state_at_knots(trajectory, sampled)
+    attained = {}
     for limit in limits:
-        use = np.zeros(pieces + 1)
+        use = np.zeros(count)
         use[sampled] = use_in(limit, states)
         if step > 1:
-            best = int(np.searchsorted(knots, sampled[use[sampled].argmax()]))
-            around = knots[max(best - step + 1, 0) : best + step]
+            best = int(use.argmax())
+            around = np.arange(max(best - step + 1, 0), min(best + step, count))
             use[around] = use_in(limit, _state_at_knots(trajectory, around))
-        attained[limit.name][new] = round_reached_use(np.maximum(use[new], use[new + 1]))
+        attained[limit.name] = round_reached_use(np.maximum(use[:-1], use[1:]))
     return attained
 
 

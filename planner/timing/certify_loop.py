@@ -16,7 +16,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
-from planner.certificate.limit_use import ProvedUse, prove, use_at_knots
+from planner.certificate.limit_use import ProvedUse, prove
 from planner.certificate.resonance_dwell import find_stays
 from planner.limits.limit import Limit, select_timed
 from planner.limits.resonance import BAND_MARGIN, Resonance, SpeedCap
@@ -114,7 +114,6 @@ class RunCertifier:
         profiles = [solution.profile for solution in solutions]
         motion = Profile.joined(profiles).along(self.path)
         use, attained = prove(motion, select_timed(self.limits), self.order)
-        attained |= use_at_knots(motion, [limit for limit in self.limits if limit.geometric])
         ends = np.cumsum([len(profile.h) for profile in profiles])
         begins = ends - [len(profile.h) for profile in profiles]
         return [
