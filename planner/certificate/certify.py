@@ -60,18 +60,18 @@ class Certificate(Result):
     def tables(self) -> tuple[Table, ...]:
         """Return the worst proven use of each limit, and where."""
         head = "the certificate holds" if self.holds else "THE CERTIFICATE DOES NOT HOLD"
+        title = f"{head}: value/limit, bounded over continuous time"
+        names = Column("limit", [*self.worst])
         ratios = Column("bound", [*self.worst.values()], form=".7f", up=True)
         where = Place.columns([self.where[name] for name in self.worst])
-        names = Column("limit", [*self.worst])
-        return (
-            Table(
-                f"{head}: value/limit, bounded over continuous time",
-                (names, ratios, *where),
-            ),
-        )
+        return (Table(title, (names, ratios, *where)),)
 
 
-def certify(trajectory: Trajectory, limits: Sequence[Limit], known: ProvedUse | None = None) -> Certificate:
+def certify(
+    trajectory: Trajectory,
+    limits: Sequence[Limit],
+    known: ProvedUse | None = None,
+) -> Certificate:
     """Prove bounds of the use of every limit, and that the trajectory is the whole motion.
 
     It runs the path once, forwards, from rest to rest or between the speeds that the path states
@@ -92,11 +92,16 @@ def certify(trajectory: Trajectory, limits: Sequence[Limit], known: ProvedUse | 
         exceeded = not limit.geometric and use[limit.name].max() > 1
         most = use if exceeded else attained
         where[limit.name] = _find_place(trajectory, limit, int(np.argmax(most[limit.name])))
+    others: dict[str, tuple[Array, Array, Place]] = {}
     for limit in limits:
         if isinstance(limit, Resonance) and limit.bands:
-            use[CROSSING], attained[CROSSING], where[CROSSING] = _prove_crossing(trajectory, limit)
+            others[CROSSING] = _prove_crossing(trajectory, limit)
     if np.isfinite(trajectory.constant_speeds).any():
-        use[CONSTANT_SPEED], attained[CONSTANT_SPEED], where[CONSTANT_SPEED] = prove_speed_deviation(trajectory)
+        others[CONSTANT_SPEED] = prove_speed_deviation(trajectory)
+    for name, (bound, value, place) in others.items():
+        use[name] = bound
+        attained[name] = value
+        where[name] = place
     worst = {name: float(values.max()) for name, values in use.items()}
     for name, place in (find_jumps(trajectory, order) | find_gaps(trajectory)).items():
         worst[name] = float("inf")
@@ -125,11 +130,8 @@ def _prove_crossing(trajectory: Trajectory, limit: Resonance) -> tuple[Array, Ar
     longest = max(stays, key=lambda stay: stay.use, default=None)
     if longest is None:
         return use, attained, place_at(trajectory, 0.0, "")
-    return (
-        use,
-        attained,
-        place_at(trajectory, longest.start, limit.channels[longest.band.axis]),
-    )
+    axis = limit.channels[longest.band.axis]
+    return use, attained, place_at(trajectory, longest.start, axis)
 
 
 def find_place(trajectory: Trajectory, limits: Sequence[Limit], name: str, k: int) -> Place:

@@ -75,8 +75,9 @@ class SpeedDeviation(Limit):
 
     def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:
         speed = self.speeds[piece][:, None]
-        deviations = [np.abs(np.sqrt(np.maximum(square, 0.0)) / speed - 1) for square in (low, high)]
-        return np.asarray(np.maximum(*deviations) / SPEED_TOLERANCE)
+        slowest, fastest = (np.sqrt(np.maximum(square, 0.0)) for square in (low, high))
+        deviation = np.maximum(np.abs(slowest / speed - 1), np.abs(fastest / speed - 1))
+        return np.asarray(deviation / SPEED_TOLERANCE)
 
     def tight(self, met: Array) -> float:
         """Any bound up to 1 will do."""

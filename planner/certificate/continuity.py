@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from planner.path.actuation import ActuatorPath
+from planner.path.actuation import ActuatorPath, has_constant_speed
 from planner.path.polynomial import PolynomialPath
 from planner.place import Place
 from planner.trajectory import Trajectory
@@ -71,7 +71,8 @@ def find_jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
     for n, name in enumerate(("position jump", "speed jump", "acceleration jump")[:order]):
         axis = int(np.argmax(beyond[n]))
         if not beyond[n, axis] <= 0:
-            places[name] = place_at(trajectory, float(trajectory.knots[at[n, axis]]), path.names[axis])
+            instant = float(trajectory.knots[at[n, axis]])
+            places[name] = place_at(trajectory, instant, path.names[axis])
     return places
 
 
@@ -81,13 +82,11 @@ def _states_at_ends(path: ActuatorPath, order: int) -> tuple[Array, Array]:
     """
     states = np.zeros((2, 2 * order + 1, len(path.names)))
     pieces = np.array([0, len(path.breaks) - 2])
-    for n, (q, q1, q2) in enumerate(zip(*path.derivatives(path.breaks[[0, -1]], pieces, 2), strict=True)):
-        speed = path.end_speeds[n]
-        states[n, :order] = [
-            q,
-            q1 * speed,
-            q1 * path.end_accelerations[n] + q2 * speed**2,
-        ][:order]
+    q, q1, q2 = path.derivatives(path.breaks[[0, -1]], pieces, 2)
+    v = np.array(path.end_speeds)[:, None]
+    a = np.array(path.end_accelerations)[:, None]
+    for n, value in enumerate((q, q1 * v, q1 * a + q2 * v**2)[:order]):
+        states[:, n] = value
     return states[0], states[1]
 
 
@@ -106,7 +105,9 @@ def _batches(piece: np.ndarray) -> Iterator[tuple[int, int]]:
 def _states_of_pieces(trajectory: Trajectory, own: slice, order: int) -> tuple[Array, Array]:
     """Return the states (2 order+1, M, n) where time pieces start, and where they end."""
     piece = trajectory.piece[own]
-    v, a, j = trajectory.v[own], trajectory.a[own], trajectory.j[own]
+    v = trajectory.v[own]
+    a = trajectory.a[own]
+    j = trajectory.j[own]
     last, last_v, last_a = trajectory.advance(own, np.diff(trajectory.knots)[own])
     start, end = _derive_at_starts_and_ends(trajectory, own, last, order)
     first = np.flatnonzero(np.diff(piece, prepend=-1))
@@ -167,7 +168,9 @@ def _derive_at_starts_and_ends(
     A piece ends where the next one starts, but for rounding δ. On the same piece of path the values
     there are those at the next start plus δ times the next derivative.
     """
-    path, piece, s = trajectory.path, trajectory.piece[own], trajectory.s[own]
+    path = trajectory.path
+    piece = trajectory.piece[own]
+    s = trajectory.s[own]
     start = np.stack(path.derivatives(s, piece, order))
     ahead = last - np.append(s[1:], np.nan)
     near = (np.abs(ahead) <= INSTANT_ROUNDING * np.abs(last)) & (piece == np.append(piece[1:], -1))
@@ -185,13 +188,17 @@ def find_gaps(trajectory: Trajectory) -> dict[str, Place]:
     A part is left out where a time piece does not begin where the previous one ends. Up to a share
     of the path, over all knots together, that is rounding.
     """
-    path, knots = trajectory.path, trajectory.knots
+    path = trajectory.path
+    knots = trajectory.knots
     disorder = np.append(knots[0] != 0, ~(np.isfinite(knots[1:]) & (np.diff(knots) >= 0)))
     if disorder.any():
         k = max(int(np.argmax(disorder)) - 1, 0)
         return {"time out of order": path.place(trajectory.s[k], trajectory.piece[k])}
     trajectory = _leave_out_instants(trajectory)
-    h, v, a, j = np.diff(trajectory.knots), trajectory.v, trajectory.a, trajectory.j
+    h = np.diff(trajectory.knots)
+    v = trajectory.v
+    a = trajectory.a
+    j = trajectory.j
     end, last_speed, last_acceleration = trajectory.advance(slice(None), h)
     with np.errstate(divide="ignore", invalid="ignore"):
         turns = (j > 0) & (-a / j > 0) & (-a / j < h)
@@ -205,7 +212,8 @@ def find_gaps(trajectory: Trajectory) -> dict[str, Place]:
     gain = blur * np.abs(last_acceleration)
     slack = allowed + drift
     gap = np.maximum(np.abs(np.append(s[1:], end[-1]) - end) - drift, 0.0)
-    low, high = path.breaks[trajectory.piece], path.breaks[trajectory.piece + 1]
+    low = path.breaks[trajectory.piece]
+    high = path.breaks[trajectory.piece + 1]
     number = np.arange(len(s))
     wrong = {
         "start off the path's": (number == 0) & ~(np.abs(s - path.breaks[0]) <= slack),
@@ -259,11 +267,13 @@ def _find_lost_speeds(trajectory: Trajectory) -> np.ndarray:
     """
     path = trajectory.path
     lost = np.zeros(len(trajectory.s), bool)
-    speeds = [path.constant(piece) for piece in range(len(path.breaks) - 1)]
-    if not any(speed is not None for speed in speeds):
+    if not has_constant_speed(path):
         return lost
-    places = [path.place(s, piece) for piece, s in enumerate(path.breaks[:-1].tolist())]
-    segments = [(speed, place.segment, place.repetition) for speed, place in zip(speeds, places, strict=True)]
+    speeds = [path.constant(piece) for piece in range(len(path.breaks) - 1)]
+    segments = []
+    for piece, speed in enumerate(speeds):
+        place = path.place(path.breaks[piece], piece)
+        segments.append((speed, place.segment, place.repetition))
     number = np.cumsum([0, *(one != other for one, other in pairwise(segments))])[trajectory.piece]
     constant = np.isfinite(trajectory.constant_speeds)
     for segment in np.unique(number):

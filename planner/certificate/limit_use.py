@@ -51,10 +51,8 @@ EXPANSION = {2: 6, 3: 8}
 
 @dataclass(frozen=True, slots=True)
 class ProvedUse:
-    """Earlier results, per limit: use and attained of each time piece (M,), NaN where nothing is
-    proved yet.
-
-    Geometric limits have only attained uses here: their bounds are proved along the path.
+    """Earlier results, per limit on time: use and attained of each time piece (M,), NaN where
+    nothing is proved yet.
 
     of  (6, M) that it was proved for: s, ṡ, s̈ at the start, s⃛, duration and path piece of each
         time piece
@@ -72,13 +70,9 @@ class ProvedUse:
     @classmethod
     def join(cls, parts: "Sequence[ProvedUse]") -> "ProvedUse":
         """Join the results of consecutive time pieces."""
-        use, attained = (
-            {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
-            for tables in (
-                [part.use for part in parts],
-                [part.attained for part in parts],
-            )
-        )
+        names = parts[0].use
+        use = {name: np.concatenate([part.use[name] for part in parts]) for name in names}
+        attained = {name: np.concatenate([part.attained[name] for part in parts]) for name in names}
         return cls(use, attained, np.concatenate([part.of for part in parts], axis=1))
 
     def fit(self, trajectory: Trajectory) -> "ProvedUse":
@@ -88,16 +82,8 @@ class ProvedUse:
         Pieces with other coefficients stay unproved.
         """
         lengths = np.diff(trajectory.knots)
-        numbers = np.stack(
-            [
-                trajectory.s,
-                trajectory.v,
-                trajectory.a,
-                trajectory.j,
-                self.of[4],
-                trajectory.piece,
-            ]
-        )
+        motion = trajectory.s, trajectory.v, trajectory.a, trajectory.j
+        numbers = np.stack([*motion, self.of[4], trajectory.piece])
         with np.errstate(invalid="ignore"):
             rounded = np.abs(lengths - self.of[4]) <= INSTANT_ROUNDING * trajectory.knots[1:]
         same = rounded & (numbers == self.of).all(0)
@@ -121,7 +107,15 @@ def prove(
     path = trajectory.path
     # stated speeds have to be met exactly
     stated = max(path.end_speeds) > 0 or has_constant_speed(path)
-    proofs = {limit.name: LimitProof(trajectory, limit, order, reachable=limit.geometric or stated) for limit in limits}
+    proofs = {
+        limit.name: LimitProof(
+            trajectory,
+            limit,
+            order,
+            reachable=limit.geometric or stated,
+        )
+        for limit in limits
+    }
     if known is not None:
         unknown = np.any([np.isnan(known.use[limit.name]) for limit in limits], axis=0)
         for name, proof in proofs.items():
@@ -139,7 +133,12 @@ def prove(
     return use, {name: proof.attained for name, proof in proofs.items()}
 
 
-def bound_finely(trajectory: Trajectory, limits: Sequence[Limit], order: int, cells: Cells) -> Values:
+def bound_finely(
+    trajectory: Trajectory,
+    limits: Sequence[Limit],
+    order: int,
+    cells: Cells,
+) -> Values:
     """Return bounds of each limit's use over N cells, and the use attained where it seems largest.
 
     Each (limits, N).
@@ -216,15 +215,10 @@ class LimitProof:
         with np.errstate(invalid="ignore"):  # an unbounded cell
             excess = np.nanmax((bound - most) / tolerance, where=loose, initial=1.0)
         # bounds converge with the square of the cell's length at least
-        parts = int(
-            np.clip(
-                np.ceil(np.sqrt(excess)),
-                2,
-                MOST_PARTS if loose.sum() <= FEW_CELLS else 2,
-            )
-        )
-        pieces = np.diff(self.trajectory.knots)[cells.k]
-        if parts * loose.sum() > MAX_CELLS or (cells.lengths < parts * self.least_share * pieces).any():
+        most_parts = MOST_PARTS if loose.sum() <= FEW_CELLS else 2
+        parts = int(np.clip(np.ceil(np.sqrt(excess)), 2, most_parts))
+        least = self.least_share * np.diff(self.trajectory.knots)[cells.k]
+        if parts * loose.sum() > MAX_CELLS or (cells.lengths < parts * least).any():
             loose[:] = False
         return loose, parts
 
@@ -289,7 +283,8 @@ def find_geometric_use(trajectory: Trajectory, limits: Sequence[Limit]) -> dict[
         return {}
     proved = _prove_along(trajectory.path, limits)
     s = np.append(trajectory.s, piece_end_lengths(trajectory)[-1:])
-    slack = MAX_JUMP * (proved.end - proved.s[0])  # by which `find_gaps` lets a motion leave a place out
+    # `find_gaps` lets a motion leave out a place by this much
+    slack = MAX_JUMP * (proved.end - proved.s[0])
     first = np.searchsorted(proved.s, np.minimum(s[:-1], s[1:]) - slack, side="right") - 1
     last = np.searchsorted(proved.s, np.maximum(s[:-1], s[1:]) + slack, side="right")
     ranges = np.stack([np.clip(first, 0, len(proved.s) - 1), np.maximum(last, 1)], 1).ravel()

@@ -135,8 +135,13 @@ def _add_bound(task: Task, solution: RunSolution) -> RunSolution:
     has_bound = solution.bound > 0 and solution.maker != WITH_RESTS
     if has_bound or task.run.continuation is not None:
         return solution
-    bound = estimate_lower_bound(task.coarse)
-    return RunSolution.refused(bound) if isinstance(bound, MotionError) else replace(solution, bound=bound)
+    return _take_bound(solution, estimate_lower_bound(task.coarse))
+
+
+def _take_bound(solution: RunSolution, bound: float | MotionError) -> RunSolution:
+    if isinstance(bound, MotionError):
+        return RunSolution.refused(bound)
+    return replace(solution, bound=bound)
 
 
 def _place_refusal(task: Task, solution: RunSolution) -> RunSolution:
@@ -152,7 +157,9 @@ def _place_refusal(task: Task, solution: RunSolution) -> RunSolution:
     remedy = f"{largest:.6g} {unit} is the largest that the limits allow"
     if error.both:
         remedy += ", from rest or to rest at the other end: both are too high"
-    return RunSolution.refused(Infeasible(error.name, "path", place, error.speed * scale, largest, unit, remedy))
+    speed = error.speed * scale
+    refusal = Infeasible(error.name, "path", place, speed, largest, unit, remedy)
+    return RunSolution.refused(refusal)
 
 
 def _has_motion(outcomes: Outcomes) -> bool:
@@ -186,8 +193,7 @@ def solve_two_passes(task: Task, outcomes: Outcomes) -> RunSolution | None:
     if not solution.solved or solution.problem is None or task.run.continuation is not None:
         return solution
     fastest = solution.profile if solver == "passes" else None
-    bound = estimate_lower_bound(solution.problem, fastest)
-    return RunSolution.refused(bound) if isinstance(bound, MotionError) else replace(solution, bound=bound)
+    return _take_bound(solution, estimate_lower_bound(solution.problem, fastest))
 
 
 def ramp_brief_steps(task: Task, outcomes: Outcomes) -> RunSolution | None:

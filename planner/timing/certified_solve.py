@@ -30,7 +30,8 @@ from planner.trajectory import Trajectory
 # Runs that are solved and proved together: handing a run to another process takes longer than
 # solving it. Many runs are split into MANY_PARTS: larger parts take less time for each run, smaller
 # ones let all processes end at about the same time.
-PART_RUNS, MANY_PARTS = 8, 32
+PART_RUNS = 8
+MANY_PARTS = 32
 BEFORE_SHAPERS = "before the input shapers"
 """Name in tables of the duration of the motion that is shaped."""
 
@@ -148,7 +149,8 @@ def certified_solve(
     firsts = find_first_equals(path, limits, runs) if goal.uniform else list(range(len(runs)))
     different = sorted(set(firsts))
     size = max(PART_RUNS, -(-len(different) // MANY_PARTS))
-    parts = [[runs[n] for n in different[first : first + size]] for first in range(0, len(different), size)]
+    starts = range(0, len(different), size)
+    parts = [[runs[n] for n in different[k : k + size]] for k in starts]
     solved: list[CertifiedRun] = []
 
     def finish_part(part: Sequence[Run], outcome: list[CertifiedRun] | MotionError) -> None:
@@ -160,9 +162,10 @@ def certified_solve(
 
     spread(RunCertifier(path, tuple(limits), order, goal), parts, finish_part)
     by_index = dict(zip(different, solved, strict=True))
-    certified = [
-        by_index[n] if first == n else move_run(path, by_index[first], runs[n]) for n, first in enumerate(firsts)
-    ]
+    certified = []
+    for n, first in enumerate(firsts):
+        one = by_index[first]
+        certified.append(one if first == n else move_run(path, one, runs[n]))
     limits = hold_axes(limits, [cap for one in certified for cap in one.caps])
     trajectory, known = _join_runs(path, limits, certified, stops)
     methods = tuple(one.solution.method for one in certified)
@@ -261,14 +264,19 @@ def _join_runs(
     return Profile.joined(profiles).along(path), ProvedUse.join(proofs)
 
 
-def _unproved_error(trajectory: Trajectory, limits: Sequence[Limit], certificate: Certificate) -> MotionError:
+def _unproved_error(
+    trajectory: Trajectory,
+    limits: Sequence[Limit],
+    certificate: Certificate,
+) -> MotionError:
     """Return the reason why there is no proof."""
     for limit in limits:
         if limit.geometric and certificate.worst[limit.name] > 1:
             place = certificate.where[limit.name]
             channel = limit.channels.index(place.axis)
             state = trajectory.at(place.t if place.t is not None else 0.0)
-            return limit_violation(limit, float(limit.value(state)[0, channel]), channel, int(state.piece[0]), place)
+            value = float(limit.value(state)[0, channel])
+            return limit_violation(limit, value, channel, int(state.piece[0]), place)
     unproved = [name for name, worst in certificate.worst.items() if not np.isfinite(worst)]
     if unproved:
         place = certificate.where[unproved[0]]

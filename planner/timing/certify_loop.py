@@ -30,10 +30,13 @@ from planner.timing.solution import CRUISE, FEED_LIMITED, RunSolution
 from planner.timing.tighten import required_slowness
 
 # Number of times that a run is solved and tightened, and slowed after that.
-MAX_CERTIFY_ROUNDS, MAX_SLOWINGS = 8, 3
+MAX_CERTIFY_ROUNDS = 8
+MAX_SLOWINGS = 3
 # Number of times that axes are held below resonance bands: first where they stay in them too long,
 # after STRETCH_ROUNDS over their whole run, after ALL_HOLDINGS in all bands.
-MAX_HOLDINGS, STRETCH_ROUNDS, ALL_HOLDINGS = 8, 2, 6
+MAX_HOLDINGS = 8
+STRETCH_ROUNDS = 2
+ALL_HOLDINGS = 6
 # Each time that an axis is held below the same band again, the margin grows by this factor: a
 # motion may peak between grid points.
 MARGIN_GROWTH = 4.0
@@ -103,7 +106,14 @@ class RunCertifier:
                     certified[n] = better
                     changed.append(n)
             pending = changed
-        return [replace(one, solution=one.solution.bare(), room=_find_room(one.solution)) for one in certified]
+        return [
+            replace(
+                one,
+                solution=one.solution.bare(),
+                room=_find_room(one.solution),
+            )
+            for one in certified
+        ]
 
     def _pose(self, run: Run, caps: Sequence[SpeedCap] = ()) -> Task:
         """Return the task for a run, with axes held below resonance bands on some stretches."""
@@ -201,7 +211,8 @@ class RunCertifier:
         first, last = one.run.breaks(self.path)[[0, -1]].tolist()
         caps = []
         for band in bands:
-            earlier = [cap for cap in one.caps if (cap.band, cap.first, cap.last) == (band, first, last)]
+            whole = (band, first, last)
+            earlier = [cap for cap in one.caps if (cap.band, cap.first, cap.last) == whole]
             margin = BAND_MARGIN * MARGIN_GROWTH ** len(earlier)
             caps.append(SpeedCap(band, first, last, margin))
         return caps
@@ -225,4 +236,4 @@ def hold_axes(limits: Sequence[Limit], caps: Sequence[SpeedCap]) -> tuple[Limit,
     """Return the limits with axes held below resonance bands on more stretches."""
     if not caps:
         return tuple(limits)
-    return tuple(limit.hold_more(caps) if isinstance(limit, Resonance) else limit for limit in limits)
+    return tuple(each.hold_more(caps) if isinstance(each, Resonance) else each for each in limits)

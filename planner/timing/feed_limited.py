@@ -131,7 +131,8 @@ class FeedLimitedRun:
             ramp = float(ramps[first:after].max())
             begins = first == 0 and _cruises_at(start, caps.along[0])
             ends = after == len(breaks) - 1 and _cruises_at(end, caps.along[-1])
-            since, until = float(breaks[first]), float(breaks[after])
+            since = float(breaks[first])
+            until = float(breaks[after])
             blocked = [
                 (since, since if begins else since + ramp),
                 (until if ends else until - ramp, until),

@@ -14,7 +14,8 @@ from planner.path.stands import count_zero_derivatives
 
 # Shares of the limits that motions aim at: those of solvers, whose tolerance is near 1e-7, and
 # those in closed form.
-SOLVER_AIM, EXACT_AIM = 1 - 1e-6, 1 - 1e-9
+SOLVER_AIM = 1 - 1e-6
+EXACT_AIM = 1 - 1e-9
 # Share of a limit that holding still may use: more would leave no motion to find.
 MAX_HOLDING_SHARE = 1 - 1e-9
 ODD_TERMS = {Term.SDD, Term.SDSDD}
@@ -215,7 +216,8 @@ class Block:
         """Return the rows for the run backwards."""
 
         def turn(rows: SideRows) -> SideRows:
-            return {term: -values[::-1] if term in ODD_TERMS else values[::-1] for term, values in rows.items()}
+            turned = {term: values[::-1] for term, values in rows.items()}
+            return turned | {term: -turned[term] for term in ODD_TERMS if term in turned}
 
         speeds = self.speed_range
         return replace(
@@ -261,7 +263,7 @@ class Block:
         rows = self.end if at else self.start
         if Term.SDDD in rows:
             return 0.0
-        sums = [values[at] * speed ** POWERS[term] for term, values in rows.items() if term in POWERS]
+        sums = [rows[term][at] * speed**power for term, power in POWERS.items() if term in rows]
         return float(np.max(self.share(np.sum(sums, axis=0)), initial=0.0))
 
     def share(self, values: Array) -> Array:

@@ -23,12 +23,15 @@ from planner.timing.problem import (
 # Loads take long to evaluate and seldom bind. A load's rows are left out if no motion within the
 # other limits can use more than IDLE_SHARE of it at any grid point (the rest is for what happens
 # between them), or more than SURELY_IDLE_SHARE of it at every IDLE_STRIDE-th point.
-IDLE_SHARE, SURELY_IDLE_SHARE, IDLE_STRIDE = 0.9, 0.5, 16
+IDLE_SHARE = 0.9
+SURELY_IDLE_SHARE = 0.5
+IDLE_STRIDE = 16
 BOUNDING_TERMS = ({Term.SD}, {Term.SD2}, {Term.SDD, Term.SD2}, {Term.SDD})
 """Terms of rows that bound ṡ and s̈."""
 # Share of the jerk limit that a motion uses where it passes q′ = q″ = 0, if other limits are used
 # less than the second share one interval farther on.
-PASSED_SHARE, MOST_PASSED_USE = 0.97, 0.8
+PASSED_SHARE = 0.97
+MOST_PASSED_USE = 0.8
 
 
 def pose_problem(
@@ -155,8 +158,11 @@ def _open_room(block: Block, ends: Ends) -> Block:
     speeds = [end.speed for end in ends]
     if min(speeds) == 0:
         return block
-    is_short = any(block.find_steady_use(at, speed) > block.room[at] for at, speed in zip((0, -1), speeds, strict=True))
-    return replace(block, room=np.ones(len(block.room))) if is_short else block
+    at_start = block.find_steady_use(0, speeds[0])
+    at_end = block.find_steady_use(-1, speeds[1])
+    if at_start > block.room[0] or at_end > block.room[-1]:
+        return replace(block, room=np.ones(len(block.room)))
+    return block
 
 
 def leave_out_idle(limits: Sequence[Limit], problem: Problem) -> list[Limit]:
@@ -199,7 +205,8 @@ def _drop_idle(blocks: Sequence[Block]) -> list[Block]:
 
 
 def _select_bounding(blocks: Sequence[Block]) -> list[Block]:
-    return [block for block in blocks if block.speed_range is None and set(block.start) in BOUNDING_TERMS]
+    always = [block for block in blocks if block.speed_range is None]
+    return [block for block in always if set(block.start) in BOUNDING_TERMS]
 
 
 def _bound_terms(rows: Sequence[tuple[SideRows, Array]]) -> dict[Term, Array]:
@@ -232,8 +239,11 @@ def _find_largest_use(block: Block, bounds: Sequence[Mapping[Term, Array]]) -> f
         return np.inf
     largest = 0.0
     for rows, sizes in zip(block.sides, bounds, strict=True):
-        with np.errstate(invalid="ignore"):
-            terms = [np.where(values == 0, 0.0, np.abs(values) * sizes[term][:, None]) for term, values in rows.items()]
-        use = np.sum(terms, axis=0) / (1 - np.abs(block.middle))
-        largest = max(largest, float(use.max()))
+        total: Array = np.zeros(1)
+        for term, values in rows.items():
+            with np.errstate(invalid="ignore"):
+                size = np.abs(values) * sizes[term][:, None]
+            total = total + np.where(values == 0, 0.0, size)
+        use = total / (1 - np.abs(block.middle))
+        largest = max(largest, float(np.max(use)))
     return largest

@@ -16,7 +16,8 @@ from planner.timing.profile import Profile
 
 # Instants of each time piece. Parabolas through each three of them give a quadratic's peak exactly,
 # and miss about the fourth derivative's share of others. Pieces without jerk are more and shorter.
-INSTANTS, INSTANTS_WITHOUT_JERK = 5, 3
+INSTANTS = 5
+INSTANTS_WITHOUT_JERK = 3
 # A limit that is used less than this is not sampled again while a run is being solved.
 MIN_WATCHED_USE = 0.5
 # Pieces that are sampled together: memory stays small, however long a run is.
@@ -67,7 +68,9 @@ def _has_same_pieces(last: Sample, profile: Profile, limits: Sequence[Limit]) ->
 
 def _bound_parabolas(values: Array) -> tuple[Array, Array]:
     """Return the least and largest (M, m) of parabolas through each three of values (M, 2n+1, m)."""
-    first, middle, last = values[:, :-2:2], values[:, 1::2], values[:, 2::2]
+    first = values[:, :-2:2]
+    middle = values[:, 1::2]
+    last = values[:, 2::2]
     second_difference = first - 2 * middle + last
     with np.errstate(divide="ignore", invalid="ignore"):
         vertex = (first - last) / (2 * second_difference)  # in steps from the middle

@@ -16,11 +16,16 @@ Status = Literal["solved", "too fast", "infeasible", "stopped"]
 """Solved; a speed at an end is not possible; a limit cannot be respected; no answer was found."""
 
 # Makers of motions. Closed forms and averages:
-STRAIGHT, AVERAGED, BRIEF_RAMPS = "straight", "averaged", "brief ramps"
+STRAIGHT = "straight"
+AVERAGED = "averaged"
+BRIEF_RAMPS = "brief ramps"
 # motions at constant speed, by the program or at the capped speed of the tool;
-MADE_CONSTANT_SPEED, CRUISE = "constant speed", "cruise"
+MADE_CONSTANT_SPEED = "constant speed"
+CRUISE = "cruise"
 # motions joined of several: with rests between, of constant speeds and ramps, of cruises and ramps.
-WITH_RESTS, IN_PARTS, FEED_LIMITED = "with rests", "in parts", "feed-limited"
+WITH_RESTS = "with rests"
+IN_PARTS = "in parts"
+FEED_LIMITED = "feed-limited"
 
 # A motion slowed by less than this still counts as its maker's.
 MAX_UNTOLD_SLOWNESS = 1 + 1e-4

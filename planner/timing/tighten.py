@@ -39,7 +39,8 @@ SOLVER_MARGIN = 2e-7
 MAX_TRIES = 6
 # Excess from which an interval is cut in CUT_PARTS when it is solved again. Later tries cut from a
 # smaller excess on: it then lies between grid points, where less room does not help.
-MIN_CUT_EXCESS, MIN_LATE_CUT_EXCESS = 1.03, 1.0003
+MIN_CUT_EXCESS = 1.03
+MIN_LATE_CUT_EXCESS = 1.0003
 CUT_PARTS = 4
 # Excess up to which the next answer is very near the last.
 MIN_NEAR_EXCESS = 1 + 1e-3
@@ -51,7 +52,8 @@ MAX_CHEAP_SLOWNESS = 1 + 3e-5
 
 def required_slowness(limits: Sequence[Limit], use: Mapping[str, Array]) -> float:
     """Return how many times slower a motion with this use must be to keep all limits."""
-    return max(limit.slowness(float(use[limit.name].max())) for limit in limits if limit.name in use)
+    known = [limit for limit in limits if limit.name in use]
+    return max(limit.slowness(float(use[limit.name].max())) for limit in known)
 
 
 def tighten_until_kept(
@@ -71,9 +73,8 @@ def tighten_until_kept(
         sample = solution.profile, use
         aimed_use = solution.relate_use(use)
         slowness = required_slowness(watched, aimed_use)
-        watched = [
-            limit for limit in watched if limit.name in aimed_use and aimed_use[limit.name].max() > MIN_WATCHED_USE
-        ]
+        most = {name: values.max() for name, values in aimed_use.items()}
+        watched = [limit for limit in watched if most.get(limit.name, 0.0) > MIN_WATCHED_USE]
         if slowness <= 1 + SOLVER_MARGIN:
             break
         if solution.maker not in ("passes", "toppra"):
@@ -153,7 +154,8 @@ def _solve_again(
     guess = part.profile.columns()
     least = MIN_LATE_CUT_EXCESS if part.tries > 2 else MIN_CUT_EXCESS
     if part.tries > 1 and excess.max() > least:
-        tighter = cut_intervals(task.path, task.limits, tighter, np.where(excess > least, CUT_PARTS, 1))
+        count = np.where(excess > least, CUT_PARTS, 1)
+        tighter = cut_intervals(task.path, task.limits, tighter, count)
         guess = part.profile.on(tighter.s)
     is_near = excess.max() <= MIN_NEAR_EXCESS
     return solve_jerk_limited(tighter, guess, "nearer" if is_near else "near")

@@ -7,7 +7,7 @@ from a slower segment, the ramp lies in its own segment.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -112,7 +112,8 @@ class ConstantSpeed:
         run = task.run
         pieces = range(run.first, run.last + 1)
         stated = [self._find_stated(task.path, piece) for piece in pieces]
-        changes = [after for after, (one, other) in zip(pieces[1:], pairwise(stated), strict=True) if one != other]
+        neighbours = zip(pieces[1:], pairwise(stated), strict=True)
+        changes = [after for after, (one, other) in neighbours if one != other]
         if not changes:
             return [task]
         # a constant speed is one of the tool's caps
@@ -120,8 +121,9 @@ class ConstantSpeed:
         inner = [EndCondition(float(caps[[piece - 1, piece]].min())) for piece in changes]
         starts = pairwise([run.first, *changes, run.last + 1])
         ends = pairwise([run.ends[0], *inner, run.ends[1]])
+        plain = replace(run, since=None, until=None, continuation=None, whole=True)
         return [
-            task.with_run(Run(first, after - 1, both, solver=run.solver, fineness=run.fineness, whole=True))
+            task.with_run(replace(plain, first=first, last=after - 1, ends=both))
             for (first, after), both in zip(starts, ends, strict=True)
         ]
 
@@ -203,11 +205,15 @@ def _end_speed_error(
     block = task.run
     kind = error.kind if isinstance(error, Infeasible) else ""
     if kind in ("start speed", "") and block.first > run.first:
-        end, piece = 0, block.first
-        direction, neighbour = "from", "before"
+        end = 0
+        piece = block.first
+        direction = "from"
+        neighbour = "before"
     elif kind in ("end speed", "") and block.last < run.last:
-        end, piece = -1, block.last
-        direction, neighbour = "to", "after"
+        end = -1
+        piece = block.last
+        direction = "to"
+        neighbour = "after"
     else:
         return error
     path = task.path

@@ -71,7 +71,8 @@ def speed_error(task: Task, places: Places, speed: float) -> ConstantRefused | N
     worst = [int(np.argmin(possible))]
     possible_speed = float(possible[worst[0]])
     place = s[worst], piece[worst]
-    limit, channel = _find_binding(select_timed(task.limits), _state_at_speed(path, place, possible[worst]))
+    fastest = _state_at_speed(path, place, possible[worst])
+    limit, channel = _find_binding(select_timed(task.limits), fastest)
     value = limit.value(_state_at_speed(path, place, np.array([speed])))[0, channel]
     attained, allowed = limit.report_value(float(value), channel, int(piece[worst[0]]))
     name = limit.channels[channel]

@@ -41,12 +41,15 @@ RAMP_LENGTHENING = {
     3: (1.01, 1.03, 1.1),
 }
 # A ramp is solved again on its own finer grid while it gets shorter by this share, so often at most.
-MIN_RAMP_GAIN, MAX_SOLVES = {STRAIGHT: 1e-3, 2: 1e-3, 3: 1.5e-2}, 4
+MIN_RAMP_GAIN = {STRAIGHT: 1e-3, 2: 1e-3, 3: 1.5e-2}
+MAX_SOLVES = 4
 # Time pieces at constant speed: at least, and for each radian that the path turns.
-MIN_PIECES, PIECES_PER_RADIAN = 200, 100
+MIN_PIECES = 200
+PIECES_PER_RADIAN = 100
 # Points of a time piece at which limits are sampled, before the proof and where that finds one
 # exceeded.
-FIRST_POINTS, CHECK_POINTS = 3, 17
+FIRST_POINTS = 3
+CHECK_POINTS = 17
 
 
 def solve_constant_stretch(task: Task, speed: float) -> tuple[RunSolution, ...]:

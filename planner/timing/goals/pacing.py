@@ -20,7 +20,8 @@ from planner.timing.profile import Profile
 EASING_SHARES = (0.1, 0.3, 0.9)
 # A motion may be this much shorter than the duration before it is slowed to that: room for the
 # proof, and no more than what a crossing has to spare.
-MIN_SHORTENING, MAX_SHORTENING = 1e-4, 2e-3
+MIN_SHORTENING = 1e-4
+MAX_SHORTENING = 2e-3
 # Secant steps and halvings at most.
 MOST_STEPS = 40
 

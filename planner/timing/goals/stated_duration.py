@@ -38,7 +38,8 @@ MIN_SLACK_SHARE = 1e-6
 RANGE_POINTS = 17
 SHORT_DURATION = "duration"
 """Kind of the refusal of less than the shortest duration."""
-SMOOTHEST, PACED = "smoothest", "paced"
+SMOOTHEST = "smoothest"
+PACED = "paced"
 
 
 def solve_stated(
@@ -160,7 +161,15 @@ class Smoothest(FallbackGoal):
         candidates = []
         paced = pacer.pace(slowed.duration)
         if paced is not None:
-            candidates.append(replace(smoothest, fallback=paced, profile=paced, maker=PACED, tries=MAX_TRIES))
+            candidates.append(
+                replace(
+                    smoothest,
+                    fallback=paced,
+                    profile=paced,
+                    maker=PACED,
+                    tries=MAX_TRIES,
+                )
+            )
         below = pacer.solve_fastest(pacer.hold_below().limits)
         if below is not None and below.duration <= slowed.duration:
             gentle = below.slowed(slowed.duration / below.duration)
