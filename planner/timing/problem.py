@@ -115,7 +115,7 @@ class Settings:
 
     solver: Solver = "passes"
     continuation: Continuation | None = None
-    fineness: int = 1
+    fineness: float = 1.0
     whole: bool = False
 
 
