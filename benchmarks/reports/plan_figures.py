@@ -91,7 +91,7 @@ def draw_stops(stops: Stops | None) -> dict[str, Picture]:
 def draw_tracking(metrics: Sequence[Metrics]) -> dict[str, Picture]:
     """Draw the errors of the tracking laws, if there are any."""
     from controllers.figures import contour_error, tracking_error
-    from kinematics.foundation.figure import PALETTE
+    from kinematics.foundation.line_styles import PALETTE
 
     if not metrics:
         return {}
@@ -129,7 +129,7 @@ def _draw_limit_use(plan: Plan) -> "list[Axes]":
 
 
 def _draw_classical(plan: Plan, classical: Classical) -> "Axes":
-    from kinematics.foundation.figure import PALETTE
+    from kinematics.foundation.line_styles import PALETTE
     from planner.figures import path_speed
 
     motion = plan.trajectory
