@@ -16,7 +16,8 @@ from pulsepath.progress import as_json as as_json
 
 if TYPE_CHECKING:
     from controllers import Metrics, Rig
-    from kinematics import Axis, Machine, MotionError, Pose, Posture
+    from kinematics import Axis, MotionError, Pose, Posture
+    from kinematics.machine.machine_file import MachineSummary
     from planner import Standing
     from planner.export.format import Exported
     from planner.pulses import RealisedPath
@@ -180,11 +181,11 @@ def record_rules() -> Record:
     }
 
 
-def record_machine(machine: Machine) -> Record:
+def record_machine(machine: MachineSummary) -> Record:
     """Return the record of a machine; None: unlimited."""
     return {
         "name": machine.name,
-        "kind": type(machine).__name__.lower(),
+        "kind": machine.kind,
         "freedom": list(machine.freedom),
         "axes": [_axis(axis) for axis in machine.axes],
     }
