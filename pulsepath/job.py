@@ -275,7 +275,7 @@ def run(
     if report.figures:
         draw_here = partial(draw_results, results)
         drawing = other.start(draw_here)
-        draw = cache(partial(drawing.result, draw_here))
+        draw = partial(drawing.result, draw_here)
     return Job(results, cache(partial(reviewing.result, review)), draw)
 
 
