@@ -348,18 +348,18 @@ class EquationsFile(LoadedFile):
         return tuple(component for component in COMPONENTS if component in self.geometry.moves)
 
     def list_axes(self) -> list[Axis]:
-        """List the axes. Raises BadValue for a name that is no axis, and for tables of the wrong sort."""
+        """List the axes. Raises BadValue for an unknown axis, and for a missing table or one of the wrong sort."""
         joints, rotary = self.geometry.joints, self.geometry.rotary
-        for name in (*rotary, *(own.name for own in self.axis)):
+        for name in (*rotary, *(entry.name for entry in self.axis)):
             if name not in joints:
                 known = ", ".join(joints)
                 message = f"{describe_value(name)} is no axis{nearest(name, joints)}; axes: {known}"
                 raise BadValue(message, key=("joints",), allowed=known, nearest=closest(name, joints))
-        for own in self.axis:
-            turns = own.name in rotary
-            if turns != isinstance(own, OwnTurning):  # its numbers are read in the units of the other sort
+        for entry in self.axis:
+            turns = entry.name in rotary
+            if turns != isinstance(entry, OwnTurning):  # its numbers are read in the units of the other sort
                 sort = 'turns: state angles, as "90 deg/s"' if turns else 'slides: state lengths, as "20 mm/s"'
-                raise BadValue(f"axis {own.name} {sort}", key=(own.name, "name"))
+                raise BadValue(f"axis {entry.name} {sort}", key=(entry.name, "name"))
         tables: dict[str, AxisTable] = {}
         for name in joints:
             table = self.rotary if name in rotary else self.axes

@@ -140,7 +140,7 @@ def _place(piece: Piece) -> tuple[int, int | None]:
 
 
 def _solve_motion(program: Program, machine: Machine, order: int) -> Trajectory | None:
-    """Return the fastest motion; None if there is none."""
+    """Return the fastest motion. None: the program cannot be planned."""
     # The solvers load only for programs with open orientations: `pulsepath check` does without.
     from planner.timing.certified_solve import certified_solve
 
