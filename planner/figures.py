@@ -33,7 +33,7 @@ from planner.certificate.feasibility import Standing
 from planner.cross_check import CrossCheck
 from planner.interruption.hold import Stops
 from planner.interruption.section import Section
-from planner.limit_styles import style_limits
+from planner.limits.styles import style_limits
 from planner.path.actuation import MachinePath
 from planner.plan import Plan
 from planner.plan_parts import PlanStanding

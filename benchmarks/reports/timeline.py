@@ -8,7 +8,7 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from planner.active_limits import active_limits, find_segments, name_segment
 from planner.activity import Activity
-from planner.limit_styles import style_limits
+from planner.limits.styles import style_limits
 from planner.overview import Overview
 from planner.plan import Plan
 

@@ -143,7 +143,7 @@ def _make_speed_panel(plan: PlanStanding, overview: Overview) -> Panel:
 
 def _make_use_panel(activity: Activity) -> Panel:
     """Make the panel of the largest share of each limit in each window."""
-    from planner.limit_styles import style_limits
+    from planner.limits.styles import style_limits
 
     edges = np.append(activity.t, activity.end)
     styles = style_limits(activity.use)

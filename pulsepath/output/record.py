@@ -104,9 +104,10 @@ def record_import(name: str, result: Imported, way: Outline, file: str, figure: 
 def record_posture(result: Posture) -> Record:
     """Return the record of one pose: axes, joints, margins and proof."""
     margins = result.margins
+    from_home, in_base = result.places.tolist()
     return {
         "machine": result.machine.name,
-        "pose": {"home": record_pose(result.from_home), "base": record_pose(result.pose)},
+        "pose": {"home": record_place(from_home), "base": record_place(in_base)},
         "directions_rad": result.directions.tolist(),
         "axes": [
             {"name": axis.name, "position": q, "from_home": away, "pulses": count, "unit": axis.unit, "travel_use": use}
@@ -136,6 +137,11 @@ def record_posture(result: Posture) -> Record:
         "certified": result.certified,
         "residual": result.residual,
     }
+
+
+def record_place(place: Sequence[float]) -> Record:
+    """Return the record of x, y, z (m) and θx, θy, θz (rad)."""
+    return {"position_m": list(place[:3]), "angles_rad": list(place[3:])}
 
 
 def record_pose(pose: Pose) -> Record:

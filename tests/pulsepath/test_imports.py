@@ -164,7 +164,8 @@ LOADED = {
     "laws": {"numpy", "casadi", "rich"},
     "rules": {"numpy", "casadi", "rich"},
     "figures": {"numpy", "casadi", "rich"},
-    "pose hexapod": {"numpy", "casadi", "pydantic", "rich", "scipy"},
+    "pose hexapod 5,5,35 --turn 3,-4,2": {"numpy", "casadi", "pydantic", "rich"},
+    "pose tripod --travel 1,2,3": {"numpy", "casadi", "pydantic", "rich"},
 }
 """Slow packages that commands without a plan load: all others would delay them."""
 

@@ -19,8 +19,8 @@ from planner import load_program, plan, plan_parts
 from planner.active_limits import active_limits, name_segment
 from planner.activity import Activity
 from planner.figures import list_levels
-from planner.limit_styles import style_limits
 from planner.limits.registry import AXIS_LIMITS, MACHINE_LIMITS, geometric_limits
+from planner.limits.styles import style_limits
 from planner.overview import Overview
 from tests.browser import act_in, needs_browser
 
