@@ -246,15 +246,36 @@ def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] 
     """
     alone = ax is None
     ax = new_axes(ax)
+    draw_limit_uses(plan, {over: ax})
+    if alone:
+        ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, frameon=False)
+    return ax
+
+
+def draw_limit_uses(plan: Plan, axes: Mapping[Literal["path", "time"], Axes]) -> None:
+    """Draw `limit_use` on several axes. The limits are sampled once, which takes as long as drawing."""
     trajectory = plan.trajectory
     s = np.append(trajectory.s, trajectory.at(trajectory.duration).s)
-    edges = trajectory.knots if over == "time" else 1e3 * s
     shares = limit_shares(plan)
+    active = active_limits(plan)
+    for over, ax in axes.items():
+        edges = trajectory.knots if over == "time" else 1e3 * s
+        _draw_limit_use(plan, ax, edges, shares, active)
+        ax.set_xlabel("time (s)" if over == "time" else "distance along the path (mm)")
+
+
+def _draw_limit_use(
+    plan: Plan,
+    ax: Axes,
+    edges: Array,
+    shares: Mapping[str, Array],
+    active: np.ndarray,
+) -> None:
+    """Draw the shares of the limits between the edges (M + 1,) of time pieces, and the active limit of each."""
     styles = style_limits(limit.name for limit in plan.limits)
     for name, drawn in styles.items():
         _draw_stairs(ax, shares[name], edges, label=literal_label(name), **drawn)
     ax.set_axisbelow(True)
-    active = active_limits(plan)
     first = np.flatnonzero(np.diff(active, prepend=-2))
     last = np.append(first[1:], len(active))
     for owner in np.unique(active):
@@ -276,15 +297,11 @@ def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] 
         )
     ax.axhline(1.0, color="black", **LIMIT_LINE)
     ax.set(
-        xlabel="time (s)" if over == "time" else "distance along the path (mm)",
         ylabel="share of the limit",
         xlim=(edges[0], edges[-1]),
         ylim=(0, 1.3),
         yticks=np.linspace(0, 1, 5),
     )
-    if alone:
-        ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, frameon=False)
-    return ax
 
 
 def realised_error(

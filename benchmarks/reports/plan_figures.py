@@ -119,11 +119,10 @@ def _draw_axis_motion(plan: Plan) -> "list[Axes]":
 
 
 def _draw_limit_use(plan: Plan) -> "list[Axes]":
-    from planner.figures import limit_use
+    from planner.figures import draw_limit_uses
 
     axes = _stack_axes(2, 3.2, share=False)
-    limit_use(plan, axes[0], "path")
-    limit_use(plan, axes[1], "time")
+    draw_limit_uses(plan, {"path": axes[0], "time": axes[1]})
     _add_legend(axes[0])
     return axes
 
