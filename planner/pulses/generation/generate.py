@@ -8,15 +8,30 @@ from numpy.typing import ArrayLike
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.names import unknown_name
+from kinematics.foundation.options import read_options, split_options
 from kinematics.machine.axis import Axis
 from planner.parallel import Progress, ignore_progress
 from planner.pulses.compensation.compensate import CompensatedMotion, counted_motion
 from planner.pulses.generation.firing_rule import Rule
-from planner.pulses.generation.rules import find_rule
+from planner.pulses.generation.rules import RULES
 from planner.pulses.generation.sent import SentPulses
 from planner.pulses.generation.stream import PulseStream
 from planner.pulses.motion import AxesMotion
 from planner.pulses.schedule import PulseSchedule
+
+
+def find_rule(text: str) -> Rule:
+    """Return the rule of a name with or without options.
+
+    Examples: "sampled", "sampled:period=50us", "dda:spacing=2ms,rate=200kHz".
+
+    Raises MotionError for an unknown name or option, with the nearest, and for a value that the rule refuses.
+    """
+    name, given = split_options(text, "firing rule")
+    if name not in RULES:
+        raise unknown_name("firing rule", name, RULES)
+    return RULES[name](**read_options(RULES[name], given, f"firing rule {name}"))
 
 
 @dataclass(frozen=True, slots=True)
