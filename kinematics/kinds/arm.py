@@ -314,6 +314,9 @@ class ArmFile(LoadedFile):
     axes: RotaryAxis = AXES
     axis: tuple[ArmAxisTable, ...] = OWN_AXES
 
+    def list_freedom(self) -> tuple[str, ...]:
+        return Arm.freedom
+
     def list_axes(self) -> list[Axis]:
         names = self.geometry.joints
         return axes(names, dict.fromkeys(names, self.axes), self.axis, self)

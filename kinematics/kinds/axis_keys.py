@@ -322,8 +322,12 @@ class MachineFile(File):
     )
 
     def list_axes(self) -> list[Axis] | None:
-        """The axes, as the file states them; None: only the machine that is made of it tells."""
+        """List the axes as the file states them; None: only the machine has them. Raises MotionError."""
         return None
+
+    def list_freedom(self) -> tuple[str, ...]:
+        """List the components of a pose that the machine controls. A kind with `list_axes` has this too."""
+        raise NotImplementedError
 
     @staticmethod
     def geometry_of(machine: Any, complete: bool) -> Mapping[str, Any] | None:

@@ -23,6 +23,7 @@ from kinematics.kinds.axis_keys import (
     GEOMETRY,
     KIND,
     OWN_AXES,
+    AxisTable,
     LinearAxis,
     LinearDefaults,
     RotaryAxis,
@@ -343,6 +344,31 @@ class EquationsFile(LoadedFile):
     rotary: RotaryAxis | None = key("what all rotary axes have", default=None)
     axis: tuple[Annotated[Any, Chosen(_pick_axis_table)], ...] = OWN_AXES
 
+    def list_freedom(self) -> tuple[str, ...]:
+        return tuple(component for component in COMPONENTS if component in self.geometry.moves)
+
+    def list_axes(self) -> list[Axis]:
+        """List the axes. Raises BadValue for an unknown axis, and for a missing table or one of the wrong sort."""
+        joints, rotary = self.geometry.joints, self.geometry.rotary
+        for name in (*rotary, *(entry.name for entry in self.axis)):
+            if name not in joints:
+                known = ", ".join(joints)
+                message = f"{describe_value(name)} is no axis{nearest(name, joints)}; axes: {known}"
+                raise BadValue(message, key=("joints",), allowed=known, nearest=closest(name, joints))
+        for entry in self.axis:
+            turns = entry.name in rotary
+            if turns != isinstance(entry, OwnTurning):  # its numbers are read in the units of the other sort
+                sort = 'turns: state angles, as "90 deg/s"' if turns else 'slides: state lengths, as "20 mm/s"'
+                raise BadValue(f"axis {entry.name} {sort}", key=(entry.name, "name"))
+        tables: dict[str, AxisTable] = {}
+        for name in joints:
+            table = self.rotary if name in rotary else self.axes
+            if table is None:
+                missing = "rotary" if name in rotary else "axes"
+                raise BadValue(f"axis {name} needs the table [{missing}]: add it", key=("joints",))
+            tables[name] = table
+        return axes(joints, tables, self.axis, self)
+
     @staticmethod
     def geometry_of(machine: Equations, complete: bool) -> dict[str, Any]:
         """Constants are written in SI units, whatever they were read in."""
@@ -368,30 +394,10 @@ class EquationsFile(LoadedFile):
 
 def build_equations(file: EquationsFile, name: str, folder: Path | Traversable) -> Equations:
     geometry, box = file.geometry, file.geometry.room
-    names = geometry.joints
-    for known, stated in ((names, geometry.rotary), (names, [own.name for own in file.axis])):
-        for one in stated:
-            if one not in known:
-                told = (
-                    f"machine {name}: {describe_value(one)} is no axis{nearest(one, known)}; axes: {', '.join(known)}"
-                )
-                raise BadValue(told, key=("joints",), allowed=", ".join(known), nearest=closest(one, known))
-    for own in file.axis:
-        turns = own.name in geometry.rotary
-        if turns != isinstance(own, OwnTurning):  # its numbers are read in the units of the other sort
-            sort = 'turns: state angles, as "90 deg/s"' if turns else 'slides: state lengths, as "20 mm/s"'
-            raise BadValue(f"machine {name}: axis {own.name} {sort}", key=(own.name, "name"))
-    tables = {}
-    for one in names:
-        table = file.rotary if one in geometry.rotary else file.axes
-        if table is None:
-            missing = "rotary" if one in geometry.rotary else "axes"
-            raise BadValue(f"machine {name}: axis {one} needs the table [{missing}]: add it", key=("joints",))
-        tables[one] = table
     return Equations(
         geometry.moves,
         geometry.coordinates,
-        axes=axes(names, tables, file.axis, file),
+        axes=file.list_axes(),
         home=geometry.home.numbers,
         follows=geometry.follows,
         orientation=[TurnFormula(turn.about, turn.angle) for turn in geometry.orientation],

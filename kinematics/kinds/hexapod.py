@@ -133,6 +133,9 @@ class HexapodFile(LoadedFile):
     axis: tuple[LegTable, ...] = OWN_AXES
     legs: LegsTable | None = LEG_MASSES
 
+    def list_freedom(self) -> tuple[str, ...]:
+        return Hexapod.freedom
+
     def list_axes(self) -> list[Axis]:
         return axes(LEGS, dict.fromkeys(LEGS, self.axes), self.axis, self)
 

@@ -173,6 +173,9 @@ class LinkageFile(LoadedFile):
     axes: LinearDefaults = AXES
     axis: tuple[LinkageAxisTable, ...] = OWN_AXES
 
+    def list_freedom(self) -> tuple[str, ...]:
+        return Linkage.freedom
+
     def list_axes(self) -> list[Axis]:
         return axes(NAMES, dict.fromkeys(NAMES, self.axes), self.axis, self)
 

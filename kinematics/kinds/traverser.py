@@ -131,6 +131,9 @@ class TraverserFile(LoadedFile):
     rotary: RotaryAxis = key("the same of the turning axis, which needs no travel")
     axis: tuple[Annotated[Any, Chosen(_axis_table_type)], ...] = OWN_AXES
 
+    def list_freedom(self) -> tuple[str, ...]:
+        return Traverser.freedom
+
     def list_axes(self) -> list[Axis]:
         return axes((*SLIDES, ROTARY), dict.fromkeys(SLIDES, self.axes) | {ROTARY: self.rotary}, self.axis, self)
 

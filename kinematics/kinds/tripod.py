@@ -114,6 +114,9 @@ class TripodFile(LoadedFile):
     axis: tuple[TripodArmTable, ...] = OWN_AXES
     legs: LegsTable | None = LEG_MASSES
 
+    def list_freedom(self) -> tuple[str, ...]:
+        return Tripod.freedom
+
     def list_axes(self) -> list[Axis]:
         return axes(ARMS, dict.fromkeys(ARMS, self.axes), self.axis, self)
 

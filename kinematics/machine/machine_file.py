@@ -1,6 +1,7 @@
 """Machine files: the schema of each kind's TOML, and the machine that one describes."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from importlib.resources.abc import Traversable
 from os import PathLike
@@ -54,16 +55,33 @@ def validate_machine_file(source: Path | Traversable) -> Callable[[], Machine]:
     return partial(_make_machine, source, *_read_model(source))
 
 
-def read_axes(source: Path | Traversable) -> tuple[Axis, ...]:
-    """The axes that a file states, before any [[vibration]] shapes them.
+@dataclass(frozen=True, slots=True)
+class MachineSummary:
+    """The axes of a machine, before any [[vibration]] shapes them, and the components of a pose that they control."""
 
-    Of most kinds without making the machine. Raises FileError as `validate_machine_file`.
+    name: str
+    kind: str
+    freedom: tuple[str, ...]
+    axes: tuple[Axis, ...]
+
+
+def read_summary(source: Path | Traversable) -> MachineSummary:
+    """Return the summary of a machine. Of most kinds the file states it, and the machine is not made.
+
+    Raises FileError as `validate_machine_file`.
     """
     if is_basic_lengths(source):
         source = find("kinematics", "machine", TEMPLATE_MACHINE)
     document, model, construct = _read_model(source)
-    axes = model.list_axes()
-    return _make_machine(source, document, model, construct).axes if axes is None else tuple(axes)
+    kind = str(document.data["kind"])
+    try:
+        axes = model.list_axes()
+    except MotionError as error:
+        raise FileError(document.file, [document.fault(_locate_fault(document.data, error), str(error))]) from error
+    if axes is None:
+        machine = _make_machine(source, document, model, construct)
+        return MachineSummary(machine.name, kind, machine.freedom, machine.axes)
+    return MachineSummary(Path(source.name).stem, kind, model.list_freedom(), tuple(axes))
 
 
 def _read_model(source: Path | Traversable) -> tuple[Document, MachineFile, Construct]:
