@@ -172,7 +172,7 @@ class File(TableSchema):
     """
 
     what: ClassVar[str] = ""
-    version: Literal[1] = key("of this file", alias="schema", remedy="write schema = 1")
+    version: Literal[1] = key("version of the file format", alias="schema", remedy="write schema = 1")
 
 
 Model = TypeVar("Model", bound=File)

@@ -99,12 +99,12 @@ class SixLegs(Platforms):
 class JointCircles(SixLegs):
     """Joint centres in pairs on a circle of each platform; heights along z in the platform's own frame."""
 
-    base_radius: Radius = key("circle of the base's joint centres")
-    base_gap: Gap = key("on that circle, between the two closest joints")
-    base_height: Length = key("of that circle, along z of the base frame")
-    platform_radius: Radius = key("the same of the platform, in its own frame")
-    platform_gap: Gap = key("between the two closest joints")
-    platform_height: Length = key("along z of the platform's frame")
+    base_radius: Radius = key("radius of the circle through the base joints")
+    base_gap: Gap = key("angle on that circle between the two joints of a pair")
+    base_height: Length = key("z of the base joints in the base frame")
+    platform_radius: Radius = key("radius of the circle through the platform joints")
+    platform_gap: Gap = key("angle on that circle between the two joints of a pair")
+    platform_height: Length = key("z of the platform joints in the platform frame")
 
     def joints(self) -> tuple[ArrayLike, ArrayLike]:
         return (
@@ -116,8 +116,10 @@ class JointCircles(SixLegs):
 class JointPoints(SixLegs):
     """Joint centres one by one, each in the frame of its platform."""
 
-    base_joints: SixPoints = key("joint centres one by one, leg1 first")
-    platform_joints: SixPoints = key("the same, in the platform's frame")
+    base_joints: SixPoints = key("centres of the base joints in the base frame: x, y, z of leg1 to leg6")
+    platform_joints: SixPoints = key(
+        "centres of the platform joints in the platform's own frame: x, y, z of leg1 to leg6"
+    )
 
     def joints(self) -> tuple[ArrayLike, ArrayLike]:
         return self.base_joints, self.platform_joints

@@ -226,18 +226,20 @@ Tilt = Annotated[float, Unit("rad", above=0, most=pi)]
 class Plate(TableSchema):
     """A platform's disc, in the platform's own frame."""
 
-    radius: Radius = key("of the disc")
-    thickness: Thickness = key("of the disc")
-    centre: Point = key("half-way up its thickness", default=(0.0, 0.0, 0.0))
-    normal: Direction = key("its axis", default=(0.0, 0.0, 1.0))
+    radius: Radius = key("radius of the plate")
+    thickness: Thickness = key("thickness of the plate")
+    centre: Point = key("centre of the plate, at half its thickness", default=(0.0, 0.0, 0.0))
+    normal: Direction = key("normal of the plate", default=(0.0, 0.0, 1.0))
 
     @property
     def disc(self) -> Disc:
         return Disc(self.radius, self.thickness, self.centre, self.normal)
 
 
-BASE_REST = key("axis of the base's joints at rest, in its frame; or one for each", "[0, 0, 1]", None)
-PLATFORM_REST = key("the same of the platform's joints, in the platform's frame", "[0, 0, 1]", None)
+BASE_REST = key("axis of the base joints at zero tilt, in the base frame; or one for each joint", "[0, 0, 1]", None)
+PLATFORM_REST = key(
+    "axis of the platform joints at zero tilt, in the platform frame; or one for each joint", "[0, 0, 1]", None
+)
 _DISC = '{ radius = "20 mm", thickness = "5 mm" }'
 
 
@@ -251,21 +253,21 @@ class Platforms(TableSchema):
     base_rest: tuple[Any, ...] | None = BASE_REST
     platform_rest: tuple[Any, ...] | None = PLATFORM_REST
     max_tilt: Annotated[float | tuple[float, float], Chosen(_tilt_type)] | None = key(
-        "of a joint from its axis at rest; two: of the base, of the platform", '"35 deg"', None
+        "largest angle of a leg from the zero-tilt axis of its joints; two values: base, platform", '"35 deg"', None
     )
     leg_radius: Radius | None = key(
-        "what a leg takes up: a round bar; without it no collision is looked for", '"5 mm"', None
+        "radius of a leg as a round bar; without it, collisions are not checked", '"5 mm"', None
     )
     leg_ends: Thickness | None = key(
-        "from a joint's centre to where the bar begins", '"5 mm"', None, needs=["leg_radius"]
+        "distance from a joint centre to the end of the bar", '"5 mm"', None, needs=["leg_radius"]
     )
     base_disc: Plate | None = key(
-        'the plate of the base, in its frame; centre = ["0 mm", "0 mm", "0 mm"], normal = [0, 0, 1] if not stated',
+        'plate of the base, for collisions; centre = ["0 mm", "0 mm", "0 mm"], normal = [0, 0, 1] if not stated',
         _DISC,
         None,
         needs=["leg_radius"],
     )
-    platform_disc: Plate | None = key("the same of the platform", _DISC, None, needs=["leg_radius"])
+    platform_disc: Plate | None = key("plate of the platform, in the platform frame", _DISC, None, needs=["leg_radius"])
 
     def options(self) -> dict[str, Any]:
         """The keywords that the machines take."""

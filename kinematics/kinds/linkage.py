@@ -150,13 +150,15 @@ NAMES = ("a", "b")
 class LinkageGeometry(TableSchema):
     """How a linkage is built."""
 
-    base_a: tuple[Length, Length] = key("hinge of actuator a, in the plane")
-    base_b: tuple[Length, Length] = key("hinge of actuator b")
-    offset: Annotated[float, Unit("m", least=0)] = key("from the actuators' joint to the point that is moved")
-    angle: Angle = key("at that joint, from actuator a to the point")
+    base_a: tuple[Length, Length] = key("x and y of the base hinge of actuator a")
+    base_b: tuple[Length, Length] = key("x and y of the base hinge of actuator b")
+    offset: Annotated[float, Unit("m", least=0)] = key("distance from the joint of the two actuators to the tool point")
+    angle: Angle = key("angle at that joint, from actuator a to the tool point")
     home: HomeTable = HOME
     near: tuple[Length, Length] | None = key(
-        "lengths of a and b, where two are possible; the longer a if not stated", '["367 mm", "409 mm"]', None
+        "lengths of a and b at home, where two solutions exist; the longer a if not stated",
+        '["367 mm", "409 mm"]',
+        None,
     )
 
 

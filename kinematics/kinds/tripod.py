@@ -93,9 +93,13 @@ class TripodGeometry(Platforms):
 
     base_rest: Annotated[tuple[Any, ...], rest_axes_type(3)] | None = BASE_REST
     platform_rest: Annotated[tuple[Any, ...], rest_axes_type(3)] | None = PLATFORM_REST
-    base_joints: tuple[Point, Point, Point] = key("joint centres in the base frame, arm1 first")
-    platform_joints: tuple[Point, Point, Point] = key("joint centres in the plate's frame")
-    tool: Point = key("the tool's centre in the plate's frame", '["0 mm", "0 mm", "0 mm"]', (0.0, 0.0, 0.0))
+    base_joints: tuple[Point, Point, Point] = key(
+        "centres of the base joints in the base frame: x, y, z of arm1 to arm3"
+    )
+    platform_joints: tuple[Point, Point, Point] = key(
+        "centres of the plate's joints in the plate's own frame: x, y, z of arm1 to arm3"
+    )
+    tool: Point = key("tool centre point in the plate's frame", '["0 mm", "0 mm", "0 mm"]', (0.0, 0.0, 0.0))
 
 
 class TripodArmTable(LinearAxis):
