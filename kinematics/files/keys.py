@@ -120,7 +120,7 @@ def format_value(kind: Any, value: Any, marks: Sequence[Any] = (), rows: bool = 
 
 def _format_number(unit: Unit, value: float) -> str:
     name, power = unit.written_unit
-    if unit.plain is None:
+    if unit.plain is None or unit.unit_written:
         return format_quantity(value, name, power)
     return format_decimal(value, power) if power else repr(value)
 

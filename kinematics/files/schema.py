@@ -221,9 +221,9 @@ def _example(key: str, annotation: Any, metadata: Iterable[Any]) -> str:
     entries = [get_args(entry)[1:] for entry in get_args(annotation)]
     units = [part for entry in entries for part in entry if isinstance(part, Unit)]
     if get_origin(annotation) is tuple and len(units) == len(entries) > 0:
-        likely = (
-            "0" if unit.plain else describe_value(unit.like or f"20 {everyday_unit(unit.unit)}") for unit in units
-        )
+        plain = [unit.plain and not unit.unit_written for unit in units]
+        texts = [describe_value(unit.like or f"20 {everyday_unit(unit.unit)}") for unit in units]
+        likely = ("0" if bare else text for bare, text in zip(plain, texts, strict=True))
         return f"write e.g. [{', '.join(likely)}]"
     if get_origin(annotation) is Literal:
         return f"write {' or '.join(map(describe_value, get_args(annotation)))}"

@@ -1,13 +1,13 @@
 """Tables of axes, which every kind's file has: `[axes]` for all, `[[axis]]` for what one has of its own, `[wiring]`."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 from pydantic import AfterValidator, AllowInfNan, Field, create_model
 
 from kinematics.files.keys import Chosen, key
-from kinematics.files.schema import File, TableSchema, tables_in
+from kinematics.files.schema import File, TableSchema, tables_in, unit_validator
 from kinematics.foundation.errors import MotionError, validation_error
 from kinematics.foundation.units import Length, Unit
 from kinematics.kinds.shaper_keys import NO_SHAPER, StatedShaper, VibrationTable
@@ -158,6 +158,8 @@ class AxisTable(TableSchema):
 
 
 TRAVEL = '["0 mm", "50 mm"]'
+TRAVEL_KEYS = {"travel", "leg_length"}
+"""A table of axes states one of these."""
 Table = TypeVar("Table", bound=AxisTable)
 
 
@@ -245,8 +247,8 @@ def declares_keys(table: type[Table]) -> type[Table]:
             None,
         )
         timing: Timing | None = key(
-            'shortest STEP and DIR times, by the name of the drive or as { high = "1 us", low = "1 us", setup = "1 us", '
-            'hold = "1 us" }; max_rate = "500 kHz" may be added',
+            "shortest STEP and DIR times, by the name of the drive or as "
+            '{ high = "1 us", low = "1 us", setup = "1 us", hold = "1 us" }; max_rate = "500 kHz" may be added',
             '"DRV8825"',
             None,
         )
@@ -338,6 +340,9 @@ class MachineFile(File):
 
     what: ClassVar[str] = "machine file"
     first_place: ClassVar[tuple[float, float, float]] = (0, 0, 20)
+    length: Annotated[str, unit_validator("m")] | None = key(
+        "unit of plain numbers in [geometry], such as joint coordinates", '"mm"', None
+    )
     wiring: dict[str, tuple[str, Annotated[int, Field(ge=0)]]] = key(
         "motion card of each axis, and its channel on the card, counted from 0", default={}
     )
@@ -364,16 +369,29 @@ class MachineFile(File):
 
 
 def axes(
-    names: Sequence[str], defaults: Mapping[str, AxisTable], overrides: Sequence[Any], file: MachineFile
+    names: Sequence[str],
+    defaults: Mapping[str, AxisTable],
+    overrides: Sequence[Any],
+    file: MachineFile,
+    home_lengths: Callable[[], Sequence[float]] | None = None,
 ) -> list[Axis]:
-    """The axes by name: what all of their kind have, and what each has of its own (a `drive` gives its pulse)."""
+    """Return the axes by name: the values of their kind, then those of each axis. A `drive` gives the pulse.
+
+    home_lengths  gives the lengths of legs at home, which turn `leg_length` into travel
+    """
     own = {override.name: _stated_values(override) for override in overrides}
     made = []
-    for name in names:
+    for n, name in enumerate(names):
         common = defaults[name]
         card, channel = file.wiring.get(name, (None, None))
         wired = {"name": name, "card": card, "channel": channel}
-        values = {"kind": common.kind} | _stated_values(common) | own.get(name, {}) | wired
+        shared, differing = _stated_values(common), own.get(name, {})
+        if TRAVEL_KEYS & differing.keys():
+            shared = {key: value for key, value in shared.items() if key not in TRAVEL_KEYS}
+        values = {"kind": common.kind} | shared | differing | wired
+        if home_lengths is not None and (lengths := values.pop("leg_length", None)):
+            at_home = float(home_lengths()[n])
+            values["travel"] = (lengths[0] - at_home, lengths[1] - at_home)
         if values.get("shaper") == NO_SHAPER:
             del values["shaper"]
         made.append(Axis(**_resolve_pulse(values)))

@@ -18,9 +18,18 @@ from kinematics.files.keys import key
 from kinematics.files.schema import one_of_tables
 from kinematics.foundation.arrays import LEAST_POSITIVE, MAX_DISTANCE, Array, finite_array
 from kinematics.foundation.options import check_arguments
-from kinematics.foundation.units import Length, Unit
-from kinematics.kinds.axis_keys import AXES, GEOMETRY, KIND, OWN_AXES, LinearAxis, LinearDefaults, axes
-from kinematics.kinds.legged import BASE_REST, PLATFORM_REST, Legged, Platforms, Radius, legged_geometry, rest_axes_type
+from kinematics.foundation.units import Dimension, Unit
+from kinematics.kinds.axis_keys import AXES, GEOMETRY, KIND, OWN_AXES, axes
+from kinematics.kinds.legged import (
+    BASE_REST,
+    PLATFORM_REST,
+    LegAxis,
+    Legged,
+    Platforms,
+    Radius,
+    legged_geometry,
+    rest_axes_type,
+)
 from kinematics.kinds.load_keys import LEG_MASSES, LegsTable, LoadedFile, Point
 from kinematics.machine.axis import Axis
 
@@ -83,7 +92,7 @@ SixPoints = tuple[Point, Point, Point, Point, Point, Point]
 LEGS = tuple(f"leg{n}" for n in range(1, 7))
 
 
-class LegTable(LinearAxis):
+class LegTable(LegAxis):
     """What one leg has of its own."""
 
     name: Literal["leg1", "leg2", "leg3", "leg4", "leg5", "leg6"]
@@ -101,10 +110,10 @@ class JointCircles(SixLegs):
 
     base_radius: Radius = key("radius of the circle through the base joints")
     base_gap: Gap = key("angle on that circle between the two joints of a pair")
-    base_height: Length = key("z of the base joints in the base frame")
+    base_height: Dimension = key("z of the base joints in the base frame")
     platform_radius: Radius = key("radius of the circle through the platform joints")
     platform_gap: Gap = key("angle on that circle between the two joints of a pair")
-    platform_height: Length = key("z of the platform joints in the platform frame")
+    platform_height: Dimension = key("z of the platform joints in the platform frame")
 
     def joints(self) -> tuple[ArrayLike, ArrayLike]:
         return (
@@ -131,12 +140,12 @@ class HexapodFile(LoadedFile):
     first_place = (0, 0, 25)
     kind: Literal["hexapod"] = KIND
     geometry: Annotated[JointCircles | JointPoints, one_of_tables(JointCircles, JointPoints)] = GEOMETRY
-    axes: LinearDefaults = AXES
+    axes: LegAxis = AXES
     axis: tuple[LegTable, ...] = OWN_AXES
     legs: LegsTable | None = LEG_MASSES
 
     def list_axes(self) -> list[Axis]:
-        return axes(LEGS, dict.fromkeys(LEGS, self.axes), self.axis, self)
+        return axes(LEGS, dict.fromkeys(LEGS, self.axes), self.axis, self, self.geometry.home_lengths)
 
     @staticmethod
     def geometry_of(machine: Hexapod, complete: bool) -> dict[str, Any]:

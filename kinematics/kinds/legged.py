@@ -14,6 +14,7 @@ from typing import Annotated, Any, ClassVar
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import AfterValidator
 
 from kinematics.analysis.clearance import Bodies, Disc
 from kinematics.files.keys import Chosen, key
@@ -21,13 +22,14 @@ from kinematics.files.schema import Direction, TableSchema
 from kinematics.foundation.arrays import LEAST_POSITIVE, Array, finite_array, freeze_array, unit_vectors
 from kinematics.foundation.errors import BadValue, MotionError
 from kinematics.foundation.units import Unit
+from kinematics.kinds.axis_keys import LinearAxis, check_range
 from kinematics.kinds.load_keys import HOME, HomeTable, Point, home_entries
 from kinematics.machine.axis import Axis
 from kinematics.machine.kind import Bar, Pivot, Skeleton, ring
 from kinematics.machine.load import Body, Leg, Load
 from kinematics.machine.machine import Machine
 from kinematics.machine.model import scaled_jacobian
-from kinematics.machine.pose import PoseLike, column
+from kinematics.machine.pose import PoseLike, column, make_pose
 
 # Sine of the angle between a universal joint's first axis and the leg at home below which it cannot tilt the leg.
 MIN_AXIS_SINE = 1e-6
@@ -218,8 +220,8 @@ def rest_axes_type(count: int) -> Chosen:
     return Chosen(pick)
 
 
-Radius = Annotated[float, Unit("m", above=0)]
-Thickness = Annotated[float, Unit("m", least=0)]
+Radius = Annotated[float, Unit("m", above=0, plain="length", unit_written=True)]
+Thickness = Annotated[float, Unit("m", least=0, plain="length", unit_written=True)]
 Tilt = Annotated[float, Unit("rad", above=0, most=pi)]
 
 
@@ -240,7 +242,16 @@ BASE_REST = key("axis of the base joints at zero tilt, in the base frame; or one
 PLATFORM_REST = key(
     "axis of the platform joints at zero tilt, in the platform frame; or one for each joint", "[0, 0, 1]", None
 )
+LEG_LENGTH = '["250 mm", "300 mm"]'
 _DISC = '{ radius = "20 mm", thickness = "5 mm" }'
+
+
+class LegAxis(LinearAxis):
+    """The table of a leg: a linear axis whose travel may also be stated by the lengths of the leg."""
+
+    leg_length: Annotated[tuple[Radius, Radius], AfterValidator(check_range)] | None = key(
+        "shortest and longest leg, between the centres of its joints", LEG_LENGTH, None, instead=["travel"]
+    )
 
 
 class Platforms(TableSchema):
@@ -268,6 +279,16 @@ class Platforms(TableSchema):
         needs=["leg_radius"],
     )
     platform_disc: Plate | None = key("plate of the platform, in the platform frame", _DISC, None, needs=["leg_radius"])
+
+    def joints(self) -> tuple[ArrayLike, ArrayLike]:
+        """Centres of the joints in the base frame and in the frame that poses are of."""
+        raise NotImplementedError
+
+    def home_lengths(self) -> Array:
+        """Length of each leg in the home pose, m."""
+        base, platform = self.joints()
+        at_home = make_pose(self.home.to, self.home.rotate).apply(np.asarray(platform))
+        return np.asarray(np.linalg.norm(at_home - np.asarray(base), axis=1))
 
     def options(self) -> dict[str, Any]:
         """The keywords that the machines take."""

@@ -8,14 +8,14 @@ from pydantic import AfterValidator
 from kinematics.files.keys import Chosen, key
 from kinematics.files.schema import Direction, TableSchema
 from kinematics.foundation.errors import MotionError, validation_error
-from kinematics.foundation.units import Angle, Length, Unit
+from kinematics.foundation.units import Angle, Dimension, Unit
 from kinematics.kinds.axis_keys import MachineFile
 from kinematics.machine.load import GRAVITY, Body, Leg, Load
 
 if TYPE_CHECKING:
     from kinematics.machine.pose import Pose
 
-Point = tuple[Length, Length, Length]
+Point = tuple[Dimension, Dimension, Dimension]
 
 
 class HomeTable(TableSchema):

@@ -38,8 +38,17 @@ from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.errors import Fault, FileError, MotionError
 from kinematics.foundation.names import closest, nearest
 from kinematics.foundation.units import describe_value
-from kinematics.kinds.axis_keys import AXES, GEOMETRY, KIND, OWN_AXES, LinearAxis, LinearDefaults, axes
-from kinematics.kinds.legged import BASE_REST, PLATFORM_REST, Legged, Platforms, joints, legged_geometry, rest_axes_type
+from kinematics.kinds.axis_keys import AXES, GEOMETRY, KIND, OWN_AXES, axes
+from kinematics.kinds.legged import (
+    BASE_REST,
+    PLATFORM_REST,
+    LegAxis,
+    Legged,
+    Platforms,
+    joints,
+    legged_geometry,
+    rest_axes_type,
+)
 from kinematics.kinds.load_keys import LEG_MASSES, LegsTable, LoadedFile, Point
 from kinematics.machine.axis import Axis
 from kinematics.machine.machine import Machine
@@ -101,8 +110,11 @@ class TripodGeometry(Platforms):
     )
     tool: Point = key("tool centre point in the plate's frame", '["0 mm", "0 mm", "0 mm"]', (0.0, 0.0, 0.0))
 
+    def joints(self) -> tuple[ArrayLike, ArrayLike]:
+        return self.base_joints, np.asarray(self.platform_joints) - self.tool
 
-class TripodArmTable(LinearAxis):
+
+class TripodArmTable(LegAxis):
     """What one arm has of its own."""
 
     name: Literal["arm1", "arm2", "arm3"]
@@ -114,12 +126,12 @@ class TripodFile(LoadedFile):
     first_place = (0, 0, -20)
     kind: Literal["tripod"] = KIND
     geometry: TripodGeometry = GEOMETRY
-    axes: LinearDefaults = AXES
+    axes: LegAxis = AXES
     axis: tuple[TripodArmTable, ...] = OWN_AXES
     legs: LegsTable | None = LEG_MASSES
 
     def list_axes(self) -> list[Axis]:
-        return axes(ARMS, dict.fromkeys(ARMS, self.axes), self.axis, self)
+        return axes(ARMS, dict.fromkeys(ARMS, self.axes), self.axis, self, self.geometry.home_lengths)
 
     @staticmethod
     def geometry_of(machine: Tripod, complete: bool) -> dict[str, Any]:

@@ -206,7 +206,8 @@ def known_keys(kind: str) -> dict[str, list[Key]]:
     schema = KINDS[kind][0]
     *some, last = map(quote, KINDS)
     keys = {one.name: one for one in keys_of(schema)}
-    head = [keys["schema"], replace(keys["kind"], about=f"{', '.join(some)} or {last}"), keys["gravity"]]
+    kind_key = replace(keys["kind"], about=f"{', '.join(some)} or {last}")
+    head = [keys["schema"], kind_key, keys["length"], keys["gravity"]]
     tables = {name: keys_of(*schema.tables_of(name)) for name in ("axes", "rotary", "platform", "legs")}
     geometry = keys_of(*schema.tables_of("geometry"), own_first=True)
     return {"": head, "geometry": geometry} | {name: table for name, table in tables.items() if table}

@@ -186,7 +186,7 @@ class PathEntry(MovingEntry):
         "true: exactly this speed, except on ramps", "true", False, needs=["speed"]
     )
     free: FreeEntry | None = key(
-        'orientation that the planner chooses: "yaw", rotation about the tool\'s z axis; tilt: also a tilt of that axis',
+        'orientation that the planner chooses: "yaw", rotation about the tool\'s z axis; tilt: tilt of that axis too',
         '{ yaw = true, tilt = "5 deg" }',
         None,
     )
@@ -253,7 +253,7 @@ Bound = Annotated[float, PlainValidator(_read_bound)]
 
 
 _WAY = "position: a formula of t, or a number, in the unit of `length`"
-_TURN = "orientation Rx · Ry · Rz: a formula of t, or a number, in the unit of `angle`; 0 if another is stated, else unchanged"
+_TURN = "orientation Rx · Ry · Rz: formulas in the unit of `angle`; 0 if another is stated, else unchanged"
 _BOUND = "first or last value of t: a number, or a formula without t"
 
 
