@@ -109,9 +109,18 @@ def find_remedy(program: Program, machine: Machine, order: int) -> Remedy:
     costly = scale is not None and any(isinstance(segment, Curve) for segment in program.segments)
     movable = not costly and (program.start is not None or states_destination(program))
     move = search.find_shortest_move(program) if movable else None
-    at_home = machine.check(machine.home)
     late = perf_counter() > search.until
-    return Remedy(scale, turn, move, "" if at_home.ok.all() else at_home.worst(), movable, late)
+    return Remedy(scale, turn, move, _describe_home(machine), movable, late)
+
+
+def _describe_home(machine: Machine) -> str:
+    """Return the limit that the machine exceeds at home; empty if it exceeds none."""
+    at_home = machine.check(machine.home)
+    if at_home.ok.all():
+        return ""
+    worst = at_home.worst()
+    counted = "; travel counts from the lengths at home" if machine.lengths else ""
+    return worst + counted if "travel" in worst else worst
 
 
 def _shift_along(program: Program, direction: Array, size: float) -> Program:

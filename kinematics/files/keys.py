@@ -208,6 +208,16 @@ def _order(table: type[BaseModel], own_first: bool) -> list[str]:
     return [*own, *_order(table.__mro__[1], own_first)]
 
 
+def short_table_lines(header: str, keys: Sequence[Key], data: Mapping[str, Any]) -> Iterator[str]:
+    """Yield a table with its set keys only, each with the first clause of its help."""
+    yield ""
+    if header:
+        yield header
+    for one in keys:
+        if one.name in data:
+            yield from replace(one, about=one.about.partition(";")[0]).lines(data[one.name])
+
+
 def table_lines(header: str, keys: Sequence[Key], data: Mapping[str, Any] | None, about: str = "") -> Iterator[str]:
     """A table by its header, such as "[axes]", its keys in order; of one that is not given (None) all as comments."""
     yield from ("", *([f"# {about}"] if about else []))

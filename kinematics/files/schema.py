@@ -137,8 +137,8 @@ def _show(keys: Mapping[str, FieldInfo], loc: Key) -> str:
     if field is None:
         return ""
     example = str((field.examples or [""])[0])
-    if len(loc) > 1:  # in the midst of it
-        return example and f": as in {loc[0]} = {example}"
+    if len(loc) > 1 and example:  # an entry of the value
+        return f": as in {loc[0]} = {example}"
     remedy = remedy_of(field) or (example and f"write e.g. {example}")
     return remedy and f": {remedy}"
 

@@ -29,7 +29,7 @@ def _check_direction(direction: int) -> int:
 
 def check_range(travel: tuple[float, float]) -> tuple[float, float]:
     if not travel[0] < travel[1]:
-        raise validation_error("empty range: the first bound must be the smaller")
+        raise validation_error("empty range: the first value must be the smaller: swap them")
     return travel
 
 
@@ -177,9 +177,10 @@ def declares_keys(table: type[Table]) -> type[Table]:
         travel: Annotated[tuple[place, place], AfterValidator(check_range)] | None = key(
             "lowest and highest position, counted from home", choose(TRAVEL, '["-90 deg", "90 deg"]'), None
         )
-        pulse: Annotated[float, Unit(way, above=0, file_unit=choose("um", "rad"))] | None = key(
-            choose("travel per pulse", "angle per pulse"), choose('"1 um"', '"0.01 deg"'), None, instead=["drive"]
-        )
+        pulse: (
+            Annotated[float, Unit(way, above=0, like=choose("0.75 um", "0.01 deg"), file_unit=choose("um", "rad"))]
+            | None
+        ) = key(choose("travel per pulse", "angle per pulse"), choose('"1 um"', '"0.01 deg"'), None, instead=["drive"])
         drive: Annotated[Any, Chosen(lambda _: LinearDrive if linear else RotaryDrive)] = key(
             choose(
                 "steps per revolution, microsteps included, and travel per revolution; with a gear: gear = 2.0",
@@ -341,7 +342,7 @@ class MachineFile(File):
     what: ClassVar[str] = "machine file"
     first_place: ClassVar[tuple[float, float, float]] = (0, 0, 20)
     length: Annotated[str, unit_validator("m")] | None = key(
-        "unit of plain numbers in [geometry], such as joint coordinates", '"mm"', None
+        "unit of joint coordinates and other lengths without a unit", '"mm"', None
     )
     wiring: dict[str, tuple[str, Annotated[int, Field(ge=0)]]] = key(
         "motion card of each axis, and its channel on the card, counted from 0", default={}

@@ -28,6 +28,7 @@ from kinematics.kinds.legged import (
     Platforms,
     Radius,
     legged_geometry,
+    refuse_unreachable_home,
     rest_axes_type,
 )
 from kinematics.kinds.load_keys import LEG_MASSES, LegsTable, LoadedFile, Point
@@ -88,6 +89,7 @@ class Hexapod(Legged):
 
 # up to 120 deg, which the file's reader rounds otherwise than a product of floats does
 Gap = Annotated[float, Unit("rad", least=0, most=nextafter(2 * pi / 3, inf))]
+JOINT_ROWS = "give six rows [x, y, z], one for each leg, with decimal points"
 SixPoints = tuple[Point, Point, Point, Point, Point, Point]
 LEGS = tuple(f"leg{n}" for n in range(1, 7))
 
@@ -125,9 +127,11 @@ class JointCircles(SixLegs):
 class JointPoints(SixLegs):
     """Joint centres one by one, each in the frame of its platform."""
 
-    base_joints: SixPoints = key("centres of the base joints in the base frame: x, y, z of leg1 to leg6")
+    base_joints: SixPoints = key(
+        "centres of the base joints in the base frame: x, y, z of leg1 to leg6", remedy=JOINT_ROWS
+    )
     platform_joints: SixPoints = key(
-        "centres of the platform joints in the platform's own frame: x, y, z of leg1 to leg6"
+        "centres of the platform joints in the platform's own frame: x, y, z of leg1 to leg6", remedy=JOINT_ROWS
     )
 
     def joints(self) -> tuple[ArrayLike, ArrayLike]:
@@ -155,4 +159,6 @@ class HexapodFile(LoadedFile):
 def build_hexapod(file: HexapodFile, name: str, folder: Path | Traversable) -> Hexapod:
     base, platform = file.geometry.joints()
     load = file.load(file.legs)
-    return Hexapod(base, platform, axes=file.list_axes(), name=name, load=load, **file.geometry.options())
+    machine = Hexapod(base, platform, axes=file.list_axes(), name=name, load=load, **file.geometry.options())
+    refuse_unreachable_home(machine, file.axes, file.axis)
+    return machine

@@ -21,7 +21,7 @@ from kinematics.files.keys import Chosen, key
 from kinematics.files.schema import Direction, TableSchema
 from kinematics.foundation.arrays import LEAST_POSITIVE, Array, finite_array, freeze_array, unit_vectors
 from kinematics.foundation.errors import BadValue, MotionError
-from kinematics.foundation.units import Unit
+from kinematics.foundation.units import Unit, describe
 from kinematics.kinds.axis_keys import LinearAxis, check_range
 from kinematics.kinds.load_keys import HOME, HomeTable, Point, home_entries
 from kinematics.machine.axis import Axis
@@ -206,6 +206,63 @@ def _refuse_coincident(machine: Legged, legs: Sequence[str]) -> None:
         )
 
 
+FAR_JOINTS = 2.0
+"""Joints of a platform this many radii away from its origin may have been stated in the base frame."""
+
+
+def refuse_unreachable_home(machine: Legged, common: LegAxis, own: Sequence[LegAxis]) -> None:
+    """Raise BadValue for a home pose at which a leg is shorter or longer than its `leg_length`."""
+    tables = {table.name: table for table in own}  # type: ignore[attr-defined]  # tables of one axis have a name
+    outside: dict[str, float] = {}
+    for axis in machine.axes:
+        table = tables.get(axis.name)
+        stated = common if table is None or not (table.leg_length or table.travel) else table
+        excess = max(axis.travel[0], -axis.travel[1])
+        if stated.leg_length and excess > HOME_TOLERANCE:
+            outside[axis.name] = excess
+    if not outside:
+        return
+    worst = max(outside, key=lambda name: outside[name])
+    n = next(n for n, axis in enumerate(machine.axes) if axis.name == worst)
+    length = machine.home_q[n]
+    shortest, longest = (length + end for end in machine.axes[n].travel)
+    raise BadValue(
+        f"machine {machine.name}: {len(outside)} of {machine.legs} legs do not reach home: {worst} is "
+        f"{describe(length, 'mm')} long there, and its leg_length is {describe(shortest, 'mm')} to "
+        f"{describe(longest, 'mm')}; {_suggest_height(machine)}",
+        key=("home",),
+    )
+
+
+HOME_TOLERANCE = 1e-9
+"""m by which a leg at home may be outside its lengths: rounding."""
+
+
+def _suggest_height(machine: Legged) -> str:
+    """Return a remedy: the heights of home at which all legs are within their lengths, or what else may be wrong."""
+    arms = machine.home.rotation.apply(np.array(machine.platform)) - machine.base
+    aside = np.hypot(*(arms + machine.home.translation)[:, :2].T)
+    ends = machine.home_q[:, None] + np.array([axis.travel for axis in machine.axes])
+    rise = np.sqrt(np.maximum(ends**2 - aside[:, None] ** 2, 0.0))
+    possible = (ends[:, 1] > aside).all()
+    up = (rise[:, 0] - arms[:, 2]).max(), (rise[:, 1] - arms[:, 2]).min()
+    down = (-rise[:, 1] - arms[:, 2]).max(), (-rise[:, 0] - arms[:, 2]).min()
+    ways = (up, down) if machine.base_rest[:, 2].sum() >= 0 else (down, up)
+    ranges = [(low, high) for low, high in ways if possible and low < high]
+    far = ""
+    centre = machine.platform.mean(0)
+    radius = np.linalg.norm(machine.platform - centre, axis=1).max()
+    if np.linalg.norm(centre) > FAR_JOINTS * radius:
+        away = describe(float(np.linalg.norm(centre)), "mm")
+        far = f"; platform_joints are {away} from the platform's origin: state them in its own frame, not the base's"
+    if not ranges:
+        return f"no z of home.to changes that: check the unit of length, and the order of the legs{far}"
+    low, high = ranges[0]
+    middle = f"{1e3 * (low + high) / 2:.0f} mm"
+    span = f"between {describe(low, 'mm')} and {describe(high, 'mm')}"
+    return f"give home.to a z {span}, such as {middle}, or check the unit of length{far}"
+
+
 def _tilt_type(value: object) -> Any:
     return tuple[Tilt, Tilt] if isinstance(value, tuple) else Tilt
 
@@ -264,7 +321,7 @@ class Platforms(TableSchema):
     base_rest: tuple[Any, ...] | None = BASE_REST
     platform_rest: tuple[Any, ...] | None = PLATFORM_REST
     max_tilt: Annotated[float | tuple[float, float], Chosen(_tilt_type)] | None = key(
-        "largest angle of a leg from the zero-tilt axis of its joints; two values: base, platform", '"35 deg"', None
+        "largest tilt of a joint from its axis at zero tilt; two values: base, platform", '"35 deg"', None
     )
     leg_radius: Radius | None = key(
         "radius of a leg as a round bar; without it, collisions are not checked", '"5 mm"', None

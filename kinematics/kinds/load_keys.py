@@ -21,7 +21,7 @@ Point = tuple[Dimension, Dimension, Dimension]
 class HomeTable(TableSchema):
     """The pose from which travel and pulses count: a position, turned by θx, θy, θz about the moving axes in turn."""
 
-    to: Point = key("position of the platform's origin in the base frame")
+    to: Point = key("position of the platform's origin in the base frame", remedy="give x, y, z")
     rotate: tuple[Angle, Angle, Angle] = key(
         "orientation: θx, θy, θz about the moving axes in turn", default=(0.0, 0.0, 0.0)
     )

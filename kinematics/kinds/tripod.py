@@ -47,6 +47,7 @@ from kinematics.kinds.legged import (
     Platforms,
     joints,
     legged_geometry,
+    refuse_unreachable_home,
     rest_axes_type,
 )
 from kinematics.kinds.load_keys import LEG_MASSES, LegsTable, LoadedFile, Point
@@ -97,16 +98,19 @@ class Tripod(Legged):
 ARMS = tuple(f"arm{n}" for n in range(1, 4))
 
 
+JOINT_ROWS = "give three rows [x, y, z], one for each arm, with decimal points"
+
+
 class TripodGeometry(Platforms):
     """Joint centres one by one, each in the frame of its platform; tool: its centre in the plate's frame."""
 
     base_rest: Annotated[tuple[Any, ...], rest_axes_type(3)] | None = BASE_REST
     platform_rest: Annotated[tuple[Any, ...], rest_axes_type(3)] | None = PLATFORM_REST
     base_joints: tuple[Point, Point, Point] = key(
-        "centres of the base joints in the base frame: x, y, z of arm1 to arm3"
+        "centres of the base joints in the base frame: x, y, z of arm1 to arm3", remedy=JOINT_ROWS
     )
     platform_joints: tuple[Point, Point, Point] = key(
-        "centres of the plate's joints in the plate's own frame: x, y, z of arm1 to arm3"
+        "centres of the plate's joints in the plate's own frame: x, y, z of arm1 to arm3", remedy=JOINT_ROWS
     )
     tool: Point = key("tool centre point in the plate's frame", '["0 mm", "0 mm", "0 mm"]', (0.0, 0.0, 0.0))
 
@@ -141,7 +145,7 @@ class TripodFile(LoadedFile):
 
 def build_tripod(file: TripodFile, name: str, folder: Path | Traversable) -> Tripod:
     geometry = file.geometry
-    return Tripod(
+    machine = Tripod(
         geometry.base_joints,
         geometry.platform_joints,
         axes=file.list_axes(),
@@ -150,6 +154,8 @@ def build_tripod(file: TripodFile, name: str, folder: Path | Traversable) -> Tri
         load=file.load(file.legs),
         **geometry.options(),
     )
+    refuse_unreachable_home(machine, file.axes, file.axis)
+    return machine
 
 
 UNITS_PER_METRE = 1000.0

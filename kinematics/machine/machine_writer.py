@@ -176,28 +176,33 @@ def _timing(timing: StepTiming) -> str | dict[str, Any]:
 
 
 def machine_starter(preset: str) -> str:
-    """The text. Raises MotionError for a name that no bundled machine has."""
-    data = _data(preset)
+    """Return a machine file with every key, unset ones as comments.
+
+    Raises MotionError for a name that no bundled machine has.
+    """
+    data = read_preset(preset)
     lines = [
-        f"# A machine to start from, with the numbers of {_describe_source(preset)}: put your own in their place.",
-        "# A line that begins with # and no blank is a key, or a table, that may be given: take the # away.",
-        "# Numbers carry their units: mm, in, deg, rad, kg, N, s, Hz and so on.",
+        f"# A machine with the numbers of {describe_source(preset)}: replace them by yours.",
+        "# A line that begins with # and no space is a key or a table that is not set: remove the # to set it.",
+        "# Quantities carry their units: mm, in, deg, rad, kg, N, s, Hz and so on.",
     ]
     return "\n".join([*lines, *_starter_tables(preset, data)]) + "\n"
 
 
 def companions(preset: str) -> dict[str, bytes]:
-    """What the file names beside it, such as an arm's URDF: content by name."""
-    source, urdf = find("kinematics", "machine", preset), _data(preset)["geometry"].get("urdf")
+    """Return the files that a machine file names, such as an arm's URDF: content by name."""
+    source, urdf = find("kinematics", "machine", preset), read_preset(preset)["geometry"].get("urdf")
     return {} if urdf is None else {urdf: (source_folder("kinematics", source) / urdf).read_bytes()}
 
 
-def _describe_source(preset: str) -> str:
+def describe_source(preset: str) -> str:
+    """Return what comments call a machine: its file, or the bundled machine of this name."""
     source = find("kinematics", "machine", preset)
     return source.name if isinstance(source, Path) and source == Path(preset) else f'the bundled machine "{preset}"'
 
 
-def _data(preset: str) -> dict[str, Any]:
+def read_preset(preset: str) -> dict[str, Any]:
+    """Return the data of a machine's file."""
     return tomllib.loads(toml_of(find("kinematics", "machine", preset)).decode())
 
 
@@ -225,17 +230,17 @@ def _starter_tables(preset: str, data: dict[str, Any]) -> Iterator[str]:
     for table in ("axes", "rotary"):
         if table in keys:
             yield from table_lines(f"[{table}]", keys[table], data.get(table), about[table])
-    name = Key("name", f"of the axis: {', '.join(names)}", f'"{names[0]}"')
+    name = Key("name", f"name of the axis: {', '.join(names)}", f'"{names[0]}"')
     for one in data.get("axis", ()):
-        own = [Key(key, "its own") for key in one if key != "name"]
+        own = [Key(key, "value of this axis") for key in one if key != "name"]
         yield from table_lines("[[axis]]", [name, *own], one, about["axis"])
     if not data.get("axis"):
         own_table = "rotary" if machine.axes[0].kind == "rotary" and "rotary" in keys else "axes"
         faster = next(key for key in keys[own_table] if key.name == "max_speed")
-        yield from table_lines("[[axis]]", [name, replace(faster, about="its own")], None, about["axis"])
+        yield from table_lines("[[axis]]", [name, replace(faster, about="value of this axis")], None, about["axis"])
     yield from table_lines("[[vibration]]", keys_of(*schema.tables_of("vibration")), None, about["vibration"])
-    wired = [Key(axis, "card, and which of its axes", f'["PCI-8164", {n}]') for n, axis in enumerate(names)]
-    yield from table_lines("[wiring]", wired, data.get("wiring"), "which motion card drives an axis")
+    wired = [Key(axis, "motion card and channel", f'["PCI-8164", {n}]') for n, axis in enumerate(names)]
+    yield from table_lines("[wiring]", wired, data.get("wiring"), about["wiring"])
     for table in ("platform", "legs"):
         if table in keys:
             yield from table_lines(f"[{table}]", keys[table], data.get(table), about[table])

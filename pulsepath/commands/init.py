@@ -1,5 +1,7 @@
 """`pulsepath init`: a commented machine and a commented program to start from."""
 
+import re
+import shlex
 import tomllib
 from pathlib import Path
 
@@ -26,36 +28,45 @@ from pulsepath.progress import say
     help="Bundled program to start from. Default: a line, a circle and a line back.",
     shell_complete=make_completer(known_names.programs),
 )
-@click.option("--force", is_flag=True, help=f"Replace {MACHINE_FILE} and {PROGRAM_FILE}.")
+@click.option("--all", "every_key", is_flag=True, help="Write every key: those that are not set as comments.")
+@click.option("--force", is_flag=True, help="Replace files that exist.")
 @json_option
-def init(directory: Path, machine: str | None, program: str | None, force: bool, as_json: bool) -> None:
-    """Write a commented machine and program to start from.
+def init(
+    directory: Path, machine: str | None, program: str | None, every_key: bool, force: bool, as_json: bool
+) -> None:
+    """Write a machine and a program to start from.
 
-    DIR defaults to the current directory. Both files list every key, either set or commented out: remove the # to use
-    it.
+    DIR defaults to the current directory. The files are named after it: DIR-machine.toml and DIR-program.toml. They
+    hold the keys that matter for a first plan, with a line of comment each, and can be planned at once.
 
     Example: pulsepath init mine --machine tripod
     """
     machine = None if machine is None else _find_machine(machine)
     refuse_unknown(program, machine)
     from kinematics import load_machine
+    from kinematics.machine.first_machine import short_machine_starter
     from kinematics.machine.machine_writer import companions, machine_starter
     from planner.program.program_writer import machine_of, program_starter
     from pulsepath.output import record
     from pulsepath.output.directory import write_files
 
     machine = machine or (None if program is None else machine_of(program)) or "hexapod"
-    driven = load_machine(machine)
+    kind = type(load_machine(machine)).__name__.lower()
+    machine_file = _name_file(directory, MACHINE_FILE)
+    program_file = _name_file(directory, PROGRAM_FILE)
+    machine_text = machine_starter(machine) if every_key else short_machine_starter(machine)
+    program_text = program_starter(machine_file, kind, program, short=not every_key)
     files = {
-        MACHINE_FILE: machine_starter(machine).encode(),
-        PROGRAM_FILE: program_starter(MACHINE_FILE, type(driven).__name__.lower(), program).encode(),
+        machine_file: machine_text.encode(),
+        program_file: program_text.encode(),
         **companions(machine),
     }
     targets = [directory / name for name in files]
     writes(*targets)
     write_files(directory, files, force)
-    path = directory / PROGRAM_FILE
-    following = [f"pulsepath check {path}", f"pulsepath plan {path} --out {directory / 'plan'}"]
+    path = shlex.quote(str(directory / program_file))
+    out = shlex.quote(str(directory / "plan"))
+    following = [f"pulsepath check {path}", f"pulsepath plan {path} --out {out}"]
     if as_json:
         click.echo(record.as_json({"files": [str(target) for target in targets], "next": following}), nl=False)
         return
@@ -64,6 +75,12 @@ def init(directory: Path, machine: str | None, program: str | None, force: bool,
     say("next:")
     for command in following:
         say(f"  {command}")
+
+
+def _name_file(directory: Path, ending: str) -> str:
+    """Return the name of a file of a directory, such as mine-machine.toml; without letters in its name, the ending."""
+    stem = re.sub(r"[^\w.-]+", "-", directory.resolve().name).strip("-.")
+    return f"{stem}-{ending}" if stem else ending
 
 
 def _find_machine(name: str) -> str:
