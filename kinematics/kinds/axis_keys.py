@@ -8,6 +8,7 @@ from pydantic import AfterValidator, AllowInfNan, Field, create_model
 
 from kinematics.files.keys import Chosen, key
 from kinematics.files.schema import File, TableSchema, tables_in, unit_validator
+from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError, validation_error
 from kinematics.foundation.units import Length, Unit
 from kinematics.kinds.shaper_keys import NO_SHAPER, StatedShaper, VibrationTable
@@ -374,7 +375,7 @@ def axes(
     defaults: Mapping[str, AxisTable],
     overrides: Sequence[Any],
     file: MachineFile,
-    home_lengths: Callable[[], Sequence[float]] | None = None,
+    home_lengths: Callable[[], Array] | None = None,
 ) -> list[Axis]:
     """Return the axes by name: the values of their kind, then those of each axis. A `drive` gives the pulse.
 

@@ -20,15 +20,14 @@ from kinematics.foundation.arrays import LEAST_POSITIVE, MAX_DISTANCE, Array, fi
 from kinematics.foundation.options import check_arguments
 from kinematics.foundation.units import Dimension, Unit
 from kinematics.kinds.axis_keys import AXES, GEOMETRY, KIND, OWN_AXES, axes
+from kinematics.kinds.leg_lengths import LegAxis, refuse_unreachable_home
 from kinematics.kinds.legged import (
     BASE_REST,
     PLATFORM_REST,
-    LegAxis,
     Legged,
     Platforms,
     Radius,
     legged_geometry,
-    refuse_unreachable_home,
     rest_axes_type,
 )
 from kinematics.kinds.load_keys import LEG_MASSES, LegsTable, LoadedFile, Point
@@ -160,5 +159,5 @@ def build_hexapod(file: HexapodFile, name: str, folder: Path | Traversable) -> H
     base, platform = file.geometry.joints()
     load = file.load(file.legs)
     machine = Hexapod(base, platform, axes=file.list_axes(), name=name, load=load, **file.geometry.options())
-    refuse_unreachable_home(machine, file.axes, file.axis)
+    refuse_unreachable_home(machine, file.axes, {own.name: own for own in file.axis})
     return machine

@@ -14,15 +14,13 @@ from typing import Annotated, Any, ClassVar
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import AfterValidator
 
 from kinematics.analysis.clearance import Bodies, Disc
 from kinematics.files.keys import Chosen, key
 from kinematics.files.schema import Direction, TableSchema
 from kinematics.foundation.arrays import LEAST_POSITIVE, Array, finite_array, freeze_array, unit_vectors
 from kinematics.foundation.errors import BadValue, MotionError
-from kinematics.foundation.units import Unit, describe
-from kinematics.kinds.axis_keys import LinearAxis, check_range
+from kinematics.foundation.units import Unit
 from kinematics.kinds.load_keys import HOME, HomeTable, Point, home_entries
 from kinematics.machine.axis import Axis
 from kinematics.machine.kind import Bar, Pivot, Skeleton, ring
@@ -206,63 +204,6 @@ def _refuse_coincident(machine: Legged, legs: Sequence[str]) -> None:
         )
 
 
-FAR_JOINTS = 2.0
-"""Joints of a platform this many radii away from its origin may have been stated in the base frame."""
-
-
-def refuse_unreachable_home(machine: Legged, common: LegAxis, own: Sequence[LegAxis]) -> None:
-    """Raise BadValue for a home pose at which a leg is shorter or longer than its `leg_length`."""
-    tables = {table.name: table for table in own}  # type: ignore[attr-defined]  # tables of one axis have a name
-    outside: dict[str, float] = {}
-    for axis in machine.axes:
-        table = tables.get(axis.name)
-        stated = common if table is None or not (table.leg_length or table.travel) else table
-        excess = max(axis.travel[0], -axis.travel[1])
-        if stated.leg_length and excess > HOME_TOLERANCE:
-            outside[axis.name] = excess
-    if not outside:
-        return
-    worst = max(outside, key=lambda name: outside[name])
-    n = next(n for n, axis in enumerate(machine.axes) if axis.name == worst)
-    length = machine.home_q[n]
-    shortest, longest = (length + end for end in machine.axes[n].travel)
-    raise BadValue(
-        f"machine {machine.name}: {len(outside)} of {machine.legs} legs do not reach home: {worst} is "
-        f"{describe(length, 'mm')} long there, and its leg_length is {describe(shortest, 'mm')} to "
-        f"{describe(longest, 'mm')}; {_suggest_height(machine)}",
-        key=("home",),
-    )
-
-
-HOME_TOLERANCE = 1e-9
-"""m by which a leg at home may be outside its lengths: rounding."""
-
-
-def _suggest_height(machine: Legged) -> str:
-    """Return a remedy: the heights of home at which all legs are within their lengths, or what else may be wrong."""
-    arms = machine.home.rotation.apply(np.array(machine.platform)) - machine.base
-    aside = np.hypot(*(arms + machine.home.translation)[:, :2].T)
-    ends = machine.home_q[:, None] + np.array([axis.travel for axis in machine.axes])
-    rise = np.sqrt(np.maximum(ends**2 - aside[:, None] ** 2, 0.0))
-    possible = (ends[:, 1] > aside).all()
-    up = (rise[:, 0] - arms[:, 2]).max(), (rise[:, 1] - arms[:, 2]).min()
-    down = (-rise[:, 1] - arms[:, 2]).max(), (-rise[:, 0] - arms[:, 2]).min()
-    ways = (up, down) if machine.base_rest[:, 2].sum() >= 0 else (down, up)
-    ranges = [(low, high) for low, high in ways if possible and low < high]
-    far = ""
-    centre = machine.platform.mean(0)
-    radius = np.linalg.norm(machine.platform - centre, axis=1).max()
-    if np.linalg.norm(centre) > FAR_JOINTS * radius:
-        away = describe(float(np.linalg.norm(centre)), "mm")
-        far = f"; platform_joints are {away} from the platform's origin: state them in its own frame, not the base's"
-    if not ranges:
-        return f"no z of home.to changes that: check the unit of length, and the order of the legs{far}"
-    low, high = ranges[0]
-    middle = f"{1e3 * (low + high) / 2:.0f} mm"
-    span = f"between {describe(low, 'mm')} and {describe(high, 'mm')}"
-    return f"give home.to a z {span}, such as {middle}, or check the unit of length{far}"
-
-
 def _tilt_type(value: object) -> Any:
     return tuple[Tilt, Tilt] if isinstance(value, tuple) else Tilt
 
@@ -299,16 +240,7 @@ BASE_REST = key("axis of the base joints at zero tilt, in the base frame; or one
 PLATFORM_REST = key(
     "axis of the platform joints at zero tilt, in the platform frame; or one for each joint", "[0, 0, 1]", None
 )
-LEG_LENGTH = '["250 mm", "300 mm"]'
 _DISC = '{ radius = "20 mm", thickness = "5 mm" }'
-
-
-class LegAxis(LinearAxis):
-    """The table of a leg: a linear axis whose travel may also be stated by the lengths of the leg."""
-
-    leg_length: Annotated[tuple[Radius, Radius], AfterValidator(check_range)] | None = key(
-        "shortest and longest leg, between the centres of its joints", LEG_LENGTH, None, instead=["travel"]
-    )
 
 
 class Platforms(TableSchema):

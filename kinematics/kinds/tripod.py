@@ -39,15 +39,14 @@ from kinematics.foundation.errors import Fault, FileError, MotionError
 from kinematics.foundation.names import closest, nearest
 from kinematics.foundation.units import describe_value
 from kinematics.kinds.axis_keys import AXES, GEOMETRY, KIND, OWN_AXES, axes
+from kinematics.kinds.leg_lengths import LegAxis, refuse_unreachable_home
 from kinematics.kinds.legged import (
     BASE_REST,
     PLATFORM_REST,
-    LegAxis,
     Legged,
     Platforms,
     joints,
     legged_geometry,
-    refuse_unreachable_home,
     rest_axes_type,
 )
 from kinematics.kinds.load_keys import LEG_MASSES, LegsTable, LoadedFile, Point
@@ -154,7 +153,7 @@ def build_tripod(file: TripodFile, name: str, folder: Path | Traversable) -> Tri
         load=file.load(file.legs),
         **geometry.options(),
     )
-    refuse_unreachable_home(machine, file.axes, file.axis)
+    refuse_unreachable_home(machine, file.axes, {own.name: own for own in file.axis})
     return machine
 
 

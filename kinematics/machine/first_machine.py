@@ -5,17 +5,15 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from math import ceil, floor
 from typing import Any
 
 import numpy as np
 
 from kinematics.files.keys import Key, short_table_lines
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.units import describe
 from kinematics.machine.machine import Machine
 from kinematics.machine.machine_file import KINDS, load_machine
-from kinematics.machine.machine_writer import describe_source, known_keys, read_preset
+from kinematics.machine.machine_writer import describe_source, known_keys, leg_lengths, read_preset
 
 AXIS_KEYS = (
     "name",
@@ -36,8 +34,6 @@ JOINT_DECIMALS = 4
 """Decimals of joint coordinates in mm: 0.1 µm is finer than any machine is measured."""
 EQUAL_LENGTHS = 1e-7
 """Lengths of legs at home (m) that differ by less count as equal."""
-LENGTH_STEP = 1e-5
-"""Leg lengths are rounded outwards to this step (m), so that the home pose stays within them."""
 
 
 def short_machine_starter(preset: str) -> str:
@@ -105,10 +101,7 @@ def _with_leg_length(data: Mapping[str, Any], machine: Machine) -> dict[str, Any
     differing = any("travel" in own for own in data.get("axis", ()))
     if "travel" in axes and not differing and np.ptp(machine.home_q) < EQUAL_LENGTHS:
         del axes["travel"]
-        shortest, longest = (machine.home_q[0] + end for end in machine.axes[0].travel)
-        shortest = floor(shortest / LENGTH_STEP) * LENGTH_STEP
-        longest = ceil(longest / LENGTH_STEP) * LENGTH_STEP
-        axes["leg_length"] = [describe(shortest, "mm"), describe(longest, "mm")]
+        axes["leg_length"] = leg_lengths(machine)
     return axes
 
 

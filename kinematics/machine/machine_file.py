@@ -7,7 +7,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, cast
 
-from kinematics.files.schema import build, read_declared_units, refuse_wrong_kind
+from kinematics.files.schema import Rule, build, read_declared_units, refuse_wrong_kind
 from kinematics.files.toml_document import Document, Key, read
 from kinematics.foundation.errors import BadValue, FileError, MotionError, NotInstalled
 from kinematics.foundation.names import closest, find, nearest, presets, source_folder
@@ -81,7 +81,7 @@ def _read_model(source: Path | Traversable) -> tuple[Document, MachineFile, Cons
     schema, construct, names = KINDS[kind]
     names = names or joints_of(document.data)
     wired, driven = partial(find_wiring_faults, names), partial(find_pulse_faults, names, _find_turning(document.data))
-    rules = [find_repeated_names, driven, find_stray_axis_tables, wired]
+    rules: list[Rule] = [find_repeated_names, driven, find_stray_axis_tables, wired]
     if any("leg_length" in table.model_fields for table in schema.tables_of("axes")):
         rules.append(partial(find_travel_faults, names))
     model = build(document, schema, *rules, plain=read_declared_units(document.data, {"length": "m"}))

@@ -10,18 +10,19 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, fields, replace
 from importlib.resources.abc import Traversable
-from math import isfinite
+from math import ceil, floor, isfinite
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from kinematics.files.keys import Key, format_entries, format_value, keys_of, table_lines
-from kinematics.files.toml_document import format_millimetres, quote
+from kinematics.files.toml_document import format_millimetres, format_toml, quote
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import add_article, find, source_folder
 from kinematics.foundation.options import check_arguments
+from kinematics.foundation.units import describe
 from kinematics.kinds.axis_keys import LinearAxis, MachineFile, RotaryAxis, TimingTable
 from kinematics.kinds.load_keys import Carried, LegsTable
 from kinematics.kinds.tripod import ASSUMED, is_basic_lengths
@@ -31,6 +32,8 @@ from kinematics.machine.machine import Machine
 from kinematics.machine.machine_file import KINDS, load_machine, read_machine
 from kinematics.machine.shaper import Shaper, ShaperSeries
 
+LENGTH_STEP = 1e-5
+"""Step of leg lengths in a file to start from, m: home, which may lie at an end of the travel, stays within them."""
 _SKIPPED_FIELDS = ("name", "kind", "card", "channel")
 
 
@@ -224,6 +227,10 @@ def _starter_tables(preset: str, data: dict[str, Any]) -> Iterator[str]:
     keys = known_keys(data["kind"])
     geometry = schema.geometry_of(machine, False) or {}
     keys["geometry"] = [_with_example(one, geometry.get(one.name)) for one in keys["geometry"]]
+    if "axes" in keys:  # an example that suits the machine's home
+        length = next((one for one in keys["axes"] if one.name == "leg_length"), None)
+        fitting = length and replace(length, example=format_toml(leg_lengths(machine)))
+        keys["axes"] = [fitting if fitting and one is length else one for one in keys["axes"]]
     about = {name: field.description or "" for name, field in schema.model_fields.items()}
     yield from table_lines("", keys[""], data)
     yield from table_lines("[geometry]", keys["geometry"], data["geometry"])
@@ -244,6 +251,14 @@ def _starter_tables(preset: str, data: dict[str, Any]) -> Iterator[str]:
     for table in ("platform", "legs"):
         if table in keys:
             yield from table_lines(f"[{table}]", keys[table], data.get(table), about[table])
+
+
+def leg_lengths(machine: Machine) -> list[str]:
+    """Return the shortest and the longest leg within travel, rounded outwards to `LENGTH_STEP`."""
+    ends = machine.home_q[:, None] + np.array([axis.travel for axis in machine.axes])
+    shortest = floor(ends.min() / LENGTH_STEP) * LENGTH_STEP
+    longest = ceil(ends.max() / LENGTH_STEP) * LENGTH_STEP
+    return [describe(shortest, "mm"), describe(longest, "mm")]
 
 
 def _with_example(one: Key, points: Any) -> Key:

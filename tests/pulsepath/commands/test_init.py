@@ -1,4 +1,4 @@
-"""`init`: files that plan at once, and say every key that there is."""
+"""`init`: files that plan at once; with --all, files that state every key."""
 
 import json
 import re
@@ -6,12 +6,14 @@ import tomllib
 from pathlib import Path
 
 import click
+import numpy as np
 import pytest
 
 from kinematics import load_machine, machine_names
 from kinematics.kinds.axis_keys import LinearDrive, RotaryDrive, TimingTable
 from kinematics.kinds.legged import Plate
 from kinematics.kinds.load_keys import HomeTable, Mass
+from kinematics.machine.first_machine import short_machine_starter
 from kinematics.machine.machine_file import KINDS
 from kinematics.machine.machine_writer import companions, known_keys, machine_starter
 from planner import load_program, plan, program_names
@@ -171,12 +173,68 @@ def test_a_program_file_says_every_key_and_loads_with_each(tmp_path, preset):
 def test_what_is_written_plans_at_once(call, tmp_path, machine):
     done = call("init", tmp_path / "new" / "one", "--machine", machine, "--json")
     assert done.exit_code == 0
-    told = json.loads(done.stdout)
-    assert {Path(file).name for file in told["files"]} == {"machine.toml", "program.toml", *companions(machine)}
+    written = json.loads(done.stdout)["files"]
+    assert {Path(file).name for file in written} == {"one-machine.toml", "one-program.toml", *companions(machine)}
     folder = tmp_path / "new" / "one"
-    program = load_program(folder / "program.toml")
-    assert program.machine == "machine.toml"
-    assert plan(program, load_machine(folder / program.machine), order=2).certificate.holds
+    program = load_program(folder / "one-program.toml")
+    assert program.machine == "one-machine.toml"
+    assert plan(program, load_machine(folder / program.machine)).certificate.holds
+
+
+def test_a_short_file_is_the_same_machine_without_what_can_wait(tmp_path, machine):
+    """Joints are rounded to 0.1 µm and leg lengths to 0.01 mm; limits of speed, acceleration and jerk are exact."""
+    (tmp_path / "short.toml").write_text(short_machine_starter(machine))
+    for name, content in companions(machine).items():
+        (tmp_path / name).write_bytes(content)
+    short, bundled = load_machine(tmp_path / "short.toml"), load_machine(machine)
+    np.testing.assert_allclose(short.home_q, bundled.home_q, rtol=0, atol=2e-7)
+    for one, other in zip(short.axes, bundled.axes, strict=True):
+        for limit in ("name", "kind", "max_speed", "max_acceleration", "max_jerk"):
+            assert getattr(one, limit) == getattr(other, limit)
+        assert one.pulse == pytest.approx(other.pulse, rel=1e-12)
+        np.testing.assert_allclose(one.travel, other.travel, rtol=0, atol=1.1e-5)
+        assert one.travel[0] <= other.travel[0] + 2e-7
+        assert one.travel[1] >= other.travel[1] - 2e-7
+
+
+def test_each_key_of_a_short_file_has_a_line_of_comment(machine):
+    kind = tomllib.loads(short_machine_starter(machine))["kind"]
+    for text in (short_machine_starter(machine), program_starter("m.toml", kind, short=True)):
+        lines = text.splitlines()
+        stating = [n for n, line in enumerate(lines) if re.match(r"\w+ = ", line)]
+        assert stating
+        for n in stating:
+            assert "  # " in lines[n] or lines[n - 1].startswith("# "), lines[n]
+        assert not any(re.match(r"#\w", line) for line in lines)  # no key is a comment
+        assert len(text) < 0.5 * len(machine_starter(machine))
+
+
+@pytest.mark.parametrize(
+    ("folder", "stem"),
+    [("mine", "mine-"), ("my hexapod (2)", "my-hexapod-2-"), ("größer", "größer-"), ("...x", "x-"), ("☂", "")],
+)
+def test_files_are_named_after_the_folder(call, tmp_path, monkeypatch, folder, stem):
+    done = call("init", tmp_path / folder)
+    assert done.exit_code == 0
+    files = {path.name for path in (tmp_path / folder).iterdir()}
+    assert files == {f"{stem}machine.toml", f"{stem}program.toml"}
+    program = load_program(tmp_path / folder / f"{stem}program.toml")
+    assert program.machine == f"{stem}machine.toml"
+    again = tmp_path / "again" / folder
+    again.mkdir(parents=True)
+    monkeypatch.chdir(again)
+    assert call("init").exit_code == 0
+    assert {path.name for path in again.iterdir()} == files
+
+
+@pytest.mark.parametrize("option", [[], ["--all"]])
+def test_all_asks_for_every_key(call, tmp_path, option):
+    assert call("init", tmp_path / "mine", *option).exit_code == 0
+    machine = (tmp_path / "mine" / "mine-machine.toml").read_text()
+    program = (tmp_path / "mine" / "mine-program.toml").read_text()
+    assert ("#backlash" in machine, "#join" in program) == (bool(option), bool(option))
+    if option:
+        assert machine == machine_starter("hexapod")
 
 
 def test_the_commands_that_it_ends_with_are_commands(call, tmp_path):
@@ -186,30 +244,35 @@ def test_the_commands_that_it_ends_with_are_commands(call, tmp_path):
         program, *arguments = line.split()
         assert program == "pulsepath"
         name, command, rest = main.resolve_command(click.Context(main), arguments)
-        assert Path(command.make_context(name, rest).params["program"]) == tmp_path / "new" / "program.toml"
+        assert Path(command.make_context(name, rest).params["program"]) == tmp_path / "new" / "new-program.toml"
 
 
 def test_a_program_to_start_from_brings_its_machine(call, tmp_path):
-    assert call("init", tmp_path, "--program", "arm-square").exit_code == 0
-    assert tomllib.loads((tmp_path / "machine.toml").read_text())["kind"] == "arm"
-    assert len(load_program(tmp_path / "program.toml").segments) == 4
+    folder = tmp_path / "mine"
+    assert call("init", folder, "--program", "arm-square").exit_code == 0
+    assert tomllib.loads((folder / "mine-machine.toml").read_text())["kind"] == "arm"
+    assert len(load_program(folder / "mine-program.toml").segments) == 4
 
 
 def test_nothing_is_replaced_without_force(call, tmp_path):
-    (tmp_path / "program.toml").write_text("mine")
-    done = call("init", tmp_path)
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    (folder / "mine-program.toml").write_text("mine")
+    done = call("init", folder)
     assert (done.exit_code, done.stdout) == (2, "")
     assert "--force" in done.stderr
-    assert [path.name for path in tmp_path.iterdir()] == ["program.toml"]
-    assert call("init", tmp_path, "--force").exit_code == 0
-    assert {path.name for path in tmp_path.iterdir()} == {"machine.toml", "program.toml"}
+    assert [path.name for path in folder.iterdir()] == ["mine-program.toml"]
+    assert call("init", folder, "--force").exit_code == 0
+    assert {path.name for path in folder.iterdir()} == {"mine-machine.toml", "mine-program.toml"}
 
 
 def test_whole_or_not_at_all(call, tmp_path, monkeypatch):
     def fail(*_):
         raise OSError(28, "No space left on device", "program.toml")
 
-    (tmp_path / "machine.toml").write_text("mine")
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    (folder / "mine-machine.toml").write_text("mine")
     write, written_ = Path.write_bytes, []
 
     def second_fails(path, content):
@@ -217,14 +280,14 @@ def test_whole_or_not_at_all(call, tmp_path, monkeypatch):
         return fail() if len(written_) == 2 else write(path, content)
 
     monkeypatch.setattr(Path, "write_bytes", second_fails)
-    for place in (tmp_path, tmp_path / "a" / "b"):
+    for place in (folder, folder / "a" / "b"):
         written_.clear()
         assert call("init", place, "--force").exit_code == 2
-    assert [path.name for path in tmp_path.iterdir()] == ["machine.toml"]
-    assert (tmp_path / "machine.toml").read_text() == "mine"
+    assert [path.name for path in folder.iterdir()] == ["mine-machine.toml"]
+    assert (folder / "mine-machine.toml").read_text() == "mine"
 
 
 @pytest.mark.parametrize("kind", sorted(KINDS))
 def test_a_kind_is_something_to_start_from(tmp_path, kind):
-    main(["init", str(tmp_path), "--machine", kind], standalone_mode=False)
-    assert tomllib.loads((tmp_path / "machine.toml").read_text())["kind"] == kind
+    main(["init", str(tmp_path / "mine"), "--machine", kind], standalone_mode=False)
+    assert tomllib.loads((tmp_path / "mine" / "mine-machine.toml").read_text())["kind"] == kind
