@@ -157,17 +157,18 @@ class Key:
         text = format_toml(value) if given else self.example
         line = f"{'' if given else '#'}{self.name} = {text}"
         if len(text) > MAX_ROW_CHARS and isinstance(value, list):
-            yield from _comment(about)
+            yield from wrap_comment(about)
             yield f"{self.name} = ["
             yield from (f"    {format_toml(row)}," for row in value)
             yield "]"
         elif len(told := f"{line:<{COMMENT_COLUMN}}  # {about}") <= MAX_LINE_CHARS:
             yield told
         else:
-            yield from (*_comment(about), line)
+            yield from (*wrap_comment(about), line)
 
 
-def _comment(text: str) -> list[str]:
+def wrap_comment(text: str) -> list[str]:
+    """Return the lines of a comment."""
     return [f"# {line}" for line in wrap(text, MAX_LINE_CHARS - 2)]
 
 

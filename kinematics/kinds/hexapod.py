@@ -159,5 +159,5 @@ def build_hexapod(file: HexapodFile, name: str, folder: Path | Traversable) -> H
     base, platform = file.geometry.joints()
     load = file.load(file.legs)
     machine = Hexapod(base, platform, axes=file.list_axes(), name=name, load=load, **file.geometry.options())
-    refuse_unreachable_home(machine, file.axes, {own.name: own for own in file.axis})
+    refuse_unreachable_home(machine, file.axes, {table.name: table for table in file.axis})
     return machine

@@ -42,14 +42,14 @@ class LegAxis(LinearAxis):
     )
 
 
-def refuse_unreachable_home(machine: Legged, common: LegAxis, own: Mapping[str, LegAxis]) -> None:
+def refuse_unreachable_home(machine: Legged, common: LegAxis, single: Mapping[str, LegAxis]) -> None:
     """Raise BadValue for a home pose at which a leg is shorter or longer than its `leg_length`.
 
-    common, own  tables of all legs, and of single legs by their names
+    common, single  tables of all legs, and of single legs by their names
     """
     excess: dict[int, float] = {}
     for n, axis in enumerate(machine.axes):
-        table = own.get(axis.name, common)
+        table = single.get(axis.name, common)
         stated = table if TRAVEL_KEYS & table.model_fields_set else common
         beyond = max(axis.travel[0], -axis.travel[1])
         if stated.leg_length and beyond > HOME_TOLERANCE:

@@ -153,7 +153,7 @@ def build_tripod(file: TripodFile, name: str, folder: Path | Traversable) -> Tri
         load=file.load(file.legs),
         **geometry.options(),
     )
-    refuse_unreachable_home(machine, file.axes, {own.name: own for own in file.axis})
+    refuse_unreachable_home(machine, file.axes, {table.name: table for table in file.axis})
     return machine
 
 

@@ -5,12 +5,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from math import ceil, log10
 from typing import Any
 
 import numpy as np
 
-from kinematics.files.keys import Key, short_table_lines
+from kinematics.files.keys import Key, short_table_lines, wrap_comment
 from kinematics.foundation.arrays import Array
+from kinematics.foundation.units import unit_value
 from kinematics.machine.machine import Machine
 from kinematics.machine.machine_file import KINDS, load_machine
 from kinematics.machine.machine_writer import describe_source, known_keys, leg_lengths, read_preset
@@ -30,8 +32,9 @@ AXIS_KEYS = (
 """Keys of axes, in the order of the file. Forces, wiring, backlash and the like can wait."""
 COLLISION_KEYS = ("leg_radius", "leg_ends", "base_disc", "platform_disc")
 JOINT_KEYS = ("base_joints", "platform_joints")
-JOINT_DECIMALS = 4
-"""Decimals of joint coordinates in mm: 0.1 µm is finer than any machine is measured."""
+LATER_TABLES = ("gravity", "vibration", "wiring", "platform", "legs")
+JOINT_PRECISION = 1e-7
+"""Step of joint coordinates, m: finer than any machine is measured."""
 EQUAL_LENGTHS = 1e-7
 """Lengths of legs at home (m) that differ by less count as equal."""
 
@@ -39,21 +42,21 @@ EQUAL_LENGTHS = 1e-7
 def short_machine_starter(preset: str) -> str:
     """Return the text of a machine file with few keys.
 
-    Joint centres are plain numbers in mm, one row for each leg, to be replaced by the rows of a table.
+    Joint centres are plain numbers, one row for each leg, to be replaced by the rows of a table.
     Raises MotionError for a name that no bundled machine has.
     """
     data = read_preset(preset)
     keys = known_keys(data["kind"])
     machine = load_machine(preset)
-    head = {name: data[name] for name in ("schema", "kind")}
+    head = {name: data[name] for name in ("schema", "kind", "length") if name in data}
     geometry = {name: value for name, value in data["geometry"].items() if name not in COLLISION_KEYS}
     axes = data.get("axes")
-    joints = _joint_rows(machine, data["kind"])
+    joints = _joint_rows(machine, data)
     if joints:
-        head["length"] = "mm"
+        head["length"] = _length_unit(data)
         replaced = {other for one in keys["geometry"] if one.name in joints for other in one.instead}
         geometry = {name: value for name, value in geometry.items() if name not in replaced}
-        geometry |= joints | {"home": _plain_home(data["geometry"]["home"], machine)}
+        geometry |= joints | {"home": _plain_home(machine, data)}
         axes = _with_leg_length(data, machine)
 
     lines = [f"# A machine with the numbers of {describe_source(preset)}: replace them by yours."]
@@ -64,41 +67,59 @@ def short_machine_starter(preset: str) -> str:
     for table, values in (("axes", axes), ("rotary", data.get("rotary"))):
         if values is not None:
             lines += short_table_lines(f"[{table}]", _order_axis_keys(keys[table]), values)
-    for own in data.get("axis", ()):
-        lines += _own_table(keys, own, machine)
-    lines += ["", "# More keys (collisions, forces, wiring, backlash, input shapers): pulsepath init --all"]
+    for stated in data.get("axis", ()):
+        lines += _single_axis_table(keys, stated, machine)
+    lines += ["", *wrap_comment(_describe_missing(data))]
     return "\n".join(lines) + "\n"
 
 
-def _joint_rows(machine: Machine, kind: str) -> dict[str, list[list[float]]]:
-    """Return the joint centres in mm by their keys; empty for machines that have none."""
-    stated = KINDS[kind][0].geometry_of(machine, False) or {}
-    return {name: _millimetres(stated[name]) for name in JOINT_KEYS if name in stated}
+def _describe_missing(data: Mapping[str, Any]) -> str:
+    """Return the comment that names the keys of a machine that its short file leaves out."""
+    names = [name for name in data["geometry"] if name in COLLISION_KEYS]
+    for table in (data.get("axes", {}), data.get("rotary", {}), *data.get("axis", ())):
+        names += [name for name in table if name not in AXIS_KEYS]
+    names += [name if name == "gravity" else f"[{name}]" for name in LATER_TABLES if name in data]
+    left_out = f"Left out: {', '.join(dict.fromkeys(names))}. " if names else ""
+    return f"{left_out}All keys, with collisions, forces, wiring, backlash and input shapers: pulsepath init --all"
 
 
-def _millimetres(points: Array) -> list[Any]:
-    """Return coordinates in mm as nested lists of the shortest numbers."""
+def _length_unit(data: Mapping[str, Any]) -> str:
+    """Return the unit of plain numbers: that of the machine's file, else mm."""
+    return str(data.get("length", "mm"))
+
+
+def _joint_rows(machine: Machine, data: Mapping[str, Any]) -> dict[str, list[list[float]]]:
+    """Return the joint centres by their keys; empty for machines that have none."""
+    stated = KINDS[data["kind"]][0].geometry_of(machine, False) or {}
+    unit = _length_unit(data)
+    return {name: _plain_numbers(stated[name], unit) for name in JOINT_KEYS if name in stated}
+
+
+def _plain_numbers(points: Array, unit: str) -> list[Any]:
+    """Return coordinates in a unit as nested lists of the shortest numbers, to `JOINT_PRECISION`."""
+    size = unit_value(unit, "m")
+    decimals = max(0, ceil(log10(size / JOINT_PRECISION)))
 
     def shorten(value: Any) -> Any:
         if isinstance(value, list):
             return [shorten(each) for each in value]
         return int(value) if value == int(value) else value
 
-    rows: list[Any] = shorten(np.round(1e3 * np.asarray(points), JOINT_DECIMALS).tolist())
+    rows: list[Any] = shorten(np.round(np.asarray(points) / size, decimals).tolist())
     return rows
 
 
-def _plain_home(stated: Mapping[str, Any], machine: Machine) -> dict[str, Any]:
-    """Return the home pose with its position in mm, and its rotation if there is one."""
+def _plain_home(machine: Machine, data: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the home pose with its position as plain numbers, and its rotation if there is one."""
     turned = bool(machine.home.rotation.magnitude() > 0)
-    position = {"to": _millimetres(machine.home.translation)}
-    return position | ({"rotate": stated["rotate"]} if turned else {})
+    position = {"to": _plain_numbers(machine.home.translation, _length_unit(data))}
+    return position | ({"rotate": data["geometry"]["home"]["rotate"]} if turned else {})
 
 
 def _with_leg_length(data: Mapping[str, Any], machine: Machine) -> dict[str, Any]:
     """Return the values of [axes], with leg lengths for the travel where one pair of lengths fits all legs."""
     axes = dict(data["axes"])
-    differing = any("travel" in own for own in data.get("axis", ()))
+    differing = any("travel" in table for table in data.get("axis", ()))
     if "travel" in axes and not differing and np.ptp(machine.home_q) < EQUAL_LENGTHS:
         del axes["travel"]
         axes["leg_length"] = leg_lengths(machine)
@@ -110,12 +131,12 @@ def _order_axis_keys(keys: Sequence[Key]) -> list[Key]:
     return [by_name[name] for name in AXIS_KEYS if name in by_name]
 
 
-def _own_table(keys: Mapping[str, list[Key]], own: Mapping[str, Any], machine: Machine) -> list[str]:
+def _single_axis_table(keys: Mapping[str, list[Key]], stated: Mapping[str, Any], machine: Machine) -> list[str]:
     """Return the [[axis]] table of one axis; nothing if it states no key of a short file."""
-    values = {name: value for name, value in own.items() if name in AXIS_KEYS}
+    values = {name: value for name, value in stated.items() if name in AXIS_KEYS}
     if len(values) < 2:
         return []
     kinds = {axis.name: axis.kind for axis in machine.axes}
-    table = "rotary" if kinds[own["name"]] == "rotary" and "rotary" in keys else "axes"
+    table = "rotary" if kinds[stated["name"]] == "rotary" and "rotary" in keys else "axes"
     name = Key("name", "name of the axis to which these values apply")
     return [*short_table_lines("[[axis]]", [name, *_order_axis_keys(keys[table])], values)]

@@ -239,8 +239,8 @@ def _starter_tables(preset: str, data: dict[str, Any]) -> Iterator[str]:
             yield from table_lines(f"[{table}]", keys[table], data.get(table), about[table])
     name = Key("name", f"name of the axis: {', '.join(names)}", f'"{names[0]}"')
     for one in data.get("axis", ()):
-        own = [Key(key, "value of this axis") for key in one if key != "name"]
-        yield from table_lines("[[axis]]", [name, *own], one, about["axis"])
+        others = [Key(key, "value of this axis") for key in one if key != "name"]
+        yield from table_lines("[[axis]]", [name, *others], one, about["axis"])
     if not data.get("axis"):
         own_table = "rotary" if machine.axes[0].kind == "rotary" and "rotary" in keys else "axes"
         faster = next(key for key in keys[own_table] if key.name == "max_speed")

@@ -196,7 +196,7 @@ def program_starter(machine: str, kind: str, preset: str | None = None, *, short
     segments = f'the segments of the bundled program "{preset}"' if preset else "a line, a circle and a line back"
     lines = [f"# A program with {segments}: replace them by yours."]
     if short:
-        more = "# More keys (speed, joins, tool, triggers, other segments): pulsepath init --all"
+        more = "# All keys, with speed, joins, tool, triggers and other segments: pulsepath init --all"
         return "\n".join([*lines, *_short_tables(data), "", more]) + "\n"
     lines += ["# A line that begins with # and no space is a key or a segment that is not set: remove the # to set it."]
     return "\n".join([*lines, *_tables(data)]) + "\n"

@@ -197,6 +197,26 @@ def test_a_short_file_is_the_same_machine_without_what_can_wait(tmp_path, machin
         assert one.travel[1] >= other.travel[1] - 2e-7
 
 
+@pytest.mark.parametrize("option", [[], ["--all"]])
+def test_plain_numbers_of_a_file_keep_their_unit(call, tmp_path, option):
+    (tmp_path / "inches.toml").write_text(
+        'schema = 1\nkind = "tripod"\nlength = "in"\n[geometry]\n'
+        "base_joints = [[7, 0, 0], [-3.5, 6, 0], [-3.5, -6, 0]]\n"
+        "platform_joints = [[1.4, 0, 0], [-0.7, 1.2, 0], [-0.7, -1.2, 0]]\n"
+        "tool = [0, 0, -2]\nhome = { to = [0, 0, -12] }\nbase_rest = [0, 0, -1]\nplatform_rest = [0, 0, -1]\n"
+        '[axes]\nleg_length = [8, 14]\npulse = "1 um"\nmax_speed = "15 mm/s"\nmax_acceleration = "150 mm/s^2"\n'
+        'backlash = "1 um"\n[wiring]\narm1 = ["PCI-8164", 0]\n'
+    )
+    assert call("init", tmp_path / "new", "--machine", tmp_path / "inches.toml", *option).exit_code == 0
+    made, source = load_machine(tmp_path / "new" / "new-machine.toml"), load_machine(tmp_path / "inches.toml")
+    np.testing.assert_allclose(made.base, source.base, rtol=1e-12)
+    np.testing.assert_allclose(made.home_q, source.home_q, rtol=1e-12)
+    for one, other in zip(made.axes, source.axes, strict=True):
+        np.testing.assert_allclose(one.travel, other.travel, rtol=1e-12)
+    text = (tmp_path / "new" / "new-machine.toml").read_text()
+    assert ("# Left out: backlash, [wiring]." in text) == (not option)
+
+
 def test_each_key_of_a_short_file_has_a_line_of_comment(machine):
     kind = tomllib.loads(short_machine_starter(machine))["kind"]
     for text in (short_machine_starter(machine), program_starter("m.toml", kind, short=True)):
