@@ -268,7 +268,7 @@ class ProgramFile(File):
     length: Annotated[str, unit_validator("m")] | None = key("unit of positions that are plain numbers", default=None)
     angle: Annotated[str, unit_validator("rad")] | None = key("unit of angles that are plain numbers", default=None)
     frame: Frame = key(
-        'frame of positions: "home" (the home pose of the machine) or "base" (its base frame)', '"home"', default="home"
+        'frame of positions: "home" (home pose of the machine) or "base" (base frame)', '"home"', default="home"
     )
     start: Annotated[tuple[float, ...], Chosen(_start_type)] | None = key(
         "first pose, home if not stated: x, y, z, or x, y, z, θx, θy, θz", "[0, 0, 0]", None

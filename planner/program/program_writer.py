@@ -6,6 +6,7 @@ directions to rounding, since they are held as rotations and unit vectors; every
 
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -203,11 +204,14 @@ def program_starter(machine: str, kind: str, preset: str | None = None, *, short
 
 
 def _short_tables(data: dict[str, Any]) -> Iterator[str]:
-    """Yield the set keys of the head and of each segment."""
+    """Yield the set keys of the head and of each segment, with the help of a key where it occurs first."""
     yield from short_table_lines("", HEAD, data)
+    explained: set[str] = set()
     for segment in data["segment"]:
         shape = next(key for name, key in SHAPES.items() if name in segment)
-        yield from short_table_lines("[[segment]]", [shape, *MODIFIERS], segment)
+        keys = [replace(key, about="") if key.name in explained else key for key in (shape, *MODIFIERS)]
+        yield from short_table_lines("[[segment]]", keys, segment)
+        explained |= segment.keys()
 
 
 def machine_of(preset: str) -> str | None:

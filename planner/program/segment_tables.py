@@ -147,9 +147,9 @@ class MovingEntry(TableSchema):
     """What every segment that moves has."""
 
     join: JoinEntry = key(
-        'join to the next segment: "stop" (if not stated), "through" (without a stop, where the path is smooth), '
-        '{ blend = … } (corner rounded within a tolerance; angle = "0.1 deg" for the orientation), or '
-        '{ fit = "0.02 mm" } (short segments become a smooth curve; corners above corner = "35 deg" remain)',
+        'join to the next segment; "stop" if not stated; "through": no stop where the path is smooth; { blend = … }: '
+        'corner rounded within a tolerance, and with angle = "0.1 deg" the orientation; { fit = "0.02 mm" }: short '
+        'segments become a smooth curve, except at corners above corner = "35 deg"',
         '{ blend = "0.05 mm" }',
         "stop",
     )
