@@ -48,7 +48,7 @@ def short_machine_starter(preset: str) -> str:
     data = read_preset(preset)
     keys = known_keys(data["kind"])
     machine = load_machine(preset)
-    head = {name: data[name] for name in ("schema", "kind", "length") if name in data}
+    head: dict[str, Any] = {name: data[name] for name in ("schema", "kind", "length") if name in data}
     geometry = {name: value for name, value in data["geometry"].items() if name not in COLLISION_KEYS}
     axes = data.get("axes")
     joints = _joint_rows(machine, data)
