@@ -1,8 +1,8 @@
 """Legs by their shortest and longest length, as tables of joint coordinates state them.
 
-A length L_i(z) = √(d_i² + (z + c_i)²) is a function of the height z of home: d_i is the horizontal distance between the
-joints of leg i, and c_i the height of its platform joint minus that of its base joint at z = 0. From it follow the
-heights at which all legs fit.
+The length of leg i at home, L_i(z) = √(d_i² + (z + c_i)²), is a function of the height z of home:
+d_i is the horizontal distance between its joints, and c_i the height of its platform joint minus
+that of its base joint at z = 0. From it follow the heights at which all legs fit.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 HOME_TOLERANCE = 1e-9
 """Excess of a leg's length at home, m, that is rounding."""
 FAR_JOINTS = 2.0
-"""Platform joints that are this many radii away from the platform's origin may be in the base frame."""
+"""Radii between platform joints and the platform's origin that suggest the base frame."""
 LENGTH_DECIMALS = 6
 """Decimals in mm that a proposed height may have; the fewest that fit are taken."""
 
@@ -32,7 +32,7 @@ LegLength = Annotated[float, Unit("m", above=0, plain="length", unit_written=Tru
 
 
 class LegAxis(LinearAxis):
-    """The table of a leg: a linear axis whose travel may also be stated by the lengths of the leg."""
+    """The table of a leg: a linear axis whose travel may also be stated by its lengths."""
 
     leg_length: Annotated[tuple[LegLength, LegLength], AfterValidator(check_range)] | None = key(
         "shortest and longest leg, between the centres of its joints",
@@ -42,7 +42,11 @@ class LegAxis(LinearAxis):
     )
 
 
-def refuse_unreachable_home(machine: Legged, common: LegAxis, single: Mapping[str, LegAxis]) -> None:
+def refuse_unreachable_home(
+    machine: Legged,
+    common: LegAxis,
+    single: Mapping[str, LegAxis],
+) -> None:
     """Raise BadValue for a home pose at which a leg is shorter or longer than its `leg_length`.
 
     common, single  tables of all legs, and of single legs by their names
@@ -60,8 +64,9 @@ def refuse_unreachable_home(machine: Legged, common: LegAxis, single: Mapping[st
     axis, length = machine.axes[worst], machine.home_q[worst]
     shortest, longest = (describe(length + end, "mm") for end in axis.travel)
     raise BadValue(
-        f"machine {machine.name}: {len(excess)} of {machine.legs} legs do not reach home: {axis.name} is "
-        f"{describe(length, 'mm')} long there, and its leg_length is {shortest} to {longest}; "
+        f"machine {machine.name}: {len(excess)} of {machine.legs} legs do not reach home: "
+        f"{axis.name} is {describe(length, 'mm')} long there, and its leg_length is "
+        f"{shortest} to {longest}; "
         f"{_suggest_height(machine)}{_suspect_frame(machine)}",
         key=("home",),
     )
@@ -81,7 +86,8 @@ def _suggest_height(machine: Legged) -> str:
     below = (-highest - between[:, 2]).max(), (-lowest - between[:, 2]).min()
     height = machine.home.translation[2]
     hangs = height < 0 or (height == 0 and machine.base_rest[:, 2].sum() < 0)
-    ranges = [(low, high) for low, high in ((below, above) if hangs else (above, below)) if low < high]
+    sides = (below, above) if hangs else (above, below)
+    ranges = [(low, high) for low, high in sides if low < high]
     if not ranges:
         return nothing
 
@@ -94,13 +100,13 @@ def _suggest_height(machine: Legged) -> str:
 
 
 def _suspect_frame(machine: Legged) -> str:
-    """Return what to do if the platform joints look as if they were in the base frame; else nothing."""
+    """Return a remedy if the platform joints may be in the base frame; else nothing."""
     centre = machine.platform.mean(0)
     radius = np.linalg.norm(machine.platform - centre, axis=1).max()
     away = float(np.linalg.norm(centre))
     if away <= FAR_JOINTS * radius:
         return ""
     return (
-        f"; platform_joints are {describe(away, 'mm')} from the platform's origin: if they are in the base frame, "
-        "state them in the platform's own"
+        f"; platform_joints are {describe(away, 'mm')} from the platform's origin: "
+        "if they are in the base frame, state them in the platform's own"
     )

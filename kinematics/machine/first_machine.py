@@ -3,7 +3,7 @@
 `machine_writer.machine_starter` writes the file with every key.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from math import ceil, log10
 from typing import Any
@@ -48,21 +48,20 @@ def short_machine_starter(preset: str) -> str:
     data = read_preset(preset)
     keys = known_keys(data["kind"])
     machine = load_machine(preset)
-    head: dict[str, Any] = {name: data[name] for name in ("schema", "kind", "length") if name in data}
-    geometry = {name: value for name, value in data["geometry"].items() if name not in COLLISION_KEYS}
+    head: dict[str, Any] = _pick(data, ("schema", "kind", "length"))
+    geometry = _omit(data["geometry"], COLLISION_KEYS)
     axes = data.get("axes")
     joints = _joint_rows(machine, data)
     if joints:
         head["length"] = _length_unit(data)
-        replaced = {other for one in keys["geometry"] if one.name in joints for other in one.instead}
-        geometry = {name: value for name, value in geometry.items() if name not in replaced}
+        stating = [one for one in keys["geometry"] if one.name in joints]
+        geometry = _omit(geometry, {other for one in stating for other in one.instead})
         geometry |= joints | {"home": _plain_home(machine, data)}
         axes = _with_leg_length(data, machine)
 
     lines = [f"# A machine with the numbers of {describe_source(preset)}: replace them by yours."]
     lines += ["# Quantities carry their units: mm, in, deg, rad, s and so on."]
-    kind = [replace(one, about="kind of machine") if one.name == "kind" else one for one in keys[""]]
-    lines += short_table_lines("", kind, head)
+    lines += short_table_lines("", _shorten_kind(keys[""]), head)
     lines += short_table_lines("[geometry]", keys["geometry"], geometry)
     for table, values in (("axes", axes), ("rotary", data.get("rotary"))):
         if values is not None:
@@ -71,6 +70,20 @@ def short_machine_starter(preset: str) -> str:
         lines += _single_axis_table(keys, stated, machine)
     lines += ["", *wrap_comment(_describe_missing(data))]
     return "\n".join(lines) + "\n"
+
+
+def _pick(values: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]:
+    return {name: value for name, value in values.items() if name in names}
+
+
+def _omit(values: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]:
+    return {name: value for name, value in values.items() if name not in names}
+
+
+def _shorten_kind(keys: Sequence[Key]) -> list[Key]:
+    """Return the keys, `kind` without the list of all kinds."""
+    about = "kind of machine"
+    return [replace(one, about=about) if one.name == "kind" else one for one in keys]
 
 
 def _describe_missing(data: Mapping[str, Any]) -> str:
@@ -96,7 +109,7 @@ def _joint_rows(machine: Machine, data: Mapping[str, Any]) -> dict[str, list[lis
 
 
 def _plain_numbers(points: Array, unit: str) -> list[Any]:
-    """Return coordinates in a unit as nested lists of the shortest numbers, to `JOINT_PRECISION`."""
+    """Return coordinates in a unit as nested lists of short numbers, to `JOINT_PRECISION`."""
     size = unit_value(unit, "m")
     decimals = max(0, ceil(log10(size / JOINT_PRECISION)))
 
@@ -117,7 +130,7 @@ def _plain_home(machine: Machine, data: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _with_leg_length(data: Mapping[str, Any], machine: Machine) -> dict[str, Any]:
-    """Return the values of [axes], with leg lengths for the travel where one pair of lengths fits all legs."""
+    """Return the values of [axes], with leg lengths for the travel where all legs are alike."""
     axes = dict(data["axes"])
     differing = any("travel" in table for table in data.get("axis", ()))
     if "travel" in axes and not differing and np.ptp(machine.home_q) < EQUAL_LENGTHS:
@@ -131,9 +144,13 @@ def _order_axis_keys(keys: Sequence[Key]) -> list[Key]:
     return [by_name[name] for name in AXIS_KEYS if name in by_name]
 
 
-def _single_axis_table(keys: Mapping[str, list[Key]], stated: Mapping[str, Any], machine: Machine) -> list[str]:
+def _single_axis_table(
+    keys: Mapping[str, list[Key]],
+    stated: Mapping[str, Any],
+    machine: Machine,
+) -> list[str]:
     """Return the [[axis]] table of one axis; nothing if it states no key of a short file."""
-    values = {name: value for name, value in stated.items() if name in AXIS_KEYS}
+    values = _pick(stated, AXIS_KEYS)
     if len(values) < 2:
         return []
     kinds = {axis.name: axis.kind for axis in machine.axes}

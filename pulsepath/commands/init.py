@@ -15,7 +15,12 @@ from pulsepath.progress import say
 
 
 @click.command()
-@click.argument("directory", metavar="[DIR]", default=".", type=click.Path(file_okay=False, path_type=Path))
+@click.argument(
+    "directory",
+    metavar="[DIR]",
+    default=".",
+    type=click.Path(file_okay=False, path_type=Path),
+)
 @click.option(
     "--machine",
     metavar="MACHINE",
@@ -28,20 +33,32 @@ from pulsepath.progress import say
     help="Bundled program to start from. Default: a line, a circle and a line back.",
     shell_complete=make_completer(known_names.programs),
 )
-@click.option("--all", "every_key", is_flag=True, help="Write every key: those that are not set as comments.")
+@click.option(
+    "--all",
+    "every_key",
+    is_flag=True,
+    help="Write every key: those that are not set as comments.",
+)
 @click.option("--force", is_flag=True, help="Replace files that exist.")
 @json_option
 def init(
-    directory: Path, machine: str | None, program: str | None, every_key: bool, force: bool, as_json: bool
+    directory: Path,
+    every_key: bool,
+    force: bool,
+    as_json: bool,
+    **source: str | None,
 ) -> None:
     """Write a machine and a program to start from.
 
-    DIR defaults to the current directory. The files are named after it: DIR-machine.toml and DIR-program.toml. They
-    hold the keys that matter for a first plan, with a line of comment each, and can be planned at once.
+    DIR defaults to the current directory. The files are named after it: DIR-machine.toml and
+    DIR-program.toml. They hold the keys that matter for a first plan, with a line of comment each,
+    and can be planned at once.
 
     Example: pulsepath init mine --machine tripod
     """
-    machine = None if machine is None else _find_machine(machine)
+    machine, program = source["machine"], source["program"]
+    if machine is not None:
+        machine = _find_machine(machine)
     refuse_unknown(program, machine)
     from kinematics import load_machine
     from kinematics.machine.first_machine import short_machine_starter
@@ -68,7 +85,10 @@ def init(
     out = shlex.quote(str(directory / "plan"))
     following = [f"pulsepath check {path}", f"pulsepath plan {path} --out {out}"]
     if as_json:
-        click.echo(record.as_json({"files": [str(target) for target in targets], "next": following}), nl=False)
+        click.echo(
+            record.as_json({"files": [str(target) for target in targets], "next": following}),
+            nl=False,
+        )
         return
     for target in targets:
         say(f"written: {target}")
@@ -78,7 +98,10 @@ def init(
 
 
 def _name_file(directory: Path, ending: str) -> str:
-    """Return the name of a file of a directory, such as mine-machine.toml; without letters in its name, the ending."""
+    """Return the name of a file of a directory, such as mine-machine.toml.
+
+    The ending alone, if the directory's name has no letters.
+    """
     stem = re.sub(r"[^\w.-]+", "-", directory.resolve().name).strip("-.")
     return f"{stem}-{ending}" if stem else ending
 
@@ -90,4 +113,5 @@ def _find_machine(name: str) -> str:
     known = presets("kinematics")
     if name in known or name not in known_names.kinds():
         return name
-    return next(each for each, file in known.items() if tomllib.loads(file.read_text("utf-8"))["kind"] == name)
+    kinds = {each: tomllib.loads(file.read_text("utf-8"))["kind"] for each, file in known.items()}
+    return next(each for each, kind in kinds.items() if kind == name)
