@@ -118,7 +118,7 @@ class Host:
 
     timer         "counter": the host polls the card's counter, so step k begins at k·dt, unless the law requires
                   "sleep". "sleep": for every law, the host calls sleep(dt) of the operating system and continues at the
-                  first tick of the system's timer after dt, plus the jitter. The delay of a step delays all later steps.
+                  first tick of the system's timer after dt, plus the jitter. Delays accumulate.
     granularity   period of the system's timer, s; its phase is random. 0: a timer without ticks
     jitter        largest delay of each waking, s; delays are uniformly distributed from 0
     seed          seed of the random numbers

@@ -253,6 +253,16 @@ def test_files_are_named_after_the_folder(call, tmp_path, monkeypatch, folder, s
     assert {path.name for path in again.iterdir()} == files
 
 
+def test_the_folder_for_its_file_is_pointed_to_the_file(call, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert call("init", "mine").exit_code == 0
+    cases = (("plan", "mine", "--out", "out"), "mine-program.toml"), (("pose", "mine", "0,0,0"), "mine-machine.toml")
+    for command, file in cases:
+        done = call(*command)
+        assert done.exit_code == 2
+        assert f"or give the path of a file, e.g. {Path('mine', file)}" in done.stderr
+
+
 @pytest.mark.parametrize("option", [[], ["--all"]])
 def test_all_asks_for_every_key(call, tmp_path, option):
     assert call("init", tmp_path / "mine", *option).exit_code == 0
