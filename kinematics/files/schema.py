@@ -175,6 +175,25 @@ class File(TableSchema):
     version: Literal[1] = key("version of the file format", alias="schema", remedy="write schema = 1")
 
 
+def is_name(name: str) -> bool:
+    """Return whether a machine or a program may be called so."""
+    fits = 0 < len(name) <= MAX_NAME_LENGTH
+    return fits and name.isprintable() and not set(name) & set("/\\")
+
+
+def _check_name(name: str) -> str:
+    if not is_name(name):
+        raise validation_error(
+            f"{describe_value(name)} is not a name: give 1 to {MAX_NAME_LENGTH} characters without / and \\"
+        )
+    return name
+
+
+MAX_NAME_LENGTH = 100
+Name = Annotated[str, AfterValidator(_check_name)]
+NAME = key("name in reports and records; that of the file if not stated", '"mine"', None)
+"""Name of the machine or the program that a file describes."""
+
 Model = TypeVar("Model", bound=File)
 Rule = Callable[[dict[str, Any]], Iterable[tuple[Key, str | MotionError]]]
 

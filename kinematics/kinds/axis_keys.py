@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal, TypeVar
 from pydantic import AfterValidator, AllowInfNan, Field, create_model
 
 from kinematics.files.keys import Chosen, key
-from kinematics.files.schema import File, TableSchema, tables_in, unit_validator
+from kinematics.files.schema import NAME, File, Name, TableSchema, tables_in, unit_validator
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError, validation_error
 from kinematics.foundation.units import Length, Unit
@@ -342,6 +342,7 @@ class MachineFile(File):
 
     what: ClassVar[str] = "machine file"
     first_place: ClassVar[tuple[float, float, float]] = (0, 0, 20)
+    name: Name | None = NAME
     length: Annotated[str, unit_validator("m")] | None = key(
         "unit of joint coordinates and other lengths without a unit", '"mm"', None
     )

@@ -28,19 +28,24 @@ AXIS_KEYS = (
     "max_speed",
     "max_acceleration",
     "max_jerk",
+    "max_force",
+    "max_pulse_rate",
 )
-"""Keys of axes, in the order of the file. Forces, wiring, backlash and the like can wait."""
-COLLISION_KEYS = ("leg_radius", "leg_ends", "base_disc", "platform_disc")
+"""Keys of axes, in the order of the file: all that limits a motion. Wiring and backlash can wait."""
+MASS_TABLES = ("platform", "legs")
+"""Tables without which `max_force` limits nothing."""
 JOINT_KEYS = ("base_joints", "platform_joints")
-LATER_TABLES = ("gravity", "vibration", "wiring", "platform", "legs")
+LATER_TABLES = ("gravity", "vibration", "wiring")
 JOINT_PRECISION = 1e-7
 """Step of joint coordinates, m: finer than any machine is measured."""
 EQUAL_LENGTHS = 1e-7
 """Lengths of legs at home (m) that differ by less count as equal."""
 
 
-def short_machine_starter(preset: str) -> str:
+def short_machine_starter(preset: str, name: str | None = None) -> str:
     """Return the text of a machine file with few keys.
+
+    name  of the machine; None: that of the file it is written to
 
     Joint centres are plain numbers, one row for each leg, to be replaced by the rows of a table.
     Raises MotionError for a name that no bundled machine has.
@@ -49,7 +54,9 @@ def short_machine_starter(preset: str) -> str:
     keys = known_keys(data["kind"])
     machine = load_machine(preset)
     head: dict[str, Any] = _pick(data, ("schema", "kind", "length"))
-    geometry = _omit(data["geometry"], COLLISION_KEYS)
+    if name is not None:
+        head["name"] = name
+    geometry = dict(data["geometry"])
     axes = data.get("axes")
     joints = _joint_rows(machine, data)
     if joints:
@@ -66,6 +73,9 @@ def short_machine_starter(preset: str) -> str:
     for table, values in (("axes", axes), ("rotary", data.get("rotary"))):
         if values is not None:
             lines += short_table_lines(f"[{table}]", _order_axis_keys(keys[table]), values)
+    for table in MASS_TABLES:
+        if table in data:
+            lines += short_table_lines(f"[{table}]", keys[table], data[table])
     for stated in data.get("axis", ()):
         lines += _single_axis_table(keys, stated, machine)
     lines += ["", *wrap_comment(_describe_missing(data))]
@@ -88,12 +98,12 @@ def _shorten_kind(keys: Sequence[Key]) -> list[Key]:
 
 def _describe_missing(data: Mapping[str, Any]) -> str:
     """Return the comment that names the keys of a machine that its short file leaves out."""
-    names = [name for name in data["geometry"] if name in COLLISION_KEYS]
+    names: list[str] = []
     for table in (data.get("axes", {}), data.get("rotary", {}), *data.get("axis", ())):
         names += [name for name in table if name not in AXIS_KEYS]
     names += [name if name == "gravity" else f"[{name}]" for name in LATER_TABLES if name in data]
     left_out = f"Left out: {', '.join(dict.fromkeys(names))}. " if names else ""
-    return f"{left_out}All keys, with collisions, forces, wiring, backlash and input shapers: pulsepath init --all"
+    return f"{left_out}All keys, with wiring, backlash and input shapers: pulsepath init --all"
 
 
 def _length_unit(data: Mapping[str, Any]) -> str:

@@ -120,7 +120,8 @@ def _refuse_kind(kind: Any) -> BadValue:
 
 def _make_machine(source: Path | Traversable, document: Document, model: MachineFile, construct: Construct) -> Machine:
     try:
-        machine = construct(model, Path(source.name).stem, source_folder("kinematics", source))
+        name = model.name or Path(source.name).stem
+        machine = construct(model, name, source_folder("kinematics", source))
     except FileError as error:  # of a file that this one names
         geometry = document.data["geometry"]
         faults = [

@@ -178,12 +178,15 @@ def _timing(timing: StepTiming) -> str | dict[str, Any]:
     return next((name for name, known in DRIVES.items() if known == timing), times)
 
 
-def machine_starter(preset: str) -> str:
+def machine_starter(preset: str, name: str | None = None) -> str:
     """Return a machine file with every key, unset ones as comments.
 
-    Raises MotionError for a name that no bundled machine has.
+    name  of the machine; None: that of the file it is written to
+    Raises MotionError for a preset that no bundled machine has.
     """
     data = read_preset(preset)
+    if name is not None:
+        data["name"] = name
     lines = [
         f"# A machine with the numbers of {describe_source(preset)}: replace them by yours.",
         "# A line that begins with # and no space is a key or a table that is not set: remove the # to set it.",
@@ -215,7 +218,8 @@ def known_keys(kind: str) -> dict[str, list[Key]]:
     *some, last = map(quote, KINDS)
     keys = {one.name: one for one in keys_of(schema)}
     kind_key = replace(keys["kind"], about=f"{', '.join(some)} or {last}")
-    head = [keys["schema"], kind_key, keys["length"], keys["gravity"]]
+    head = [keys[name] for name in ("schema", "name", "kind", "length", "gravity")]
+    head[2] = kind_key
     tables = {name: keys_of(*schema.tables_of(name)) for name in ("axes", "rotary", "platform", "legs")}
     geometry = keys_of(*schema.tables_of("geometry"), own_first=True)
     return {"": head, "geometry": geometry} | {name: table for name, table in tables.items() if table}

@@ -10,8 +10,10 @@ from pydantic import AfterValidator, Field, model_validator
 
 from kinematics.files.keys import Chosen, key
 from kinematics.files.schema import (
+    NAME,
     Direction,
     File,
+    Name,
     TableSchema,
     build,
     one_of_tables,
@@ -262,6 +264,7 @@ class ProgramFile(File):
     """A program's TOML, key by key."""
 
     what: ClassVar[str] = "program"
+    name: Name | None = NAME
     machine: str | None = key(
         "name of a bundled machine, or path from the folder of this file; --machine overrides it", default=None
     )
@@ -323,7 +326,7 @@ def load_program(name_or_path: ProgramSource) -> Program:
     Returns
     -------
     Program
-        Named after its file, in SI units.
+        Named as its file says, or after the file; in SI units.
 
     Raises
     ------
@@ -353,7 +356,7 @@ def make_program(document: Document, model: ProgramFile) -> Program:
         model.frame,
         _pose(model.start),
         model.machine,
-        Path(document.file).stem,
+        model.name or Path(document.file).stem,
         duration=model.duration,
         speed=model.speed,
         acceleration=model.acceleration,

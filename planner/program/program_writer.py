@@ -181,9 +181,17 @@ EXAMPLE_RADIUS = 10
 """mm, of that circle."""
 
 
-def program_starter(machine: str, kind: str, preset: str | None = None, *, short: bool = False) -> str:
+def program_starter(
+    machine: str,
+    kind: str,
+    preset: str | None = None,
+    *,
+    name: str | None = None,
+    short: bool = False,
+) -> str:
     """Return a program file for a machine by name or path: segments of a bundled program, or first ones for its kind.
 
+    name   of the program; None: that of the file it is written to
     short  only keys that are set; else every key, unset ones as comments
 
     Raises MotionError for a name that no bundled program has.
@@ -194,6 +202,8 @@ def program_starter(machine: str, kind: str, preset: str | None = None, *, short
         else tomllib.loads(find("planner", "program", preset).read_text("utf-8"))
     )
     data = {"length": "mm", "angle": "deg"} | data | {"machine": machine}
+    if name is not None:
+        data["name"] = name
     segments = f'the segments of the bundled program "{preset}"' if preset else "a line, a circle and a line back"
     lines = [f"# A program with {segments}: replace them by yours."]
     if short:

@@ -1,6 +1,5 @@
 """`pulsepath init`: a commented machine and a commented program to start from."""
 
-import re
 import shlex
 import tomllib
 from pathlib import Path
@@ -50,9 +49,9 @@ def init(
 ) -> None:
     """Write a machine and a program to start from.
 
-    DIR defaults to the current directory. The files are named after it: DIR-machine.toml and
-    DIR-program.toml. They hold the keys that matter for a first plan, with a line of comment each,
-    and can be planned at once.
+    DIR defaults to the current directory. The files machine.toml and program.toml hold the keys that
+    matter for a first plan, with a line of comment each, and can be planned at once. Machine and
+    program are named after the directory.
 
     Example: pulsepath init mine --machine tripod
     """
@@ -61,6 +60,7 @@ def init(
         machine = _find_machine(machine)
     refuse_unknown(program, machine)
     from kinematics import load_machine
+    from kinematics.files.schema import is_name
     from kinematics.machine.first_machine import short_machine_starter
     from kinematics.machine.machine_writer import companions, machine_starter
     from planner.program.program_writer import machine_of, program_starter
@@ -69,19 +69,19 @@ def init(
 
     machine = machine or (None if program is None else machine_of(program)) or "hexapod"
     kind = type(load_machine(machine)).__name__.lower()
-    machine_file = _name_file(directory, MACHINE_FILE)
-    program_file = _name_file(directory, PROGRAM_FILE)
-    machine_text = machine_starter(machine) if every_key else short_machine_starter(machine)
-    program_text = program_starter(machine_file, kind, program, short=not every_key)
+    stem = directory.resolve().name
+    name = stem if is_name(stem) else None
+    machine_text = (machine_starter if every_key else short_machine_starter)(machine, name)
+    program_text = program_starter(MACHINE_FILE, kind, program, name=name, short=not every_key)
     files = {
-        machine_file: machine_text.encode(),
-        program_file: program_text.encode(),
+        MACHINE_FILE: machine_text.encode(),
+        PROGRAM_FILE: program_text.encode(),
         **companions(machine),
     }
     targets = [directory / name for name in files]
     writes(*targets)
     write_files(directory, files, force)
-    path = shlex.quote(str(directory / program_file))
+    path = shlex.quote(str(directory / PROGRAM_FILE))
     out = shlex.quote(str(directory / "plan"))
     following = [f"pulsepath check {path}", f"pulsepath plan {path} --out {out}"]
     if as_json:
@@ -95,15 +95,6 @@ def init(
     say("next:")
     for command in following:
         say(f"  {command}")
-
-
-def _name_file(directory: Path, ending: str) -> str:
-    """Return the name of a file of a directory, such as mine-machine.toml.
-
-    The ending alone, if the directory's name has no letters.
-    """
-    stem = re.sub(r"[^\w.-]+", "-", directory.resolve().name).strip("-.")
-    return f"{stem}-{ending}" if stem else ending
 
 
 def _find_machine(name: str) -> str:

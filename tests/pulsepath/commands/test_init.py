@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from kinematics import load_machine, machine_names
+from kinematics.foundation.errors import FileError
 from kinematics.kinds.axis_keys import LinearDrive, RotaryDrive, TimingTable
 from kinematics.kinds.legged import Plate
 from kinematics.kinds.load_keys import HomeTable, Mass
@@ -130,7 +131,7 @@ def test_each_key_in_a_comment_makes_a_file_that_loads(tmp_path, machine):
             continue
         path.write_text(changed)
         assert tomllib.loads(changed) != data, what
-        assert load_machine(path).name == "machine", what
+        assert load_machine(path).name == ("mine" if ".name" in what else "machine"), what
 
 
 def test_a_machine_file_is_the_machine_that_it_was_made_of(tmp_path, machine):
@@ -167,17 +168,17 @@ def test_a_program_file_says_every_key_and_loads_with_each(tmp_path, preset):
         assert re.search(rf"\b{name}\b", text), name
     for what, changed in variants(parts, [*HEAD, *SHAPES.values(), *MODIFIERS]):
         path.write_text(changed)
-        assert load_program(path).name == "program", what
+        assert load_program(path).name == ("mine" if ".name" in what else "program"), what
 
 
 def test_what_is_written_plans_at_once(call, tmp_path, machine):
     done = call("init", tmp_path / "new" / "one", "--machine", machine, "--json")
     assert done.exit_code == 0
     written = json.loads(done.stdout)["files"]
-    assert {Path(file).name for file in written} == {"one-machine.toml", "one-program.toml", *companions(machine)}
+    assert {Path(file).name for file in written} == {"machine.toml", "program.toml", *companions(machine)}
     folder = tmp_path / "new" / "one"
-    program = load_program(folder / "one-program.toml")
-    assert program.machine == "one-machine.toml"
+    program = load_program(folder / "program.toml")
+    assert program.machine == "machine.toml"
     assert plan(program, load_machine(folder / program.machine)).certificate.holds
 
 
@@ -208,12 +209,12 @@ def test_plain_numbers_of_a_file_keep_their_unit(call, tmp_path, option):
         'backlash = "1 um"\n[wiring]\narm1 = ["PCI-8164", 0]\n'
     )
     assert call("init", tmp_path / "new", "--machine", tmp_path / "inches.toml", *option).exit_code == 0
-    made, source = load_machine(tmp_path / "new" / "new-machine.toml"), load_machine(tmp_path / "inches.toml")
+    made, source = load_machine(tmp_path / "new" / "machine.toml"), load_machine(tmp_path / "inches.toml")
     np.testing.assert_allclose(made.base, source.base, rtol=1e-12)
     np.testing.assert_allclose(made.home_q, source.home_q, rtol=1e-12)
     for one, other in zip(made.axes, source.axes, strict=True):
         np.testing.assert_allclose(one.travel, other.travel, rtol=1e-12)
-    text = (tmp_path / "new" / "new-machine.toml").read_text()
+    text = (tmp_path / "new" / "machine.toml").read_text()
     assert ("# Left out: backlash, [wiring]." in text) == (not option)
 
 
@@ -235,28 +236,36 @@ def test_each_key_of_a_short_file_has_a_line_of_comment(machine):
         assert len(text) < 0.5 * len(machine_starter(machine))
 
 
-@pytest.mark.parametrize(
-    ("folder", "stem"),
-    [("mine", "mine-"), ("my hexapod (2)", "my-hexapod-2-"), ("größer", "größer-"), ("...x", "x-"), ("☂", "")],
-)
-def test_files_are_named_after_the_folder(call, tmp_path, monkeypatch, folder, stem):
+@pytest.mark.parametrize("folder", ["mine", "my hexapod (2)", "größer", '"quoted"', "...x", "back\\slash", "x" * 101])
+def test_machine_and_program_are_named_after_the_folder(call, tmp_path, monkeypatch, folder):
+    fits = len(folder) <= 100 and "\\" not in folder
     done = call("init", tmp_path / folder)
     assert done.exit_code == 0
-    files = {path.name for path in (tmp_path / folder).iterdir()}
-    assert files == {f"{stem}machine.toml", f"{stem}program.toml"}
-    program = load_program(tmp_path / folder / f"{stem}program.toml")
-    assert program.machine == f"{stem}machine.toml"
     again = tmp_path / "again" / folder
     again.mkdir(parents=True)
     monkeypatch.chdir(again)
     assert call("init").exit_code == 0
-    assert {path.name for path in again.iterdir()} == files
+    for place in (tmp_path / folder, again):
+        assert {path.name for path in place.iterdir()} == {"machine.toml", "program.toml"}
+        program = load_program(place / "program.toml")
+        assert program.machine == "machine.toml"
+        assert program.name == (folder if fits else "program")
+        assert load_machine(place / "machine.toml").name == (folder if fits else "machine")
+
+
+@pytest.mark.parametrize("name", ["", "a/b", "tab\t", "x" * 101])
+def test_a_name_that_is_none_is_refused(tmp_path, name):
+    text = short_machine_starter("hexapod", "mine").replace('name = "mine"', f"name = {json.dumps(name)}")
+    (tmp_path / "machine.toml").write_text(text)
+    with pytest.raises(FileError, match="is not a name: give 1 to 100 characters") as told:
+        load_machine(tmp_path / "machine.toml")
+    assert [fault.key for fault in told.value.faults] == ["name"]
 
 
 def test_the_folder_for_its_file_is_pointed_to_the_file(call, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert call("init", "mine").exit_code == 0
-    cases = (("plan", "mine", "--out", "out"), "mine-program.toml"), (("pose", "mine", "0,0,0"), "mine-machine.toml")
+    cases = (("plan", "mine", "--out", "out"), "program.toml"), (("pose", "mine", "0,0,0"), "machine.toml")
     for command, file in cases:
         done = call(*command)
         assert done.exit_code == 2
@@ -266,11 +275,11 @@ def test_the_folder_for_its_file_is_pointed_to_the_file(call, tmp_path, monkeypa
 @pytest.mark.parametrize("option", [[], ["--all"]])
 def test_all_asks_for_every_key(call, tmp_path, option):
     assert call("init", tmp_path / "mine", *option).exit_code == 0
-    machine = (tmp_path / "mine" / "mine-machine.toml").read_text()
-    program = (tmp_path / "mine" / "mine-program.toml").read_text()
+    machine = (tmp_path / "mine" / "machine.toml").read_text()
+    program = (tmp_path / "mine" / "program.toml").read_text()
     assert ("#backlash" in machine, "#join" in program) == (bool(option), bool(option))
     if option:
-        assert machine == machine_starter("hexapod")
+        assert machine == machine_starter("hexapod", "mine")
 
 
 def test_the_commands_that_it_ends_with_are_commands(call, tmp_path):
@@ -280,26 +289,26 @@ def test_the_commands_that_it_ends_with_are_commands(call, tmp_path):
         program, *arguments = line.split()
         assert program == "pulsepath"
         name, command, rest = main.resolve_command(click.Context(main), arguments)
-        assert Path(command.make_context(name, rest).params["program"]) == tmp_path / "new" / "new-program.toml"
+        assert Path(command.make_context(name, rest).params["program"]) == tmp_path / "new" / "program.toml"
 
 
 def test_a_program_to_start_from_brings_its_machine(call, tmp_path):
     folder = tmp_path / "mine"
     assert call("init", folder, "--program", "arm-square").exit_code == 0
-    assert tomllib.loads((folder / "mine-machine.toml").read_text())["kind"] == "arm"
-    assert len(load_program(folder / "mine-program.toml").segments) == 4
+    assert tomllib.loads((folder / "machine.toml").read_text())["kind"] == "arm"
+    assert len(load_program(folder / "program.toml").segments) == 4
 
 
 def test_nothing_is_replaced_without_force(call, tmp_path):
     folder = tmp_path / "mine"
     folder.mkdir()
-    (folder / "mine-program.toml").write_text("mine")
+    (folder / "program.toml").write_text("mine")
     done = call("init", folder)
     assert (done.exit_code, done.stdout) == (2, "")
     assert "--force" in done.stderr
-    assert [path.name for path in folder.iterdir()] == ["mine-program.toml"]
+    assert [path.name for path in folder.iterdir()] == ["program.toml"]
     assert call("init", folder, "--force").exit_code == 0
-    assert {path.name for path in folder.iterdir()} == {"mine-machine.toml", "mine-program.toml"}
+    assert {path.name for path in folder.iterdir()} == {"machine.toml", "program.toml"}
 
 
 def test_whole_or_not_at_all(call, tmp_path, monkeypatch):
@@ -308,7 +317,7 @@ def test_whole_or_not_at_all(call, tmp_path, monkeypatch):
 
     folder = tmp_path / "mine"
     folder.mkdir()
-    (folder / "mine-machine.toml").write_text("mine")
+    (folder / "machine.toml").write_text("mine")
     write, written_ = Path.write_bytes, []
 
     def second_fails(path, content):
@@ -319,11 +328,11 @@ def test_whole_or_not_at_all(call, tmp_path, monkeypatch):
     for place in (folder, folder / "a" / "b"):
         written_.clear()
         assert call("init", place, "--force").exit_code == 2
-    assert [path.name for path in folder.iterdir()] == ["mine-machine.toml"]
-    assert (folder / "mine-machine.toml").read_text() == "mine"
+    assert [path.name for path in folder.iterdir()] == ["machine.toml"]
+    assert (folder / "machine.toml").read_text() == "mine"
 
 
 @pytest.mark.parametrize("kind", sorted(KINDS))
 def test_a_kind_is_something_to_start_from(tmp_path, kind):
     main(["init", str(tmp_path / "mine"), "--machine", kind], standalone_mode=False)
-    assert tomllib.loads((tmp_path / "mine" / "mine-machine.toml").read_text())["kind"] == kind
+    assert tomllib.loads((tmp_path / "mine" / "machine.toml").read_text())["kind"] == kind

@@ -18,7 +18,7 @@ LINE = 'schema = 1\nlength = "mm"\n[[segment]]\nline = { to = [0, 0, 0.1] }\n'
 COMMANDS = {
     "plan": (("plan", "line.toml", "--machine", "hexapod", "--no-figures", "--out", "t/out"), "out", "out.kept"),
     "dump": (("plan", "circle", "--dump-config", "t"), "machine.toml", "machine.kept.toml"),
-    "init": (("init", "t"), "t-program.toml", "t-program.kept.toml"),
+    "init": (("init", "t"), "program.toml", "program.kept.toml"),
     "import": (("import", "part.nc", "--out", "t/out.toml"), "out.png", "out.kept.png"),
     "import, the program": (("import", "part.nc", "--out", "t/out.toml"), "out.toml", "out.kept.toml"),
     "calibrate": (("calibrate", "hexapod", "cmm", "--out", "t/out"), "out", "out.kept"),

@@ -108,7 +108,7 @@ WRITING = {
     "stops": (("hold", "plan", "--stops", "1", "--out", "out.csv"), "out.csv", 10),
     "import": (("import", "part.nc", "--out", "out.toml"), "out.toml", 10),
     "import, the figure": (("import", "part.nc", "--out", "out.toml"), "out.png", 4096),
-    "init": (("init", "out"), "out/out-machine.toml", 10),
+    "init": (("init", "out"), "out/machine.toml", 10),
     "positions": (("positions", "poses.csv", "save", "out.csv"), "out.csv", 10),
 }
 
