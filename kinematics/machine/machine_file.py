@@ -8,13 +8,18 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, cast
 
-from kinematics.files.schema import build, refuse_wrong_kind
+from kinematics.files.schema import Rule, build, read_declared_units, refuse_wrong_kind
 from kinematics.files.toml_document import Document, Key, read
 from kinematics.foundation.errors import BadValue, FileError, MotionError, NotInstalled
 from kinematics.foundation.names import closest, find, nearest, presets, source_folder
 from kinematics.foundation.units import describe_value
 from kinematics.kinds.arm import ArmFile, build_arm, find_stray_axis_tables, joints_of
-from kinematics.kinds.axis_faults import find_pulse_faults, find_repeated_names, find_wiring_faults
+from kinematics.kinds.axis_faults import (
+    find_pulse_faults,
+    find_repeated_names,
+    find_travel_faults,
+    find_wiring_faults,
+)
 from kinematics.kinds.axis_keys import MachineFile
 from kinematics.kinds.equations import EquationsFile, build_equations
 from kinematics.kinds.hexapod import LEGS, HexapodFile, build_hexapod
@@ -94,7 +99,10 @@ def _read_model(source: Path | Traversable) -> tuple[Document, MachineFile, Cons
     schema, construct, names = KINDS[kind]
     names = names or joints_of(document.data)
     wired, driven = partial(find_wiring_faults, names), partial(find_pulse_faults, names, _find_turning(document.data))
-    model = build(document, schema, find_repeated_names, driven, find_stray_axis_tables, wired)
+    rules: list[Rule] = [find_repeated_names, driven, find_stray_axis_tables, wired]
+    if any("leg_length" in table.model_fields for table in schema.tables_of("axes")):
+        rules.append(partial(find_travel_faults, names))
+    model = build(document, schema, *rules, plain=read_declared_units(document.data, {"length": "m"}))
     if (repeated := find_repeated(model.vibration)) is not None:
         first, again = repeated
         place = f"vibration[{first + 1}] in line {document.line(('vibration', first))}"
@@ -130,7 +138,8 @@ def _refuse_kind(kind: Any) -> BadValue:
 
 def _make_machine(source: Path | Traversable, document: Document, model: MachineFile, construct: Construct) -> Machine:
     try:
-        machine = construct(model, Path(source.name).stem, source_folder("kinematics", source))
+        name = model.name or Path(source.name).stem
+        machine = construct(model, name, source_folder("kinematics", source))
     except FileError as error:  # of a file that this one names
         geometry = document.data["geometry"]
         faults = [
