@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.kernels import kernel
+from kinematics.foundation.kernels import Floats1, Floats2, Floats3, kernel
 from planner.path.actuation import ActuatorPath
 from planner.path.polynomial import PolynomialPath
 from planner.place import Place
@@ -128,7 +128,7 @@ def _states_of_pieces(trajectory: Trajectory, own: slice, extremes: Array) -> tu
 
 
 @kernel
-def fill_states(slopes: Array, rounding: Array, motion: Array, states: Array, extremes: Array) -> None:
+def fill_states(slopes: Floats3, rounding: Floats3, motion: Floats2, states: Floats3, extremes: Floats3) -> None:
     """Fill states (2 order+1, N, n) with q, q̇, … up to the order-th derivative, and the rounding
     of all but that.
 
@@ -157,7 +157,7 @@ def fill_states(slopes: Array, rounding: Array, motion: Array, states: Array, ex
 
 
 @kernel
-def measure_jumps(before: Array, after: Array, blur: Array, first: int, jumps: Array) -> None:
+def measure_jumps(before: Floats3, after: Floats3, blur: Floats1, first: int, jumps: Floats3) -> None:
     """Grow jumps (2, order, n): the largest that rounding does not explain, and its knot, counted
     on from `first`.
 

@@ -25,6 +25,15 @@ if TYPE_CHECKING:
 # Modules that the second process loads, the latter to draw figures.
 WORK_MODULES = ("pulsepath.job",)
 FIGURE_MODULES = ("benchmarks.reports.plan_figures", "controllers.figures", "planner.figures")
+# Modules whose kernels another process compiles, in this order, while this one compiles those that
+# it needs first.
+ORDER_3_KERNELS = ("planner.timing.order3.riccati", "planner.timing.order3.kkt")
+PROOF_KERNELS = ("planner.certificate.ranges", "planner.certificate.continuity")
+BOUND_KERNELS = (
+    "planner.bounds.lower_bound",
+    "planner.bounds.inner_minimum",
+    "planner.bounds.dual",
+)
 # Bytes above which a program almost certainly has more than MOST_WHOLE segments.
 LONG_FILE = 1 << 16
 # Bytes up to which baseline timings take less than starting a process, 1.7 s of processor time.
@@ -67,6 +76,7 @@ def plan(out: Path | None, dumped: Path | None, force: bool, as_json: bool, **op
     with ExitStack() as stack:
         # Faults of files are reported before the rest loads, which both processes then do at once.
         inputs, other = _read(source, report, stack)
+        _compile_together(request, report, stack)
         from pulsepath.job import run
         from pulsepath.output import tables
         from pulsepath.parts_job import choose_parts, open_helpers, run_parts
@@ -87,6 +97,15 @@ def plan(out: Path | None, dumped: Path | None, force: bool, as_json: bool, **op
     tables.show_plan(out, as_json, lambda: tables.tabulate_plan(results), lambda: tables.sum_up(results))
     if refusal is not None:
         raise refusal
+
+
+def _compile_together(request: PlanRequest, report: ReportRequest, stack: ExitStack) -> None:
+    """Have another process compile kernels too, if they are not on disk."""
+    from planner.parallel import compile_together
+
+    order_3 = () if request.order == 2 else ORDER_3_KERNELS
+    bound = () if report.bound == "none" else BOUND_KERNELS
+    stack.enter_context(compile_together((*order_3, *PROOF_KERNELS, *bound)))
 
 
 def _refuse_conflicts(request: PlanRequest, report: ReportRequest) -> None:
