@@ -32,8 +32,6 @@ from threading import Thread
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from kinematics.foundation.kernels import compile_modules, help_compile
-
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
@@ -387,18 +385,3 @@ class LocalHelpers:
 
     def tell_alone(self, segment: int) -> None:
         """Ignore the message: the caller did not ask for processes."""
-
-
-@contextmanager
-def compile_together(modules: tuple[str, ...]) -> Iterator[None]:
-    """Compile kernels of modules in a second process, if any is not on disk, until the block ends."""
-    with ExitStack() as stack:
-
-        def start() -> None:
-            if _may_start():
-                with suppress(OSError):
-                    pool = stack.enter_context(open_pool(pickle.dumps(compile_modules), 1))
-                    pool.submit(modules)
-
-        with help_compile(start):
-            yield

@@ -13,7 +13,7 @@ import gc
 import logging
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache, update_wrapper
 from hashlib import sha256
@@ -73,8 +73,6 @@ _LOCK = RLock()
 _THREAD = local()
 # Why compiled code could not be stored.
 _LOST: list[str] = []
-# Function that starts another process to compile kernels too.
-_HELPERS: list[Callable[[], None]] = []
 
 
 class Kernel:
@@ -329,37 +327,38 @@ def _run_in_thread(kernel: Kernel) -> None:
     thread.join(LOOK)
     while thread.is_alive():
         # on a busy computer, loading may take longer than PATIENCE too
-        if any(each.stats.cache_misses for each in list(dispatchers)):
-            if _HELPERS:
-                _HELPERS.pop()()
-            if monotonic() - begin > PATIENCE:
-                _announce()
+        is_late = monotonic() - begin > PATIENCE
+        if is_late and any(each.stats.cache_misses for each in list(dispatchers)):
+            _announce()
         thread.join(LOOK)
     if failures:
         raise failures[0]
 
 
-@contextmanager
-def help_compile(start: Callable[[], None]) -> Iterator[None]:
-    """Call `start`, once, as soon as a kernel is not on disk: until the block ends.
+def are_stored(modules: Sequence[str]) -> bool:
+    """Return whether all kernels of modules are on disk; True if nothing can be stored."""
+    folder = find_folder()
+    if folder is None:
+        return True
+    names = {path.name.rpartition("-")[0] for path in folder.glob("*/*.nbc")}
+    return all(
+        f"{name.rpartition('.')[2]}.{kernel.function.__name__}" in names
+        for name in modules
+        for kernel in _list_kernels(name)
+    )
 
-    It may start another process that compiles kernels (`compile_modules`).
-    """
-    _HELPERS[:] = [start]
-    try:
-        yield
-    finally:
-        _HELPERS.clear()
+
+def compile_modules(modules: Sequence[str]) -> None:
+    """Compile all kernels of modules, in the order of their names, or load them from disk."""
+    for name in modules:
+        for kernel in _list_kernels(name):
+            kernel.compile()
 
 
-def compile_modules(names: tuple[str, ...]) -> None:
-    """Compile all kernels of modules, in the order of the names, or load them from disk."""
-    if find_folder() is None:
-        return
-    for name in names:
-        for value in list(vars(import_module(name)).values()):
-            if isinstance(value, Kernel) and value.function.__module__ == name:
-                value.compile()
+def _list_kernels(module: str) -> list[Kernel]:
+    values = list(vars(import_module(module)).values())
+    kernels = [value for value in values if isinstance(value, Kernel)]
+    return [kernel for kernel in kernels if kernel.function.__module__ == module]
 
 
 @cache

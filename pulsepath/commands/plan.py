@@ -1,6 +1,7 @@
 """`pulsepath plan`: write the time-optimal motion, its certificate, pulses and a report."""
 
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,8 +26,8 @@ if TYPE_CHECKING:
 # Modules that the second process loads, the latter to draw figures.
 WORK_MODULES = ("pulsepath.job",)
 FIGURE_MODULES = ("benchmarks.reports.plan_figures", "controllers.figures", "planner.figures")
-# Modules whose kernels another process compiles, in this order, while this one compiles those that
-# it needs first.
+# Modules whose kernels the second process compiles, in this order, while this one compiles those
+# that it needs first.
 ORDER_3_KERNELS = ("planner.timing.order3.riccati", "planner.timing.order3.kkt")
 PROOF_KERNELS = ("planner.certificate.ranges", "planner.certificate.continuity")
 BOUND_KERNELS = (
@@ -76,12 +77,12 @@ def plan(out: Path | None, dumped: Path | None, force: bool, as_json: bool, **op
     with ExitStack() as stack:
         # Faults of files are reported before the rest loads, which both processes then do at once.
         inputs, other = _read(source, report, stack)
-        _compile_together(request, report, stack)
         from pulsepath.job import run
         from pulsepath.output import tables
         from pulsepath.parts_job import choose_parts, open_helpers, run_parts
         from pulsepath.store.write import write_whole
 
+        _compile_together(request, report, other, stack)
         # A directory that cannot be written is reported before the work.
         directory = replace_directory(out, force, before=before)
         if choose_parts(inputs, request, report):
@@ -99,13 +100,24 @@ def plan(out: Path | None, dumped: Path | None, force: bool, as_json: bool, **op
         raise refusal
 
 
-def _compile_together(request: PlanRequest, report: ReportRequest, stack: ExitStack) -> None:
-    """Have another process compile kernels too, if they are not on disk."""
-    from planner.parallel import compile_together
+def _compile_together(
+    request: PlanRequest,
+    report: ReportRequest,
+    other: "SideProcess",
+    stack: ExitStack,
+) -> None:
+    """Have the second process compile kernels too, if they are not on disk."""
+    from kinematics.foundation.kernels import are_stored, compile_modules
+    from planner.parallel import NO_PROCESS, side_process
 
     order_3 = () if request.order == 2 else ORDER_3_KERNELS
-    bound = () if report.bound == "none" else BOUND_KERNELS
-    stack.enter_context(compile_together((*order_3, *PROOF_KERNELS, *bound)))
+    bound = () if report.bound_effort == "none" else BOUND_KERNELS
+    modules = (*order_3, *PROOF_KERNELS, *bound)
+    if are_stored(modules):
+        return
+    if other is NO_PROCESS:
+        other = stack.enter_context(side_process())
+    other.start(partial(compile_modules, modules))
 
 
 def _refuse_conflicts(request: PlanRequest, report: ReportRequest) -> None:
