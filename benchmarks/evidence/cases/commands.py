@@ -2,8 +2,7 @@
 
 Lists, help and refusals may take 0.4 s of processor time, with bytecode and kernels on disk. Others
 compute, or are refused by what computes. Cold plans may take 3 s and 8 s of wall time on two idle
-cores. The fastest of `--rounds` counts. The last row is the first plan after installing, which
-compiles all kernels.
+cores. The fastest of `--rounds` counts.
 """
 
 import os
@@ -144,13 +143,8 @@ COMPUTING = {
 def run_command(
     command: str,
     message: str = "",
-    kernels: Path | None = None,
 ) -> Measured[subprocess.CompletedProcess[str]]:
-    """Run a command in a new process. Raises MotionError if its output does not hold the message.
-
-    kernels: folder of compiled kernels; None: the usual one
-    """
-    environment = ENVIRONMENT if kernels is None else ENVIRONMENT | {"NUMBA_CACHE_DIR": str(kernels)}
+    """Run a command in a new process. Raises MotionError if its output does not hold the message."""
     words = [sys.executable, "-m", "pulsepath", *command.split()]
     with TemporaryDirectory() as name:
         folder = Path(name)
@@ -159,7 +153,7 @@ def run_command(
             (folder / file).write_text(text, encoding="utf-8")
 
         def run() -> subprocess.CompletedProcess[str]:
-            return subprocess.run(words, capture_output=True, text=True, env=environment, cwd=folder)
+            return subprocess.run(words, capture_output=True, text=True, env=ENVIRONMENT, cwd=folder)
 
         measured = measure_here(run)
     output = measured.result.stdout + measured.result.stderr
@@ -170,7 +164,7 @@ def run_command(
 
 
 def measure(rounds: int = 3) -> Iterator[Table]:
-    """Yield the time of each command, then of plans, and of compiling."""
+    """Yield the time of each command, then of plans."""
 
     def find_fastest(command: str, message: str = "") -> Row:
         runs = [run_command(command, message) for _ in range(rounds)]
@@ -189,9 +183,6 @@ def measure(rounds: int = 3) -> Iterator[Table]:
     def plan_rows() -> Iterator[Row]:
         for command, limit in PLANS.items():
             yield [*find_fastest(command), limit]
-        with TemporaryDirectory() as folder:
-            first = run_command(next(iter(PLANS)), kernels=Path(folder))
-        yield ["the first of these, with kernels compiled anew", first.processor, first.wall, None]
 
     columns = ("command", "processor time (s)", "wall time (s)")
     yield Table("Commands that do not plan", (*columns, "allowed processor time (s)"), quick_rows())
