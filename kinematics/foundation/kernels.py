@@ -1,9 +1,8 @@
 """Compiled kernels: loops over numbers that numba compiles once and stores on disk.
 
 A kernel is a plain function of numbers and arrays. Its annotations state the type of every
-argument: there is one compiled version, and it can be compiled before it is called. numba is not
-imported, and nothing is compiled, before a kernel is called; then that kernel and those that it
-calls are. numba stores the machine code in a folder of NUMBA_CACHE_DIR, or of the user's cache. The
+argument: there is one compiled version, and it can be compiled before it is called. The first call
+imports numba, and compiles the kernel and its callees. numba stores the machine code in a folder of NUMBA_CACHE_DIR, or of the user's cache. The
 folder is named after VERSION and all else on which machine code depends: see `find_folder`.
 
 With NUMBA_DISABLE_JIT=1 the same source runs as Python: for debuggers and for coverage.
@@ -20,8 +19,6 @@ from hashlib import sha256
 from importlib import import_module
 from multiprocessing import parent_process
 from pathlib import Path
-from shutil import rmtree
-from tempfile import TemporaryFile
 from threading import RLock, Thread, local
 from time import monotonic
 from types import FunctionType
@@ -96,14 +93,15 @@ class Kernel:
             return self.call_with_copies(arguments)
 
     def compile(self) -> None:
-        """Compile the kernel and those that it calls, or load them from disk."""
+        """Compile the kernel and its callees, or load them from disk."""
         if self.compiled is None:
             _run_in_thread(self)
 
     def call_with_copies(self, arguments: tuple[Any, ...]) -> Any:
         """Call with copies of the arrays that have another type than stated, and copy results back.
 
-        Callers should pass what is stated: this takes longer. Raises TypeError for what is no array.
+        Callers should pass the stated types: copies take time. Raises TypeError for a wrong number
+        of dimensions.
         """
         hints = get_type_hints(self.function, include_extras=True).values()
         copies: list[tuple[Any, Any]] = []
@@ -171,7 +169,7 @@ def find_type(hint: Any) -> Any:
 
 
 def _compile(kernel: Kernel, dispatchers: list[Any]) -> None:
-    """Compile or load a kernel after those that it calls; append numba's dispatchers to a list."""
+    """Compile or load a kernel after its callees; append numba's dispatchers to a list."""
     import numba
 
     config: Any = numba.config
@@ -262,6 +260,8 @@ def find_folder() -> Path | None:
     numba's settings and of the processor. So each kernel has one file there: processes that write
     at once write the same.
     """
+    from tempfile import TemporaryFile
+
     root = Path(os.environ.get("NUMBA_CACHE_DIR") or find_user_cache())
     name = sha256(repr(list_dependencies()).encode()).hexdigest()[:16]
     folder = root / f"pulsepath-kernels-{name}"
@@ -302,6 +302,8 @@ def find_user_cache() -> Path:
 
 def _remove_old_folders(root: Path) -> None:
     """Remove the folders used least recently; a process that misses one compiles again."""
+    from shutil import rmtree
+
     folders = []
     for path in root.glob("pulsepath-kernels-*"):
         with suppress(OSError):
@@ -389,9 +391,9 @@ def compiler_is_loaded() -> bool:
 
 
 def call_light(function: Callable[..., Any], *arguments: Any) -> Any:
-    """Call a kernel, and those that it calls, as Python if the compiler is not loaded.
+    """Call a kernel and its callees as Python if the compiler is not loaded.
 
-    For little work, which does not pay for loading it.
+    Little work does not pay for loading it.
     """
     if compiler_is_loaded() or not isinstance(function, Kernel):
         return function(*arguments)

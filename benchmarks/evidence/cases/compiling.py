@@ -1,48 +1,32 @@
-"""Seconds of compiling, and signatures, of each kernel that a plan and its bound need."""
+"""Seconds of compiling, and signatures, of each kernel that a plan and its bound need.
+
+The time is wall time: run it on an idle computer.
+"""
 
 import os
-from collections import Counter
 from collections.abc import Iterator
 from tempfile import TemporaryDirectory
-from time import thread_time
 
-from benchmarks.evidence.measuring import measure_apart
+from numba.core import event
+
 from benchmarks.evidence.table import Table
+from planner.plan import plan
 
 
-def measure(program: str = "circle", machine: str = "hexapod") -> Iterator[Table]:
-    """Yield a table of kernels, those first that take longest: compiled anew in one process."""
-    seconds, signatures = measure_apart(compile_plan, program, machine).result
-    rows = [[name, signatures[name], time] for name, time in seconds.most_common()]
-    rows.append(["all", signatures.total(), seconds.total()])
-    yield Table("Kernels", ("kernel", "signatures", "processor time (s)"), rows)
-
-
-def compile_plan(program: str, machine: str) -> tuple[Counter[str], Counter[str]]:
-    """Plan with nothing on disk; return seconds and signatures of each kernel."""
-    from numba.core import event
-
-    from planner.plan import plan
-
-    begin: list[float] = []
-    seconds: Counter[str] = Counter()
-    signatures: Counter[str] = Counter()
-
-    class Timer(event.Listener):  # type: ignore[misc]
-        def on_start(self, event: event.Event) -> None:
-            begin.append(thread_time())
-
-        def on_end(self, event: event.Event) -> None:
-            time = thread_time() - begin.pop()
-            if begin:  # a helper of numba: part of its kernel
-                return
-            function = event.data["dispatcher"].py_func
-            name = f"{function.__module__}.{function.__qualname__}"
-            seconds[name] += time
-            signatures[name] += 1
-
-    with TemporaryDirectory() as folder:
+def measure() -> Iterator[Table]:
+    """Yield a table of the kernels of the preset circle, with nothing on disk."""
+    with TemporaryDirectory() as folder, event.install_recorder("numba:compile") as recorder:
         os.environ["NUMBA_CACHE_DIR"] = folder
-        event.register("numba:compile", Timer())
-        assert plan(program, machine).bound
-    return seconds, signatures
+        assert plan("circle", "hexapod").bound
+    begin: list[float] = []
+    times: dict[str, list[float]] = {"all": []}
+    for time, step in recorder.buffer:
+        if step.is_start:
+            begin.append(time)
+            continue
+        first = begin.pop()
+        if not begin:  # else it is a helper of numba: part of its kernel
+            for name in (step.data["dispatcher"].py_func.__qualname__, "all"):
+                times.setdefault(name, []).append(time - first)
+    rows = [[name, len(each), sum(each)] for name, each in times.items()]
+    yield Table("", ("kernel", "signatures", "time (s)"), rows)
