@@ -51,6 +51,8 @@ class Activity:
         self._use = np.zeros((MOST_WINDOWS, 0))
         # measured segments, numbered from 0 over all repetitions; the next part may continue the last
         self._rows = np.zeros((0, IDLE + 1))
+        # segments that tables have named so far, by number from 0
+        self._segments = dict[int, Segment]()
 
     def add(self, motion: Trajectory, begin: float, limits: Sequence[Limit]) -> None:
         """Add a part of the motion that begins at a time (s), and the limits along it."""
@@ -208,10 +210,14 @@ class Activity:
         return columns
 
     def find_segments(self, numbers: Iterable[int | None]) -> dict[int, Segment]:
-        """Return segments by their number from 0. Reads the program's file up to the last one."""
-        chosen = {number % len(self.program.segments) for number in numbers if number is not None}
-        ahead = islice(self.program.segments, max(chosen, default=-1) + 1)
-        return {number: segment for number, segment in enumerate(ahead) if number in chosen}
+        """Return segments by their number from 0. Reads the program's file once for those of all tables."""
+        total = len(self.program.segments)
+        chosen = {number % total for number in numbers if number is not None}
+        if not chosen <= self._segments.keys():
+            needed = chosen | {int(number) % total for number in self._rows[:, NUMBER]}
+            ahead = islice(self.program.segments, max(needed) + 1)
+            self._segments |= {number: segment for number, segment in enumerate(ahead) if number in needed}
+        return {number: self._segments[number] for number in chosen}
 
 
 def _longest(rows: Array) -> list[int]:

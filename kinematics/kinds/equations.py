@@ -80,8 +80,6 @@ class Equations(Machine):
     nearest to where it stands. Raises MotionError, with what is allowed, for a formula that is none.
     """
 
-    branched = True
-
     def __init__(
         self,
         moves: Sequence[str],
@@ -134,6 +132,8 @@ class Equations(Machine):
             finite_array(length, f"machine {name}: length", (), unit="m", least=LEAST_POSITIVE)
         )
         self.name, self.axes = name, given
+        # Only a turn has several coordinates: a formula gives one of a linear axis.
+        self.branched = any(axis.kind == "rotary" for axis in given)
         super().__init__(name, given, home, load=load)
         x = ca.SX.sym("x", 12)
         # whatever is wrong with a formula of a bar is told when the machine is made

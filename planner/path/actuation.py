@@ -294,12 +294,15 @@ class MachinePath:
         self._near, self._start = np.array(meant), np.array([piece.start for piece in self.pieces])
         self._shapes = list({piece.shape: None for piece in pieces})
         self._shape_of = np.array([self._shapes.index(piece.shape) for piece in self.pieces])
-        self._parameters = [
-            np.array([p.parameters if p.shape == shape else np.zeros(shape.size) for p in self.pieces])
-            for shape in self._shapes
-        ]
+        self._inputs = [self._tabulate_inputs(shape) for shape in self._shapes]
         self._avoidable = frozenset(avoidable)
         self._refuse()
+
+    def _tabulate_inputs(self, shape: Shape) -> Array:
+        """Return what the maps of a shape take, piece by piece: room for s, parameters, near; 0 for other shapes."""
+        other = np.zeros(shape.size)
+        parameters = [piece.parameters if piece.shape == shape else other for piece in self.pieces]
+        return np.column_stack([np.zeros(len(parameters)), parameters, self._near])
 
     def _refuse(self) -> None:
         """Raise OutOfReach for a path that needs what the machine holds."""
@@ -318,7 +321,7 @@ class MachinePath:
     @property
     def content(self) -> Hashable:
         maps = self.machine.inverse_map, self.machine.carried_map if self.machine.follows else None
-        numbers = self.breaks, self.turns, self._near, self._start, self._shape_of, *self._parameters
+        numbers = self.breaks, self.turns, self._start, self._shape_of, *self._inputs
         return maps, tuple(self._shapes), tuple(each.tobytes() for each in numbers)
 
     def describe_pieces(self, first: int, last: int) -> Hashable:
@@ -357,11 +360,11 @@ class MachinePath:
         return s
 
     def derivatives(self, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
-        every = self._evaluate(lambda shape: _actuator_map(self.machine, shape, highest), s, piece, self._near)
+        every = self._evaluate(lambda shape: _actuator_map(self.machine, shape, highest), s, piece)
         return _split_columns(every, highest + 1)
 
     def axis_derivatives(self, axis: int, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
-        every = self._evaluate(lambda shape: _axis_map(self.machine, shape, highest, axis), s, piece, self._near)
+        every = self._evaluate(lambda shape: _axis_map(self.machine, shape, highest, axis), s, piece)
         return _split_columns(every, highest + 1)
 
     def pose_numbers(self, s: Array, piece: np.ndarray) -> Array:
@@ -371,27 +374,24 @@ class MachinePath:
         return self.machine.carried_map(self.machine.inputs(drawn, self._near[piece]))
 
     def pose_derivatives(self, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
-        every = self._evaluate(lambda shape: _pose_numbers_map(self.machine, shape, highest), s, piece, self._near)
+        every = self._evaluate(lambda shape: _pose_numbers_map(self.machine, shape, highest), s, piece)
         return _split_columns(every, highest + 1)
 
     def position_derivatives(self, s: Array, piece: np.ndarray) -> tuple[Array, Array]:
         """The platform's origin and its first derivative by path length, each (N, 3)."""
-        both = self._evaluate(lambda shape: _position_map(self.machine, shape), s, piece, self._near)
+        both = self._evaluate(lambda shape: _position_map(self.machine, shape), s, piece)
         return both[:, :3], both[:, 3:]
 
-    def _evaluate(
-        self, expression: Callable[[Shape], Expression], s: Array, piece: np.ndarray, also: Array | None = None
-    ) -> Array:
-        """also (P, m): further inputs, constant on each piece."""
+    def _evaluate(self, expression: Callable[[Shape], Expression], s: Array, piece: np.ndarray) -> Array:
+        """Evaluate maps of shapes, of s and parameters, and of near if they take it."""
         local = s - self.breaks[piece] + self._start[piece]
         out = np.empty((len(s), expression(self._shapes[0]).size[1]))
         for k, shape in enumerate(self._shapes):
-            alone = len(self._shapes) == 1
-            chosen = slice(None) if alone else np.flatnonzero(self._shape_of[piece] == k)
-            mine = piece[chosen]
-            if alone or len(mine):
-                inputs = [local[chosen, None], self._parameters[k][mine], *(() if also is None else (also[mine],))]
-                out[chosen] = expression(shape)(np.concatenate(inputs, 1))
+            chosen = np.flatnonzero(self._shape_of[piece] == k)
+            mapped = expression(shape)
+            inputs = self._inputs[k][:, : mapped.size[0]].take(piece[chosen], axis=0)
+            inputs[:, 0] = local[chosen]
+            out[chosen] = mapped(inputs)
         return out
 
     def enclose(self, s: Series, piece: np.ndarray) -> Series:
@@ -416,7 +416,7 @@ class MachinePath:
         for k, shape in enumerate(self._shapes):
             chosen = np.flatnonzero(self._shape_of[piece] == k)
             if len(chosen):
-                parameters = Series.constant(self._parameters[k][piece[chosen]], s.order)
+                parameters = Series.constant(self._inputs[k][piece[chosen], 1 : 1 + shape.size], s.order)
                 pose.put(chosen, pose_map(shape).enclose_columns(local[chosen], parameters))
         if self.machine.branched:
             near = Series.constant(self._near[piece], s.order).pad(s.order)

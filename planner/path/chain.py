@@ -31,9 +31,9 @@ from planner.path.shape import (
     carry_tool,
     free_piece,
     line,
+    measure_turns,
     turn,
     turn_angle,
-    turning_angle,
 )
 from planner.path.spline import spline
 from planner.path.synchronised import draw_synchronised
@@ -238,8 +238,9 @@ def _free_pieces(pieces: list[Piece], segment: Moving) -> list[Piece]:
         return pieces
     controls = np.zeros((3, DEGREE + 1)) if segment.free.controls is None else segment.free.controls
     ends = np.concatenate([[0.0], np.cumsum([piece.length for piece in pieces])])
-    turned = (free_piece(piece, controls, start, ends[-1]) for piece, start in zip(pieces, ends[:-1], strict=True))
-    return [replace(piece, turn=turning_angle(piece)) for piece in turned]
+    return measure_turns(
+        [free_piece(piece, controls, start, ends[-1]) for piece, start in zip(pieces, ends[:-1], strict=True)],
+    )
 
 
 def _cap_piece(piece: Piece, segment: Moving, program: Program, repetition: int) -> Piece:

@@ -7,7 +7,7 @@ nearest points gives a tight one. Roundings are in the balls. Fréchet distance:
 distance between two polygonal curves (1995). Bernstein form: Farouki, Computer Aided Geometric Design 29 (2012), 379.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from math import comb
@@ -15,9 +15,9 @@ from math import comb
 import numpy as np
 
 from kinematics.foundation.arrays import Array, freeze_array
-from kinematics.foundation.casadi_function import TAPE_CELLS
+from kinematics.foundation.casadi_function import TAPE_CELLS, Expression
 from kinematics.foundation.taylor_model import EPS, Series
-from planner.path.shape import Piece, pose_derivatives_map, pose_map
+from planner.path.shape import Piece, Shape, pose_derivatives_map, pose_map, position_map, split_derivatives
 
 # Highest power of the Taylor models, and degree of the Bernstein forms.
 ORDER, BERNSTEIN_DEGREE = 6, 9
@@ -48,7 +48,10 @@ class Track:
         for k, shape in enumerate(shapes):
             own = np.flatnonzero(self._kind == k)
             self._row[own] = np.arange(len(own))
-            self._groups.append((shape, np.array([pieces[n].parameters for n in own.tolist()])))
+            # what the maps take of each piece: room for s, and its parameters
+            inputs = np.zeros((len(own), 1 + shape.size))
+            inputs[:, 1:] = [pieces[n].parameters for n in own.tolist()]
+            self._groups.append((shape, inputs))
 
     def find_piece(self, s: Array) -> np.ndarray:
         """The piece (N,) that s (N,) lies on."""
@@ -61,20 +64,29 @@ class Track:
 
     def derivatives(self, s: Array, piece: np.ndarray) -> tuple[Array, Array, Array, Array]:
         """The pose's numbers and their first three derivatives by s, each (N, 12)."""
-        out = np.empty((len(s), 48))
+        return split_derivatives(self._evaluate(pose_derivatives_map, 48, s, piece))
+
+    def positions(self, s: Array, piece: np.ndarray) -> tuple[Array, Array, Array]:
+        """The position and its first two derivatives by s, each (N, 3)."""
+        values = self._evaluate(position_map, 9, s, piece)
+        return values[:, :3], values[:, 3:6], values[:, 6:]
+
+    def _evaluate(self, make: Callable[[Shape], Expression], size: int, s: Array, piece: np.ndarray) -> Array:
+        """Evaluate the map (s, parameters) -> values (size,) of each piece's shape."""
+        values = np.empty((len(s), size))
         local = self.local(s, piece)
-        for k, (shape, parameters) in enumerate(self._groups):
-            chosen = np.flatnonzero(self._kind[piece] == k)
-            if len(chosen):
-                inputs = np.column_stack([local[chosen], parameters[self._row[piece[chosen]]]])
-                out[chosen] = pose_derivatives_map(shape)(inputs)
-        x, x1, x2, x3 = np.split(out, 4, axis=1)
-        return x, x1, x2, x3
+        alone = len(self._groups) == 1
+        for k, (shape, table) in enumerate(self._groups):
+            chosen = slice(None) if alone else np.flatnonzero(self._kind[piece] == k)
+            inputs = table.take(self._row[piece[chosen]], axis=0)
+            inputs[:, 0] = local[chosen]
+            values[chosen] = make(shape)(inputs)
+        return values
 
     def nearest(self, x: Array, s: Array, piece: np.ndarray, low: Array, high: Array) -> Array:
         """s (N,) in [low, high] on pieces, where they come near positions x (N, 3), sought from s."""
         for _ in range(NEAREST_STEPS):
-            y, y1, y2, _ = (values[:, :3] for values in self.derivatives(s, piece))
+            y, y1, y2 = self.positions(s, piece)
             square = (y1 * y1).sum(1)
             bend = square - ((x - y) * y2).sum(1)
             step = ((x - y) * y1).sum(1) / np.where(bend > square / 4, bend, np.maximum(square, 1e-12))
@@ -91,16 +103,17 @@ class Track:
         ends = np.stack([np.concatenate([middle, middle]), np.concatenate([half, half])])
         spread = np.stack([np.concatenate([slack, np.abs(half) + 2 * slack]), np.concatenate([slack, slack])])
         both = np.concatenate([piece, piece])
+        local = Series(ends[..., None], spread[..., None], ORDER)
         found = Series.zeros(ORDER, (len(both), 12))
-        for k, (shape, parameters) in enumerate(self._groups):
+        for k, (shape, table) in enumerate(self._groups):
             chosen = np.flatnonzero(self._kind[both] == k)
             if not len(chosen):
                 continue
-            rows = np.resize(chosen, max(len(chosen), TAPE_CELLS))  # fewer would be worked out one by one
-            inputs = [Series(ends[:, rows], spread[:, rows], ORDER)]
-            inputs += [Series.constant(column, ORDER) for column in parameters[self._row[both[rows]]].T]
-            numbers = Series.stack([*pose_map(shape).enclose(inputs), Series.zeros(ORDER, (len(rows),))])
-            found.put(chosen, numbers[: len(chosen), :12])
+            # Fewer cells than TAPE_CELLS would be evaluated one by one.
+            rows = np.resize(chosen, max(len(chosen), TAPE_CELLS))
+            constants = Series.constant(table[self._row[both[rows]], 1:], ORDER)
+            numbers = pose_map(shape).enclose_columns(local[rows], constants)
+            found.put(chosen, numbers[: len(chosen)])
         return found
 
 
@@ -178,12 +191,12 @@ def _corresponding_places(one: Track, other: Track, drift: float) -> Array:
         return np.array([0.0, one.breaks[-1]])
     ratio = one.breaks[-1] / other.breaks[-1]
     inner, links = other.breaks[1:-1], np.arange(1, len(other.pieces))
-    x = other.derivatives(inner, links)[0][:, :3]
+    x = other.positions(inner, links)[0]
     reach = np.maximum(ratio * np.minimum(other.length[:-1], other.length[1:]), drift)
     s = ratio * inner
     low, high = np.maximum(s - reach, 0.0), np.minimum(s + reach, one.breaks[-1])
     for _ in range(NEAREST_STEPS):
-        y, y1, *_ = (values[:, :3] for values in one.derivatives(s, one.find_piece(s)))
+        y, y1, _ = one.positions(s, one.find_piece(s))
         s = np.clip(s + ((x - y) * y1).sum(1) / np.maximum((y1 * y1).sum(1), 1e-12), low, high)
     return np.concatenate([[0.0], np.maximum.accumulate(s), [one.breaks[-1]]])
 
@@ -196,8 +209,8 @@ def _first_cells(one: Track, other: Track, places: Array) -> _Cells:
     span = places[link + 1] - places[link]
     share = (cuts - places[link]) / np.where(span > 0, span, 1.0)
     guess = low + np.clip(share, 0.0, 1.0) * (high - low)
-    x = one.derivatives(cuts, np.arange(1, len(one.pieces)))[0][:, :3] if len(cuts) else np.zeros((0, 3))
-    u = other.nearest(x, guess, link, low, high) if len(cuts) else guess
+    x = one.positions(cuts, np.arange(1, len(one.pieces)))[0]
+    u = other.nearest(x, guess, link, low, high)
     s = np.concatenate([places, cuts])
     both = np.concatenate([other.breaks, u])
     is_place = np.concatenate([np.ones(len(places), bool), np.zeros(len(cuts), bool)])
@@ -212,7 +225,7 @@ def _first_cells(one: Track, other: Track, places: Array) -> _Cells:
 def _halve(one: Track, other: Track, cells: _Cells) -> _Cells:
     """Each cell in two, at the middle of the first path's part and what of the other's is nearest to that."""
     s = cells.s.mean(0)
-    x = one.derivatives(s, cells.piece)[0][:, :3]
+    x = one.positions(s, cells.piece)[0]
     u = other.nearest(x, cells.u.mean(0), cells.link, cells.u[0], cells.u[1])
     u = np.where((s > cells.s[0]) & (s < cells.s[1]), u, cells.u.mean(0))  # of no length: the other's half
     return _Cells(

@@ -15,7 +15,7 @@ from kinematics.foundation.formula import formula
 from kinematics.foundation.taylor_model import Series
 from kinematics.machine.pose import Pose, column, split_pose_symbols, to_numbers
 from planner.path.arc_length import draw_by_length, is_uneven, measure_length
-from planner.path.shape import Derived, Piece, Shape, axis_rotation, turning_angle
+from planner.path.shape import Derived, Piece, Shape, axis_rotation, turning_angles
 from planner.program.model import MIN_MOVE, Curve
 
 # Cells of t at first, how often each may be halved until it is proved, and how many there may be.
@@ -172,13 +172,15 @@ def _by_length(piece: Callable[[float, float], Piece], begin: float, end: float,
 
 
 def _measure_turning(piece: Piece) -> float:
-    points, found = FIRST_POINTS, turning_angle(piece, FIRST_POINTS)
+    points = FIRST_POINTS
+    angle = float(turning_angles([piece], points)[0])
     while points < MAX_POINTS:
-        points, before = 2 * points - 1, found
-        found = turning_angle(piece, points)
-        if abs(found - before) <= TURNING_AGREEMENT * found:
+        before = angle
+        points = 2 * points - 1
+        angle = float(turning_angles([piece], points)[0])
+        if abs(angle - before) <= TURNING_AGREEMENT * angle:
             break
-    return found
+    return angle
 
 
 def _curve_speeds(pose: Expression, t: Array) -> Array:

@@ -11,8 +11,10 @@ the chain in the least squares, whose spans are halved where they leave it by to
 four. What is proved is `planner.path.closeness`.
 """
 
+from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -20,8 +22,8 @@ from scipy.spatial.transform import Rotation
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
 from planner.path.closeness import Closeness, Track, bound_distance
-from planner.path.shape import ARC, LINE, Drawn, Fitted, Piece, turning_angle
-from planner.path.spline import SPLINE, align_signs, smooth_spline
+from planner.path.shape import ARC, LINE, Drawn, Fitted, Piece, Shape, measure_turns
+from planner.path.spline import SPLINE, STEADY_SPLINE, align_signs, smooth_spline
 from planner.program.modifiers import Fit, Join, Through
 
 # Pieces that are looked at at once, at first, at least and at most; and the spans that a window begins with.
@@ -224,11 +226,13 @@ def _advance(unit: _Unit) -> Iterator[Drawn]:
 class _Spline:
     """Spans between knots (K+1,), and what is proved of them; whole, or as far as a window goes that has more.
 
+    shape, parameters (K, size): of the spans
     rest, state: what of the chain is left, and (5, 7) derivatives with which the next one begins
     """
 
     knots: Array
-    powers: Array
+    shape: Shape
+    parameters: Array
     links: list[Piece]
     proved: Closeness
     rest: list[Piece]
@@ -248,22 +252,30 @@ class _Spline:
 
     def _pieces(self, unit: _Unit) -> list[Piece]:
         """Its spans, cut where caps change and a little before corners, each a part of the segment it is beside."""
-        places = self.proved.places
+        ends = self.proved.places[1:].tolist()
         keys = [_caps(link) for link in self.links]
-        cuts = [float(places[k]) for k in range(1, len(keys)) if keys[k] != keys[k - 1]]
-        last = float(self.knots[len(self.powers)])
+        cuts = [ends[k - 1] for k in range(1, len(keys)) if keys[k] != keys[k - 1]]
+        last = float(self.knots[-1])
         cuts += [] if self.state is not None else [last - TAIL * unit.tolerance]
         cuts += [TAIL * unit.tolerance] if unit.start is None else []
         least = NOTHING * last
-        spans = []
-        for knot, after, own in zip(self.knots[:-1].tolist(), self.knots[1:].tolist(), self.powers, strict=False):
+        spans: list[Piece] = []
+        for (knot, after), row in zip(pairwise(self.knots.tolist()), self.parameters, strict=True):
             inner = sorted({cut for cut in cuts if knot + least < cut < after - least})
-            parameters = freeze_array(own.ravel())
-            for low, high in zip([knot, *inner], [*inner, after], strict=True):
-                k = int(np.clip(np.searchsorted(places, (low + high) / 2, side="right") - 1, 0, len(self.links) - 1))
-                piece = replace(self.links[k], shape=SPLINE, parameters=parameters, length=high - low, start=low - knot)
-                spans.append(replace(piece, turn=turning_angle(piece)))
-        return spans
+            parameters = freeze_array(row)
+            for low, high in pairwise([knot, *inner, after]):
+                k = bisect_right(ends, (low + high) / 2)
+                link = self.links[min(k, len(self.links) - 1)]
+                spans.append(
+                    replace(
+                        link,
+                        shape=self.shape,
+                        parameters=parameters,
+                        length=high - low,
+                        start=low - knot,
+                    ),
+                )
+        return measure_turns(spans)
 
 
 def _caps(link: Piece) -> tuple[object, ...]:
@@ -273,19 +285,23 @@ def _caps(link: Piece) -> tuple[object, ...]:
 def _fit(unit: _Unit, end: Array | None, spans: int, *, whole: bool) -> _Spline:
     """The spline along a unit's links, proved as far as it is used: all of it, or the first half of its spans."""
     track = Track(unit.links)
-    origin = _derivatives(unit.links[0], unit.links[0].start)[0] * np.array([1, 1, 1, 0, 0, 0, 0])
-    first = _derivatives(unit.links[0], unit.links[0].start)[:1] if unit.start is None else unit.start.copy()
+    start = _derivatives(unit.links[0], unit.links[0].start)[:1]
+    origin = start[0] * np.array([1, 1, 1, 0, 0, 0, 0])
+    first = start if unit.start is None else unit.start.copy()
     first[0] = first[0] - origin
     tail = unit.links[-1]
     last = _derivatives(tail, tail.start + tail.length)[:1] if end is None else end.copy()
     last[0] = last[0] - origin
     if not whole:
         last = last[:0]
+    turning = any(link.parameters[-1] != 0 for link in unit.links)
+    if not (turning or first[1:, 3:].any() or last[1:, 3:].any()):
+        first, last = first[:, :3], last[:, :3]
     target, use = TARGET_SHARE, 0.0
     knots = np.linspace(0.0, track.breaks[-1], max(spans, len(first) + len(last) - 5) + 1)
     for _ in range(MAX_TRIES):
         knots, powers = _refine(track, knots, origin, (first, last), unit, target)
-        powers[:, 0] += origin
+        powers[:, 0] += origin[: powers.shape[2]]
         found = _prove(unit, knots, powers, whole)
         use = max(worst / most for worst, most in zip(found.proved.worst, (unit.tolerance, unit.angle), strict=True))
         if use <= 1:
@@ -309,19 +325,24 @@ def _halve_open_spans(spline: _Spline, knots: Array, unit: _Unit) -> Array:
 def _refine(
     track: Track, knots: Array, origin: Array, ends: tuple[Array, Array], unit: _Unit, target: float
 ) -> tuple[Array, Array]:
-    """Knots, halved until the spline between them is near the chain where that is looked at, and its coefficients."""
+    """Knots, halved until the spline between them is near the chain where that is looked at, and its coefficients.
+
+    ends: (m, 7) values and derivatives there, of position and quaternion; (m, 3) where the chain does not turn
+    """
     reach = unit.tolerance * target, unit.angle * target
     while True:
         s, link, weights = _sample(track, knots)
         x, x1, _, _ = track.derivatives(s, link)
-        wanted = np.concatenate([x[:, :3] - origin[:3], _quaternions(x, ends[0][0, 3:])], 1)
+        values = x[:, :3] - origin[:3]
         first, last = ends
-        if len(last):
-            last = last.copy()
-            last[:, 3:] *= np.sign(last[0, 3:] @ wanted[-1, 3:])
-        powers = smooth_spline(knots, s, wanted, weights, (first, last))
+        if first.shape[1] > 3:
+            values = np.concatenate([values, _quaternions(x, first[0, 3:])], 1)
+            if len(last):
+                last = last.copy()
+                last[:, 3:] *= np.sign(last[0, 3:] @ values[-1, 3:])
+        powers = smooth_spline(knots, s, values, weights, (first, last))
         span = np.clip(np.searchsorted(knots, s, side="right") - 1, 0, len(powers) - 1)
-        away = _evaluate(powers[span], s - knots[span]) - wanted
+        away = _evaluate(powers[span], s - knots[span]) - values
         along = x1[:, :3]
         across = away[:, :3] - (away[:, :3] * along).sum(1, keepdims=True) * along
         turned = 2 * np.linalg.norm(away[:, 3:], axis=1)
@@ -372,21 +393,27 @@ def _evaluate(powers: Array, s: Array) -> Array:
 
 def _prove(unit: _Unit, knots: Array, powers: Array, whole: bool) -> _Spline:
     count = len(powers) if whole else len(powers) // 2
+    shape, parameters = SPLINE, powers[:count].reshape(count, -1)
+    begin = unit.links[0]
+    if powers.shape[2] == 3:
+        rotation = begin.poses(np.array([begin.start]))[:, 3:]
+        shape, parameters = STEADY_SPLINE, np.hstack([parameters, np.repeat(rotation, count, axis=0)])
     pieces = [
-        Piece(SPLINE, freeze_array(own.ravel()), float(h), 0)
-        for own, h in zip(powers[:count], np.diff(knots)[:count], strict=True)
+        Piece(shape, freeze_array(row), float(h), 0) for row, h in zip(parameters, np.diff(knots)[:count], strict=True)
     ]
     links, rest, state = unit.links, [], None
     if not whole:
         track = Track(links)
-        state = powers[count, :5] * np.array([1.0, 1, 2, 6, 24])[:, None]
+        state = np.zeros((5, 7))
+        state[0, 3:] = _derivatives(begin, begin.start)[0, 3:]
+        state[:, : powers.shape[2]] = powers[count, :5] * np.array([1.0, 1, 2, 6, 24])[:, None]
         k = int(track.find_piece(knots[count : count + 1])[0])
         # the link on which the chain comes nearest, among its neighbours
         around = np.arange(max(k - 1, 0), min(k + 2, len(links)))
         x = np.tile(state[0, :3], (len(around), 1))
         low, high = track.breaks[around], track.breaks[around + 1]
         u = track.nearest(x, np.clip(np.full(len(around), knots[count]), low, high), around, low, high)
-        away = np.linalg.norm(track.derivatives(u, around)[0][:, :3] - x, axis=1)
+        away = np.linalg.norm(track.positions(u, around)[0] - x, axis=1)
         best = int(np.argmin(away))
         k, done = int(around[best]), float(u[best] - low[best])
         links, rest = [*unit.links[:k]], [*unit.links[k + 1 :]]
@@ -396,4 +423,4 @@ def _prove(unit: _Unit, knots: Array, powers: Array, whole: bool) -> _Spline:
         if whole_link.length - done > NOTHING * whole_link.length:
             rest.insert(0, whole_link.trim(done, 0.0))
     proved = bound_distance(pieces, links, unit.tolerance, unit.angle)
-    return _Spline(knots[: count + 1], powers[:count], links, proved, rest, state)
+    return _Spline(knots[: count + 1], shape, parameters, links, proved, rest, state)

@@ -14,7 +14,7 @@ import numpy as np
 from kinematics.foundation.arrays import Array, freeze_array
 from planner.path.closeness import bound_distance
 from planner.path.outcome import Blended
-from planner.path.shape import LINE, Derived, Drawn, Fitted, Overshoot, Piece, Shape, turning_angle
+from planner.path.shape import LINE, Derived, Drawn, Fitted, Overshoot, Piece, Shape, measure_turns
 from planner.program.modifiers import Blend, Fit, Stop
 
 # Where the deviation may lie, as a share of the tolerance, and where the search aims: under 1 by more than what the
@@ -387,7 +387,8 @@ def _halve_blend(a: Piece, b: Piece, reach: float, weight: float) -> tuple[Piece
         return None
     first, second = whole.cut(2)
     second = replace(b, shape=whole.shape, parameters=whole.parameters, length=reach, start=second.start)
-    return replace(first, turn=turning_angle(first)), replace(second, turn=turning_angle(second))
+    first, second = measure_turns([first, second])
+    return first, second
 
 
 def _near_corner(before: Drawn, after: Drawn) -> list[tuple[float, float]]:

@@ -7,7 +7,6 @@ deviation of a parametric cubic spline interpolant from its data polygon, 2008).
 but has no such bound; each knot takes its derivatives as far as they are near the cubic's.
 """
 
-from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -18,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.pose import Pose
-from planner.path.shape import Piece, Shape, turning_angle
+from planner.path.shape import Piece, Shape, measure_turns
 
 # Degree of curves that are fitted to chains.
 DEGREE = 5
@@ -53,10 +52,7 @@ _JUMP, _SIDES = np.array([[60.0], [-360]]), np.array([[-3.0], [-4]])
 
 def _motion(s: ca.SX, parameters: ca.SX, degree: int) -> tuple[ca.SX, ca.SX]:
     """p and q are polynomials;  R = the rotation of the quaternion q = (x, y, z, w), of any length."""
-    rows = ca.reshape(parameters, 7, degree + 1)
-    value: ca.SX = rows[:, degree]
-    for k in reversed(range(degree)):
-        value = value * s + rows[:, k]
+    value = _evaluate_symbols(ca.reshape(parameters, 7, degree + 1), s)
     vector, w = value[3:6], value[6]
     square = ca.dot(vector, vector)
     cross = ca.skew(vector)
@@ -64,6 +60,22 @@ def _motion(s: ca.SX, parameters: ca.SX, degree: int) -> tuple[ca.SX, ca.SX]:
     return value[:3], turned
 
 
+def _steady_motion(s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """p is a polynomial; R stays as it is."""
+    powers, rotation = ca.vertsplit(parameters, [0, 3 * (DEGREE + 1), 3 * (DEGREE + 1) + 9])
+    return _evaluate_symbols(ca.reshape(powers, 3, DEGREE + 1), s), ca.reshape(rotation, 3, 3).T
+
+
+def _evaluate_symbols(powers: ca.SX, s: ca.SX) -> ca.SX:
+    """Return the values of polynomials by their coefficients (k, degree + 1)."""
+    value: ca.SX = powers[:, -1]
+    for k in reversed(range(powers.size2() - 1)):
+        value = value * s + powers[:, k]
+    return value
+
+
+STEADY_SPLINE = Shape("steady_spline", 3 * (DEGREE + 1) + 9, _steady_motion)
+"""SPLINE at one orientation: a tenth of the work for its derivatives."""
 SPLINE = Shape("spline", 7 * (DEGREE + 1), partial(_motion, degree=DEGREE))
 HERMITE = Shape("hermite", 7 * (HERMITE_DEGREE + 1), partial(_motion, degree=HERMITE_DEGREE))
 
@@ -92,7 +104,7 @@ def spline(start: Pose, through: Array, rotate: Rotation | None, segment: int) -
         Piece(HERMITE, freeze_array(coefficients.ravel()), length, segment)
         for coefficients, length in zip(powers, parts.lengths.tolist(), strict=True)
     ]
-    return [replace(piece, turn=turning_angle(piece)) for piece in pieces]
+    return measure_turns(pieces)
 
 
 def _name(point: int) -> str:
@@ -448,8 +460,12 @@ def _span_speeds(curve: Array, spans: Array) -> Array:
     )
 
 
-# Of a spline that smooths: shorter than this share of a span, what bends is noise. Points of a span for its ∫|p‴|².
-NOISE_SHARE, GAUSS_POINTS = 0.1, 3
+# Of a spline that smooths: shorter than this share of a span, what bends is noise.
+NOISE_SHARE = 0.1
+# Quadrature on [−1, 1] for ∫|p‴|² of a span: p‴ is of degree 2.
+GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(3)
+# The pairs of B-splines that overlap at a place.
+BASIS_ROW, BASIS_COLUMN = np.triu_indices(DEGREE + 1)
 
 
 def smooth_spline(knots: Array, s: Array, values: Array, weights: Array, ends: tuple[Array, Array]) -> Array:
@@ -464,10 +480,9 @@ def smooth_spline(knots: Array, s: Array, values: Array, weights: Array, ends: t
     t = np.concatenate([np.full(DEGREE, knots[0]), knots, np.full(DEGREE, knots[-1])])
     count = len(t) - DEGREE - 1
     data, first = _basis(s, t, DEGREE)
-    nodes, shares = np.polynomial.legendre.leggauss(GAUSS_POINTS)
     h = np.diff(knots)
-    places = (knots[:-1, None] + h[:, None] * (nodes + 1) / 2).ravel()
-    rough = ((NOISE_SHARE * h) ** 6 * h / 2)[:, None] * shares
+    places = (knots[:-1, None] + h[:, None] * (GAUSS_NODES + 1) / 2).ravel()
+    rough = ((NOISE_SHARE * h) ** 6 * h / 2)[:, None] * GAUSS_WEIGHTS
     third, begin = _basis(places, t[3:-3], DEGREE - 3)
     slopes = _third_differences(t, count)
     bends = np.zeros((len(places), DEGREE + 1))
@@ -477,18 +492,24 @@ def smooth_spline(knots: Array, s: Array, values: Array, weights: Array, ends: t
     fixed = [_end_coefficients(t, ends[0]), _end_coefficients(-t[::-1], _mirror(ends[1]))[::-1]]
     known = np.zeros((count, values.shape[1]))
     known[: len(fixed[0])], known[count - len(fixed[1]) :] = fixed
-    bands, right = np.zeros((DEGREE + 1, count)), np.zeros((count, values.shape[1]))
+    # Bᵀ W B in its lower bands, and Bᵀ W v: v is what the known coefficients leave of the values.
+    bands = np.zeros((DEGREE + 1, count))
+    right = np.zeros((values.shape[1], count))
     for basis, at, weight, wanted in (
-        (data, first, weights, values - _combine(data, first, known)),
-        (bends, begin, rough.ravel(), -_combine(bends, begin, known)),
+        (data.T, first, weights, values - _combine(data, first, known)),
+        (bends.T, begin, rough.ravel(), -_combine(bends, begin, known)),
     ):
-        for k in range(DEGREE + 1):
-            np.add.at(right, at + k, (weight * basis[:, k])[:, None] * wanted)
-            for more in range(DEGREE + 1 - k):
-                np.add.at(bands[more], at + k, weight * basis[:, k] * basis[:, k + more])
+        place = at + np.arange(DEGREE + 1)[:, None]
+        weighted = weight * basis
+        entry = (BASIS_COLUMN - BASIS_ROW)[:, None] * count + place[BASIS_ROW]
+        product = weighted[BASIS_ROW] * basis[BASIS_COLUMN]
+        # flat: numpy's fast loop takes indices of one dimension only
+        np.add.at(bands.reshape(-1), entry.ravel(), product.ravel())
+        for sums, target in zip(right, wanted.T, strict=True):
+            np.add.at(sums, place.ravel(), (weighted * target).ravel())
     free = slice(len(fixed[0]), count - len(fixed[1]))
     if free.start < free.stop:
-        known[free] = solveh_banded(bands[:, free], right[free], lower=True)
+        known[free] = solveh_banded(bands[:, free], right.T[free], lower=True)
     spline = BSpline(t, known, DEGREE)
     powers = np.empty((len(h), DEGREE + 1, values.shape[1]))
     factorial = 1.0
@@ -508,7 +529,8 @@ def _basis(s: Array, t: Array, degree: int) -> tuple[Array, np.ndarray]:
 
 def _combine(basis: Array, first: np.ndarray, coefficients: Array) -> Array:
     """(N, k) values of splines whose B-splines are those."""
-    return np.asarray(sum(basis[:, k, None] * coefficients[first + k] for k in range(basis.shape[1])))
+    near = coefficients[first[:, None] + np.arange(basis.shape[1])]
+    return np.asarray((basis[..., None] * near).sum(1))
 
 
 def _third_differences(t: Array, count: int) -> Array:

@@ -6,7 +6,6 @@ forward solutions, and it is measured how straight the axes then are.
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
 from functools import cache
 
 import casadi as ca
@@ -19,7 +18,7 @@ from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.machine.machine import Machine
 from kinematics.machine.pose import Pose, from_numbers, to_numbers
-from planner.path.shape import Derived, Piece, Shape, line, refuse_half_turn, turn_angle, turning_angle
+from planner.path.shape import Derived, Piece, Shape, line, measure_turns, refuse_half_turn, turn_angle
 from planner.path.spline import align_signs
 
 NAME, DEGREES = "synchronised", (8, 16, 24)
@@ -71,7 +70,7 @@ def draw_synchronised(machine: Machine, start: Pose, end: Pose, tool: Pose | Non
     for count in 2 ** np.arange(MAX_HALVINGS + 1):
         made = _pieces(machine, (first, last), (start * back, end * back), back.inv(), length, int(count), segment)
         for pieces in made:
-            return [replace(piece, turn=turning_angle(piece)) for piece in pieces]
+            return measure_turns(pieces)
     raise MotionError(
         "the axes lead straight to its end through no smooth way of the platform: they pass a singular pose; "
         "part the move, or use a line"

@@ -127,7 +127,7 @@ def certified_solve(
     solver: Solver = "passes",
     proving: bool = True,
     continuation: Continuation | None = None,
-    fineness: int = 1,
+    fineness: float = 1.0,
     cruising: bool = True,
 ) -> Solution:
     """Return the motion along a path with the proof that it respects every limit.

@@ -391,7 +391,7 @@ def count_intervals(
         least += per_piece * (pieces - 1)
     turn = float(path.turns[run.first : run.last + 1].sum())
     size = max(least, per_piece * pieces, int(rule.per_radian * turn))
-    size *= run.fineness
+    size = int(size * run.fineness)
     if isinstance(path, PolynomialPath):
         _refuse_dense(pieces)
     elif size > MAX_INTERVALS[rule.order]:

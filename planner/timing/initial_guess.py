@@ -345,7 +345,21 @@ def slow_breaks(problem: Problem, start: Profile, breaks: Array) -> tuple[np.nda
     for n in range(len(slow), 0, -1):
         reachable = _reachable_speed(speeds[n + 1], least_jerk[n], way[n])
         speeds[n] = min(speeds[n], reachable)
+    _raise_speeds(speeds, least_jerk, way)
+    _raise_speeds(speeds[::-1], least_jerk[::-1], way[::-1])
     return slow, speeds
+
+
+def _raise_speeds(speeds: Array, jerk: Array, way: Array) -> None:
+    """Raise inner speeds that are too low to be reached from the first, which is stated.
+
+    jerk, way  (K,) from each speed to the next, speeds (K+1,)
+    """
+    for n in range(len(way) - 1):
+        least = _least_speed(speeds[n], jerk[n], way[n])
+        if speeds[n + 1] >= least:
+            return
+        speeds[n + 1] = least
 
 
 def _reachable_speed(v: float, jerk: float, length: float) -> float:
@@ -359,6 +373,23 @@ def _reachable_speed(v: float, jerk: float, length: float) -> float:
         residual = total**2 * gain - square
         gain -= residual / (total * (total + 2 * gain))
     return float(v + gain)
+
+
+def _least_speed(v: float, jerk: float, length: float) -> float:
+    """Return w so that a ramp from each speed in [w, v] to v fits, with s̈ = 0 at both ends.
+
+    The ramp from v/3 is the longest: (v + w) √((v − w)/J) grows up to there, and falls beyond.
+    """
+    low, high = v / 3, v
+    if _reachable_speed(low, jerk, length) >= v:
+        return 0.0
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        if _reachable_speed(middle, jerk, length) >= v:
+            high = middle
+        else:
+            low = middle
+    return high
 
 
 def bound_term(problem: Problem, term: Term) -> Array:

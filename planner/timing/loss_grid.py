@@ -27,10 +27,10 @@ from planner.timing.solution import TooFast
 # A rough solution that takes this many times as long as its guess does not show where time goes.
 MAX_ROUGHNESS = 1.1
 # Share of the duration that a grid may lose, as the rough solution predicts it, and how many times
-# the usual number of intervals it may have for that. 26 blended triangles on the five-axis machine
-# take 13.3036 s on the usual grid, 13.2680 s on this one, and 13.2570 s with half of this share and
-# twice as many intervals.
-MAX_LOSS, MAX_FINENESS = 4e-4, 4
+# the usual number of intervals it may have for that. COPP's first 20 random splines (evidence
+# random_splines) take 41.178, 41.168 and 41.160 s with shares of 4e-4, 3.5e-4 and 3e-4, and 94, 96
+# and 119 ms to plan.
+MAX_LOSS, MAX_FINENESS = 3.5e-4, 4
 # Start speed of a run that continues a motion, as a share of the largest that its guess allows.
 CONTINUED_START_SHARE = 0.99
 
@@ -98,8 +98,8 @@ def pose_by_loss(
     weight = np.sqrt(loss)
     needed = float(weight.sum()) ** 2 / (MAX_LOSS * motion.duration)
     usual = count_intervals(THIRD_ORDER, path, run, on_top=True)
-    finer = min(int(np.ceil(needed / usual)), MAX_FINENESS, MAX_INTERVALS[3] // usual)
-    run = replace(run, fineness=run.fineness * max(finer, 1))
+    finer = min(needed / usual, MAX_FINENESS, MAX_INTERVALS[3] / usual)
+    run = replace(run, fineness=run.fineness * max(finer, 1.0))
     # the place where a limit binds may move a little
     neighbours = np.maximum(np.append(weight[1:], 0.0), np.append(0.0, weight[:-1]))
     weight = np.maximum(weight, neighbours / 2)

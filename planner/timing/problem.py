@@ -123,7 +123,7 @@ class Run:
     until: float | None = None
     solver: Solver = "passes"
     continuation: Continuation | None = None
-    fineness: int = 1
+    fineness: float = 1.0
     whole: bool = False
 
     @property

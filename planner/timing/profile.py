@@ -17,9 +17,10 @@ BISECTIONS_OF_INSTANT = 60
 # Least duration of an interval as a share of an even one's. Rounding may leave nothing of an
 # interval, and a duration of 0 would divide by zero.
 MIN_DURATION_SHARE = 1e-6
-# Newton steps that make a motion continuous: the first leaves the square of a solver's 1e-8, the
-# others their own rounding.
-NEWTON_STEPS = 4
+# Newton steps that make a motion continuous: each leaves about the square of the residual before
+# it, a solver's 1e-8 at first. None follows where the residual, relative to each unknown, is
+# rounding.
+NEWTON_STEPS, ROUNDING = 4, 1e-14
 # ṡ may fall below zero inside an interval by this share of the largest ṡ: rounding.
 MAX_BACKWARD_SHARE = 1e-10
 
@@ -188,13 +189,16 @@ def close_profile(problem: Problem, columns: Array) -> Profile | MotionError:
             h.copy(),
         ]
     )
+    unit = np.stack([step, size[0], size[1]])
     for _ in range(NEWTON_STEPS):
         v, a, j, h = columns
         ends = np.stack([h * (v + h * (a / 2 + h * j / 6)), v + h * (a + h * j / 2), a + h * j])
         starts = np.stack([step, np.append(v[1:], last), np.append(a[1:], end.acceleration)])
-        residual = ends - starts
+        residual = (ends - starts) / unit
         if end.free_acceleration:
             residual[2, -1] = 0.0
+        if np.abs(residual).max() <= ROUNDING:
+            break
         change = _smallest_change(problem, columns, ends, residual, size)
         if isinstance(change, MotionError):
             return change
@@ -219,18 +223,19 @@ def _smallest_change(
 ) -> Array | MotionError:
     """Return the shortest change (4, N), in units of `size`, that removes the residual (3, N).
 
+    residual  of s, ṡ and s̈, in units of the step and of their `size`
+
     −Gᵀ (G Gᵀ)⁻¹ r, where G holds the derivatives of an interval's equations by its own columns
     and by those of the next interval. G Gᵀ is banded: each interval meets only its neighbours.
     """
     from scipy.linalg import LinAlgError, solve_banded
 
     start, end = problem.ends
-    step = np.diff(problem.s)
-    count = len(step)
+    count = problem.intervals
     _, _, j, h = columns
     one = np.ones(count)
     zero = np.zeros(count)
-    unit = np.stack([step, size[0], size[1]])
+    unit = np.stack([np.diff(problem.s), size[0], size[1]])
     jacobian = np.array(
         [
             [h, h**2 / 2, h**3 / 6, ends[1]],
@@ -257,7 +262,7 @@ def _smallest_change(
             band[5 + p - q, q::3] = diagonal[:, p, q]
             band[2 + p - q, 3 + q :: 3] = upper[:, p, q]
             band[8 + q - p, p : 3 * count - 3 : 3] = upper[:, p, q]
-    right = -(residual / unit).T.ravel()
+    right = -residual.T.ravel()
     try:
         weights = solve_banded((5, 5), band, right, check_finite=False).reshape(count, 3)
     except LinAlgError as failure:

@@ -364,7 +364,9 @@ class _Method:
 
     def result(self, status: Status) -> Minimum:
         unit = OBJECTIVE_SCALE / self.posed.stages.objective_scale
-        multipliers = np.zeros(self.room.shape)
+        self._examine(self.point.states, self.point.controls)
+        # those of inactive constraints, which were left out, are about μ/s
+        multipliers = unit * self.mu / np.maximum(self.room, self.least_slack)
         multipliers.flat[self.program.active.flat] = unit * self.point.z
         return Minimum(
             status=status,

@@ -1,7 +1,7 @@
 """Fitting: curves that stay within the tolerance of what is programmed, proved, and are smooth enough for order 3."""
 
 from dataclasses import replace
-from itertools import count, islice, pairwise
+from itertools import count, groupby, islice, pairwise
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ from planner.path.chain import draw_segments, walk_path
 from planner.path.closeness import bound_distance
 from planner.path.fit import fit_chains
 from planner.path.shape import LINE, Drawn, arc, line
-from planner.path.spline import SPLINE
+from planner.path.spline import SPLINE, STEADY_SPLINE
 from planner.program.joins import stop_at_joins
 
 HEIGHT, TOLERANCE = 0.025, 2e-5
@@ -78,7 +78,7 @@ def fitted(hexapod):
 def test_short_lines_become_few_smooth_pieces_within_the_tolerance(hexapod, fitted):
     program, corners, parts, pieces = fitted
     assert len(pieces) < 60
-    assert all(piece.shape is SPLINE for piece in pieces)
+    assert all(piece.shape is STEADY_SPLINE for piece in pieces)
     proved = max(part.fitted.deviation for part in parts)
     apart = hausdorff(pieces, corners)  # of samples: about what it is
     assert 0.99 * apart <= proved <= TOLERANCE
@@ -120,9 +120,9 @@ def test_a_fit_wrong_by_more_than_the_tolerance_is_caught(fitted):
         low, high = 0.0, 4 * TOLERANCE
         while high - low > 1e-4 * TOLERANCE:
             by = (low + high) / 2
-            rows = pieces[k].parameters.reshape(6, 7).copy()
-            rows[0, :3] += by * way / np.linalg.norm(way)
-            wrong = replace(pieces[k], parameters=rows.ravel())
+            parameters = pieces[k].parameters.copy()
+            parameters[:3] += by * way / np.linalg.norm(way)  # the position at its start
+            wrong = replace(pieces[k], parameters=parameters)
             near = distance_to_polyline(positions([wrong]), own).max() < 1.01 * TOLERANCE
             low, high = (by, high) if near else (low, by)
         moved = [*pieces[:k], wrong, *pieces[k + 1 :]]
@@ -222,6 +222,26 @@ def test_orientation_is_fitted_too(hexapod):
         np.testing.assert_allclose(row.reshape(3, 3), Rotation.from_rotvec([angle, 0, 0]).as_matrix(), atol=1e-9)
 
 
+def test_a_chain_that_begins_to_turn_stays_smooth(hexapod):
+    """Curves at one orientation and the first that turns meet in position and orientation with three derivatives."""
+    points = np.column_stack([spiral(400), np.full(401, HEIGHT)])
+    tilts = 4e-4 * np.maximum(np.arange(401) - 250, 0)
+    join = Fit(TOLERANCE, 2e-4)
+    lines = [
+        Line(point, Rotation.from_rotvec([tilt, 0, 0]) if tilt else None, join=join)
+        for point, tilt in zip(points[1:], tilts[1:], strict=True)
+    ]
+    start = RigidTransform.from_components(points[0], Rotation.identity())
+    parts, pieces = fit_pieces(Program(tuple(lines), start=start), hexapod)
+    assert [shape for shape, _ in groupby(piece.shape for piece in pieces)] == [STEADY_SPLINE, SPLINE]
+    assert max(part.fitted.deviation for part in parts) <= TOLERANCE
+    assert max(part.fitted.turned for part in parts) <= 2e-4
+    for a, b in pairwise(pieces):
+        ends = zip(a.derivatives(np.array([a.start + a.length])), b.derivatives(np.array([b.start])), strict=True)
+        for k, (left, right) in enumerate(ends):
+            assert np.abs(left - right).max() <= 1e-9 * 1e3**k
+
+
 def test_caps_change_where_their_lines_meet_and_events_keep_their_segment(hexapod):
     points = spiral(60)[20:]
     program = chain(points)
@@ -234,7 +254,7 @@ def test_caps_change_where_their_lines_meet_and_events_keep_their_segment(hexapo
     assert np.linalg.norm(place - ends[15]) <= TOLERANCE
     assert [piece.tool_speed for piece in path.pieces[: change + 1]] == [0.01] * (change + 1)
     marked = [piece for piece in path.pieces if piece.segment == 31]
-    assert {"blend_spline_line", "blend_line_spline"} <= {piece.shape.name for piece in marked}
+    assert {"blend_steady_spline_line", "blend_line_steady_spline"} <= {piece.shape.name for piece in marked}
 
 
 def test_a_stream_is_read_no_farther_than_a_window(hexapod):

@@ -127,7 +127,11 @@ def test_a_blend_leaves_the_corner_by_its_tolerance(hexapod, corner):
     cosine = first.tangents[1] @ second.tangents[0]
     assume(abs(cosine) < 0.999)
     path = drawn(hexapod, first.segment(join=Blend(tolerance)), second.segment())
-    (blend,), (told,) = blends_of(path), path.blends
+    (told,) = path.blends
+    if told.stop:  # within 6° of a reversal an arc leaves no blend on its inner side
+        assert (told.stop, cosine < -0.994) == ("it turns back", True)
+        return
+    (blend,) = blends_of(path)
     points, _ = along(path, blend)
     farthest = np.minimum(first.distance(points), second.distance(points)).max()
     assert farthest <= MOST * tolerance

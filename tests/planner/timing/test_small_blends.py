@@ -25,8 +25,10 @@ from planner.timing import (
     solve_once,
     third_order,
 )
-from planner.timing.initial_guess import pass_breaks
+from planner.timing.initial_guess import pass_breaks, slow_breaks
 from planner.timing.order3 import solve as solver_module
+from planner.timing.problem import EndCondition
+from planner.timing.profile import Profile
 
 START = RigidTransform.from_translation([0.0, 0.0, 0.025])
 
@@ -131,6 +133,39 @@ def test_ramps_past_slow_breaks_meet_there_at_the_speeds_given(hexapod):
     assert a == pytest.approx(np.append(motion.a[1:], 0.0), abs=1e-9)
     assert v[np.argmin(np.abs(s - path.breaks[2]))] == pytest.approx(1e-3)
     assert pass_breaks(coarse, at, np.array([0.0, 100.0, 0.0])) is None
+
+
+@pytest.mark.parametrize("first", [1e-4, 1e-3, 2.5e-3, 2.75e-3, 1e-2])
+def test_a_start_at_speed_slows_down_by_the_jerk_as_far_as_there_is_way(first):
+    """Ramps from v down take up to √(32/27) v √(v/J) = 2.94 mm, that to v/3: in less, slow breaks are passed faster."""
+    jerk, speed = 100.0, 0.09
+    sizes = [first, 2e-5, 3e-4, 2e-5, 1e-2]
+    piece = np.repeat(np.arange(5), 20)
+    s = np.concatenate([[0.0], np.cumsum(np.repeat(sizes, 20) / 20)])
+    narrow = np.isin(piece, [1, 3])
+    rows = {
+        "speed": {Term.SD: np.full(100, 10.0)},
+        "acceleration": {Term.SDD: np.full(100, 0.2)},
+        "jerk": {Term.SD3: np.where(narrow, 1e6, 0.0), Term.SDDD: np.full(100, 1 / jerk)},
+    }
+    blocks = []
+    for name, terms in rows.items():
+        side = {term: values[:, None] for term, values in terms.items()}
+        blocks.append(Block(name, side, side, np.ones(100), np.zeros(1)))
+    ends = EndCondition(speed=speed), EndCondition()
+    problem = Problem(s, piece, tuple(blocks), ends)
+    breaks = s[::20]
+    steady = Profile(s[:-1], np.full(100, speed), np.zeros(100), np.zeros(100), np.diff(s) / speed, piece)
+    slow, speeds = slow_breaks(problem, steady, breaks)
+    assert list(slow) == [1, 2, 3, 4]
+    assert pass_breaks(problem, np.array([0, 20, 40, 60, 80, 100]), speeds) is not None
+    way = np.diff(breaks)
+    ramps = (speeds[1:] + speeds[:-1]) * np.sqrt(np.abs(np.diff(speeds)) / jerk)
+    assert (ramps <= way * (1 + 1e-9)).all()
+    reaches = first > np.sqrt(32 / 27) * speed * np.sqrt(speed / jerk)
+    assert (speeds[1] < speed / 3) == reaches
+    if not reaches:  # it slows down as fast as it can
+        assert ramps[0] == pytest.approx(way[0])
 
 
 def test_intervals_lie_where_they_gain_time(hexapod):
