@@ -2,8 +2,9 @@
 
 A kernel is a plain function of numbers and arrays. Its annotations state the type of every
 argument: there is one compiled version, and it can be compiled before it is called. The first call
-imports numba, and compiles the kernel and its callees. numba stores the machine code in a folder of NUMBA_CACHE_DIR, or of the user's cache. The
-folder is named after VERSION and all else on which machine code depends: see `find_folder`.
+imports numba, and compiles the kernel and its callees. numba stores the machine code in a folder of
+NUMBA_CACHE_DIR, or of the user's cache. The folder is named after VERSION and all else on which
+machine code depends: see `find_folder`.
 
 With NUMBA_DISABLE_JIT=1 the same source runs as Python: for debuggers and for coverage.
 """
