@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 # Hash of the sources of all kernels, of which tests/kinematics/foundation/test_kernel_version.py
 # prints the new value. numba itself sees changes of a kernel's own file only, but machine code also
 # contains the kernels that it calls and the constants that it reads.
-VERSION = "60bb444e3117e80f"
+VERSION = "a8f32eae6d4cc7f6"
 
 # s after which a first call is reported as compiling.
 PATIENCE = 1.0
@@ -78,7 +78,10 @@ class Kernel:
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self.function = function
+        # numba's dispatcher: for calls from Python, which is stored, and for calls from kernels,
+        # whose machine code contains it
         self.compiled: Any = None
+        self.inner: Any = None
         update_wrapper(self, function)
 
     def __call__(self, *arguments: Any) -> Any:
@@ -170,18 +173,14 @@ def find_type(hint: Any) -> Any:
 
 
 def _compile(kernel: Kernel, dispatchers: list[Any]) -> None:
-    """Compile or load a kernel after its callees; append numba's dispatchers to a list."""
+    """Compile or load a kernel; append numba's dispatchers to a list."""
     import numba
 
     config: Any = numba.config
-    if config.DISABLE_JIT:
-        kernel.compiled = kernel.function
-        return
-    for callee in kernel.callees.values():
-        if callee.compiled is None:
-            _compile(callee, dispatchers)
     with _LOCK:
-        if kernel.compiled is None:
+        if config.DISABLE_JIT:
+            kernel.compiled = kernel.function
+        elif kernel.compiled is None:
             kernel.compiled = _make_dispatcher(kernel, dispatchers)
 
 
@@ -211,11 +210,18 @@ def _make_dispatcher(kernel: Kernel, dispatchers: list[Any]) -> Any:
 
 
 def _decorate(kernel: Kernel, folder: Path | None) -> Any:
-    """Return numba's dispatcher of a copy whose globals are compiled kernels, stored in `folder`."""
+    """Return numba's dispatcher of a copy whose globals are dispatchers; stored in `folder`.
+
+    The callees are compiled when they are needed: not if the kernel itself is on disk.
+    """
     import numba
 
     function: Any = kernel.function
-    names = function.__globals__ | {name: each.compiled for name, each in kernel.callees.items()}
+    names = function.__globals__.copy()
+    for name, callee in kernel.callees.items():
+        if callee.inner is None:
+            callee.inner = _decorate(callee, None)
+        names[name] = callee.inner
     copy = FunctionType(function.__code__, names, function.__name__, function.__defaults__)
     copy.__qualname__ = function.__qualname__
     if folder is None:
@@ -338,30 +344,21 @@ def _run_in_thread(kernel: Kernel) -> None:
         raise failures[0]
 
 
-def are_stored(modules: Sequence[str]) -> bool:
-    """Return whether all kernels of modules are on disk; True if nothing can be stored."""
+def are_stored(names: Sequence[str]) -> bool:
+    """Return whether kernels "MODULE:NAME" are on disk; True if nothing can be stored."""
     folder = find_folder()
     if folder is None:
         return True
-    names = {path.name.rpartition("-")[0] for path in folder.glob("*/*.nbc")}
-    return all(
-        f"{name.rpartition('.')[2]}.{kernel.function.__name__}" in names
-        for name in modules
-        for kernel in _list_kernels(name)
-    )
+    stored = {path.name.rpartition("-")[0] for path in folder.glob("*/*.nbc")}
+    return {name.rpartition(".")[2].replace(":", ".") for name in names} <= stored
 
 
-def compile_modules(modules: Sequence[str]) -> None:
-    """Compile all kernels of modules, in the order of their names, or load them from disk."""
-    for name in modules:
-        for kernel in _list_kernels(name):
-            kernel.compile()
-
-
-def _list_kernels(module: str) -> list[Kernel]:
-    values = list(vars(import_module(module)).values())
-    kernels = [value for value in values if isinstance(value, Kernel)]
-    return [kernel for kernel in kernels if kernel.function.__module__ == module]
+def compile_kernels(names: Sequence[str]) -> None:
+    """Compile kernels "MODULE:NAME" in this order, or load them from disk."""
+    for name in names:
+        module, _, function = name.partition(":")
+        kernel: Kernel = getattr(import_module(module), function)
+        kernel.compile()
 
 
 @cache

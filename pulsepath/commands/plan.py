@@ -26,14 +26,22 @@ if TYPE_CHECKING:
 # Modules that the second process loads, the latter to draw figures.
 WORK_MODULES = ("pulsepath.job",)
 FIGURE_MODULES = ("benchmarks.reports.plan_figures", "controllers.figures", "planner.figures")
-# Modules whose kernels the second process compiles, in this order, while this one compiles those
-# that it needs first.
-ORDER_3_KERNELS = ("planner.timing.order3.riccati", "planner.timing.order3.kkt")
-PROOF_KERNELS = ("planner.certificate.ranges", "planner.certificate.continuity")
+# Kernels that the second process compiles, in this order, while this one compiles those that it
+# needs first.
+ORDER_3_KERNELS = (
+    "planner.timing.order3.riccati:solve_newton",
+    "planner.timing.order3.kkt:linearize",
+)
+PROOF_KERNELS = (
+    "planner.certificate.ranges:bound_motion",
+    "planner.certificate.continuity:fill_states",
+    "planner.certificate.continuity:measure_jumps",
+)
 BOUND_KERNELS = (
-    "planner.bounds.lower_bound",
-    "planner.bounds.inner_minimum",
-    "planner.bounds.dual",
+    "planner.bounds.lower_bound:bound_cells",
+    "planner.bounds.inner_minimum:fill_sets",
+    "planner.bounds.dual:add_rows",
+    "planner.bounds.dual:find_step",
 )
 # Bytes above which a program almost certainly has more than MOST_WHOLE segments.
 LONG_FILE = 1 << 16
@@ -107,17 +115,17 @@ def _compile_together(
     stack: ExitStack,
 ) -> None:
     """Have the second process compile kernels too, if they are not on disk."""
-    from kinematics.foundation.kernels import are_stored, compile_modules
+    from kinematics.foundation.kernels import are_stored, compile_kernels
     from planner.parallel import NO_PROCESS, side_process
 
     order_3 = () if request.order == 2 else ORDER_3_KERNELS
     bound = () if report.bound_effort == "none" else BOUND_KERNELS
-    modules = (*order_3, *PROOF_KERNELS, *bound)
-    if are_stored(modules):
+    names = (*order_3, *PROOF_KERNELS, *bound)
+    if are_stored(names):
         return
     if other is NO_PROCESS:
         other = stack.enter_context(side_process())
-    other.start(partial(compile_modules, modules))
+    other.start(partial(compile_kernels, names))
 
 
 def _refuse_conflicts(request: PlanRequest, report: ReportRequest) -> None:
