@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 # Hash of the sources of all kernels, of which tests/kinematics/foundation/test_kernel_version.py
 # prints the new value. numba itself sees changes of a kernel's own file only, but machine code also
 # contains the kernels that it calls and the constants that it reads.
-VERSION = "a8f32eae6d4cc7f6"
+VERSION = "a7d3044044902357"
 
 # s after which a first call is reported as compiling.
 PATIENCE = 1.0
@@ -181,21 +181,21 @@ def _compile(kernel: Kernel, dispatchers: list[Any]) -> None:
         if config.DISABLE_JIT:
             kernel.compiled = kernel.function
         elif kernel.compiled is None:
-            kernel.compiled = _make_dispatcher(kernel, dispatchers)
+            with _without_garbage_collection():
+                kernel.compiled = _make_dispatcher(kernel, dispatchers)
 
 
 def _make_dispatcher(kernel: Kernel, dispatchers: list[Any]) -> Any:
-    hints = get_type_hints(kernel.function, include_extras=True)
-    hints.pop("return", None)
-    types = tuple(find_type(hint) for hint in hints.values())
+    types = _list_types(kernel)
     folder = find_folder()
+    if folder is None or not are_stored([f"{kernel.function.__module__}:{kernel.function.__name__}"]):
+        _compile_callees(kernel, dispatchers)
     # a damaged file is removed and replaced; if that fails, the kernel is compiled without a file
     for place in (folder, folder, None):
         dispatcher = _decorate(kernel, place)
         dispatchers.append(dispatcher)
         try:
-            with _without_garbage_collection():
-                dispatcher.compile(types)
+            dispatcher.compile(types)
             break
         except Exception as error:
             if dispatcher.signatures:  # compiled, but not stored
@@ -209,19 +209,34 @@ def _make_dispatcher(kernel: Kernel, dispatchers: list[Any]) -> Any:
     return dispatcher
 
 
+def _list_types(kernel: Kernel) -> tuple[Any, ...]:
+    hints = get_type_hints(kernel.function, include_extras=True)
+    hints.pop("return", None)
+    return tuple(find_type(hint) for hint in hints.values())
+
+
+def _compile_callees(kernel: Kernel, dispatchers: list[Any]) -> None:
+    """Compile the callees for the types that they state, which numba would infer otherwise."""
+    for callee in kernel.callees.values():
+        _compile_callees(callee, dispatchers)
+        if callee.inner is None:
+            callee.inner = _decorate(callee, None)
+            dispatchers.append(callee.inner)
+            callee.inner.compile(_list_types(callee))
+            callee.inner.disable_compile()
+
+
 def _decorate(kernel: Kernel, folder: Path | None) -> Any:
     """Return numba's dispatcher of a copy whose globals are dispatchers; stored in `folder`.
 
-    The callees are compiled when they are needed: not if the kernel itself is on disk.
+    The callees are compiled before (`_compile_callees`), or not at all if the kernel is on disk.
     """
     import numba
 
     function: Any = kernel.function
     names = function.__globals__.copy()
     for name, callee in kernel.callees.items():
-        if callee.inner is None:
-            callee.inner = _decorate(callee, None)
-        names[name] = callee.inner
+        names[name] = callee.inner or _decorate(callee, None)
     copy = FunctionType(function.__code__, names, function.__name__, function.__defaults__)
     copy.__qualname__ = function.__qualname__
     if folder is None:
