@@ -1,7 +1,9 @@
-# `make demo` and `make test` need only make and Python >= 3.11; everything else they install into .venv.
+# `make demo` and `make test` need only make and Python >= 3.11; everything else they install into .venv:
+# `make demo` what a user needs, the others also the extra dev.
 
 BIN := .venv/bin
 READY := .venv/.ready
+DEV := .venv/.ready-dev
 CANDIDATES := python3.13 python3.12 python3.11 python3
 USABLE := import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))
 
@@ -15,11 +17,11 @@ docs: notebooks
 	$(BIN)/python -m sphinx -W --keep-going -q docs out/docs
 
 # executed, with their figures; the sources are notebooks/*.py
-notebooks: $(READY)
+notebooks: $(DEV)
 	$(BIN)/python -m tests.notebooks.run out/notebooks
 
 # fast checks first; the first that fails ends the run
-test: $(READY)
+test: $(DEV)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
@@ -28,7 +30,7 @@ test: $(READY)
 	$(BIN)/pytest -n 2
 
 # all tests on the other Pythons from 3.11 to 3.13 that are here
-pythons: $(READY)
+pythons: $(DEV)
 	.ci/pythons
 
 $(READY): pyproject.toml
@@ -38,6 +40,10 @@ $(READY): pyproject.toml
 	  done; \
 	  echo "pulsepath needs Python >= 3.11 with its venv module (on Debian: apt install python3-venv); tried: $(CANDIDATES)" >&2; \
 	  exit 1; }
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	@touch $@
+
+$(DEV): $(READY)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@touch $@
 

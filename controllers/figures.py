@@ -10,7 +10,8 @@ from controllers.metrics.circular_test import CircularTest
 from controllers.metrics.iso_style import PathAccuracy, PoseAccuracy
 from controllers.tracking import Tracking
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.figure import PALETTE, draw_bars, line_style, literal_label, new_axes
+from kinematics.foundation.figure import draw_bars, literal_label, new_axes
+from kinematics.foundation.line_styles import PALETTE, line_style
 from kinematics.foundation.result import draws
 
 _UNIT = {"m": ("µm", 1e6), "rad": ("mrad", 1e3)}

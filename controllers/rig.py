@@ -116,18 +116,17 @@ class Sine:
 class Host:
     """How the host waits until its next step, what it reads, and how it ends.
 
-    timer         "counter": it polls the card's counter, so step k begins at k·dt, unless a law asks for the other.
-                  "sleep": whatever the law, it calls the operating system's sleep(dt), which wakes it at the first tick
-                  of the system's timer that is dt or more away, and later still by whatever else runs. What one step is
-                  late, all later ones are too.
-    granularity   s between the timer's ticks, whose phase against the run is drawn; 0: a timer without ticks
-    jitter        s: each waking is late by a time drawn evenly from 0 to this
-    seed          of what is drawn
-    speed_from    what v(k − 1) of a law's feedback is: "encoder", the change of the encoders over the step that ends;
-                  "card", the card's own output rate at its end, see `Card.current_speed`. The program of [Sahbaz 2007,
-                  Appendix E] reads the rate (`GetCurrentSpeed`)
-    closing_stop  s of the decelerated stop that is sent when the last sample is reached, and nothing after it: 0.001 in
-                  the same program (`SDStop` in its last routine). None: the law is asked on, so that it may settle
+    timer         "counter": the host polls the card's counter, so step k begins at k·dt, unless the law requires
+                  "sleep". "sleep": for every law, the host calls sleep(dt) of the operating system and continues at the
+                  first tick of the system's timer after dt, plus the jitter. Delays accumulate.
+    granularity   period of the system's timer, s; its phase is random. 0: a timer without ticks
+    jitter        largest delay of each waking, s; delays are uniformly distributed from 0
+    seed          seed of the random numbers
+    speed_from    source of the speed v(k − 1) in a law's feedback: "encoder", the change of the encoders over the last
+                  step; "card", the output rate of the card at its end, see `Card.current_speed`. The program of
+                  [Sahbaz 2007, Appendix E] reads the rate (`GetCurrentSpeed`)
+    closing_stop  duration of the decelerated stop that is sent at the last sample, s; 0.001 in the same program
+                  (`SDStop` in its last routine). None: the law continues, so that it may settle
     """
 
     timer: Timer = "counter"

@@ -28,7 +28,7 @@ from kinematics.foundation.names import closest, find, nearest, presets
 from kinematics.foundation.units import Unit, describe_value
 from kinematics.kinds.axis_faults import find_repeated_names
 from kinematics.machine.axis import Axis
-from kinematics.machine.machine_file import load_machine, read_axes
+from kinematics.machine.machine_file import load_machine, read_summary
 
 _TASK: TypeAdapter[PathTask | SineTask | FileTask] = TypeAdapter(TaskTable)
 _Stated = list[tuple[int, PathTask | SineTask | FileTask]]
@@ -96,7 +96,8 @@ def _read_axes(stated: object, folder: Path | None) -> tuple[tuple[Axis, ...], M
     if not isinstance(stated, str):
         return (), None
     try:
-        return read_axes(find("kinematics", "machine", resolve_path(folder, stated))), None
+        source = find("kinematics", "machine", resolve_path(folder, stated))
+        return read_summary(source).axes, None
     except MotionError as error:
         return (), error
 

@@ -32,9 +32,9 @@ def _require_name(name: str) -> str:
 class TaskRate(TableSchema):
     """How often the host commands: every `step`, or so that there are `samples`."""
 
-    name: Annotated[str, AfterValidator(_require_name)] = key("of the task")
-    step: Annotated[float, Unit("s", above=0, like="125 ms")] | None = key("of the host", default=None)
-    samples: Annotated[int, Field(ge=2)] | None = key("of the host, both ends included", default=None)
+    name: Annotated[str, AfterValidator(_require_name)] = key("name of the task")
+    step: Annotated[float, Unit("s", above=0, like="125 ms")] | None = key("sampling time of the host", default=None)
+    samples: Annotated[int, Field(ge=2)] | None = key("number of samples of the host, both ends included", default=None)
 
     @model_validator(mode="after")
     def _one_rate(self) -> Self:
@@ -50,7 +50,7 @@ class TaskRate(TableSchema):
 class TaskTiming(TaskRate):
     """How long a task lasts, and how often the host commands."""
 
-    duration: Annotated[float, Unit("s", above=0, like="5 s")] = key("of the motion")
+    duration: Annotated[float, Unit("s", above=0, like="5 s")] = key("duration of the motion")
 
     @property
     def dt(self) -> float:
@@ -70,9 +70,9 @@ def _locate_program() -> Iterator[None]:
 class PathTask(TaskTiming):
     """A program's path, run by one profile from end to end."""
 
-    program: str = key("a program's name, or the path of its file")
-    profile: Literal["quarter-sine", "trapezoid"] = key("of the speed along it", default="quarter-sine")
-    ramp: Annotated[float, Unit("s", above=0, like="1 s")] = key("time of speeding up, and of slowing down")
+    program: str = key("name of a bundled program, or path of its file")
+    profile: Literal["quarter-sine", "trapezoid"] = key("profile of the speed along the path", default="quarter-sine")
+    ramp: Annotated[float, Unit("s", above=0, like="1 s")] = key("duration of acceleration, and of deceleration")
 
     def refuse_unknown(self, axes: Sequence[Axis], folder: Path | None) -> None:
         """Raise BadValue for a program that is not there, or whose file shows a fault; a bundled one's shows none."""
@@ -97,8 +97,8 @@ class SineTable(TableSchema):
     """Of the axes named: amplitude · sin(2π t/period)."""
 
     axes: tuple[str, ...] = key("names of rotary axes")
-    amplitude: Annotated[float, Unit("rad", above=0, like="90 deg")] = key("of the sine")
-    period: Annotated[float, Unit("s", above=0)] = key("of the sine")
+    amplitude: Annotated[float, Unit("rad", above=0, like="90 deg")] = key("amplitude of the sine")
+    period: Annotated[float, Unit("s", above=0)] = key("period of the sine")
 
 
 class SineTask(TaskTiming):
@@ -174,7 +174,7 @@ CardName = Annotated[str, AfterValidator(_card)]
 class CardTable(TableSchema):
     """A model of card, and how it is set: see `Card`."""
 
-    model: CardName = key("of the motion card")
+    model: CardName = key("model of the motion card")
     while_moving: Literal["replace", "queue"] = "replace"
     start_from: Literal["commanded", "current"] = "commanded"
     short_moves: Literal["keep rate", "keep time"] = "keep rate"
@@ -213,14 +213,14 @@ class RigFile(File):
 
     what: ClassVar[str] = "rig"
     machine: str = key(
-        "a machine's name, or the path of its file",
+        "name of a bundled machine, or path of its file",
         remedy='write the name of a machine, e.g. "arm", or the path of its file',
     )
-    card: CardEntry = key("model of motion card, and how it is set", default=PCI_8132.name)
-    host: HostTable = key("how the host keeps time", default=HostTable())
-    servo: ServoTable | None = key("what all servo drives have", default=None)
-    stepper: StepperTable | None = key("what all stepper drives have", default=None)
+    card: CardEntry = key("model and settings of the motion card", default=PCI_8132.name)
+    host: HostTable = key("timing of the host", default=HostTable())
+    servo: ServoTable | None = key("values that all servo drives share", default=None)
+    stepper: StepperTable | None = key("values that all stepper drives share", default=None)
     axis: tuple[RigAxisTable, ...] = key(
         "`[[axis]]` tables by `name`: the `servo` or `stepper` of one axis", default=()
     )
-    task: tuple[TaskTable, ...] = key("motions to try laws on", default=())
+    task: tuple[TaskTable, ...] = key("motions on which laws are compared", default=())

@@ -27,7 +27,6 @@ from kinematics.design.sizing import UPPER_BOUNDED, StepperSizing
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.figure import (
-    PALETTE,
     draw_bars,
     invert_y_axis,
     label_space,
@@ -37,6 +36,7 @@ from kinematics.foundation.figure import (
     scale_error_axis,
     unique_labels,
 )
+from kinematics.foundation.line_styles import PALETTE
 from kinematics.foundation.result import draws
 from kinematics.foundation.units import unit_value
 from kinematics.kinds.legged import Legged

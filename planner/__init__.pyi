@@ -4,7 +4,8 @@ from .certificate.feasibility import Standing as Standing
 from .orientation.orient import orient as orient
 from .place import Infeasible as Infeasible, Place as Place
 from .plan_many import plan_many as plan_many
-from .plan import Plan as Plan, check as check, plan as plan
+from .geometric_check import check as check
+from .plan import Plan as Plan, plan as plan
 from .plan_parts import PlanPart as PlanPart, PlanStanding as PlanStanding, plan_parts as plan_parts
 from .program.model import (
     Arc as Arc,

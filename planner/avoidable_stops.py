@@ -285,8 +285,8 @@ def _limit_rates(
     rates[0] = TOP_SPEED
     for limit in limits:
         rows = None if limit.geometric else limit.rows(points)
-        if rows is not None and rows.about is not None:
-            rows = rows.hull  # holds at every speed
+        if rows is not None and rows.speed_range is not None:
+            rows = rows.convex_part  # holds at every speed
         if rows is None:
             continue
         still = rows.coefficients.get(Term.ONE, 0.0)  # a load at rest, as weight, leaves less room

@@ -11,6 +11,7 @@ from planner.limits.limit import Term
 from planner.plan import Plan
 from planner.timing.certified_solve import Solution, certified_solve
 from planner.timing.order2.toppra_ import require
+from planner.timing.problem import Settings
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +92,7 @@ def cross_check(plan: Plan) -> CrossCheck:
         )
     else:
         ours = certified_solve(plan.path, limits, 2)
-    solve = partial(certified_solve, plan.path, limits, 2, solver="toppra", proving=False)
+    solve = partial(certified_solve, plan.path, limits, 2, settings=Settings(solver="toppra"), proving=False)
     theirs = attempt(solve)
     if isinstance(theirs, MotionError):
         return CrossCheck(ours, None, str(theirs))

@@ -1,6 +1,6 @@
 """Figures of results: each draws on `ax`, or on a figure of its own, and returns the axes."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any, Literal
 
@@ -14,14 +14,13 @@ from scipy.spatial.transform import RigidTransform
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.figure import (
-    PALETTE,
     draw_bars,
     label_space,
-    line_style,
     literal_label,
     new_axes,
     new_axes_3d,
 )
+from kinematics.foundation.line_styles import PALETTE, line_style
 from kinematics.foundation.result import draws
 from kinematics.machine.axis import Axis, directional_bounds
 from kinematics.machine.pose import from_numbers, to_numbers
@@ -34,7 +33,7 @@ from planner.certificate.feasibility import Standing
 from planner.cross_check import CrossCheck
 from planner.interruption.hold import Stops
 from planner.interruption.section import Section
-from planner.limits.registry import AXIS_LIMITS, MACHINE_LIMITS, geometric_limits
+from planner.limits.styles import style_limits
 from planner.path.actuation import MachinePath
 from planner.plan import Plan
 from planner.plan_parts import PlanStanding
@@ -240,36 +239,6 @@ def list_levels(axes: Sequence[Axis], quantity: Quantity, kind: str) -> list[tup
     return levels
 
 
-TIMED_COLOURS = (
-    "#0072B2", "#E69F00", "#56B4E9", "#CC79A7", "#009E73",
-    "#D55E00", "#5D3A9B", "#8A5A00", "#882255", "#004D40",
-    "#7F7F7F",
-)  # fmt: skip
-"""Colours of the limits that depend on timing, in the order of the tables."""
-
-
-def style_limits(names: Iterable[str]) -> dict[str, dict[str, Any]]:
-    """Return the line style of each limit, the same by name in every figure and page.
-
-    Limits that depend on timing have a colour each, geometric ones are dashed, and those of a
-    caller are dotted.
-    """
-    names = list(names)
-    still = geometric_limits()
-    timed = [limit.name for limit in (*AXIS_LIMITS, *MACHINE_LIMITS) if limit.name not in still]
-    families: tuple[tuple[Sequence[str], Sequence[str], str], ...] = (
-        (timed, TIMED_COLOURS, "-"),
-        (still, PALETTE, "--"),
-        (names, PALETTE, ":"),
-    )
-    styles: dict[str, dict[str, Any]] = {}
-    for name in names:
-        members, colours, line = next(family for family in families if name in family[0])
-        color = colours[members.index(name) % len(colours)]
-        styles[name] = {**line_style(0), "color": color, "linestyle": line}
-    return styles
-
-
 def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] = "path") -> Axes:
     """Draw the use of each limit, along the path or over time, and a band of the active limits.
 
@@ -277,15 +246,36 @@ def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] 
     """
     alone = ax is None
     ax = new_axes(ax)
+    draw_limit_uses(plan, {over: ax})
+    if alone:
+        ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, frameon=False)
+    return ax
+
+
+def draw_limit_uses(plan: Plan, axes: Mapping[Literal["path", "time"], Axes]) -> None:
+    """Draw `limit_use` on several axes. The limits are sampled once, which takes as long as drawing."""
     trajectory = plan.trajectory
     s = np.append(trajectory.s, trajectory.at(trajectory.duration).s)
-    edges = trajectory.knots if over == "time" else 1e3 * s
     shares = limit_shares(plan)
+    active = active_limits(plan)
+    for over, ax in axes.items():
+        edges = trajectory.knots if over == "time" else 1e3 * s
+        _draw_limit_use(plan, ax, edges, shares, active)
+        ax.set_xlabel("time (s)" if over == "time" else "distance along the path (mm)")
+
+
+def _draw_limit_use(
+    plan: Plan,
+    ax: Axes,
+    edges: Array,
+    shares: Mapping[str, Array],
+    active: np.ndarray,
+) -> None:
+    """Draw the shares of the limits between the edges (M + 1,) of time pieces, and the active limit of each."""
     styles = style_limits(limit.name for limit in plan.limits)
     for name, drawn in styles.items():
         _draw_stairs(ax, shares[name], edges, label=literal_label(name), **drawn)
     ax.set_axisbelow(True)
-    active = active_limits(plan)
     first = np.flatnonzero(np.diff(active, prepend=-2))
     last = np.append(first[1:], len(active))
     for owner in np.unique(active):
@@ -307,15 +297,11 @@ def limit_use(plan: Plan, ax: Axes | None = None, over: Literal["path", "time"] 
         )
     ax.axhline(1.0, color="black", **LIMIT_LINE)
     ax.set(
-        xlabel="time (s)" if over == "time" else "distance along the path (mm)",
         ylabel="share of the limit",
         xlim=(edges[0], edges[-1]),
         ylim=(0, 1.3),
         yticks=np.linspace(0, 1, 5),
     )
-    if alone:
-        ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, frameon=False)
-    return ax
 
 
 def realised_error(

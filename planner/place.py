@@ -82,7 +82,9 @@ class Infeasible(MotionError):
         self.segment = None if place is None else place.segment
         where = "" if place is None else f" at {place}"
         who = f"{self.axis} " if self.axis and (place is None or not place.axis) else ""
-        value, limit = format_distinct(self.value, self.limit)
+        # rounding of a value that is 0, such as the travel at home
+        shown = 0.0 if abs(self.value) < 1e-12 * abs(self.limit) else self.value
+        value, limit = format_distinct(shown, self.limit)
         above = self.value >= self.limit
         bound = f"beyond {limit} {self.unit}" if above else f"below the {limit} {self.unit} minimum"
         super().__init__(f"{who}{self.kind} {value} {self.unit} is {bound}{where}")

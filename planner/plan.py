@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kinematics.foundation.errors import MotionError, NotFree, OutOfReach
+from kinematics.foundation.errors import OutOfReach
 from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Table
@@ -20,18 +20,18 @@ from planner.bounds.lower_bound import find_left_out
 from planner.certificate.certify import Certificate
 from planner.certificate.conditioning import Conditioning, find_poorest
 from planner.certificate.constant_speed import CONSTANT_SPEED, Stretch, find_stretches
-from planner.certificate.feasibility import Standing, prove_feasibility
+from planner.geometric_check import add_advice
 from planner.interruption.interruptible import Interruptible
 from planner.interruption.section import Whole
-from planner.limits import Limit, OwnLimit, limits_of, usual_order
-from planner.limits.registry import geometric_limits, make_own_limits, tabulate_axis_bounds
+from planner.limits import Limit, OwnLimit, limits_of
+from planner.limits.registry import tabulate_axis_bounds
 from planner.orientation.orient import orient_open
 from planner.parallel import Progress, ignore_progress
 from planner.path.actuation import MachinePath, actuate
 from planner.path.outcome import blend_tables, fit_tables
 from planner.path.overshoot import overshoot_tables
 from planner.path.point_to_point import Departure, departure_tables, departures
-from planner.place import Infeasible, LostPath
+from planner.place import Infeasible
 from planner.plan_source import MadePlan, PlanSource
 from planner.program.model import Program
 from planner.program.program_file import ProgramSource, load_program
@@ -47,7 +47,7 @@ from planner.timing.certified_solve import Solution, certified_solve, solve_with
 from planner.timing.goals.heat import solve_objective
 from planner.timing.goals.objective import TIME, Objective
 from planner.timing.goals.stated_duration import solve_stated
-from planner.timing.problem import Solver
+from planner.timing.problem import Settings, Solver
 from planner.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -360,7 +360,7 @@ def make_plan(
             first = solution = solve(limits)
             certificate = solution.certificate
     except (Infeasible, OutOfReach) as error:
-        raise _add_advice(error, program, machine, order) from None
+        raise add_advice(error, program, machine, order) from None
 
     motion = solution.trajectory
     motors = counted_motion(motion, axes, machine.home_q)
@@ -393,16 +393,15 @@ def _choose_solvers(
     fastest = partial(
         certified_solve,
         path,
-        solver=request.solver,
         # Shaping examines each time piece: those of a grid show where a limit is exceeded.
-        cruising=not any(axis.shaper for axis in axes),
+        settings=Settings(solver=request.solver, whole=any(axis.shaper for axis in axes)),
         **options,
     )
     if request.heat > 0:
         options |= {"axes": axes, "objective": request.objective}
         return partial(solve_objective, path, **options), fastest
     if request.gap is not None:
-        options |= {"gap": request.gap, "effort": request.effort, "solver": request.solver}
+        options |= {"gap": request.gap, "effort": request.effort, "settings": Settings(solver=request.solver)}
         return partial(solve_within, path, **options), fastest
     if request.duration is not None:
         before = shorten_duration(request.duration, axes)
@@ -417,66 +416,3 @@ def _name_segment(error: Infeasible, motion: Trajectory) -> Infeasible:
     piece = int(motion.at(error.place.t).piece[0])
     place = motion.path.place(error.place.s, piece, error.place.t, error.place.axis)
     return replace(error, place=place)
-
-
-@check_arguments("program", "machine", "limits")
-def check(program: ProgramSource, machine: MachineSource, *, limits: Sequence[OwnLimit] = ()) -> Standing:
-    """Limits that slowing down cannot fix, proved over a program's path.
-
-    Parameters
-    ----------
-    program, machine
-        Each as it is, by its name, or by the path of its file.
-    limits
-        Of your own, as of `plan`.
-
-    Returns
-    -------
-    Standing
-        Violations, the worst first, and margins.
-
-    Raises
-    ------
-    MotionError
-        The path cannot be drawn.
-    """
-    program, machine = load_program(program), load_machine(machine)
-    program = orient_open(program, machine, usual_order(machine.axes, program))
-    try:
-        path = actuate(program, machine)
-    except OutOfReach as error:
-        raise _add_advice(error, program, machine, 2) from None
-    geometric = (each for each in make_own_limits(path, limits) if each.geometric)
-    standing = prove_feasibility(path, (*limits_of(path, machine.axes, 2), *geometric))
-    worst = tuple(_add_advice(error, program, machine, 2) for error in standing.violations[:1])
-    violations = (*worst, *standing.violations[1:])
-    standing = replace(
-        standing,
-        violations=violations,
-        blends=path.blends,
-        fit=path.fit,
-        departures=departures(path),
-        overshoots=path.overshoots,
-    )
-    if violations:
-        return standing
-    kind = usual_order(machine.axes, program)
-    stops = find_avoidable_stops(program, path, limits_of(path, machine.axes, kind, limits), kind)
-    return replace(standing, conditioning=find_poorest(path), avoidable=stops)
-
-
-def _add_advice(
-    error: MotionError,
-    program: Program,
-    machine: Machine,
-    order: int,
-) -> MotionError:
-    """Add to a geometric violation how far the path must shrink or move. Others stay unchanged."""
-    from planner.remedies import find_remedy
-
-    if isinstance(error, NotFree):
-        return error
-    advice = partial(find_remedy, program, machine, order)
-    if isinstance(error, Infeasible):
-        return error.add_advice(advice) if error.kind in geometric_limits() else error
-    return LostPath(str(error), advice).in_segment(error.segment)

@@ -13,11 +13,13 @@ from math import floor, sqrt
 from time import perf_counter
 
 import numpy as np
+from scipy.spatial.transform import RigidTransform
 
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.errors import MotionError
+from kinematics.foundation.errors import MotionError, attempt
 from kinematics.foundation.units import round_up_digits
 from kinematics.machine.machine import Machine
+from kinematics.machine.pose import Pose
 from planner.certificate.conditioning import PART_SHARES, has_one_sign
 from planner.certificate.feasibility import prove_feasibility
 from planner.certificate.limit_use import LIMIT_ROUNDING
@@ -60,9 +62,10 @@ ProgramChange = Callable[[float], Program]
 class Remedy:
     """scale: the largest about the start that fits, as a share; turn: the largest scale of its
     angles, from the start's orientation; move: the least (m) and its direction, "+x" to "-z". None:
-    there is none.
+    nothing fits.
 
     home: what the machine exceeds at home, as `Margins.worst` puts it: then its file is at fault
+    start: what the machine exceeds at the stated start: then no scale about it can help
     movable: whether moves were tried; late: whether the search ran out of time
     """
 
@@ -70,6 +73,7 @@ class Remedy:
     turn: float | None = None
     move: tuple[float, str] | None = None
     home: str = ""
+    start: str = ""
     movable: bool = True
     late: bool = False
 
@@ -85,6 +89,8 @@ class Remedy:
             return f"the path fits the machine {', or '.join(ways)}"
         if self.home:
             return f"the machine already exceeds a limit at home ({self.home}): correct its geometry, home or limits"
+        if self.start:
+            return f"the start of the program already exceeds a limit ({self.start}): change start"
         if self.late:
             return f"what scale or move would fit the path to the machine was not found in {MAX_SEARCH_TIME:g} s"
         moves = f" and no move of up to {TRIAL_MOVES[-1] * 1e3:g} mm along an axis" if self.movable else ""
@@ -109,9 +115,27 @@ def find_remedy(program: Program, machine: Machine, order: int) -> Remedy:
     costly = scale is not None and any(isinstance(segment, Curve) for segment in program.segments)
     movable = not costly and (program.start is not None or states_destination(program))
     move = search.find_shortest_move(program) if movable else None
-    at_home = machine.check(machine.home)
     late = perf_counter() > search.until
-    return Remedy(scale, turn, move, "" if at_home.ok.all() else at_home.worst(), movable, late)
+    home = _describe_excess(machine, machine.home)
+    if "travel" in home and machine.lengths:
+        home += "; travel counts from the lengths at home"
+    first = "" if program.start is None else _describe_excess(machine, _platform_at(program.start, program, machine))
+    return Remedy(scale, turn, move, home, first, movable, late)
+
+
+def _platform_at(pose: Pose, program: Program, machine: Machine) -> Pose:
+    """Return the platform's pose in the base frame at a pose of the program."""
+    frame = machine.home if program.frame == "home" else RigidTransform.identity()
+    tool = frame * (pose if program.work is None else program.work * pose)
+    return tool if program.tool is None else tool * program.tool.inv()
+
+
+def _describe_excess(machine: Machine, pose: Pose) -> str:
+    """Return the limit that the machine exceeds most in a pose; empty if it exceeds none or cannot tell."""
+    margins = attempt(lambda: machine.check(pose))
+    if isinstance(margins, MotionError) or margins.ok.all():
+        return ""
+    return margins.worst()
 
 
 def _shift_along(program: Program, direction: Array, size: float) -> Program:

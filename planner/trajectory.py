@@ -199,7 +199,7 @@ class Trajectory(Result):
         inside = np.clip(t, 0.0, self.duration)
         k = self.locate(inside)
         tau = inside - self.knots[k]
-        s = self.s[k] + tau * (self.v[k] + tau * (self.a[k] / 2 + tau * self.j[k] / 6))
+        s, _, _ = self.advance(k, tau)
         return self.path.derivatives(s, self.piece[k], 0)[0]
 
     def axis_at(self, t: Array, axis: int) -> State:
@@ -218,6 +218,12 @@ class Trajectory(Result):
         known = None if state.known is None else state.known * moves[:, None]
         return replace(state, t=t, known=known, **rates)
 
+    def advance(self, k: np.ndarray | slice, tau: Array) -> tuple[Array, Array, Array]:
+        """Return s, ṡ, s̈ (N,) at `tau` (s) after the start of time pieces k."""
+        v, a, j = self.v[k], self.a[k], self.j[k]
+        s = self.s[k] + tau * (v + tau * (a / 2 + tau * j / 6))
+        return s, v + tau * (a + tau * j / 2), a + tau * j
+
     def within(
         self,
         k: np.ndarray,
@@ -231,11 +237,8 @@ class Trajectory(Result):
         On a knot the caller chooses the side by k. jerk: compute q⃛ at once, with the others. axis: of
         this axis alone, always with `jerk`.
         """
-        v, a, j = self.v[k], self.a[k], self.j[k]
-        s = self.s[k] + tau * (v + tau * (a / 2 + tau * j / 6))
-        sd = v + tau * (a + tau * j / 2)
-        sdd = a + tau * j
-
+        s, sd, sdd = self.advance(k, tau)
+        j = self.j[k]
         derivatives = self.path.derivatives
         if axis is not None:
             derivatives = partial(self.path.axis_derivatives, axis)

@@ -34,7 +34,7 @@ from planner.path.shape import Piece
 from planner.place import Place
 from planner.request import PIECES
 from planner.timing.certified_solve import Solution, certified_solve
-from planner.timing.problem import Continuation
+from planner.timing.problem import Continuation, Settings
 
 # Time from the break to the end of a window, in braking times: a larger number changes the motion
 # before the break less, and solves more of the path twice.
@@ -458,7 +458,7 @@ class WindowPlanner:
     def _solve(self, steps: Sequence[PathStep], start: Start) -> Solution:
         """Solve the motion from a start to a stop after the last step."""
         path = self._draw(steps, start)
-        return certified_solve(path, self.limit(path), self.order, continuation=start.continuation)
+        return certified_solve(path, self.limit(path), self.order, settings=Settings(continuation=start.continuation))
 
     def _draw(self, steps: Sequence[PathStep], start: Start) -> MachinePath:
         return MachinePath(

@@ -43,7 +43,7 @@ def main() -> None:
 
     PROGRAM and MACHINE are preset names or paths of TOML files.
 
-    To begin: pulsepath init, then pulsepath plan program.toml --out first
+    To begin: pulsepath init mine, then pulsepath plan mine/program.toml --out first
     """
 
 

@@ -101,7 +101,7 @@ class Commands(click.Group):
 
 
 def _end_interrupted(ctx: click.Context, code: int) -> NoReturn:
-    """End a command that a signal interrupted, with a message on what it has written."""
+    """End a command that a signal interrupted, with a message on the files that are written."""
     message = intent.describe_interruption()
     set_exit_code(code)
     _say_error(message)

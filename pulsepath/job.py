@@ -1,6 +1,7 @@
 """The job of the command `plan`: plan, baseline timings, quantization error, tracking errors.
 
-A second process computes the baseline timings, the tracking errors and some figures.
+A second process computes the baseline timings and the tracking errors, and draws all figures, so
+that this one does not load matplotlib.
 """
 
 from collections import Counter
@@ -126,7 +127,7 @@ class PlanReview:
     """Results of the second process.
 
     metrics  errors of each law on a rig
-    figures  some of the report's figures
+    figures  figures of the plan and of the errors
     note     why there are no errors
     scene    page of the machine in motion
     """
@@ -138,7 +139,7 @@ class PlanReview:
 
 
 def review_plan(plan: Plan, figures: bool, rig: Rig | None) -> PlanReview:
-    """Track the plan on a rig and draw figures. A rig that cannot run the motion gives a note."""
+    """Track the plan on a rig and draw both. A rig that cannot run the motion gives a note."""
     metrics: tuple[Metrics, ...] = ()
     note = ""
     if rig is not None:
@@ -148,9 +149,22 @@ def review_plan(plan: Plan, figures: bool, rig: Rig | None) -> PlanReview:
             note = f"not tracked: {error}"
     if not figures:
         return PlanReview(metrics, {}, note)
-    from benchmarks.reports.plan_figures import draw_path, draw_tracking
+    from benchmarks.reports.plan_figures import draw_axes, draw_path, draw_tracking
 
-    return PlanReview(metrics, draw_path(plan) | draw_tracking(metrics), note, _record_machine(plan))
+    pictures = draw_axes(plan) | draw_path(plan) | draw_tracking(metrics)
+    return PlanReview(metrics, pictures, note, _record_machine(plan))
+
+
+def draw_results(results: PlanReport) -> "Mapping[str, Picture]":
+    """Draw the figures of the results that follow planning."""
+    from benchmarks.reports import plan_figures
+
+    return (
+        plan_figures.draw_baseline(results.whole, results.classical)
+        | plan_figures.draw_realised(results.realised)
+        | plan_figures.draw_worth(results.worth)
+        | plan_figures.draw_stops(results.stops)
+    )
 
 
 def _record_machine(plan: Plan) -> str:
@@ -175,13 +189,13 @@ class Job:
     """A plan with its results, some of which the second process is still working on.
 
     results  content of the report so far
-    figures  whether figures are to be drawn
-    review   function that waits for the results of the second process
+    review   function that waits for the review
+    draw     function that waits for the figures of the results; None: no figures are requested
     """
 
     results: PlanReport
-    figures: bool
     review: Callable[[], PlanReview]
+    draw: "Callable[[], Mapping[str, Picture]] | None"
 
     @property
     def plan(self) -> Plan:
@@ -189,17 +203,16 @@ class Job:
         return self.results.whole
 
     def complete(self, verdict: PulseCheck) -> PlanReport:
-        """Draw the figures, wait for the second process, and return the content of the report."""
+        """Wait for the second process, and return the content of the report."""
         results = self.results
-        figures = {}
-        if self.figures:
-            with step("drawing the figures"):
-                figures = _draw_here(results)
         waiting: AbstractContextManager[object] = nullcontext()
         if results.rig is not None:
             waiting = _tracking(results.rig)
+        elif self.draw is not None:
+            waiting = step("drawing the figures")
         with waiting:
             review = self.review()
+            figures = {} if self.draw is None else self.draw()
         if review.note:
             note(review.note)
         return replace(
@@ -210,20 +223,6 @@ class Job:
             figures={**review.figures, **figures},
             scene=review.scene,
         )
-
-
-def _draw_here(results: PlanReport) -> "dict[str, Picture]":
-    """Draw the figures that the second process leaves to this one."""
-    from benchmarks.reports import plan_figures
-
-    plan = results.whole
-    return (
-        plan_figures.draw_axes(plan)
-        | plan_figures.draw_baseline(plan, results.classical)
-        | plan_figures.draw_realised(results.realised)
-        | plan_figures.draw_worth(results.worth)
-        | plan_figures.draw_stops(results.stops)
-    )
 
 
 def run(
@@ -272,7 +271,12 @@ def run(
         others=tuple(timing for timing in timed.timings if timing is not baseline),
         left_out=tuple(left_out),
     )
-    return Job(results, report.figures, cache(partial(reviewing.result, review)))
+    draw = None
+    if report.figures:
+        draw_here = partial(draw_results, results)
+        drawing = other.start(draw_here)
+        draw = partial(drawing.result, draw_here)
+    return Job(results, cache(partial(reviewing.result, review)), draw)
 
 
 def examine(plan: Plan, report: ReportRequest) -> PlanReport:

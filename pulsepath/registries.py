@@ -8,7 +8,7 @@ Literal data: this module imports nothing. Each entry is copied from a class or 
 TABLES = {
     "kinds": "kinematics.machine.machine_file:KINDS",
     "laws": "controllers.laws.registry:LAWS",
-    "rules": "planner.pulses.generation.generate:RULES",
+    "rules": "planner.pulses.generation.rules:RULES",
     "exports": "planner.export.format:FORMATS",
     "imports": "planner.sources.source:SOURCES",
 }

@@ -29,7 +29,7 @@ TABLES = {
     "law": ("controllers/laws/registry.py", {*LAWS.values()}),
     "export": ("planner/export/format.py", {*FORMATS.values()}),
     "import": ("planner/sources/source.py", {*SOURCES.values()}),
-    "rule": ("planner/pulses/generation/generate.py", {*RULES.values()}),
+    "rule": ("planner/pulses/generation/rules.py", {*RULES.values()}),
 }
 """By the name of its how-to: the file of the table, and what is plugged in there."""
 

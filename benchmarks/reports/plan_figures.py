@@ -91,7 +91,7 @@ def draw_stops(stops: Stops | None) -> dict[str, Picture]:
 def draw_tracking(metrics: Sequence[Metrics]) -> dict[str, Picture]:
     """Draw the errors of the tracking laws, if there are any."""
     from controllers.figures import contour_error, tracking_error
-    from kinematics.foundation.figure import PALETTE
+    from kinematics.foundation.line_styles import PALETTE
 
     if not metrics:
         return {}
@@ -119,17 +119,16 @@ def _draw_axis_motion(plan: Plan) -> "list[Axes]":
 
 
 def _draw_limit_use(plan: Plan) -> "list[Axes]":
-    from planner.figures import limit_use
+    from planner.figures import draw_limit_uses
 
     axes = _stack_axes(2, 3.2, share=False)
-    limit_use(plan, axes[0], "path")
-    limit_use(plan, axes[1], "time")
+    draw_limit_uses(plan, {"path": axes[0], "time": axes[1]})
     _add_legend(axes[0])
     return axes
 
 
 def _draw_classical(plan: Plan, classical: Classical) -> "Axes":
-    from kinematics.foundation.figure import PALETTE
+    from kinematics.foundation.line_styles import PALETTE
     from planner.figures import path_speed
 
     motion = plan.trajectory

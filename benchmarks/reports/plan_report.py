@@ -83,7 +83,7 @@ def _make_page(report: PlanReport, figures: Mapping[str, Picture]) -> str:
     del results["figures"]
     if isinstance(plan, Plan):
         values = _describe_whole(report, plan)
-        values["band"] = make_band(plan) if figures else {}  # which takes matplotlib along
+        values["band"] = make_band(plan) if figures else {}
     else:
         values = _describe_parts(report, plan)
     return render(

@@ -62,7 +62,8 @@ def _read_series(ax: "Axes") -> Iterator[TimeSeries]:
     from matplotlib.colors import to_hex
     from matplotlib.patches import StepPatch
 
-    from kinematics.foundation.figure import DASHES, read_label
+    from kinematics.foundation.figure import read_label
+    from kinematics.foundation.line_styles import DASHES
 
     for line in ax.lines:
         if line.get_transform() == ax.transData and not str(line.get_label()).startswith("_"):

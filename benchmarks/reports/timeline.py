@@ -8,6 +8,7 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from planner.active_limits import active_limits, find_segments, name_segment
 from planner.activity import Activity
+from planner.limits.styles import style_limits
 from planner.overview import Overview
 from planner.plan import Plan
 
@@ -34,8 +35,6 @@ def make_window_band(activity: Activity) -> dict[str, Any]:
 
 def _pack_band(t: Array, active: np.ndarray, names: Sequence[str]) -> dict[str, Any]:
     """Return the band of an active limit: its index (N,) in `names`, or −1, from each time t (s) on."""
-    from planner.figures import style_limits
-
     owners = sorted({int(owner) for owner in active if owner >= 0})
     styles = style_limits(names)
     begins = np.flatnonzero(np.diff(active, prepend=-2))

@@ -9,7 +9,8 @@ import numpy as np
 from benchmarks.reports.page import NARROW, Picture, draw_figure, style
 from benchmarks.reports.time_series import TIME, Panel, TimeSeries
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.figure import DASHES, PALETTE, line_style, literal_label
+from kinematics.foundation.figure import literal_label
+from kinematics.foundation.line_styles import DASHES, PALETTE, line_style
 from planner.activity import Activity
 from planner.overview import TOOL_SPEED, Overview
 from planner.plan_parts import PlanStanding
@@ -142,7 +143,7 @@ def _make_speed_panel(plan: PlanStanding, overview: Overview) -> Panel:
 
 def _make_use_panel(activity: Activity) -> Panel:
     """Make the panel of the largest share of each limit in each window."""
-    from planner.figures import style_limits
+    from planner.limits.styles import style_limits
 
     edges = np.append(activity.t, activity.end)
     styles = style_limits(activity.use)

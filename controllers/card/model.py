@@ -39,17 +39,16 @@ class Card:
 
     max_speed         pulses/s that a channel can emit at most
     clock_hz          reference clock: a pulse falls on one of its ticks
-    while_moving      what a command does that arrives during a move: "replace" it from the command position of that
-                      instant, or "queue" behind it (each channel begins when its own move ends; assumed: in a queue
-                      of any length)
-    start_from        the speed at which a trapezoidal or velocity move begins that replaces another one: that
-                      "commanded", or the "current" one where it leads the same way
-    short_moves       what a move keeps that is too short for its ramps, as it lowers its top speed: "keep rate" and
-                      shorten the ramps, or "keep time" of the ramps and lower the rate
-    current_speed     how the host reads a channel's output rate: "signed" by its direction, or its "magnitude" alone
-    speed_range       pulses/s, the top of the speed registers as the host sets their multiplier: commanded speeds are
-                      rounded to steps of speed_range/65535, of which one is the least, and none goes beyond it. None:
-                      the least speed is a step of the card's whole range, and speeds are not rounded
+    while_moving      effect of a command during a move: "replace" the move from its present command position, or
+                      "queue" after it (each channel begins when its move ends; assumed: a queue of any length)
+    start_from        start speed of a trapezoidal or velocity move that replaces another one: the "commanded" start
+                      speed, or the "current" speed if it has the same direction
+    short_moves       what a move that is too short for its ramps retains as its top speed is lowered: "keep rate" of
+                      acceleration and shorten the ramps, or "keep time" of the ramps and lower the acceleration
+    current_speed     output rate of a channel as the host reads it: "signed" by its direction, or only its "magnitude"
+    speed_range       pulses/s: full scale of the speed registers, as the host sets their multiplier. Commanded speeds
+                      are rounded to steps of speed_range/65535, from one step up to speed_range. None: the lowest speed
+                      is a step of the card's whole range, and speeds are not rounded
     channels          of one card; interpolation joins channels of one card alone
     moves_target      whether a move's target can be changed on the fly
     beyond_counter    what a position beyond the counter's range does: "refuse", or "wrap" round (relative and velocity

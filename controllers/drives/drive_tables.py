@@ -26,8 +26,10 @@ Curve = Annotated[
 class Gear(TableSchema):
     """Turns of the motor for one of the axis; play at the axis."""
 
-    ratio: Annotated[float, Field(gt=0, le=1e6), AllowInfNan(False)] = key("turns of the motor for one of the axis")
-    play: Annotated[float, Unit("rad", least=0, like="3 arcmin")] = key("at the axis", default=0.0)
+    ratio: Annotated[float, Field(gt=0, le=1e6), AllowInfNan(False)] = key(
+        "revolutions of the motor per revolution of the axis"
+    )
+    play: Annotated[float, Unit("rad", least=0, like="3 arcmin")] = key("backlash at the axis", default=0.0)
 
     @property
     def travel(self) -> float:
@@ -38,8 +40,8 @@ class Gear(TableSchema):
 class Screw(TableSchema):
     """Travel of the axis for one turn of the motor; play at the axis."""
 
-    lead: Annotated[float, Unit("m", above=0, like="2 mm")] = key("travel for one turn of the motor")
-    play: Annotated[float, Unit("m", least=0, like="10 um")] = key("at the axis", default=0.0)
+    lead: Annotated[float, Unit("m", above=0, like="2 mm")] = key("travel per revolution of the motor")
+    play: Annotated[float, Unit("m", least=0, like="10 um")] = key("backlash at the axis", default=0.0)
 
     @property
     def travel(self) -> float:
@@ -51,17 +53,19 @@ class DriveTable(TableSchema):
 
     needed: ClassVar[tuple[str, ...]] = ("rotor_inertia",)
 
-    gear: Gear | None = key("of a rotary axis", "{ ratio = 74 }", None)
-    screw: Screw | None = key("of a linear axis", '{ lead = "2 mm" }', None)
+    gear: Gear | None = key("gear of a rotary axis", "{ ratio = 74 }", None)
+    screw: Screw | None = key("screw of a linear axis", '{ lead = "2 mm" }', None)
     rotor_inertia: Annotated[float, Unit("kg*m^2", above=0, like="3.6e-6 kg*m^2")] | None = key(
-        "needed, here or for every axis", default=None
+        "inertia of the rotor; needed, here or for every axis", default=None
     )
-    inertia_ratio: Ratio | None = key("of the load, as the motor feels it, to the rotor", default=None)
+    inertia_ratio: Ratio | None = key(
+        "inertia of the load, reflected to the motor, divided by that of the rotor", default=None
+    )
     viscous: Annotated[float, Unit("N*m*s/rad", least=0, like="5e-5 N*m*s/rad")] | None = key(
-        "friction in proportion to speed", default=None
+        "viscous friction", default=None
     )
     coulomb: Torque | None = key("dry friction", default=None)
-    counts: Ratio | None = key("of the encoder for one turn of the motor", "8192", None)
+    counts: Ratio | None = key("encoder counts per revolution of the motor", "8192", None)
     sample: Annotated[float, Unit("s", above=0, like="0.25 ms")] | None = key(
         "period of the drive's loops", default=None
     )
@@ -75,18 +79,22 @@ class ServoTable(DriveTable):
     )  # fmt: skip
 
     position_gain: Annotated[float, Unit("1/s", above=0, like="30 1/s")] | None = key(
-        "of the position loop; needed", default=None
+        "gain of the position loop; needed", default=None
     )
     speed_loop: Annotated[float, Unit("1/s", above=0, like="30 Hz")] | None = key(
         "bandwidth of the speed loop; needed", default=None
     )
     integral_time: Annotated[float, Unit("s", above=0, like="30 ms")] | None = key(
-        "of the speed loop; needed", default=None
+        "integral time of the speed loop; needed", default=None
     )
-    torque_limit: Annotated[float, Unit("N*m", above=0, like="0.9 N*m")] | None = key("needed", default=None)
-    feedback: Literal["motor", "output"] | None = key("where the encoder sits", default=None)
-    command_delay: Samples | None = key("samples of the drive", default=None)
-    loop_delay: Samples | None = key("samples of the drive", default=None)
+    torque_limit: Annotated[float, Unit("N*m", above=0, like="0.9 N*m")] | None = key(
+        "torque limit of the motor; needed", default=None
+    )
+    feedback: Literal["motor", "output"] | None = key(
+        "position of the encoder: at the motor or at the output", default=None
+    )
+    command_delay: Samples | None = key("delay of the command, in samples of the drive", default=None)
+    loop_delay: Samples | None = key("delay of the control loop, in samples of the drive", default=None)
 
     @staticmethod
     def drive(values: Mapping[str, Any], r: float, common: Mapping[str, Any]) -> Servo:
@@ -99,12 +107,12 @@ class StepperTable(DriveTable):
 
     needed: ClassVar[tuple[str, ...]] = (*DriveTable.needed, "steps", "torque_speed")
 
-    steps: Annotated[int, Field(gt=0, le=10**9)] | None = key("full steps of a turn; needed", "200", None)
+    steps: Annotated[int, Field(gt=0, le=10**9)] | None = key("full steps per revolution; needed", "200", None)
     torque_speed: Curve | None = key(
-        "peak torque at rates of steps, from 0; needed", '[["0 rpm", "0.3 N*m"], ["3000 rpm", "0.1 N*m"]]', None
+        "peak torque at each motor speed, from 0; needed", '[["0 rpm", "0.3 N*m"], ["3000 rpm", "0.1 N*m"]]', None
     )
     damping: Annotated[float, Unit("N*m*s/rad", least=0, like="5e-4 N*m*s/rad")] | None = key(
-        "against slip between rotor and field", default=None
+        "damping of the slip between rotor and field", default=None
     )
 
     @staticmethod

@@ -34,7 +34,7 @@ from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.options import check_arguments
 from kinematics.machine.machine_file import MachineSource, load_machine
-from kinematics.machine.pose import from_numbers, to_numbers
+from kinematics.machine.pose import from_numbers
 from planner.parallel import Progress, ignore_progress, share_progress
 from planner.path.actuation import MachinePath
 from planner.pulses.motion import AxesMotion
@@ -86,7 +86,7 @@ def _prove_poses(
                 f"{machine.name}; the tracking left the machine's reach: slow the motion down, or use a law that "
                 "tracks it"
             )
-        x[some] = to_numbers(found.pose)
+        x[some] = found.numbers
         tell(min(first + PROVED_AT_ONCE, len(q)), len(q))
     return x, np.ones(len(q), bool)
 

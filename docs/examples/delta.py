@@ -59,8 +59,8 @@ class Delta(Machine):
 class Geometry(TableSchema):
     """How a delta is built."""
 
-    radius: Annotated[float, Unit("m", above=0)] = key("of the rails, less that of the platform's joints")
-    rod: Annotated[float, Unit("m", above=0)] = key("length between its joint centres")
+    radius: Annotated[float, Unit("m", above=0)] = key("radius of the rails minus that of the platform's joints")
+    rod: Annotated[float, Unit("m", above=0)] = key("length of a rod between its joint centres")
     home: HomeTable = HOME
 
 

@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.analysis.singularity import prove_regular
+from kinematics.analysis.singularity import prove_nonsingular
 from kinematics.foundation.arrays import Array, freeze_array, numeric_array
 from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.foundation.names import count_noun
 from kinematics.foundation.result import Result
+from kinematics.foundation.rotations import find_angles, make_matrices
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.kind import HELD_TOLERANCE, controlled_twists, refuse_uncontrolled
 from kinematics.machine.model import MachineModel, square_jacobian
-from kinematics.machine.pose import check_pose, from_numbers, to_numbers
+from kinematics.machine.pose import check_pose, from_numbers
 
 if TYPE_CHECKING:
     from kinematics.machine.pose import Pose
@@ -43,14 +44,21 @@ class Forward(Result):
     throughout where no proof was asked for.
     """
 
-    pose: Pose
+    numbers: Array
+    """(N, 12) or (12,): position and rotation rows of the pose."""
     residual: Array
     certified: np.ndarray
 
+    @property
+    def pose(self) -> Pose:
+        """The pose in the base frame."""
+        return from_numbers(self.numbers)
+
     def tables(self) -> tuple[Table, ...]:
         """The poses, what is left of their coordinates, and whether they are proved."""
-        positions = np.atleast_2d(self.pose.translation)
-        angles = np.atleast_2d(self.pose.rotation.as_euler("XYZ", suppress_warnings=True))
+        x = np.atleast_2d(self.numbers)
+        positions = x[:, :3]
+        angles = find_angles(x[:, 3:].reshape(-1, 3, 3))
         columns = (
             Column("row", range(len(positions))),
             *(Column(name, positions[:, k], "m", "human") for k, name in enumerate("xyz")),
@@ -61,16 +69,14 @@ class Forward(Result):
         return (Table("poses in the base frame", columns),)
 
 
-def solve(machine: MachineModel, q: ArrayLike, near: Pose, certify: bool = True) -> Forward:
+def solve(machine: MachineModel, q: ArrayLike, near: Pose | None, certify: bool = True) -> Forward:
     """Damped Newton in the twist of the platform, batched, then the certificate if it is asked for.
 
     See `Machine.forward` for what it raises.
     """
-    from scipy.spatial.transform import RigidTransform
-
     given = _coordinates(machine, q)
     rows = np.atleast_2d(given)
-    start = to_numbers(near) if near is machine.home else check_pose(machine.name, "near", near)
+    start = machine.home_numbers if near is None else check_pose(machine.name, "near", near)
     if len(start) not in (1, len(rows)):
         raise MotionError(
             f"machine {machine.name}: forward takes one pose `near`, or one for each of "
@@ -79,11 +85,11 @@ def solve(machine: MachineModel, q: ArrayLike, near: Pose, certify: bool = True)
         )
     refuse_uncontrolled(machine, start, "near {}".format)
     blocks = [slice(first, first + BLOCK_ROWS) for first in range(0, max(1, len(rows)), BLOCK_ROWS)]
-    found = [_solve(machine, rows[b], near if len(start) == 1 else near[b], certify) for b in blocks]
-    pose = RigidTransform.concatenate([each[0] for each in found]) if len(found) > 1 else found[0][0]
-    residual, certified = (np.concatenate([each[k] for each in found]) for k in (1, 2))
+    start = np.broadcast_to(start, (len(rows), 12))
+    parts = [_solve(machine, rows[b], start[b], certify) for b in blocks]
+    x, residual, certified = (np.concatenate([part[k] for part in parts]) for k in range(3))
     if given.ndim == 2:
-        return Forward(pose, freeze_array(residual), freeze_array(certified))
+        return Forward(freeze_array(x), freeze_array(residual), freeze_array(certified))
     if machine.lengths and not residual[0] <= RESIDUAL_TOLERANCE * max(1.0, rows.max()):
         least = f"the nearest leaves {residual[0] * 1e3:.6g} mm"
         raise OutOfReach(
@@ -91,7 +97,7 @@ def solve(machine: MachineModel, q: ArrayLike, near: Pose, certify: bool = True)
             f"{least if np.isfinite(residual[0]) else 'the pose given as `near` is itself out of reach'}; "
             "they may be out of reach: change them, or give a closer pose as `near`"
         )
-    return Forward(pose[0], residual[0], certified[0])
+    return Forward(freeze_array(x[0]), residual[0], certified[0])
 
 
 def _coordinates(machine: MachineModel, q: ArrayLike) -> Array:
@@ -129,15 +135,19 @@ def _residual(machine: MachineModel, q: Array, x: Array) -> Array:
     return np.asarray(residual)
 
 
-def _solve(machine: MachineModel, q: Array, near: Pose, certify: bool) -> tuple[Pose, Array, np.ndarray]:
-    """N poses, residual (N,) and certified (N,) of coordinates q (N, n), asked from near (one, or N)."""
-    start = np.broadcast_to(to_numbers(near), (len(q), 12))
-    pose = from_numbers(iterate_newton(machine, q, start)[0])
-    residual = _residual(machine, q, to_numbers(pose))
+def _solve(machine: MachineModel, q: Array, start: Array, certify: bool) -> tuple[Array, Array, np.ndarray]:
+    """Return pose numbers (N, 12), residual (N,) and certified (N,) of coordinates q (N, n), from start (N, 12)."""
+    x = iterate_newton(machine, q, start)[0]
+    x[:, 3:] = _orthogonalise(x[:, 3:].reshape(-1, 3, 3)).reshape(-1, 9)
+    residual = _residual(machine, q, x)
     certified = (residual < RESIDUAL_TOLERANCE) & certify & _starts_on_branch(machine, q, start)
-    origin = near if len(to_numbers(near)) == 1 else near[certified]
-    certified[certified] = prove_regular(machine, origin, pose[certified], q[certified])
-    return pose, residual, certified
+    certified[certified] = prove_nonsingular(machine, start[certified], x[certified], q[certified])
+    return x, residual, certified
+
+
+def _orthogonalise(matrices: Array) -> Array:
+    """Return the nearest rotations to products of rotations, which rounding leaves a few ulps off: a Newton step."""
+    return np.asarray(matrices @ (3 * np.eye(3) - matrices.swapaxes(1, 2) @ matrices) / 2)
 
 
 def _starts_on_branch(machine: MachineModel, q: Array, start: Array) -> np.ndarray:
@@ -151,7 +161,7 @@ def _starts_on_branch(machine: MachineModel, q: Array, start: Array) -> np.ndarr
     apart = machine.inverse_map(machine.inputs(start, q)) - machine.home_q
     turning = np.array([axis.kind == "rotary" for axis in machine.axes])
     apart = np.where(turning, np.arctan2(np.sin(apart), np.cos(apart)), apart)
-    elsewhere = (np.abs(start - to_numbers(machine.home)) > HELD_TOLERANCE).any(1)
+    elsewhere = (np.abs(start - machine.home_numbers) > HELD_TOLERANCE).any(1)
     return np.asarray(elsewhere | (np.abs(apart) < BRANCH_TOLERANCE).all(1))
 
 
@@ -192,7 +202,5 @@ def _newton_step(jacobian: Array, error: Array) -> Array:
 
 
 def _apply_twist(x: Array, twist: Array) -> Array:
-    from scipy.spatial.transform import Rotation
-
-    turned = Rotation.from_rotvec(twist[:, 3:]).as_matrix() @ x[:, 3:].reshape(-1, 3, 3)
+    turned = make_matrices(twist[:, 3:]) @ x[:, 3:].reshape(-1, 3, 3)
     return np.concatenate([x[:, :3] + twist[:, :3], turned.reshape(-1, 9)], 1)

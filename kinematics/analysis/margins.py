@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kinematics.analysis.clearance import clearance_use
 from kinematics.foundation.arrays import Array, freeze_array
@@ -16,7 +15,7 @@ from kinematics.foundation.table import Column, Table
 from kinematics.machine.model import MachineModel, scaled_jacobian
 
 if TYPE_CHECKING:
-    from kinematics.machine.pose import Pose
+    pass
 
 # Rounding of a stroke computed from coordinates of decimetres; far below any pulse.
 USE_ROUNDING = 1e-9
@@ -116,9 +115,8 @@ class Margins(Result):
         return np.concatenate([self.travel, limited, clearance_use(self.clearance, self.contact), self.room], 1)
 
 
-def measure(machine: MachineModel, pose: Pose, near: ArrayLike | None = None) -> Margins:
-    """Margins of N poses (N = 1 for a single one), on the branch of the coordinates near (n,), or home's."""
-    x, q = machine.locate_pose(pose, near)
+def measure(machine: MachineModel, x: Array, q: Array) -> Margins:
+    """Return the margins of pose numbers (N, 12) and the coordinates (N, n) that belong to them."""
     travel, tilt, clearance, room = limits_used(machine, x, q)
     bounded = np.isfinite(np.array(machine.room, float)).all(1)
     stretch = _singular_values(scaled_jacobian(machine, x, q))

@@ -10,20 +10,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.analysis.margins import USE_ROUNDING, Margins
+from kinematics.analysis.margins import USE_ROUNDING, Margins, measure
 from kinematics.foundation.arrays import Array, finite_array, freeze_fields
 from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.foundation.names import count_noun
 from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
+from kinematics.foundation.rotations import find_angles
 from kinematics.foundation.table import SCALES, Column, Table
 from kinematics.machine.machine_file import MachineSource, load_machine
 from kinematics.machine.model import scaled_jacobian, square_jacobian
 from kinematics.machine.motion import describe_singularity, is_singular
-from kinematics.machine.pose import COMPONENTS, Pose, PoseLike, from_numbers, to_numbers
+from kinematics.machine.pose import COMPONENTS, PoseLike, check_pose, from_numbers
 
 if TYPE_CHECKING:
     from kinematics.machine.machine import Machine
+    from kinematics.machine.pose import Pose
 
 SAME_POSE_TOLERANCE = 1e-6
 """m, or of a rotation's entries, by which two poses differ at most that are one."""
@@ -41,7 +43,7 @@ UNLIMITED = {"inf": "unlimited", "-inf": "unlimited"}
 class Posture(Result):
     """The axes, joints and margins of a machine at one pose.
 
-    pose       in the base frame, with what follows as the axes lead it
+    numbers    (12,) position and rotation rows of the pose in the base frame, with what follows as the axes lead it
     q          (n,) coordinates of the actuators: leg lengths between joint centres, slide positions, joint angles
     margins    travel, tilt, clearance, conditioning and distance to singularity
     residual   m or rad, the largest |inverse(pose) − q|
@@ -49,19 +51,33 @@ class Posture(Result):
     """
 
     machine: Machine = field(repr=False)
-    pose: Pose
+    numbers: Array
     q: Array
     margins: Margins = field(repr=False)
     residual: float
     certified: bool
 
     def __post_init__(self) -> None:
-        freeze_fields(self, "q")
+        freeze_fields(self, "numbers", "q")
+
+    @property
+    def pose(self) -> Pose:
+        """The pose in the base frame."""
+        return from_numbers(self.numbers)
 
     @property
     def from_home(self) -> Pose:
         """The same pose, relative to home: what a program in the frame "home" states."""
         return self.machine.home.inv() * self.pose
+
+    @property
+    def places(self) -> Array:
+        """(2, 6) x, y, z (m) and θx, θy, θz (rad): relative to home, and in the base frame."""
+        base = self.numbers[None]
+        home = self.machine.home_numbers
+        turn, home_turn = (x[0, 3:].reshape(3, 3) for x in (base, home))
+        positions = np.concatenate([(base - home)[:, :3] @ home_turn, base[:, :3]])
+        return np.concatenate([positions, find_angles(np.stack([home_turn.T @ turn, turn]))], 1)
 
     @property
     def travel(self) -> Array:
@@ -79,7 +95,7 @@ class Posture(Result):
 
         cos α = R[0, 2], cos β = R[1, 2], cos γ = R[2, 2]; by atan2, so that small angles keep their digits.
         """
-        axis = self.pose.rotation.as_matrix()[:, 2]
+        axis = self.numbers[3:].reshape(3, 3)[:, 2]
         across = [np.linalg.norm(np.delete(axis, k)) for k in range(3)]
         return np.arctan2(across, axis)
 
@@ -93,7 +109,7 @@ class Posture(Result):
         """Why the pose is not certified, and what to do; "" where it is."""
         if self.certified:
             return ""
-        x = to_numbers(self.pose)
+        x = self.numbers[None]
         jacobian = scaled_jacobian(self.machine, x, self.q[None])[0]
         if is_singular(self.machine, square_jacobian(self.machine, x, self.q[None]))[0]:
             return f"the pose is singular: {describe_singularity(self.machine, jacobian)}; choose a pose away from it"
@@ -120,7 +136,7 @@ class Posture(Result):
             if use > 1 + USE_ROUNDING:
                 k = "xyz".index(name)
                 low, high = (f"{1e3 * end:.6g}" for end in self.machine.room[k])
-                text = f"{name} room: {1e3 * self.pose.translation[k]:.6g} mm, outside {low} to {high} mm"
+                text = f"{name} room: {1e3 * self.numbers[k]:.6g} mm, outside {low} to {high} mm"
                 told.append((float(use), text))
         told.sort(key=lambda one: -one[0])
         return tuple(f"{text}; choose a pose closer to home, or with less rotation" for _, text in told)
@@ -141,13 +157,11 @@ class Posture(Result):
         return {".csv": self._csv, ".json": self._json}
 
     def _poses(self) -> Table:
-        both = (self.from_home, self.pose)
-        places = np.array([pose.translation for pose in both])
-        angles = np.array([pose.rotation.as_euler("XYZ", suppress_warnings=True) for pose in both])
+        places = self.places
         columns = (
             Column("pose", ["from home", "in the base frame"]),
             *(Column(name, _tidy(places[:, k]), "m", "human", ".9g") for k, name in enumerate("xyz")),
-            *(Column(f"θ{name}", _tidy(angles[:, k]), "rad", "human", ".9g") for k, name in enumerate("xyz")),
+            *(Column(f"θ{name}", _tidy(places[:, 3 + k]), "rad", "human", ".9g") for k, name in enumerate("xyz")),
         )
         return Table(f"{self.machine.name}: {type(self.machine).__name__.lower()}", columns, tuple(self._verdict()))
 
@@ -234,8 +248,12 @@ def posture_of_pose(machine: MachineSource, pose: PoseLike, near: ArrayLike | No
     pose = machine.read_pose(pose)
     if not pose.single:
         raise MotionError(f"machine {machine.name}: a posture is of one pose, not of {len(pose)}")
-    x, q = machine.locate_pose(pose, near)
-    return _posture(machine, x, q[0])
+    return posture_of_numbers(machine, check_pose(machine.name, "pose", pose), near)
+
+
+def posture_of_numbers(machine: Machine, x: Array, near: ArrayLike | None = None) -> Posture:
+    """Solve the inverse kinematics of pose numbers (1, 12). Raises as `posture_of_pose`."""
+    return _posture(machine, x, machine.locate_numbers(x, near)[0])
 
 
 @check_arguments("machine")
@@ -268,7 +286,7 @@ def posture_of_axes(machine: MachineSource, q: ArrayLike, near: Pose | None = No
     if rows.ndim != 1:
         raise MotionError(f"machine {machine.name}: a posture is of one row of coordinates, not of shape {rows.shape}")
     found = machine.forward(rows, near, certify=False)
-    return _posture(machine, to_numbers(found.pose), rows)
+    return _posture(machine, found.numbers[None], rows)
 
 
 def _posture(machine: Machine, x: Array, q: Array) -> Posture:
@@ -280,10 +298,9 @@ def _posture(machine: Machine, x: Array, q: Array) -> Posture:
         )
     if machine.follows:
         x = machine.carried_map(machine.inputs(x, q))
-    pose = from_numbers(x)[0]
-    margins = machine.check(pose, q)
-    residual = float(np.abs(machine.inverse(pose, q) - q).max())
-    return Posture(machine, pose, q, margins, residual, _comes_to(machine, x, q))
+    located = machine.locate_numbers(x, q)
+    residual = float(np.abs(located - q).max())
+    return Posture(machine, x[0], q, measure(machine, x, located), residual, _comes_to(machine, x, q))
 
 
 def _comes_to(machine: Machine, x: Array, q: Array) -> bool:
@@ -292,7 +309,7 @@ def _comes_to(machine: Machine, x: Array, q: Array) -> bool:
         proof = machine.forward(q)
     except OutOfReach:  # far from home: Newton finds no pose at all
         return False
-    return bool(proof.certified) and bool(np.abs(to_numbers(proof.pose) - x).max() < SAME_POSE_TOLERANCE)
+    return bool(proof.certified) and bool(np.abs(proof.numbers - x).max() < SAME_POSE_TOLERANCE)
 
 
 def refuse_dependent(machine: Machine, stated: Mapping[str, float]) -> None:

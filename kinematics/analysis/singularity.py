@@ -24,7 +24,7 @@ from kinematics.machine.pose import (
     STRAIGHT_SIZE,
     column,
     split_pose_symbols,
-    straight_parameters,
+    straight_numbers,
     straight_pose,
     to_numbers,
 )
@@ -128,7 +128,14 @@ MAX_PARTS = 4
 
 
 def prove_regular(machine: MachineModel, start: Pose, end: Pose, near: Array | None = None) -> np.ndarray:
-    """(N,) bool: proved that the Jacobian is nonsingular along the whole straight motion from start to end.
+    """Return `prove_nonsingular` of poses."""
+    return prove_nonsingular(machine, to_numbers(start), to_numbers(end), near)
+
+
+def prove_nonsingular(machine: MachineModel, start: Array, end: Array, near: Array | None = None) -> np.ndarray:
+    """Prove that the Jacobian is nonsingular along the whole straight motion from start to end: (N,) bool.
+
+    start, end: pose numbers (1, 12) or (N, 12).
 
     The Jacobian is that of what the machine controls, on the branch of the coordinates near (N, n), or home's.
 
@@ -138,10 +145,10 @@ def prove_regular(machine: MachineModel, start: Pose, end: Pose, near: Array | N
     nonsingular for every s. Cells that fail are cut up, unless J_c itself is singular to rounding, which ends the
     search of its motion. Columns of rotation are scaled by the characteristic length.
     """
-    parameters = straight_parameters(start, end, 1.0)
+    parameters = straight_numbers(start, end)
     near = np.broadcast_to(machine.home_q if near is None else near, (len(parameters), len(machine.axes)))
     with np.errstate(invalid="ignore"):  # out of reach: no sign, and nothing is proved
-        ends = (np.broadcast_to(to_numbers(pose), (len(near), 12)) for pose in (start, end))
+        ends = (np.broadcast_to(x, (len(near), 12)) for x in (start, end))
         first, last = (np.linalg.slogdet(square_jacobian(machine, x, near)).sign for x in ends)
     proved = np.broadcast_to(first * last > 0, len(parameters)).copy()
     pending = np.flatnonzero(proved)

@@ -171,8 +171,8 @@ Spread = tuple[SpreadLength, SpreadLength, SpreadLength, SpreadAngle, SpreadAngl
 class PublishedTable(TableSchema):
     """Where a figure was published, and of how many repetitions it is the mean."""
 
-    table: str | None = key("where it was published", default=None)
-    n: Annotated[int, Field(ge=1)] | None = key("repetitions that it is the mean of", default=None)
+    table: str | None = key("publication and table of the measurement", default=None)
+    n: Annotated[int, Field(ge=1)] | None = key("number of repetitions in the mean", default=None)
 
 
 class DirectionPose(PublishedTable):
@@ -199,8 +199,10 @@ class DirectionPose(PublishedTable):
 class WholePose(PublishedTable):
     """A pose as position and rotation, or its position alone."""
 
-    commanded: PlaceAndTurn = key("x, y, z, θx, θy, θz from home")
-    measured: Annotated[tuple[float, ...], Chosen(_place_type)] = key("the same, or x, y, z alone")
+    commanded: PlaceAndTurn = key("commanded x, y, z, θx, θy, θz from home")
+    measured: Annotated[tuple[float, ...], Chosen(_place_type)] = key(
+        "measured x, y, z, θx, θy, θz from home, or x, y, z alone"
+    )
 
     def row(self) -> PoseRow:
         whole = len(self.measured) == 6
@@ -212,13 +214,13 @@ class WholePose(PublishedTable):
 class TurnedAxis(PublishedTable):
     """The direction of the platform's z axis after a turn θ."""
 
-    theta: Angles = key("θx, θy, θz of the turn")
-    desired: Angles = key("direction angles of z after it")
+    theta: Angles = key("θx, θy, θz of the rotation")
+    desired: Angles = key("direction angles of z after the rotation")
     error: Angles = key("desired − measured")
     spread: tuple[SpreadAngle, SpreadAngle, SpreadAngle] | None = key(
         "largest deviation of repetitions from their mean", default=None
     )
-    at: Place = key("the position of the turn", default=(0.0, 0.0, 0.0))
+    at: Place = key("position of the rotation", default=(0.0, 0.0, 0.0))
 
     @model_validator(mode="after")
     def _same_command(self) -> Self:
@@ -245,7 +247,7 @@ class TurnedAxis(PublishedTable):
 class InitialPose(PublishedTable):
     """What was measured at home: error = measured − desired; the errors of the poses have it taken out already."""
 
-    desired: PlaceAndAxis = key("of home")
+    desired: PlaceAndAxis = key("desired home: x, y, z and direction angles α, β, γ of the platform's z axis")
     error: Error = key("measured − desired")
     spread: Spread | None = key("largest deviation of repetitions from their mean", default=None)
 
@@ -253,8 +255,12 @@ class InitialPose(PublishedTable):
 class NoiseTable(TableSchema):
     """Standard deviation of one component of a position and of a rotation."""
 
-    position: Annotated[float, Unit("m", above=0, like="5 um")] = key("of one component")
-    rotation: Annotated[float, Unit("rad", above=0, like="20 urad")] = key("of one component")
+    position: Annotated[float, Unit("m", above=0, like="5 um")] = key(
+        "standard deviation of one component of a position"
+    )
+    rotation: Annotated[float, Unit("rad", above=0, like="20 urad")] = key(
+        "standard deviation of one component of a rotation"
+    )
 
 
 PoseTable = Annotated[DirectionPose | WholePose, one_of_tables(DirectionPose, WholePose)]
@@ -264,7 +270,7 @@ class MeasurementFile(File):
     """A measurement file's TOML, key by key."""
 
     what: ClassVar[str] = "measurement file"
-    version: Literal[1] = key("of this file; 1 if not stated", default=1, alias="schema")
+    version: Literal[1] = key("version of the file format; 1 if not stated", default=1, alias="schema")
     length: Annotated[str, unit_validator("m")] | None = key(
         "unit of plain numbers that are lengths; mm if not stated", default=None
     )
@@ -272,10 +278,10 @@ class MeasurementFile(File):
     error: Annotated[str, unit_validator("m")] | None = key(
         "unit of plain lengths in errors; um if not stated", default=None
     )
-    machine: str | None = key("name of the machine that was measured; for another one it is refused", default=None)
-    noise: NoiseTable | None = key("standard deviation; estimated if not stated", default=None)
-    initial: InitialPose | None = key("what was measured at home", default=None)
+    machine: str | None = key("name of the measured machine; any other is refused", default=None)
+    noise: NoiseTable | None = key("standard deviations of the measurement; estimated if not stated", default=None)
+    initial: InitialPose | None = key("measurement at home", default=None)
     pose: Annotated[tuple[PoseTable, ...], AfterValidator(_require_poses)] = key(
-        "poses that parameters are fitted to", remedy=_POSE_REMEDY
+        "poses to which parameters are fitted", remedy=_POSE_REMEDY
     )
-    rotation: tuple[TurnedAxis, ...] = key("turns that are checks: nothing is fitted to them", default=())
+    rotation: tuple[TurnedAxis, ...] = key("rotations for checks; nothing is fitted to them", default=())

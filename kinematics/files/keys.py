@@ -120,7 +120,7 @@ def format_value(kind: Any, value: Any, marks: Sequence[Any] = (), rows: bool = 
 
 def _format_number(unit: Unit, value: float) -> str:
     name, power = unit.written_unit
-    if unit.plain is None:
+    if unit.plain is None or unit.unit_written:
         return format_quantity(value, name, power)
     return format_decimal(value, power) if power else repr(value)
 
@@ -156,18 +156,21 @@ class Key:
             about += f"; with {', '.join(self.needs)}"
         text = format_toml(value) if given else self.example
         line = f"{'' if given else '#'}{self.name} = {text}"
-        if len(text) > MAX_ROW_CHARS and isinstance(value, list):
-            yield from _comment(about)
+        if not about:
+            yield line
+        elif len(text) > MAX_ROW_CHARS and isinstance(value, list):
+            yield from wrap_comment(about)
             yield f"{self.name} = ["
             yield from (f"    {format_toml(row)}," for row in value)
             yield "]"
         elif len(told := f"{line:<{COMMENT_COLUMN}}  # {about}") <= MAX_LINE_CHARS:
             yield told
         else:
-            yield from (*_comment(about), line)
+            yield from (*wrap_comment(about), line)
 
 
-def _comment(text: str) -> list[str]:
+def wrap_comment(text: str) -> list[str]:
+    """Return the lines of a comment."""
     return [f"# {line}" for line in wrap(text, MAX_LINE_CHARS - 2)]
 
 
@@ -206,6 +209,43 @@ def _order(table: type[BaseModel], own_first: bool) -> list[str]:
         return list(table.model_fields)
     own = [name for name in table.model_fields if name not in inherited]
     return [*own, *_order(table.__mro__[1], own_first)]
+
+
+def short_table_lines(header: str, keys: Sequence[Key], data: Mapping[str, Any]) -> Iterator[str]:
+    """Yield a table with its set keys only, each with the first clause of its help.
+
+    Tables in it that would need a long line, or several, follow as tables of their own.
+    """
+    yield ""
+    if header:
+        yield header
+    stated = [replace(one, about=one.about.partition(";")[0]) for one in keys if one.name in data]
+    nested = [one for one in stated if header.count("[") == 1 and _needs_tables(data[one.name])]
+    for one in stated:
+        if one not in nested:
+            yield from one.lines(data[one.name])
+    for one in nested:
+        value = data[one.name]
+        name = f"{header[1:-1]}.{one.name}"
+        yield from ("", *wrap_comment(one.about))
+        if isinstance(value, Mapping):
+            yield from _nested_lines(f"[{name}]", value)
+            continue
+        for n, entry in enumerate(value):
+            yield from ([""] if n else [])
+            yield from _nested_lines(f"[[{name}]]", entry)
+
+
+def _needs_tables(value: Any) -> bool:
+    """Return whether a value is a table, or an array of tables, that does not fit a line each."""
+    entries = value if isinstance(value, list) else [value]
+    tables = bool(entries) and all(isinstance(entry, Mapping) for entry in entries)
+    return tables and any(len(format_toml(entry)) > MAX_ROW_CHARS for entry in entries)
+
+
+def _nested_lines(header: str, values: Mapping[str, Any]) -> Iterator[str]:
+    yield header
+    yield from (f"{name} = {format_toml(value)}" for name, value in values.items())
 
 
 def table_lines(header: str, keys: Sequence[Key], data: Mapping[str, Any] | None, about: str = "") -> Iterator[str]:

@@ -137,8 +137,8 @@ def _show(keys: Mapping[str, FieldInfo], loc: Key) -> str:
     if field is None:
         return ""
     example = str((field.examples or [""])[0])
-    if len(loc) > 1:  # in the midst of it
-        return example and f": as in {loc[0]} = {example}"
+    if len(loc) > 1 and example:  # an entry of the value
+        return f": as in {loc[0]} = {example}"
     remedy = remedy_of(field) or (example and f"write e.g. {example}")
     return remedy and f": {remedy}"
 
@@ -172,8 +172,27 @@ class File(TableSchema):
     """
 
     what: ClassVar[str] = ""
-    version: Literal[1] = key("of this file", alias="schema", remedy="write schema = 1")
+    version: Literal[1] = key("version of the file format", alias="schema", remedy="write schema = 1")
 
+
+def is_name(name: str) -> bool:
+    """Return whether a machine or a program may be called so."""
+    fits = 0 < len(name) <= MAX_NAME_LENGTH
+    return fits and name.isprintable() and not set(name) & set("/\\")
+
+
+def _check_name(name: str) -> str:
+    if not is_name(name):
+        raise validation_error(
+            f"{describe_value(name)} is not a name: give 1 to {MAX_NAME_LENGTH} characters without / and \\"
+        )
+    return name
+
+
+MAX_NAME_LENGTH = 100
+Name = Annotated[str, AfterValidator(_check_name)]
+NAME = key("name in reports and records; that of the file if not stated", '"mine"', None)
+"""Name of the machine or the program that a file describes."""
 
 Model = TypeVar("Model", bound=File)
 Rule = Callable[[dict[str, Any]], Iterable[tuple[Key, str | MotionError]]]
@@ -221,9 +240,9 @@ def _example(key: str, annotation: Any, metadata: Iterable[Any]) -> str:
     entries = [get_args(entry)[1:] for entry in get_args(annotation)]
     units = [part for entry in entries for part in entry if isinstance(part, Unit)]
     if get_origin(annotation) is tuple and len(units) == len(entries) > 0:
-        likely = (
-            "0" if unit.plain else describe_value(unit.like or f"20 {everyday_unit(unit.unit)}") for unit in units
-        )
+        plain = [unit.plain and not unit.unit_written for unit in units]
+        texts = [describe_value(unit.like or f"20 {everyday_unit(unit.unit)}") for unit in units]
+        likely = ("0" if bare else text for bare, text in zip(plain, texts, strict=True))
         return f"write e.g. [{', '.join(likely)}]"
     if get_origin(annotation) is Literal:
         return f"write {' or '.join(map(describe_value, get_args(annotation)))}"

@@ -170,6 +170,9 @@ _PARSER_MEANINGS = {
 """What the parser's messages mean, by how they begin."""
 
 
+_DECIMAL_COMMA = re.compile(r"\d,\d")
+
+
 def _toml_fault(text: str, error: str) -> Fault:
     """The fault of text that is no TOML: with the line that the parser stopped in, behind which it looks at nothing."""
     place = re.search(r" \(at (?:line (\d+), (column \d+)|end of document)\)$", error)
@@ -180,6 +183,8 @@ def _toml_fault(text: str, error: str) -> Fault:
     line = int(place[1]) if place and place[1] else at
     written = text.split("\n")[line - 1].strip()
     where = f" at {place[2]}" if place and place[2] else " at the end of the file" if place else ""
+    if said.startswith("Unclosed array") and _DECIMAL_COMMA.search(written):
+        meant += "; a decimal comma is written as a point"
     told = f"not TOML{where}: {meant}: {describe_value(written)}; the rest was not checked"
     return Fault("", told, line, written)
 

@@ -3,6 +3,7 @@
 How large and how small quantities may be: far beyond any machine, and well within what arithmetic can hold.
 """
 
+from collections.abc import Callable
 from math import isfinite, pi
 from sys import float_info
 from typing import Any
@@ -119,3 +120,21 @@ def is_within_limit(value: float, unit: str) -> bool:
 def largest_in_rows(values: Array) -> Array:
     """(N,) of (N, m): as `max(1)`, which numpy takes ten times as long for where m is small."""
     return np.asarray(np.ascontiguousarray(values.T).max(0))
+
+
+def bisect(
+    fits: Callable[[Any], Any],
+    low: Array | float,
+    high: Array | float,
+    halvings: int = 60,
+) -> Array:
+    """Return about the largest values that fit, between some that do (low) and some that do not.
+
+    fits  returns for each value whether it fits; 60 halvings reach rounding
+    """
+    for _ in range(halvings):
+        middle = (low + high) / 2
+        is_fit = fits(middle)
+        low = np.where(is_fit, middle, low)
+        high = np.where(is_fit, high, middle)
+    return np.asarray(low)

@@ -6,17 +6,15 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from io import BytesIO
 from math import ceil, floor, log10
-from typing import Any, cast
+from typing import cast
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d import Axes3D
 
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.line_styles import PALETTE
 
-PALETTE = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9", "#7F7F7F")
-"""Colours that colour-blind readers tell apart [Okabe and Ito 2008], with grey for their yellow and black."""
-DASHES = ("-", "--", "-.", ":")
 TICK_DECADE = 8.0
 """Ratio of an axis's ends from which on it has ticks by decades."""
 
@@ -61,11 +59,6 @@ def new_axes_3d(ax: Axes3D | None, size: tuple[float, float] = (9, 5.4)) -> Axes
             'plt.subplots(subplot_kw={"projection": "3d"}), or none'
         )
     return cast(Axes3D, _new_figure(size).add_subplot(axes_class=NotebookAxes3D)) if ax is None else ax
-
-
-def line_style(n: int) -> dict[str, Any]:
-    """Colour and dash of the n-th line."""
-    return {"color": PALETTE[n % len(PALETTE)], "linestyle": DASHES[n // len(PALETTE) % len(DASHES)], "linewidth": 1.3}
 
 
 UNSEEN = "\N{ZERO WIDTH SPACE}"

@@ -32,11 +32,17 @@ def find(package: str, what: str, name_or_path: str | PathLike[str]) -> Path | T
     if name not in known:
         raise BadValue(
             f'no {what} is called "{name}"{nearest(name, known)}; bundled: {", ".join(known)}; '
-            f"or give the path of a file, e.g. {name or what}.toml",
+            f"or give the path of a file, e.g. {_suggest_file(what, name)}",
             allowed=", ".join(known),
             nearest=closest(name, known),
         )
     return known[name]
+
+
+def _suggest_file(what: str, name: str) -> str:
+    """Return the path of a file that may be meant: one in the folder of this name, as `pulsepath init` writes it."""
+    inside = sorted(Path(name).glob(f"*{what}.toml")) if name else []
+    return str(inside[0]) if inside else f"{name or what}.toml"
 
 
 def source_folder(package: str, source: Path | Traversable) -> Path | Traversable:

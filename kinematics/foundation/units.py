@@ -228,6 +228,7 @@ class Unit:
     plain        the file's key that declares the unit of plain numbers ("length"); None: every number needs its own
     like         a usual value, for messages; None: 20 of the everyday unit
     file_unit    in which files are written; empty: mm for m, mm/s for m/s and so on, else the unit itself
+    unit_written  files are written with the unit, even where plain numbers are read
     """
 
     unit: str
@@ -237,6 +238,7 @@ class Unit:
     plain: str | None = None
     like: str | None = None
     file_unit: str = ""
+    unit_written: bool = False
 
     @property
     def written_unit(self) -> tuple[str, int]:
@@ -317,6 +319,8 @@ class Unit:
 
 
 Length = Annotated[float, Unit("m")]
+Dimension = Annotated[float, Unit("m", plain="length", unit_written=True)]
+"""A length of a machine's geometry, also as a plain number in the unit that the file declares."""
 Angle = Annotated[float, Unit("rad")]
 Duration = Annotated[float, Unit("s")]
 Speed = Annotated[float, Unit("m/s")]

@@ -296,10 +296,12 @@ def _faults(model: Any, joints: list[str], tool: str) -> list[Fault]:
 class ArmGeometry(TableSchema):
     """How a serial arm is built."""
 
-    urdf: str = key("a file beside this one", remedy='write the name of a file beside this one, e.g. "arm.urdf"')
-    joints: tuple[str, str, str] = key("its three, from the base on")
-    tool: str = key("its link that is moved")
-    home: tuple[Angle, Angle, Angle] = key("angles of the joints from which travel and pulses count")
+    urdf: str = key(
+        "URDF file in the folder of this file", remedy='write the name of a file in the same folder, e.g. "arm.urdf"'
+    )
+    joints: tuple[str, str, str] = key("names of the three joints in the URDF, from the base on")
+    tool: str = key("name of the tool's link in the URDF")
+    home: tuple[Angle, Angle, Angle] = key("joint angles of the home pose: zero of travel and pulses")
 
 
 class ArmAxisTable(RotaryAxis):
@@ -313,6 +315,9 @@ class ArmFile(LoadedFile):
     geometry: ArmGeometry = GEOMETRY
     axes: RotaryAxis = AXES
     axis: tuple[ArmAxisTable, ...] = OWN_AXES
+
+    def list_freedom(self) -> tuple[str, ...]:
+        return Arm.freedom
 
     def list_axes(self) -> list[Axis]:
         names = self.geometry.joints

@@ -7,6 +7,7 @@ from kinematics.files.toml_document import Key
 from kinematics.foundation.errors import BadValue, MotionError
 from kinematics.foundation.names import closest, nearest
 from kinematics.foundation.units import describe_value
+from kinematics.kinds.axis_keys import TRAVEL_KEYS
 
 
 def find_pulse_faults(
@@ -31,6 +32,21 @@ def find_pulse_faults(
     for n, table in enumerate(own):
         if len(_find_pulses(table)) == 2:
             yield ("axis", n, "drive"), EXCLUDING
+
+
+def find_travel_faults(names: Sequence[str], data: Mapping[str, Any]) -> Iterator[tuple[Key, str]]:
+    """Yield the faults of legs: tables that state travel and leg_length, and legs for which none states either."""
+    tables = data.get("axis", ())
+    single: list[Any] = [*tables] if isinstance(tables, tuple) else []
+    common = data.get("axes")
+    stating = [table.get("name") for table in single if isinstance(table, dict) and TRAVEL_KEYS & table.keys()]
+    if isinstance(common, dict) and not TRAVEL_KEYS & common.keys() and not set(names) <= set(stating):
+        remedy = 'write e.g. ["0 mm", "50 mm"], counted from home, or leg_length = ["250 mm", "300 mm"]'
+        yield ("axes", "travel"), f"missing: {remedy}"
+    places: list[tuple[Key, Any]] = [(("axes",), common), *((("axis", n), table) for n, table in enumerate(single))]
+    for place, table in places:
+        if isinstance(table, dict) and table.keys() >= TRAVEL_KEYS:
+            yield (*place, "leg_length"), "travel and leg_length exclude each other: give one"
 
 
 EXCLUDING = "pulse and drive exclude each other: give one"

@@ -1,13 +1,14 @@
 """Tables of axes, which every kind's file has: `[axes]` for all, `[[axis]]` for what one has of its own, `[wiring]`."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 from pydantic import AfterValidator, AllowInfNan, Field, create_model
 
 from kinematics.files.keys import Chosen, key
-from kinematics.files.schema import File, TableSchema, tables_in
+from kinematics.files.schema import NAME, File, Name, TableSchema, tables_in, unit_validator
+from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError, validation_error
 from kinematics.foundation.units import Length, Unit
 from kinematics.kinds.shaper_keys import NO_SHAPER, StatedShaper, VibrationTable
@@ -29,7 +30,7 @@ def _check_direction(direction: int) -> int:
 
 def check_range(travel: tuple[float, float]) -> tuple[float, float]:
     if not travel[0] < travel[1]:
-        raise validation_error("empty range: the first bound must be the smaller")
+        raise validation_error("empty range: the first value must be the smaller: swap them")
     return travel
 
 
@@ -95,14 +96,18 @@ def _check_bands(bands: tuple[tuple[float, float], ...]) -> tuple[tuple[float, f
 class TimingTable(TableSchema):
     """The timing of a drive that has no name here."""
 
-    high: Annotated[float, Unit("s", above=0, like="1 us", file_unit="us")] = key("that STEP stays high")
-    low: Annotated[float, Unit("s", above=0, like="1 us", file_unit="us")] = key("that STEP stays low")
-    setup: Annotated[float, Unit("s", least=0, like="1 us", file_unit="us")] = key(
-        "that DIR is right before STEP rises"
+    high: Annotated[float, Unit("s", above=0, like="1 us", file_unit="us")] = key(
+        "shortest time for which STEP is high"
     )
-    hold: Annotated[float, Unit("s", least=0, like="1 us", file_unit="us")] = key("that DIR stays so after it")
+    low: Annotated[float, Unit("s", above=0, like="1 us", file_unit="us")] = key("shortest time for which STEP is low")
+    setup: Annotated[float, Unit("s", least=0, like="1 us", file_unit="us")] = key(
+        "shortest time from a change of DIR to the next rise of STEP"
+    )
+    hold: Annotated[float, Unit("s", least=0, like="1 us", file_unit="us")] = key(
+        "shortest time from a rise of STEP to the next change of DIR"
+    )
     max_rate: Annotated[float, Unit("1/s", above=0, like="500 kHz")] | None = key(
-        "of pulses; what high and low allow if not stated", default=None
+        "highest pulse rate; what high and low allow if not stated", default=None
     )
 
 
@@ -127,9 +132,9 @@ class LinearDrive(TableSchema):
     [Motion 2-D] writes N = 200 R n (l - l0), with the gear ratio R and n = 1 / lead.
     """
 
-    steps: Steps = key("pulses for one turn of the motor")
-    lead: Annotated[float, Unit("m", above=0)] = key("travel for one turn of the screw")
-    gear: Gear = key("turns of the motor for one of the screw", default=1.0)
+    steps: Steps = key("steps per revolution of the motor, microsteps included")
+    lead: Annotated[float, Unit("m", above=0)] = key("travel per revolution of the screw")
+    gear: Gear = key("gear ratio: revolutions of the motor per revolution of the screw", default=1.0)
 
     @property
     def pulse(self) -> float:
@@ -139,8 +144,8 @@ class LinearDrive(TableSchema):
 class RotaryDrive(TableSchema):
     """A stepper with a gear: one pulse turns 1/(steps · gear) of a revolution."""
 
-    steps: Steps = key("pulses for one turn of the motor")
-    gear: Gear = key("turns of the motor for one of the axis", default=1.0)
+    steps: Steps = key("steps per revolution of the motor, microsteps included")
+    gear: Gear = key("gear ratio: revolutions of the motor per revolution of the axis", default=1.0)
 
     @property
     def pulse(self) -> float:
@@ -154,6 +159,8 @@ class AxisTable(TableSchema):
 
 
 TRAVEL = '["0 mm", "50 mm"]'
+TRAVEL_KEYS = {"travel", "leg_length"}
+"""A table of axes states one of these."""
 Table = TypeVar("Table", bound=AxisTable)
 
 
@@ -169,42 +176,49 @@ def declares_keys(table: type[Table]) -> type[Table]:
 
     class Keys(AxisTable):
         travel: Annotated[tuple[place, place], AfterValidator(check_range)] | None = key(
-            "of each axis from home", choose(TRAVEL, '["-90 deg", "90 deg"]'), None
+            "lowest and highest position, counted from home", choose(TRAVEL, '["-90 deg", "90 deg"]'), None
         )
-        pulse: Annotated[float, Unit(way, above=0, file_unit=choose("um", "rad"))] | None = key(
-            "way of one pulse", choose('"1 um"', '"0.01 deg"'), None, instead=["drive"]
-        )
+        pulse: (
+            Annotated[float, Unit(way, above=0, like=choose("0.75 um", "0.01 deg"), file_unit=choose("um", "rad"))]
+            | None
+        ) = key(choose("travel per pulse", "angle per pulse"), choose('"1 um"', '"0.01 deg"'), None, instead=["drive"])
         drive: Annotated[Any, Chosen(lambda _: LinearDrive if linear else RotaryDrive)] = key(
             choose(
-                "a screw: steps and travel of one revolution; with a gear: gear = 2.0",
-                "steps of one revolution; with a gear: gear = 74.0",
+                "steps per revolution, microsteps included, and travel per revolution; with a gear: gear = 2.0",
+                "steps per revolution, microsteps included; with a gear: gear = 74.0",
             ),
             choose('{ steps = 400, lead = "0.5 mm" }', "{ steps = 400, gear = 1.0 }"),
             None,
             instead=["pulse"],
         )
         electronic_gear: tuple[Teeth, Teeth] | None = key(
-            "(n, d): the drive makes n/d steps of each pulse", "[2, 1]", None
+            "electronic gear ratio [n, d]: the drive makes n/d steps per pulse", "[2, 1]", None
         )
         pulse_factor: Annotated[float, Field(ge=1 / MAX_RATIO, le=MAX_RATIO), AllowInfNan(False)] | None = key(
-            "what a calibration found a pulse to be, over what is stated", "1.0001", None
+            "from a calibration: measured travel per pulse divided by the stated one", "1.0001", None
         )
         direction: Annotated[int, AfterValidator(_check_direction)] | None = key(
-            "1 or -1: how a greater position is counted", "-1", None
+            "1 if pulses count up as the position increases, -1 if they count down", "-1", None
         )
         max_speed: Annotated[Magnitude, _magnitude(f"{way}/s")] | None = key(
-            "unlimited if not stated; two: towards smaller, towards greater positions",
+            "speed limit; two values: towards smaller, towards greater positions; unlimited if not stated",
             choose('"20 mm/s"', '"60 deg/s"'),
             None,
         )
         max_acceleration: Annotated[Magnitude, _magnitude(f"{way}/s^2")] | None = key(
-            "likewise", choose('"225 mm/s^2"', '"240 deg/s^2"'), None
+            "acceleration limit; one or two values, as max_speed; unlimited if not stated",
+            choose('"225 mm/s^2"', '"240 deg/s^2"'),
+            None,
         )
         max_jerk: Annotated[Magnitude, _magnitude(f"{way}/s^3")] | None = key(
-            "likewise; without it plans are of order 2", choose('"4000 mm/s^3"', '"4000 deg/s^3"'), None
+            "jerk limit; one or two values, as max_speed; without it, plans do not limit jerk",
+            choose('"4000 mm/s^3"', '"4000 deg/s^3"'),
+            None,
         )
         max_force: Annotated[float, Unit(force, above=0)] | None = key(
-            "of the actuator; needs masses, below", choose('"220 N"', '"10 N*m"'), None
+            choose("force limit", "torque limit") + " of the actuator; needs the mass in [platform]",
+            choose('"220 N"', '"10 N*m"'),
+            None,
         )
         torque_speed: (
             Annotated[
@@ -213,25 +227,30 @@ def declares_keys(table: type[Table]) -> type[Table]:
             ]
             | None
         ) = key(
-            "force that the motor has at rising speeds; needs masses",
+            choose("force", "torque")
+            + " that the motor has at each speed, speeds rising; needs the mass in [platform]",
             choose('[["0 mm/s", "220 N"], ["50 mm/s", "80 N"]]', '[["0 deg/s", "10 N*m"], ["90 deg/s", "4 N*m"]]'),
             None,
         )
         friction: Annotated[float, Unit(viscosity, least=0)] | None = key(
-            "viscous", choose('"100 N*s/m"', '"0.1 N*m*s/rad"'), None
+            "viscous friction", choose('"100 N*s/m"', '"0.1 N*m*s/rad"'), None
         )
         reflected: Annotated[float, Unit(inertia, least=0)] | None = key(
-            "rotor and screw, as the axis feels them", choose('"2 kg"', '"0.01 kg*m^2"'), None
+            choose("mass of rotor and screw", "inertia of the rotor") + ", reflected to the axis",
+            choose('"2 kg"', '"0.01 kg*m^2"'),
+            None,
         )
         max_pulse_rate: Annotated[float, Unit("1/s", above=0)] | None = key(
-            "that the card or the drive takes", '"500 kHz"', None
+            "highest pulse rate of the motion card or the drive", '"500 kHz"', None
         )
         start_stop_rate: Annotated[float, Unit("1/s", above=0)] | None = key(
-            "rate of pulses up to which the motor starts, stops and turns at once (pull-in)", '"400 1/s"', None
+            "highest pulse rate at which the motor starts, stops and reverses without a ramp (pull-in rate)",
+            '"400 1/s"',
+            None,
         )
         timing: Timing | None = key(
-            'of the drive\'s inputs, by its name; or { high = "1 us", low = "1 us", setup = "1 us", hold = "1 us" }, '
-            'with max_rate = "500 kHz" if it has one',
+            "shortest STEP and DIR times, by the name of the drive or as "
+            '{ high = "1 us", low = "1 us", setup = "1 us", hold = "1 us" }; max_rate = "500 kHz" may be added',
             '"DRV8825"',
             None,
         )
@@ -242,33 +261,42 @@ def declares_keys(table: type[Table]) -> type[Table]:
             ]
             | None
         ) = key(
-            'bands in which a stepper resonates, rising: of speed, or of pulse rate as [["180 1/s", "220 1/s"]]',
+            'resonance bands of the stepper, in rising order: speeds, or pulse rates as [["180 1/s", "220 1/s"]]',
             choose('[["4 mm/s", "5 mm/s"]]', '[["20 deg/s", "25 deg/s"]]'),
             None,
         )
         resonance_time: Annotated[float, Unit("s", above=0, file_unit="ms")] | None = key(
-            "that a stay in a band may last; never in one if not stated", '"20 ms"', None, needs=["resonance"]
+            "longest passage through a resonance band; if not stated, the axis stays below the first band",
+            '"20 ms"',
+            None,
+            needs=["resonance"],
         )
         backlash: Annotated[float, Unit(way, least=0)] | None = key(
-            "lost at every reversal", choose('"0.01 mm"', '"0.02 deg"'), None
+            choose("travel", "angle") + " lost at each reversal", choose('"0.01 mm"', '"0.02 deg"'), None
         )
-        pushed: Literal["+", "-"] | None = key('"+" or "-": the side on which the play is at first', '"+"', None)
+        pushed: Literal["+", "-"] | None = key(
+            'backlash at the start: "+" as after a move towards greater positions, "-" towards smaller', '"+"', None
+        )
         lead_error: Annotated[tuple[tuple[place, place], ...], AfterValidator(check_rising)] | None = key(
-            "of the screw: positions from home, rising, and how far beyond each the axis is",
+            choose("screw", "position")
+            + " error: pairs of a position from home, rising, and how far the axis is beyond it",
             choose('[["0 mm", "0 mm"], ["50 mm", "0.01 mm"]]', '[["0 deg", "0 deg"], ["90 deg", "0.01 deg"]]'),
             None,
         )
         compensate: tuple[Literal["lead", "backlash"], ...] | None = key(
-            'what the pulses make up for: "backlash", "lead"', '["backlash"]', None, needs=["backlash"]
+            'errors that the pulses compensate: "backlash", "lead" (lead_error)',
+            '["backlash"]',
+            None,
+            needs=["backlash"],
         )
         take_up_acceleration: Annotated[float, Unit(f"{way}/s^2", above=0)] | None = key(
-            "of a motor that crosses its play; max_acceleration if not stated",
+            "acceleration of the motor while it crosses the backlash; max_acceleration if not stated",
             choose('"500 mm/s^2"', '"500 deg/s^2"'),
             None,
         )
         shaper: StatedShaper | None = key(
-            "input shaper against a vibration of what it moves: zv, zvd, mzv or ei; an array of them against several; "
-            '"none" where all others have one',
+            "input shaper against a vibration that the axis excites: zv, mzv, zvd or ei; an array against several; "
+            '"none" for no shaper where [axes] has one',
             '{ kind = "zv", frequency = "35 Hz", damping = 0.05 }',
             None,
         )
@@ -296,14 +324,14 @@ class LinearDefaults(LinearAxis):
     """What all linear axes have unless their own table says otherwise."""
 
     travel: Annotated[tuple[Length, Length], AfterValidator(check_range)] = key(
-        "of each axis from home", TRAVEL, remedy=f"write e.g. {TRAVEL}"
+        "lowest and highest position, counted from home", TRAVEL, remedy=f"write e.g. {TRAVEL}"
     )
 
 
-KIND = key("what it is")
-GEOMETRY = key("how it is built")
-AXES = key("what all axes have")
-OWN_AXES = key("what one axis has of its own: any key of [axes]; a table for each such axis", default=())
+KIND = key("kind of machine")
+GEOMETRY = key("dimensions of the machine")
+AXES = key("values that all axes share")
+OWN_AXES = key("values of one axis that differ: any key of [axes]; one table per axis", default=())
 
 
 class MachineFile(File):
@@ -314,16 +342,24 @@ class MachineFile(File):
 
     what: ClassVar[str] = "machine file"
     first_place: ClassVar[tuple[float, float, float]] = (0, 0, 20)
+    name: Name | None = NAME
+    length: Annotated[str, unit_validator("m")] | None = key(
+        "unit of joint coordinates and other lengths without a unit", '"mm"', None
+    )
     wiring: dict[str, tuple[str, Annotated[int, Field(ge=0)]]] = key(
-        "by axis: which card drives it, and which of the card's axes it is, from 0", default={}
+        "motion card of each axis, and its channel on the card, counted from 0", default={}
     )
     vibration: tuple[VibrationTable, ...] = key(
-        "along a direction: every axis that moves the platform along it has the shaper beside its own", default=()
+        "vibration along a direction: each axis that moves the platform along it gets this shaper too", default=()
     )
 
     def list_axes(self) -> list[Axis] | None:
-        """The axes, as the file states them; None: only the machine that is made of it tells."""
+        """List the axes as the file states them; None: only the machine has them. Raises MotionError."""
         return None
+
+    def list_freedom(self) -> tuple[str, ...]:
+        """List the components of a pose that the machine controls. A kind with `list_axes` has this too."""
+        raise NotImplementedError
 
     @staticmethod
     def geometry_of(machine: Any, complete: bool) -> Mapping[str, Any] | None:
@@ -340,16 +376,29 @@ class MachineFile(File):
 
 
 def axes(
-    names: Sequence[str], defaults: Mapping[str, AxisTable], overrides: Sequence[Any], file: MachineFile
+    names: Sequence[str],
+    defaults: Mapping[str, AxisTable],
+    overrides: Sequence[Any],
+    file: MachineFile,
+    home_lengths: Callable[[], Array] | None = None,
 ) -> list[Axis]:
-    """The axes by name: what all of their kind have, and what each has of its own (a `drive` gives its pulse)."""
+    """Return the axes by name: the values of their kind, then those of each axis. A `drive` gives the pulse.
+
+    home_lengths  gives the lengths of legs at home, which turn `leg_length` into travel
+    """
     own = {override.name: _stated_values(override) for override in overrides}
     made = []
-    for name in names:
+    for n, name in enumerate(names):
         common = defaults[name]
         card, channel = file.wiring.get(name, (None, None))
         wired = {"name": name, "card": card, "channel": channel}
-        values = {"kind": common.kind} | _stated_values(common) | own.get(name, {}) | wired
+        shared, differing = _stated_values(common), own.get(name, {})
+        if TRAVEL_KEYS & differing.keys():
+            shared = {key: value for key, value in shared.items() if key not in TRAVEL_KEYS}
+        values = {"kind": common.kind} | shared | differing | wired
+        if home_lengths is not None and (lengths := values.pop("leg_length", None)):
+            at_home = float(home_lengths()[n])
+            values["travel"] = (lengths[0] - at_home, lengths[1] - at_home)
         if values.get("shaper") == NO_SHAPER:
             del values["shaper"]
         made.append(Axis(**_resolve_pulse(values)))

@@ -23,6 +23,7 @@ from kinematics.kinds.axis_keys import (
     GEOMETRY,
     KIND,
     OWN_AXES,
+    AxisTable,
     LinearAxis,
     LinearDefaults,
     RotaryAxis,
@@ -264,10 +265,10 @@ Place = tuple[str, str, str]
 class BarTable(TableSchema):
     """What is drawn of each axis."""
 
-    start: Place = key("three formulas, which may contain q, the axis' coordinate", '["0", "0", "q"]')
-    end: Place = key("likewise", '["x", "y", "z"]')
+    start: Place = key("start point: three formulas, which may contain q, the position of the axis", '["0", "0", "q"]')
+    end: Place = key("end point: three formulas, as start", '["x", "y", "z"]')
     sort: Literal["frame", "actuator", "link", "platform"] = key(
-        "frame, actuator, link or platform: stands still, changes its length, is moved, or carries the tool",
+        "frame (fixed), actuator (changes its length), link (is moved) or platform (carries the tool)",
         '"link"',
         "link",
     )
@@ -276,8 +277,8 @@ class BarTable(TableSchema):
 class TurnTable(TableSchema):
     """A turn of the platform."""
 
-    about: Literal["x", "y", "z"] = key("x, y or z", '"z"')
-    angle: str = key("a formula (rad), which may contain joints by their names", '"-c"')
+    about: Literal["x", "y", "z"] = key("axis of the rotation: x, y or z", '"z"')
+    angle: str = key("angle in rad: a formula, which may contain the names of joints", '"-c"')
 
 
 Range = Annotated[tuple[Length, Length], AfterValidator(check_range)]
@@ -286,37 +287,46 @@ Range = Annotated[tuple[Length, Length], AfterValidator(check_range)]
 class RoomTable(TableSchema):
     """A box in the base frame that the platform's origin stays in; no bound where none is stated."""
 
-    x: Range | None = key("from, to", '["0 mm", "220 mm"]', None)
-    y: Range | None = key("likewise", '["0 mm", "220 mm"]', None)
-    z: Range | None = key("likewise", '["0 mm", "250 mm"]', None)
+    x: Range | None = key("lowest and highest x", '["0 mm", "220 mm"]', None)
+    y: Range | None = key("lowest and highest y", '["0 mm", "220 mm"]', None)
+    z: Range | None = key("lowest and highest z", '["0 mm", "250 mm"]', None)
 
 
 class EquationsGeometry(TableSchema):
     """How the machine moves: formulas of its inverse map, in m and rad."""
 
-    moves: tuple[str, ...] = key("of x y z rx ry rz, those it controls", '["x", "y", "z"]')
+    moves: tuple[str, ...] = key("degrees of freedom that the axes control, of x y z rx ry rz", '["x", "y", "z"]')
     joints: tuple[str, ...] = key("names of the axes", '["a", "b", "c"]')
-    rotary: tuple[str, ...] = key("those of them that turn", '["c"]', ())
+    rotary: tuple[str, ...] = key("names of the rotary axes", '["c"]', ())
     follows: tuple[Literal["rx", "ry", "rz"], ...] = key(
-        "those that go along with the others, such as the spin of a five-axis machine's tool", '["rz"]', ()
+        "dependent degrees of freedom, such as the spin of a five-axis machine's tool", '["rz"]', ()
     )
     orientation: tuple[TurnTable, ...] = key(
-        "with follows: the platform's orientation by the joints, one turn after the other about axes turned so far",
+        "with follows: orientation of the platform, as rotations about the moving axes in turn",
         '[{ about = "z", angle = "-c" }, { about = "x", angle = "-a" }]',
         (),
     )
     coordinates: Annotated[Any, Chosen(lambda value: str if isinstance(value, str) else tuple[str, ...])] = key(
-        "a formula for each axis, of x, y, z (m) and r11 … r33; or one for all", '["x + y", "x - y", "z"]'
+        "position of each axis: a formula of x, y, z (m) and r11 … r33; or one formula for all",
+        '["x + y", "x - y", "z"]',
     )
     constants: dict[str, Constant] = key(
-        "numbers, lengths or angles by name, or one for each axis", '{ rod = "250 mm" }', {}
+        "named numbers, lengths or angles; one value, or one for each axis", '{ rod = "250 mm" }', {}
     )
-    definitions: dict[str, str] = key("formulas by name, each of those before it", '{ reach = "x**2 + y**2" }', {})
+    definitions: dict[str, str] = key(
+        "named formulas; each may contain those before it", '{ reach = "x**2 + y**2" }', {}
+    )
     bar: tuple[BarTable, ...] = key(
-        "what is drawn of each axis", '[{ start = ["0", "0", "q"], end = ["x", "y", "z"] }]', ()
+        "bars that pictures of the machine show for each axis",
+        '[{ start = ["0", "0", "q"], end = ["x", "y", "z"] }]',
+        (),
     )
-    length: Annotated[float, Unit("m", above=0)] = key("lever at which a turn counts as a way", '"100 mm"', 0.1)
-    room: RoomTable | None = key("where x, y and z may be, beside the travel", '{ z = ["-400 mm", "400 mm"] }', None)
+    length: Annotated[float, Unit("m", above=0)] = key(
+        "lever arm that makes a rotation comparable to a length", '"100 mm"', 0.1
+    )
+    room: RoomTable | None = key(
+        "range of x, y and z, in addition to the travel of the axes", '{ z = ["-400 mm", "400 mm"] }', None
+    )
     home: HomeTable = HOME
 
 
@@ -339,9 +349,34 @@ class EquationsFile(LoadedFile):
 
     kind: Literal["equations"] = KIND
     geometry: EquationsGeometry = GEOMETRY
-    axes: LinearDefaults | None = key("what all linear axes have", default=None)
-    rotary: RotaryAxis | None = key("what all rotary axes have", default=None)
+    axes: LinearDefaults | None = key("values that all linear axes share", default=None)
+    rotary: RotaryAxis | None = key("values that all rotary axes share", default=None)
     axis: tuple[Annotated[Any, Chosen(_pick_axis_table)], ...] = OWN_AXES
+
+    def list_freedom(self) -> tuple[str, ...]:
+        return tuple(component for component in COMPONENTS if component in self.geometry.moves)
+
+    def list_axes(self) -> list[Axis]:
+        """List the axes. Raises BadValue for an unknown axis, and for a missing table or one of the wrong sort."""
+        joints, rotary = self.geometry.joints, self.geometry.rotary
+        for name in (*rotary, *(entry.name for entry in self.axis)):
+            if name not in joints:
+                known = ", ".join(joints)
+                message = f"{describe_value(name)} is no axis{nearest(name, joints)}; axes: {known}"
+                raise BadValue(message, key=("joints",), allowed=known, nearest=closest(name, joints))
+        for entry in self.axis:
+            turns = entry.name in rotary
+            if turns != isinstance(entry, OwnTurning):  # its numbers are read in the units of the other sort
+                sort = 'turns: state angles, as "90 deg/s"' if turns else 'slides: state lengths, as "20 mm/s"'
+                raise BadValue(f"axis {entry.name} {sort}", key=(entry.name, "name"))
+        tables: dict[str, AxisTable] = {}
+        for name in joints:
+            table = self.rotary if name in rotary else self.axes
+            if table is None:
+                missing = "rotary" if name in rotary else "axes"
+                raise BadValue(f"axis {name} needs the table [{missing}]: add it", key=("joints",))
+            tables[name] = table
+        return axes(joints, tables, self.axis, self)
 
     @staticmethod
     def geometry_of(machine: Equations, complete: bool) -> dict[str, Any]:
@@ -368,30 +403,10 @@ class EquationsFile(LoadedFile):
 
 def build_equations(file: EquationsFile, name: str, folder: Path | Traversable) -> Equations:
     geometry, box = file.geometry, file.geometry.room
-    names = geometry.joints
-    for known, stated in ((names, geometry.rotary), (names, [own.name for own in file.axis])):
-        for one in stated:
-            if one not in known:
-                told = (
-                    f"machine {name}: {describe_value(one)} is no axis{nearest(one, known)}; axes: {', '.join(known)}"
-                )
-                raise BadValue(told, key=("joints",), allowed=", ".join(known), nearest=closest(one, known))
-    for own in file.axis:
-        turns = own.name in geometry.rotary
-        if turns != isinstance(own, OwnTurning):  # its numbers are read in the units of the other sort
-            sort = 'turns: state angles, as "90 deg/s"' if turns else 'slides: state lengths, as "20 mm/s"'
-            raise BadValue(f"machine {name}: axis {own.name} {sort}", key=(own.name, "name"))
-    tables = {}
-    for one in names:
-        table = file.rotary if one in geometry.rotary else file.axes
-        if table is None:
-            missing = "rotary" if one in geometry.rotary else "axes"
-            raise BadValue(f"machine {name}: axis {one} needs the table [{missing}]: add it", key=("joints",))
-        tables[one] = table
     return Equations(
         geometry.moves,
         geometry.coordinates,
-        axes=axes(names, tables, file.axis, file),
+        axes=file.list_axes(),
         home=geometry.home.numbers,
         follows=geometry.follows,
         orientation=[TurnFormula(turn.about, turn.angle) for turn in geometry.orientation],

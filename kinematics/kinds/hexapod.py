@@ -18,9 +18,18 @@ from kinematics.files.keys import key
 from kinematics.files.schema import one_of_tables
 from kinematics.foundation.arrays import LEAST_POSITIVE, MAX_DISTANCE, Array, finite_array
 from kinematics.foundation.options import check_arguments
-from kinematics.foundation.units import Length, Unit
-from kinematics.kinds.axis_keys import AXES, GEOMETRY, KIND, OWN_AXES, LinearAxis, LinearDefaults, axes
-from kinematics.kinds.legged import BASE_REST, PLATFORM_REST, Legged, Platforms, Radius, legged_geometry, rest_axes_type
+from kinematics.foundation.units import Dimension, Unit
+from kinematics.kinds.axis_keys import AXES, GEOMETRY, KIND, OWN_AXES, axes
+from kinematics.kinds.leg_lengths import LegAxis, refuse_unreachable_home
+from kinematics.kinds.legged import (
+    BASE_REST,
+    PLATFORM_REST,
+    Legged,
+    Platforms,
+    Radius,
+    legged_geometry,
+    rest_axes_type,
+)
 from kinematics.kinds.load_keys import LEG_MASSES, LegsTable, LoadedFile, Point
 from kinematics.machine.axis import Axis
 
@@ -79,11 +88,12 @@ class Hexapod(Legged):
 
 # up to 120 deg, which the file's reader rounds otherwise than a product of floats does
 Gap = Annotated[float, Unit("rad", least=0, most=nextafter(2 * pi / 3, inf))]
+JOINT_ROWS = "give six rows [x, y, z], one for each leg, with decimal points"
 SixPoints = tuple[Point, Point, Point, Point, Point, Point]
 LEGS = tuple(f"leg{n}" for n in range(1, 7))
 
 
-class LegTable(LinearAxis):
+class LegTable(LegAxis):
     """What one leg has of its own."""
 
     name: Literal["leg1", "leg2", "leg3", "leg4", "leg5", "leg6"]
@@ -99,12 +109,12 @@ class SixLegs(Platforms):
 class JointCircles(SixLegs):
     """Joint centres in pairs on a circle of each platform; heights along z in the platform's own frame."""
 
-    base_radius: Radius = key("circle of the base's joint centres")
-    base_gap: Gap = key("on that circle, between the two closest joints")
-    base_height: Length = key("of that circle, along z of the base frame")
-    platform_radius: Radius = key("the same of the platform, in its own frame")
-    platform_gap: Gap = key("between the two closest joints")
-    platform_height: Length = key("along z of the platform's frame")
+    base_radius: Radius = key("radius of the circle through the base joints")
+    base_gap: Gap = key("angle on that circle between the two joints of a pair")
+    base_height: Dimension = key("z of the base joints in the base frame")
+    platform_radius: Radius = key("radius of the circle through the platform joints")
+    platform_gap: Gap = key("angle on that circle between the two joints of a pair")
+    platform_height: Dimension = key("z of the platform joints in the platform frame")
 
     def joints(self) -> tuple[ArrayLike, ArrayLike]:
         return (
@@ -116,8 +126,12 @@ class JointCircles(SixLegs):
 class JointPoints(SixLegs):
     """Joint centres one by one, each in the frame of its platform."""
 
-    base_joints: SixPoints = key("joint centres one by one, leg1 first")
-    platform_joints: SixPoints = key("the same, in the platform's frame")
+    base_joints: SixPoints = key(
+        "centres of the base joints in the base frame: x, y, z of leg1 to leg6", remedy=JOINT_ROWS
+    )
+    platform_joints: SixPoints = key(
+        "centres of the platform joints in the platform's own frame: x, y, z of leg1 to leg6", remedy=JOINT_ROWS
+    )
 
     def joints(self) -> tuple[ArrayLike, ArrayLike]:
         return self.base_joints, self.platform_joints
@@ -129,12 +143,15 @@ class HexapodFile(LoadedFile):
     first_place = (0, 0, 25)
     kind: Literal["hexapod"] = KIND
     geometry: Annotated[JointCircles | JointPoints, one_of_tables(JointCircles, JointPoints)] = GEOMETRY
-    axes: LinearDefaults = AXES
+    axes: LegAxis = AXES
     axis: tuple[LegTable, ...] = OWN_AXES
     legs: LegsTable | None = LEG_MASSES
 
+    def list_freedom(self) -> tuple[str, ...]:
+        return Hexapod.freedom
+
     def list_axes(self) -> list[Axis]:
-        return axes(LEGS, dict.fromkeys(LEGS, self.axes), self.axis, self)
+        return axes(LEGS, dict.fromkeys(LEGS, self.axes), self.axis, self, self.geometry.home_lengths)
 
     @staticmethod
     def geometry_of(machine: Hexapod, complete: bool) -> dict[str, Any]:
@@ -144,4 +161,6 @@ class HexapodFile(LoadedFile):
 def build_hexapod(file: HexapodFile, name: str, folder: Path | Traversable) -> Hexapod:
     base, platform = file.geometry.joints()
     load = file.load(file.legs)
-    return Hexapod(base, platform, axes=file.list_axes(), name=name, load=load, **file.geometry.options())
+    machine = Hexapod(base, platform, axes=file.list_axes(), name=name, load=load, **file.geometry.options())
+    refuse_unreachable_home(machine, file.axes, {table.name: table for table in file.axis})
+    return machine

@@ -27,7 +27,7 @@ from kinematics.machine.kind import Bar, Pivot, Skeleton, ring
 from kinematics.machine.load import Body, Leg, Load
 from kinematics.machine.machine import Machine
 from kinematics.machine.model import scaled_jacobian
-from kinematics.machine.pose import PoseLike, column
+from kinematics.machine.pose import PoseLike, column, make_pose
 
 # Sine of the angle between a universal joint's first axis and the leg at home below which it cannot tilt the leg.
 MIN_AXIS_SINE = 1e-6
@@ -218,26 +218,28 @@ def rest_axes_type(count: int) -> Chosen:
     return Chosen(pick)
 
 
-Radius = Annotated[float, Unit("m", above=0)]
-Thickness = Annotated[float, Unit("m", least=0)]
+Radius = Annotated[float, Unit("m", above=0, plain="length", unit_written=True)]
+Thickness = Annotated[float, Unit("m", least=0, plain="length", unit_written=True)]
 Tilt = Annotated[float, Unit("rad", above=0, most=pi)]
 
 
 class Plate(TableSchema):
     """A platform's disc, in the platform's own frame."""
 
-    radius: Radius = key("of the disc")
-    thickness: Thickness = key("of the disc")
-    centre: Point = key("half-way up its thickness", default=(0.0, 0.0, 0.0))
-    normal: Direction = key("its axis", default=(0.0, 0.0, 1.0))
+    radius: Radius = key("radius of the plate")
+    thickness: Thickness = key("thickness of the plate")
+    centre: Point = key("centre of the plate, at half its thickness", default=(0.0, 0.0, 0.0))
+    normal: Direction = key("normal of the plate", default=(0.0, 0.0, 1.0))
 
     @property
     def disc(self) -> Disc:
         return Disc(self.radius, self.thickness, self.centre, self.normal)
 
 
-BASE_REST = key("axis of the base's joints at rest, in its frame; or one for each", "[0, 0, 1]", None)
-PLATFORM_REST = key("the same of the platform's joints, in the platform's frame", "[0, 0, 1]", None)
+BASE_REST = key("axis of the base joints at zero tilt, in the base frame; or one for each joint", "[0, 0, 1]", None)
+PLATFORM_REST = key(
+    "axis of the platform joints at zero tilt, in the platform frame; or one for each joint", "[0, 0, 1]", None
+)
 _DISC = '{ radius = "20 mm", thickness = "5 mm" }'
 
 
@@ -251,21 +253,31 @@ class Platforms(TableSchema):
     base_rest: tuple[Any, ...] | None = BASE_REST
     platform_rest: tuple[Any, ...] | None = PLATFORM_REST
     max_tilt: Annotated[float | tuple[float, float], Chosen(_tilt_type)] | None = key(
-        "of a joint from its axis at rest; two: of the base, of the platform", '"35 deg"', None
+        "largest tilt of a joint from its axis at zero tilt; two values: base, platform", '"35 deg"', None
     )
     leg_radius: Radius | None = key(
-        "what a leg takes up: a round bar; without it no collision is looked for", '"5 mm"', None
+        "radius of a leg as a round bar; without it, collisions are not checked", '"5 mm"', None
     )
     leg_ends: Thickness | None = key(
-        "from a joint's centre to where the bar begins", '"5 mm"', None, needs=["leg_radius"]
+        "distance from a joint centre to the end of the bar", '"5 mm"', None, needs=["leg_radius"]
     )
     base_disc: Plate | None = key(
-        'the plate of the base, in its frame; centre = ["0 mm", "0 mm", "0 mm"], normal = [0, 0, 1] if not stated',
+        'plate of the base, for collisions; centre = ["0 mm", "0 mm", "0 mm"], normal = [0, 0, 1] if not stated',
         _DISC,
         None,
         needs=["leg_radius"],
     )
-    platform_disc: Plate | None = key("the same of the platform", _DISC, None, needs=["leg_radius"])
+    platform_disc: Plate | None = key("plate of the platform, in the platform frame", _DISC, None, needs=["leg_radius"])
+
+    def joints(self) -> tuple[ArrayLike, ArrayLike]:
+        """Centres of the joints in the base frame and in the frame that poses are of."""
+        raise NotImplementedError
+
+    def home_lengths(self) -> Array:
+        """Length of each leg in the home pose, m."""
+        base, platform = self.joints()
+        at_home = make_pose(self.home.to, self.home.rotate).apply(np.asarray(platform))
+        return np.asarray(np.linalg.norm(at_home - np.asarray(base), axis=1))
 
     def options(self) -> dict[str, Any]:
         """The keywords that the machines take."""

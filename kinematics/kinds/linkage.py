@@ -13,7 +13,7 @@ from kinematics.files.keys import key
 from kinematics.files.schema import TableSchema
 from kinematics.foundation.arrays import LEAST_POSITIVE, Array, finite_array, freeze_array
 from kinematics.foundation.errors import MotionError, OutOfReach
-from kinematics.foundation.units import Angle, Length, Unit
+from kinematics.foundation.units import Angle, Dimension, Unit
 from kinematics.kinds.axis_keys import AXES, GEOMETRY, KIND, OWN_AXES, LinearAxis, LinearDefaults, axes
 from kinematics.kinds.load_keys import HOME, HomeTable, LoadedFile, home_entries
 from kinematics.machine.axis import Axis
@@ -150,13 +150,17 @@ NAMES = ("a", "b")
 class LinkageGeometry(TableSchema):
     """How a linkage is built."""
 
-    base_a: tuple[Length, Length] = key("hinge of actuator a, in the plane")
-    base_b: tuple[Length, Length] = key("hinge of actuator b")
-    offset: Annotated[float, Unit("m", least=0)] = key("from the actuators' joint to the point that is moved")
-    angle: Angle = key("at that joint, from actuator a to the point")
+    base_a: tuple[Dimension, Dimension] = key("x and y of the base hinge of actuator a")
+    base_b: tuple[Dimension, Dimension] = key("x and y of the base hinge of actuator b")
+    offset: Annotated[float, Unit("m", least=0, plain="length", unit_written=True)] = key(
+        "distance from the joint of the two actuators to the tool point"
+    )
+    angle: Angle = key("angle at that joint, from actuator a to the tool point")
     home: HomeTable = HOME
-    near: tuple[Length, Length] | None = key(
-        "lengths of a and b, where two are possible; the longer a if not stated", '["367 mm", "409 mm"]', None
+    near: tuple[Dimension, Dimension] | None = key(
+        "lengths of a and b at home, where two solutions exist; the longer a if not stated",
+        '["367 mm", "409 mm"]',
+        None,
     )
 
 
@@ -172,6 +176,9 @@ class LinkageFile(LoadedFile):
     geometry: LinkageGeometry = GEOMETRY
     axes: LinearDefaults = AXES
     axis: tuple[LinkageAxisTable, ...] = OWN_AXES
+
+    def list_freedom(self) -> tuple[str, ...]:
+        return Linkage.freedom
 
     def list_axes(self) -> list[Axis]:
         return axes(NAMES, dict.fromkeys(NAMES, self.axes), self.axis, self)

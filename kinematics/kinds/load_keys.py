@@ -8,21 +8,23 @@ from pydantic import AfterValidator
 from kinematics.files.keys import Chosen, key
 from kinematics.files.schema import Direction, TableSchema
 from kinematics.foundation.errors import MotionError, validation_error
-from kinematics.foundation.units import Angle, Length, Unit
+from kinematics.foundation.units import Angle, Dimension, Unit
 from kinematics.kinds.axis_keys import MachineFile
 from kinematics.machine.load import GRAVITY, Body, Leg, Load
 
 if TYPE_CHECKING:
     from kinematics.machine.pose import Pose
 
-Point = tuple[Length, Length, Length]
+Point = tuple[Dimension, Dimension, Dimension]
 
 
 class HomeTable(TableSchema):
     """The pose from which travel and pulses count: a position, turned by θx, θy, θz about the moving axes in turn."""
 
-    to: Point = key("the platform's origin in the base frame")
-    rotate: tuple[Angle, Angle, Angle] = key("θx, θy, θz about the moving axes in turn", default=(0.0, 0.0, 0.0))
+    to: Point = key("position of the platform's origin in the base frame", remedy="give x, y, z")
+    rotate: tuple[Angle, Angle, Angle] = key(
+        "orientation: θx, θy, θz about the moving axes in turn", default=(0.0, 0.0, 0.0)
+    )
 
     @property
     def numbers(self) -> tuple[float, ...]:
@@ -30,7 +32,7 @@ class HomeTable(TableSchema):
         return (*self.to, *self.rotate)
 
 
-HOME = key('the pose from which travel and pulses count, in the base frame; turned: rotate = ["0 deg", …]')
+HOME = key('home pose in the base frame: zero of travel and pulses; may be turned: rotate = ["0 deg", …]')
 
 
 def home_entries(home: "Pose") -> dict[str, Any]:
@@ -53,10 +55,10 @@ def _moments(value: object) -> Any:
 class Mass(TableSchema):
     """A body in the frame of its part."""
 
-    mass: Annotated[float, Unit("kg", least=0)] = key("of the body")
-    centre: Point = key("of the mass, in the platform's frame", '["0 mm", "0 mm", "10 mm"]', (0.0, 0.0, 0.0))
+    mass: Annotated[float, Unit("kg", least=0)] = key("mass of the part")
+    centre: Point = key("centre of mass in the frame of the part", '["0 mm", "0 mm", "10 mm"]', (0.0, 0.0, 0.0))
     inertia: Annotated[Any, Chosen(_moments)] = key(
-        "about that centre: three moments, or three rows",
+        "moments of inertia about the centre of mass: Ixx, Iyy, Izz, or the rows of the matrix",
         '["0.01 kg*m^2", "0.01 kg*m^2", "0.02 kg*m^2"]',
         (0.0, 0.0, 0.0),
     )
@@ -80,11 +82,13 @@ BodyTable = Annotated[Mass, AfterValidator(_check_body)]
 class Carried(Mass):
     """The platform (or tool), and what pushes on it from outside at its origin, in the base frame."""
 
-    mass: Annotated[float, Unit("kg", least=0)] = key("of what moves with the platform or the tool", '"1.5 kg"', 0.0)
+    mass: Annotated[float, Unit("kg", least=0)] = key("mass of platform, tool and load", '"1.5 kg"', 0.0)
     force: tuple[Push, Push, Push] = key(
-        "on the platform's origin from outside, in the base frame", '["0 N", "0 N", "-10 N"]', (0.0, 0.0, 0.0)
+        "external force on the platform's origin, in the base frame", '["0 N", "0 N", "-10 N"]', (0.0, 0.0, 0.0)
     )
-    moment: tuple[Twist, Twist, Twist] = key("likewise", '["0 N*m", "0 N*m", "0 N*m"]', (0.0, 0.0, 0.0))
+    moment: tuple[Twist, Twist, Twist] = key(
+        "external moment, in the base frame", '["0 N*m", "0 N*m", "0 N*m"]', (0.0, 0.0, 0.0)
+    )
 
 
 _INERTIA = 'inertia = ["0 kg*m^2", "0 kg*m^2", "0 kg*m^2"]'
@@ -94,29 +98,27 @@ class LegsTable(TableSchema):
     """The two parts of every leg: barrel in a frame at the base joint, rod at the platform joint, z along the leg."""
 
     barrel: BodyTable = key(
-        "the leg's part at the base, z along the leg from its joint",
+        "part of the leg at the base; its frame is at the base joint, z along the leg",
         f'{{ mass = "0.5 kg", centre = ["0 mm", "0 mm", "50 mm"], {_INERTIA} }}',
     )
     rod: BodyTable = key(
-        "its part at the platform, from that joint",
+        "part of the leg at the platform; its frame is at the platform joint, z along the leg",
         f'{{ mass = "0.1 kg", centre = ["0 mm", "0 mm", "-50 mm"], {_INERTIA} }}',
     )
-    first_axis: Direction | None = key(
-        "of the universal joint, which stands still in the base frame", "[1, 0, 0]", None
-    )
+    first_axis: Direction | None = key("first axis of the universal joint, fixed in the base frame", "[1, 0, 0]", None)
 
 
-LEG_MASSES = key("the two parts of every leg", default=None)
+LEG_MASSES = key("masses of the two parts of each leg", default=None)
 
 
 class LoadedFile(MachineFile):
     """Keys of masses that every machine's file may have; gravity points down the kind's vertical, −z of most."""
 
     platform: Annotated[Carried, AfterValidator(_check_body)] | None = key(
-        "masses: with them max_force and torque_speed are kept", default=None
+        "mass that the machine moves; max_force and torque_speed need it", default=None
     )
     gravity: tuple[Pull, Pull, Pull] | None = key(
-        "in the base frame; this one where nothing is said", '["0 m/s^2", "0 m/s^2", "-9.80665 m/s^2"]', GRAVITY
+        "gravity in the base frame; this value if not stated", '["0 m/s^2", "0 m/s^2", "-9.80665 m/s^2"]', GRAVITY
     )
 
     def load(self, legs: LegsTable | None = None) -> Load:

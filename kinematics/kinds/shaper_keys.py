@@ -27,13 +27,15 @@ from kinematics.machine.shaper import (
 class ShaperTable(TableSchema):
     """The shaper of an axis, and the vibration that it is for."""
 
-    kind: ShaperKind = key("zv, mzv, zvd or ei: from the shortest to the most robust", '"zv"')
+    kind: ShaperKind = key("zv, mzv, zvd or ei, from the shortest to the most robust", '"zv"')
     frequency: Annotated[
         float, Unit("Hz", least=LEAST_FREQUENCY, most=MOST_FREQUENCY, like="35 Hz", file_unit="Hz")
-    ] = key("of the vibration", '"35 Hz"')
-    damping: Annotated[float, Field(ge=0, le=MOST_DAMPING), AllowInfNan(False)] = key("its damping ratio", "0.05", 0.0)
+    ] = key("frequency of the vibration", '"35 Hz"')
+    damping: Annotated[float, Field(ge=0, le=MOST_DAMPING), AllowInfNan(False)] = key(
+        "damping ratio of the vibration", "0.05", 0.0
+    )
     tolerance: Annotated[float, Field(ge=0, le=MOST_TOLERANCE), AllowInfNan(False)] | None = key(
-        "of ei: the share of the vibration that may be left; 0.05 if not stated", default=None
+        "for ei: share of the vibration that may remain; 0.05 if not stated", default=None
     )
 
     @field_validator("tolerance")
@@ -94,7 +96,9 @@ StatedShaper = Annotated[Any, Chosen(_pick_shaper), AfterValidator(_join)]
 class VibrationTable(ShaperTable):
     """A vibration along a direction: every axis that moves the platform along it has this shaper beside its own."""
 
-    direction: Direction = key("of the vibration, in the base frame", "[1, 0, 0]", remedy="write e.g. [1, 0, 0]")
+    direction: Direction = key(
+        "direction of the vibration in the base frame", "[1, 0, 0]", remedy="write e.g. [1, 0, 0]"
+    )
 
 
 SAME_SHARE = 1e-3

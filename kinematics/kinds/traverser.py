@@ -101,9 +101,13 @@ class TraverserGeometry(TableSchema):
 
     home: HomeTable = HOME
     directions: tuple[Direction, Direction, Direction] | None = key(
-        "of X, Y and Z in the base frame, if not its axes", "[[1, 0, 0], [0, 1, 0], [0, 0, 1]]", None
+        "directions of X, Y and Z in the base frame; its x, y and z if not stated",
+        "[[1, 0, 0], [0, 1, 0], [0, 0, 1]]",
+        None,
     )
-    length: Annotated[float, Unit("m", above=0)] = key("lever at which a turn counts as a way", '"100 mm"', 0.1)
+    length: Annotated[float, Unit("m", above=0)] = key(
+        "lever arm that makes a rotation comparable to a length", '"100 mm"', 0.1
+    )
 
 
 class OwnSlide(LinearAxis):
@@ -123,13 +127,16 @@ class TraverserFile(LoadedFile):
 
     first_place = (20, 20, 20)
     gravity: tuple[Pull, Pull, Pull] | None = key(
-        "in the base frame; down along X where nothing is said", '["-9.80665 m/s^2", "0 m/s^2", "0 m/s^2"]', None
+        "gravity in the base frame; down along X if not stated", '["-9.80665 m/s^2", "0 m/s^2", "0 m/s^2"]', None
     )
     kind: Literal["traverser"] = KIND
     geometry: TraverserGeometry = GEOMETRY
-    axes: LinearDefaults = key("what all slides have")
-    rotary: RotaryAxis = key("the same of the turning axis, which needs no travel")
+    axes: LinearDefaults = key("values that all slides share")
+    rotary: RotaryAxis = key("values of the rotary axis, which needs no travel")
     axis: tuple[Annotated[Any, Chosen(_axis_table_type)], ...] = OWN_AXES
+
+    def list_freedom(self) -> tuple[str, ...]:
+        return Traverser.freedom
 
     def list_axes(self) -> list[Axis]:
         return axes((*SLIDES, ROTARY), dict.fromkeys(SLIDES, self.axes) | {ROTARY: self.rotary}, self.axis, self)

@@ -38,8 +38,17 @@ from kinematics.foundation.arrays import Array, finite_array, freeze_array
 from kinematics.foundation.errors import Fault, FileError, MotionError
 from kinematics.foundation.names import closest, nearest
 from kinematics.foundation.units import describe_value
-from kinematics.kinds.axis_keys import AXES, GEOMETRY, KIND, OWN_AXES, LinearAxis, LinearDefaults, axes
-from kinematics.kinds.legged import BASE_REST, PLATFORM_REST, Legged, Platforms, joints, legged_geometry, rest_axes_type
+from kinematics.kinds.axis_keys import AXES, GEOMETRY, KIND, OWN_AXES, axes
+from kinematics.kinds.leg_lengths import LegAxis, refuse_unreachable_home
+from kinematics.kinds.legged import (
+    BASE_REST,
+    PLATFORM_REST,
+    Legged,
+    Platforms,
+    joints,
+    legged_geometry,
+    rest_axes_type,
+)
 from kinematics.kinds.load_keys import LEG_MASSES, LegsTable, LoadedFile, Point
 from kinematics.machine.axis import Axis
 from kinematics.machine.machine import Machine
@@ -88,17 +97,27 @@ class Tripod(Legged):
 ARMS = tuple(f"arm{n}" for n in range(1, 4))
 
 
+JOINT_ROWS = "give three rows [x, y, z], one for each arm, with decimal points"
+
+
 class TripodGeometry(Platforms):
     """Joint centres one by one, each in the frame of its platform; tool: its centre in the plate's frame."""
 
     base_rest: Annotated[tuple[Any, ...], rest_axes_type(3)] | None = BASE_REST
     platform_rest: Annotated[tuple[Any, ...], rest_axes_type(3)] | None = PLATFORM_REST
-    base_joints: tuple[Point, Point, Point] = key("joint centres in the base frame, arm1 first")
-    platform_joints: tuple[Point, Point, Point] = key("joint centres in the plate's frame")
-    tool: Point = key("the tool's centre in the plate's frame", '["0 mm", "0 mm", "0 mm"]', (0.0, 0.0, 0.0))
+    base_joints: tuple[Point, Point, Point] = key(
+        "centres of the base joints in the base frame: x, y, z of arm1 to arm3", remedy=JOINT_ROWS
+    )
+    platform_joints: tuple[Point, Point, Point] = key(
+        "centres of the plate's joints in the plate's own frame: x, y, z of arm1 to arm3", remedy=JOINT_ROWS
+    )
+    tool: Point = key("tool centre point in the plate's frame", '["0 mm", "0 mm", "0 mm"]', (0.0, 0.0, 0.0))
+
+    def joints(self) -> tuple[ArrayLike, ArrayLike]:
+        return self.base_joints, np.asarray(self.platform_joints) - self.tool
 
 
-class TripodArmTable(LinearAxis):
+class TripodArmTable(LegAxis):
     """What one arm has of its own."""
 
     name: Literal["arm1", "arm2", "arm3"]
@@ -110,12 +129,15 @@ class TripodFile(LoadedFile):
     first_place = (0, 0, -20)
     kind: Literal["tripod"] = KIND
     geometry: TripodGeometry = GEOMETRY
-    axes: LinearDefaults = AXES
+    axes: LegAxis = AXES
     axis: tuple[TripodArmTable, ...] = OWN_AXES
     legs: LegsTable | None = LEG_MASSES
 
+    def list_freedom(self) -> tuple[str, ...]:
+        return Tripod.freedom
+
     def list_axes(self) -> list[Axis]:
-        return axes(ARMS, dict.fromkeys(ARMS, self.axes), self.axis, self)
+        return axes(ARMS, dict.fromkeys(ARMS, self.axes), self.axis, self, self.geometry.home_lengths)
 
     @staticmethod
     def geometry_of(machine: Tripod, complete: bool) -> dict[str, Any]:
@@ -125,7 +147,7 @@ class TripodFile(LoadedFile):
 
 def build_tripod(file: TripodFile, name: str, folder: Path | Traversable) -> Tripod:
     geometry = file.geometry
-    return Tripod(
+    machine = Tripod(
         geometry.base_joints,
         geometry.platform_joints,
         axes=file.list_axes(),
@@ -134,6 +156,8 @@ def build_tripod(file: TripodFile, name: str, folder: Path | Traversable) -> Tri
         load=file.load(file.legs),
         **geometry.options(),
     )
+    refuse_unreachable_home(machine, file.axes, {table.name: table for table in file.axis})
+    return machine
 
 
 UNITS_PER_METRE = 1000.0

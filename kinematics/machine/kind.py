@@ -20,9 +20,10 @@ from numpy.typing import ArrayLike
 from kinematics.analysis.clearance import Bodies
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import BadValue, NotFree
+from kinematics.foundation.rotations import find_vectors
 from kinematics.machine.axis import Axis
 from kinematics.machine.load import STANDARD_GRAVITY, Body, Load
-from kinematics.machine.pose import COMPONENTS, column, to_numbers
+from kinematics.machine.pose import COMPONENTS, column
 
 if TYPE_CHECKING:
     from kinematics.machine.pose import Pose
@@ -105,6 +106,8 @@ class Kind(ABC):
     name: str
     axes: tuple[Axis, ...]
     home: Pose
+    home_numbers: Array
+    """(1, 12) position and rotation rows of home."""
     freedom: tuple[str, ...] = COMPONENTS
     follows: tuple[str, ...] = ()
     branched: bool = False
@@ -227,11 +230,9 @@ def controlled_twist_symbols(machine: Kind, rotation: ca.SX) -> ca.SX:
 
 def deviations(machine: Kind, x: Array) -> Array:
     """(N, 6) of pose numbers x (N, 12) from home: position, and the vector of the turn, in the base frame."""
-    from scipy.spatial.transform import Rotation
-
-    home = to_numbers(machine.home)
+    home = machine.home_numbers
     turn = x[:, 3:].reshape(-1, 3, 3) @ home[0, 3:].reshape(3, 3).T
-    return np.concatenate([x[:, :3] - home[:, :3], Rotation.from_matrix(turn).as_rotvec()], 1)
+    return np.concatenate([x[:, :3] - home[:, :3], find_vectors(turn)], 1)
 
 
 def refuse_uncontrolled(machine: Kind, x: Array, name_of: Callable[[int], str] = "pose {}".format) -> None:

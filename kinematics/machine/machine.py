@@ -113,15 +113,17 @@ class Machine(MachineModel, Result):
             No pose is found that has the lengths q (n,); among several, their `residual` tells.
         """
         from kinematics.analysis.forward import solve
-        from kinematics.machine.pose import Pose
 
-        # numbers could as well be the coordinates that inverse takes as its near
-        if not (near is None or isinstance(near, Pose)):
-            raise MotionError(
-                f"machine {self.name}: near must be a pose: a scipy RigidTransform, not {near!r:.80}; "
-                "RigidTransform.from_components(position, rotation) makes one"
-            )
-        return solve(self, q, self.home if near is None else near, certify)
+        if near is not None:
+            from kinematics.machine.pose import Pose
+
+            # numbers could as well be the coordinates that inverse takes as its near
+            if not isinstance(near, Pose):
+                raise MotionError(
+                    f"machine {self.name}: near must be a pose: a scipy RigidTransform, not {near!r:.80}; "
+                    "RigidTransform.from_components(position, rotation) makes one"
+                )
+        return solve(self, q, near, certify)
 
     def check(self, pose: PoseLike, near: ArrayLike | None = None) -> Margins:
         """Measure travel, tilt and clearance against their limits, conditioning, and how near a singularity is.
@@ -140,7 +142,7 @@ class Machine(MachineModel, Result):
         """
         from kinematics.analysis.margins import measure
 
-        return measure(self, self.read_pose(pose), near)
+        return measure(self, *self.locate_pose(self.read_pose(pose), near))
 
     def tables(self) -> tuple[Table, ...]:
         """Its axes and their limits; what its input shapers leave of vibrations, if it has any."""

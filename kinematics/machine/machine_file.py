@@ -1,19 +1,25 @@
 """Machine files: the schema of each kind's TOML, and the machine that one describes."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from importlib.resources.abc import Traversable
 from os import PathLike
 from pathlib import Path
 from typing import Any, cast
 
-from kinematics.files.schema import build, refuse_wrong_kind
+from kinematics.files.schema import Rule, build, read_declared_units, refuse_wrong_kind
 from kinematics.files.toml_document import Document, Key, read
 from kinematics.foundation.errors import BadValue, FileError, MotionError, NotInstalled
 from kinematics.foundation.names import closest, find, nearest, presets, source_folder
 from kinematics.foundation.units import describe_value
 from kinematics.kinds.arm import ArmFile, build_arm, find_stray_axis_tables, joints_of
-from kinematics.kinds.axis_faults import find_pulse_faults, find_repeated_names, find_wiring_faults
+from kinematics.kinds.axis_faults import (
+    find_pulse_faults,
+    find_repeated_names,
+    find_travel_faults,
+    find_wiring_faults,
+)
 from kinematics.kinds.axis_keys import MachineFile
 from kinematics.kinds.equations import EquationsFile, build_equations
 from kinematics.kinds.hexapod import LEGS, HexapodFile, build_hexapod
@@ -54,16 +60,33 @@ def validate_machine_file(source: Path | Traversable) -> Callable[[], Machine]:
     return partial(_make_machine, source, *_read_model(source))
 
 
-def read_axes(source: Path | Traversable) -> tuple[Axis, ...]:
-    """The axes that a file states, before any [[vibration]] shapes them.
+@dataclass(frozen=True, slots=True)
+class MachineSummary:
+    """The axes of a machine, before any [[vibration]] shapes them, and the components of a pose that they control."""
 
-    Of most kinds without making the machine. Raises FileError as `validate_machine_file`.
+    name: str
+    kind: str
+    freedom: tuple[str, ...]
+    axes: tuple[Axis, ...]
+
+
+def read_summary(source: Path | Traversable) -> MachineSummary:
+    """Return the summary of a machine. Of most kinds the file states it, and the machine is not made.
+
+    Raises FileError as `validate_machine_file`.
     """
     if is_basic_lengths(source):
         source = find("kinematics", "machine", TEMPLATE_MACHINE)
     document, model, construct = _read_model(source)
-    axes = model.list_axes()
-    return _make_machine(source, document, model, construct).axes if axes is None else tuple(axes)
+    kind = str(document.data["kind"])
+    try:
+        axes = model.list_axes()
+    except MotionError as error:
+        raise FileError(document.file, [document.fault(_locate_fault(document.data, error), str(error))]) from error
+    if axes is None:
+        machine = _make_machine(source, document, model, construct)
+        return MachineSummary(machine.name, kind, machine.freedom, machine.axes)
+    return MachineSummary(Path(source.name).stem, kind, model.list_freedom(), tuple(axes))
 
 
 def _read_model(source: Path | Traversable) -> tuple[Document, MachineFile, Construct]:
@@ -76,7 +99,10 @@ def _read_model(source: Path | Traversable) -> tuple[Document, MachineFile, Cons
     schema, construct, names = KINDS[kind]
     names = names or joints_of(document.data)
     wired, driven = partial(find_wiring_faults, names), partial(find_pulse_faults, names, _find_turning(document.data))
-    model = build(document, schema, find_repeated_names, driven, find_stray_axis_tables, wired)
+    rules: list[Rule] = [find_repeated_names, driven, find_stray_axis_tables, wired]
+    if any("leg_length" in table.model_fields for table in schema.tables_of("axes")):
+        rules.append(partial(find_travel_faults, names))
+    model = build(document, schema, *rules, plain=read_declared_units(document.data, {"length": "m"}))
     if (repeated := find_repeated(model.vibration)) is not None:
         first, again = repeated
         place = f"vibration[{first + 1}] in line {document.line(('vibration', first))}"
@@ -112,7 +138,8 @@ def _refuse_kind(kind: Any) -> BadValue:
 
 def _make_machine(source: Path | Traversable, document: Document, model: MachineFile, construct: Construct) -> Machine:
     try:
-        machine = construct(model, Path(source.name).stem, source_folder("kinematics", source))
+        name = model.name or Path(source.name).stem
+        machine = construct(model, name, source_folder("kinematics", source))
     except FileError as error:  # of a file that this one names
         geometry = document.data["geometry"]
         faults = [

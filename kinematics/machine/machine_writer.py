@@ -10,18 +10,19 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, fields, replace
 from importlib.resources.abc import Traversable
-from math import isfinite
+from math import ceil, floor, isfinite
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from kinematics.files.keys import Key, format_entries, format_value, keys_of, table_lines
-from kinematics.files.toml_document import format_millimetres, quote
+from kinematics.files.toml_document import format_millimetres, format_toml, quote
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.names import add_article, find, source_folder
 from kinematics.foundation.options import check_arguments
+from kinematics.foundation.units import describe
 from kinematics.kinds.axis_keys import LinearAxis, MachineFile, RotaryAxis, TimingTable
 from kinematics.kinds.load_keys import Carried, LegsTable
 from kinematics.kinds.tripod import ASSUMED, is_basic_lengths
@@ -31,6 +32,8 @@ from kinematics.machine.machine import Machine
 from kinematics.machine.machine_file import KINDS, load_machine, read_machine
 from kinematics.machine.shaper import Shaper, ShaperSeries
 
+LENGTH_STEP = 1e-5
+"""Step of leg lengths in a file to start from, m: home, which may lie at an end of the travel, stays within them."""
 _SKIPPED_FIELDS = ("name", "kind", "card", "channel")
 
 
@@ -175,29 +178,37 @@ def _timing(timing: StepTiming) -> str | dict[str, Any]:
     return next((name for name, known in DRIVES.items() if known == timing), times)
 
 
-def machine_starter(preset: str) -> str:
-    """The text. Raises MotionError for a name that no bundled machine has."""
-    data = _data(preset)
+def machine_starter(preset: str, name: str | None = None) -> str:
+    """Return a machine file with every key, unset ones as comments.
+
+    name  of the machine; None: that of the file it is written to
+    Raises MotionError for a preset that no bundled machine has.
+    """
+    data = read_preset(preset)
+    if name is not None:
+        data["name"] = name
     lines = [
-        f"# A machine to start from, with the numbers of {_describe_source(preset)}: put your own in their place.",
-        "# A line that begins with # and no blank is a key, or a table, that may be given: take the # away.",
-        "# Numbers carry their units: mm, in, deg, rad, kg, N, s, Hz and so on.",
+        f"# A machine with the numbers of {describe_source(preset)}: replace them by yours.",
+        "# A line that begins with # and no space is a key or a table that is not set: remove the # to set it.",
+        "# Quantities carry their units: mm, in, deg, rad, kg, N, s, Hz and so on.",
     ]
     return "\n".join([*lines, *_starter_tables(preset, data)]) + "\n"
 
 
 def companions(preset: str) -> dict[str, bytes]:
-    """What the file names beside it, such as an arm's URDF: content by name."""
-    source, urdf = find("kinematics", "machine", preset), _data(preset)["geometry"].get("urdf")
+    """Return the files that a machine file names, such as an arm's URDF: content by name."""
+    source, urdf = find("kinematics", "machine", preset), read_preset(preset)["geometry"].get("urdf")
     return {} if urdf is None else {urdf: (source_folder("kinematics", source) / urdf).read_bytes()}
 
 
-def _describe_source(preset: str) -> str:
+def describe_source(preset: str) -> str:
+    """Return what comments call a machine: its file, or the bundled machine of this name."""
     source = find("kinematics", "machine", preset)
     return source.name if isinstance(source, Path) and source == Path(preset) else f'the bundled machine "{preset}"'
 
 
-def _data(preset: str) -> dict[str, Any]:
+def read_preset(preset: str) -> dict[str, Any]:
+    """Return the data of a machine's file."""
     return tomllib.loads(toml_of(find("kinematics", "machine", preset)).decode())
 
 
@@ -206,7 +217,9 @@ def known_keys(kind: str) -> dict[str, list[Key]]:
     schema = KINDS[kind][0]
     *some, last = map(quote, KINDS)
     keys = {one.name: one for one in keys_of(schema)}
-    head = [keys["schema"], replace(keys["kind"], about=f"{', '.join(some)} or {last}"), keys["gravity"]]
+    kind_key = replace(keys["kind"], about=f"{', '.join(some)} or {last}")
+    head = [keys[name] for name in ("schema", "name", "kind", "length", "gravity")]
+    head[2] = kind_key
     tables = {name: keys_of(*schema.tables_of(name)) for name in ("axes", "rotary", "platform", "legs")}
     geometry = keys_of(*schema.tables_of("geometry"), own_first=True)
     return {"": head, "geometry": geometry} | {name: table for name, table in tables.items() if table}
@@ -218,26 +231,38 @@ def _starter_tables(preset: str, data: dict[str, Any]) -> Iterator[str]:
     keys = known_keys(data["kind"])
     geometry = schema.geometry_of(machine, False) or {}
     keys["geometry"] = [_with_example(one, geometry.get(one.name)) for one in keys["geometry"]]
+    if "axes" in keys:  # an example that suits the machine's home
+        length = next((one for one in keys["axes"] if one.name == "leg_length"), None)
+        fitting = length and replace(length, example=format_toml(leg_lengths(machine)))
+        keys["axes"] = [fitting if fitting and one is length else one for one in keys["axes"]]
     about = {name: field.description or "" for name, field in schema.model_fields.items()}
     yield from table_lines("", keys[""], data)
     yield from table_lines("[geometry]", keys["geometry"], data["geometry"])
     for table in ("axes", "rotary"):
         if table in keys:
             yield from table_lines(f"[{table}]", keys[table], data.get(table), about[table])
-    name = Key("name", f"of the axis: {', '.join(names)}", f'"{names[0]}"')
+    name = Key("name", f"name of the axis: {', '.join(names)}", f'"{names[0]}"')
     for one in data.get("axis", ()):
-        own = [Key(key, "its own") for key in one if key != "name"]
-        yield from table_lines("[[axis]]", [name, *own], one, about["axis"])
+        others = [Key(key, "value of this axis") for key in one if key != "name"]
+        yield from table_lines("[[axis]]", [name, *others], one, about["axis"])
     if not data.get("axis"):
         own_table = "rotary" if machine.axes[0].kind == "rotary" and "rotary" in keys else "axes"
         faster = next(key for key in keys[own_table] if key.name == "max_speed")
-        yield from table_lines("[[axis]]", [name, replace(faster, about="its own")], None, about["axis"])
+        yield from table_lines("[[axis]]", [name, replace(faster, about="value of this axis")], None, about["axis"])
     yield from table_lines("[[vibration]]", keys_of(*schema.tables_of("vibration")), None, about["vibration"])
-    wired = [Key(axis, "card, and which of its axes", f'["PCI-8164", {n}]') for n, axis in enumerate(names)]
-    yield from table_lines("[wiring]", wired, data.get("wiring"), "which motion card drives an axis")
+    wired = [Key(axis, "motion card and channel", f'["PCI-8164", {n}]') for n, axis in enumerate(names)]
+    yield from table_lines("[wiring]", wired, data.get("wiring"), about["wiring"])
     for table in ("platform", "legs"):
         if table in keys:
             yield from table_lines(f"[{table}]", keys[table], data.get(table), about[table])
+
+
+def leg_lengths(machine: Machine) -> list[str]:
+    """Return the shortest and the longest leg within travel, rounded outwards to `LENGTH_STEP`."""
+    ends = machine.home_q[:, None] + np.array([axis.travel for axis in machine.axes])
+    shortest = floor(ends.min() / LENGTH_STEP) * LENGTH_STEP
+    longest = ceil(ends.max() / LENGTH_STEP) * LENGTH_STEP
+    return [describe(shortest, "mm"), describe(longest, "mm")]
 
 
 def _with_example(one: Key, points: Any) -> Key:

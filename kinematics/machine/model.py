@@ -337,8 +337,12 @@ class MachineModel(Kind):
     def locate_pose(self, pose: Pose, near: ArrayLike | None = None) -> tuple[Array, Array]:
         """Numbers (N, 12) and coordinates (N, n) of the poses that a caller gives; see `inverse` for what it raises."""
         x = check_pose(self.name, "pose", pose)
+        return x, self.locate_numbers(x, near)
+
+    def locate_numbers(self, x: Array, near: ArrayLike | None = None) -> Array:
+        """Find the coordinates (N, n) of pose numbers (N, 12). Raises as `inverse`."""
         refuse_uncontrolled(self, x)
-        return x, self._locate_numbers(x, self._check_near(near))
+        return self._locate_numbers(x, self._check_near(near))
 
     def _locate_numbers(self, x: Array, chosen: Array) -> Array:
         """Coordinates (N, n) of pose numbers (N, 12) near chosen (n,). Raises OutOfReach."""

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from kinematics.foundation.arrays import Array, numeric_array
 from kinematics.foundation.errors import MotionError, OutOfReach
+from kinematics.foundation.rotations import find_vectors
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform, Rotation
@@ -192,6 +193,16 @@ def straight_parameters(start: Pose, end: Pose, length: Array | float) -> Array:
     return np.concatenate(
         [np.broadcast_to(p0, p1.shape), (p1 - p0) / length[:, None], first, axis, (angle / length)[:, None]], 1
     )
+
+
+def straight_numbers(start: Array, end: Array) -> Array:
+    """Return the parameters (N, 19) over s in [0, 1] for pose numbers (12) or (N, 12) of both ends."""
+    start, end = np.broadcast_arrays(*np.atleast_2d(start, end))
+    first, last = (x[:, 3:].reshape(-1, 3, 3) for x in (start, end))
+    vector = find_vectors(first.swapaxes(1, 2) @ last)
+    angle = np.linalg.norm(vector, axis=1)[:, None]
+    axis = np.where(angle > 0, vector / np.where(angle > 0, angle, 1.0), [0.0, 0.0, 1.0])
+    return np.concatenate([start[:, :3], end[:, :3] - start[:, :3], start[:, 3:], axis, angle], 1)
 
 
 def axis_angle(start: Rotation, end: Rotation) -> tuple[Array, Array]:

@@ -28,12 +28,12 @@ from planner.limits.geometric import Travel
 from planner.limits.limit import Limit, Term
 from planner.limits.registry import make_own_limits
 from planner.limits.resonance import Resonance
-from planner.path.actuation import ActuatorPath, MachinePath, actuate
+from planner.path.actuation import ActuatorPath, MachinePath, actuate, has_constant_speed
 from planner.plan import Plan
 from planner.program.joins import stop_at_joins
 from planner.program.model import MIN_MOVE, MovingSegment, Program
 from planner.timing.certified_solve import certified_solve
-from planner.timing.grid import make_grid
+from planner.timing.grid import Task, make_grid
 from planner.timing.order2.closed_form import straight
 from planner.timing.problem import Block, Problem, Run
 from planner.timing.profile import Profile
@@ -87,7 +87,8 @@ class ClassicalFamily:
     shapes: Shapes
     uniform: bool = True
 
-    def solve(self, path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolution:
+    def solve(self, task: Task) -> RunSolution:
+        path, limits, run = task.path, task.limits, task.run
         if self.shapes in (TRAPEZOID, S_CURVE) and (exact := _find_straight(path, limits, run)) is not None:
             return RunSolution("solved", exact, maker=self.shapes.name)
         intervals = max(MIN_INTERVALS, int(PER_RADIAN * path.turns[run.first : run.last + 1].sum()))
@@ -100,11 +101,9 @@ class ClassicalFamily:
         duration = (1 - (FINE_SPEED_EXCESS if rows.mixed else SPEED_EXCESS)) * rows.required_duration(unit)
         return RunSolution("solved", unit.stretch(breaks, run.first, duration), maker=self.shapes.name)
 
-    def tighten(
-        self, path: ActuatorPath, limits: Sequence[Limit], solution: RunSolution, use: Mapping[str, Array]
-    ) -> RunSolution:
+    def tighten(self, task: Task, solution: RunSolution, use: Mapping[str, Array]) -> RunSolution:
         """The same shape, slower: only time scales it."""
-        slowness = required_slowness(limits, use) * (1 + SLOWING_MARGIN)
+        slowness = required_slowness(task.limits, use) * (1 + SLOWING_MARGIN)
         return replace(solution, profile=solution.profile.slowed(slowness))
 
 
@@ -241,8 +240,8 @@ def _block_time(block: Block, interval: np.ndarray, values: Mapping[Term, Array]
     for _ in range(BISECTIONS_OF_SPEED):
         time = float(np.sqrt(low * high))
         total: Array = np.sum([part / time**power for power, part in parts.items()], axis=0)
-        if block.about is not None:  # rows that speak near some motions only
-            low_v, high_v = (values[interval] for values in block.about[:2])
+        if block.speed_range is not None:  # rows that count near some motions only
+            low_v, high_v = (values[interval] for values in block.speed_range[:2])
             total = np.where((low_v <= v[:, None] / time) & (v[:, None] / time < high_v), total, 0.0)
         kept = block.share(total).max() <= 1
         low, high = (low, time) if kept else (time, high)
@@ -340,7 +339,7 @@ def _stopping_path(plan: Plan | Course) -> tuple[MachinePath, tuple[Limit, ...]]
     It is one path for all kinds, and the plan's own if that stops so, since what place alone asks is proved once for
     each path.
     """
-    free = all(plan.path.constant(piece) is None for piece in range(len(plan.path.breaks) - 1))
+    free = not has_constant_speed(plan.path)
     if free and plan.path.stops(2).all() and plan.path.end_speeds == (0.0, 0.0):
         return plan.path, tuple(limit for limit in plan.limits if limit.geometric)
     if plan.path not in _STOPPING_PATHS:

@@ -71,7 +71,7 @@ def sample_nodes(trajectory: Trajectory, span: Span, t: Array) -> Nodes:
     pieces = span.pieces
     breaks = span.breaks
     k = np.clip(trajectory.locate(t), pieces[0], pieces[-1])
-    s, v, b = _sample(trajectory, k, t - trajectory.knots[k])
+    s, v, b = trajectory.advance(k, t - trajectory.knots[k])
 
     distance = np.abs(s - breaks[np.searchsorted((breaks[1:] + breaks[:-1]) / 2, s)])
     clear = distance > 1e-10 * np.diff(breaks).min()
@@ -85,13 +85,6 @@ def sample_nodes(trajectory: Trajectory, span: Span, t: Array) -> Nodes:
     piece = span.first + np.clip(within, 0, len(breaks) - 2)
     a = np.maximum(v[chosen], 0.0) ** 2
     return Nodes(places, a, b[chosen], np.maximum.accumulate(t[chosen]), piece)
-
-
-def _sample(trajectory: Trajectory, k: np.ndarray, tau: Array) -> tuple[Array, Array, Array]:
-    """Return s, ṡ and s̈ at times τ after the start of time pieces k."""
-    v, a, j = trajectory.v[k], trajectory.a[k], trajectory.j[k]
-    s = trajectory.s[k] + tau * (v + tau * (a / 2 + tau * j / 6))
-    return s, v + tau * (a + tau * j / 2), a + tau * j
 
 
 def thin_nodes(nodes: Nodes, most: int) -> Nodes:
@@ -140,7 +133,7 @@ def guess_motion(trajectory: Trajectory, nodes: Nodes, length: float, time: floa
 
     k = np.repeat(trajectory.locate(ends.mean(1))[:, None], 2, 1)
     tau = np.clip(instants - trajectory.knots[k], 0.0, np.diff(trajectory.knots)[k])
-    _, v, b = _sample(trajectory, k, tau)
+    _, v, b = trajectory.advance(k, tau)
     v = np.maximum(v, 0.05 * mean[:, None]) * SLOWER * time / length
     b = SLOWER**2 * b * time**2 / length
     c = SLOWER**3 * trajectory.j[k] * time**3 / length / v

@@ -50,7 +50,7 @@ class DualCells(NamedTuple):
     """M cells on n axes, scaled so that times and lengths are near 1.
 
     width (M,); q (M, 2, 3, n): q′, q″, q‴ at both ends; y (M, 2) of the speed row
-    acceleration, jerk (2, n): towards greater and smaller values, ∞ where there is none
+    acceleration, jerk (2, n): towards greater and smaller values, ∞ without a limit
     root (M, 2): about √a
     given (2, 2): a and b at the start and at the end; free (M+1, 2): nodes at which λ shall be 0
     """
@@ -314,15 +314,15 @@ def _solve_newton(
 
 def _solve_small(matrices: Array, right: Array) -> Array:
     """Solve symmetric systems (K, 3, 3), of which the upper half counts, by L D Lᵀ: right (K, 3, N)."""
-    own = np.maximum(np.einsum("kii->ki", matrices), 0.0)
-    own[own == 0] = 1.0  # where the path stands, nothing tells b and c
-    least = LEAST_PIVOT * own
+    diagonal = np.maximum(np.einsum("kii->ki", matrices), 0.0)
+    diagonal[diagonal == 0] = 1.0  # where q′ = 0, the cost does not depend on b and c
+    least = LEAST_PIVOT * diagonal
     m01, m02, m12 = matrices[:, 0, 1], matrices[:, 0, 2], matrices[:, 1, 2]
-    d0 = own[:, 0]
+    d0 = diagonal[:, 0]
     l10, l20 = m01 / d0, m02 / d0
-    d1 = np.maximum(own[:, 1] - l10 * m01, least[:, 1])
+    d1 = np.maximum(diagonal[:, 1] - l10 * m01, least[:, 1])
     l21 = (m12 - l20 * m01) / d1
-    d2 = np.maximum(own[:, 2] - l20 * m02 - l21 * l21 * d1, least[:, 2])
+    d2 = np.maximum(diagonal[:, 2] - l20 * m02 - l21 * l21 * d1, least[:, 2])
 
     y0 = right[:, 0]
     y1 = right[:, 1] - l10[:, None] * y0

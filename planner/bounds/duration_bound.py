@@ -20,6 +20,7 @@ from planner.limits.limit import Limit, Term
 from planner.path.actuation import ActuatorPath
 from planner.path.stands import count_zero_derivatives
 from planner.timing.attempts import solve_run
+from planner.timing.grid import Task
 from planner.timing.problem import split_runs
 from planner.timing.profile import Profile
 from planner.timing.repetition import find_first_equals
@@ -209,7 +210,7 @@ def _bound_without_jerk(case: Case, ends: Ends, least: float) -> SpanBound | Non
     runs = list(pairwise(stops.tolist()))
     profiles = []
     for run in split_runs(path, stops, 2):
-        fastest = solve_run(path, limits, run, 2)
+        fastest = solve_run(Task(path, limits, run, 2))
         if not fastest.solved:
             return None
         profiles.append(fastest.profile)

@@ -3,7 +3,8 @@
 import numpy as np
 from matplotlib.axes import Axes
 
-from kinematics.foundation.figure import PALETTE, draw_bars, literal_label, new_axes
+from kinematics.foundation.figure import draw_bars, literal_label, new_axes
+from kinematics.foundation.line_styles import PALETTE
 from kinematics.foundation.result import draws
 from planner.bounds.limit_worth import ALL, LimitChange, Worth
 

@@ -21,9 +21,9 @@ from planner.bounds.duration_bound import DurationBound
 from planner.bounds.lower_bound import AXIS_ROWS, SPEED_LIMITS
 from planner.bounds.worth import PER_CENT
 from planner.certificate.certify import Certificate
-from planner.limits.limit import Limit, Term
+from planner.limits.limit import Limit, Term, select_timed
 from planner.limits.tool import ToolSpeed
-from planner.path.actuation import ActuatorPath, make_points
+from planner.path.actuation import ActuatorPath, has_constant_speed, make_points
 from planner.timing.certified_solve import Solution, certified_solve
 from planner.trajectory import Trajectory
 
@@ -137,8 +137,7 @@ class Worth(Result):
             raise MotionError(f"by {by:g} must be above -1, as 0.2 for 20 % more")
         chosen, channel, axis = self._find(limit, axis)
         path = self.trajectory.path
-        pieces = range(len(path.breaks) - 1)
-        if isinstance(chosen, ToolSpeed) and any(path.constant(k) is not None for k in pieces):
+        if isinstance(chosen, ToolSpeed) and has_constant_speed(path):
             raise MotionError("a constant speed is what the program asks for: change it there")
         scaled = chosen.scale(1 + by, channel)
         changed = tuple(scaled if each is chosen else each for each in self.constraints)
@@ -149,7 +148,7 @@ class Worth(Result):
 
     def _find(self, limit: str, axis: str) -> tuple[Limit, int | None, str]:
         """Return a limit, its channel (None: all channels), and the axis name of its row."""
-        timed = {each.name: each for each in self.constraints if not each.geometric}
+        timed = {each.name: each for each in select_timed(self.constraints)}
         if limit not in timed:
             known = f"{nearest(limit, timed)}; there are {', '.join(timed)}"
             raise MotionError(f"no limit {limit!r} holds this motion{known}")
@@ -325,9 +324,7 @@ def find_worth(
     speeds = _share_speeds(path, limits, ends, bound)
     rows: list[Row] = []
     unknown = []
-    for limit in limits:
-        if limit.geometric:
-            continue
+    for limit in select_timed(limits):
         if isinstance(limit, AXIS_ROWS):
             kind = AXIS_ROWS.index(type(limit))
             together = bound.worth[:, kind].T

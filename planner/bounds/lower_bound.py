@@ -32,9 +32,9 @@ from kinematics.foundation.kernels import (
 from kinematics.foundation.taylor_model import EPS, Series
 from planner.certificate.enclosure import PLACE_ROUNDING, Enclosure
 from planner.limits.axis import Acceleration, Jerk, PulseRate, Speed
-from planner.limits.limit import AxisLimit, Limit
+from planner.limits.limit import AxisLimit, Limit, select_timed
 from planner.limits.tool import AngularSpeed, ToolLimit, ToolSpeed
-from planner.path.actuation import ActuatorPath
+from planner.path.actuation import ActuatorPath, has_constant_speed
 
 # Limits with a row for each axis.
 AXIS_ROWS = (Acceleration, Jerk)
@@ -168,8 +168,8 @@ def _end_values(series: Series, within: tuple[Array, Array]) -> tuple[Array, Arr
 def find_left_out(path: ActuatorPath, limits: Sequence[Limit]) -> tuple[str, ...]:
     """List the limits that the bound leaves out. It is too low by the time that these cost."""
     known = (*AXIS_ROWS, *SPEED_LIMITS)
-    names = [limit.name for limit in limits if not limit.geometric and not isinstance(limit, known)]
-    if any(path.constant(piece) is not None for piece in range(len(path.breaks) - 1)):
+    names = [limit.name for limit in select_timed(limits) if not isinstance(limit, known)]
+    if has_constant_speed(path):
         names.append("constant speed")
     return tuple(names)
 

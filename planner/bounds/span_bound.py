@@ -184,7 +184,8 @@ def _bound_nodes(case: Case, span: Span, nodes: Nodes) -> SpanBound:
     start = guess_motion(case.trajectory, nodes, problem.length, problem.time)
     if case.order == 2:
         start[:, :, 2] = 0.0
-    first, last = inner.start, inner.stop
+    first = inner.start
+    last = inner.stop
     dual = problem.dual._replace(
         width=problem.dual.width[inner],
         q=problem.dual.q[inner],
@@ -282,7 +283,8 @@ def _scale(problem: _Problem, multipliers: Multipliers) -> tuple[Trial, np.ndarr
 def _prove(problem: _Problem, multipliers: Multipliers) -> SpanBound:
     """Return the bound by multipliers. λ shrinks next to cells that lack a bound."""
     trial, jerky = _scale(problem, multipliers)
-    nodes, bulge = trial.nodes, trial.bulge
+    nodes = trial.nodes
+    bulge = trial.bulge
     out = _bound_all(problem, trial, jerky)
     for n in range(SHRINKAGES):
         weak = ~(out > -np.inf)
@@ -353,7 +355,8 @@ def _find_ends(path: ActuatorPath, order: int, stops: tuple[int | None, int | No
 
 def _find_dead_nodes(rows: RowCells, order: int, inner: slice) -> np.ndarray:
     """Return whether each node (M+1,) touches a cell in which no limited axis surely moves."""
-    ends, off = rows.ends[inner, :, 0], rows.off[inner, 0]
+    ends = rows.ends[inner, :, 0]
+    off = rows.off[inner, 0]
     moves = (np.abs(ends).min(1) > off) & (ends[:, 0] * ends[:, 1] > 0)
     dead = ~(moves & (rows.acceleration.max(0) < np.inf)).any(1)
     if order == 3:

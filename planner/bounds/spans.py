@@ -118,8 +118,7 @@ def _keep_caps(trajectory: Trajectory, limits: Sequence[Limit], pieces: np.ndarr
     used = np.zeros(3 * len(pieces))
     for limit in limits:
         if isinstance(limit, SPEED_LIMITS):
-            value = limit.value(state)
-            use = limit.use(value, value, state.piece).max(1)
+            use = limit.use_at(state).max(1)
             if not isinstance(limit, ToolSpeed):
                 use = np.where(steady, use, 0.0)
             used = np.maximum(used, use)

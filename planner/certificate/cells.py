@@ -49,7 +49,11 @@ class Cells:
         return Cells(self.k[chosen], self.lo[chosen], self.hi[chosen])
 
 
-def evaluate_in_batches(cells: Cells, evaluate: Callable[[Cells], Values], batch: int = CELL_BATCH) -> Values:
+def evaluate_in_batches(
+    cells: Cells,
+    evaluate: Callable[[Cells], Values],
+    batch: int = CELL_BATCH,
+) -> Values:
     """Evaluate at most `batch` cells at a time and join the results. Overflow means: no bound."""
     firsts = range(0, max(len(cells.k), 1), batch)
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):

@@ -23,7 +23,7 @@ from planner.certificate.limit_use import (
     use_at_knots,
 )
 from planner.certificate.resonance_dwell import find_stays
-from planner.limits.limit import Limit, order_of
+from planner.limits.limit import Limit, order_of, select_timed
 from planner.limits.resonance import Resonance
 from planner.place import Place
 from planner.trajectory import Trajectory
@@ -60,18 +60,18 @@ class Certificate(Result):
     def tables(self) -> tuple[Table, ...]:
         """Return the worst proven use of each limit, and where."""
         head = "the certificate holds" if self.holds else "THE CERTIFICATE DOES NOT HOLD"
+        title = f"{head}: value/limit, bounded over continuous time"
+        names = Column("limit", [*self.worst])
         ratios = Column("bound", [*self.worst.values()], form=".7f", up=True)
         where = Place.columns([self.where[name] for name in self.worst])
-        names = Column("limit", [*self.worst])
-        return (
-            Table(
-                f"{head}: value/limit, bounded over continuous time",
-                (names, ratios, *where),
-            ),
-        )
+        return (Table(title, (names, ratios, *where)),)
 
 
-def certify(trajectory: Trajectory, limits: Sequence[Limit], known: ProvedUse | None = None) -> Certificate:
+def certify(
+    trajectory: Trajectory,
+    limits: Sequence[Limit],
+    known: ProvedUse | None = None,
+) -> Certificate:
     """Prove bounds of the use of every limit, and that the trajectory is the whole motion.
 
     It runs the path once, forwards, from rest to rest or between the speeds that the path states
@@ -81,22 +81,27 @@ def certify(trajectory: Trajectory, limits: Sequence[Limit], known: ProvedUse | 
     """
     order = order_of(limits)
     known = None if known is None else known.fit(trajectory)
-    timed = [limit for limit in limits if not limit.geometric]
+    timed = select_timed(limits)
     geometric = [limit for limit in limits if limit.geometric]
     use, attained = prove(trajectory, timed, order, known)
     use |= find_geometric_use(trajectory, geometric)
-    attained |= use_at_knots(trajectory, geometric, known)
+    attained |= use_at_knots(trajectory, geometric)
     where: dict[str, Place] = {}
     for limit in limits:
         # a bound below 1 need not be tight everywhere
         exceeded = not limit.geometric and use[limit.name].max() > 1
         most = use if exceeded else attained
         where[limit.name] = _find_place(trajectory, limit, int(np.argmax(most[limit.name])))
+    others: dict[str, tuple[Array, Array, Place]] = {}
     for limit in limits:
         if isinstance(limit, Resonance) and limit.bands:
-            use[CROSSING], attained[CROSSING], where[CROSSING] = _prove_crossing(trajectory, limit)
+            others[CROSSING] = _prove_crossing(trajectory, limit)
     if np.isfinite(trajectory.constant_speeds).any():
-        use[CONSTANT_SPEED], attained[CONSTANT_SPEED], where[CONSTANT_SPEED] = prove_speed_deviation(trajectory)
+        others[CONSTANT_SPEED] = prove_speed_deviation(trajectory)
+    for name, (bound, value, place) in others.items():
+        use[name] = bound
+        attained[name] = value
+        where[name] = place
     worst = {name: float(values.max()) for name, values in use.items()}
     for name, place in (find_jumps(trajectory, order) | find_gaps(trajectory)).items():
         worst[name] = float("inf")
@@ -125,11 +130,8 @@ def _prove_crossing(trajectory: Trajectory, limit: Resonance) -> tuple[Array, Ar
     longest = max(stays, key=lambda stay: stay.use, default=None)
     if longest is None:
         return use, attained, place_at(trajectory, 0.0, "")
-    return (
-        use,
-        attained,
-        place_at(trajectory, longest.start, limit.channels[longest.band.axis]),
-    )
+    axis = limit.channels[longest.band.axis]
+    return use, attained, place_at(trajectory, longest.start, axis)
 
 
 def find_place(trajectory: Trajectory, limits: Sequence[Limit], name: str, k: int) -> Place:
@@ -140,13 +142,13 @@ def find_place(trajectory: Trajectory, limits: Sequence[Limit], name: str, k: in
     limit = next((limit for limit in limits if limit.name == name), None)
     if limit is not None:
         return _find_place(trajectory, limit, k)
-    return trajectory.path.place(float(trajectory.s[k]), int(trajectory.piece[k]), float(trajectory.knots[k]))
+    return trajectory.path.place(trajectory.s[k], trajectory.piece[k], trajectory.knots[k])
 
 
 def _find_place(trajectory: Trajectory, limit: Limit, k: int) -> Place:
     """Return where in time piece k, and in which channel, a limit is used most."""
     length = trajectory.knots[k + 1] - trajectory.knots[k]
     state = trajectory.within(np.full(SAMPLES, k), length * np.linspace(0.0, 1.0, SAMPLES))
-    value = limit.value(state)
-    row, channel = np.unravel_index(int(np.argmax(limit.use(value, value, state.piece))), value.shape)
+    use = limit.use_at(state)
+    row, channel = np.unravel_index(int(np.argmax(use)), use.shape)
     return place_at(trajectory, float(state.t[row]), limit.channels[int(channel)])

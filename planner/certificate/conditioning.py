@@ -39,18 +39,21 @@ class Conditioning:
         if self.value >= POOR_CONDITIONING:
             return ""
         return (
-            f"near a singular pose at {self.place}: conditioning {self.value:.2g}, below {POOR_CONDITIONING:g}; small "
-            "errors of the axes are large errors of the tool there, or small motions of the tool large ones of the axes"
+            f"near a singular pose at {self.place}: conditioning {self.value:.2g}, below "
+            f"{POOR_CONDITIONING:g}; small errors of the axes are large errors of the tool there, "
+            "or small motions of the tool large ones of the axes"
         )
 
 
 def find_poorest(path: MachinePath) -> Conditioning:
     """Return the poorest conditioning of a path that has no singular pose."""
     s, piece, jacobian = sample_jacobian(path)
-    singular = np.linalg.svd(np.nan_to_num(jacobian, nan=0.0, posinf=0.0, neginf=0.0), compute_uv=False)
-    ratio = singular[:, -1] / np.where(singular[:, 0] > 0, singular[:, 0], 1.0)
+    finite = np.where(np.isfinite(jacobian), jacobian, 0.0)
+    singular = np.linalg.svd(finite, compute_uv=False)
+    largest = singular[:, 0]
+    ratio = singular[:, -1] / np.where(largest > 0, largest, 1.0)
     worst = int(ratio.argmin())
-    return Conditioning(float(ratio[worst]), path.place(float(s[worst]), int(piece[worst])))
+    return Conditioning(float(ratio[worst]), path.place(s[worst], piece[worst]))
 
 
 def has_one_sign(path: MachinePath) -> bool:

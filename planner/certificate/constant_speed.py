@@ -51,8 +51,8 @@ def find_stretches(trajectory: Trajectory, use: Array) -> tuple[Stretch, ...]:
     for first, last in zip(edges[::2].tolist(), (edges[1::2] - 1).tolist(), strict=True):
         start, end = (float(trajectory.knots[k]) for k in (first, last + 1))
         s = float(trajectory.s[last] + trajectory.v[last] * (end - trajectory.knots[last]))
-        since = path.place(float(trajectory.s[first]), int(trajectory.piece[first]), start)
-        until = path.place(s, int(trajectory.piece[last]), end)
+        since = path.place(trajectory.s[first], trajectory.piece[first], start)
+        until = path.place(s, trajectory.piece[last], end)
         deviation = SPEED_TOLERANCE * float(use[first : last + 1].max())
         stretches.append(Stretch(float(speed[first]), deviation, since, until))
     return tuple(stretches)
@@ -75,8 +75,9 @@ class SpeedDeviation(Limit):
 
     def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:
         speed = self.speeds[piece][:, None]
-        deviations = [np.abs(np.sqrt(np.maximum(square, 0.0)) / speed - 1) for square in (low, high)]
-        return np.asarray(np.maximum(*deviations) / SPEED_TOLERANCE)
+        slowest, fastest = (np.sqrt(np.maximum(square, 0.0)) for square in (low, high))
+        deviation = np.maximum(np.abs(slowest / speed - 1), np.abs(fastest / speed - 1))
+        return np.asarray(deviation / SPEED_TOLERANCE)
 
     def tight(self, met: Array) -> float:
         """Any bound up to 1 will do."""
@@ -96,4 +97,4 @@ def prove_speed_deviation(trajectory: Trajectory) -> tuple[Array, Array, Place]:
     proof.run(cells, (bound[0], attained[0]))
     worst = int(np.argmax(proof.use))
     s, piece, t = (values[worst] for values in (trajectory.s, trajectory.piece, trajectory.knots))
-    return proof.use, proof.attained, path.place(float(s), int(piece), float(t), "tool")
+    return proof.use, proof.attained, path.place(s, piece, t, "tool")

@@ -11,8 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.kernels import Floats1, Floats2, Floats3, kernel
-from planner.path.actuation import ActuatorPath
+from planner.path.actuation import ActuatorPath, has_constant_speed
 from planner.path.polynomial import PolynomialPath
 from planner.place import Place
 from planner.trajectory import Trajectory
@@ -33,6 +32,7 @@ VALUE_ROUNDING = 64 * float(np.finfo(float).eps)
 STATE_BATCH = 1 << 14
 
 
+@np.errstate(invalid="ignore", over="ignore")  # an undefined jump counts as infinite
 def find_jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
     """Return each quantity that is not continuous, or at an end not as stated, and where it jumps
     most.
@@ -43,29 +43,36 @@ def find_jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
     trajectory = _leave_out_instants(trajectory)
     path = trajectory.path
     shape = order, len(path.names)
+    worst = largest = np.full(shape, -np.inf)
+    least = np.full(shape, np.inf)
+    at = np.zeros(shape, int)
     before, final = _states_at_ends(path, order)
-    jumps = np.stack([np.full(shape, -np.inf), np.zeros(shape)])
-    extremes = np.stack([np.full(shape, np.inf), np.full(shape, -np.inf)])
     for first, stop in _batches(trajectory.piece):
-        start, end = _states_of_pieces(trajectory, slice(first, stop), extremes)
+        start, end = _states_of_pieces(trajectory, slice(first, stop), order)
+        for values in (start[:order], end[:order]):
+            least = np.fmin(least, np.fmin.reduce(values, axis=1))
+            largest = np.fmax(largest, np.fmax.reduce(values, axis=1))
         if first == 0:
             before[0] = start[0, 0]
         before = np.concatenate([before[:, None], end], 1)
         if stop == len(trajectory.s):
             final[0] = end[0, -1]
             start = np.concatenate([start, final[:, None]], 1)
-        blur = INSTANT_ROUNDING * trajectory.knots[first : first + start.shape[1]]
-        measure_jumps(before, start, blur, first, jumps)
+        count = start.shape[1]
+        blur = INSTANT_ROUNDING * trajectory.knots[first : first + count]
+        jumps = _measure_jumps(before[:, :count], start, blur)
+        most = jumps.max(1)
+        at = np.where(most > worst, first + jumps.argmax(1), at)
+        worst = np.maximum(worst, most)
         before = end[:, -1]
-    worst, at = jumps
-    least, largest = extremes
     scale = largest - least + 1e-6 * np.maximum(np.abs(least), np.abs(largest))
     beyond = worst - MAX_JUMP * scale - AXIS_ROUNDING * scale.max(1, keepdims=True)
     places: dict[str, Place] = {}
     for n, name in enumerate(("position jump", "speed jump", "acceleration jump")[:order]):
         axis = int(np.argmax(beyond[n]))
         if not beyond[n, axis] <= 0:
-            places[name] = place_at(trajectory, float(trajectory.knots[int(at[n, axis])]), path.names[axis])
+            instant = float(trajectory.knots[at[n, axis]])
+            places[name] = place_at(trajectory, instant, path.names[axis])
     return places
 
 
@@ -75,13 +82,11 @@ def _states_at_ends(path: ActuatorPath, order: int) -> tuple[Array, Array]:
     """
     states = np.zeros((2, 2 * order + 1, len(path.names)))
     pieces = np.array([0, len(path.breaks) - 2])
-    for n, (q, q1, q2) in enumerate(zip(*path.derivatives(path.breaks[[0, -1]], pieces, 2), strict=True)):
-        speed = path.end_speeds[n]
-        states[n, :order] = [
-            q,
-            q1 * speed,
-            q1 * path.end_accelerations[n] + q2 * speed**2,
-        ][:order]
+    q, q1, q2 = path.derivatives(path.breaks[[0, -1]], pieces, 2)
+    v = np.array(path.end_speeds)[:, None]
+    a = np.array(path.end_accelerations)[:, None]
+    for n, value in enumerate((q, q1 * v, q1 * a + q2 * v**2)[:order]):
+        states[:, n] = value
     return states[0], states[1]
 
 
@@ -97,96 +102,76 @@ def _batches(piece: np.ndarray) -> Iterator[tuple[int, int]]:
         first = stop
 
 
-def _states_of_pieces(trajectory: Trajectory, own: slice, extremes: Array) -> tuple[Array, Array]:
-    """Return the states (2 order+1, M, n) where time pieces start, and where they end: see
-    `fill_states`.
-    """
-    order = extremes.shape[1]
+def _states_of_pieces(trajectory: Trajectory, own: slice, order: int) -> tuple[Array, Array]:
+    """Return the states (2 order+1, M, n) where time pieces start, and where they end."""
     piece = trajectory.piece[own]
-    h, v, a, j = (
-        np.diff(trajectory.knots)[own],
-        trajectory.v[own],
-        trajectory.a[own],
-        trajectory.j[own],
-    )
-    start, end = _derive_at_starts_and_ends(trajectory, own, order)
+    v = trajectory.v[own]
+    a = trajectory.a[own]
+    j = trajectory.j[own]
+    last, last_v, last_a = trajectory.advance(own, np.diff(trajectory.knots)[own])
+    start, end = _derive_at_starts_and_ends(trajectory, own, last, order)
     first = np.flatnonzero(np.diff(piece, prepend=-1))
     rounding = VALUE_ROUNDING * np.maximum.reduceat(np.abs(start[:3]), first, axis=1)
     if isinstance(trajectory.path, PolynomialPath):  # its coefficients are rounded too
         rounding = np.maximum(trajectory.path.rounding[:, piece[first]], rounding)
     rounding = np.repeat(rounding, np.diff(np.append(first, len(piece))), axis=1)
-    states = np.empty((2, 2 * order + 1, *start.shape[1:]))
-    fill_states(start, rounding, np.stack([v, a, j]), states[0], extremes)
-    fill_states(
-        end,
-        rounding,
-        np.stack([v + h * (a + h * j / 2), a + h * j, j]),
-        states[1],
-        extremes,
+    return (
+        _find_states(start, rounding, (v, a, j)),
+        _find_states(end, rounding, (last_v, last_a, j)),
     )
-    return states[0], states[1]
 
 
-@kernel
-def fill_states(slopes: Floats3, rounding: Floats3, motion: Floats2, states: Floats3, extremes: Floats3) -> None:
-    """Fill states (2 order+1, N, n) with q, q̇, … up to the order-th derivative, and the rounding
-    of all but that.
+def _find_states(slopes: Array, rounding: Array, rates: tuple[Array, Array, Array]) -> Array:
+    """Return q, q̇, … up to the order-th derivative, and the rounding of all but that.
 
     q̇ = q′ ṡ,  q̈ = q′ s̈ + q″ ṡ²,  q⃛ = q′ s⃛ + 3 q″ ṡ s̈ + q‴ ṡ³. The rounding of q, q′, q″
     enters likewise: near rest, where q′ is almost zero, a large s̈ multiplies it.
 
-    slopes (order+1, N, n) q, q′, …; rounding (3, N, n); motion (3, N) ṡ, s̈, s⃛
-    extremes (2, order, n)  grow to contain the values
+    slopes (order+1, N, n) q, q′, …; rounding (3, N, n); rates ṡ, s̈, s⃛ (N,)
     """
-    order = len(slopes) - 1
-    for k in range(slopes.shape[1]):
-        v, a, j = motion[0, k], motion[1, k], motion[2, k]
-        for c in range(slopes.shape[2]):
-            q1, q2 = slopes[1, k, c], slopes[2, k, c]
-            states[0, k, c] = slopes[0, k, c]
-            states[1, k, c] = q1 * v
-            states[2, k, c] = q1 * a + q2 * v * v
-            if order == 3:
-                states[3, k, c] = q1 * j + 3 * q2 * v * a + slopes[3, k, c] * v * v * v
-                states[6, k, c] = rounding[1, k, c] * abs(a) + rounding[2, k, c] * v * v
-            states[order + 1, k, c] = rounding[0, k, c]
-            states[order + 2, k, c] = rounding[1, k, c] * abs(v)
-            for n in range(order):
-                extremes[0, n, c] = min(extremes[0, n, c], states[n, k, c])
-                extremes[1, n, c] = max(extremes[1, n, c], states[n, k, c])
+    v, a, j = (rate[:, None] for rate in rates)
+    square = v * v
+    q, q1, q2, *third = slopes
+    states = [q, q1 * v, q1 * a + q2 * square]
+    states += [q1 * j + q2 * (3 * v * a) + q3 * (square * v) for q3 in third]
+    errors = [
+        rounding[0],
+        rounding[1] * np.abs(v),
+        rounding[1] * np.abs(a) + rounding[2] * square,
+    ]
+    return np.stack([*states, *errors[: len(states) - 1]])
 
 
-@kernel
-def measure_jumps(before: Floats3, after: Floats3, blur: Floats1, first: int, jumps: Floats3) -> None:
-    """Grow jumps (2, order, n): the largest that rounding does not explain, and its knot, counted
-    on from `first`.
+def _measure_jumps(before: Array, after: Array, blur: Array) -> Array:
+    """Return the jumps (order, N, n) that rounding does not explain; ∞ where one is undefined.
 
-    before, after (2 order+1, ≥ N, n)  states on the two sides of N knots: see `fill_states`
-    blur (N,) s                        rounding of the instants, in which a value changes by its
-    derivative
+    before, after (2 order+1, N, n)  states on the two sides of N knots: see `_find_states`
+    blur (N,) s  rounding of the instants, in which a value changes by its derivative
     """
-    order = jumps.shape[1]
-    for k in range(len(blur)):
-        for c in range(jumps.shape[2]):
-            for n in range(order):
-                drift = blur[k] * max(abs(before[n + 1, k, c]), abs(after[n + 1, k, c]))
-                rounding = max(before[order + 1 + n, k, c], after[order + 1 + n, k, c])
-                jump = abs(after[n, k, c] - before[n, k, c]) - drift - rounding
-                if not jump <= jumps[0, n, c]:
-                    jumps[0, n, c] = np.inf if np.isnan(jump) else jump
-                    jumps[1, n, c] = first + k
+    order = len(before) // 2
+    rates = np.maximum(np.abs(before[1 : order + 1]), np.abs(after[1 : order + 1]))
+    rounding = np.maximum(before[order + 1 :], after[order + 1 :])
+    jumps = np.abs(after[:order] - before[:order]) - blur[:, None] * rates - rounding
+    return np.where(np.isnan(jumps), np.inf, jumps)
 
 
-def _derive_at_starts_and_ends(trajectory: Trajectory, own: slice, order: int) -> tuple[Array, Array]:
-    """Return q, q′, q″ (and q‴ at order 3), (order + 1, M, n), where time pieces start, and where
-    they end.
+def _derive_at_starts_and_ends(
+    trajectory: Trajectory,
+    own: slice,
+    last: Array,
+    order: int,
+) -> tuple[Array, Array]:
+    """Return q, q′, q″ (and q‴ at order 3), (order + 1, M, n), where time pieces start and end.
+
+    last  (M,) path lengths at which they end
 
     A piece ends where the next one starts, but for rounding δ. On the same piece of path the values
     there are those at the next start plus δ times the next derivative.
     """
-    path, piece, s = trajectory.path, trajectory.piece[own], trajectory.s[own]
+    path = trajectory.path
+    piece = trajectory.piece[own]
+    s = trajectory.s[own]
     start = np.stack(path.derivatives(s, piece, order))
-    last = piece_end_lengths(trajectory, own)
     ahead = last - np.append(s[1:], np.nan)
     near = (np.abs(ahead) <= INSTANT_ROUNDING * np.abs(last)) & (piece == np.append(piece[1:], -1))
     end = np.roll(start, -1, axis=1)
@@ -203,27 +188,32 @@ def find_gaps(trajectory: Trajectory) -> dict[str, Place]:
     A part is left out where a time piece does not begin where the previous one ends. Up to a share
     of the path, over all knots together, that is rounding.
     """
-    path, knots = trajectory.path, trajectory.knots
+    path = trajectory.path
+    knots = trajectory.knots
     disorder = np.append(knots[0] != 0, ~(np.isfinite(knots[1:]) & (np.diff(knots) >= 0)))
     if disorder.any():
         k = max(int(np.argmax(disorder)) - 1, 0)
-        return {"time out of order": path.place(float(trajectory.s[k]), int(trajectory.piece[k]))}
+        return {"time out of order": path.place(trajectory.s[k], trajectory.piece[k])}
     trajectory = _leave_out_instants(trajectory)
-    h, v, a, j = np.diff(trajectory.knots), trajectory.v, trajectory.a, trajectory.j
-    last_speed = v + h * (a + h * j / 2)
+    h = np.diff(trajectory.knots)
+    v = trajectory.v
+    a = trajectory.a
+    j = trajectory.j
+    end, last_speed, last_acceleration = trajectory.advance(slice(None), h)
     with np.errstate(divide="ignore", invalid="ignore"):
         turns = (j > 0) & (-a / j > 0) & (-a / j < h)
         turn = np.where(turns, v - a**2 / (2 * j), np.inf)  # least ṡ inside a piece
     slowest = np.minimum(np.minimum(v, last_speed), turn)
-    s, end = trajectory.s, piece_end_lengths(trajectory)
+    s = trajectory.s
     allowed = MAX_JUMP * float(path.breaks[-1] - path.breaks[0])
     # how far, and by how much faster, the motion goes while an instant is rounded
     blur = INSTANT_ROUNDING * trajectory.knots[1:]
     drift = blur * np.abs(last_speed)
-    gain = blur * np.abs(a + h * j)
+    gain = blur * np.abs(last_acceleration)
     slack = allowed + drift
     gap = np.maximum(np.abs(np.append(s[1:], end[-1]) - end) - drift, 0.0)
-    low, high = path.breaks[trajectory.piece], path.breaks[trajectory.piece + 1]
+    low = path.breaks[trajectory.piece]
+    high = path.breaks[trajectory.piece + 1]
     number = np.arange(len(s))
     wrong = {
         "start off the path's": (number == 0) & ~(np.abs(s - path.breaks[0]) <= slack),
@@ -277,11 +267,13 @@ def _find_lost_speeds(trajectory: Trajectory) -> np.ndarray:
     """
     path = trajectory.path
     lost = np.zeros(len(trajectory.s), bool)
-    speeds = [path.constant(piece) for piece in range(len(path.breaks) - 1)]
-    if not any(speed is not None for speed in speeds):
+    if not has_constant_speed(path):
         return lost
-    places = [path.place(s, piece) for piece, s in enumerate(path.breaks[:-1].tolist())]
-    segments = [(speed, place.segment, place.repetition) for speed, place in zip(speeds, places, strict=True)]
+    speeds = [path.constant(piece) for piece in range(len(path.breaks) - 1)]
+    segments = []
+    for piece, speed in enumerate(speeds):
+        place = path.place(path.breaks[piece], piece)
+        segments.append((speed, place.segment, place.repetition))
     number = np.cumsum([0, *(one != other for one, other in pairwise(segments))])[trajectory.piece]
     constant = np.isfinite(trajectory.constant_speeds)
     for segment in np.unique(number):
@@ -292,16 +284,15 @@ def _find_lost_speeds(trajectory: Trajectory) -> np.ndarray:
     return lost
 
 
-def piece_end_lengths(trajectory: Trajectory, chosen: slice = slice(None)) -> Array:
+def piece_end_lengths(trajectory: Trajectory) -> Array:
     """Return the path lengths (M,) at which the time pieces end."""
-    h = np.diff(trajectory.knots)[chosen]
-    v, a, j = trajectory.v[chosen], trajectory.a[chosen], trajectory.j[chosen]
-    return np.asarray(trajectory.s[chosen] + h * (v + h * (a / 2 + h * j / 6)))
+    ends, _, _ = trajectory.advance(slice(None), np.diff(trajectory.knots))
+    return ends
 
 
 def place_at(trajectory: Trajectory, t: float, axis: str) -> Place:
     """Return the place of the motion at instant t."""
-    k = int(trajectory.locate(np.array([t]))[0])
+    k = trajectory.locate(np.array([t]))
     tau = min(max(t, 0.0), trajectory.duration) - trajectory.knots[k]
-    s = trajectory.s[k] + tau * (trajectory.v[k] + tau * (trajectory.a[k] / 2 + tau * trajectory.j[k] / 6))
-    return trajectory.path.place(float(s), int(trajectory.piece[k]), t, axis)
+    s, _, _ = trajectory.advance(k, tau)
+    return trajectory.path.place(s[0], trajectory.piece[k[0]], t, axis)

@@ -1,4 +1,4 @@
-"""Enclosure of a motion over cells of time, at two levels of accuracy behind one interface.
+"""Enclosure of a motion over cells of time, at two levels of accuracy, with one interface.
 
 Limits see a `MotionEnclosure`: the quantities of a motion as Taylor models, and a method that bounds
 values computed from them. The coarse level (`planner.certificate.path_enclosure`) gives intervals
@@ -151,8 +151,11 @@ def widen(mid: Array, rad: Array) -> Array:
     """
     size = np.abs(mid) + rad
     count = len(size)
-    spread = [sum((comb(j, k) * size[j] for j in range(k + 1, count)), 0 * size[0]) for k in range(count)]
-    return np.asarray((rad + np.stack(spread)) * (1 + 8 * EPS))
+    spread = np.zeros_like(size)
+    for k in range(count):
+        for j in range(k + 1, count):
+            spread[k] += comb(j, k) * size[j]
+    return np.asarray((rad + spread) * (1 + 8 * EPS))
 
 
 def expand_motion(trajectory: Trajectory, cells: Cells) -> tuple[Array, Array, Array]:
@@ -252,7 +255,12 @@ def bound_polynomials(polynomial: Array) -> tuple[Array, Array]:
     return (low - beyond).reshape(shape), (high + beyond).reshape(shape)
 
 
-def bound_distances(bodies: Bodies, ends: Array, error: Array, rates: Sequence[Array]) -> tuple[Array, Array]:
+def bound_distances(
+    bodies: Bodies,
+    ends: Array,
+    error: Array,
+    rates: Sequence[Array],
+) -> tuple[Array, Array]:
     """Return bounds low and high (N, k) of distances d over cells τ ∈ [−1, 1].
 
     With the largest change V over a cell and the largest bend K (see `Bodies`):
@@ -268,10 +276,12 @@ def bound_distances(bodies: Bodies, ends: Array, error: Array, rates: Sequence[A
     spin = swing / np.sqrt(2)
     farthest = 2 * speed + shift, 2 * spin + twist
     # a rounded rotation matrix is not quite a rotation: twice the change allows for that
-    rounding = bodies.change(ends[0], 2 * shift, 2 * twist) + 64 * EPS * (1 + np.abs(ends[0]).max(1))[:, None]
+    size = 1 + np.abs(ends[0]).max(1)
+    rounding = bodies.change(ends[0], 2 * shift, 2 * twist) + 64 * EPS * size[:, None]
     change = bodies.change(ends[0], *farthest) / 2
     middle = (start + end) / 2
-    bend = bodies.bend(ends[0], *farthest, middle - change - rounding, (speed, spin), _norms(rates[1]))
+    nearest = middle - change - rounding
+    bend = bodies.bend(ends[0], *farthest, nearest, (speed, spin), _norms(rates[1]))
     low = np.maximum(middle - change, np.minimum(start, end) - bend / 2)
     return low - rounding, middle + change + rounding
 
@@ -280,5 +290,6 @@ def _norms(numbers: Array) -> tuple[Array, Array]:
     """Return upper bounds (N,) of the norm of the origin and the Frobenius norm of the rotation of
     (N, 12) numbers.
     """
-    origin, rotation = (np.linalg.norm(part, axis=1) * (1 + 16 * EPS) for part in (numbers[:, :3], numbers[:, 3:]))
-    return origin, rotation
+    origin = np.linalg.norm(numbers[:, :3], axis=1)
+    rotation = np.linalg.norm(numbers[:, 3:], axis=1)
+    return origin * (1 + 16 * EPS), rotation * (1 + 16 * EPS)

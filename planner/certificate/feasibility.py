@@ -81,7 +81,8 @@ def _is_nonsingular(path: MachinePath, middle: Array, half: Array, piece: np.nda
     # the centres of all cells, then the whole cells
     spread = np.concatenate([np.zeros(count), half])
     s = Series(np.tile(np.stack([middle, half]), 2), np.stack([spread, np.zeros(2 * count)]), 2)
-    with np.errstate(over="ignore", invalid="ignore"):  # metres beyond reach: unbounded, which proves nothing
+    # metres beyond reach it is unbounded, which proves nothing
+    with np.errstate(over="ignore", invalid="ignore"):
         jacobian = path.jacobian(s, np.tile(piece, 2)).pad(2)
     shape = (3, 2, count, len(path.names), -1)
     mid = jacobian.mid.reshape(shape)
@@ -120,37 +121,31 @@ class Standing(Result):
 
     def tables(self) -> tuple[Table, ...]:
         """Return the largest use of each limit and where, the violations below; the blends."""
-        uses = Table(
-            "largest use of each limit, proved along the path",
-            (
-                Column("limit", [*self.largest]),
-                Column(
-                    "bound",
-                    [use for use, _ in self.largest.values()],
-                    form=".7f",
-                    up=True,
-                ),
-                *Place.columns([place for _, place in self.largest.values()]),
-            ),
-            (*map(str, self.violations), *self.warnings, *self._describe_stops()),
+        bounds = [use for use, _ in self.largest.values()]
+        places = [place for _, place in self.largest.values()]
+        columns = (
+            Column("limit", [*self.largest]),
+            Column("bound", bounds, form=".7f", up=True),
+            *Place.columns(places),
         )
+        notes = [*map(str, self.violations), *self.warnings]
+        stops = "" if self.avoidable is None else self.avoidable.describe()
+        if stops:
+            notes.append(f"stops: {stops}")
+        title = "largest use of each limit, proved along the path"
         return (
-            uses,
+            Table(title, columns, tuple(notes)),
             *fit_tables(self.fit),
             *blend_tables(self.blends),
             *departure_tables(self.departures),
             *overshoot_tables(self.overshoots),
         )
 
-    def _describe_stops(self) -> tuple[str, ...]:
-        stops = "" if self.avoidable is None else self.avoidable.describe()
-        return (f"stops: {stops}",) if stops else ()
-
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings that break no limit: a pose near a singular one, a spline far from its points."""
         near = "" if self.conditioning is None else self.conditioning.warning
-        return (*((near,) if near else ()), *overshoot_warnings(self.overshoots))
+        return tuple(filter(None, (near, *overshoot_warnings(self.overshoots))))
 
 
 def prove_feasibility(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:
@@ -190,8 +185,9 @@ def _find_lost_reach(path: ActuatorPath, along: Trajectory) -> OutOfReach | None
     if not lost.any():
         return None
     first = int(np.argmax(lost))
-    place = path.place(float(state.along[first]), int(state.piece[first]))
-    axes = ", ".join(name for name, q in zip(path.names, state.q[first], strict=True) if not np.isfinite(q))
+    place = path.place(state.along[first], state.piece[first])
+    finite = np.isfinite(state.q[first])
+    axes = ", ".join(np.array(path.names)[~finite])
     reach = f"no actuator coordinates reach the path at {place}: there is no position of {axes}"
     return OutOfReach(f"{reach}; bring it nearer to home").in_segment(place.segment)
 
@@ -240,7 +236,7 @@ def _sample_part(along: Trajectory, limit: Limit, part: int) -> "list[_Violation
     piece = int(state.piece[0])
     channels = []
     for channel, row in enumerate(uses.argmax(0).tolist()):
-        place = along.path.place(float(state.along[row]), piece, None, limit.channels[channel])
+        place = along.path.place(state.along[row], piece, None, limit.channels[channel])
         use = float(uses[row, channel])
         channels.append(_Violation(limit, channel, piece, use, float(value[row, channel]), place))
     return sorted(channels, key=lambda each: -each.use)
@@ -259,7 +255,13 @@ def _sort_violations(violations: Sequence[_Violation]) -> tuple[Infeasible, ...]
     return tuple(each.make_error() for each in ordered)
 
 
-def limit_violation(limit: Limit, value: float, channel: int, piece: int, place: Place) -> Infeasible:
+def limit_violation(
+    limit: Limit,
+    value: float,
+    channel: int,
+    piece: int,
+    place: Place,
+) -> Infeasible:
     """Return the error of a geometric limit that is exceeded."""
     unit, scale = limit.units[channel]
     reached, allowed = (each * scale for each in limit.report_value(value, channel, piece))

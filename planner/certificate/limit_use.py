@@ -27,8 +27,8 @@ from planner.certificate.path_enclosure import (
     state_at,
     use_in,
 )
-from planner.limits.limit import Limit
-from planner.path.actuation import ActuatorPath
+from planner.limits.limit import Limit, select_timed
+from planner.path.actuation import ActuatorPath, has_constant_speed
 from planner.trajectory import State, Trajectory, unit_speed_trajectory
 
 LIMIT_ROUNDING = 1e-9
@@ -51,10 +51,8 @@ EXPANSION = {2: 6, 3: 8}
 
 @dataclass(frozen=True, slots=True)
 class ProvedUse:
-    """Earlier results, per limit: use and attained of each time piece (M,), NaN where nothing is
-    proved yet.
-
-    Geometric limits have only attained uses here: their bounds are proved along the path.
+    """Earlier results, per limit on time: use and attained of each time piece (M,), NaN where
+    nothing is proved yet.
 
     of  (6, M) that it was proved for: s, ṡ, s̈ at the start, s⃛, duration and path piece of each
         time piece
@@ -66,20 +64,15 @@ class ProvedUse:
 
     @classmethod
     def make_empty(cls, limits: Sequence[Limit], pieces: int) -> "ProvedUse":
-        use = {limit.name: np.full(pieces, np.nan) for limit in limits if not limit.geometric}
-        attained = {limit.name: np.full(pieces, np.nan) for limit in limits}
-        return cls(use, attained, np.full((6, pieces), np.nan))
+        nothing = {limit.name: np.full(pieces, np.nan) for limit in select_timed(limits)}
+        return cls(nothing, nothing, np.full((6, pieces), np.nan))
 
     @classmethod
     def join(cls, parts: "Sequence[ProvedUse]") -> "ProvedUse":
         """Join the results of consecutive time pieces."""
-        use, attained = (
-            {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
-            for tables in (
-                [part.use for part in parts],
-                [part.attained for part in parts],
-            )
-        )
+        names = parts[0].use
+        use = {name: np.concatenate([part.use[name] for part in parts]) for name in names}
+        attained = {name: np.concatenate([part.attained[name] for part in parts]) for name in names}
         return cls(use, attained, np.concatenate([part.of for part in parts], axis=1))
 
     def fit(self, trajectory: Trajectory) -> "ProvedUse":
@@ -89,19 +82,11 @@ class ProvedUse:
         Pieces with other coefficients stay unproved.
         """
         lengths = np.diff(trajectory.knots)
-        own = np.stack(
-            [
-                trajectory.s,
-                trajectory.v,
-                trajectory.a,
-                trajectory.j,
-                self.of[4],
-                trajectory.piece,
-            ]
-        )
+        motion = trajectory.s, trajectory.v, trajectory.a, trajectory.j
+        numbers = np.stack([*motion, self.of[4], trajectory.piece])
         with np.errstate(invalid="ignore"):
             rounded = np.abs(lengths - self.of[4]) <= INSTANT_ROUNDING * trajectory.knots[1:]
-        same = rounded & (own == self.of).all(0)
+        same = rounded & (numbers == self.of).all(0)
         if same.all():
             return self
         use = {name: np.where(same, values, np.nan) for name, values in self.use.items()}
@@ -121,8 +106,16 @@ def prove(
     cells = Cells.cover(trajectory)
     path = trajectory.path
     # stated speeds have to be met exactly
-    stated = max(path.end_speeds) > 0 or any(path.constant(piece) is not None for piece in range(len(path.breaks) - 1))
-    proofs = {limit.name: LimitProof(trajectory, limit, order, reachable=limit.geometric or stated) for limit in limits}
+    stated = max(path.end_speeds) > 0 or has_constant_speed(path)
+    proofs = {
+        limit.name: LimitProof(
+            trajectory,
+            limit,
+            order,
+            reachable=limit.geometric or stated,
+        )
+        for limit in limits
+    }
     if known is not None:
         unknown = np.any([np.isnan(known.use[limit.name]) for limit in limits], axis=0)
         for name, proof in proofs.items():
@@ -140,7 +133,12 @@ def prove(
     return use, {name: proof.attained for name, proof in proofs.items()}
 
 
-def bound_finely(trajectory: Trajectory, limits: Sequence[Limit], order: int, cells: Cells) -> Values:
+def bound_finely(
+    trajectory: Trajectory,
+    limits: Sequence[Limit],
+    order: int,
+    cells: Cells,
+) -> Values:
     """Return bounds of each limit's use over N cells, and the use attained where it seems largest.
 
     Each (limits, N).
@@ -217,15 +215,10 @@ class LimitProof:
         with np.errstate(invalid="ignore"):  # an unbounded cell
             excess = np.nanmax((bound - most) / tolerance, where=loose, initial=1.0)
         # bounds converge with the square of the cell's length at least
-        parts = int(
-            np.clip(
-                np.ceil(np.sqrt(excess)),
-                2,
-                MOST_PARTS if loose.sum() <= FEW_CELLS else 2,
-            )
-        )
-        pieces = np.diff(self.trajectory.knots)[cells.k]
-        if parts * loose.sum() > MAX_CELLS or (cells.lengths < parts * self.least_share * pieces).any():
+        most_parts = MOST_PARTS if loose.sum() <= FEW_CELLS else 2
+        parts = int(np.clip(np.ceil(np.sqrt(excess)), 2, most_parts))
+        least = self.least_share * np.diff(self.trajectory.knots)[cells.k]
+        if parts * loose.sum() > MAX_CELLS or (cells.lengths < parts * least).any():
             loose[:] = False
         return loose, parts
 
@@ -290,37 +283,33 @@ def find_geometric_use(trajectory: Trajectory, limits: Sequence[Limit]) -> dict[
         return {}
     proved = _prove_along(trajectory.path, limits)
     s = np.append(trajectory.s, piece_end_lengths(trajectory)[-1:])
-    slack = MAX_JUMP * (proved.end - proved.s[0])  # by which `find_gaps` lets a motion leave a place out
+    # `find_gaps` lets a motion leave out a place by this much
+    slack = MAX_JUMP * (proved.end - proved.s[0])
     first = np.searchsorted(proved.s, np.minimum(s[:-1], s[1:]) - slack, side="right") - 1
     last = np.searchsorted(proved.s, np.maximum(s[:-1], s[1:]) + slack, side="right")
     ranges = np.stack([np.clip(first, 0, len(proved.s) - 1), np.maximum(last, 1)], 1).ravel()
     return {name: np.maximum.reduceat(np.append(values, 0.0), ranges)[::2] for name, values in proved.use.items()}
 
 
-def use_at_knots(trajectory: Trajectory, limits: Sequence[Limit], known: ProvedUse | None = None) -> dict[str, Array]:
+def use_at_knots(trajectory: Trajectory, limits: Sequence[Limit]) -> dict[str, Array]:
     """Return, per geometric limit, the larger use attained at the two ends of each time piece (M,).
 
     It says where a limit is used most, and proves nothing: some knots are evaluated, then all
-    around the one that uses most. Both sides of a knot are one place. known: earlier results.
+    around the one that uses most. Both sides of a knot are one place.
     """
-    pieces = len(trajectory.s)
-    nothing = np.full(pieces, np.nan)
-    attained = {limit.name: (nothing if known is None else known.attained[limit.name]).copy() for limit in limits}
-    new = np.flatnonzero(np.isnan(attained[limits[0].name])) if limits else np.zeros(0, int)
-    if not len(new):
-        return attained
-    knots = np.union1d(new, new + 1)
-    step = -(-len(knots) // KNOTS_SAMPLED)
-    sampled = knots[np.unique(np.append(np.arange(0, len(knots), step), len(knots) - 1))]
+    count = len(trajectory.s) + 1
+    step = -(-count // KNOTS_SAMPLED)
+    sampled = np.append(np.arange(0, count - 1, step), count - 1)
     states = _state_at_knots(trajectory, sampled)
+    attained = {}
     for limit in limits:
-        use = np.zeros(pieces + 1)
+        use = np.zeros(count)
         use[sampled] = use_in(limit, states)
         if step > 1:
-            best = int(np.searchsorted(knots, sampled[use[sampled].argmax()]))
-            around = knots[max(best - step + 1, 0) : best + step]
+            best = int(use.argmax())
+            around = np.arange(max(best - step + 1, 0), min(best + step, count))
             use[around] = use_in(limit, _state_at_knots(trajectory, around))
-        attained[limit.name][new] = round_reached_use(np.maximum(use[new], use[new + 1]))
+        attained[limit.name] = round_reached_use(np.maximum(use[:-1], use[1:]))
     return attained
 
 

@@ -160,7 +160,8 @@ class GroupEnclosure(IntervalEnclosure):
         rad = rad * (1 + 16 * EPS) + 16 * EPS * np.abs(mid)
         sigma = _merge_balls(mid, rad, self.first)[..., 0]
         pose = self._bound_pose_along(sigma[:, 0], highest)
-        x1, x2 = _take_ball(pose, 1), _take_ball(pose, 2)
+        x1 = _take_ball(pose, 1)
+        x2 = _take_ball(pose, 2)
         speed, growth, jerk = (Series(sigma[:1, n, :, None], sigma[1:, n, :, None], 0) for n in (1, 2, 3))
         rates = [x1 * speed, x1 * growth + x2 * (speed * speed)]
         if highest == 3:
@@ -223,7 +224,12 @@ class _PathSeries:
     piece: np.ndarray
     s: Series
 
-    def enclose(self, interval: np.ndarray, expansion: tuple[Array, Array, Array], highest: int) -> PathEnclosure:
+    def enclose(
+        self,
+        interval: np.ndarray,
+        expansion: tuple[Array, Array, Array],
+        highest: int,
+    ) -> PathEnclosure:
         """Return the enclosure of cells in intervals (N,), from the result of
         `expand_motion`.
         """
@@ -301,7 +307,12 @@ def is_affine(inverse_map: Expression) -> bool:
     return bool(ca.is_linear(inverse_map.function(x), x))
 
 
-def bound_coarsely(trajectory: Trajectory, limits: Sequence[Limit], order: int, cells: Cells) -> Values:
+def bound_coarsely(
+    trajectory: Trajectory,
+    limits: Sequence[Limit],
+    order: int,
+    cells: Cells,
+) -> Values:
     """Return bounds of each limit's use over N cells, and the use attained at some instants.
 
     Each (limits, N). Limits on single axes: every cell, and loose cells in parts. Other limits: groups
@@ -320,7 +331,8 @@ def bound_coarsely(trajectory: Trajectory, limits: Sequence[Limit], order: int, 
             bounds[n], attained[n] = groups.bound(limit, motion)
         else:
             centres = centres or state_at(trajectory, cells, 0.5, order)
-            bounds[n], attained[n] = motion.bound_use(limit), use_in(limit, centres)
+            bounds[n] = motion.bound_use(limit)
+            attained[n] = use_in(limit, centres)
     return bounds, attained
 
 
@@ -331,12 +343,16 @@ def state_at(trajectory: Trajectory, cells: Cells, share: Array | float, order: 
 
 def use_in(limit: Limit, state: State) -> Array:
     """Return the largest use (N,) of a limit at N instants; ∞ if it is undefined."""
-    value = limit.value(state)
-    use = largest_in_rows(limit.use(value, value, state.piece))
+    use = largest_in_rows(limit.use_at(state))
     return np.where(np.isnan(use), np.inf, use)
 
 
-def _bound_by_axis(limit: Limit, trajectory: Trajectory, cells: Cells, motion: PathEnclosure) -> tuple[Array, Array]:
+def _bound_by_axis(
+    limit: Limit,
+    trajectory: Trajectory,
+    cells: Cells,
+    motion: PathEnclosure,
+) -> tuple[Array, Array]:
     """Bound a limit on single axes: the values that each axis surely reaches need no state."""
     bound = motion.bound_use(limit)
     attained = motion.find_attained_use(limit)

@@ -93,14 +93,8 @@ def _join_cells(
 
 def _find_sequences(flags: np.ndarray) -> list[tuple[int, int]]:
     """Return first and last index of every sequence of true flags."""
-    edges = np.diff(np.concatenate([[False], flags, [False]]).astype(int))
-    return list(
-        zip(
-            np.flatnonzero(edges > 0).tolist(),
-            (np.flatnonzero(edges < 0) - 1).tolist(),
-            strict=True,
-        )
-    )
+    edges = np.flatnonzero(np.diff(flags, prepend=False, append=False))
+    return [(first, after - 1) for first, after in edges.reshape(-1, 2).tolist()]
 
 
 def _locate(trajectory: Trajectory, limit: Resonance, cells: Cells) -> Values:
@@ -110,6 +104,7 @@ def _locate(trajectory: Trajectory, limit: Resonance, cells: Cells) -> Values:
     axes = [band.axis for band in limit.bands]
     slowest: Array = np.maximum(np.maximum(low, -high), 0.0).T[axes]
     fastest: Array = np.maximum(-low, high).T[axes]
-    lower, upper = (np.array([[getattr(band, edge)] for band in limit.bands]) for edge in ("low", "high"))
+    lower = np.array([[band.low] for band in limit.bands])
+    upper = np.array([[band.high] for band in limit.bands])
     possible = ~((fastest < lower) | (slowest > upper))
     return possible, (slowest >= lower) & (fastest <= upper)

@@ -1,4 +1,4 @@
-"""The certificate of a long motion in few numbers: the use of the limits by each part, and the parts joined."""
+"""The certificate of a long motion in few numbers: the use of limits by each part, and all joined."""
 
 from collections.abc import Sequence
 
@@ -14,9 +14,17 @@ MOST_ENTRIES = 512
 """Entries per limit in the certificate of a plan that is made in parts."""
 
 
-def summarise_part(certificate: Certificate, motion: Trajectory, limits: Sequence[Limit], part: slice) -> Certificate:
+def summarise_part(
+    certificate: Certificate,
+    motion: Trajectory,
+    limits: Sequence[Limit],
+    part: slice,
+) -> Certificate:
     """Return the certificate of some time pieces of a window, with one entry per limit."""
-    worst, where, use, attained = dict[str, float](), dict[str, Place](), {}, {}
+    worst: dict[str, float] = {}
+    where: dict[str, Place] = {}
+    use: dict[str, Array] = {}
+    attained: dict[str, Array] = {}
     for name, values in certificate.use.items():
         worst[name] = float(values[part].max())
         where[name] = certificate.where[name]
@@ -31,12 +39,16 @@ def summarise_part(certificate: Certificate, motion: Trajectory, limits: Sequenc
 def join_certificates(one: Certificate, other: Certificate) -> Certificate:
     """Join two certificates. A limit that binds nothing in one of them is not used there.
 
-    Neighbouring entries are merged where there are many, so that their number does not grow with the program.
+    Neighbouring entries are merged where there are many, so that their number does not grow with
+    the program.
     """
     names = dict.fromkeys((*one.use, *other.use))
     use = {name: _join_entries(one.use, other.use, name) for name in names}
     attained = {name: _join_entries(one.attained, other.attained, name) for name in names}
-    higher = {name: one if one.worst.get(name, -1.0) >= other.worst.get(name, -1.0) else other for name in names}
+    higher: dict[str, Certificate] = {}
+    for name in names:
+        is_first = one.worst.get(name, -1.0) >= other.worst.get(name, -1.0)
+        higher[name] = one if is_first else other
     return Certificate(
         one.holds and other.holds,
         {name: each.worst[name] for name, each in higher.items()},
@@ -47,7 +59,10 @@ def join_certificates(one: Certificate, other: Certificate) -> Certificate:
 
 
 def _join_entries(one: dict[str, Array], other: dict[str, Array], name: str) -> Array:
-    """Return the entries of both tables for a limit: 0 in a table without it, pairs merged if there are too many."""
+    """Return the entries of both tables for a limit: 0 in a table without it.
+
+    Pairs are merged if there are too many.
+    """
     tables = [table.get(name, np.zeros(len(next(iter(table.values()))))) for table in (one, other)]
     entries = np.concatenate(tables)
     if len(entries) <= MOST_ENTRIES:

@@ -15,9 +15,9 @@ from planner.interruption.instant import Instant
 from planner.interruption.section import ProvedMotion, Whole
 from planner.timing.attempts import solve_once
 from planner.timing.certified_solve import certified_solve
-from planner.timing.grid import coarse_jerk_problem
+from planner.timing.grid import Task, coarse_jerk_problem
 from planner.timing.loss_grid import pose_by_loss
-from planner.timing.problem import Continuation, EndCondition, Run, at_speeds
+from planner.timing.problem import Continuation, EndCondition, Run, Settings, at_speeds
 from planner.trajectory import Trajectory
 
 # Share of a distance by which an end may be farther than the nearest that the search would find:
@@ -74,7 +74,7 @@ def find_ramps(
             break
         path = whole.draw(now, until, target(until))
         limits = whole.limits(path)
-        solve = partial(certified_solve, path, limits, whole.order, continuation=continuation)
+        solve = partial(certified_solve, path, limits, whole.order, settings=Settings(continuation=continuation))
         solution = attempt(solve)
         if not isinstance(solution, MotionError):
             yield ProvedMotion(path, limits, solution.trajectory, solution.certificate, now.s)
@@ -146,7 +146,7 @@ class _Search:
         if order == 2:
             begin = self.now.v if self.order == 2 else BEGIN_SPEED * self.now.v
             run = Run(0, last, at_speeds(begin, speed), until=distance)
-            return solve_once(self.path, self.limits, run, order).solved
+            return solve_once(Task(self.path, self.limits, run, order)).solved
         run = Run(
             0,
             last,

@@ -298,8 +298,9 @@ class TorqueSpeed(Limit):
 
         with np.errstate(divide="ignore", invalid="ignore"):
             near, far = (np.nan_to_num(v / np.abs(slope[:, self.axis]), nan=0.0) for v in (self.near, self.far))
-        hull = Rows(sums(*self.hull[:3]), self.hull[3])
-        return Rows(sums(self.axis, self.pull, self.drop), self.bounds, about=(near, far), hull=hull)
+        convex_part = Rows(sums(*self.hull[:3]), self.hull[3])
+        every = sums(self.axis, self.pull, self.drop)
+        return Rows(every, self.bounds, speed_range=(near, far), convex_part=convex_part)
 
 
 def _lines(axis: int, curve: PullOutCurve) -> list[_Line]:

@@ -45,23 +45,24 @@ class Rows:
     """−below ≤ Σ coefficient · term ≤ bound at N grid points: each (N, m); below None: the same as bound, which is
     broadcast; a bound of ∞ says that a channel is free.
 
-    about  (low, high), each (N, m), of a limit that is not convex: a row speaks where the motion sought is near one
-           whose ṡ lies between. All that speak near any one ṡ keep the limit at every ṡ, with no loss at that one.
-    hull   of such a limit, rows without `about` that every motion keeps which keeps it
+    speed_range  least and largest ṡ, each (N, m), at which a row of a limit that is not convex counts. All rows that
+                 count at one ṡ keep the limit at every ṡ, with no loss at that one.
+    convex_part  rows that every motion within such a limit keeps, at every ṡ
     """
 
     coefficients: Mapping[Term, Array]
     bound: Array
     below: Array | None = None
-    about: tuple[Array, Array] | None = None
-    hull: "Rows | None" = None
+    speed_range: tuple[Array, Array] | None = None
+    convex_part: "Rows | None" = None
 
     def scale(self, factor: Array) -> "Rows":
         """As if all bounds were so many times as large, factor (N, 1)."""
         coefficients = {term: values / factor for term, values in self.coefficients.items()}
-        about = None if self.about is None else (self.about[0] * factor, self.about[1] * factor)
-        hull = None if self.hull is None else self.hull.scale(factor)
-        return Rows(coefficients, self.bound, self.below, about, hull)
+        speeds = self.speed_range
+        speeds = None if speeds is None else (speeds[0] * factor, speeds[1] * factor)
+        convex_part = None if self.convex_part is None else self.convex_part.scale(factor)
+        return Rows(coefficients, self.bound, self.below, speeds, convex_part)
 
 
 class LimitState(Protocol):
@@ -160,6 +161,11 @@ class Limit(ABC):
     def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:
         """Share of the limit (N, m) that values between low and high use at most; 1 is at the limit."""
 
+    def use_at(self, state: LimitState) -> Array:
+        """Return the share of the limit (N, m) that N states use."""
+        value = self.value(state)
+        return self.use(value, value, state.piece)
+
     def tight(self, met: Array) -> Array | float:
         """How far above the use that is met a proven bound may stay."""
         return MAX_OVERESTIMATE
@@ -194,6 +200,11 @@ class Limit(ABC):
         changed = copy(self)
         changed.shares = shares
         return changed
+
+
+def select_timed(limits: Iterable[Limit]) -> list[Limit]:
+    """Return the limits that depend on timing; the others have one value for every timing."""
+    return [limit for limit in limits if not limit.geometric]
 
 
 def order_of(limits: Iterable[Limit]) -> int:

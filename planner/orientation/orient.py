@@ -25,7 +25,6 @@ from planner.path.shape import DEGREE, Piece, carry_tool
 from planner.program.model import Dwell, Program, SegmentStream
 from planner.program.modifiers import Free
 from planner.program.program_file import ProgramSource, load_program
-from planner.timing.certified_solve import certified_solve
 from planner.trajectory import Trajectory
 
 Choice = Mapping[int, Array]
@@ -141,7 +140,10 @@ def _place(piece: Piece) -> tuple[int, int | None]:
 
 
 def _solve_motion(program: Program, machine: Machine, order: int) -> Trajectory | None:
-    """The fastest, or nothing where there is none."""
+    """Return the fastest motion. None: the program cannot be planned."""
+    # The solvers load only for programs with open orientations: `pulsepath check` does without.
+    from planner.timing.certified_solve import certified_solve
+
     try:
         path = actuate(program, machine)
         return certified_solve(path, limits_of(path, machine.axes, order), order).trajectory

@@ -212,6 +212,11 @@ class ActuatorPath(Protocol):
         """The same of the pose's numbers (order+1, N, 12); None where there is no machine."""
 
 
+def has_constant_speed(path: ActuatorPath) -> bool:
+    """Return whether a path states a constant speed for any of its pieces."""
+    return any(path.constant(piece) is not None for piece in range(len(path.breaks) - 1))
+
+
 @lru_cache(maxsize=128)
 def _actuator_map(machine: Machine, shape: Shape, highest: int) -> Expression:
     """(s, parameters, near) -> q, q′, q″, q‴: the machine's inverse map composed with the shape, differentiated."""
@@ -354,7 +359,7 @@ class MachinePath:
 
     def place(self, s: float, piece: int, t: float | None = None, axis: str = "") -> Place:
         own, (way, begin) = self.pieces[piece], self.origin
-        return Place(way + s, own.segment, None if t is None else begin + t, axis, own.repetition)
+        return Place(float(way + s), own.segment, None if t is None else float(begin + t), axis, own.repetition)
 
     def parameter(self, s: Array, piece: np.ndarray) -> Array:
         return s

@@ -120,7 +120,8 @@ class PolynomialPath:
         return None
 
     def place(self, s: float, piece: int, t: float | None = None, axis: str = "") -> Place:
-        return Place(float(self.parameter(np.array([s]), np.array([piece]))[0]), None, t, axis)
+        parameter = self.parameter(np.array([s]), np.array([piece]))
+        return Place(float(parameter[0]), None, None if t is None else float(t), axis)
 
     def derivatives(self, s: Array, piece: np.ndarray, highest: int = 3) -> Derivatives:
         return self._evaluate(0, self.coefficients.shape[2], s, piece, highest)

@@ -10,8 +10,10 @@ from pydantic import AfterValidator, Field, model_validator
 
 from kinematics.files.keys import Chosen, key
 from kinematics.files.schema import (
+    NAME,
     Direction,
     File,
+    Name,
     TableSchema,
     build,
     one_of_tables,
@@ -85,7 +87,7 @@ def _start_type(value: object) -> Any:
     return PositionAndAngles if isinstance(value, tuple) and len(value) == 6 else Position
 
 
-_TURNED = "rotate: orientation at its end, kept if not stated"
+_TURNED = "rotate: orientation at the end, unchanged if not stated"
 _SOME_SEGMENT = "a program needs at least one [[segment]]"
 
 Coordinate = Annotated[float, Unit("m", plain="length")]
@@ -99,8 +101,8 @@ PositionAndAngles = tuple[Coordinate, Coordinate, Coordinate, PlainAngle, PlainA
 class PoseTable(TableSchema):
     """A frame in another: moved by `to`, then turned by `rotate`."""
 
-    to: Position = key("moved by", default=(0.0, 0.0, 0.0))
-    rotate: Orientation = key("then turned by θx, θy, θz about the moving axes in turn", default=(0.0, 0.0, 0.0))
+    to: Position = key("translation", default=(0.0, 0.0, 0.0))
+    rotate: Orientation = key("rotation: θx, θy, θz about the moving axes in turn", default=(0.0, 0.0, 0.0))
 
     @property
     def pose(self) -> "Pose | None":
@@ -110,31 +112,31 @@ class PoseTable(TableSchema):
 class LineTable(TableSchema):
     """A straight line."""
 
-    to: Position = key("where it ends")
+    to: Position = key("end position")
     rotate: Orientation | None = key(
-        "orientation at its end, θx, θy, θz about the moving axes in turn; kept if not stated", default=None
+        "orientation at the end: θx, θy, θz about the moving axes in turn; unchanged if not stated", default=None
     )
 
 
 class ArcTable(TableSchema):
     """A circular arc from where the path stands."""
 
-    centre: Position = key("of the circle")
-    normal: Direction = key("of its plane")
+    centre: Position = key("centre of the circle")
+    normal: Direction = key("normal of the plane of the circle")
     angle: Annotated[PlainAngle, AfterValidator(require_nonzero)] = key(
-        "signed, right hand about the normal; any number of turns"
+        "signed angle, right hand about the normal; may exceed a full turn"
     )
-    rise: Coordinate = key("along the normal in all: a helix", default=0.0)
-    rotate: Orientation | None = key("orientation at its end; kept if not stated", default=None)
+    rise: Coordinate = key("total rise along the normal, which makes a helix", default=0.0)
+    rotate: Orientation | None = key("orientation at the end; unchanged if not stated", default=None)
 
 
 class SplineTable(TableSchema):
     """A smooth curve through points."""
 
     through: Annotated[tuple[Position, ...], AfterValidator(_check_distinct)] = key(
-        "the points, from the end of the segment before"
+        "points after the end of the previous segment"
     )
-    rotate: tuple[Orientation, ...] | None = key("an orientation for each point; kept if not stated", default=None)
+    rotate: tuple[Orientation, ...] | None = key("orientation at each point; unchanged if not stated", default=None)
 
     @model_validator(mode="after")
     def _one_for_each(self) -> Self:
@@ -150,30 +152,30 @@ class SplineTable(TableSchema):
 class TurnTo(TableSchema):
     """A rotation on the spot."""
 
-    to: Orientation = key("orientation, θx, θy, θz about the moving axes in turn, the shorter way")
+    to: Orientation = key("end orientation: θx, θy, θz about the moving axes in turn; the shorter way")
 
 
 class TurnBy(TableSchema):
     """A rotation on the spot."""
 
-    about: Direction = key("axis")
+    about: Direction = key("axis of the rotation")
     angle: Annotated[PlainAngle, AfterValidator(require_nonzero)] = key(
-        "signed, right hand about it; any number of turns"
+        "signed angle, right hand about the axis; may exceed a full turn"
     )
 
 
 class SynchronisedTable(TableSchema):
-    """A move from pose to pose, every axis straight to its place, all together; the tool's way is no line."""
+    """A joint move: all axes start and stop together; the tool does not follow a line."""
 
-    to: Position = key("where it ends")
+    to: Position = key("end position")
     rotate: Orientation | None = key(
-        "orientation at its end, θx, θy, θz about the moving axes in turn; kept if not stated", default=None
+        "orientation at the end: θx, θy, θz about the moving axes in turn; unchanged if not stated", default=None
     )
 
 
 class LineEntry(PathEntry):
     line: LineTable = key(
-        f"straight; {_TURNED}", '{ to = ["10 mm", "0 mm", "25 mm"], rotate = ["0 deg", "0 deg", "3 deg"] }'
+        f"straight line; {_TURNED}", '{ to = ["10 mm", "0 mm", "25 mm"], rotate = ["0 deg", "0 deg", "3 deg"] }'
     )
 
     def segment(self, line_number: int | None) -> Segment:
@@ -182,7 +184,7 @@ class LineEntry(PathEntry):
 
 class ArcEntry(PathEntry):
     arc: ArcTable = key(
-        f"about a centre, right hand about the normal; rise: along the normal in all; {_TURNED}",
+        f"circular arc, right hand about the normal; rise: total rise along the normal; {_TURNED}",
         '{ centre = ["0 mm", "0 mm", "25 mm"], normal = [0, 0, 1], angle = "360 deg", rise = "5 mm" }',
     )
 
@@ -199,7 +201,7 @@ class ArcEntry(PathEntry):
 
 class SplineEntry(PathEntry):
     spline: SplineTable = key(
-        "smoothly through points; rotate: an orientation for each, kept if not stated",
+        "smooth curve through points; rotate: orientation at each, unchanged if not stated",
         '{ through = [["10 mm", "5 mm", "25 mm"], ["0 mm", "10 mm", "25 mm"]] }',
     )
 
@@ -210,7 +212,8 @@ class SplineEntry(PathEntry):
 
 class TurnEntry(MovingEntry):
     turn: Annotated[TurnTo | TurnBy, one_of_tables(TurnTo, TurnBy)] = key(
-        "on the spot, to an orientation; or { about = [0, 0, 1], angle = 90 }", '{ to = ["5 deg", "0 deg", "0 deg"] }'
+        "rotation on the spot to an orientation; or { about = [0, 0, 1], angle = 90 }",
+        '{ to = ["5 deg", "0 deg", "0 deg"] }',
     )
 
     def segment(self, line_number: int | None) -> Segment:
@@ -222,7 +225,7 @@ class TurnEntry(MovingEntry):
 
 class SynchronisedEntry(MovingEntry):
     synchronised: SynchronisedTable = key(
-        f"every axis straight to its place, all together: the tool's way is no line; {_TURNED}",
+        f"joint move: all axes start and stop together, the tool does not follow a line; {_TURNED}",
         '{ to = ["10 mm", "0 mm", "25 mm"], rotate = ["0 deg", "0 deg", "3 deg"] }',
     )
     speed: ToolSpeed | None = SPEED
@@ -240,9 +243,9 @@ class SynchronisedEntry(MovingEntry):
 
 
 class DwellEntry(TableSchema):
-    dwell: Annotated[float, Unit("s", above=0)] = key("a rest", '"0.2 s"')
+    dwell: Annotated[float, Unit("s", above=0)] = key("rest of this duration", '"0.2 s"')
     trigger: DwellTriggerEntry = key(
-        "an event; at: its share of the rest, 1 (the end) if not stated", '{ name = "camera", at = 0.5 }', None
+        "event; at: share of the rest, 1 (the end) if not stated", '{ name = "camera", at = 0.5 }', None
     )
 
     def segment(self, line_number: int | None) -> Segment:
@@ -261,41 +264,46 @@ class ProgramFile(File):
     """A program's TOML, key by key."""
 
     what: ClassVar[str] = "program"
+    name: Name | None = NAME
     machine: str | None = key(
-        "a bundled one by its name, or a file, from this one's folder; --machine says another", default=None
+        "name of a bundled machine, or path from the folder of this file; --machine overrides it", default=None
     )
-    length: Annotated[str, unit_validator("m")] | None = key("unit of the plain numbers below", default=None)
-    angle: Annotated[str, unit_validator("rad")] | None = key(
-        "likewise; angles are θx, θy, θz about the moving axes in turn", default=None
-    )
+    length: Annotated[str, unit_validator("m")] | None = key("unit of positions that are plain numbers", default=None)
+    angle: Annotated[str, unit_validator("rad")] | None = key("unit of angles that are plain numbers", default=None)
     frame: Frame = key(
-        '"home": positions count from the home pose; "base": from the base frame', '"home"', default="home"
+        'frame of positions: "home" (home pose of the machine) or "base" (base frame)', '"home"', default="home"
     )
     start: Annotated[tuple[float, ...], Chosen(_start_type)] | None = key(
-        "first pose, if not home: x, y, z, or these and three angles", "[0, 0, 0]", None
+        "first pose, home if not stated: x, y, z, or x, y, z, θx, θy, θz", "[0, 0, 0]", None
     )
-    repeat: Annotated[int, Field(ge=1, le=MAX_REPEATS)] = key("how often the segments are run", "2", 1)
+    repeat: Annotated[int, Field(ge=1, le=MAX_REPEATS)] = key("number of times that the segments run", "2", 1)
     duration: Annotated[float, Unit("s", above=0)] | None = key(
-        "of the whole, as smoothly as it can; as fast as it can if not stated", '"60 s"', None
+        "duration of the whole motion, as smooth as possible; as fast as possible if not stated", '"60 s"', None
     )
-    speed: ToolSpeed | None = key("most of the tool, for segments that state none", '"100 mm/s"', None)
-    acceleration: ToolAcceleration | None = key("likewise", '"1000 mm/s^2"', None)
-    angular_speed: AngularSpeed | None = key("likewise, of its turning", '"30 deg/s"', None)
-    max_tool_jerk: ToolJerk | None = key("likewise, of its jerk, which makes plans limit jerk", '"50 m/s^3"', None)
+    speed: ToolSpeed | None = key("limit of the tool speed, for segments that state none", '"100 mm/s"', None)
+    acceleration: ToolAcceleration | None = key(
+        "limit of the tool acceleration, for segments that state none", '"1000 mm/s^2"', None
+    )
+    angular_speed: AngularSpeed | None = key(
+        "limit of the tool's angular speed, for segments that state none", '"30 deg/s"', None
+    )
+    max_tool_jerk: ToolJerk | None = key(
+        "limit of the tool jerk, for segments that state none; makes the plan limit jerk", '"50 m/s^3"', None
+    )
     tool: PoseTable | None = key(
-        "what is moved, in the platform's frame",
+        "pose of the tool tip in the platform's frame",
         '{ to = ["0 mm", "0 mm", "10 mm"], rotate = ["0 deg", "0 deg", "0 deg"] }',
         None,
     )
     work: PoseTable | None = key(
-        "where positions count from, in the frame above",
+        "pose of the workpiece in `frame`: origin of all positions",
         '{ to = ["0 mm", "0 mm", "0 mm"], rotate = ["0 deg", "0 deg", "0 deg"] }',
         None,
     )
-    start_speed: EndSpeed = key("of the tool as it sets out; at rest if not stated", '"5 mm/s"', 0.0)
-    end_speed: EndSpeed = key("likewise as it arrives", '"5 mm/s"', 0.0)
+    start_speed: EndSpeed = key("tool speed at the start; 0 if not stated", '"5 mm/s"', 0.0)
+    end_speed: EndSpeed = key("tool speed at the end; 0 if not stated", '"5 mm/s"', 0.0)
     segment: Annotated[tuple[SegmentEntry, ...], AfterValidator(_check_not_empty)] = key(
-        "the way, one after the other", remedy=_SOME_SEGMENT
+        "segments, in their order", remedy=_SOME_SEGMENT
     )
 
 
@@ -318,7 +326,7 @@ def load_program(name_or_path: ProgramSource) -> Program:
     Returns
     -------
     Program
-        Named after its file, in SI units.
+        Named as its file says, or after the file; in SI units.
 
     Raises
     ------
@@ -348,7 +356,7 @@ def make_program(document: Document, model: ProgramFile) -> Program:
         model.frame,
         _pose(model.start),
         model.machine,
-        Path(document.file).stem,
+        model.name or Path(document.file).stem,
         duration=model.duration,
         speed=model.speed,
         acceleration=model.acceleration,

@@ -6,12 +6,13 @@ directions to rounding, since they are held as rotations and unit vectors; every
 
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from kinematics.files.keys import Key, format_entries, keys_of, table_lines
+from kinematics.files.keys import Key, format_entries, keys_of, short_table_lines, table_lines
 from kinematics.files.plain_text import plain_line
 from kinematics.files.toml_document import format_decimal
 from kinematics.foundation.arrays import Array
@@ -180,8 +181,18 @@ EXAMPLE_RADIUS = 10
 """mm, of that circle."""
 
 
-def program_starter(machine: str, kind: str, preset: str | None = None) -> str:
-    """The text for a machine by name or path: the segments of a bundled program, or first ones for its kind.
+def program_starter(
+    machine: str,
+    kind: str,
+    preset: str | None = None,
+    *,
+    name: str | None = None,
+    short: bool = False,
+) -> str:
+    """Return a program file for a machine by name or path: segments of a bundled program, or first ones for its kind.
+
+    name   of the program; None: that of the file it is written to
+    short  only keys that are set; else every key, unset ones as comments
 
     Raises MotionError for a name that no bundled program has.
     """
@@ -191,12 +202,26 @@ def program_starter(machine: str, kind: str, preset: str | None = None) -> str:
         else tomllib.loads(find("planner", "program", preset).read_text("utf-8"))
     )
     data = {"length": "mm", "angle": "deg"} | data | {"machine": machine}
-    told = f'with the segments of the bundled program "{preset}"' if preset else "with a line, a circle and a way back"
-    lines = [
-        f"# A program to start from, {told}: put your own in their place.",
-        "# A line that begins with # and no blank is a key, or a segment, that may be given: take the # away.",
-    ]
+    if name is not None:
+        data["name"] = name
+    segments = f'the segments of the bundled program "{preset}"' if preset else "a line, a circle and a line back"
+    lines = [f"# A program with {segments}: replace them by yours."]
+    if short:
+        more = "# All keys, with speed, joins, tool, triggers and other segments: pulsepath init --all"
+        return "\n".join([*lines, *_short_tables(data), "", more]) + "\n"
+    lines += ["# A line that begins with # and no space is a key or a segment that is not set: remove the # to set it."]
     return "\n".join([*lines, *_tables(data)]) + "\n"
+
+
+def _short_tables(data: dict[str, Any]) -> Iterator[str]:
+    """Yield the set keys of the head and of each segment, with the help of a key where it occurs first."""
+    yield from short_table_lines("", HEAD, data)
+    explained: set[str] = set()
+    for segment in data["segment"]:
+        shape = next(key for name, key in SHAPES.items() if name in segment)
+        keys = [replace(key, about="") if key.name in explained else key for key in (shape, *MODIFIERS)]
+        yield from short_table_lines("[[segment]]", keys, segment)
+        explained |= segment.keys()
 
 
 def machine_of(preset: str) -> str | None:

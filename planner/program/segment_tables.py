@@ -66,11 +66,11 @@ class BlendTable(TableSchema):
     """A join that is rounded."""
 
     blend: Annotated[float, Unit("m", above=0, plain="length")] = key(
-        "how far the curve may be from the lines or arcs that meet"
+        "largest distance of the curve from the lines or arcs that meet"
     )
     angle: Annotated[float, Unit("rad", above=0, plain="angle")] | None = key(
-        "by how much the orientation may; if not stated, what turns points at the machine's characteristic length by "
-        "as much",
+        "largest change of the orientation; if not stated, the angle that moves points at the machine's "
+        "characteristic length as far",
         default=None,
     )
 
@@ -78,17 +78,17 @@ class BlendTable(TableSchema):
 class FitTable(TableSchema):
     """A join inside a chain of short lines and arcs that becomes a smooth curve."""
 
-    fit: Annotated[float, Unit("m", above=0, plain="length")] = key("by how much the curve may leave the chain")
+    fit: Annotated[float, Unit("m", above=0, plain="length")] = key("largest distance of the curve from the chain")
     angle: Annotated[float, Unit("rad", above=0, plain="angle")] | None = key(
-        "by how much the orientation may; if not stated, what turns points at the machine's characteristic length by "
-        "as much",
+        "largest change of the orientation; if not stated, the angle that moves points at the machine's "
+        "characteristic length as far",
         default=None,
     )
     corner: Annotated[float, Unit("rad", above=0, most=pi, plain="angle")] = key(
-        "between two directions, above which a corner stays, rounded like a blend; 35 deg if not stated",
+        "angle between two directions above which a corner remains, rounded like a blend; 35 deg if not stated",
         default=CORNER_ANGLE,
     )
-    stop: bool = key("whether the motion rests at such a corner, instead of rounding it", default=False)
+    stop: bool = key("true: the motion stops at such a corner instead of rounding it", default=False)
 
 
 JoinEntry = Annotated[Literal["stop", "through"] | BlendTable | FitTable, Chosen(_join_type)]
@@ -97,19 +97,22 @@ JoinEntry = Annotated[Literal["stop", "through"] | BlendTable | FitTable, Chosen
 class TriggerTable(TableSchema):
     """An event along a segment."""
 
-    name: Name = key("of the output line or event")
-    at: Annotated[float, Field(ge=0, le=1)] = key("share of the segment, from 0 to 1", default=1.0)
+    name: Name = key("name of the output line or event")
+    at: Annotated[float, Field(ge=0, le=1)] = key(
+        "share of the segment after which the event occurs, from 0 to 1", default=1.0
+    )
     after_rest: Annotated[bool, AfterValidator(_check_begins)] = key(
-        "with at = 0: when the motion goes on from a rest there, not on arrival", default=False
+        "with at = 0: true if the event occurs when the motion continues after a rest there, not on arrival",
+        default=False,
     )
 
 
 class FreeTable(TableSchema):
     """Orientation that is left free."""
 
-    yaw: bool = key("whether the turn about the tool's z axis is free", default=False)
+    yaw: bool = key("true: the planner chooses the rotation about the tool's z axis", default=False)
     tilt: Annotated[float, Unit("rad", least=0, most=1.57, plain="angle")] = key(
-        "by how much that axis may lean", default=0.0
+        "largest tilt of the tool's z axis that the planner may choose", default=0.0
     )
 
 
@@ -135,25 +138,25 @@ def read_trigger(entry: Name | TriggerTable | None) -> Trigger | None:
     return Trigger(entry.name, entry.at, entry.after_rest) if isinstance(entry, TriggerTable) else Trigger(entry)
 
 
-SPEED = key("most of the tool along it", '"20 mm/s"', None)
-ACCELERATION = key("likewise", '"500 mm/s^2"', None)
-JERK = key("most of the tool's jerk along it, in plans that limit jerk", '"50 m/s^3"', None)
+SPEED = key("limit of the tool speed along the segment", '"20 mm/s"', None)
+ACCELERATION = key("limit of the tool acceleration along the segment", '"500 mm/s^2"', None)
+JERK = key("limit of the tool jerk along the segment, in plans that limit jerk", '"50 m/s^3"', None)
 
 
 class MovingEntry(TableSchema):
     """What every segment that moves has."""
 
     join: JoinEntry = key(
-        'to the next segment: "stop" (if not stated), "through" (where it is smooth), rounded within a tolerance; '
-        'angle = "0.1 deg": of the turning too; { fit = "0.02 mm" }: part of a smooth curve within it, between turns '
-        'by more than corner = "35 deg"',
+        'join to the next segment; "stop" if not stated; "through": no stop where the path is smooth; { blend = … }: '
+        'corner rounded within a tolerance, and with angle = "0.1 deg" the orientation; { fit = "0.02 mm" }: short '
+        'segments become a smooth curve, except at corners above corner = "35 deg"',
         '{ blend = "0.05 mm" }',
         "stop",
     )
-    angular_speed: AngularSpeed | None = key("likewise, of its turning", '"30 deg/s"', None)
+    angular_speed: AngularSpeed | None = key("limit of the tool's angular speed along the segment", '"30 deg/s"', None)
     trigger: TriggerEntry | None = key(
-        "an event; at: its share of the way, 1 (the end) if not stated; at = 0, after_rest = true: when the motion "
-        "goes on from a rest there",
+        "event; at: share of the segment, 1 (the end) if not stated; at = 0, after_rest = true: as the motion "
+        "continues after a rest there",
         '{ name = "camera", at = 0.5 }',
         None,
     )
@@ -180,10 +183,10 @@ class PathEntry(MovingEntry):
     acceleration: ToolAcceleration | None = ACCELERATION
     max_tool_jerk: ToolJerk | None = JERK
     speed_constant: Annotated[bool, AfterValidator(_check_has_speed)] = key(
-        "exactly that speed, between ramps", "true", False, needs=["speed"]
+        "true: exactly this speed, except on ramps", "true", False, needs=["speed"]
     )
     free: FreeEntry | None = key(
-        'orientation that the planner may choose: "yaw", the turn about the tool\'s z; tilt: a lean of it as well',
+        'orientation that the planner chooses: "yaw", rotation about the tool\'s z axis; tilt: tilt of that axis too',
         '{ yaw = true, tilt = "5 deg" }',
         None,
     )
@@ -249,9 +252,9 @@ Angle = Annotated[tuple[str, float], _formula_validator("angle", "deg")]
 Bound = Annotated[float, PlainValidator(_read_bound)]
 
 
-_WAY = "formulas of t, or numbers, in the unit of `length`"
-_TURN = "likewise of the orientation, Rx · Ry · Rz, in the unit of `angle`; 0 where some are given, else kept"
-_BOUND = "where t begins and ends: numbers, or formulas without t"
+_WAY = "position: a formula of t, or a number, in the unit of `length`"
+_TURN = "orientation Rx · Ry · Rz: formulas in the unit of `angle`; 0 if another is stated, else unchanged"
+_BOUND = "first or last value of t: a number, or a formula without t"
 
 
 class CurveTable(TableSchema):
@@ -259,7 +262,7 @@ class CurveTable(TableSchema):
 
     # first: the others are read with them
     constants: Annotated[dict[str, Number], AfterValidator(_constants)] = key(
-        "names of numbers, for all of them", default={}
+        "named numbers, for all formulas of the curve", default={}
     )
     x: Length = key(_WAY)
     y: Length = key(_WAY)
@@ -279,8 +282,8 @@ class CurveTable(TableSchema):
 
 class CurveEntry(PathEntry):
     curve: CurveTable = key(
-        "by equations, in the units above, from the end of the segment before; rx, ry, rz turn it; "
-        "constants: numbers by name",
+        "curve by formulas of t, in the units above, from the end of the previous segment; rx, ry, rz: orientation; "
+        "constants: named numbers",
         '{ x = "r*cos(t)", y = "r*sin(t)", z = "25", from = 0, to = "2*pi", constants = { r = 10 } }',
     )
 

@@ -8,12 +8,12 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from kinematics.analysis.forward import iterate_newton
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import Axis
 from kinematics.machine.machine import Machine
 from kinematics.machine.motion import AxesState
-from kinematics.machine.pose import from_numbers, to_numbers
 from planner.pulses.schedule import AxisPulses, PulseSchedule
 
 
@@ -156,15 +156,15 @@ def find_reached_poses(machine: Machine, schedule: PulseSchedule, t: Array, near
 
 
 def solve_poses(machine: Machine, q: Array, t: Array, near: Array) -> Array:
-    """(N, 12) pose numbers of coordinates (N, n) to which counts led at t (N,) s, looked for from near (N, 12)."""
-    found = machine.forward(q, from_numbers(near), certify=False)
-    lost = ~(found.residual <= POSE_RESIDUAL * max(1.0, float(abs(q).max())))
+    """Return the pose numbers (N, 12) of coordinates (N, n) to which counts led at t (N,) s, from near (N, 12) on."""
+    x, residual = iterate_newton(machine, q, near)
+    lost = ~(residual <= POSE_RESIDUAL * max(1.0, float(abs(q).max())))
     if lost.any():
         raise MotionError(
             f"machine {machine.name}: the counts at t = {t[int(np.argmax(lost))]:.6g} s stand for no pose; the pulses "
             "are not of this motion, or it comes too near to the end of its reach"
         )
-    return to_numbers(found.pose)
+    return x
 
 
 def _counted_positions(pulses: AxisPulses) -> Array:

@@ -3,7 +3,8 @@
 import numpy as np
 from matplotlib.axes import Axes
 
-from kinematics.foundation.figure import line_style, literal_label, new_axes
+from kinematics.foundation.figure import literal_label, new_axes
+from kinematics.foundation.line_styles import line_style
 from kinematics.foundation.result import draws
 from planner.shaping.shaped_proof import ShapedProof
 

@@ -1,8 +1,7 @@
-"""Proof of a motion behind input shapers: that it respects every limit, and how far it is
-from the path.
+"""Proof that a motion after input shaping respects every limit, and how far it is from the path.
 
 Limits of one coordinate's value or rate, the same all along (`Limit.convex`): a weighed mean of
-motions that keep one keeps it, so what is proved of the motion that is shaped holds. Every other
+motions that keep one keeps it, so the proof of the motion before shaping holds. Every other
 limit is bounded over cells of time from the axes' copies and from the pose that the axes reach
 (`planner.shaping.shaped_enclosure`). Caps of a segment's tool hold while all copies are on that
 segment; while some are on the next, the larger cap of the two does: there the tool rounds the
@@ -50,12 +49,12 @@ MOST_CUT = 200_000
 
 @dataclass(frozen=True, slots=True)
 class ShapedProof(Result):
-    """A motion behind its axes' shapers, and what is proved of it.
+    """A motion after its axes' shapers, and its proof.
 
     motion         q_s(t) = Σ Aᵢ q(t − tᵢ)
     worst, where   per limit, the proven bound of value/limit over continuous time, and its place
     convex         names of the limits that follow from those of the motion that is shaped
-    deviation      m: of the tool from its place on the path `delay` earlier, ahead and behind too;
+    deviation      m: of the tool from its place on the path `delay` earlier, also along the path;
                    a proven bound
     contour        m: of the tool from the path, wherever on it; a proven bound, at most `deviation`
     turn           rad: of the platform likewise
@@ -138,7 +137,7 @@ class ShapedProof(Result):
 
 
 def refuse_unshaped(limits: Sequence[Limit], path: ActuatorPath) -> None:
-    """Raise MotionError for limits that cannot be proved behind shapers."""
+    """Raise MotionError for limits that cannot be proved after input shaping."""
     for limit in limits:
         if isinstance(limit, Resonance) and limit.bands:
             axis = limit.channels[limit.bands[0].axis]
@@ -162,7 +161,7 @@ def prove_shaped(
     certificate: Certificate,
     since: float = 0.0,
 ) -> ShapedProof:
-    """Prove that a trajectory behind shapers respects its limits, and bound its deviations.
+    """Prove that a trajectory after input shaping respects its limits, and bound its deviations.
 
     certificate  of the trajectory itself, of its convex limits at least
     since        s of the shaped motion, from which on it is looked at: the whole of the interval
@@ -198,7 +197,7 @@ def prove_shaped(
 
 
 def describe_exceeded(path: MachinePath, proof: ShapedProof) -> str:
-    """Return the message where a blend or fit tolerance is not proved behind the shapers; else ""."""
+    """Return the message where a blend or fit tolerance is not proved after shaping; else ""."""
     left = [(blend.tolerance, blend.deviation) for blend in path.blends if not blend.stop]
     left += [] if path.fit is None else [(path.fit.tolerance, path.fit.deviation)]
     over = [both for both in left if both[1] + proof.contour > both[0]]

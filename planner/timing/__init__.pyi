@@ -16,6 +16,7 @@ from .goals.objective import (
 )
 from .goals.stated_duration import solve_stated as solve_stated
 from .grid import (
+    Task as Task,
     acceleration_problem as acceleration_problem,
     coarse_jerk_problem as coarse_jerk_problem,
     jerk_problem as jerk_problem,
@@ -32,6 +33,7 @@ from .problem import (
     EndCondition as EndCondition,
     Problem as Problem,
     Run as Run,
+    Settings as Settings,
     Solver as Solver,
     at_speeds as at_speeds,
 )

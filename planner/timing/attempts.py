@@ -7,22 +7,19 @@ whole is remembered while the next ways are tried, and the fastest of all is ret
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
-from planner.limits.limit import Limit
-from planner.path.actuation import ActuatorPath
 from planner.place import Infeasible
 from planner.timing.end_speeds import find_excessive_end_speed
-from planner.timing.feed_limited import FeedLimitedRun, sketch_problem
+from planner.timing.feed_limited import FeedLimitedRun
 from planner.timing.grid import (
+    Task,
     acceleration_problem,
     brief_problem,
-    coarse_jerk_problem,
     jerk_problem,
     refine_problem,
     unbounded_error,
@@ -34,9 +31,8 @@ from planner.timing.order2.second_order import TERMS as ORDER_2_TERMS
 from planner.timing.order2.second_order import estimate_lower_bound, second_order
 from planner.timing.order3.interior_point import Start
 from planner.timing.order3.solve import solve_jerk_limited
-from planner.timing.problem import Problem, Run, fix_passed_ends
+from planner.timing.problem import Problem, Run
 from planner.timing.profile import Profile
-from planner.timing.rows import leave_out_idle
 from planner.timing.sampling import sample_limit_use
 from planner.timing.solution import (
     AVERAGED,
@@ -58,48 +54,24 @@ SURELY_BRIEF = 1e-5
 MOST_RESTED = 12
 
 
-@dataclass(frozen=True)
-class Task:
-    """A run that is to be timed as fast as possible, and what several attempts need of it."""
-
-    path: ActuatorPath
-    limits: Sequence[Limit]
-    run: Run
-    order: int
-
-    @cached_property
-    def sketch(self) -> Problem:
-        """Rows at a few places of each piece."""
-        return sketch_problem(self.path, self.limits, self.run)
-
-    @cached_property
-    def coarse(self) -> Problem:
-        """Rows on a coarse even grid."""
-        return coarse_jerk_problem(self.path, self.limits, self.run)
-
-    @cached_property
-    def active_limits(self) -> list[Limit]:
-        """Limits without those on loads that surely stay far from binding."""
-        return leave_out_idle(self.limits, self.coarse)
-
-    @cached_property
-    def resting(self) -> "Task":
-        """Task with rest at the ends that a motion might pass; this one if there are none."""
-        ends = fix_passed_ends(self.run.ends)
-        return self if ends == self.run.ends else self.with_run(replace(self.run, ends=ends))
-
-    @cached_property
-    def ramps(self) -> RunSolution | None:
-        """Order-2 motion with ramps of s̈, where these are brief."""
-        return _ramp_steps(self)
-
-    def with_run(self, run: Run) -> "Task":
-        """Return the task for another run."""
-        return Task(self.path, self.limits, run, self.order)
-
-
 Outcomes = Sequence[RunSolution]
 """Results of earlier attempts."""
+
+
+def is_slowed_little(solution: RunSolution) -> bool:
+    """Return whether a motion is about as fast as its maker found it."""
+    return solution.slowness <= MAX_ACCEPTED_SLOWNESS
+
+
+def has_surely_brief_ramps(solution: RunSolution) -> bool:
+    """Return whether no solver could tell a motion's ramps of s̈ from steps."""
+    longest = float(solution.profile.h[solution.profile.j != 0].max(initial=0.0))
+    return longest <= SURELY_BRIEF * solution.duration and solution.slowness <= MAX_UNTOLD_SLOWNESS
+
+
+def is_never_enough(solution: RunSolution) -> bool:
+    """Return False: a faster motion may be left."""
+    return False
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,72 +80,50 @@ class Attempt:
 
     reason    why it is tried, and why at this place in the table
     solve     returns a motion or a refusal; None where this way does not apply
-    slowness  a motion that was slowed by no more than this ends the search; 0: none does
+    ends      whether a motion ends the search
     refuses   a refusal ends the search
     once      tried also where a quick answer is wanted (`solve_once`)
     """
 
     reason: str
     solve: Callable[[Task, Outcomes], RunSolution | None]
-    slowness: float = MAX_ACCEPTED_SLOWNESS
+    ends: Callable[[RunSolution], bool] = is_slowed_little
     refuses: bool = False
     once: bool = False
 
 
-def solve_run(
-    path: ActuatorPath,
-    limits: Sequence[Limit],
-    run: Run,
-    order: int,
-) -> RunSolution:
+def solve_once(task: Task) -> RunSolution:
+    """Return the motion of the general ways, untightened: for callers with other runs to try."""
+    return solve_run(task, once=True, tightened=False)
+
+
+def solve_run(task: Task, *, once: bool = False, tightened: bool = True) -> RunSolution:
     """Return the fastest motion along a run, or its refusal.
+
+    once       true: only the general ways
+    tightened  false: the motion may exceed limits between grid points
 
     Infeasible for a speed at an end that is not possible; stopped where nothing bounds the motion.
     """
-    task = Task(path, limits, run, order)
-    unbounded = unbounded_error(task.sketch, order)
+    unbounded = unbounded_error(task.sketch, task.order)
     if unbounded is not None:
         return RunSolution.refused(unbounded)
     outcomes: list[RunSolution] = []
-    for attempt in ATTEMPTS[order]:
-        solution = attempt.solve(task, outcomes)
+    for attempt in ATTEMPTS[task.order]:
+        solution = None if once and not attempt.once else attempt.solve(task, outcomes)
         if solution is None:
             continue
-        if solution.problem is not None and solution.maker != STRAIGHT:
-            solution = tighten_until_kept(path, limits, solution)
+        if tightened and solution.problem is not None and solution.maker != STRAIGHT:
+            solution = tighten_until_kept(task, solution)
         outcomes.append(solution)
         if not solution.solved and attempt.refuses:
             return _place_refusal(task, solution)
-        if solution.solved and solution.slowness <= attempt.slowness:
+        if solution.solved and attempt.ends(solution):
             break
     solved = [solution for solution in outcomes if solution.solved]
     if not solved:
         return _place_refusal(task, outcomes[-1] if outcomes else NOT_TRIED)
     return _add_bound(task, min(solved, key=lambda solution: solution.duration))
-
-
-def solve_once(
-    path: ActuatorPath,
-    limits: Sequence[Limit],
-    run: Run,
-    order: int,
-) -> RunSolution:
-    """Return the first motion of the general ways, untightened: for callers with other runs to try."""
-    task = Task(path, limits, run, order)
-    unbounded = unbounded_error(task.sketch, order)
-    if unbounded is not None:
-        return RunSolution.refused(unbounded)
-    solution = NOT_TRIED
-    for attempt in ATTEMPTS[order]:
-        outcome = attempt.solve(task, ()) if attempt.once else None
-        if outcome is None:
-            continue
-        if outcome.solved:
-            return _add_bound(task, outcome)
-        solution = outcome
-        if attempt.refuses:
-            break
-    return _place_refusal(task, solution)
 
 
 NOT_TRIED = RunSolution.refused(MotionError("no way to time the run applies"))
@@ -185,8 +135,13 @@ def _add_bound(task: Task, solution: RunSolution) -> RunSolution:
     has_bound = solution.bound > 0 and solution.maker != WITH_RESTS
     if has_bound or task.run.continuation is not None:
         return solution
-    bound = estimate_lower_bound(task.coarse)
-    return RunSolution.refused(bound) if isinstance(bound, MotionError) else replace(solution, bound=bound)
+    return _take_bound(solution, estimate_lower_bound(task.coarse))
+
+
+def _take_bound(solution: RunSolution, bound: float | MotionError) -> RunSolution:
+    if isinstance(bound, MotionError):
+        return RunSolution.refused(bound)
+    return replace(solution, bound=bound)
 
 
 def _place_refusal(task: Task, solution: RunSolution) -> RunSolution:
@@ -195,14 +150,16 @@ def _place_refusal(task: Task, solution: RunSolution) -> RunSolution:
     if not isinstance(error, TooFast):
         return solution
     run = task.run
-    s = float(run.breaks(task.path)[-error.end])
+    s = run.breaks(task.path)[-error.end]
     place = task.path.place(s, run.last if error.end else run.first)
     unit, scale = ("/s", 1.0) if place.segment is None else ("mm/s", 1e3)
     largest = error.largest * scale
     remedy = f"{largest:.6g} {unit} is the largest that the limits allow"
     if error.both:
         remedy += ", from rest or to rest at the other end: both are too high"
-    return RunSolution.refused(Infeasible(error.name, "path", place, error.speed * scale, largest, unit, remedy))
+    speed = error.speed * scale
+    refusal = Infeasible(error.name, "path", place, speed, largest, unit, remedy)
+    return RunSolution.refused(refusal)
 
 
 def _has_motion(outcomes: Outcomes) -> bool:
@@ -221,12 +178,7 @@ def cruise_at_caps(task: Task, outcomes: Outcomes) -> RunSolution | None:
     """Time a feed-limited run: cruises at the capped speed of the tool, and ramps between them."""
     if task.run.whole:
         return None
-    run = replace(task.run, continuation=None)
-
-    def solve(part: Run) -> RunSolution:
-        return solve_run(task.path, task.limits, part, task.order)
-
-    return FeedLimitedRun(task.path, task.limits, run, task.order, task.sketch).solve(solve)
+    return FeedLimitedRun(task.with_run(replace(task.run, continuation=None))).solve(solve_run)
 
 
 def solve_two_passes(task: Task, outcomes: Outcomes) -> RunSolution | None:
@@ -241,25 +193,29 @@ def solve_two_passes(task: Task, outcomes: Outcomes) -> RunSolution | None:
     if not solution.solved or solution.problem is None or task.run.continuation is not None:
         return solution
     fastest = solution.profile if solver == "passes" else None
-    bound = estimate_lower_bound(solution.problem, fastest)
-    return RunSolution.refused(bound) if isinstance(bound, MotionError) else replace(solution, bound=bound)
-
-
-def ramp_surely_brief_steps(task: Task, outcomes: Outcomes) -> RunSolution | None:
-    """Return the order-2 motion with brief ramps, where no solver could tell these from steps."""
-    ramps = task.ramps
-    if ramps is None or not ramps.solved:
-        return ramps
-    longest = float(ramps.profile.h[ramps.profile.j != 0].max(initial=0.0))
-    return ramps if longest <= SURELY_BRIEF * ramps.duration else None
+    return _take_bound(solution, estimate_lower_bound(solution.problem, fastest))
 
 
 def ramp_brief_steps(task: Task, outcomes: Outcomes) -> RunSolution | None:
-    """Return the order-2 motion with brief ramps."""
+    """Return the order-2 motion whose steps of s̈ become ramps; None where these are not brief."""
+    brief = brief_problem(task.path, task.active_limits, task.run, task.coarse)
+    if brief is None:
+        return None
+    problem, window = brief
+    sharp = second_order(problem, solver=task.run.solver)
+    gentle = [limit for limit in task.active_limits if limit.terms <= ORDER_2_TERMS]
+    sharp = tighten_until_kept(replace(task, limits=gentle), sharp)
+    if not sharp.solved:
+        return sharp
+    breaks = task.run.breaks(task.path)
+    profile = add_brief_ramps(sharp.profile, window, breaks, task.run.first)
+    if profile is None:
+        return None
+    ramps = RunSolution("solved", profile, maker=BRIEF_RAMPS, problem=problem)
     pieces = range(task.run.first, task.run.last + 1)
-    if any(task.path.constant(piece) is not None for piece in pieces):
-        return None  # only a solver tells where a stated constant speed is reached
-    return task.ramps
+    is_stated = any(task.path.constant(piece) is not None for piece in pieces)
+    # only a solver tells where a stated constant speed is reached
+    return ramps if has_surely_brief_ramps(ramps) or not is_stated else None
 
 
 def solve_by_loss(task: Task, outcomes: Outcomes) -> RunSolution | None:
@@ -307,15 +263,14 @@ def refuse_end_speed(task: Task, outcomes: Outcomes) -> RunSolution | None:
         return None
 
     def is_feasible(run: Run) -> bool:
-        solution = solve_once(task.path, task.limits, run, task.order)
-        solution = tighten_until_kept(task.path, task.limits, solution)
+        solution = tighten_until_kept(task, solve_once(task.with_run(run)))
         if not solution.solved:
             return False
         use = sample_limit_use(task.path, task.limits, solution.profile)
         slowness = required_slowness(task.limits, solution.relate_use(use))
         return slowness <= 1 + SOLVER_MARGIN
 
-    error = find_excessive_end_speed(task.path, task.limits, task.run, is_feasible)
+    error = find_excessive_end_speed(task, is_feasible)
     if error is not None:
         return RunSolution.refused(error)
     too_fast = (solution for solution in outcomes if solution.status == "too fast")
@@ -353,7 +308,7 @@ def _rest_at(task: Task, inner: Sequence[int]) -> RunSolution | None:
     places = breaks[[0, *inner, len(breaks) - 1]].tolist()
     parts: list[RunSolution] = []
     for since, until in pairwise(places):
-        part = solve_run(task.path, task.limits, run.cut(task.path, since, until), task.order)
+        part = solve_run(task.with_run(run.cut(task.path, since, until)))
         if not part.solved:
             return None
         parts += part.parts or (part,)
@@ -366,32 +321,14 @@ def average_acceleration(task: Task, outcomes: Outcomes) -> RunSolution | None:
         return None
     if _has_motion(outcomes) and max(task.run.speeds) > 0:
         return None  # it could not be slowed
-    if task.ramps is not None:
-        return task.ramps
+    if any(solution.maker == BRIEF_RAMPS for solution in outcomes):
+        return None  # they are that motion
     posed = jerk_problem(task.path, task.limits, task.run, task.coarse)
     if isinstance(posed, MotionError):
         return RunSolution.refused(posed)
     problem, guess = posed
     profile = guess.cut(task.run.breaks(task.path), task.run.first)
     return RunSolution("solved", profile, maker=AVERAGED, problem=problem)
-
-
-def _ramp_steps(task: Task) -> RunSolution | None:
-    """Return the order-2 motion whose steps of s̈ become ramps; None where these are not brief."""
-    brief = brief_problem(task.path, task.active_limits, task.run, task.coarse)
-    if brief is None:
-        return None
-    problem, window = brief
-    sharp = second_order(problem, solver=task.run.solver)
-    gentle = [limit for limit in task.active_limits if limit.terms <= ORDER_2_TERMS]
-    sharp = tighten_until_kept(task.path, gentle, sharp)
-    if not sharp.solved:
-        return sharp
-    breaks = task.run.breaks(task.path)
-    profile = add_brief_ramps(sharp.profile, window, breaks, task.run.first)
-    if profile is None:
-        return None
-    return RunSolution("solved", profile, maker=BRIEF_RAMPS, problem=problem)
 
 
 CLOSED_FORM = Attempt(
@@ -415,15 +352,11 @@ ATTEMPTS = {
         CLOSED_FORM,
         CRUISES,
         Attempt(
-            "Ramps of s̈ may take a billionth of the motion: a solver cannot tell them from steps.",
-            ramp_surely_brief_steps,
-            slowness=MAX_UNTOLD_SLOWNESS,
-            once=True,
-        ),
-        Attempt(
-            "Where ramps are brief but not that brief, the solver may be a little faster, or fail.",
+            "Ramps of s̈ may take a billionth of the motion: a solver cannot tell them from steps. "
+            "Where they are brief but not that brief, it may be a little faster, or fail.",
             ramp_brief_steps,
-            slowness=0.0,
+            ends=has_surely_brief_ramps,
+            once=True,
         ),
         Attempt(
             "The general method: interior point on a grid made for the run.",
@@ -448,17 +381,17 @@ ATTEMPTS = {
         Attempt(
             "A limit that the solver cannot keep in one place slows all of a run: a rest between slows one half only.",
             rest_in_middle,
-            slowness=0.0,
+            ends=is_never_enough,
         ),
         Attempt(
             "The classical timings rest at every break: never be slower than these.",
             rest_at_all_breaks,
-            slowness=0.0,
+            ends=is_never_enough,
         ),
         Attempt(
             "The solver's guess is a motion whatever the solver does, and may need less slowing.",
             average_acceleration,
-            slowness=0.0,
+            ends=is_never_enough,
         ),
     ),
 }

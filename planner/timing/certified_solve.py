@@ -17,12 +17,12 @@ from planner.certificate.feasibility import limit_violation, prove_feasibility
 from planner.certificate.limit_use import ProvedUse
 from planner.limits.limit import Limit
 from planner.parallel import Progress, spread
-from planner.path.actuation import ActuatorPath
+from planner.path.actuation import ActuatorPath, has_constant_speed
 from planner.timing.certify_loop import MAX_CERTIFY_ROUNDS, CertifiedRun, RunCertifier, hold_axes
 from planner.timing.goals.constant_speed import ConstantSpeed
 from planner.timing.goals.fastest import Fastest
 from planner.timing.goals.goal import Goal
-from planner.timing.problem import Continuation, Run, Solver, split_runs
+from planner.timing.problem import USUAL, Run, Settings, split_runs
 from planner.timing.profile import Profile
 from planner.timing.repetition import find_first_equals, move_run
 from planner.trajectory import Trajectory
@@ -30,7 +30,8 @@ from planner.trajectory import Trajectory
 # Runs that are solved and proved together: handing a run to another process takes longer than
 # solving it. Many runs are split into MANY_PARTS: larger parts take less time for each run, smaller
 # ones let all processes end at about the same time.
-PART_RUNS, MANY_PARTS = 8, 32
+PART_RUNS = 8
+MANY_PARTS = 32
 BEFORE_SHAPERS = "before the input shapers"
 """Name in tables of the duration of the motion that is shaped."""
 
@@ -124,40 +125,32 @@ def certified_solve(
     progress: Progress | None = None,
     *,
     goal: Goal | None = None,
-    solver: Solver = "passes",
+    settings: Settings = USUAL,
     proving: bool = True,
-    continuation: Continuation | None = None,
-    fineness: float = 1.0,
-    cruising: bool = True,
 ) -> Solution:
     """Return the motion along a path with the proof that it respects every limit.
 
     Runs go in parts to whichever process is free. Each part is solved and proved by itself, so that
     the result does not depend on the number of processes.
 
-    progress      called with the number of different runs that are solved, and their number in all
-    goal          None: fastest, along a path that is checked first
-    solver        for order 2
-    proving       if false, a motion whose proof fails is returned with its certificate
-    continuation  motion that the first run continues
-    fineness      number of intervals as a multiple of the usual
-    cruising      time cruises at the capped tool speed in closed form
+    progress  called with the number of different runs that are solved, and their number in all
+    goal      None: fastest, along a path that is checked first
+    settings  of all runs
+    proving   if false, a motion whose proof fails is returned with its certificate
 
     Raises Infeasible where a limit cannot be respected, MotionError where no proof was found.
     """
     if goal is None:
         for violation in prove_feasibility(path, limits).violations:
             raise violation
-        goal = _choose_goal(path, order)
+        goal = _choose_goal(path)
     stops = np.flatnonzero(path.stops(order))
-    runs = [
-        replace(run, solver=solver, fineness=fineness, whole=not cruising) for run in split_runs(path, stops, order)
-    ]
-    runs[0] = replace(runs[0], continuation=continuation)
+    runs = split_runs(path, stops, order, settings)
     firsts = find_first_equals(path, limits, runs) if goal.uniform else list(range(len(runs)))
     different = sorted(set(firsts))
     size = max(PART_RUNS, -(-len(different) // MANY_PARTS))
-    parts = [[runs[n] for n in different[first : first + size]] for first in range(0, len(different), size)]
+    starts = range(0, len(different), size)
+    parts = [[runs[n] for n in different[k : k + size]] for k in starts]
     solved: list[CertifiedRun] = []
 
     def finish_part(part: Sequence[Run], outcome: list[CertifiedRun] | MotionError) -> None:
@@ -169,9 +162,10 @@ def certified_solve(
 
     spread(RunCertifier(path, tuple(limits), order, goal), parts, finish_part)
     by_index = dict(zip(different, solved, strict=True))
-    certified = [
-        by_index[n] if first == n else move_run(path, by_index[first], runs[n]) for n, first in enumerate(firsts)
-    ]
+    certified = []
+    for n, first in enumerate(firsts):
+        one = by_index[first]
+        certified.append(one if first == n else move_run(path, one, runs[n]))
     limits = hold_axes(limits, [cap for one in certified for cap in one.caps])
     trajectory, known = _join_runs(path, limits, certified, stops)
     methods = tuple(one.solution.method for one in certified)
@@ -188,12 +182,9 @@ def certified_solve(
     return Solution(trajectory, certificate, limits, order, rounds, methods, least, room)
 
 
-def _choose_goal(path: ActuatorPath, order: int) -> Goal:
+def _choose_goal(path: ActuatorPath) -> Goal:
     """Return the goal of the fastest motion at the constant speeds that segments state."""
-    pieces = range(len(path.breaks) - 1)
-    if all(path.constant(piece) is None for piece in pieces):
-        return Fastest(order)
-    return ConstantSpeed(order)
+    return ConstantSpeed() if has_constant_speed(path) else Fastest()
 
 
 def solve_within(
@@ -204,7 +195,7 @@ def solve_within(
     effort: int,
     progress: Progress | None = None,
     *,
-    solver: Solver = "passes",
+    settings: Settings = USUAL,
 ) -> Solution:
     """Return the fastest motion, proved to be within a share (gap) of the least duration.
 
@@ -212,7 +203,7 @@ def solve_within(
     the motion's grid. The best bound of all rounds counts, as each is one of all motions. Raises as
     `certified_solve` does.
     """
-    best = certified_solve(path, limits, order, progress, solver=solver)
+    best = certified_solve(path, limits, order, progress, settings=settings)
     bound: DurationBound | None = None
     for n in range(effort + 1):
         latest = bound_duration(best.trajectory, limits, order, gap=gap)
@@ -221,8 +212,8 @@ def solve_within(
         bound = replace(bound, duration=best.trajectory.duration)
         if bound.gap <= gap or n == effort:
             break
-        fineness = 2 ** (n + 1)
-        solve = partial(certified_solve, path, limits, order, solver=solver, fineness=fineness)
+        finely = replace(settings, fineness=2 ** (n + 1))
+        solve = partial(certified_solve, path, limits, order, settings=finely)
         finer = attempt(solve)
         if isinstance(finer, MotionError):
             continue
@@ -273,14 +264,19 @@ def _join_runs(
     return Profile.joined(profiles).along(path), ProvedUse.join(proofs)
 
 
-def _unproved_error(trajectory: Trajectory, limits: Sequence[Limit], certificate: Certificate) -> MotionError:
+def _unproved_error(
+    trajectory: Trajectory,
+    limits: Sequence[Limit],
+    certificate: Certificate,
+) -> MotionError:
     """Return the reason why there is no proof."""
     for limit in limits:
         if limit.geometric and certificate.worst[limit.name] > 1:
             place = certificate.where[limit.name]
             channel = limit.channels.index(place.axis)
             state = trajectory.at(place.t if place.t is not None else 0.0)
-            return limit_violation(limit, float(limit.value(state)[0, channel]), channel, int(state.piece[0]), place)
+            value = float(limit.value(state)[0, channel])
+            return limit_violation(limit, value, channel, int(state.piece[0]), place)
     unproved = [name for name, worst in certificate.worst.items() if not np.isfinite(worst)]
     if unproved:
         place = certificate.where[unproved[0]]

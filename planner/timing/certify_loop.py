@@ -16,12 +16,13 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
-from planner.certificate.limit_use import ProvedUse, prove, use_at_knots
+from planner.certificate.limit_use import ProvedUse, prove
 from planner.certificate.resonance_dwell import find_stays
-from planner.limits.limit import Limit
+from planner.limits.limit import Limit, select_timed
 from planner.limits.resonance import BAND_MARGIN, Resonance, SpeedCap
 from planner.path.actuation import ActuatorPath
 from planner.timing.goals.goal import Goal
+from planner.timing.grid import Task
 from planner.timing.problem import Run
 from planner.timing.profile import Profile
 from planner.timing.sampling import sample_limit_use
@@ -29,10 +30,13 @@ from planner.timing.solution import CRUISE, FEED_LIMITED, RunSolution
 from planner.timing.tighten import required_slowness
 
 # Number of times that a run is solved and tightened, and slowed after that.
-MAX_CERTIFY_ROUNDS, MAX_SLOWINGS = 8, 3
+MAX_CERTIFY_ROUNDS = 8
+MAX_SLOWINGS = 3
 # Number of times that axes are held below resonance bands: first where they stay in them too long,
 # after STRETCH_ROUNDS over their whole run, after ALL_HOLDINGS in all bands.
-MAX_HOLDINGS, STRETCH_ROUNDS, ALL_HOLDINGS = 8, 2, 6
+MAX_HOLDINGS = 8
+STRETCH_ROUNDS = 2
+ALL_HOLDINGS = 6
 # Each time that an axis is held below the same band again, the margin grows by this factor: a
 # motion may peak between grid points.
 MARGIN_GROWTH = 4.0
@@ -85,7 +89,7 @@ class RunCertifier:
         """
         certified: list[CertifiedRun] = []
         for run in runs:
-            solution = self.goal.solve(self.path, self.limits, run)
+            solution = self.goal.solve(self._pose(run))
             if solution.refusal is not None:
                 return solution.refusal
             certified.append(CertifiedRun(run, solution))
@@ -102,14 +106,24 @@ class RunCertifier:
                     certified[n] = better
                     changed.append(n)
             pending = changed
-        return [replace(one, solution=one.solution.bare(), room=_find_room(one.solution)) for one in certified]
+        return [
+            replace(
+                one,
+                solution=one.solution.bare(),
+                room=_find_room(one.solution),
+            )
+            for one in certified
+        ]
+
+    def _pose(self, run: Run, caps: Sequence[SpeedCap] = ()) -> Task:
+        """Return the task for a run, with axes held below resonance bands on some stretches."""
+        return Task(self.path, hold_axes(self.limits, caps), run, self.order)
 
     def _certify(self, solutions: Sequence[RunSolution]) -> list[ProvedUse]:
         """Prove the use of all limits by several runs' motions in one batch."""
         profiles = [solution.profile for solution in solutions]
         motion = Profile.joined(profiles).along(self.path)
-        use, attained = prove(motion, self._timed_limits, self.order)
-        attained |= use_at_knots(motion, [limit for limit in self.limits if limit.geometric])
+        use, attained = prove(motion, select_timed(self.limits), self.order)
         ends = np.cumsum([len(profile.h) for profile in profiles])
         begins = ends - [len(profile.h) for profile in profiles]
         return [
@@ -126,23 +140,23 @@ class RunCertifier:
         stays = self._find_stays(one.solution.profile)
         if stays:
             return self._hold_axes(one, stays)
-        largest = max(float(one.known.use[limit.name].max()) for limit in self._timed_limits)
+        largest = max(float(one.known.use[limit.name].max()) for limit in select_timed(self.limits))
         # a use without a bound: another motion would have none either
         if not 1 < largest < np.inf:
             return None
         cruises = one.solution.maker in (FEED_LIMITED, CRUISE)
         if one.tightened + 1 < MAX_CERTIFY_ROUNDS:
-            limits = hold_axes(self.limits, one.caps)
-            solution = self.goal.tighten(self.path, limits, one.solution, one.known.use)
+            task = self._pose(one.run, one.caps)
+            solution = self.goal.tighten(task, one.solution, one.known.use)
             if solution.solved:
                 return replace(one, solution=solution, tightened=one.tightened + 1)
             if not cruises:
                 return solution.refusal
         if cruises:
-            whole = self.goal.solve(self.path, self.limits, replace(one.run, whole=True))
+            whole = self.goal.solve(self._pose(replace(one.run, whole=True)))
             earlier = one.earlier + one.tightened
             return whole.refusal or replace(one, solution=whole, tightened=0, earlier=earlier)
-        slowness = required_slowness(self._timed_limits, one.known.use)
+        slowness = required_slowness(select_timed(self.limits), one.known.use)
         return self._slow(one, slowness * (1 + SLOWING_MARGIN))
 
     def _slow(self, one: CertifiedRun, slowness: float) -> CertifiedRun | None:
@@ -173,7 +187,7 @@ class RunCertifier:
         """Solve with axes held below bands in more places, or slow the motion below all bands."""
         if one.holdings < MAX_HOLDINGS:
             caps = (*one.caps, *self._choose_caps(one, stays))
-            solution = self.goal.solve(self.path, hold_axes(self.limits, caps), one.run)
+            solution = self.goal.solve(self._pose(one.run, caps))
             if solution.refusal is None:
                 return replace(one, solution=solution, caps=caps, holdings=one.holdings + 1)
             if one.holdings + 1 < ALL_HOLDINGS:
@@ -197,15 +211,11 @@ class RunCertifier:
         first, last = one.run.breaks(self.path)[[0, -1]].tolist()
         caps = []
         for band in bands:
-            earlier = [cap for cap in one.caps if (cap.band, cap.first, cap.last) == (band, first, last)]
+            whole = (band, first, last)
+            earlier = [cap for cap in one.caps if (cap.band, cap.first, cap.last) == whole]
             margin = BAND_MARGIN * MARGIN_GROWTH ** len(earlier)
             caps.append(SpeedCap(band, first, last, margin))
         return caps
-
-    @property
-    def _timed_limits(self) -> list[Limit]:
-        """The limits that depend on timing; the others have one value for every timing."""
-        return [limit for limit in self.limits if not limit.geometric]
 
 
 def _find_room(solution: RunSolution) -> Mapping[str, Array] | None:
@@ -226,4 +236,4 @@ def hold_axes(limits: Sequence[Limit], caps: Sequence[SpeedCap]) -> tuple[Limit,
     """Return the limits with axes held below resonance bands on more stretches."""
     if not caps:
         return tuple(limits)
-    return tuple(limit.hold_more(caps) if isinstance(limit, Resonance) else limit for limit in limits)
+    return tuple(each.hold_more(caps) if isinstance(each, Resonance) else each for each in limits)

@@ -16,7 +16,7 @@ from kinematics.foundation.errors import MotionError
 from planner.limits.limit import Limit, Term
 from planner.limits.tool import ToolSpeed
 from planner.path.actuation import ActuatorPath, Points
-from planner.timing.grid import divide_intervals
+from planner.timing.grid import Task, divide_intervals
 from planner.timing.initial_guess import reduce_pieces
 from planner.timing.order2.second_order import follow_speeds, is_of_speed
 from planner.timing.problem import EXACT_AIM, SOLVER_AIM, EndCondition, Problem, Run
@@ -100,16 +100,13 @@ class Caps:
         return np.setdiff1d(pieces, inner[joined])
 
 
-def find_caps(
-    path: ActuatorPath,
-    limits: Sequence[Limit],
-    run: Run,
-    sketch: Problem,
-) -> Caps | None:
+def find_caps(task: Task) -> Caps | None:
     """Find the caps of a run's pieces from its rows at a few places.
 
     None where rows depend on the motion itself, or without a cap.
     """
+    sketch = task.sketch
+    run = task.run
     if not sketch.is_unconditional:
         return None
     # 1/ṡ (2, N) at both ends of each interval, by the tool's cap and by other limits on speed
@@ -133,11 +130,11 @@ def find_caps(
         uneven = np.where(least_f > 0, most_f / least_f - 1, 0.0)
         fastest = 1 / least
     binds = (excess < 0) & (least_f > 0)
-    tool_caps = np.where(binds, _tool_caps(limits, run), np.inf)
-    lowered = _find_lowered(path, limits, run)
+    tool_caps = np.where(binds, _tool_caps(task.limits, run), np.inf)
+    lowered = _find_lowered(task)
     tool_caps[lowered] = np.inf
     along[lowered] = np.inf
-    result = Caps(path, run.first, tool_caps, along, fastest, uneven)
+    result = Caps(task.path, run.first, tool_caps, along, fastest, uneven)
     return result if result.capped.any() else None
 
 
@@ -149,11 +146,11 @@ def _tool_caps(limits: Sequence[Limit], run: Run) -> Array:
     return np.full(run.last + 1 - run.first, np.inf)
 
 
-def _find_lowered(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> np.ndarray:
+def _find_lowered(task: Task) -> np.ndarray:
     """Return the pieces (P,) on which a limit is lowered in places: no one speed is right there."""
-    breaks = run.breaks(path)
+    breaks = task.run.breaks(task.path)
     lowered = np.zeros(len(breaks) - 1, bool)
-    for limit in limits:
+    for limit in task.limits:
         if len(limit.shares.values):
             lowered |= limit.shares.least_over(breaks[:-1], breaks[1:]) < 1
     return lowered
@@ -166,26 +163,21 @@ def _level(speeds: Array) -> Array:
     return np.asarray(reduce_pieces(np.minimum, speeds, group)[group])
 
 
-def follow_cap(
-    path: ActuatorPath,
-    limits: Sequence[Limit],
-    caps: Caps,
-    stretch: Run,
-    order: int,
-) -> RunSolution | None:
-    """Return the motion along a stretch at the capped speed; None where it cannot keep the cap."""
+def follow_cap(task: Task, caps: Caps) -> RunSolution | None:
+    """Return the motion along a run at the capped speed; None where it cannot keep the cap."""
+    stretch = task.run
     pieces = np.arange(stretch.first, stretch.last + 1)
     along = caps.along[pieces - caps.first]
     varies = np.isinf(along)
     changes = np.flatnonzero(np.diff(varies)) + 1
-    breaks = stretch.breaks(path)
+    breaks = stretch.breaks(task.path)
     profiles: list[Profile] = []
     for a, b in pairwise([0, *changes.tolist(), len(pieces)]):
         group = breaks[a : b + 1], pieces[a:b]
         if varies[a]:
             before = None if a == 0 else float(along[a - 1])
             after = None if b == len(pieces) else float(along[b])
-            profile = _follow_varying(caps, group, (before, after), order)
+            profile = _follow_varying(caps, group, (before, after), task.order)
         else:
             profile = _keep_speed(caps, group)
         if profile is None:
@@ -193,8 +185,8 @@ def follow_cap(
         profiles.append(profile)
     profile = Profile.joined(profiles)
     if varies.any():
-        speeds = [limit for limit in limits if limit.terms == {Term.SD}]
-        use = sample_limit_use(path, speeds, profile)
+        speeds = [limit for limit in task.limits if limit.terms == {Term.SD}]
+        use = sample_limit_use(task.path, speeds, profile)
         excess = max(float(values.max()) for values in use.values()) / EXACT_AIM
         if excess > 1 + MAX_SLOWING:
             return None

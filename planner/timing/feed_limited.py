@@ -19,22 +19,16 @@ from itertools import pairwise
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from planner.limits.limit import Limit, Term
+from planner.limits.limit import Term
 from planner.limits.resonance import Resonance
-from planner.path.actuation import ActuatorPath
 from planner.timing.cruise import Caps, find_caps, follow_cap
-from planner.timing.grid import divide_intervals
+from planner.timing.grid import Task
 from planner.timing.initial_guess import bound_term, reduce_pieces
 from planner.timing.order2.closed_form import least_ramp, straight_ramp
 from planner.timing.order2.second_order import is_of_speed
 from planner.timing.problem import POWERS, EndCondition, Problem, Run
-from planner.timing.rows import pose_problem
 from planner.timing.solution import FEED_LIMITED, RunSolution
 
-# Intervals of a piece, and as many for each radian that it turns, at whose ends the limits are
-# evaluated. Too few would miss a peak of a limit's use; the proof finds such a peak, and the run is
-# then solved as a whole.
-SAMPLES = 8
 # Largest use of the other limits at which the tool may cruise: the rest is for peaks between the
 # samples.
 MAX_CRUISING_USE = 0.95
@@ -51,14 +45,6 @@ CLOSED_FORM_LOSS = 1e-7
 MAX_UNUSED_SHARE = 0.02
 
 
-def sketch_problem(path: ActuatorPath, limits: Sequence[Limit], run: Run) -> Problem:
-    """Pose a run's rows at a few places of each piece: enough to see where limits bind."""
-    pieces = np.arange(run.first, run.last + 1)
-    count = SAMPLES + np.ceil(SAMPLES * path.turns[pieces]).astype(int)
-    s, owner = divide_intervals(run.breaks(path), count)
-    return pose_problem(path, limits, s, pieces[owner], run.ends)
-
-
 Stretch = tuple[float, float]
 """Path lengths between which a part of a run lies."""
 
@@ -73,24 +59,20 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class FeedLimitedRun:
-    """Run whose tool may cruise at its cap; sketch: its rows at a few places (`sketch_problem`)."""
+    """Run whose tool may cruise at its cap."""
 
-    path: ActuatorPath
-    limits: Sequence[Limit]
-    run: Run
-    order: int
-    sketch: Problem
+    task: Task
 
-    def solve(self, solve: Callable[[Run], RunSolution]) -> RunSolution | None:
+    def solve(self, solve: Callable[[Task], RunSolution]) -> RunSolution | None:
         """Join the cruises of the run and the fastest motions between them.
 
         solve  finds the fastest motion of a part of the run, from and to given speeds
 
         None where no stretch of the run is feed-limited, or a part has no solution.
         """
-        if any(isinstance(limit, Resonance) and limit.bands for limit in self.limits):
+        if any(isinstance(limit, Resonance) and limit.bands for limit in self.task.limits):
             return None  # an axis may have to cross a band elsewhere than at the cap
-        caps = find_caps(self.path, self.limits, self.run, self.sketch)
+        caps = find_caps(self.task)
         parts = [] if caps is None else self._cut_into_parts(caps)
         if not parts:
             return None
@@ -100,7 +82,8 @@ class FeedLimitedRun:
             solution = part.cruise
             if solution is None:
                 ramp = self._meet_cruises(parts, number)
-                solution = self._solve_in_closed_form(ramp, cruising) or solve(ramp)
+                task = self.task.with_run(ramp)
+                solution = _solve_in_closed_form(task, cruising) or solve(task)
                 if not solution.solved or not self._is_joined(solution, ramp):
                     return None
             solutions.append(solution)
@@ -108,22 +91,23 @@ class FeedLimitedRun:
 
     def _cut_into_parts(self, caps: Caps) -> list[Part]:
         """Cut the run into cruises and the ramps between them; no parts without a cruise."""
-        whole = replace(self.run, whole=True)
-        breaks = whole.breaks(self.path)
+        path = self.task.path
+        whole = replace(self.task.run, whole=True)
+        breaks = whole.breaks(path)
         parts: list[Part] = []
         place = float(breaks[0])
         for first, last in self._find_cruises(caps, breaks):
-            stretch = whole.cut(self.path, first, last)
-            cruise = follow_cap(self.path, self.limits, caps, stretch, self.order)
+            stretch = whole.cut(path, first, last)
+            cruise = follow_cap(self.task.with_run(stretch), caps)
             if cruise is None:
                 continue
             if first > place:
-                parts.append(Part(whole.cut(self.path, place, first)))
+                parts.append(Part(whole.cut(path, place, first)))
             parts.append(Part(stretch, cruise))
             place = last
         end = float(breaks[-1])
         if parts and place < end:
-            parts.append(Part(whole.cut(self.path, place, end)))
+            parts.append(Part(whole.cut(path, place, end)))
         return parts
 
     def _find_cruises(self, caps: Caps, breaks: Array) -> list[Stretch]:
@@ -131,15 +115,15 @@ class FeedLimitedRun:
 
         A ramp to or from a cap lies within the stretch of path that has this cap.
         """
-        sketch = self.sketch
-        pieces = sketch.piece - self.run.first
+        sketch = self.task.sketch
+        pieces = sketch.piece - self.task.run.first
         acceleration = reduce_pieces(np.minimum, bound_term(sketch, Term.SDD), pieces)
         jerk = reduce_pieces(np.minimum, bound_term(sketch, Term.SDDD), pieces)
         ramps = _bound_ramps(caps.fastest, RAMP_SHARE * acceleration, RAMP_SHARE * jerk)
         ramps = np.maximum(ramps, 2 * least_ramp(float(breaks[-1])))
         busy = np.flatnonzero(_find_cruising_use(sketch, caps) > MAX_CRUISING_USE)
-        changes = caps.find_changes(breaks, self.order, acceleration)
-        start, end = self.run.ends
+        changes = caps.find_changes(breaks, self.task.order, acceleration)
+        start, end = self.task.run.ends
         cruises: list[Stretch] = []
         for first, after in pairwise([0, *changes.tolist(), len(breaks) - 1]):
             if not caps.capped[first]:
@@ -147,7 +131,8 @@ class FeedLimitedRun:
             ramp = float(ramps[first:after].max())
             begins = first == 0 and _cruises_at(start, caps.along[0])
             ends = after == len(breaks) - 1 and _cruises_at(end, caps.along[-1])
-            since, until = float(breaks[first]), float(breaks[after])
+            since = float(breaks[first])
+            until = float(breaks[after])
             blocked = [
                 (since, since if begins else since + ramp),
                 (until if ends else until - ramp, until),
@@ -170,7 +155,7 @@ class FeedLimitedRun:
         if number + 1 < len(parts) and (cruise := parts[number + 1].cruise) is not None:
             profile = cruise.profile
             end = EndCondition(float(profile.v[0]), float(profile.a[0]))
-        if self.order == 2:
+        if self.task.order == 2:
             start = replace(start, acceleration=0.0)
             end = replace(end, acceleration=0.0)
         return replace(ramp, ends=(start, end))
@@ -190,22 +175,23 @@ class FeedLimitedRun:
                 continue
             if abs(v - condition.speed) > largest_v:
                 return False
-            if self.order == 3 and abs(a - condition.acceleration) > largest_a:
+            if self.task.order == 3 and abs(a - condition.acceleration) > largest_a:
                 return False
         return True
 
-    def _solve_in_closed_form(self, ramp: Run, cruising: float) -> RunSolution | None:
-        """Return a ramp in closed form, where it is so short that the loss of time is negligible.
 
-        cruising  duration of all cruises
-        """
-        plain = all(end.acceleration == 0 and end.zero_derivatives == 0 for end in ramp.ends)
-        if ramp.first != ramp.last or not plain or max(ramp.speeds) == 0:
-            return None
-        sketch = sketch_problem(self.path, self.limits, ramp)
-        length = float(sketch.s[-1] - sketch.s[0])
-        share = CLOSED_FORM_LOSS * cruising * max(ramp.speeds) / length
-        return straight_ramp(sketch, min(share, MAX_UNUSED_SHARE))
+def _solve_in_closed_form(task: Task, cruising: float) -> RunSolution | None:
+    """Return a ramp in closed form, where it is so short that the loss of time is negligible.
+
+    cruising  duration of all cruises
+    """
+    ramp = task.run
+    plain = all(end.acceleration == 0 and end.zero_derivatives == 0 for end in ramp.ends)
+    if ramp.first != ramp.last or not plain or max(ramp.speeds) == 0:
+        return None
+    length = float(task.sketch.s[-1] - task.sketch.s[0])
+    share = CLOSED_FORM_LOSS * cruising * max(ramp.speeds) / length
+    return straight_ramp(task.sketch, min(share, MAX_UNUSED_SHARE))
 
 
 def _cruises_at(end: EndCondition, cap: float) -> bool:

@@ -6,6 +6,7 @@ order-2 motion (planner.timing.initial_guess) spends time or changes s̈.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -47,6 +48,10 @@ COARSE = Rule(400, 20, 20)
 """For the order-2 motion from which an order-3 solve starts."""
 ROUGH_GRID = Rule(120, 8, 6)
 """For a solution that only shows where it loses time."""
+# Intervals of a piece in a sketch, and as many for each radian that it turns. Too few would miss a
+# peak of a limit's use on a cruise; the proof finds such a peak, and the run is then solved as a
+# whole.
+SAMPLES = 8
 # Largest number of intervals at each order: an interval takes 5 kB at order 2, 0.15 MB at order 3.
 MAX_INTERVALS = {2: 1_000_000, 3: 50_000}
 # Largest number of pieces in one run without a machine. With many pieces each has fewer intervals,
@@ -75,6 +80,44 @@ DIRECTION_POINTS = 17
 MIN_STEP_LEFT = 0.5
 NEAR_STEP_SHARE = 1 / 3
 SAME_PLACE = 1e-12
+
+
+@dataclass(frozen=True)
+class Task:
+    """A run that is to be timed within limits, and the problems on it that several ways share."""
+
+    path: ActuatorPath
+    limits: Sequence[Limit]
+    run: Run
+    order: int
+
+    def with_run(self, run: Run) -> "Task":
+        """Return the task for another run."""
+        return replace(self, run=run)
+
+    @cached_property
+    def sketch(self) -> Problem:
+        """Rows at a few places of each piece: enough to see where limits bind."""
+        pieces = np.arange(self.run.first, self.run.last + 1)
+        count = SAMPLES + np.ceil(SAMPLES * self.path.turns[pieces]).astype(int)
+        s, owner = divide_intervals(self.run.breaks(self.path), count)
+        return pose_problem(self.path, self.limits, s, pieces[owner], self.run.ends)
+
+    @cached_property
+    def coarse(self) -> Problem:
+        """Rows on a coarse even grid."""
+        return coarse_jerk_problem(self.path, self.limits, self.run)
+
+    @cached_property
+    def active_limits(self) -> list[Limit]:
+        """Limits without those on loads that surely stay far from binding."""
+        return leave_out_idle(self.limits, self.coarse)
+
+    @cached_property
+    def resting(self) -> "Task":
+        """Task with rest at the ends that a motion might pass; this one if there are none."""
+        ends = fix_passed_ends(self.run.ends)
+        return self if ends == self.run.ends else self.with_run(replace(self.run, ends=ends))
 
 
 def make_grid(
@@ -400,8 +443,8 @@ def count_intervals(
 
 
 def _size_error(rule: Rule, path: ActuatorPath, run: Run, size: int) -> MotionError:
-    since = path.place(float(path.breaks[run.first]), run.first)
-    until = path.place(float(path.breaks[run.last + 1]), run.last)
+    since = path.place(path.breaks[run.first], run.first)
+    until = path.place(path.breaks[run.last + 1], run.last)
     order = ", or plan at order 2" if rule.order == 3 else ""
     return MotionError(
         f"from {since} to {until} the motion does not stop, and takes {count_noun(size, 'interval')} "

@@ -23,7 +23,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from kinematics.foundation.arrays import Array
+from kinematics.foundation.arrays import Array, bisect
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.kernels import Floats1, kernel
 from planner.limits.limit import Term
@@ -194,8 +194,6 @@ def relax_jerk(problem: Problem) -> tuple[Problem, float]:
     by_speed = np.sqrt(speed * jerk)
     by_length = np.cbrt(jerk**2 * length / 2)
     attainable = min(by_speed, by_length)
-    if not np.isfinite(attainable):
-        raise MotionError("the motion is unbounded: no moving axis states a limit of speed or acceleration; state one")
     sharp = select_order_2(problem.with_fixed_ends())
     if attainable >= acceleration:
         return sharp, acceleration / jerk
@@ -284,11 +282,7 @@ def pass_breaks(problem: Problem, at: np.ndarray, speeds: Array) -> Profile | No
         return None
     high = np.minimum(fastest, low + np.cbrt(jerk * size**2))
     high = np.maximum(low, high)
-    for _ in range(HALVINGS):
-        top = (low + high) / 2
-        fits = ramps.length(before, top, after) <= size
-        low = np.where(fits, top, low)
-        high = np.where(fits, high, top)
+    low = bisect(lambda top: ramps.length(before, top, after) <= size, low, high, HALVINGS)
     left = size - ramps.length(before, low, after)
     phases = [
         *ramps.phases(low - before),

@@ -14,7 +14,8 @@ from planner.path.stands import count_zero_derivatives
 
 # Shares of the limits that motions aim at: those of solvers, whose tolerance is near 1e-7, and
 # those in closed form.
-SOLVER_AIM, EXACT_AIM = 1 - 1e-6, 1 - 1e-9
+SOLVER_AIM = 1 - 1e-6
+EXACT_AIM = 1 - 1e-9
 # Share of a limit that holding still may use: more would leave no motion to find.
 MAX_HOLDING_SHARE = 1 - 1e-9
 ODD_TERMS = {Term.SDD, Term.SDSDD}
@@ -26,16 +27,14 @@ Solver = Literal["passes", "toppra"]
 """Solver of order 2: our own two passes, or toppra."""
 SideRows = Mapping[Term, Array]
 """Coefficients (N, m) of each term, at one side of N intervals."""
-SpeedRanges = tuple[Array, Array, Array, Array]
-"""Least and largest ṡ, each (N, m), at the start and then at the end of N intervals."""
 
 
 @dataclass(frozen=True, slots=True)
 class EndCondition:
     """State (ṡ, s̈) in which a run begins or ends, and what of it a solver may choose.
 
-    Where q′ = 0 the axes are at rest for every ṡ, since q̇ = q′ ṡ (planner.path.stands): ṡ is free
-    there, or s̈ under jerk limits. Where q″ = 0 too, a jerk-limited motion passes at ṡ > 0.
+    Where q′ = 0 the axes are at rest for every ṡ, since q̇ = q′ ṡ: ṡ is free there, or s̈ under
+    jerk limits. Where q″ = 0 too, a jerk-limited motion passes at ṡ > 0.
 
     speed             ṡ
     acceleration      s̈, which only jerk-limited problems use
@@ -104,16 +103,31 @@ class Continuation:
     knots: Array = field(default_factory=lambda: np.empty(0))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """How runs are solved.
+
+    solver        for order 2
+    continuation  motion that the first run continues
+    fineness      number of intervals as a multiple of the usual
+    whole         solve as one problem, without cruises in closed form (planner.timing.feed_limited)
+    """
+
+    solver: Solver = "passes"
+    continuation: Continuation | None = None
+    fineness: float = 1.0
+    whole: bool = False
+
+
+USUAL = Settings()
+
+
 @dataclass(frozen=True, slots=True)
-class Run:
+class Run(Settings):
     """Pieces first … last (inclusive) of a path, without a stop between them.
 
     ends          how it begins and ends
     since, until  path lengths in the first and the last piece between which it runs; None: all
-    solver        for order 2
-    fineness      number of intervals as a multiple of the usual
-    whole         solve as one problem, without cruises in closed form (planner.timing.feed_limited)
-    continuation  motion that it continues
     """
 
     first: int
@@ -121,10 +135,6 @@ class Run:
     ends: Ends = (REST, REST)
     since: float | None = None
     until: float | None = None
-    solver: Solver = "passes"
-    continuation: Continuation | None = None
-    fineness: float = 1.0
-    whole: bool = False
 
     @property
     def speeds(self) -> tuple[float, float]:
@@ -167,8 +177,9 @@ class Block:
 
     room    (N,) SOLVER_AIM, or less where the proof asked for it
     middle  (m,) middle of the range, in ]−1, 1[: 0 where the bounds are the same both ways
-    about   ranges of ṡ in which a row of a limit that is not convex counts; None: all rows count
-    hull    rows of a convex part of such a limit, which count at every ṡ
+    speed_range  (4, N, m) least and largest ṡ at which a row of a limit that is not convex counts,
+                 at the starts, then at the ends; None: all rows count
+    convex_part  rows of a convex part of such a limit, which count at every ṡ
     """
 
     name: str
@@ -176,8 +187,8 @@ class Block:
     end: SideRows
     room: Array
     middle: Array
-    about: SpeedRanges | None = None
-    hull: "Block | None" = None
+    speed_range: Array | None = None
+    convex_part: "Block | None" = None
 
     @property
     def sides(self) -> tuple[SideRows, SideRows]:
@@ -186,7 +197,7 @@ class Block:
 
     def around(self, start: Array, end: Array) -> "Block":
         """Return the rows that count near ṡ (N,) at the starts and ends; the others become 0."""
-        if self.about is None:
+        if self.speed_range is None:
             return self
 
         def select(rows: SideRows, speed: Array, least: Array, most: Array) -> SideRows:
@@ -195,29 +206,27 @@ class Block:
 
         return replace(
             self,
-            start=select(self.start, start, *self.about[:2]),
-            end=select(self.end, end, *self.about[2:]),
-            about=None,
-            hull=None,
+            start=select(self.start, start, *self.speed_range[:2]),
+            end=select(self.end, end, *self.speed_range[2:]),
+            speed_range=None,
+            convex_part=None,
         )
 
     def reversed(self) -> "Block":
         """Return the rows for the run backwards."""
 
         def turn(rows: SideRows) -> SideRows:
-            return {term: -values[::-1] if term in ODD_TERMS else values[::-1] for term, values in rows.items()}
+            turned = {term: values[::-1] for term, values in rows.items()}
+            return turned | {term: -turned[term] for term in ODD_TERMS if term in turned}
 
-        about = None
-        if self.about is not None:
-            low, high, low_end, high_end = (values[::-1] for values in self.about)
-            about = low_end, high_end, low, high
+        speeds = self.speed_range
         return replace(
             self,
             start=turn(self.end),
             end=turn(self.start),
             room=self.room[::-1],
-            about=about,
-            hull=None if self.hull is None else self.hull.reversed(),
+            speed_range=None if speeds is None else speeds[[2, 3, 0, 1], ::-1],
+            convex_part=None if self.convex_part is None else self.convex_part.reversed(),
         )
 
     def part(self, intervals: slice) -> "Block":
@@ -226,16 +235,13 @@ class Block:
         def cut(rows: SideRows) -> SideRows:
             return {term: values[intervals] for term, values in rows.items()}
 
-        about = None
-        if self.about is not None:
-            low, high, low_end, high_end = (values[intervals] for values in self.about)
-            about = low, high, low_end, high_end
+        speeds = self.speed_range
         return replace(
             self,
             start=cut(self.start),
             end=cut(self.end),
             room=self.room[intervals],
-            about=about,
+            speed_range=None if speeds is None else speeds[:, intervals],
         )
 
     @property
@@ -251,6 +257,14 @@ class Block:
         """Return the rows with a share of the room that holding still leaves."""
         holding = self.holding_use
         return replace(self, room=holding + (self.room - holding) * share)
+
+    def find_steady_use(self, at: int, speed: float) -> float:
+        """Return the use at the first or last point (at: 0 or −1) by ṡ alone, 0 by rows with s⃛."""
+        rows = self.end if at else self.start
+        if Term.SDDD in rows:
+            return 0.0
+        sums = [rows[term][at] * speed**power for term, power in POWERS.items() if term in rows]
+        return float(np.max(self.share(np.sum(sums, axis=0)), initial=0.0))
 
     def share(self, values: Array) -> Array:
         """Return sums (N, m) of the rows as shares of the bound on their side of zero."""
@@ -289,7 +303,7 @@ class Problem:
     @property
     def is_unconditional(self) -> bool:
         """True if every row counts at every speed."""
-        return all(block.about is None for block in self.blocks)
+        return all(block.speed_range is None for block in self.blocks)
 
     def reversed(self) -> "Problem":
         """Return the problem run backwards: s̈ changes its sign, ṡ and s⃛ do not."""
@@ -317,9 +331,15 @@ class Problem:
         return replace(self, blocks=tuple(block.around(start, end) for block in self.blocks))
 
 
-def split_runs(path: ActuatorPath, stops: np.ndarray, order: int) -> list[Run]:
+def split_runs(
+    path: ActuatorPath,
+    stops: np.ndarray,
+    order: int,
+    settings: Settings = USUAL,
+) -> list[Run]:
     """Return the runs between stops (K,); the path's own ends have the speeds that it states."""
-    still = count_zero_derivatives(path) % 3  # where q‴ = 0 too, nothing is free
+    zeros = count_zero_derivatives(path)
+    zeros = np.where(zeros == 3, 0, zeros)  # where q‴ = 0 too, nothing is free
     start, end = (
         EndCondition(speed, acceleration if order == 3 else 0.0)
         for speed, acceleration in zip(path.end_speeds, path.end_accelerations, strict=True)
@@ -328,6 +348,18 @@ def split_runs(path: ActuatorPath, stops: np.ndarray, order: int) -> list[Run]:
 
     def condition(stop: int, side: int, piece: int) -> EndCondition:
         at_stop = outer.get(stop, REST)
-        return replace(at_stop, zero_derivatives=int(still[side, piece]))
+        return replace(at_stop, zero_derivatives=int(zeros[side, piece]))
 
-    return [Run(a, b - 1, (condition(a, 0, a), condition(b, 1, b - 1))) for a, b in pairwise(stops.tolist())]
+    runs = [
+        Run(
+            first,
+            after - 1,
+            (condition(first, 0, first), condition(after, 1, after - 1)),
+            solver=settings.solver,
+            fineness=settings.fineness,
+            whole=settings.whole,
+        )
+        for first, after in pairwise(stops.tolist())
+    ]
+    runs[0] = replace(runs[0], continuation=settings.continuation)
+    return runs

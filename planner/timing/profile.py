@@ -83,7 +83,9 @@ class Profile:
 
     def at(self, k: np.ndarray, tau: Array) -> tuple[Array, Array, Array, Array]:
         """Return s, ṡ, s̈, s⃛ at times tau (N,) after the starts of pieces k (N,)."""
-        v, a, j = self.v[k], self.a[k], self.j[k]
+        v = self.v[k]
+        a = self.a[k]
+        j = self.j[k]
         s = self.s[k] + tau * (v + tau * (a / 2 + tau * j / 6))
         return s, v + tau * (a + tau * j / 2), a + tau * j, j
 
@@ -108,7 +110,8 @@ class Profile:
         owner = np.append(np.arange(len(self.h)), passed)
         tau = np.append(np.zeros(len(self.h)), instants)
         order = np.lexsort((tau, owner))
-        owner, tau = owner[order], tau[order]
+        owner = owner[order]
+        tau = tau[order]
         s, v, a, j = self.at(owner, tau)
         last_of_owner = np.append(np.diff(owner) > 0, True)
         h = np.where(last_of_owner, self.h[owner], np.append(tau[1:], 0.0)) - tau

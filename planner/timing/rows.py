@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from planner.limits.limit import Limit, Rows, Term, order_of
+from planner.limits.limit import Limit, Rows, Term, order_of, select_timed
 from planner.limits.lowered import ALL, Shares
 from planner.path.actuation import ActuatorPath, Points, make_points
 from planner.timing.problem import (
@@ -23,12 +23,15 @@ from planner.timing.problem import (
 # Loads take long to evaluate and seldom bind. A load's rows are left out if no motion within the
 # other limits can use more than IDLE_SHARE of it at any grid point (the rest is for what happens
 # between them), or more than SURELY_IDLE_SHARE of it at every IDLE_STRIDE-th point.
-IDLE_SHARE, SURELY_IDLE_SHARE, IDLE_STRIDE = 0.9, 0.5, 16
+IDLE_SHARE = 0.9
+SURELY_IDLE_SHARE = 0.5
+IDLE_STRIDE = 16
 BOUNDING_TERMS = ({Term.SD}, {Term.SD2}, {Term.SDD, Term.SD2}, {Term.SDD})
 """Terms of rows that bound ṡ and s̈."""
 # Share of the jerk limit that a motion uses where it passes q′ = q″ = 0, if other limits are used
 # less than the second share one interval farther on.
-PASSED_SHARE, MOST_PASSED_USE = 0.97, 0.8
+PASSED_SHARE = 0.97
+MOST_PASSED_USE = 0.8
 
 
 def pose_problem(
@@ -43,7 +46,7 @@ def pose_problem(
     The rows of loads that surely do not bind are left out. The proof looks at all limits.
     """
     sides = _Sides.of(path, s, piece, order_of(limits))
-    timed = [limit for limit in limits if not limit.geometric]
+    timed = select_timed(limits)
     blocks: dict[str, Block | None] = {}
     for limit in timed:
         if Term.ONE not in limit.terms:
@@ -112,18 +115,18 @@ class _Sides:
             half = (above + below) / 2
             middle = (above - below) / 2 / half
         scaled = {term: values[:, finite] / half for term, values in rows.coefficients.items()}
-        about = None
-        if rows.about is not None:
-            low, high = (values[:, finite] for values in rows.about)
-            about = low[:count], high[:count], low[self.ends], high[self.ends]
+        speeds = None
+        if rows.speed_range is not None:
+            low, high = (values[:, finite] for values in rows.speed_range)
+            speeds = np.stack([low[:count], high[:count], low[self.ends], high[self.ends]])
         return Block(
             name,
             {term: values[:count] for term, values in scaled.items()},
             {term: values[self.ends] for term, values in scaled.items()},
             np.ones(count),
             middle,
-            about,
-            None if rows.hull is None else self.normalise(name, rows.hull, ALL),
+            speeds,
+            None if rows.convex_part is None else self.normalise(name, rows.convex_part, ALL),
         ).aimed(SOLVER_AIM)
 
 
@@ -155,12 +158,10 @@ def _open_room(block: Block, ends: Ends) -> Block:
     speeds = [end.speed for end in ends]
     if min(speeds) == 0:
         return block
-    for rows, at, speed in zip(block.sides, (0, -1), speeds, strict=True):
-        if Term.SDDD in rows:
-            continue
-        sums = [values[at] * speed ** POWERS[term] for term, values in rows.items() if term in POWERS]
-        if sums and np.max(block.share(np.sum(sums, axis=0)), initial=0.0) > block.room[at]:
-            return replace(block, room=np.ones(len(block.room)))
+    at_start = block.find_steady_use(0, speeds[0])
+    at_end = block.find_steady_use(-1, speeds[1])
+    if at_start > block.room[0] or at_end > block.room[-1]:
+        return replace(block, room=np.ones(len(block.room)))
     return block
 
 
@@ -204,7 +205,8 @@ def _drop_idle(blocks: Sequence[Block]) -> list[Block]:
 
 
 def _select_bounding(blocks: Sequence[Block]) -> list[Block]:
-    return [block for block in blocks if block.about is None and set(block.start) in BOUNDING_TERMS]
+    always = [block for block in blocks if block.speed_range is None]
+    return [block for block in always if set(block.start) in BOUNDING_TERMS]
 
 
 def _bound_terms(rows: Sequence[tuple[SideRows, Array]]) -> dict[Term, Array]:
@@ -231,14 +233,17 @@ def _bound_terms(rows: Sequence[tuple[SideRows, Array]]) -> dict[Term, Array]:
 
 def _find_largest_use(block: Block, bounds: Sequence[Mapping[Term, Array]]) -> float:
     """Return the largest use of a load by terms of these sizes at both sides; ∞ if one has none."""
-    if Term.ONE not in block.start or block.about is not None:
+    if Term.ONE not in block.start or block.speed_range is not None:
         return np.inf
     if not set(block.start) <= set(bounds[0]):
         return np.inf
     largest = 0.0
     for rows, sizes in zip(block.sides, bounds, strict=True):
-        with np.errstate(invalid="ignore"):
-            terms = [np.where(values == 0, 0.0, np.abs(values) * sizes[term][:, None]) for term, values in rows.items()]
-        use = np.sum(terms, axis=0) / (1 - np.abs(block.middle))
-        largest = max(largest, float(use.max()))
+        total: Array = np.zeros(1)
+        for term, values in rows.items():
+            with np.errstate(invalid="ignore"):
+                size = np.abs(values) * sizes[term][:, None]
+            total = total + np.where(values == 0, 0.0, size)
+        use = total / (1 - np.abs(block.middle))
+        largest = max(largest, float(np.max(use)))
     return largest

@@ -10,13 +10,14 @@ from functools import reduce
 import numpy as np
 
 from kinematics.foundation.arrays import Array, largest_in_rows
-from planner.limits.limit import Limit, order_of
+from planner.limits.limit import Limit, order_of, select_timed
 from planner.path.actuation import ActuatorPath
 from planner.timing.profile import Profile
 
 # Instants of each time piece. Parabolas through each three of them give a quadratic's peak exactly,
 # and miss about the fourth derivative's share of others. Pieces without jerk are more and shorter.
-INSTANTS, INSTANTS_WITHOUT_JERK = 5, 3
+INSTANTS = 5
+INSTANTS_WITHOUT_JERK = 3
 # A limit that is used less than this is not sampled again while a run is being solved.
 MIN_WATCHED_USE = 0.5
 # Pieces that are sampled together: memory stays small, however long a run is.
@@ -37,7 +38,7 @@ def sample_limit_use(
     last  an earlier sample: pieces that have not changed since are not sampled again
     """
     motion = profile.along(path)
-    timed = [limit for limit in limits if not limit.geometric]
+    timed = select_timed(limits)
     count = INSTANTS if profile.j.any() else INSTANTS_WITHOUT_JERK
     share = np.linspace(0.0, 1.0, count)
     if last is None or not _has_same_pieces(last, profile, timed):
@@ -67,7 +68,9 @@ def _has_same_pieces(last: Sample, profile: Profile, limits: Sequence[Limit]) ->
 
 def _bound_parabolas(values: Array) -> tuple[Array, Array]:
     """Return the least and largest (M, m) of parabolas through each three of values (M, 2n+1, m)."""
-    first, middle, last = values[:, :-2:2], values[:, 1::2], values[:, 2::2]
+    first = values[:, :-2:2]
+    middle = values[:, 1::2]
+    last = values[:, 2::2]
     second_difference = first - 2 * middle + last
     with np.errstate(divide="ignore", invalid="ignore"):
         vertex = (first - last) / (2 * second_difference)  # in steps from the middle

@@ -1,4 +1,4 @@
-"""The outcome of solving a run: a motion that is not yet proved, or the reason why there is none."""
+"""The outcome of solving a run: a motion that is not yet proved, or the refusal."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -16,11 +16,16 @@ Status = Literal["solved", "too fast", "infeasible", "stopped"]
 """Solved; a speed at an end is not possible; a limit cannot be respected; no answer was found."""
 
 # Makers of motions. Closed forms and averages:
-STRAIGHT, AVERAGED, BRIEF_RAMPS = "straight", "averaged", "brief ramps"
+STRAIGHT = "straight"
+AVERAGED = "averaged"
+BRIEF_RAMPS = "brief ramps"
 # motions at constant speed, by the program or at the capped speed of the tool;
-MADE_CONSTANT_SPEED, CRUISE = "constant speed", "cruise"
+MADE_CONSTANT_SPEED = "constant speed"
+CRUISE = "cruise"
 # motions joined of several: with rests between, of constant speeds and ramps, of cruises and ramps.
-WITH_RESTS, IN_PARTS, FEED_LIMITED = "with rests", "in parts", "feed-limited"
+WITH_RESTS = "with rests"
+IN_PARTS = "in parts"
+FEED_LIMITED = "feed-limited"
 
 # A motion slowed by less than this still counts as its maker's.
 MAX_UNTOLD_SLOWNESS = 1 + 1e-4
@@ -58,7 +63,7 @@ class TooFast(MotionError):
 class RunSolution:
     """The outcome of solving a run or a part of it.
 
-    bound     estimate (s) of the least time that the run can take; 0 where there is none
+    bound     estimate (s) of the least time that the run can take; 0 without an estimate
     maker     solver or other source of the motion
     problem   problem that it answers; None for closed forms and joined motions
     use       sampled use of limits on each time piece, if the solver sampled it
@@ -114,7 +119,7 @@ class RunSolution:
         return self.profile.duration
 
     def require_profile(self) -> Profile:
-        """Return the motion. Raises the refusal where there is none."""
+        """Return the motion. Raises the refusal instead, if it is refused."""
         if self.refusal is not None:
             raise self.refusal
         return self.profile
@@ -170,7 +175,7 @@ class RunSolution:
         )
 
     def relate_use(self, use: Mapping[str, Array]) -> dict[str, Array]:
-        """Return the use of limits as shares of what the maker aims at.
+        """Return the use of limits as shares of the maker's aim.
 
         Where the motion begins or ends at a speed, the first and the last piece may use all of
         the limits: such a speed is given, and may be that of a motion in closed form.

@@ -14,8 +14,7 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from planner.limits.limit import Limit
-from planner.path.actuation import ActuatorPath
-from planner.timing.grid import cut_intervals
+from planner.timing.grid import Task, cut_intervals
 from planner.timing.order2.second_order import second_order
 from planner.timing.order3.solve import solve_jerk_limited
 from planner.timing.problem import Block, Problem
@@ -40,7 +39,8 @@ SOLVER_MARGIN = 2e-7
 MAX_TRIES = 6
 # Excess from which an interval is cut in CUT_PARTS when it is solved again. Later tries cut from a
 # smaller excess on: it then lies between grid points, where less room does not help.
-MIN_CUT_EXCESS, MIN_LATE_CUT_EXCESS = 1.03, 1.0003
+MIN_CUT_EXCESS = 1.03
+MIN_LATE_CUT_EXCESS = 1.0003
 CUT_PARTS = 4
 # Excess up to which the next answer is very near the last.
 MIN_NEAR_EXCESS = 1 + 1e-3
@@ -52,60 +52,58 @@ MAX_CHEAP_SLOWNESS = 1 + 3e-5
 
 def required_slowness(limits: Sequence[Limit], use: Mapping[str, Array]) -> float:
     """Return how many times slower a motion with this use must be to keep all limits."""
-    return max(limit.slowness(float(use[limit.name].max())) for limit in limits if limit.name in use)
+    known = [limit for limit in limits if limit.name in use]
+    return max(limit.slowness(float(use[limit.name].max())) for limit in known)
 
 
 def tighten_until_kept(
-    path: ActuatorPath,
-    limits: Sequence[Limit],
+    task: Task,
     solution: RunSolution,
 ) -> RunSolution:
     """Tighten a motion until samples show no limit exceeded.
 
     Loads for which the problem has no rows are far from their limits and left to the proof.
     """
-    watched = list(limits)
+    watched = list(task.limits)
     if solution.problem is not None:
-        watched = leave_out_idle(limits, solution.problem)
+        watched = leave_out_idle(task.limits, solution.problem)
     sample = None
     while solution.solved and solution.tries < MAX_TRIES:
-        use = solution.use or sample_limit_use(path, watched, solution.profile, sample)
+        use = solution.use or sample_limit_use(task.path, watched, solution.profile, sample)
         sample = solution.profile, use
         aimed_use = solution.relate_use(use)
         slowness = required_slowness(watched, aimed_use)
-        watched = [
-            limit for limit in watched if limit.name in aimed_use and aimed_use[limit.name].max() > MIN_WATCHED_USE
-        ]
+        most = {name: values.max() for name, values in aimed_use.items()}
+        watched = [limit for limit in watched if most.get(limit.name, 0.0) > MIN_WATCHED_USE]
         if slowness <= 1 + SOLVER_MARGIN:
             break
         if solution.maker not in ("passes", "toppra"):
             slowness *= UNSEEN_EXCESS
         before = solution
-        solution = _tighten_part(path, limits, solution, aimed_use, slowness)
+        solution = _tighten_part(task, solution, aimed_use, slowness)
         if solution.problem is before.problem:  # it was slowed as a whole
             break
     return solution
 
 
 def tighten_run(
-    path: ActuatorPath,
-    limits: Sequence[Limit],
+    task: Task,
     solution: RunSolution,
     use: Mapping[str, Array],
 ) -> RunSolution:
     """Tighten each part of a motion that exceeds a limit. use (M,): of each time piece."""
     if not solution.parts:
         aimed_use = solution.relate_use(use)
-        slowness = required_slowness(limits, aimed_use)
-        return _tighten_part(path, limits, solution, aimed_use, slowness)
+        slowness = required_slowness(task.limits, aimed_use)
+        return _tighten_part(task, solution, aimed_use, slowness)
     parts = []
     first = 0
     for part in solution.parts:
         last = first + len(part.profile.h)
         part_use = {name: values[first:last] for name, values in use.items()}
-        slowness = required_slowness(limits, part.relate_use(part_use))
+        slowness = required_slowness(task.limits, part.relate_use(part_use))
         if slowness > 1 + SOLVER_MARGIN:
-            part = tighten_run(path, limits, part, part_use)
+            part = tighten_run(task, part, part_use)
         parts.append(part)
         first = last
     maker = FEED_LIMITED if solution.maker == FEED_LIMITED else WITH_RESTS
@@ -113,8 +111,7 @@ def tighten_run(
 
 
 def _tighten_part(
-    path: ActuatorPath,
-    limits: Sequence[Limit],
+    task: Task,
     part: RunSolution,
     use: Mapping[str, Array],
     slowness: float,
@@ -126,7 +123,7 @@ def _tighten_part(
     can_solve &= part.maker not in (AVERAGED, BRIEF_RAMPS, STRAIGHT)
     pays = slowness > MAX_CHEAP_SLOWNESS and part.tries < MAX_TRIES
     if can_solve and (pays or part.has_end_speed):
-        solution = _solve_again(path, limits, part, use)
+        solution = _solve_again(task, part, use)
         if solution.solved:
             return replace(solution, bound=part.bound, tries=part.tries + 1)
         if part.has_end_speed:
@@ -144,8 +141,7 @@ def _tighten_part(
 
 
 def _solve_again(
-    path: ActuatorPath,
-    limits: Sequence[Limit],
+    task: Task,
     part: RunSolution,
     use: Mapping[str, Array],
 ) -> RunSolution:
@@ -158,7 +154,8 @@ def _solve_again(
     guess = part.profile.columns()
     least = MIN_LATE_CUT_EXCESS if part.tries > 2 else MIN_CUT_EXCESS
     if part.tries > 1 and excess.max() > least:
-        tighter = cut_intervals(path, limits, tighter, np.where(excess > least, CUT_PARTS, 1))
+        count = np.where(excess > least, CUT_PARTS, 1)
+        tighter = cut_intervals(task.path, task.limits, tighter, count)
         guess = part.profile.on(tighter.s)
     is_near = excess.max() <= MIN_NEAR_EXCESS
     return solve_jerk_limited(tighter, guess, "nearer" if is_near else "near")

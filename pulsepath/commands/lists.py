@@ -8,7 +8,6 @@ import click
 
 from pulsepath.commands.common import print_result
 from pulsepath.options import json_option
-from pulsepath.progress import say
 
 Record = dict[str, Any]
 UNITS = {
@@ -34,15 +33,11 @@ def machines(as_json: bool) -> None:
 
     Example: pulsepath machines --json
     """
-    from kinematics import NotInstalled, load_machine, machine_names
+    from kinematics.foundation.names import presets
+    from kinematics.machine.machine_file import read_summary
     from pulsepath.output import record, tables
 
-    known = []
-    for name in machine_names():
-        try:
-            known.append(load_machine(name))
-        except NotInstalled as reason:  # the other machines are listed nevertheless
-            say(f"note: {name} is left out: {reason}", err=True)
+    known = [read_summary(file) for file in presets("kinematics").values()]
     print_result(
         [record.record_machine(machine) for machine in known],
         tables.tabulate_machines(known),

@@ -26,17 +26,13 @@ if TYPE_CHECKING:
 # Modules that the second process loads, the latter to draw figures.
 WORK_MODULES = ("pulsepath.job",)
 FIGURE_MODULES = ("benchmarks.reports.plan_figures", "controllers.figures", "planner.figures")
-# Kernels that the second process compiles, in this order, while this one compiles those that it
+# Kernels that the second process compiles, in this order. Meanwhile this process compiles what it
 # needs first.
 ORDER_3_KERNELS = (
     "planner.timing.order3.riccati:solve_newton",
     "planner.timing.order3.kkt:linearize",
 )
-PROOF_KERNELS = (
-    "planner.certificate.ranges:bound_motion",
-    "planner.certificate.continuity:fill_states",
-    "planner.certificate.continuity:measure_jumps",
-)
+PROOF_KERNELS = ("planner.certificate.ranges:bound_motion",)
 BOUND_KERNELS = (
     "planner.bounds.lower_bound:bound_cells",
     "planner.bounds.inner_minimum:fill_sets",

@@ -16,7 +16,8 @@ from pulsepath.progress import say
 from pulsepath.request_options import find_flag, with_request
 
 if TYPE_CHECKING:
-    from kinematics import Machine, Pose
+    from kinematics import Machine
+    from kinematics.foundation.arrays import Array
 
 # Unit of plain numbers.
 PLAIN = {"m": "mm", "rad": "deg"}
@@ -98,13 +99,13 @@ def pose(request: PoseRequest, as_json: bool) -> None:
 
     machine = load_machine(request.machine)
     q = None if coordinates is None else _read_coordinates(machine, *coordinates)
-    from kinematics.analysis.posture import posture_of_axes, posture_of_pose
+    from kinematics.analysis.posture import posture_of_axes, posture_of_numbers
     from pulsepath.output import record, tables
 
     if q is not None:
         result = posture_of_axes(machine, q)
     else:
-        result = posture_of_pose(machine, _find_pose(machine, position, turn, request.frame))
+        result = posture_of_numbers(machine, _find_numbers(machine, position, turn, request.frame))
     print_result(record.record_posture(result), tables.list_tables(result), as_json)
     if violations := result.violations:
         count = len(violations)
@@ -130,30 +131,34 @@ def _read_turn(text: str) -> list[float]:
     return angles
 
 
-def _find_pose(
+def _find_numbers(
     machine: "Machine",
     position: list[float] | None,
     turn: list[float] | None,
     frame: str,
-) -> "Pose":
-    """Return a pose in the base frame, with home's position and a turn of 0 where they are omitted.
+) -> "Array":
+    """Return pose numbers (1, 12) in the base frame, with home's position and a turn of 0 where they are omitted.
 
-    Raises MotionError for a coordinate that the machine does not control.
+    Numbers, because SciPy's poses take longer to load than all else here. Raises MotionError for a
+    coordinate that the machine does not control.
     """
-    from scipy.spatial.transform import RigidTransform
+    import numpy as np
 
     from kinematics.analysis.posture import refuse_dependent
-    from kinematics.machine.pose import make_pose
+    from kinematics.foundation.rotations import turn_axes
 
     angles = turn or [0.0] * 3
     refuse_dependent(machine, dict(zip(("rx", "ry", "rz"), angles, strict=True)))
+    (home,) = machine.home_numbers
+    home_turn = home[3:].reshape(3, 3)
+    (turned,) = turn_axes(np.array([angles]))
     if frame == "home":
-        return machine.home * make_pose(position or [0.0] * 3, angles)
-    place = position or machine.home.translation.tolist()
+        place = home[:3] + home_turn @ (position or [0.0] * 3)
+        return np.concatenate([place, (home_turn @ turned).ravel()])[None]
     controls_turn = bool({"rx", "ry", "rz"} & set(machine.freedom))
     if turn is None and not controls_turn:  # the angles are fixed, or follow from the position
-        return RigidTransform.from_components(place, machine.home.rotation)
-    return make_pose(place, angles)
+        turned = home_turn
+    return np.concatenate([position or home[:3], turned.ravel()])[None]
 
 
 def _read_coordinates(machine: "Machine", option: str, text: str) -> list[float]:

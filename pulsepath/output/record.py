@@ -16,7 +16,8 @@ from pulsepath.progress import as_json as as_json
 
 if TYPE_CHECKING:
     from controllers import Metrics, Rig
-    from kinematics import Axis, Machine, MotionError, Pose, Posture
+    from kinematics import Axis, MotionError, Pose, Posture
+    from kinematics.machine.machine_file import MachineSummary
     from planner import Standing
     from planner.export.format import Exported
     from planner.pulses import RealisedPath
@@ -103,9 +104,10 @@ def record_import(name: str, result: Imported, way: Outline, file: str, figure: 
 def record_posture(result: Posture) -> Record:
     """Return the record of one pose: axes, joints, margins and proof."""
     margins = result.margins
+    from_home, in_base = result.places.tolist()
     return {
         "machine": result.machine.name,
-        "pose": {"home": record_pose(result.from_home), "base": record_pose(result.pose)},
+        "pose": {"home": record_place(from_home), "base": record_place(in_base)},
         "directions_rad": result.directions.tolist(),
         "axes": [
             {"name": axis.name, "position": q, "from_home": away, "pulses": count, "unit": axis.unit, "travel_use": use}
@@ -135,6 +137,11 @@ def record_posture(result: Posture) -> Record:
         "certified": result.certified,
         "residual": result.residual,
     }
+
+
+def record_place(place: Sequence[float]) -> Record:
+    """Return the record of x, y, z (m) and θx, θy, θz (rad)."""
+    return {"position_m": list(place[:3]), "angles_rad": list(place[3:])}
 
 
 def record_pose(pose: Pose) -> Record:
@@ -180,11 +187,11 @@ def record_rules() -> Record:
     }
 
 
-def record_machine(machine: Machine) -> Record:
+def record_machine(machine: MachineSummary) -> Record:
     """Return the record of a machine; None: unlimited."""
     return {
         "name": machine.name,
-        "kind": type(machine).__name__.lower(),
+        "kind": machine.kind,
         "freedom": list(machine.freedom),
         "axes": [_axis(axis) for axis in machine.axes],
     }

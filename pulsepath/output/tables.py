@@ -17,9 +17,10 @@ from pulsepath.progress import QUIET, VERBOSE, Layout, draw, level, say
 if TYPE_CHECKING:
     from benchmarks.reports.plan_content import PlanReport
     from controllers import Metrics
-    from kinematics import Axis, Machine
+    from kinematics import Axis
     from kinematics.foundation.result import Result
     from kinematics.machine.axis import Magnitude
+    from kinematics.machine.machine_file import MachineSummary
     from planner import Classical, Plan, Standing
     from planner.plan_parts import PlanStanding
     from planner.sources.position_list import PositionList
@@ -142,7 +143,7 @@ def tabulate_positions(listed: PositionList, file: str) -> list[Table]:
     return [replace(table, title=f"{file}: {table.title}")]
 
 
-def tabulate_machines(machines: Iterable[Machine]) -> list[Table]:
+def tabulate_machines(machines: Iterable[MachineSummary]) -> list[Table]:
     """Axes, travel and limits of each machine; axes that share them share a row."""
     rows = []
     for machine in machines:

@@ -25,7 +25,7 @@ from click.testing import CliRunner
 
 DOCS = Path(__file__).parents[2] / "docs"
 FENCE = re.compile(r"^(?P<ticks>`{3,})(?P<info>[^\n`]*)\n(?P<body>.*?)^(?P=ticks)[ ]*$", re.MULTILINE | re.DOTALL)
-FILE = re.compile(r"(?:#|;|//) (?P<name>[\w.-]+\.\w+)\n")
+FILE = re.compile(r"(?:#|;|//) (?P<name>[\w./-]+\.\w+)\n")
 LOOSE = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 PROGRESS = re.compile(r"^.*(?:…|: [\d.]+ s)\n", re.MULTILINE)
 EXIT = re.compile(r"\s+# exit code (\d)$")

@@ -161,7 +161,7 @@ def test_a_key_takes_what_its_annotation_says(monkeypatch):
         return takes(field.annotation, tuple(field.metadata))
 
     assert of(LinearDefaults, "timing") == "table, or text"
-    assert of(LinearDefaults, "pulse") == 'quantity, as `"20 mm"`; above 0'
+    assert of(LinearDefaults, "pulse") == 'quantity, as `"0.75 um"`; above 0'
     # one number, or one for each way
     assert of(LinearDefaults, "max_speed") == (
         'quantity, as `"20 mm/s"`; above 0, or 2 × quantity, as `"20 mm/s"`; above 0'

@@ -5,6 +5,7 @@ pyproject.toml are evaluated here; those of the packages' own requirements are n
 """
 
 import json
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -15,7 +16,8 @@ from packaging.requirements import Requirement
 
 from tests.pace import LONG
 
-PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 PLATFORMS = {
     "linux": ("Linux", "x86_64", [f"manylinux_2_{minor}_x86_64" for minor in (5, 12, 17, 24, 27, 28, 31, 34, 35)]),
     "macos": ("Darwin", "arm64", [f"macosx_{major}_0_arm64" for major in range(11, 15)]),
@@ -78,6 +80,17 @@ def test_markers_leave_out_only_what_has_no_wheel(platform: str) -> None:
     ]
     assert names[1] - names[0] == ABSENT[platform]
     assert names[0] <= names[1]
+
+
+@pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
+def test_the_demo_installs_what_a_user_needs() -> None:
+    """The extra dev, a third more to download, comes with the tests."""
+    installed = {}
+    for target in ("demo", "test"):
+        command = ["make", "--dry-run", "--always-make", target]
+        shown = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+        installed[target] = [line.split()[-1] for line in shown.splitlines() if " pip install " in line]
+    assert installed == {"demo": ["."], "test": [".", "'.[dev]'"]}
 
 
 def test_the_dev_extra_has_the_others() -> None:

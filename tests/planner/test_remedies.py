@@ -236,6 +236,23 @@ def test_the_rate_of_bursts_that_an_axis_takes():
     generate(motion, [axis], [0.0], rule=f"dda:rate={rate} 1/s,spacing=0.1s,pulses_per_count=10")
 
 
+@pytest.mark.parametrize("shifted", [False, True])
+def test_a_start_out_of_reach_is_named(hexapod, shifted):
+    """A start in a shifted work frame, with a tool, is as far out of reach as the same start without."""
+    program = Program([Line([0, 0, 0.205])], start=RigidTransform.from_translation([0, 0, 0.2]))
+    expected = number(
+        r"the start of the program already exceeds a limit \((.*)\): change start", refused(program, hexapod)
+    )
+    assert re.fullmatch(r"leg\d travel: [3-9]\d\d\.\d% of its limit", expected)
+    if shifted:
+        tool = RigidTransform.from_translation([0, 0, 0.05])
+        work = RigidTransform.from_translation([0, 0, 0.05])
+        shifted_program = replace(program, tool=tool, work=work)
+        assert number(r"exceeds a limit \((.*)\): change start", refused(shifted_program, hexapod)) == expected
+    near = Program([Line([0, 0, 0.205])], start=RigidTransform.from_translation([0, 0, 0.02]))
+    assert "change start" not in str(refused(near, hexapod))
+
+
 def test_a_machine_beyond_a_limit_at_home_is_told_so(hexapod):
     axes = [replace(axis, travel=(0.005, 0.03)) for axis in hexapod.axes]
     short = Hexapod(hexapod.base, hexapod.platform, axes=axes, home=hexapod.home)

@@ -91,7 +91,7 @@ def directory(tmp_path_factory, write_plan, job):
 @pytest.fixture(scope="session")
 def edges(tmp_path_factory, write_plan, job):
     """The same with its pulses as edges, and without figures; not to be changed."""
-    return write_plan(replace(job, figures=False), tmp_path_factory.mktemp("edges") / "bare-circle", "--pulses", "csv")
+    return write_plan(replace(job, draw=None), tmp_path_factory.mktemp("edges") / "bare-circle", "--pulses", "csv")
 
 
 @pytest.fixture(scope="session")

@@ -3,14 +3,18 @@
 import ast
 import json
 import os
+import re
 import subprocess
 import sys
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
 import pulsepath as pp
+from pulsepath.cli import main
 from tests.pace import slowness
 
 SLOW = {
@@ -151,6 +155,54 @@ def test_a_mistake_in_a_file_is_refused_before_what_computes_is_loaded(tmp_path)
         assert code == 2, (command, text)
         assert REFUSED[command] in text, command
         assert not COMPUTING & set(loaded), command
+
+
+LOADED = {
+    "machines": {"numpy", "casadi", "pydantic", "rich"},
+    "programs": {"numpy", "rich"},
+    "rigs": {"numpy", "rich"},
+    "laws": {"numpy", "casadi", "rich"},
+    "rules": {"numpy", "casadi", "rich"},
+    "figures": {"numpy", "casadi", "rich"},
+    "pose hexapod 5,5,35 --turn 3,-4,2": {"numpy", "casadi", "pydantic", "rich"},
+    "pose tripod --travel 1,2,3": {"numpy", "casadi", "pydantic", "rich"},
+}
+"""Slow packages that commands without a plan load: all others would delay them."""
+
+
+@pytest.mark.parametrize("command", LOADED)
+def test_a_command_that_does_not_plan_loads_what_it_uses(command, tmp_path):
+    ((code, _, loaded),) = call_fresh([command.split()], tmp_path).values()
+    assert code == 0
+    assert set(loaded) == LOADED[command]
+
+
+def test_the_list_of_machines_makes_none(monkeypatch):
+    """The files state what it shows."""
+    monkeypatch.setattr("kinematics.machine.machine_file._make_machine", partial(pytest.fail, "made a machine"))
+    assert CliRunner().invoke(main, ["machines"]).exit_code == 0
+
+
+def test_a_check_of_a_program_loads_no_solver_and_no_pulses():
+    code = "import planner; planner.check('bare-circle', 'hexapod')"
+    packages = ("planner.bounds", "planner.export", "planner.interruption", "planner.pulses", "planner.timing")
+    report = f"import sys; {code}; print(*sorted({set(packages)!r} & set(sys.modules)), file=sys.stderr)"
+    assert run_fresh(report).splitlines()[-1].split() == []
+
+
+def test_the_first_of_two_processes_draws_no_figure(tmp_path):
+    """The second one loads what draws, while the first one plans."""
+    code = """
+from planner import parallel
+from pulsepath.cli import main
+parallel.cores = lambda: 2
+main(["-q", "plan", "bare-circle", "--order", "2", "--out", "out"], standalone_mode=False)
+"""
+    assert "matplotlib" not in loaded_after(code, tmp_path)
+    names = {file.stem for file in (tmp_path / "out" / "figures").iterdir()}
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert names == set(re.findall(r'<figure data-figure="(\w+)"', page))  # no figure that is not shown
+    assert {"axes", "path", "limits", "pulses", "classical", "realised", "worth"} == names
 
 
 @pytest.mark.skipif(os.name != "posix", reason="Windows has no console")

@@ -30,7 +30,7 @@ from planner.interruption.section import Section
 from planner.limits import usual_order
 from planner.pulses import AxesMotion, PulseSchedule, check
 from planner.pulses.generation.motion_parts import JoinedMotion, MotionSpan
-from planner.timing import REST, Continuation, EndCondition, Run, solve_once
+from planner.timing import REST, Continuation, EndCondition, Run, Task, solve_once
 
 EXAMPLES = Path(__file__).parents[3] / "docs/examples"
 SAMPLES = 100_000
@@ -165,8 +165,7 @@ def find_faults(section: Section, *sent: Sent) -> list[str]:
 def measure_use(planned: Plan, section: Section) -> float:
     """Return the largest share of an axis' limit at 10⁵ instants."""
     state = section.trajectory.at(np.linspace(0.0, section.duration, SAMPLES)[:-1])
-    rates = (state.qd, state.qdd, state.qddd)
-    return measure_rates(planned.machine, planned.order, rates)
+    return measure_rates(planned.machine, planned.order, (state.qd, state.qdd, state.qddd))
 
 
 def find_soonest(planned: Plan, stop: Section) -> float:
@@ -174,9 +173,7 @@ def find_soonest(planned: Plan, stop: Section) -> float:
     whole = planned.whole()
     begin = stop.at or 0.0
     now = look(planned.trajectory, begin)
-    going = None
-    if planned.order == 3:
-        going = Continuation(np.zeros(1), np.zeros((4, 0)), {})
+    going = Continuation(np.zeros(1), np.zeros((4, 0)), {}) if planned.order == 3 else None
     soonest = np.inf
     for share in ENDS:
         until = stop.since + share * stop.distance
@@ -186,7 +183,7 @@ def find_soonest(planned: Plan, stop: Section) -> float:
         if path.stops(planned.order)[1:-1].any():
             continue
         run = Run(0, len(path.pieces) - 1, (EndCondition(now.v, now.a), REST), continuation=going)
-        solution = solve_once(path, whole.limits(path), run, planned.order)
+        solution = solve_once(Task(path, whole.limits(path), run, planned.order))
         if solution.solved:
             soonest = min(soonest, solution.duration)
     for wait in stop.duration * np.array(LATER):

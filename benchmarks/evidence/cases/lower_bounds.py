@@ -11,7 +11,6 @@
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from functools import partial
 from itertools import islice
 from typing import Literal, get_args
@@ -30,7 +29,7 @@ from kinematics.foundation.errors import MotionError, attempt
 from planner import load_program, time_optimal
 from planner.limits import limits_of
 from planner.path.actuation import actuate
-from planner.timing import Solution, certified_solve, jerk_problem, sample_limit_use
+from planner.timing import Settings, Solution, certified_solve, jerk_problem, sample_limit_use
 from planner.timing.problem import split_runs
 from planner.timing.tighten import required_slowness
 
@@ -144,12 +143,11 @@ def find_others(ours: Solution) -> Iterator[tuple[str, float]]:
     if path.stops(ours.order)[1:-1].any():
         return
     if ours.order == 2:
-        theirs = attempt(partial(certified_solve, path, ours.limits, 2, solver="toppra"))
+        theirs = attempt(partial(certified_solve, path, ours.limits, 2, settings=Settings(solver="toppra")))
         if isinstance(theirs, Solution):
             yield "toppra", theirs.trajectory.duration
         return
-    (run,) = split_runs(path, np.array([0, len(path.breaks) - 1]), 3)
-    run = replace(run, fineness=2)
+    (run,) = split_runs(path, np.array([0, len(path.breaks) - 1]), 3, Settings(fineness=2))
     posed = jerk_problem(path, ours.limits, run)
     if isinstance(posed, MotionError):
         return

@@ -15,7 +15,8 @@ import numpy as np
 
 from benchmarks.reports.gain.comparison import RANK, Comparison, ComparisonRow, SettingEntry
 from benchmarks.reports.gain.criteria import HUMAN
-from kinematics.foundation.figure import PALETTE, choose_ticks, scale_error_axis
+from kinematics.foundation.figure import choose_ticks, scale_error_axis
+from kinematics.foundation.line_styles import PALETTE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,4 +1,4 @@
-"""From a whole motion to pulses, and the firing rules by name."""
+"""From a whole motion to pulses."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -13,27 +13,18 @@ from kinematics.foundation.options import read_options, split_options
 from kinematics.machine.axis import Axis
 from planner.parallel import Progress, ignore_progress
 from planner.pulses.compensation.compensate import CompensatedMotion, counted_motion
-from planner.pulses.generation.dda import Dda
-from planner.pulses.generation.firing_rule import Floor, Nearest, Rule
-from planner.pulses.generation.sampled import Sampled
+from planner.pulses.generation.firing_rule import Rule
+from planner.pulses.generation.rules import RULES
 from planner.pulses.generation.sent import SentPulses
 from planner.pulses.generation.stream import PulseStream
-from planner.pulses.generation.timer import Timer
 from planner.pulses.motion import AxesMotion
 from planner.pulses.schedule import PulseSchedule
 
-RULES: dict[str, type[Rule]] = {
-    "nearest": Nearest,
-    "floor": Floor,
-    "sampled": Sampled,
-    "dda": Dda,
-    "timer": Timer,
-}
-"""By name; each is made without arguments as the default of its kind."""
-
 
 def find_rule(text: str) -> Rule:
-    """The rule of a name, or of a name and options: "sampled", "sampled:period=50us", "dda:spacing=2ms,rate=200kHz".
+    """Return the rule of a name with or without options.
+
+    Examples: "sampled", "sampled:period=50us", "dda:spacing=2ms,rate=200kHz".
 
     Raises MotionError for an unknown name or option, with the nearest, and for a value that the rule refuses.
     """
@@ -41,9 +32,6 @@ def find_rule(text: str) -> Rule:
     if name not in RULES:
         raise unknown_name("firing rule", name, RULES)
     return RULES[name](**read_options(RULES[name], given, f"firing rule {name}"))
-
-
-__all__ = ["RULES", "Dda", "Floor", "Nearest", "Rule", "Sampled", "Timer", "find_rule"]
 
 
 @dataclass(frozen=True, slots=True)

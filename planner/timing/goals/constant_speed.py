@@ -7,7 +7,7 @@ from a slower segment, the ramp lies in its own segment.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -26,12 +26,14 @@ from planner.timing.goals.constant_stretch import (
     refuse_excess,
     solve_constant_stretch,
 )
+from planner.timing.grid import Task
 from planner.timing.problem import EndCondition, Run
 from planner.timing.solution import IN_PARTS, MADE_CONSTANT_SPEED, RunSolution
 from planner.timing.tighten import tighten_run
 
-# Slower speeds that are tried where one is refused: each this share of the possible one.
-MAX_TRIALS, SPEED_SHARE = 4, 0.9995
+# Slower speeds that are tried in turn where one is refused, as shares of the one that the last
+# refusal gives: it knows the limits at grid points only.
+SPEED_SHARES = (0.9995, 0.999, 0.998, 0.995)
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,131 +43,121 @@ class ConstantSpeed:
     instead  speeds of pieces that replace those of their segments
     """
 
-    order: int
     instead: Mapping[int, float] = field(default_factory=dict)
     uniform: bool = True
 
-    def solve(self, path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolution:
+    def solve(self, task: Task) -> RunSolution:
         """Solve a run in parts, one for each speed.
 
         Infeasible where a constant speed is not possible, or where the part before or after cannot
         reach it; with a speed that was proved to be possible, if one was found.
         """
-        solution = self._solve_parts(path, limits, run)
+        solution = self._solve_parts(task)
         refusal = solution.refusal
         if not isinstance(refusal, ConstantRefused) or self.instead:
             return solution
-        slower = self._find_slower_speed(path, limits, run, refusal)
-        return solution if slower is None else RunSolution.refused(refusal.add_possible_speed(slower))
+        slower = self._find_slower_speed(task, refusal)
+        if slower is None:
+            return solution
+        return RunSolution.refused(refusal.add_possible_speed(slower))
 
-    def tighten(
-        self,
-        path: ActuatorPath,
-        limits: Sequence[Limit],
-        solution: RunSolution,
-        use: Mapping[str, Array],
-    ) -> RunSolution:
+    def tighten(self, task: Task, solution: RunSolution, use: Mapping[str, Array]) -> RunSolution:
         """Tighten each part that exceeds a limit by itself."""
         if solution.maker == MADE_CONSTANT_SPEED:
-            return refuse_excess(path, limits, solution, use)
+            return refuse_excess(task, solution, use)
         if solution.maker != IN_PARTS:
-            return tighten_run(path, limits, solution, use)
+            return tighten_run(task, solution, use)
         parts: list[RunSolution] = []
         ends = np.cumsum([0, *(len(part.profile.h) for part in solution.parts)])
         for part, (first, last) in zip(solution.parts, pairwise(ends), strict=True):
             part_use = {name: values[first:last] for name, values in use.items()}
             tightened = part
             if max(map(np.max, part_use.values())) > 1:
-                tightened = self.tighten(path, limits, part, part_use)
+                tightened = self.tighten(task, part, part_use)
             if tightened.status in ("stopped", "too fast"):
-                return RunSolution.refused(_ramp_error(path, part, tightened))
+                return RunSolution.refused(_ramp_error(task.path, part, tightened))
             parts.append(tightened)
         return RunSolution.joined(parts, IN_PARTS)
 
-    def _stated(self, path: ActuatorPath, piece: int) -> float | None:
+    def _find_stated(self, path: ActuatorPath, piece: int) -> float | None:
         """Return the constant speed of a piece, if there is one."""
         return self.instead.get(piece, path.constant(piece))
 
-    def _solve_parts(self, path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolution:
+    def _solve_parts(self, task: Task) -> RunSolution:
         """Solve the parts of a run in which the stated speed is one."""
-        blocks = self._split(path, limits, run)
-        stated = [self._stated(path, block.first) for block in blocks]
-        if len(blocks) == 1 and stated == [None]:
-            return solve_run(path, limits, run, self.order)
-        refusal = self._refuse_speeds(path, limits, blocks)
+        blocks = self._split(task)
+        stated = [self._find_stated(task.path, block.run.first) for block in blocks]
+        if stated == [None]:
+            return solve_run(task)
+        refusal = self._refuse_speeds(blocks, stated)
         if refusal is not None:
             return RunSolution.refused(refusal)
         parts: dict[int, Sequence[RunSolution]] = {}
         # constant speeds first: whether they are possible shows soon
-        for block, speed in sorted(zip(blocks, stated, strict=True), key=lambda each: each[1] is None):
+        in_order = sorted(zip(blocks, stated, strict=True), key=lambda each: each[1] is None)
+        for block, speed in in_order:
             if speed is None:
-                solutions: Sequence[RunSolution] = [solve_run(path, limits, block, self.order)]
+                solutions: Sequence[RunSolution] = [solve_run(block)]
             else:
-                solutions = solve_constant_stretch(path, limits, block, self.order, speed)
+                solutions = solve_constant_stretch(block, speed)
             refusal = solutions[0].refusal
             if refusal is not None:
-                return RunSolution.refused(_end_speed_error(path, block, run, speed, refusal))
-            parts[block.first] = solutions
-        joined = [solution for block in blocks for solution in parts[block.first]]
+                return RunSolution.refused(_end_speed_error(block, task.run, speed, refusal))
+            parts[block.run.first] = solutions
+        joined = [solution for block in blocks for solution in parts[block.run.first]]
         return RunSolution.joined(joined, IN_PARTS)
 
-    def _split(self, path: ActuatorPath, limits: Sequence[Limit], run: Run) -> list[Run]:
+    def _split(self, task: Task) -> list[Task]:
         """Split a run where the stated speed changes, at the largest speed that both sides allow."""
+        run = task.run
         pieces = range(run.first, run.last + 1)
-        changes = [
-            after for before, after in pairwise(pieces) if self._stated(path, before) != self._stated(path, after)
-        ]
+        stated = [self._find_stated(task.path, piece) for piece in pieces]
+        neighbours = zip(pieces[1:], pairwise(stated), strict=True)
+        changes = [after for after, (one, other) in neighbours if one != other]
         if not changes:
-            return [run]
+            return [task]
         # a constant speed is one of the tool's caps
-        (caps,) = (limit.caps for limit in limits if isinstance(limit, ToolSpeed))
+        (caps,) = (limit.caps for limit in task.limits if isinstance(limit, ToolSpeed))
         inner = [EndCondition(float(caps[[piece - 1, piece]].min())) for piece in changes]
         starts = pairwise([run.first, *changes, run.last + 1])
         ends = pairwise([run.ends[0], *inner, run.ends[1]])
+        plain = replace(run, since=None, until=None, continuation=None, whole=True)
         return [
-            Run(first, after - 1, both, solver=run.solver, fineness=run.fineness, whole=True)
+            task.with_run(replace(plain, first=first, last=after - 1, ends=both))
             for (first, after), both in zip(starts, ends, strict=True)
         ]
 
     def _refuse_speeds(
         self,
-        path: ActuatorPath,
-        limits: Sequence[Limit],
-        blocks: Sequence[Run],
+        blocks: Sequence[Task],
+        stated: Sequence[float | None],
     ) -> MotionError | None:
         """Return why a stated speed is not possible where parts meet."""
-        for block in blocks:
-            speed = self._stated(path, block.first)
-            if speed is not None:
-                refusal = joined_speed_error(path, limits, block, self.order, speed)
-                if refusal is not None:
-                    return refusal
+        for block, speed in zip(blocks, stated, strict=True):
+            refusal = None if speed is None else joined_speed_error(block, speed)
+            if refusal is not None:
+                return refusal
         for before, after in pairwise(blocks):
-            sides = np.array([before.last, after.first])
-            s = path.breaks[[after.first, after.first]]
-            refusal = speed_error(path, limits, s, sides, after.speeds[0])
+            sides = np.array([before.run.last, after.run.first])
+            s = after.path.breaks[[after.run.first, after.run.first]]
+            refusal = speed_error(after, (s, sides), after.run.speeds[0])
             if refusal is not None:
                 return refusal
         return None
 
-    def _find_slower_speed(
-        self,
-        path: ActuatorPath,
-        limits: Sequence[Limit],
-        run: Run,
-        refusal: ConstantRefused,
-    ) -> float | None:
+    def _find_slower_speed(self, task: Task, refusal: ConstantRefused) -> float | None:
         """Return a speed in place of the refused one at which the run is proved."""
-        pieces = range(run.first, run.last + 1)
+        path = task.path
+        pieces = range(task.run.first, task.run.last + 1)
         changed = [piece for piece in pieces if path.constant(piece) == refusal.requested]
         speed = refusal.possible
-        for _ in range(MAX_TRIALS):
-            speed *= SPEED_SHARE
+        for share in SPEED_SHARES:
+            speed *= share
             if not changed or speed <= 0:
                 return None
-            goal = ConstantSpeed(self.order, dict.fromkeys(changed, speed))
-            capped = _cap_tool_speed(limits, changed, speed)
-            outcome = RunCertifier(path, capped, self.order, goal)([run])
+            goal = ConstantSpeed(dict.fromkeys(changed, speed))
+            capped = _cap_tool_speed(task.limits, changed, speed)
+            outcome = RunCertifier(path, capped, task.order, goal)([task.run])
             if isinstance(outcome, ConstantRefused):
                 if outcome.requested != speed:
                     return None
@@ -197,30 +189,35 @@ def _cap_tool_speed(
 
 def _ramp_error(path: ActuatorPath, ramp: RunSolution, tightened: RunSolution) -> MotionError:
     """Return the refusal of a ramp between given speeds, with its place."""
-    place = path.place(float(ramp.profile.s[0]), int(ramp.profile.piece[0]))
+    place = path.place(ramp.profile.s[0], ramp.profile.piece[0])
     remedy = 'lower the adjacent constant speed, or write join = "stop" between the segments'
     error = MotionError(f"the ramp from {place}: {tightened.refusal}: {remedy}")
     return error.in_segment(place.segment)
 
 
 def _end_speed_error(
-    path: ActuatorPath,
-    block: Run,
+    task: Task,
     run: Run,
     speed: float | None,
     error: MotionError,
 ) -> MotionError:
     """Return the refusal of a part that cannot begin or end at its neighbour's constant speed."""
+    block = task.run
     kind = error.kind if isinstance(error, Infeasible) else ""
     if kind in ("start speed", "") and block.first > run.first:
-        end, piece = 0, block.first
-        direction, neighbour = "from", "before"
+        end = 0
+        piece = block.first
+        direction = "from"
+        neighbour = "before"
     elif kind in ("end speed", "") and block.last < run.last:
-        end, piece = -1, block.last
-        direction, neighbour = "to", "after"
+        end = -1
+        piece = block.last
+        direction = "to"
+        neighbour = "after"
     else:
         return error
-    place = path.place(float(block.breaks(path)[end]), piece)
+    path = task.path
+    place = path.place(block.breaks(path)[end], piece)
     joint_speed = block.speeds[end]
     if speed == joint_speed:
         reason = (

@@ -4,98 +4,84 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from kinematics.foundation.arrays import Array
+from kinematics.foundation.arrays import Array, bisect
 from planner.certificate.limit_use import LIMIT_ROUNDING
-from planner.limits.limit import Limit
+from planner.limits.limit import Limit, select_timed
 from planner.limits.resonance import Resonance
 from planner.limits.tool import ToolSpeed
 from planner.path.actuation import ActuatorPath
 from planner.place import ConstantRefused, Infeasible
-from planner.timing.problem import Run
+from planner.timing.grid import Task
 from planner.timing.profile import Profile
 from planner.trajectory import State, Trajectory
 
-# Halvings for the largest possible speed: down to rounding.
-MAX_HALVINGS = 50
 # Places of a run at which a band of resonance is looked for.
 BAND_PLACES = 200
 
 
-def find_use(
-    path: ActuatorPath,
-    limits: Sequence[Limit],
-    s: Array,
-    piece: np.ndarray,
-    speed: Array,
-) -> Array:
-    """Return the largest use (limits, N) of each limit by constant speeds (N,) at N places."""
-    state = _state_at_speed(path, s, piece, speed)
-    uses = []
-    for limit in limits:
-        value = limit.value(state)
-        uses.append(limit.use(value, value, piece).max(1))
-    return np.stack(uses)
+Places = tuple[Array, np.ndarray]
+"""s (N,) of some places of a path, and their pieces (N,)."""
 
 
-def _state_at_speed(path: ActuatorPath, s: Array, piece: np.ndarray, speed: Array) -> State:
+def _find_use(task: Task, places: Places, speed: Array) -> Array:
+    """Return the largest use (N,) of any limit on time by constant speeds (N,) at N places.
+
+    Geometric limits were proved before. One that is used up, as by a home at an end of travel,
+    exceeds 1 by rounding.
+    """
+    state = _state_at_speed(task.path, places, speed)
+    use = np.zeros(len(speed))
+    for limit in select_timed(task.limits):
+        use = np.maximum(use, limit.use_at(state).max(1))
+    return use
+
+
+def _state_at_speed(path: ActuatorPath, places: Places, speed: Array) -> State:
+    s, piece = places
     zero = np.zeros(len(s))
     knots = np.arange(len(s) + 1.0)
     motion = Trajectory(path, knots, s, speed, zero, zero, piece)
     return motion.within(np.arange(len(s)), zero)
 
 
-def is_allowed(
-    path: ActuatorPath,
-    limits: Sequence[Limit],
-    s: Array,
-    piece: np.ndarray,
-    speed: float,
-) -> bool:
-    """Return whether all limits allow a constant speed at all places."""
-    use = find_use(path, limits, s, piece, np.full(len(s), speed))
-    return bool(use.max() <= 1 + LIMIT_ROUNDING)
+def _find_binding(limits: Sequence[Limit], state: State) -> tuple[Limit, int]:
+    """Return the limit that a single state uses most, and its channel."""
+    uses = [limit.use_at(state)[0] for limit in limits]
+    most = int(np.argmax([use.max() for use in uses]))
+    return limits[most], int(np.argmax(uses[most]))
 
 
-def speed_error(
-    path: ActuatorPath,
-    limits: Sequence[Limit],
-    s: Array,
-    piece: np.ndarray,
-    speed: float,
-) -> ConstantRefused | None:
-    """Return the refusal of a constant speed that breaks a limit at one of N places, or None.
+def speed_error(task: Task, places: Places, speed: float) -> ConstantRefused | None:
+    """Return the refusal of a constant speed that exceeds a limit at one of N places, or None.
 
-    It names the place that allows the least speed. Geometric limits were proved before and do not
-    depend on speed; one that is used up, as by a home at an end of travel, exceeds 1 by rounding.
+    It names the place that allows the least speed.
     """
-    limits = [limit for limit in limits if not limit.geometric]
-    use = find_use(path, limits, s, piece, np.full(len(s), speed)).max(0)
-    over = use > 1 + LIMIT_ROUNDING
+    path = task.path
+    s, piece = places
+    over = _find_use(task, places, np.full(len(s), speed)) > 1 + LIMIT_ROUNDING
     if not over.any():
         return None
     s = s[over]
     piece = piece[over]
-    low = np.zeros(len(s))
-    high = np.full(len(s), speed)
-    for _ in range(MAX_HALVINGS):
-        middle = (low + high) / 2
-        possible = find_use(path, limits, s, piece, middle).max(0) <= 1
-        low = np.where(possible, middle, low)
-        high = np.where(possible, high, middle)
-    worst = [int(np.argmin(low))]
-    use_there = find_use(path, limits, s[worst], piece[worst], high[worst])
-    limit = limits[int(np.argmax(use_there[:, 0]))]
-    value = limit.value(_state_at_speed(path, s[worst], piece[worst], np.array([speed])))
-    channel = int(np.argmax(limit.use(value, value, piece[worst])[0]))
+    possible = bisect(
+        lambda speeds: _find_use(task, (s, piece), speeds) <= 1,
+        np.zeros(len(s)),
+        np.full(len(s), speed),
+    )
+    worst = [int(np.argmin(possible))]
+    possible_speed = float(possible[worst[0]])
+    place = s[worst], piece[worst]
+    fastest = _state_at_speed(path, place, possible[worst])
+    limit, channel = _find_binding(select_timed(task.limits), fastest)
+    value = limit.value(_state_at_speed(path, place, np.array([speed])))[0, channel]
+    attained, allowed = limit.report_value(float(value), channel, int(piece[worst[0]]))
     name = limit.channels[channel]
     unit, scale = limit.units[channel]
-    attained, allowed = limit.report_value(float(value[0, channel]), channel, int(piece[worst[0]]))
     band = limit.first_band(channel) if isinstance(limit, Resonance) else ""
-    possible_speed = float(low[worst[0]])
     return ConstantRefused(
         limit.name,
         name,
-        path.place(float(s[worst[0]]), int(piece[worst[0]]), None, name),
+        path.place(s[worst[0]], piece[worst[0]], None, name),
         attained * scale,
         allowed * scale,
         unit,
@@ -106,29 +92,21 @@ def speed_error(
     )
 
 
-def too_short_error(
-    path: ActuatorPath,
-    limits: Sequence[Limit],
-    capped: Profile,
-    speed: float,
-) -> Infeasible:
+def too_short_error(task: Task, capped: Profile, speed: float) -> Infeasible:
     """Return the refusal of a segment that is too short for its ramps.
 
     capped  fastest motion under the speed: it shows how fast the tool gets, and what limits it
     """
+    path = task.path
     k = np.array([max(int(np.argmax(capped.v)) - 1, 0)])
-    state = capped.along(path).within(k, capped.h[k] / 2)
-    timed = [limit for limit in limits if not limit.geometric and limit.name != ToolSpeed.name]
-    values = [limit.value(state) for limit in timed]
-    uses = [limit.use(value, value, state.piece)[0] for limit, value in zip(timed, values, strict=True)]
-    binding = int(np.argmax([use.max() for use in uses]))
-    limit = timed[binding]
-    channel = limit.channels[int(np.argmax(uses[binding]))]
+    others = [limit for limit in select_timed(task.limits) if limit.name != ToolSpeed.name]
+    limit, number = _find_binding(others, capped.along(path).within(k, capped.h[k] / 2))
+    channel = limit.channels[number]
     fastest = float(capped.v.max())
     return ConstantRefused(
         "constant speed",
         channel,
-        path.place(float(capped.s[k[0]]), int(capped.piece[k[0]]), None, channel),
+        path.place(capped.s[k[0]], capped.piece[k[0]], None, channel),
         speed * 1e3,
         fastest * 1e3,
         "mm/s",
@@ -139,15 +117,12 @@ def too_short_error(
     )
 
 
-def resonance_error(
-    path: ActuatorPath,
-    limits: Sequence[Limit],
-    run: Run,
-    speed: float,
-) -> Infeasible | None:
+def resonance_error(task: Task, speed: float) -> Infeasible | None:
     """Return the refusal where the constant speed itself keeps an axis in a band too long."""
+    path = task.path
+    run = task.run
     breaks = run.breaks(path)
-    for limit in limits:
+    for limit in task.limits:
         for cap in limit.held if isinstance(limit, Resonance) else ():
             since = max(cap.first, breaks[0])
             until = min(cap.last, breaks[-1])
@@ -170,7 +145,7 @@ def resonance_error(
             return Infeasible(
                 limit.name,
                 name,
-                path.place(float(s[worst]), int(piece[worst]), None, name),
+                path.place(s[worst], piece[worst], None, name),
                 float(slope[worst]) * speed * scale,
                 band.low * scale,
                 unit,

@@ -1,12 +1,10 @@
 """A goal: what the motion along a run is to be."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Protocol
 
 from kinematics.foundation.arrays import Array
-from planner.limits.limit import Limit
-from planner.path.actuation import ActuatorPath
-from planner.timing.problem import Run
+from planner.timing.grid import Task
 from planner.timing.solution import RunSolution
 
 
@@ -17,16 +15,10 @@ class Goal(Protocol):
     def uniform(self) -> bool:
         """True if equal runs have equal motions."""
 
-    def solve(self, path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolution:
+    def solve(self, task: Task) -> RunSolution:
         """Return a motion along a run, or its refusal."""
 
-    def tighten(
-        self,
-        path: ActuatorPath,
-        limits: Sequence[Limit],
-        solution: RunSolution,
-        use: Mapping[str, Array],
-    ) -> RunSolution:
+    def tighten(self, task: Task, solution: RunSolution, use: Mapping[str, Array]) -> RunSolution:
         """Return a motion that exceeds the limits less.
 
         use  (M,) proved use of each limit on each time piece of the solution

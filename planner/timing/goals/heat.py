@@ -20,14 +20,14 @@ from kinematics.machine.axis import Axis, directional_bounds
 from planner.limits.limit import Limit
 from planner.limits.resonance import Resonance
 from planner.parallel import Progress
-from planner.path.actuation import ActuatorPath
+from planner.path.actuation import ActuatorPath, has_constant_speed
 from planner.timing.certified_solve import Solution, certified_solve, cut_runs
-from planner.timing.goals.fallback import FallbackGoal, integrate
+from planner.timing.goals.fallback import FallbackGoal, integrate_squares, weigh_slopes
 from planner.timing.goals.objective import Objective
-from planner.timing.grid import place_problem
+from planner.timing.grid import Task, place_problem
 from planner.timing.order3.pose import pose_weighted
 from planner.timing.order3.solve import minimise_posed
-from planner.timing.problem import Problem, Run, fix_passed_ends
+from planner.timing.problem import Problem
 from planner.timing.profile import Profile, close_profile
 from planner.timing.rows import pose_problem
 from planner.timing.solution import RunSolution
@@ -46,10 +46,7 @@ def weigh_axes(axes: Sequence[Axis]) -> Array:
 
 def measure_heat(trajectory: Trajectory, weights: Array) -> float:
     """Return H (s) = ∫ Σ (q̈/A)² dt. weights (n,): A."""
-    h = np.diff(trajectory.knots)
-    pieces = np.arange(len(h))
-    values = [((trajectory.within(pieces, share * h).qdd / weights) ** 2).sum(1) for share in (0.0, 0.5, 1.0)]
-    return integrate(values, h)
+    return integrate_squares(trajectory, 2, weights)
 
 
 def solve_objective(
@@ -95,7 +92,7 @@ def _refuse(
     name = f'objective "{objective}"'
     if order != 3:
         raise MotionError(f"{name} needs limits of jerk: plan at order 3, with max_jerk stated of the axes, or omit it")
-    if any(path.constant(piece) is not None for piece in range(len(path.breaks) - 1)):
+    if has_constant_speed(path):
         raise MotionError(f"{name}: a constant speed leaves no choice of motion: omit one of the two")
     if max(path.end_speeds) > 0:
         raise MotionError(f"{name} is of motions from rest to rest: omit it, or start_speed and end_speed")
@@ -119,34 +116,28 @@ class TimeAndHeat(FallbackGoal):
     price: float = 0.0
     slower: float = 1.0
 
-    def solve(self, path: ActuatorPath, limits: Sequence[Limit], run: Run) -> RunSolution:
+    def solve(self, task: Task) -> RunSolution:
         """Solve on a grid that is fine where the fastest motion's is."""
-        fastest = self.fastest[run.first]
-        resting = replace(run, ends=fix_passed_ends(run.ends))
-        problem = place_problem(path, limits, resting, fastest, fastest.h)
+        path = task.path
+        fastest = self.fastest[task.run.first]
+        resting = task.resting.run
+        problem = place_problem(path, task.limits, resting, fastest, fastest.h)
         if 2 * len(fastest.h) >= problem.intervals:
             # the fastest motion's own grid is fine where that loses time
             grid = np.append(fastest.s, problem.s[-1])
-            problem = pose_problem(path, limits, grid, fastest.piece, resting.ends)
+            problem = pose_problem(path, task.limits, grid, fastest.piece, resting.ends)
         return self.improve_or_fall_back(path, problem, fastest.slowed(self.slower))
 
-    def improve(self, path: ActuatorPath, problem: Problem, slowed: Profile) -> RunSolution | None:
-        """Solve from the fastest motion slowed."""
-        guess = slowed.on(problem.s)
-        slopes = self._acceleration_slopes(path, problem)
-        columns = minimise_posed(
-            pose_weighted(problem, guess, slopes, self.price),
-            ("far", "farther"),
-        )
+    def minimise(self, path: ActuatorPath, problem: Problem, guess: Array) -> RunSolution:
+        """Return the motion with the least T + price · H."""
+        slopes = weigh_slopes(path, problem, 2, self.weights)
+        posed = pose_weighted(problem, guess, slopes, self.price)
+        columns = minimise_posed(posed, ("far", "farther"))
         profile = columns if isinstance(columns, MotionError) else close_profile(problem, columns)
-        if isinstance(profile, MotionError) or self._cost(path, profile) > self._cost(path, slowed):
-            return None
+        if isinstance(profile, MotionError):
+            return RunSolution.refused(profile)
         return RunSolution("solved", profile, maker=WEIGHED)
 
-    def _acceleration_slopes(self, path: ActuatorPath, problem: Problem) -> Array:
-        """Return (N, 2, n, 2) of q′ and q″ over A at each interval's start and end."""
-        sides = [np.stack(path.derivatives(s, problem.piece, 2)[1:], axis=-1) for s in (problem.s[:-1], problem.s[1:])]
-        return np.stack(sides, axis=1) / self.weights[:, None]
-
-    def _cost(self, path: ActuatorPath, profile: Profile) -> float:
+    def find_cost(self, path: ActuatorPath, profile: Profile) -> float:
+        """Return T + price · H."""
         return profile.duration + self.price * measure_heat(profile.along(path), self.weights)

@@ -29,7 +29,10 @@ class Objective:
             raise MotionError(f"objective: heat {self.heat:g}, a weight, must be from 0 to {MOST_WEIGHT:g}")
 
     def __str__(self) -> str:
-        return "time" if self.heat == 0 else "time + heat" if self.heat == 1 else f"time + {self.heat:.15g} heat"
+        if self.heat == 0:
+            return "time"
+        weight = "" if self.heat == 1 else f"{self.heat:.15g} "
+        return f"time + {weight}heat"
 
 
 TIME = Objective()

@@ -11,17 +11,17 @@ from planner.certificate.resonance_dwell import Stay, find_stays
 from planner.limits.axis import Acceleration, Jerk, Speed
 from planner.limits.limit import AxisLimit, Limit
 from planner.limits.resonance import Resonance, SpeedCap
-from planner.path.actuation import ActuatorPath
 from planner.timing.attempts import solve_run
 from planner.timing.certify_loop import hold_axes
-from planner.timing.problem import Run
+from planner.timing.grid import Task
 from planner.timing.profile import Profile
 
 # Shares of the axes' accelerations and jerks, tried in turn: the gentlest that crosses in time.
 EASING_SHARES = (0.1, 0.3, 0.9)
 # A motion may be this much shorter than the duration before it is slowed to that: room for the
 # proof, and no more than what a crossing has to spare.
-MIN_SHORTENING, MAX_SHORTENING = 1e-4, 2e-3
+MIN_SHORTENING = 1e-4
+MAX_SHORTENING = 2e-3
 # Secant steps and halvings at most.
 MOST_STEPS = 40
 
@@ -30,11 +30,8 @@ MOST_STEPS = 40
 class Pacer:
     """Times one run for a given duration under lower speeds."""
 
-    path: ActuatorPath
-    limits: tuple[Limit, ...]
+    task: Task
     axes: tuple[Axis, ...]
-    run: Run
-    order: int
 
     def pace(self, duration: float) -> Profile | None:
         """Return the fastest motion under lower and gentler limits that takes `duration` (s).
@@ -45,7 +42,7 @@ class Pacer:
         for _ in range(1 + len(self._resonances)):
             late: list[Stay] = []
             for easing in EASING_SHARES:
-                limits = hold_axes(self.limits, caps)
+                limits = hold_axes(self.task.limits, caps)
                 profile = self._fit_duration(limits, easing, duration)
                 if profile is not None:
                     late = self.find_late(profile)
@@ -58,25 +55,27 @@ class Pacer:
 
     def find_late(self, profile: Profile) -> list[Stay]:
         """Find the stays in a band that last too long."""
-        motion = profile.along(self.path)
+        motion = profile.along(self.task.path)
         stays = [stay for limit in self._resonances for stay in find_stays(motion, limit)]
         return [stay for stay in stays if stay.use > 1]
 
-    def hold_below(self) -> tuple[Limit, ...]:
-        """Return the limits with every axis held below its bands."""
-        return hold_axes(self.limits, self._list_caps(set(range(len(self.axes)))))
+    def hold_below(self) -> Task:
+        """Return the task with every axis held below its bands."""
+        caps = self._list_caps(set(range(len(self.axes))))
+        return replace(self.task, limits=hold_axes(self.task.limits, caps))
 
     def solve_fastest(self, limits: Sequence[Limit]) -> Profile | None:
         """Return the fastest motion under other limits, or None."""
-        solution = solve_run(self.path, limits, replace(self.run, whole=True), self.order)
+        whole = replace(self.task.run, whole=True)
+        solution = solve_run(replace(self.task, limits=limits, run=whole))
         return solution.profile if solution.solved else None
 
     @property
     def _resonances(self) -> list[Resonance]:
-        return [limit for limit in self.limits if isinstance(limit, Resonance) and limit.bands]
+        return [limit for limit in self.task.limits if isinstance(limit, Resonance) and limit.bands]
 
     def _list_caps(self, axes: set[int]) -> list[SpeedCap]:
-        ends = self.run.breaks(self.path)[[0, -1]].tolist()
+        ends = self.task.run.breaks(self.task.path)[[0, -1]].tolist()
         bands = [band for limit in self._resonances for band in limit.bands]
         return [SpeedCap(band, *ends) for band in bands if band.axis in axes]
 
@@ -94,7 +93,7 @@ class Pacer:
         free = self.solve_fastest([*self._ease(limits, easing, None)])
         if free is None or free.duration > duration * (1 - MIN_SHORTENING):
             return None
-        states = free.along(self.path).within(np.arange(len(free.h)), free.h)
+        states = free.along(self.task.path).within(np.arange(len(free.h)), free.h)
         most = np.abs(states.qd).max(0)
         low = 0.0
         high = 1.0

@@ -54,7 +54,9 @@ class _Ramp:
 
     def length(self, low: float) -> float:
         """Return the path length from or to its lower speed."""
-        rise, hold, fall = self.rise, self.hold, self.fall
+        rise = self.rise
+        hold = self.hold
+        fall = self.fall
         gained = rise * rise / 6
         gained += hold * (rise + hold) / 2
         gained += fall * (rise / 2 + hold + fall / 3)
@@ -230,7 +232,8 @@ def _check_ends(
     speeds: tuple[float, float],
 ) -> TooFast | None:
     """Return that the higher speed is too fast, with the largest that is possible, or None."""
-    low, high = min(speeds), max(speeds)
+    low = min(speeds)
+    high = max(speeds)
     rises = speeds[1] > speeds[0]
     exceeds = high * EXACT_AIM > bounds.v_max * (1 + STRAIGHTNESS_SHARE)
 
@@ -343,7 +346,8 @@ def _find_root(rising: Callable[[float], float], low: float) -> float:
     for _ in range(MAX_DOUBLINGS):
         if rising(high) > 0:
             break
-        low, high = high, 2 * high
+        low = high
+        high = 2 * high
     else:
         return float("inf")
     for _ in range(HALVINGS):

@@ -262,8 +262,8 @@ def estimate_lower_bound(problem: Problem, fastest: Profile | None = None) -> fl
     """
     blocks: list[Block] = []
     for block in problem.blocks:
-        convex = block.hull or block
-        if set(block.start) <= TERMS and convex.about is None:
+        convex = block.convex_part or block
+        if set(block.start) <= TERMS and convex.speed_range is None:
             blocks.append(convex)
     relaxed = replace(problem, blocks=tuple(blocks))
     if fastest is None or not problem.is_unconditional:

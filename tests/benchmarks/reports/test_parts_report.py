@@ -14,12 +14,13 @@ from benchmarks.reports.time_series import pack_panels
 from benchmarks.reports.timeline import list_window_segments, make_band, make_window_band
 from benchmarks.reports.window_figures import draw
 from kinematics import load_machine
-from kinematics.foundation.figure import PALETTE
+from kinematics.foundation.line_styles import PALETTE
 from planner import load_program, plan, plan_parts
 from planner.active_limits import active_limits, name_segment
 from planner.activity import Activity
-from planner.figures import list_levels, style_limits
+from planner.figures import list_levels
 from planner.limits.registry import AXIS_LIMITS, MACHINE_LIMITS, geometric_limits
+from planner.limits.styles import style_limits
 from planner.overview import Overview
 from tests.browser import act_in, needs_browser
 

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
 from benchmarks.reports.time_series import keep_extremes, pack_panels, read_panels
-from kinematics.foundation.figure import line_style, literal_label
+from kinematics.foundation.figure import literal_label
+from kinematics.foundation.line_styles import line_style
 
 
 @given(st.integers(1, 700), st.integers(8, 60), st.integers(0, 2**32 - 1))

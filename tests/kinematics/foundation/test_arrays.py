@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform
 
 import kinematics as k
-from kinematics.foundation.arrays import MAX_SHOWN_CHARS, finite_array
+from kinematics.foundation.arrays import MAX_SHOWN_CHARS, bisect, finite_array
 
 PLACE = RigidTransform.from_translation([[0, 0, 0.24], [0, 0, 0.25]])
 BODY = k.Body(1.0, np.zeros(3), 0.01 * np.eye(3))
@@ -142,3 +142,11 @@ BAD = [
 def test_values_that_are_none(make, told):
     with pytest.raises(k.MotionError, match=told):
         make()
+
+
+def test_bisection_finds_each_edge_from_below():
+    edges = np.array([0.1, 1 / 3, 0.9])
+    found = bisect(lambda values: values <= edges, np.zeros(3), np.ones(3))
+    assert (found <= edges).all()
+    assert found == pytest.approx(edges, rel=1e-14)
+    assert bisect(lambda value: value**2 <= 2.0, 1.0, 2.0, 20) == pytest.approx(np.sqrt(2.0), abs=2.0**-20)

@@ -76,7 +76,7 @@ def test_the_version_is_that_of_the_sources():
 def test_every_kernel_calls_kernels_that_the_version_covers():
     """A plain function or a kernel of another package would change machine code unnoticed."""
     known = list_kernels()
-    assert len(known) > 90
+    assert len(known) > 80
     for name, kernel in known.items():
         for callee in kernel.callees.values():
             assert f"{callee.function.__module__}.{callee.function.__name__}" in known, name

@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import FileError, MotionError, load_machine, machine_names
 from kinematics.foundation.names import find
-from kinematics.machine.machine_file import read_axes
+from kinematics.machine.machine_file import read_summary
 
 WHOLE = (files("kinematics") / "presets" / "hexapod.toml").read_text(encoding="utf-8")
 PRESET = WHOLE.partition("[platform]")[0]
@@ -262,12 +262,15 @@ def test_names_are_the_bundled_files():
 
 
 @pytest.mark.parametrize("name", machine_names())
-def test_the_axes_of_a_file_are_those_of_its_machine(name):
-    """Read without the machine, but for the shapers that a [[vibration]] gives them."""
-    stated = read_axes(find("kinematics", "machine", name))
-    assert [replace(axis, shaper=None) for axis in stated] == [
-        replace(axis, shaper=None) for axis in load_machine(name).axes
+def test_the_summary_of_a_file_is_that_of_its_machine(name):
+    """Read without the machine, but for the shapers that a [[vibration]] gives its axes."""
+    machine = load_machine(name)
+    summary = read_summary(find("kinematics", "machine", name))
+    assert [replace(axis, shaper=None) for axis in summary.axes] == [
+        replace(axis, shaper=None) for axis in machine.axes
     ]
+    assert summary.freedom == machine.freedom
+    assert (summary.name, summary.kind) == (name, type(machine).__name__.lower())
 
 
 def test_an_unknown_name_brings_the_nearest_and_all_others():

@@ -10,7 +10,7 @@ from kinematics import load_machine
 from kinematics.foundation.errors import MotionError
 from planner import Blend, Line, Program, plan
 from planner.interruption.instant import look
-from planner.timing import REST, Continuation, EndCondition, Run, solve_once
+from planner.timing import REST, Continuation, EndCondition, Run, Task, solve_once
 
 INSTANTS = 20_000
 
@@ -68,7 +68,7 @@ def test_hardly_any_stop_is_sooner(circle, stop_at):
         path = whole.draw(now, held.since + way)
         going = Continuation(np.zeros(1), np.zeros((4, 0)), {}) if circle.order == 3 else None
         run = Run(0, len(path.pieces) - 1, (EndCondition(now.v, now.a), REST), continuation=going)
-        found = solve_once(path, whole.limits(path), run, circle.order)
+        found = solve_once(Task(path, whole.limits(path), run, circle.order))
         soonest = min(soonest, found.duration if found.solved else np.inf)
     assert held.duration < 1.05 * soonest
 

@@ -14,7 +14,7 @@ from planner.limits.lowered import Shares
 from planner.shaping import keep_limits
 from planner.shaping.shaped_proof import advise_shapers
 from planner.shaping.shaping_cost import LoweredStretch, ShapingCost
-from planner.timing import certified_solve
+from planner.timing import Settings, certified_solve
 
 CAP = 0.19
 SLOW = Shaper("zv", 5.0, 0.05)
@@ -112,7 +112,7 @@ def test_the_cost_is_what_the_machine_takes_longer_than_without_shapers(name, re
     cost = made.shaped.cost
     # behind shapers a motion is solved on a grid; without them its cruises are in closed form
     limits = limits_of(bare.path, bare.machine.axes, bare.order)
-    gridded = certified_solve(bare.path, limits, bare.order, cruising=False).trajectory.duration
+    gridded = certified_solve(bare.path, limits, bare.order, settings=Settings(whole=True)).trajectory.duration
     assert gridded == pytest.approx(bare.duration, rel=5e-5)
     assert cost.unlowered == pytest.approx(gridded, rel=1e-9)
     assert cost.total == pytest.approx(made.duration - gridded, abs=1e-8)

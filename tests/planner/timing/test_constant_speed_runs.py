@@ -12,7 +12,7 @@ from planner import Arc, Blend, Infeasible, Line, Program, Spline, Through, Traj
 from planner.certificate import CONSTANT_SPEED, SPEED_TOLERANCE, certify
 from planner.limits import limits_of
 from planner.path.actuation import MachinePath, actuate
-from planner.timing import ConstantSpeed, Run
+from planner.timing import ConstantSpeed, Run, Task
 
 V, A, J = 0.1, 0.5, 10.0
 START = RigidTransform.from_components([0, 0, 0.03], Rotation.identity())
@@ -114,12 +114,13 @@ def test_a_ramp_that_cannot_be_tightened_says_where_it_lies(table):
     """A closed form between two given speeds has nothing to give; what exceeds nothing is left alone."""
     path = actuate(Program((to(0.03), to(0.06, 0.02))), table)
     limits = limits_of(path, table.axes, 2)
-    goal = ConstantSpeed(2)
-    made = goal.solve(path, limits, Run(0, 1))
+    goal = ConstantSpeed()
+    task = Task(path, limits, Run(0, 1), 2)
+    made = goal.solve(task)
     count, first = len(made.profile.h), len(made.parts[0].profile.h)
-    assert goal.tighten(path, limits, made, {"speed": np.full(count, 0.9)}).parts == made.parts
+    assert goal.tighten(task, made, {"speed": np.full(count, 0.9)}).parts == made.parts
     use = np.where(np.arange(count) < first, 1.1, 0.9)
-    stopped = goal.tighten(path, limits, made, {"speed": use})
+    stopped = goal.tighten(task, made, {"speed": use})
     assert re.search(r'the ramp from s = 0 mm, segment 1: no motion.*join = "stop"', str(stopped.refusal))
 
 

@@ -10,7 +10,7 @@ from kinematics import Axis, Hexapod
 from planner import Infeasible, Line, Program, check
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
-from planner.timing import Run, at_speeds, solve_run
+from planner.timing import Run, Task, at_speeds, solve_run
 
 STROKE, TILT = 0.0508, np.deg2rad(12.0)
 
@@ -72,7 +72,7 @@ def test_too_fast_at_an_end(seed, order):
 
     def tried(speed):
         return solve_run(
-            path, limits, Run(0, 2, at_speeds(*((speed, 0.0) if end == 0 else (0.0, speed)))), order
+            Task(path, limits, Run(0, 2, at_speeds(*((speed, 0.0) if end == 0 else (0.0, speed)))), order)
         ).require_profile()
 
     with pytest.raises(Infeasible) as refused:

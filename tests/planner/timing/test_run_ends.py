@@ -9,7 +9,7 @@ from planner import Infeasible, Trajectory
 from planner.certificate import prove
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
-from planner.timing import Run, at_speeds, certified_solve, make_grid, pose_problem, second_order, solve_run
+from planner.timing import Run, Task, at_speeds, certified_solve, make_grid, pose_problem, second_order, solve_run
 
 SPEED, ACCELERATION, JERK = 1.0, 2.0, 20.0
 
@@ -37,7 +37,7 @@ def draw(way, length):
 
 
 def solved(path, start, end, order, last=0):
-    return solve_run(path, limits_on(path, order), Run(0, last, at_speeds(start, end)), order).require_profile()
+    return solve_run(Task(path, limits_on(path, order), Run(0, last, at_speeds(start, end)), order)).require_profile()
 
 
 def ramp(change, order):
@@ -93,8 +93,8 @@ def test_runs_joined_at_a_speed_are_as_fast_as_one(order):
     speed = float(whole.v[np.searchsorted(whole.s, 2.0)]) * (1.0 if order == 2 else 0.9)
     limits = limits_on(path, order)
     parts = [
-        solve_run(path, limits, Run(0, 1, at_speeds(0.0, speed)), order).profile,
-        solve_run(path, limits, Run(2, 3, at_speeds(speed, 0.0)), order).profile,
+        solve_run(Task(path, limits, Run(0, 1, at_speeds(0.0, speed)), order)).profile,
+        solve_run(Task(path, limits, Run(2, 3, at_speeds(speed, 0.0)), order)).profile,
     ]
     together = sum(part.duration for part in parts)
     # other grids on both sides of the cut: an interval's share of each switch, as on one axis

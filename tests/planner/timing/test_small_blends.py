@@ -18,6 +18,7 @@ from planner.timing import (
     Problem,
     Run,
     RunSolution,
+    Task,
     coarse_jerk_problem,
     jerk_problem,
     lower_rooms,
@@ -173,6 +174,6 @@ def test_intervals_lie_where_they_gain_time(hexapod):
     path = actuate(load_program("bare-circle"), hexapod)
     limits = limits_of(path, hexapod.axes, 3)
     graded, start = require(jerk_problem(path, limits, Run(0, 0)))
-    placed = solve_once(path, limits, Run(0, 0), 3)
+    placed = solve_once(Task(path, limits, Run(0, 0), 3))
     assert len(placed.profile.h) <= graded.intervals + 2
     assert placed.duration < solve_jerk_limited(graded, start.on(graded.s)).duration * (1 - 2e-5)

@@ -15,7 +15,7 @@ from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
 from planner.timing import certified_solve, solve_stated
 from planner.timing.goals import stated_duration
-from planner.timing.goals.stated_duration import jerk_slopes
+from planner.timing.goals.fallback import weigh_slopes
 from tests.planner.timing.smoothest_by_ipopt import smooth_by_ipopt
 
 
@@ -85,7 +85,7 @@ def test_it_finds_what_fatrop_finds(monkeypatch, seed, share, order):
     assert found.certificate.holds
     assert found.methods == ("smoothest",)
     path, problem, weights, guess = posed[0]
-    jerks = jerk_slopes(path, problem, weights)
+    jerks = weigh_slopes(path, problem, 3, weights)
     ours, theirs = solve(path, problem, weights, guess), smooth_by_ipopt(problem, jerks, guess)
     assert ours.duration == pytest.approx(guess[3].sum(), rel=1e-12)
     least = cost_of(problem, jerks, theirs.require_profile())

@@ -10,7 +10,7 @@ from kinematics import Axis, load_machine
 from planner import Infeasible, Line, Program, plan, time_optimal
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
-from planner.timing import Run, at_speeds, solve_run
+from planner.timing import Run, Task, at_speeds, solve_run
 
 
 def test_the_reference_keeps_what_it_says(seven_segments):
@@ -83,10 +83,10 @@ def test_between_speeds_the_motion_arrives_in_one_piece(length, start, end, orde
     path = PolynomialPath(curve.x, curve.c, ["x"])
     limits = limits_of(path, [Axis("x", max_speed=1.0, max_acceleration=1.0, max_jerk=3.0)], order)
     try:
-        p = solve_run(path, limits, Run(0, 1, at_speeds(start, end)), order).require_profile()
+        p = solve_run(Task(path, limits, Run(0, 1, at_speeds(start, end)), order)).require_profile()
     except Infeasible as no:
         less = [no.limit * (1 - 1e-9) if v == no.value else v for v in (start, end)]
-        p = solve_run(path, limits, Run(0, 1, at_speeds(*less)), order).require_profile()
+        p = solve_run(Task(path, limits, Run(0, 1, at_speeds(*less)), order)).require_profile()
         start, end = less
     ends = [p.s + p.h * (p.v + p.h * (p.a / 2 + p.h * p.j / 6)), p.v + p.h * (p.a + p.h * p.j / 2), p.a + p.h * p.j]
     assert np.append(ends[0], length) == pytest.approx(np.append(p.s[1:], [length, length]), abs=1e-12 * length)

@@ -139,7 +139,7 @@ def test_the_pulse_file_is_the_plans_schedule_and_the_certificate_is_of_it(direc
 
 
 def test_a_plan_without_a_file_of_pulses_is_proved_and_makes_them_again(write_plan, job, tmp_path, edges):
-    write_plan(replace(job, figures=False), tmp_path, "--pulses", "none")
+    write_plan(replace(job, draw=None), tmp_path, "--pulses", "none")
     assert not list(tmp_path.glob("pulses.*"))
     certificate = json.loads((tmp_path / "certificate.json").read_text())
     assert (certificate["file"], certificate["sha256"], certificate["holds"]) == (None, None, True)

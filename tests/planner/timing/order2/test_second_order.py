@@ -17,6 +17,7 @@ from planner.path.polynomial import PolynomialPath
 from planner.timing import (
     SOLVER_AIM,
     Run,
+    Task,
     acceleration_problem,
     make_grid,
     pose_problem,
@@ -273,4 +274,4 @@ def test_what_nothing_bounds_is_refused():
     path = line(1.0)
     limits = limits_of(path, [Axis("axis0", max_speed=1.0)], 2)
     with pytest.raises(MotionError, match=r"the motion is unbounded.*acceleration"):
-        solve_run(path, limits, Run(0, 0), 2).require_profile()
+        solve_run(Task(path, limits, Run(0, 0), 2)).require_profile()

@@ -15,7 +15,6 @@ from kinematics.foundation.errors import require
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
 from planner.timing import EndCondition, Run, jerk_problem, third_order
-from planner.timing.goals.stated_duration import quintic_motion
 from planner.timing.order3 import active_set, interior_point, riccati
 from planner.timing.order3.pose import pose_smoothest, pose_stages, pose_weighted
 from planner.timing.order3.stages import evaluate, sum_costs
@@ -79,10 +78,12 @@ def test_multipliers_are_what_bounds_are_worth():
 def test_the_multiplier_of_a_stated_duration_is_what_more_of_it_is_worth():
     """Without limits the least ∫ jerk² dt goes with 1/T⁵: its slope is −5 times it, for T = 1."""
     line = CubicSpline([0.0, 1.0, 2.0], [[0.0], [0.5], [1.0]])
-    problem, _ = make_problem(line, [1e3], [1e3], [1e4])
+    problem, guess = make_problem(line, [1e3], [1e3], [1e4])
+    slower = 2.0 / guess[3].sum()
+    guess = guess * np.array([1 / slower, 1 / slower**2, 1 / slower**3, slower])[:, None]
     jerks = np.zeros((problem.intervals, 2, 1, 3))
     jerks[..., 0] = 1.0
-    posed = pose_smoothest(problem, quintic_motion(problem.s, 2.0), jerks)
+    posed = pose_smoothest(problem, guess, jerks)
     solution = interior_point.minimise(posed)
     assert solution.status == "solved"
     assert solution.controls[:, 1].sum() == pytest.approx(1.0, abs=1e-9)

@@ -15,6 +15,7 @@ from planner.timing import (
     SOLVER_AIM,
     Run,
     RunSolution,
+    Task,
     at_speeds,
     attempts,
     certified_solve,
@@ -107,7 +108,7 @@ def test_a_line_takes_its_seven_segment_time(length, speed, acceleration, jerk, 
 
 def test_the_motion_is_continuous_and_rests_at_both_ends():
     path = curve()
-    profile = solve_run(path, limits_on(path, **CURVE), Run(0, 0), 3).profile
+    profile = solve_run(Task(path, limits_on(path, **CURVE), Run(0, 0), 3)).profile
     s, v, a, j, h = profile.s, profile.v, profile.a, profile.j, profile.h
     ends = [s + h * (v + h * (a / 2 + h * j / 6)), v + h * (a + h * j / 2), a + h * j]
     for values, end, size in zip((s, v, a), ends, (1.0, v.max(), np.abs(a).max()), strict=True):
@@ -124,7 +125,7 @@ def test_every_limit_is_kept_and_some_limit_used_nearly_everywhere():
     """A time-optimal motion has a limit active at all times, but for the intervals in which the active one changes."""
     path = curve()
     limits = limits_on(path, **CURVE)
-    profile = solve_run(path, limits, Run(0, 0), 3).profile
+    profile = solve_run(Task(path, limits, Run(0, 0), 3)).profile
     knots = np.append(0.0, np.cumsum(profile.h))
     use = certify(Trajectory(path, knots, profile.s, profile.v, profile.a, profile.j, profile.piece), limits).use
     together = np.max(list(use.values()), 0)
@@ -170,7 +171,7 @@ def test_it_finds_what_others_find(solver):
 
 def test_a_path_takes_as_long_backwards():
     forth, back = (
-        solve_run(path, limits_on(path, **CURVE), Run(0, 0), 3).profile.duration
+        solve_run(Task(path, limits_on(path, **CURVE), Run(0, 0), 3)).profile.duration
         for path in (curve(), curve(backwards=True))
     )
     assert back == pytest.approx(forth, rel=1e-3)
@@ -180,7 +181,9 @@ def test_slower_limits_by_powers_of_k_take_k_times_as_long():
     """V/k, A/k², J/k³: the same motion in another unit of time."""
     path, k = curve(), 1000.0
     slow = limits_on(path, CURVE["speed"] / k, CURVE["acceleration"] / k**2, CURVE["jerk"] / k**3)
-    found = [solve_run(path, limits, Run(0, 0), 3).profile.duration for limits in (limits_on(path, **CURVE), slow)]
+    found = [
+        solve_run(Task(path, limits, Run(0, 0), 3)).profile.duration for limits in (limits_on(path, **CURVE), slow)
+    ]
     assert found[1] == pytest.approx(k * found[0], rel=1e-6)
 
 
@@ -286,7 +289,7 @@ def test_other_limits_may_be_missing(missing, seven_segments):
 def test_without_a_limit_of_jerk_it_is_refused():
     path = line(1.0)
     with pytest.raises(MotionError, match=r"the motion is unbounded.*jerk"):
-        solve_run(path, limits_on(path, 1.0, 1.0, None), Run(0, 0), 3).require_profile()
+        solve_run(Task(path, limits_on(path, 1.0, 1.0, None), Run(0, 0), 3)).require_profile()
 
 
 def test_a_motion_that_uses_little_of_every_limit_is_looked_at_no_more():
@@ -303,11 +306,11 @@ def test_a_motion_that_uses_little_of_every_limit_is_looked_at_no_more():
 def test_a_quick_solve_refuses_what_the_full_one_refuses():
     """An unbounded motion, and an end speed that the closed form of a straight run excludes exactly."""
     path = line(1.0)
-    unbounded = solve_once(path, limits_on(path, 1.0, 1.0, None), Run(0, 0), 3)
+    unbounded = solve_once(Task(path, limits_on(path, 1.0, 1.0, None), Run(0, 0), 3))
     assert "unbounded" in str(unbounded.refusal)
     limits = limits_on(path, 10.0, 1.0, 10.0)
     run = Run(0, 0, at_speeds(0.0, 2.0))
-    quick, full = (solve(path, limits, run, 3).refusal for solve in (solve_once, solve_run))
+    quick, full = (solve(Task(path, limits, run, 3)).refusal for solve in (solve_once, solve_run))
     assert quick.kind == full.kind == "end speed"
     # from rest, v²/2A + v A/2J = L with A = 1, J = 10, L = 1
     largest = -0.05 + np.sqrt(0.05**2 + 2)
