@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 # Modules that the second process loads, the latter to draw figures.
 WORK_MODULES = ("pulsepath.job",)
 FIGURE_MODULES = ("benchmarks.reports.plan_figures", "controllers.figures", "planner.figures")
-# Kernels that the second process compiles, in this order: those that the first process needs last.
+# Kernels for the second process. The first process needs the first of them last.
 ORDER_3_KERNELS = (
     "planner.timing.order3.riccati:solve_newton",
     "planner.timing.order3.kkt:linearize",
