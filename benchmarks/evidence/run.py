@@ -25,6 +25,7 @@ CASES = {
     "cam_files": "planning of G-code files: motion, baseline, bound, time and memory",
     "circle": "the bare circle, certified, against legs computed by hand",
     "commands": "processor and wall time of whole commands, and of cold plans",
+    "compiling": "seconds of compiling and signatures of each kernel of a plan",
     "design": "a stepper sized, actuators and joints selected",
     "findings": "the page of a thesis' findings: which hold on the emulated rig",
     "forward": "certified forward kinematics against independent proofs, and its time",

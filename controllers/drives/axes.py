@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from kinematics.foundation.arrays import Array, freeze_array
-from kinematics.foundation.kernels import kernel
+from kinematics.foundation.kernels import FixedStrided1, kernel
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +88,7 @@ def rotor(inertia: Array, friction: Array, coulomb: Array, h: float) -> Rotor:
 
 
 @kernel
-def advance(h: float, rotor: Array, x: float, v: float, torque: float) -> tuple[float, float]:
+def advance(h: float, rotor: FixedStrided1, x: float, v: float, torque: float) -> tuple[float, float]:
     """x and v of one lane, whose rotor is (7,), a time h on under a torque.
 
     A lane that stands, or comes to a stand within h, goes by way of rest: from there it moves on only if the torque

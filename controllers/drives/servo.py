@@ -14,7 +14,16 @@ import numpy as np
 from controllers.drives.axes import AxesResponse, Rotor, advance, apply_play, read_encoder, rotor, stack_values
 from kinematics.foundation.arrays import Array, freeze_array, freeze_fields
 from kinematics.foundation.errors import MotionError
-from kinematics.foundation.kernels import kernel
+from kinematics.foundation.kernels import (
+    FixedFlags2,
+    FixedFloats3,
+    FixedInts2,
+    Floats2,
+    Floats3,
+    Floats4,
+    Ints1,
+    kernel,
+)
 from kinematics.machine.axis import Axis
 
 
@@ -177,14 +186,14 @@ class ServoAxes:
 
 @kernel
 def _close_loops(
-    gains: Array,
-    at_output: np.ndarray,
-    loop_delay: np.ndarray,
-    rotor: tuple[float, Array],
-    commands: Array,
-    state: tuple[Array, Array, Array, Array],
-    given: Array,
-    record: tuple[np.ndarray, Array],
+    gains: Floats3,
+    at_output: FixedFlags2,
+    loop_delay: FixedInts2,
+    rotor: tuple[float, FixedFloats3],
+    commands: Floats3,
+    state: tuple[Floats2, Floats2, Floats2, Floats2],
+    given: Floats3,
+    record: tuple[Ints1, Floats4],
 ) -> None:
     """`Servo`'s loops over N commands (N, B, n), lane by lane; `state` is x, y, v and the integral, written anew.
 

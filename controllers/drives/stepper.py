@@ -11,7 +11,16 @@ import numpy as np
 from controllers.drives.axes import AxesResponse, Rotor, advance, apply_play, read_encoder, rotor, stack_values
 from kinematics.foundation.arrays import Array, finite_array, freeze_array, freeze_fields
 from kinematics.foundation.errors import MotionError
-from kinematics.foundation.kernels import kernel
+from kinematics.foundation.kernels import (
+    FixedFloats3,
+    FixedFloats4,
+    FixedStrided2,
+    Floats2,
+    Floats3,
+    Floats4,
+    Ints1,
+    kernel,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +161,7 @@ class StepperAxes:
 
 
 @kernel
-def peak_torque(rest: float, bends: Array, fastest: float, rate: float) -> float:
+def peak_torque(rest: float, bends: FixedStrided2, fastest: float, rate: float) -> float:
     """N or N·m at a rate of steps, of one drive, whose bends are (P, 2)."""
     peak = rest
     for speed, bend in bends:
@@ -162,13 +171,13 @@ def peak_torque(rest: float, bends: Array, fastest: float, rate: float) -> float
 
 @kernel
 def _follow_field(
-    drives: Array,
-    bends: Array,
+    drives: Floats3,
+    bends: FixedFloats4,
     sample: float,
-    rotor: tuple[float, Array],
-    commands: Array,
-    state: tuple[Array, Array, Array, Array, Array, Array],
-    record: tuple[np.ndarray, Array],
+    rotor: tuple[float, FixedFloats3],
+    commands: Floats3,
+    state: tuple[Floats2, Floats2, Floats2, Floats2, Floats2, Floats2],
+    record: tuple[Ints1, Floats4],
 ) -> None:
     """`Stepper`'s rotor over N commands (N, B, n), lane by lane; `state` as of `StepperState`, written anew.
 

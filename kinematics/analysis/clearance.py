@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from kinematics.foundation.arrays import LEAST_POSITIVE, Array, finite_array, freeze_array, unit_vectors
 from kinematics.foundation.errors import MotionError
-from kinematics.foundation.kernels import call_light, kernel
+from kinematics.foundation.kernels import Floats1, Floats2, Strided1, call_light, kernel
 from kinematics.foundation.taylor_model import EPS
 
 FEW_POSES = 64
@@ -175,7 +175,7 @@ class Bodies:
 
 @kernel
 def measure_distances(
-    x: Array, base: Array, platform: Array, ends: float, base_disc: Array, platform_disc: Array, out: Array
+    x: Floats2, base: Floats2, platform: Floats2, ends: float, base_disc: Floats2, platform_disc: Floats2, out: Floats2
 ) -> None:
     """Fill out (N, k) as `Bodies.distances`; of each disc (1, 8) centre, normal, radius and thickness, or (0, 8)."""
     legs = len(base)
@@ -214,7 +214,7 @@ def measure_distances(
 
 
 @kernel
-def segment_distance(p0: Array, p1: Array, q0: Array, q1: Array) -> float:
+def segment_distance(p0: Floats1, p1: Floats1, q0: Floats1, q1: Floats1) -> float:
     """Distance of the segments p0 p1 and q0 q1 (3,), exact for parallel, crossing and zero-length ones.
 
     The nearest points are an end of one of them and a point of the other, or lie inside both, where the common
@@ -241,7 +241,7 @@ def segment_distance(p0: Array, p1: Array, q0: Array, q1: Array) -> float:
 
 
 @kernel
-def point_segment_distance(point: Array, start: Array, end: Array) -> float:
+def point_segment_distance(point: Floats1, start: Floats1, end: Floats1) -> float:
     """Distance of a point from a segment (3,)."""
     a0, a1, a2 = end[0] - start[0], end[1] - start[1], end[2] - start[2]
     t0, t1, t2 = point[0] - start[0], point[1] - start[1], point[2] - start[2]
@@ -252,7 +252,7 @@ def point_segment_distance(point: Array, start: Array, end: Array) -> float:
 
 
 @kernel
-def segment_disc_distance(start: Array, end: Array, disc: Array) -> float:
+def segment_disc_distance(start: Floats1, end: Floats1, disc: Strided1) -> float:
     """Distance of a segment (3,) from a disc in the disc's frame, as in `measure_distances`; 0 where they meet.
 
     At radius ρ and height h from the centre, a point is √(max(ρ − R, 0)² + max(|h| − T/2, 0)²) away. Along a segment
@@ -274,7 +274,7 @@ def segment_disc_distance(start: Array, end: Array, disc: Array) -> float:
 
 
 @kernel
-def _point_disc(start: Array, end: Array, s: float, disc: Array) -> tuple[float, float]:
+def _point_disc(start: Floats1, end: Floats1, s: float, disc: Strided1) -> tuple[float, float]:
     """Distance of start + s (end − start) from a disc, and half the slope of its square."""
     height = rate = 0.0
     for i in range(3):

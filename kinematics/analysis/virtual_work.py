@@ -25,7 +25,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.casadi_function import Expression
-from kinematics.foundation.kernels import kernel
+from kinematics.foundation.kernels import Floats2, Floats3, Floats4, kernel
 from kinematics.foundation.taylor_model import EPS, Series
 from kinematics.machine.kind import controlled_twist_symbols
 from kinematics.machine.load import Body
@@ -59,7 +59,7 @@ def solve_series(matrix: Series, right: Series) -> Series:
 
 
 @kernel
-def solve_balls(a_mid: Array, a_rad: Array, b_mid: Array, b_rad: Array, mid: Array, rad: Array) -> None:
+def solve_balls(a_mid: Floats4, a_rad: Floats4, b_mid: Floats3, b_rad: Floats3, mid: Floats3, rad: Floats3) -> None:
     """Fill mid and rad (order + 1, N, n) of A (powers, N, n, n) and b (order + 1, N, n): see `solve_series`."""
     n, terms = mid.shape[2], mid.shape[2] + 3
     guess, work = np.zeros((n, n)), np.zeros((n, n))
@@ -111,7 +111,7 @@ def solve_balls(a_mid: Array, a_rad: Array, b_mid: Array, b_rad: Array, mid: Arr
 
 
 @kernel
-def _invert_roughly(matrix: Array, out: Array, work: Array) -> None:
+def _invert_roughly(matrix: Floats2, out: Floats2, work: Floats2) -> None:
     """About A⁻¹ (n, n), by elimination with the largest pivot of a column; no numbers where there is none."""
     n = len(matrix)
     for i in range(n):

@@ -1,309 +1,426 @@
-"""Compiled kernels: loops over numbers that numba compiles at their first call and keeps on disk for the next process.
+"""Compiled kernels: loops over numbers that numba compiles once and stores on disk.
 
-A kernel is a plain function of numbers and arrays. numba is not imported, and nothing compiled, before one is called:
-then all kernels of its module are. What is compiled is kept beside the source, in the user's cache directory where that
-cannot be written, and nowhere where neither can; where that takes long, the logger "pulsepath" says so, once. It is
-found again by all that was frozen into it: see `fingerprint`. With NUMBA_DISABLE_JIT=1 the same source runs as Python:
-for debuggers and for coverage.
+A kernel is a plain function of numbers and arrays. Its annotations state the type of every
+argument: there is one compiled version, and it can be compiled before it is called. The first call
+imports numba, and compiles the kernel and its callees. numba stores the machine code in a folder of
+NUMBA_CACHE_DIR, or of the user's cache. The folder is named after VERSION and all else on which
+machine code depends: see `find_folder`.
+
+With NUMBA_DISABLE_JIT=1 the same source runs as Python: for debuggers and for coverage.
 """
 
+import gc
 import logging
 import os
-import pickle
 import sys
-from collections.abc import Callable
-from contextlib import suppress
-from enum import EnumMeta
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from functools import cache, update_wrapper
 from hashlib import sha256
+from importlib import import_module
 from multiprocessing import parent_process
 from pathlib import Path
 from threading import RLock, Thread, local
-from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
-from typing import Any
+from time import monotonic
+from types import FunctionType
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
+import numpy as np
+from numpy.typing import NDArray
+
+# Hash of the sources of all kernels, of which tests/kinematics/foundation/test_kernel_version.py
+# prints the new value. numba itself sees changes of a kernel's own file only, but machine code also
+# contains the kernels that it calls and the constants that it reads.
+VERSION = "e0fd525eb444ad49"
+
+# s after which a first call is reported as compiling.
 PATIENCE = 1.0
-"""s after which the first call of a kernel that is not on disk is said to be compiling."""
-KEPT = 24
-"""Files of one kernel that are kept, those used last: of several signatures, versions and checkouts."""
-_LOCK, _HERE = RLock(), local()
-_LOST: list[str] = []  # why something compiled could not be kept
-_HELD: list[Any] = []  # numba's lock, during a fork
+# s between two looks at a thread that compiles.
+LOOK = 0.05
+# Folders of compiled kernels that are retained, those used last: of several versions and checkouts.
+MOST_FOLDERS = 8
+
+_Floats = NDArray[np.float64]
+_Ints = NDArray[np.int64]
+_Flags = NDArray[np.bool_]
+
+# Types of arguments. The number counts dimensions. Arrays are contiguous, rows first, and may be
+# written to. `Fixed` ones may be read-only; `Strided` ones may be views of other arrays.
+Floats1 = Annotated[_Floats, "float64", 1, "C", True]
+Floats2 = Annotated[_Floats, "float64", 2, "C", True]
+Floats3 = Annotated[_Floats, "float64", 3, "C", True]
+Floats4 = Annotated[_Floats, "float64", 4, "C", True]
+Floats5 = Annotated[_Floats, "float64", 5, "C", True]
+Ints1 = Annotated[_Ints, "int64", 1, "C", True]
+Ints2 = Annotated[_Ints, "int64", 2, "C", True]
+Flags1 = Annotated[_Flags, "boolean", 1, "C", True]
+Flags2 = Annotated[_Flags, "boolean", 2, "C", True]
+Flags3 = Annotated[_Flags, "boolean", 3, "C", True]
+FixedFloats3 = Annotated[_Floats, "float64", 3, "C", False]
+FixedFloats4 = Annotated[_Floats, "float64", 4, "C", False]
+FixedInts1 = Annotated[_Ints, "int64", 1, "C", False]
+FixedInts2 = Annotated[_Ints, "int64", 2, "C", False]
+FixedFlags2 = Annotated[_Flags, "boolean", 2, "C", False]
+Strided1 = Annotated[_Floats, "float64", 1, "A", True]
+Strided2 = Annotated[_Floats, "float64", 2, "A", True]
+Strided3 = Annotated[_Floats, "float64", 3, "A", True]
+FixedStrided1 = Annotated[_Floats, "float64", 1, "A", False]
+FixedStrided2 = Annotated[_Floats, "float64", 2, "A", False]
+
+_LOCK = RLock()
+_THREAD = local()
+# Why compiled code could not be stored.
+_LOST: list[str] = []
 
 
 class Kernel:
-    """A function that is compiled at its first call."""
+    """A function that is compiled at its first call, or loaded from disk."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self.function = function
-        self.compiled: Callable[..., Any] | None = None
-        self._called = False
+        # numba's dispatcher: for calls from Python, which is stored, and for calls from kernels,
+        # whose machine code contains it
+        self.compiled: Any = None
+        self.inner: Any = None
         update_wrapper(self, function)
 
     def __call__(self, *arguments: Any) -> Any:
         if self.compiled is None:
-            if getattr(_HERE, "plain", False):
+            if getattr(_THREAD, "plain", False):
                 return self.function(*arguments)
-            with _LOCK:
-                _compile_module(sys.modules[self.function.__module__])
-        assert self.compiled is not None  # with its module
-        if self._called:
-            return self.compiled(*arguments)
-        outcome = _run_in_thread(self.compiled, arguments)
-        self._called = True
-        return outcome
-
-
-def _run_in_thread(work: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
-    """What work returns or raises. The compiler cannot bear what a signal raises: here it is raised beside it."""
-    outcome: list[Any] = []
-    failure: list[BaseException] = []
-    # kernels that are not on disk
-    missed = [work] if hasattr(work, "py_func") and not isinstance(getattr(work, "_cache", None), _Store) else []
-
-    def run() -> None:
-        _HERE.missed = missed
+            self.compile()
         try:
-            outcome.append(work(*arguments))
-        except BaseException as error:
-            failure.append(error)
+            return self.compiled(*arguments)
+        except TypeError:
+            if self.compiled is self.function:
+                raise
+            return self.call_with_copies(arguments)
 
-    thread = Thread(target=run, daemon=True)
-    thread.start()
-    thread.join(PATIENCE)
-    while thread.is_alive():  # on a busy computer, what is on disk may take longer too
-        if missed or _LOST:
-            _announce()
-            thread.join()
-        thread.join(PATIENCE)
-    if failure:
-        raise failure[0]
-    return outcome[0]
+    def compile(self) -> None:
+        """Compile the kernel and its callees, or load them from disk."""
+        if self.compiled is None:
+            _run_in_thread(self)
 
+    def call_with_copies(self, arguments: tuple[Any, ...]) -> Any:
+        """Call with copies of the arrays that have another type than stated, and copy results back.
 
-@cache
-def _announce() -> None:
-    """Said once: of several processes that compile the same, by the first."""
-    if parent_process() is not None:
-        return
-    told = (
-        f"every run, some 45 s, {_advise()}"
-        if _LOST
-        else "once for each kind of work, up to 45 s; later runs find them on disk"
-    )
-    logging.getLogger("pulsepath").warning("compiling numerical kernels: %s", told)
+        Callers should pass the stated types: copies take time. Raises TypeError for a wrong number
+        of dimensions.
+        """
+        hints = get_type_hints(self.function, include_extras=True).values()
+        copies: list[tuple[Any, Any]] = []
+        fitted = [_fit(value, hint, copies) for value, hint in zip(arguments, hints, strict=False)]
+        result = self.compiled(*fitted)
+        for original, copy in copies:
+            if original.flags.writeable:
+                original[...] = copy
+        return result
 
-
-@cache
-def _tell_lost() -> None:
-    logging.getLogger("pulsepath").warning("compiled kernels are lost with this process, %s", _advise())
-
-
-def _advise() -> str:
-    return f"as they cannot be kept on disk ({_LOST[0]}): set NUMBA_CACHE_DIR to a folder that can be written"
-
-
-def compiler_is_loaded() -> bool:
-    """Whether numba is imported already, which takes a third of a second."""
-    return "numba" in sys.modules
-
-
-def call_light(function: Callable[..., Any], *arguments: Any) -> Any:
-    """A kernel, and what it calls, as Python where the compiler is not loaded: for what is too little to load it."""
-    if compiler_is_loaded() or not isinstance(function, Kernel):
-        return function(*arguments)
-    _HERE.plain = True
-    try:
-        return function.function(*arguments)
-    finally:
-        _HERE.plain = False
+    @property
+    def callees(self) -> dict[str, "Kernel"]:
+        """Kernels that it calls, by their names in its module."""
+        names = self.function.__globals__
+        called = ((name, names.get(name)) for name in self.function.__code__.co_names)
+        return {name: value for name, value in called if isinstance(value, Kernel)}
 
 
 kernel = Kernel
 """Decorator: `@kernel` before a function that loops over numbers."""
 
 
-def _compile_module(module: Any) -> None:
-    """Puts the compiled functions into the place of a module's kernels, so that they call each other compiled."""
+def _fit(value: Any, hint: Any, copies: list[tuple[Any, Any]]) -> Any:
+    """Return a value with arrays of the stated types; append pairs (array, copy) to `copies`."""
+    if _is_record(hint):
+        fields = get_type_hints(hint, include_extras=True).values()
+        return hint(*(_fit(each, field, copies) for each, field in zip(value, fields, strict=True)))
+    if get_origin(hint) is tuple:
+        parts = zip(value, get_args(hint), strict=True)
+        return tuple(_fit(each, part, copies) for each, part in parts)
+    if get_origin(hint) is not Annotated:
+        return value
+    dtype, dimensions, layout, is_written = hint.__metadata__
+    if np.ndim(value) != dimensions:
+        raise TypeError(f"a kernel takes an array of {dimensions} dimensions, not {np.ndim(value)}")
+    array = np.asarray(value, np.bool_ if dtype == "boolean" else dtype)
+    is_contiguous = layout == "A" or array.flags.c_contiguous
+    if not is_contiguous or (is_written and not array.flags.writeable):
+        array = np.array(array, order="C")
+    if array is not value:
+        copies.append((value, array))
+    return array
+
+
+def _is_record(hint: Any) -> bool:
+    return isinstance(hint, type) and issubclass(hint, tuple)
+
+
+def find_type(hint: Any) -> Any:
+    """Return the numba type of an annotation."""
     import numba
 
-    for name, value in list(vars(module).items()):
-        if not isinstance(value, Kernel):
-            continue
-        if value.function.__module__ != module.__name__:
-            _compile_module(sys.modules[value.function.__module__])
-        elif value.compiled is None:
-            value.compiled = numba.njit(error_model="numpy")(value.function)
-            if hasattr(value.compiled, "py_func"):  # not with NUMBA_DISABLE_JIT
-                _keep(value.compiled)
-        setattr(module, name, value.compiled)
+    types: Any = numba.types
+    if _is_record(hint):
+        fields = [find_type(each) for each in get_type_hints(hint, include_extras=True).values()]
+        if len(set(fields)) == 1:
+            return types.NamedUniTuple(fields[0], len(fields), hint)
+        return types.NamedTuple(fields, hint)
+    if get_origin(hint) is tuple:
+        return types.Tuple([find_type(each) for each in get_args(hint)])
+    if get_origin(hint) is Annotated:
+        dtype, dimensions, layout, is_written = hint.__metadata__
+        return types.Array(getattr(types, dtype), dimensions, layout, readonly=not is_written)
+    return {bool: types.boolean, int: types.int64, float: types.float64}[hint]
 
 
-def _keep(compiled: Any) -> None:
-    """Gives a compiled function its place on disk, where there is one."""
-    try:
-        compiled._cache = _Store(compiled.py_func)
-    except Exception as error:  # no folder that can be written
-        _LOST.append(str(error))
+def _compile(kernel: Kernel, dispatchers: list[Any]) -> None:
+    """Compile or load a kernel; append numba's dispatchers to a list."""
+    import numba
+
+    config: Any = numba.config
+    with _LOCK:
+        if config.DISABLE_JIT:
+            kernel.compiled = kernel.function
+        elif kernel.compiled is None:
+            with _without_garbage_collection():
+                kernel.compiled = _make_dispatcher(kernel, dispatchers)
 
 
-class _Store:
-    """What was compiled of one kernel, on disk: a file for each fingerprint and signature, in place of numba's files.
-
-    numba's own hold one kernel's source against its file, not what that takes from others, and several processes that
-    write at once may mix up their signatures. A file begins with its checksum; one that is damaged is compiled anew.
-    """
-
-    def __init__(self, function: Any) -> None:
-        from numba.core import caching
-
-        implementation: Any = caching.CompileResultCacheImpl
-        self._impl = implementation(function)
-        self.cache_path = self._impl.locator.get_cache_path()
-        self._name = f"{function.__module__.rpartition('.')[2]}.{function.__qualname__.replace('<locals>', '')}"
-        self._function = function
-
-    def _path(self, signature: Any, codegen: Any) -> Path | None:
-        if " at 0x" in str(signature):  # a function as an argument: its address tells nothing to another process
-            return None
-        key = sha256(repr((fingerprint(self._function), str(signature), codegen.magic_tuple())).encode()).hexdigest()
-        return Path(self.cache_path) / f"{self._name}-{key[:40]}.kernel"
-
-    def load_overload(self, signature: Any, context: Any) -> Any:
-        """What was compiled for a signature, or None."""
-        found = self._read(signature, context)
-        if found is None:
-            getattr(_HERE, "missed", []).append(self._function)
-        return found
-
-    def _read(self, signature: Any, context: Any) -> Any:
-        context.refresh()
-        with suppress(Exception):  # whatever is wrong with a file, it is compiled anew, and replaced
-            path = self._path(signature, context.codegen())
-            if path is None:
-                return None
-            content = path.read_bytes()
-            if sha256(content[32:]).digest() == content[:32]:
-                outcome = self._impl.rebuild(context, pickle.loads(content[32:]))
-                with suppress(OSError):
-                    os.utime(path)
-                return outcome
-        return None
-
-    def save_overload(self, signature: Any, outcome: Any) -> None:
-        """Keeps what was compiled, where it can be; else says, once, that it is lost."""
-        from numba.core import serialize
-
-        dumps: Any = serialize.dumps
+def _make_dispatcher(kernel: Kernel, dispatchers: list[Any]) -> Any:
+    types = _list_types(kernel)
+    folder = find_folder()
+    if folder is None or not are_stored([f"{kernel.function.__module__}:{kernel.function.__name__}"]):
+        _compile_callees(kernel, dispatchers)
+    # a damaged file is removed and replaced; if that fails, the kernel is compiled without a file
+    for place in (folder, folder, None):
+        dispatcher = _decorate(kernel, place)
+        dispatchers.append(dispatcher)
         try:
-            path = self._path(signature, outcome.codegen)
-            if path is None or not self._impl.check_cachable(outcome):
-                return
-            content = dumps(self._impl.reduce(outcome))
-            path.parent.mkdir(parents=True, exist_ok=True)
-            part = path.with_suffix(f".{os.getpid()}.part")
-            try:
-                part.write_bytes(sha256(content).digest() + content)
-                part.replace(path)
-            finally:
-                part.unlink(missing_ok=True)
-            self._clear()
-        except Exception as error:  # whatever keeps it from being kept: it is compiled, and works
-            _LOST.append(str(error))
-            _tell_lost()
+            dispatcher.compile(types)
+            break
+        except Exception as error:
+            if dispatcher.signatures:  # compiled, but not stored
+                _LOST.append(str(error))
+                _report_lost()
+                break
+            if place is None:
+                raise
+            _discard(dispatcher, kernel)
+    dispatcher.disable_compile()
+    return dispatcher
 
-    def _clear(self) -> None:
-        """Removes what was used least lately; a process that misses it compiles it."""
-        used: list[tuple[float, Path]] = []
-        for path in Path(self.cache_path).glob(f"{self._name}-*"):
-            with suppress(OSError):
-                used.append((path.stat().st_mtime, path))
-        for _, path in sorted(used)[:-KEPT]:
+
+def _list_types(kernel: Kernel) -> tuple[Any, ...]:
+    hints = get_type_hints(kernel.function, include_extras=True)
+    hints.pop("return", None)
+    return tuple(find_type(hint) for hint in hints.values())
+
+
+def _compile_callees(kernel: Kernel, dispatchers: list[Any]) -> None:
+    """Compile the callees for the types that they state, which numba would infer otherwise."""
+    for callee in kernel.callees.values():
+        _compile_callees(callee, dispatchers)
+        if callee.inner is None:
+            callee.inner = _decorate(callee, None)
+            dispatchers.append(callee.inner)
+            callee.inner.compile(_list_types(callee))
+            callee.inner.disable_compile()
+
+
+def _decorate(kernel: Kernel, folder: Path | None) -> Any:
+    """Return numba's dispatcher of a copy whose globals are dispatchers; stored in `folder`.
+
+    The callees are compiled before (`_compile_callees`), or not at all if the kernel is on disk.
+    """
+    import numba
+
+    function: Any = kernel.function
+    names = function.__globals__.copy()
+    for name, callee in kernel.callees.items():
+        names[name] = callee.inner or _decorate(callee, None)
+    copy = FunctionType(function.__code__, names, function.__name__, function.__defaults__)
+    copy.__qualname__ = function.__qualname__
+    if folder is None:
+        return numba.njit(error_model="numpy")(copy)
+    config: Any = numba.config
+    before = config.CACHE_DIR
+    config.CACHE_DIR = str(folder)
+    try:
+        dispatcher = numba.njit(error_model="numpy", cache=True)(copy)
+    finally:
+        config.CACHE_DIR = before
+    if Path(str(dispatcher.stats.cache_path)).is_relative_to(folder):
+        return dispatcher
+    return _decorate(kernel, None)  # any other place does not depend on VERSION
+
+
+def _discard(dispatcher: Any, kernel: Kernel) -> None:
+    """Remove the files of a kernel."""
+    place = dispatcher.stats.cache_path
+    if place is not None:
+        for path in Path(place).glob(f"*.{kernel.function.__name__}-*"):
             with suppress(OSError):
                 path.unlink()
 
 
-def fingerprint(function: Any) -> str:
-    """Hash of all that is frozen into a kernel's machine code, whichever file it comes from.
-
-    That is its instructions and constants, the values of the global names that it reads, the kernels that it calls with
-    theirs, and the versions of Python, numba, llvmlite, numpy and casadi. TypeError: a name stands for something else.
-    """
-    parts = [_versions()]
-    _collect(function, parts, set())
-    return sha256("\n".join(parts).encode()).hexdigest()
+@contextmanager
+def _without_garbage_collection() -> Iterator[None]:
+    """Collect no garbage until the block ends: compiling makes many objects that live."""
+    is_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if is_enabled:
+            gc.enable()
 
 
 @cache
-def _versions() -> str:
+def find_folder() -> Path | None:
+    """Return the folder of compiled kernels; None if it cannot be written.
+
+    Its name is a hash of VERSION, of the versions of Python, numba, llvmlite, numpy and casadi, of
+    numba's settings and of the processor. So each kernel has one file there: processes that write
+    at once write the same.
+    """
+    from tempfile import TemporaryFile
+
+    root = Path(os.environ.get("NUMBA_CACHE_DIR") or find_user_cache())
+    name = sha256(repr(list_dependencies()).encode()).hexdigest()[:16]
+    folder = root / f"pulsepath-kernels-{name}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        os.utime(folder)
+        TemporaryFile(dir=folder).close()
+    except OSError as error:
+        _LOST.append(str(error))
+        return None
+    _remove_old_folders(root)
+    return folder
+
+
+def list_dependencies() -> list[Any]:
+    """List all on which machine code depends, but the sources of a kernel's own file."""
     from importlib.metadata import version
 
-    return repr((sys.version, [version(name) for name in ("numba", "llvmlite", "numpy", "casadi")]))
+    from llvmlite import binding
+
+    settings = {name: value for name, value in os.environ.items() if name.startswith("NUMBA_")}
+    settings.pop("NUMBA_CACHE_DIR", None)
+    libraries = [version(name) for name in ("numba", "llvmlite", "numpy", "casadi")]
+    processor = [binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten()]
+    return [VERSION, sys.version, libraries, processor, sorted(settings.items())]
 
 
-def _collect(value: Any, parts: list[str], seen: set[int]) -> None:
-    """Appends what tells a frozen value from another."""
-    import numpy as np
-
-    value = getattr(value, "py_func", value.function if isinstance(value, Kernel) else value)
-    if isinstance(value, FunctionType):
-        parts.append(f"{value.__module__}.{value.__qualname__}")
-        if id(value) not in seen and not value.__module__.startswith(("numpy", "numba")):  # these have versions
-            seen.add(id(value))
-            cells = tuple(cell.cell_contents for cell in value.__closure__ or ())
-            _collect((value.__defaults__, cells), parts, seen)
-            _collect_code(value.__code__, value.__globals__, parts, seen)
-    elif isinstance(value, (tuple, frozenset)):
-        parts.append(f"{type(value).__name__} of {len(value)}")
-        for each in value if isinstance(value, tuple) else sorted(value, key=repr):
-            _collect(each, parts, seen)
-    elif isinstance(value, np.ndarray) and not value.dtype.hasobject:
-        parts.append(f"{value.dtype.str} {value.shape} {sha256(value.tobytes()).hexdigest()}")
-    elif value is None or value is ... or isinstance(value, (int, float, complex, str, bytes, np.generic)):
-        parts.append(f"{type(value).__name__} {value!r}")
-    elif isinstance(value, EnumMeta):
-        members: Any = value.__members__
-        parts.append(repr({name: member.value for name, member in members.items()}))
-    elif isinstance(value, (type, BuiltinFunctionType, np.ufunc, ModuleType)) or type(value).__module__ == "numpy":
-        parts.append(f"{getattr(value, '__module__', '')} {value.__name__} {getattr(value, '_fields', '')}")
+def find_user_cache() -> Path:
+    """Return the user's folder for files that can be made again."""
+    if sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+    elif sys.platform == "darwin":
+        base = Path.home() / "Library" / "Caches"
     else:
-        raise TypeError(f"a kernel takes {value!r} from outside, of which no fingerprint is known")
+        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return base / "pulsepath"
 
 
-def _collect_code(code: CodeType, names: dict[str, Any], parts: list[str], seen: set[int]) -> None:
-    parts.append(f"{code.co_code.hex()} {code.co_names} {code.co_varnames} {code.co_freevars}")
-    for constant in code.co_consts:
-        if isinstance(constant, CodeType):
-            _collect_code(constant, names, parts, seen)
-        else:
-            _collect(constant, parts, seen)
-    for name in code.co_names:
-        if name not in names:
-            continue
-        value = names[name]
-        _collect(value, parts, seen)
-        if isinstance(value, ModuleType):
-            for attribute in code.co_names:
-                if hasattr(value, attribute):
-                    _collect(getattr(value, attribute), parts, seen)
+def _remove_old_folders(root: Path) -> None:
+    """Remove the folders used least recently; a process that misses one compiles again."""
+    from shutil import rmtree
+
+    folders = []
+    for path in root.glob("pulsepath-kernels-*"):
+        with suppress(OSError):
+            folders.append((path.stat().st_mtime, path))
+    for _, path in sorted(folders)[:-MOST_FOLDERS]:
+        rmtree(path, ignore_errors=True)
 
 
-def _hold_compiler() -> None:
-    """Before a fork: a child of a process whose compiler is at work in a thread would never have it again."""
-    _LOCK.acquire()
-    module = sys.modules.get("numba.core.compiler_lock")
-    held = getattr(module, "global_compiler_lock", None)
-    if held is not None:
-        held.acquire()
-    _HELD.append(held)
+def _run_in_thread(kernel: Kernel) -> None:
+    """Compile a kernel in a thread, which no signal can interrupt: that is raised here meanwhile."""
+    dispatchers: list[Any] = []
+    failures: list[BaseException] = []
+
+    def run() -> None:
+        try:
+            _compile(kernel, dispatchers)
+        except BaseException as error:
+            failures.append(error)
+
+    begin = monotonic()
+    thread = Thread(target=run, daemon=True)
+    thread.start()
+    thread.join(LOOK)
+    while thread.is_alive():
+        # on a busy computer, loading may take longer than PATIENCE too
+        is_late = monotonic() - begin > PATIENCE
+        if is_late and any(each.stats.cache_misses for each in list(dispatchers)):
+            _announce()
+        thread.join(LOOK)
+    if failures:
+        raise failures[0]
 
 
-def _release_compiler() -> None:
-    held = _HELD.pop()
-    if held is not None:
-        held.release()
-    _LOCK.release()
+def are_stored(names: Sequence[str]) -> bool:
+    """Return whether kernels "MODULE:NAME" are on disk; True if nothing can be stored."""
+    folder = find_folder()
+    if folder is None:
+        return True
+    stored = {path.name.rpartition("-")[0] for path in folder.glob("*/*.nbc")}
+    return {name.rpartition(".")[2].replace(":", ".") for name in names} <= stored
 
 
-if hasattr(os, "register_at_fork"):  # not on Windows, which has no fork
-    os.register_at_fork(before=_hold_compiler, after_in_parent=_release_compiler, after_in_child=_release_compiler)
+def compile_kernels(names: Sequence[str]) -> None:
+    """Compile kernels "MODULE:NAME" in this order, or load them from disk."""
+    for name in names:
+        module, _, function = name.partition(":")
+        kernel: Kernel = getattr(import_module(module), function)
+        kernel.compile()
+
+
+@cache
+def _announce() -> None:
+    """Report once that kernels are compiled: of several processes, the first reports it."""
+    if parent_process() is not None:
+        return
+    text = (
+        f"every run, some 25 s, {_advise()}"
+        if _LOST
+        else "once for each kind of work, up to 25 s; later runs find them on disk"
+    )
+    logging.getLogger("pulsepath").warning("compiling numerical kernels: %s", text)
+
+
+@cache
+def _report_lost() -> None:
+    logging.getLogger("pulsepath").warning("compiled kernels are lost with this process, %s", _advise())
+
+
+def _advise() -> str:
+    return f"as they cannot be stored ({_LOST[0]}): set NUMBA_CACHE_DIR to a folder that can be written"
+
+
+def compiler_is_loaded() -> bool:
+    """Return whether numba is imported already, which takes a third of a second."""
+    return "numba" in sys.modules
+
+
+def call_light(function: Callable[..., Any], *arguments: Any) -> Any:
+    """Call a kernel and its callees as Python if the compiler is not loaded.
+
+    Little work does not pay for loading it.
+    """
+    if compiler_is_loaded() or not isinstance(function, Kernel):
+        return function(*arguments)
+    _THREAD.plain = True
+    try:
+        return function.function(*arguments)
+    finally:
+        _THREAD.plain = False
+
+
+# A fork waits until no thread compiles: the child would never get the compiler's lock.
+if hasattr(os, "register_at_fork"):  # not on Windows
+    os.register_at_fork(
+        before=_LOCK.acquire,
+        after_in_parent=_LOCK.release,
+        after_in_child=_LOCK.release,
+    )

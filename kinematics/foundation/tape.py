@@ -10,8 +10,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from kinematics.foundation.arrays import Array
-from kinematics.foundation.kernels import kernel
+from kinematics.foundation.kernels import Floats1, Floats2, Ints1, kernel
 
 BLOCK = 128
 """Points that are run together: enough for what deciding takes, few enough for the cache to hold their values."""
@@ -30,11 +29,11 @@ class Tape(NamedTuple):
     Inputs read column `first` of x, outputs write column `write` of the values. slots: numbers kept for a point.
     """
 
-    operation: np.ndarray
-    first: np.ndarray
-    second: np.ndarray
-    write: np.ndarray
-    constant: Array
+    operation: Ints1
+    first: Ints1
+    second: Ints1
+    write: Ints1
+    constant: Floats1
     slots: int
 
 
@@ -59,7 +58,7 @@ def make_tape(function: ca.Function) -> Tape | None:
 
 
 @kernel
-def run_tape(tape: Tape, x: Array, out: Array) -> None:
+def run_tape(tape: Tape, x: Floats2, out: Floats2) -> None:
     """Fill out (N, m) for x (N, k)."""
     count, work = len(x), np.empty((tape.slots, BLOCK))
     for start in range(0, count, BLOCK):

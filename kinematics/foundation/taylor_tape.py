@@ -8,8 +8,7 @@ coefficients (order + 1, BLOCK) with the degree up to which they are not zero.
 import casadi as ca
 import numpy as np
 
-from kinematics.foundation.arrays import Array
-from kinematics.foundation.kernels import kernel
+from kinematics.foundation.kernels import Floats2, Floats3, Ints1, kernel
 from kinematics.foundation.tape import (
     ADD,
     ASSIGN,
@@ -46,7 +45,7 @@ def is_enclosable(function: ca.Function) -> bool:
 
 
 @kernel
-def lower_degrees(mid: Array, rad: Array, degrees: np.ndarray) -> None:
+def lower_degrees(mid: Floats3, rad: Floats3, degrees: Ints1) -> None:
     """Lower degrees (k,) to the highest power of mid and rad (k, order + 1, N) that is there, each at least 0."""
     for k in range(len(degrees)):
         top, there = degrees[k] + 1, False
@@ -61,7 +60,7 @@ def lower_degrees(mid: Array, rad: Array, degrees: np.ndarray) -> None:
 
 @kernel
 def enclose_tape(
-    tape: Tape, order: int, degrees: np.ndarray, mid: Array, rad: Array, out_mid: Array, out_rad: Array
+    tape: Tape, order: int, degrees: Ints1, mid: Floats3, rad: Floats3, out_mid: Floats3, out_rad: Floats3
 ) -> None:
     """Fill out_mid and out_rad (m, order + 1, N) for inputs mid and rad (k, order + 1, N) of degrees (k,)."""
     count, size = mid.shape[2], len(tape.operation)
@@ -91,12 +90,15 @@ def enclose_tape(
                 degree[c] = 0
             elif code in (ADD, SUB):
                 _add(m, r, degree, a, b, c, 1.0 if code == ADD else -1.0, width)
-            elif code in (MUL, SQ):
+            elif code in (MUL, SQ, TWICE, FABS):
+                if code == TWICE:
+                    b = s0 + 1
+                    _fill(m[b], r[b], 2.0, width)
+                    degree[b] = 0
+                elif code == FABS:
+                    b = s0 + 1
+                    _sign(m, r, degree, a, b, width)
                 _multiply(m, r, degree, a, b, c, s0, order, far, error, width)
-            elif code == TWICE:
-                _fill(m[s0 + 1], r[s0 + 1], 2.0, width)
-                degree[s0 + 1] = 0
-                _multiply(m, r, degree, a, s0 + 1, c, s0, order, far, error, width)
             elif code in (DIV, INV):
                 top = a
                 if code == INV:
@@ -115,21 +117,18 @@ def enclose_tape(
                 _sincos(m, r, degree, a, c, s0, order, code == SIN, width)
             elif code == SIGN:
                 _sign(m, r, degree, a, c, width)
-            elif code == FABS:
-                _sign(m, r, degree, a, s0 + 1, width)
-                _multiply(m, r, degree, a, s0 + 1, c, s0, order, far, error, width)
             elif code == ATAN2:
                 _atan2(m, r, degree, a, b, c, s0, order, far, error, width)
 
 
 @kernel
-def _fill(mid: Array, rad: Array, value: float, width: int) -> None:
+def _fill(mid: Floats2, rad: Floats2, value: float, width: int) -> None:
     for n in range(width):
         mid[0, n], rad[0, n] = value, 0.0
 
 
 @kernel
-def _add(m: Array, r: Array, degree: np.ndarray, a: int, b: int, c: int, sign: float, width: int) -> None:
+def _add(m: Floats3, r: Floats3, degree: Ints1, a: int, b: int, c: int, sign: float, width: int) -> None:
     top = max(degree[a], degree[b])
     for i in range(top + 1):
         for n in range(width):
@@ -145,16 +144,16 @@ def _add(m: Array, r: Array, degree: np.ndarray, a: int, b: int, c: int, sign: f
 
 @kernel
 def _multiply(
-    m: Array,
-    r: Array,
-    degree: np.ndarray,
+    m: Floats3,
+    r: Floats3,
+    degree: Ints1,
     a: int,
     b: int,
     c: int,
     spare: int,
     order: int,
-    far: Array,
-    error: Array,
+    far: Floats2,
+    error: Floats2,
     width: int,
 ) -> None:
     """c = a b, through the spare slot: c may be a or b."""
@@ -214,7 +213,7 @@ def _scale_ball(mid: float, rad: float, by: float, by_rad: float) -> tuple[float
 
 @kernel
 def _convolve(
-    am: Array, ar: Array, a_degree: int, bm: Array, br: Array, b_degree: int, k: int, n: int
+    am: Floats2, ar: Floats2, a_degree: int, bm: Floats2, br: Floats2, b_degree: int, k: int, n: int
 ) -> tuple[float, float]:
     """Coefficient k of a·b at cell n from the coefficients that both have."""
     first, last = max(0, k - b_degree), min(k, a_degree)
@@ -233,16 +232,16 @@ def _convolve(
 
 @kernel
 def _divide(
-    m: Array,
-    r: Array,
-    degree: np.ndarray,
+    m: Floats3,
+    r: Floats3,
+    degree: Ints1,
     a: int,
     b: int,
     c: int,
     spare: int,
     order: int,
-    far: Array,
-    error: Array,
+    far: Floats2,
+    error: Floats2,
     width: int,
 ) -> None:
     """c = a / b: q_k = (a_k − Σ_{j<k} q_j b_{k−j}) / b_0."""
@@ -270,7 +269,7 @@ def _divide(
 
 
 @kernel
-def _root(m: Array, r: Array, degree: np.ndarray, a: int, c: int, spare: int, order: int, width: int) -> None:
+def _root(m: Floats3, r: Floats3, degree: Ints1, a: int, c: int, spare: int, order: int, width: int) -> None:
     """r_k = (a_k − Σ_{0<j<k} r_j r_{k−j}) / (2 r_0)."""
     mid, rad = m[spare], r[spare]
     for n in range(width):
@@ -296,7 +295,7 @@ def _root(m: Array, r: Array, degree: np.ndarray, a: int, c: int, spare: int, or
 
 
 @kernel
-def _derive(m: Array, r: Array, degree: np.ndarray, a: int, c: int, width: int) -> None:
+def _derive(m: Floats3, r: Floats3, degree: Ints1, a: int, c: int, width: int) -> None:
     """c = da/dτ."""
     if degree[a] == 0:
         _fill(m[c], r[c], 0.0, width)
@@ -312,7 +311,7 @@ def _derive(m: Array, r: Array, degree: np.ndarray, a: int, c: int, width: int) 
 
 @kernel
 def _sincos(
-    m: Array, r: Array, degree: np.ndarray, a: int, c: int, spare: int, order: int, sine: bool, width: int
+    m: Floats3, r: Floats3, degree: Ints1, a: int, c: int, spare: int, order: int, sine: bool, width: int
 ) -> None:
     """k s_k = Σ j θ_j c_{k−j},  k c_k = −Σ j θ_j s_{k−j}, with j from 1 to k."""
     rate, s, t = spare + 1, spare + 2, spare + 3
@@ -340,7 +339,7 @@ def _sincos(
 
 
 @kernel
-def _sign(m: Array, r: Array, degree: np.ndarray, a: int, c: int, width: int) -> None:
+def _sign(m: Floats3, r: Floats3, degree: Ints1, a: int, c: int, width: int) -> None:
     """±1, locally constant; unbounded where a_0 may be zero."""
     for n in range(width):
         value, own = m[a, 0, n], r[a, 0, n]
@@ -350,16 +349,16 @@ def _sign(m: Array, r: Array, degree: np.ndarray, a: int, c: int, width: int) ->
 
 @kernel
 def _atan2(
-    m: Array,
-    r: Array,
-    degree: np.ndarray,
+    m: Floats3,
+    r: Floats3,
+    degree: Ints1,
     y: int,
     x: int,
     c: int,
     spare: int,
     order: int,
-    far: Array,
-    error: Array,
+    far: Floats2,
+    error: Floats2,
     width: int,
 ) -> None:
     """θ̇ = (x ẏ − y ẋ)/(x² + y²); unbounded where zero or the cut may be met."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
-from kinematics.foundation.kernels import kernel
+from kinematics.foundation.kernels import Floats1, Floats2, Floats3, Ints1, kernel
 from kinematics.foundation.names import count_noun
 from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
@@ -198,7 +198,7 @@ TERMS = (Term.SD, Term.SD2, Term.SD3, Term.SDD, Term.SDSDD, Term.SDDD)
 
 @kernel
 def _find_largest_uses(
-    s: Array, motion: Array, counts: np.ndarray, coefficients: Array, middle: Array, power: np.ndarray, enough: Array
+    s: Floats1, motion: Floats2, counts: Ints1, coefficients: Floats3, middle: Floats1, power: Ints1, enough: Floats1
 ) -> Array:
     """(3,) of rows of each power of time, the largest share of their bounds that a unit profile has over a run.
 

@@ -30,7 +30,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import LinAlgError, solve_banded
 
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.kernels import kernel
+from kinematics.foundation.kernels import Flags2, Floats1, Floats2, Floats3, kernel
 
 MAX_ITERATIONS = 80
 # Complementarity, as a share of the duration, and residual of the rows at which λ is good enough for the bound.
@@ -87,11 +87,11 @@ class _Rows(NamedTuple):
     slope (K, R, 3): G without the slope of t; jerk, exists (K, R); root, weight (K,): √a₀ and w
     """
 
-    slope: Array
-    jerk: np.ndarray
-    exists: np.ndarray
-    root: Array
-    weight: Array
+    slope: Floats3
+    jerk: Flags2
+    exists: Flags2
+    root: Floats1
+    weight: Floats1
 
 
 def maximise_dual(cells: DualCells, x: Array) -> Multipliers:
@@ -219,7 +219,9 @@ def _iterate(cells: DualCells, rows: _Rows, point: tuple[Array, Array, Array], u
 
 
 @kernel
-def add_rows(rows: _Rows, point: tuple[Array, Array, Array], goal: Array, hessian: Array, gradient: Array) -> float:
+def add_rows(
+    rows: _Rows, point: tuple[Floats2, Floats2, Floats2], goal: Floats1, hessian: Floats3, gradient: Floats2
+) -> float:
     """Add Gᵀ (z/s) G, upper half, to H, and Gᵀ (z + (goal + z h)/s) to the gradient. Return the largest |h + s|."""
     x, s, z = point
     residual = 0.0
@@ -230,7 +232,8 @@ def add_rows(rows: _Rows, point: tuple[Array, Array, Array], goal: Array, hessia
         for r in range(s.shape[1]):
             if not rows.exists[k, r]:
                 continue
-            g[:] = rows.slope[k, r]
+            for i in range(3):
+                g[i] = rows.slope[k, r, i]
             h = g[0] * a + g[1] * x[k, 1] + g[2] * x[k, 2]
             if rows.jerk[k, r]:
                 h -= share
@@ -249,7 +252,7 @@ def add_rows(rows: _Rows, point: tuple[Array, Array, Array], goal: Array, hessia
 
 @kernel
 def find_step(
-    rows: _Rows, point: tuple[Array, Array, Array], goal: Array, dx: Array, out: tuple[Array, Array]
+    rows: _Rows, point: tuple[Floats2, Floats2, Floats2], goal: Floats1, dx: Floats2, out: tuple[Floats2, Floats2]
 ) -> tuple[float, float]:
     """Fill ds and dz of the step dx. Return α_s and α_z (19.9); a changes fourfold or to a tenth at most."""
     x, s, z = point

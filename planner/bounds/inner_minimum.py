@@ -16,8 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.foundation.arrays import Array
-from kinematics.foundation.kernels import kernel
+from kinematics.foundation.kernels import Floats1, Floats2, Ints1, kernel
 from planner.bounds.lower_bound import RowCells, Trial
 
 # Values of a whose programs are solved, relative to the motion's a.
@@ -39,16 +38,16 @@ class InnerProgram(NamedTuple):
     penalty (2,)      cost of violated acceleration and jerk rows, per unit of b and of c
     """
 
-    q: Array
-    acceleration: Array
-    jerk: Array
+    q: Floats2
+    acceleration: Floats2
+    jerk: Floats2
     a: float
-    e: Array
-    penalty: Array
+    e: Floats1
+    penalty: Floats1
 
 
 @kernel
-def draw_line(program: InnerProgram, b: float, out: Array) -> tuple[float, float]:
+def draw_line(program: InnerProgram, b: float, out: Floats2) -> tuple[float, float]:
     """Return value and slope of the function at b. Fill out (2, n) with the multipliers there."""
     q, acceleration, jerk, a, e, penalty = program
     out[:] = 0.0
@@ -105,7 +104,15 @@ def draw_line(program: InnerProgram, b: float, out: Array) -> tuple[float, float
 
 
 @kernel
-def solve_inner(program: InnerProgram, reach: float, out: Array) -> None:
+def copy_to(source: Floats2, out: Floats2) -> None:
+    """Copy an array (2, n): a loop, since an assignment compiles code for errors of shapes."""
+    for m in range(2):
+        for i in range(out.shape[1]):
+            out[m, i] = source[m, i]
+
+
+@kernel
+def solve_inner(program: InnerProgram, reach: float, out: Floats2) -> None:
     """Fill out (2, n) with the multipliers of the minimum over |b| ≤ reach."""
     left = np.zeros(out.shape)
     right = np.zeros(out.shape)
@@ -116,10 +123,10 @@ def solve_inner(program: InnerProgram, reach: float, out: Array) -> None:
     high, rise = draw_line(program, at_right, right)
     for _ in range(MOST_LINES):
         if fall >= 0:
-            out[:] = left
+            copy_to(left, out)
             return
         if rise <= 0:
-            out[:] = right
+            copy_to(right, out)
             return
         # the intersection of both lines is a lower bound of the minimum
         at = (high - low + fall * at_left - rise * at_right) / (fall - rise)
@@ -129,16 +136,18 @@ def solve_inner(program: InnerProgram, reach: float, out: Array) -> None:
             break
         if slope < 0:
             at_left, low, fall = at, value, slope
-            left[:] = tried
+            copy_to(tried, left)
         else:
             at_right, high, rise = at, value, slope
-            right[:] = tried
+            copy_to(tried, right)
     share = rise / (rise - fall)
-    out[:] = share * left + (1 - share) * right
+    for m in range(2):
+        for i in range(out.shape[1]):
+            out[m, i] = share * left[m, i] + (1 - share) * right[m, i]
 
 
 @kernel
-def fill_sets(rows: RowCells, trial: Trial, chosen: np.ndarray) -> None:
+def fill_sets(rows: RowCells, trial: Trial, chosen: Ints1) -> None:
     """Fill all sets of the chosen cells but the first, each for one of the values of a."""
     e = np.zeros(2)
     penalty = np.zeros(2)
@@ -150,10 +159,13 @@ def fill_sets(rows: RowCells, trial: Trial, chosen: np.ndarray) -> None:
             first = trial.rows[k, 0, side]
             e[0] = 2 * trial.nodes[k + side, 0] + slope + (1.0 - 2.0 * side) * trial.bulge[k]
             e[1] = trial.nodes[k + side, 1]
-            penalty[:] = np.abs(e)
+            penalty[0] = abs(e[0])
+            penalty[1] = abs(e[1])
             for i in range(q.shape[1]):
                 penalty[0] += abs(first[0, i] * q[0, i]) + 3 * abs(first[1, i] * q[1, i])
                 penalty[1] += abs(first[1, i] * q[0, i])
+            penalty[0] *= PENALTY
+            penalty[1] *= PENALTY
             for n in range(NEAR.size):
                 a = NEAR[n] * trial.about[k]
                 reach = np.inf
@@ -161,7 +173,7 @@ def fill_sets(rows: RowCells, trial: Trial, chosen: np.ndarray) -> None:
                     if q[0, i] != 0.0:
                         most = max(acceleration[0, i], acceleration[1, i]) + abs(q[1, i]) * a
                         reach = min(reach, most / abs(q[0, i]))
-                program = InnerProgram(q, acceleration, rows.jerk, a, e, PENALTY * penalty)
+                program = InnerProgram(q, acceleration, rows.jerk, a, e, penalty)
                 solve_inner(program, 2 * reach, trial.rows[k, n + 1, side])
                 # the speed row pays above the motion's a only
                 share = 0.0 if NEAR[n] < 0.9 else (1.0 if NEAR[n] < 1.03 else 2.0)

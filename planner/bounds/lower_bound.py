@@ -19,7 +19,16 @@ from typing import NamedTuple
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.kernels import kernel
+from kinematics.foundation.kernels import (
+    Floats1,
+    Floats2,
+    Floats3,
+    Floats4,
+    Floats5,
+    Strided1,
+    Strided2,
+    kernel,
+)
 from kinematics.foundation.taylor_model import EPS, Series
 from planner.certificate.enclosure import PLACE_ROUNDING, Enclosure
 from planner.limits.axis import Acceleration, Jerk, PulseRate, Speed
@@ -51,14 +60,14 @@ class RowCells(NamedTuple):
     acceleration, jerk (2, n)  bounds towards greater and smaller values, ∞ without a bound
     """
 
-    nodes: Array
-    width: Array
-    ends: Array
-    off: Array
-    speed: Array
-    speed_off: Array
-    acceleration: Array
-    jerk: Array
+    nodes: Floats1
+    width: Floats1
+    ends: Floats4
+    off: Floats3
+    speed: Floats2
+    speed_off: Floats1
+    acceleration: Floats2
+    jerk: Floats2
 
 
 class Trial(NamedTuple):
@@ -73,21 +82,21 @@ class Trial(NamedTuple):
     about (M,)            m²/s², estimate of the minimising a
     """
 
-    nodes: Array
-    bulge: Array
-    rows: Array
-    speed: Array
-    about: Array
+    nodes: Floats2
+    bulge: Floats1
+    rows: Floats5
+    speed: Floats3
+    about: Floats1
 
 
 class CellTrial(NamedTuple):
     """One set of multipliers of a cell: λ at both ends (2,), bulge, ν and μ (2, 2, n), σ (2,)."""
 
-    lambda_a: Array
-    lambda_b: Array
+    lambda_a: Strided1
+    lambda_b: Strided1
     bulge: float
-    rows: Array
-    speed: Array
+    rows: Floats3
+    speed: Floats1
 
 
 def enclose_rows(
@@ -117,7 +126,7 @@ def enclose_rows(
         nodes=nodes,
         width=width,
         ends=np.ascontiguousarray(ends),
-        off=np.stack([error for _, error in derivatives], 1),
+        off=np.ascontiguousarray(np.stack([error for _, error in derivatives], 1)),
         speed=np.zeros((count, 2)),
         speed_off=np.zeros(count),
         acceleration=bounds[0],
@@ -253,7 +262,7 @@ def find_movers(rows: RowCells, k: int) -> tuple[int, int]:
 
 
 @kernel
-def add_products(factor: float, m: Array, q: Array, off: Array, out: Array) -> None:
+def add_products(factor: float, m: Floats2, q: Strided2, off: Floats1, out: Floats1) -> None:
     """Add factor · Σ m q over a cell to out (5,): both ends, bulge, error, and size of summands.
 
     m (2, n) is linear along the cell, and q (2, n) is up to off (n,). The product of two chords
@@ -269,7 +278,7 @@ def add_products(factor: float, m: Array, q: Array, off: Array, out: Array) -> N
 
 
 @kernel
-def bound_size(total: Array) -> float:
+def bound_size(total: Floats1) -> float:
     """Return the largest absolute value over a cell of a sum of `add_products`."""
     most = max(abs(total[0]), abs(total[1])) + abs(total[2]) + total[3]
     size: float = (most + ROUNDINGS * (total[4] + abs(total[2]))) * (1 + ROUNDINGS)
@@ -277,7 +286,7 @@ def bound_size(total: Array) -> float:
 
 
 @kernel
-def sum_rows(rows: RowCells, k: int, cell: CellTrial, movers: tuple[int, int], out: Array) -> None:
+def sum_rows(rows: RowCells, k: int, cell: CellTrial, movers: tuple[int, int], out: Floats2) -> None:
     """Fill out (2, 3) with proved g, P and K at both ends of cell k.
 
     movers: axes as of `find_movers`; that of jerk is −1 at order 2.
@@ -301,12 +310,16 @@ def sum_rows(rows: RowCells, k: int, cell: CellTrial, movers: tuple[int, int], o
 
     # R = λb + Σ μ q′, where λb is quadratic
     r = np.zeros(5)
-    r[:2] = lambda_b
+    r[0] = lambda_b[0]
+    r[1] = lambda_b[1]
     r[2] = -bulge * h / 4
     r[4] = max(abs(lambda_b[0]), abs(lambda_b[1])) + abs(r[2])
     if second >= 0:
         for e in range(2):
-            mu[e, second] -= (lambda_b[e] + (mu[e] * q[e, 0]).sum()) / q[e, 0, second]
+            total = 0.0
+            for i in range(n):
+                total += mu[e, i] * q[e, 0, i]
+            mu[e, second] -= (lambda_b[e] + total) / q[e, 0, second]
         add_products(1.0, mu, q[:, 0], off[0], r)
 
     # Q = 2 λa + λb′ + 3 Σ μ q″ + Σ ν q′
@@ -318,19 +331,27 @@ def sum_rows(rows: RowCells, k: int, cell: CellTrial, movers: tuple[int, int], o
     rho[4] += (abs(lambda_b[0]) + abs(lambda_b[1])) / h
     add_products(3.0, mu, q[:, 1], off[1], rho)
     for e in range(2):
-        nu[e, first] -= (rho[e] + (nu[e] * q[e, 0]).sum()) / q[e, 0, first]
+        total = 0.0
+        for i in range(n):
+            total += nu[e, i] * q[e, 0, i]
+        nu[e, first] -= (rho[e] + total) / q[e, 0, first]
     add_products(1.0, nu, q[:, 0], off[0], rho)
 
     # P = λa′ + Σ μ q‴ + Σ ν q″ + σ y
     p = np.zeros(5)
-    p[:2] = (lambda_a[1] - lambda_a[0]) / h
+    p[0] = (lambda_a[1] - lambda_a[0]) / h
+    p[1] = p[0]
     p[4] = (abs(lambda_a[0]) + abs(lambda_a[1])) / h
     add_products(1.0, mu, q[:, 2], off[2], p)
     add_products(1.0, nu, q[:, 1], off[1], p)
-    sigma = cell.speed.reshape(2, 1)
-    # strided views as q and off are: other memory layouts would compile the kernel again
-    y = rows.speed.T[:, k : k + 1]
-    add_products(1.0, sigma, y, rows.speed_off[k : k + 1 : 1], p)
+    sigma = cell.speed
+    y = rows.speed[k]
+    most = max(abs(sigma[0]), abs(sigma[1]))
+    p[0] += sigma[0] * y[0]
+    p[1] += sigma[1] * y[1]
+    p[2] += (sigma[1] - sigma[0]) * (y[1] - y[0]) / 4
+    p[3] += most * rows.speed_off[k]
+    p[4] += most * max(abs(y[0]), abs(y[1]))
 
     # one more row of each kind: |μ| ≤ r / min |q′|, |ν| ≤ ρ / min |q′|
     more_mu = 0.0
@@ -352,7 +373,7 @@ def sum_rows(rows: RowCells, k: int, cell: CellTrial, movers: tuple[int, int], o
         g = 1.0
         if second >= 0:
             g -= more_mu * max(rows.jerk[0, second], rows.jerk[1, second])
-        c = -sigma[e, 0] - more_nu * max(rows.acceleration[0, first], rows.acceleration[1, first])
+        c = -sigma[e] - more_nu * max(rows.acceleration[0, first], rows.acceleration[1, first])
         for i in range(n):
             if mu[e, i] != 0.0:
                 g -= abs(mu[e, i]) * rows.jerk[0 if mu[e, i] > 0 else 1, i]
@@ -361,7 +382,11 @@ def sum_rows(rows: RowCells, k: int, cell: CellTrial, movers: tuple[int, int], o
         out[e, 0] = g - ROUNDINGS * (1 + abs(1 - g))
         out[e, 1] = p[e] + least_p - ROUNDINGS * (p[4] + abs(p[e]) + abs(least_p))
         out[e, 2] = c - ROUNDINGS * abs(c)
-    if not np.isfinite(out).all():
+    is_finite = True
+    for e in range(2):
+        for i in range(3):
+            is_finite = is_finite and np.isfinite(out[e, i])
+    if not is_finite:
         out[:] = -np.inf
 
 
@@ -372,7 +397,7 @@ CUTS = np.concatenate(
 
 
 @kernel
-def bound_cell(sums: Array, about: float, cap: float, out: Array) -> None:
+def bound_cell(sums: Floats3, about: float, cap: float, out: Floats1) -> None:
     """Fill out (2,) with lower bounds at both ends, from the sums (S, 2, 3) of S sets.
 
     Each part of the range of a uses one set all over the cell. So the bound is a minimum of linear
@@ -400,7 +425,7 @@ def bound_cell(sums: Array, about: float, cap: float, out: Array) -> None:
 
 
 @kernel
-def bound_cells(rows: RowCells, third: bool, trial: Trial, out: Array) -> None:
+def bound_cells(rows: RowCells, third: bool, trial: Trial, out: Floats1) -> None:
     """Fill out (M,) with the proved least time (s) of each cell with the terms of λ, or −∞.
 
     third: whether the order is 3. At order 2 c is unbounded, and λb has to be 0.

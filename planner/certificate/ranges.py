@@ -15,8 +15,7 @@ registers of the processor.
 
 import numpy as np
 
-from kinematics.foundation.arrays import Array
-from kinematics.foundation.kernels import kernel
+from kinematics.foundation.kernels import Floats1, Floats2, Floats4, Ints1, Strided2, kernel
 from kinematics.foundation.taylor_model import EPS
 
 # Cells computed together: their scratch arrays stay in the processor's cache.
@@ -30,7 +29,7 @@ ROUNDINGS = 64 * EPS
 
 
 @kernel
-def bound_motion(series: Array, interval: np.ndarray, motion: Array, out: Array) -> None:
+def bound_motion(series: Floats4, interval: Ints1, motion: Floats2, out: Floats4) -> None:
     """Bound x and its derivatives by time over N cells.
 
     series    (2, D+1, G, m) coefficients of x over G intervals of the path, and their errors; the
@@ -87,7 +86,7 @@ def bound_motion(series: Array, interval: np.ndarray, motion: Array, out: Array)
 
 
 @kernel
-def _load_motion(motion: Array, cells: Array, reach: Array) -> None:
+def _load_motion(motion: Strided2, cells: Floats2, reach: Floats2) -> None:
     """Fill cells (9, CELLS): s₀ … s₃, |s₀| … |s₃| and the rate; reach (4, CELLS): max |σ|, |σ′|,
     |σ″|, |σ‴|.
     """
@@ -107,7 +106,7 @@ def _load_motion(motion: Array, cells: Array, reach: Array) -> None:
 
 
 @kernel
-def _bound_sizes(series: Array, rows: np.ndarray, c: int, reach: Array, majorant: Array) -> None:
+def _bound_sizes(series: Floats4, rows: Ints1, c: int, reach: Floats1, majorant: Floats2) -> None:
     """Fill majorant (4, CELLS): Σ (|p_i| + error) σ^i and its derivatives by σ at σ = reach, by
     Horner's scheme.
     """
@@ -127,7 +126,7 @@ def _bound_sizes(series: Array, rows: np.ndarray, c: int, reach: Array, majorant
 
 
 @kernel
-def _compose(p: Array, s: Array, a: Array) -> None:
+def _compose(p: Floats2, s: Floats2, a: Floats2) -> None:
     """Fill a (powers+1, CELLS): the coefficients of Σ p_i σ(τ)^i. Overwrites p with those about s₀."""
     powers = len(a) - 1
     # p about s₀ times (σ − s₀)^i has no power of τ below the i-th
@@ -152,7 +151,7 @@ def _compose(p: Array, s: Array, a: Array) -> None:
 
 
 @kernel
-def _bound_neglected(majorant: Array, reach: Array, m: int, slack: Array) -> None:
+def _bound_neglected(majorant: Floats2, reach: Floats2, m: int, slack: Floats1) -> None:
     """Fill slack (CELLS,): the m-th derivative of the majorant by τ, by the chain rule."""
     for n in range(CELLS):
         z1 = reach[1, n]
@@ -170,7 +169,7 @@ def _bound_neglected(majorant: Array, reach: Array, m: int, slack: Array) -> Non
 
 
 @kernel
-def _differentiate(a: Array, large: Array, m: int, e: Array, slack: Array) -> None:
+def _differentiate(a: Floats2, large: Floats2, m: int, e: Floats2, slack: Floats1) -> None:
     """Fill e with the coefficients of the m-th derivative of Σ a_k τ^k, and 0 beyond.
 
     Takes the sizes of its terms from the slack, which leaves errors, rounding and neglected powers.
@@ -188,7 +187,7 @@ def _differentiate(a: Array, large: Array, m: int, e: Array, slack: Array) -> No
 
 
 @kernel
-def _reduce_to_cubic(e: Array, degree: int, cubic: Array, slack: Array) -> None:
+def _reduce_to_cubic(e: Floats2, degree: int, cubic: Floats2, slack: Floats2) -> None:
     """Fill cubic (first 4, CELLS) by Chebyshev economization: e₄ and e₅ are spread over lower
     powers.
 
@@ -208,7 +207,7 @@ def _reduce_to_cubic(e: Array, degree: int, cubic: Array, slack: Array) -> None:
 
 
 @kernel
-def _find_peaks(cubic: Array, places: Array, slack: Array) -> None:
+def _find_peaks(cubic: Floats2, places: Floats2, slack: Floats1) -> None:
     """Fill places[2:] with the τ in [−1, 1] where the cubic's slope is zero, else 0.
 
     A small cubic coefficient is dropped, at the price of some slack: the roots would lose all
@@ -236,7 +235,7 @@ def _find_peaks(cubic: Array, places: Array, slack: Array) -> None:
 
 
 @kernel
-def _bound_outer(cubic: Array, places: Array, slack: Array, outer: Array) -> None:
+def _bound_outer(cubic: Floats2, places: Floats2, slack: Floats1, outer: Floats2) -> None:
     """Fill outer (2, CELLS) with middle and radius of the cubic's range, slack added."""
     for n in range(CELLS):
         a0, a1, a2, a3 = cubic[0, n], cubic[1, n], cubic[2, n], cubic[3, n]
@@ -252,7 +251,7 @@ def _bound_outer(cubic: Array, places: Array, slack: Array, outer: Array) -> Non
 
 
 @kernel
-def _evaluate(e: Array, places: Array, slack: Array, values: Array) -> None:
+def _evaluate(e: Floats2, places: Floats2, slack: Floats1, values: Floats2) -> None:
     """Fill values (4, CELLS) with those of Σ e_k τ^k at both ends and at the peaks; grow slack by
     their rounding.
     """
@@ -268,7 +267,7 @@ def _evaluate(e: Array, places: Array, slack: Array, values: Array) -> None:
 
 
 @kernel
-def _bound_inner(values: Array, slack: Array, inner: Array) -> None:
+def _bound_inner(values: Floats2, slack: Floats1, inner: Floats2) -> None:
     """Fill inner (2, CELLS): least and most of the values, errors taken off."""
     for n in range(CELLS):
         error = slack[n] * (1 + ROUNDINGS)
@@ -277,7 +276,7 @@ def _bound_inner(values: Array, slack: Array, inner: Array) -> None:
 
 
 @kernel
-def _store(bounds: Array, reach: Array, scale: Array, out: Array) -> None:
+def _store(bounds: Floats2, reach: Floats1, scale: Floats1, out: Strided2) -> None:
     """Write bounds of cells to out (2 or 4, N); nothing is known of a cell that leaves its
     interval.
     """

@@ -17,7 +17,7 @@ from itertools import pairwise
 import numpy as np
 
 from kinematics.foundation.arrays import Array, freeze_array
-from kinematics.foundation.kernels import call_light, kernel
+from kinematics.foundation.kernels import FixedFloats3, FixedInts1, Floats1, Floats3, call_light, kernel
 from kinematics.foundation.taylor_model import Series
 from planner.path.actuation import Derivatives
 from planner.path.rounding import bound_rounding
@@ -158,7 +158,7 @@ class PolynomialPath:
 
 
 @kernel
-def evaluate_polynomials(coefficients: Array, axis: int, x: Array, piece: np.ndarray, found: Array) -> None:
+def evaluate_polynomials(coefficients: FixedFloats3, axis: int, x: Floats1, piece: FixedInts1, found: Floats3) -> None:
     """Fill found (4, N, m), zeros so far: the values of m axes from `axis` on, and their first three derivatives.
 
     coefficients (d + 1, P, n), the highest power first, of which piece (N,) and x (N,) from its start: Horner's scheme.

@@ -25,7 +25,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array, bisect
 from kinematics.foundation.errors import MotionError
-from kinematics.foundation.kernels import kernel
+from kinematics.foundation.kernels import Floats1, kernel
 from planner.limits.limit import Term
 from planner.timing.order2.second_order import TERMS as ORDER_2_TERMS
 from planner.timing.order2.second_order import second_order
@@ -94,7 +94,7 @@ def average(
 
 
 @kernel
-def average_states(knots: Array, s: Array, v: Array, a: Array, t: Array) -> Array:
+def average_states(knots: Floats1, s: Floats1, v: Floats1, a: Floats1, t: Floats1) -> Array:
     """Return s, ṡ, s̈ (3, K), averaged over the window before rising instants t (K,).
 
     knots, s, v, a  of a motion of order 2 that begins one window before t = 0

@@ -7,7 +7,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
-from kinematics.foundation.kernels import kernel
+from kinematics.foundation.kernels import Floats1, Floats2, kernel
 from planner.path.actuation import ActuatorPath
 from planner.timing.problem import Problem
 from planner.trajectory import Trajectory
@@ -146,7 +146,7 @@ class Profile:
 
 
 @kernel
-def find_instants(pieces: Array, wanted: Array) -> Array:
+def find_instants(pieces: Floats2, wanted: Floats1) -> Array:
     """Return when (K,) pieces, each s, ṡ, s̈, s⃛ and h of (5, K), pass the wanted s (K,)."""
     instants = np.empty(len(wanted))
     for k in range(len(wanted)):

@@ -1,6 +1,7 @@
 """`pulsepath plan`: write the time-optimal motion, its certificate, pulses and a report."""
 
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +26,18 @@ if TYPE_CHECKING:
 # Modules that the second process loads, the latter to draw figures.
 WORK_MODULES = ("pulsepath.job",)
 FIGURE_MODULES = ("benchmarks.reports.plan_figures", "controllers.figures", "planner.figures")
+# Kernels for the second process. The first process needs the first of them last.
+ORDER_3_KERNELS = (
+    "planner.timing.order3.riccati:solve_newton",
+    "planner.timing.order3.kkt:linearize",
+)
+PROOF_KERNELS = ("planner.certificate.ranges:bound_motion",)
+BOUND_KERNELS = (
+    "planner.bounds.lower_bound:bound_cells",
+    "planner.bounds.inner_minimum:fill_sets",
+    "planner.bounds.dual:add_rows",
+    "planner.bounds.dual:find_step",
+)
 # Bytes above which a program almost certainly has more than MOST_WHOLE segments.
 LONG_FILE = 1 << 16
 # Bytes up to which baseline timings take less than starting a process, 1.7 s of processor time.
@@ -72,6 +85,7 @@ def plan(out: Path | None, dumped: Path | None, force: bool, as_json: bool, **op
         from pulsepath.parts_job import choose_parts, open_helpers, run_parts
         from pulsepath.store.write import write_whole
 
+        _compile_together(request, report, other, stack)
         # A directory that cannot be written is reported before the work.
         directory = replace_directory(out, force, before=before)
         if choose_parts(inputs, request, report):
@@ -87,6 +101,26 @@ def plan(out: Path | None, dumped: Path | None, force: bool, as_json: bool, **op
     tables.show_plan(out, as_json, lambda: tables.tabulate_plan(results), lambda: tables.sum_up(results))
     if refusal is not None:
         raise refusal
+
+
+def _compile_together(
+    request: PlanRequest,
+    report: ReportRequest,
+    other: "SideProcess",
+    stack: ExitStack,
+) -> None:
+    """Have the second process compile kernels too, if they are not on disk."""
+    from kinematics.foundation.kernels import are_stored, compile_kernels
+    from planner.parallel import NO_PROCESS, side_process
+
+    order_3 = () if request.order == 2 else ORDER_3_KERNELS
+    bound = () if report.bound_effort == "none" else BOUND_KERNELS
+    names = (*order_3, *PROOF_KERNELS, *bound)
+    if are_stored(names):
+        return
+    if other is NO_PROCESS:
+        other = stack.enter_context(side_process())
+    other.start(partial(compile_kernels, names))
 
 
 def _refuse_conflicts(request: PlanRequest, report: ReportRequest) -> None:

@@ -21,7 +21,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.kernels import kernel
+from kinematics.foundation.kernels import Floats1, Floats3, kernel
 
 LOWER, UPPER, GAIN = range(3)
 # A row bounds x alone if its a is at most this share of the largest at its stage.
@@ -111,7 +111,7 @@ def _lower_next_to_free_ends(rows: Array, ceiling: Array, free: tuple[bool, bool
 
 
 @kernel
-def draw_lines(rows: Array, ceiling: Array, step: Array) -> tuple[Array, Array]:
+def draw_lines(rows: Floats3, ceiling: Floats1, step: Floats1) -> tuple[Array, Array]:
     """Return the LOWER, UPPER and GAIN (3, N, m) of each row, and the velocity curve (N+1,)."""
     lines = np.empty((3, len(step), rows.shape[2]))
     x = np.minimum(ceiling, UNBOUNDED)
@@ -138,7 +138,7 @@ def draw_lines(rows: Array, ceiling: Array, step: Array) -> tuple[Array, Array]:
 
 
 @kernel
-def lower_to_velocity_curve(lines: Array, x: Array) -> None:
+def lower_to_velocity_curve(lines: Floats3, x: Floats1) -> None:
     """Lower x (N+1,) to the largest at which a next x lies between all lines.
 
     The gap between the lines is concave in x: Newton steps from above never pass its zero.
@@ -169,8 +169,8 @@ def lower_to_velocity_curve(lines: Array, x: Array) -> None:
 
 @kernel
 def find_controllable_sets(
-    lines: Array,
-    ceiling: Array,
+    lines: Floats3,
+    ceiling: Floats1,
     target: tuple[float, float],
 ) -> tuple[Array, Array]:
     """Return the least and the largest x (N+1,) at each stage from which the target is reached.
@@ -202,7 +202,7 @@ def find_controllable_sets(
 
 
 @kernel
-def take_largest(lines: Array, least: Array, most: Array, start: float) -> Array:
+def take_largest(lines: Floats3, least: Floats1, most: Floats1, start: float) -> Array:
     """Return x (N+1,) from the start on: at each stage the largest that is allowed."""
     _, upper, gain = lines
     x = np.empty(len(least))

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.kernels import kernel
+from kinematics.foundation.kernels import Flags3, Floats1, Floats2, Ints1, Ints2, kernel
 from planner.timing.order3.stages import END, PLACE_COUNT, START, TERM_COUNT, WHOLE, Rows
 
 # Distance to its bound up to which a constraint is activated, where the whole range is about 1. A
@@ -29,10 +29,10 @@ class ActiveSet(NamedTuple):
     flat (K,)             index in a flat (2, N, 2M + 2): lower and upper bounds of all rows
     """
 
-    begin: np.ndarray
-    coefficients: Array
-    bound: Array
-    flat: np.ndarray
+    begin: Ints2
+    coefficients: Floats2
+    bound: Floats1
+    flat: Ints1
 
 
 def activate_near(mask: np.ndarray, room: Array, reach: int) -> None:
@@ -68,7 +68,7 @@ def find_common(few: ActiveSet, many: ActiveSet, total: int) -> np.ndarray:
 
 
 @kernel
-def _fill_active(rows: Rows, mask: np.ndarray, active: ActiveSet) -> None:
+def _fill_active(rows: Rows, mask: Flags3, active: ActiveSet) -> None:
     """Fill all of the active set except the bounds."""
     count, width = rows.low.shape
     n = 0

@@ -15,8 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.foundation.arrays import Array
-from kinematics.foundation.kernels import kernel
+from kinematics.foundation.kernels import Floats1, Floats2, Floats3, kernel
 from planner.timing.order3.active_set import ActiveSet
 from planner.timing.order3.stages import (
     END,
@@ -54,21 +53,21 @@ class Iterate(NamedTuple):
     step (N,)                            the stages' Δs, relative to those of the grid, minus 1
     """
 
-    states: Array
-    controls: Array
-    s: Array
-    z: Array
-    g: Array
-    next: Array
-    step: Array
+    states: Floats2
+    controls: Floats2
+    s: Floats1
+    z: Floats1
+    g: Floats1
+    next: Floats2
+    step: Floats1
 
 
 class EqualityMultipliers(NamedTuple):
     """λ of the states (N + 1, 2) except the first, of the steps (N,), and of the duration (1,)."""
 
-    next: Array
-    step: Array
-    time: Array
+    next: Floats2
+    step: Floats1
+    time: Floats1
 
     @classmethod
     def allocate(cls, count: int) -> "EqualityMultipliers":
@@ -84,10 +83,10 @@ class Derivatives(NamedTuple):
     hessian (N, 4, 4)   its Hessian: the upper half
     """
 
-    objective: Array
-    constant: Array
-    barrier: Array
-    hessian: Array
+    objective: Floats2
+    constant: Floats2
+    barrier: Floats2
+    hessian: Floats3
 
     @classmethod
     def allocate(cls, count: int) -> "Derivatives":
@@ -122,11 +121,11 @@ class _Stage(NamedTuple):
     errors (5,)           of `OptimalityError`
     """
 
-    places: Array
-    gradients: Array
-    curvatures: Array
-    mapped: Array
-    errors: Array
+    places: Floats2
+    gradients: Floats3
+    curvatures: Floats2
+    mapped: Floats2
+    errors: Floats1
 
 
 @kernel
@@ -285,7 +284,7 @@ def _add_squares(stages: Stages, point: Iterate, k: int, sums: _Stage) -> float:
 
 
 @kernel
-def _map_stage(a: float, j: float, h: float, sums: _Stage, hessian: Array) -> None:
+def _map_stage(a: float, j: float, h: float, sums: _Stage, hessian: Floats2) -> None:
     """Set the gradients by x, and the Hessian, from the sums at the places."""
     mapped = sums.mapped
     hessian[:] = 0.0
@@ -320,7 +319,7 @@ def _map_stage(a: float, j: float, h: float, sums: _Stage, hessian: Array) -> No
 
 
 @kernel
-def _add_duration(program: Program, point: Iterate, k: int, sums: _Stage, hessian: Array) -> None:
+def _add_duration(program: Program, point: Iterate, k: int, sums: _Stage, hessian: Floats2) -> None:
     """Add the active bounds of h."""
     stages, active = program
     errors, mapped = sums.errors, sums.mapped
@@ -338,7 +337,7 @@ def _add_duration(program: Program, point: Iterate, k: int, sums: _Stage, hessia
 
 
 @kernel
-def _add_step(multiplier: float, h: float, sums: _Stage, hessian: Array) -> None:
+def _add_step(multiplier: float, h: float, sums: _Stage, hessian: Floats2) -> None:
     """Add the constraint Δs = v h + a h²/2 + j h³/6."""
     end, dual = sums.places[END], sums.mapped[DUAL]
     hessian[0, 3] += multiplier

@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.foundation.arrays import Array
-from kinematics.foundation.kernels import kernel
+from kinematics.foundation.kernels import Floats1, Floats2, kernel
 from planner.timing.order3.kkt import Derivatives, Iterate, Program
 from planner.timing.order3.riccati import Direction
 from planner.timing.order3.stages import (
@@ -184,7 +183,7 @@ def limit_step(
 
 
 @kernel
-def _sum_terms(row: Array, terms: tuple[float, float, float, float, float, float]) -> float:
+def _sum_terms(row: Floats1, terms: tuple[float, float, float, float, float, float]) -> float:
     value: float = row[1] * terms[0] + row[2] * terms[1] + row[3] * terms[2]
     value += row[4] * terms[3] + row[5] * terms[4] + row[6] * terms[5]
     return value
@@ -246,7 +245,7 @@ def _move_states(
     direction: Direction,
     alpha: float,
     free_end: bool,
-    out: Array,
+    out: Floats2,
 ) -> None:
     """Fill out with states + alpha · their change. A given last state stays."""
     last = len(out) - 1

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.kernels import kernel
+from kinematics.foundation.kernels import Flags1, Floats1, Floats2, Floats3, Ints1, kernel
 from planner.timing.order3.kkt import Iterate
 from planner.timing.order3.stages import (
     END,
@@ -49,9 +49,9 @@ class NewtonSystem(NamedTuple):
 
     stages: Stages
     point: Iterate
-    hessian: Array
-    gradient: Array
-    last: Array
+    hessian: Floats3
+    gradient: Floats2
+    last: Floats1
     time_residual: float
     delta_w: float
 
@@ -70,15 +70,15 @@ class Recursion(NamedTuple):
     change (3,)          of their multipliers
     """
 
-    P: Array
-    p: Array
-    eliminated: np.ndarray
-    elimination: Array
-    control: Array
-    border: Array
-    lever: Array
-    residual: Array
-    change: Array
+    P: Floats2
+    p: Floats2
+    eliminated: Ints1
+    elimination: Floats2
+    control: Floats2
+    border: Floats3
+    lever: Floats2
+    residual: Floats1
+    change: Floats1
 
     @classmethod
     def allocate(cls, count: int) -> "Recursion":
@@ -105,10 +105,10 @@ class Recursion(NamedTuple):
 class _Model(NamedTuple):
     """Hessian and gradient of the cost to go of a stage: by x, H and g; by v, a and u, M and G."""
 
-    H: Array
-    g: Array
-    M: Array
-    G: Array
+    H: Floats2
+    g: Floats1
+    M: Floats2
+    G: Floats1
 
 
 class Direction(NamedTuple):
@@ -118,13 +118,13 @@ class Direction(NamedTuple):
     time (1,)                   change of the multiplier of the duration
     """
 
-    states: Array
-    stages: Array
-    s: Array
-    z: Array
-    next: Array
-    step: Array
-    time: Array
+    states: Floats2
+    stages: Floats2
+    s: Floats1
+    z: Floats1
+    next: Floats2
+    step: Floats1
+    time: Floats1
 
 
 @kernel
@@ -141,9 +141,13 @@ def solve_newton(system: NewtonSystem, recursion: Recursion, direction: Directio
         return False
     recur_forward(system, recursion, direction)
     residual[0], residual[1] = direction.states[count, 0], direction.states[count, 1]
-    residual[2] = direction.stages[:, 3].sum() + system.time_residual
-    if not np.isfinite(residual).all():
-        return False
+    residual[2] = 0.0
+    for k in range(count):
+        residual[2] += direction.stages[k, 3]
+    residual[2] += system.time_residual
+    for n in range(3):
+        if not np.isfinite(residual[n]):
+            return False
     before = after = 0.0
     for n in range(1 if stages.free_end else 2):
         before = max(before, abs(system.point.next[count - 1, n]) / stages.scale[n])
@@ -151,13 +155,20 @@ def solve_newton(system: NewtonSystem, recursion: Recursion, direction: Directio
     exact = after > MAX_REMAINDER * before
     if not (exact or stages.fixed_time):
         return True
-    enforced = np.array([exact, exact and not stages.free_end, stages.fixed_time])
+    enforced = np.empty(3, np.bool_)
+    enforced[0] = exact
+    enforced[1] = exact and not stages.free_end
+    enforced[2] = stages.fixed_time
     enforce_ends(system, recursion, enforced)
-    direction.time[0] = recursion.change[2]
-    system.gradient[:, 3] += recursion.change[2]
+    change = recursion.change[2]
+    direction.time[0] = change
+    for k in range(count):
+        system.gradient[k, 3] += change
     recur_forward(system, recursion, direction)
-    system.gradient[:, 3] -= recursion.change[2]
-    return bool(np.isfinite(direction.states[count]).all())
+    for k in range(count):
+        system.gradient[k, 3] -= change
+    last = direction.states[count]
+    return bool(np.isfinite(last[0]) and np.isfinite(last[1]))
 
 
 @kernel
@@ -178,7 +189,9 @@ def recur_backward(system: NewtonSystem, recursion: Recursion) -> bool:
         derivatives = differentiate_place(END, a, j, h)
         t, half_square, v_h, a_h = derivatives
         # the cost to go of the next state, as a function of x
-        H[:] = system.hessian[k]
+        for m in range(4):
+            for n in range(4):
+                H[m, n] = system.hessian[k, m, n]
         add_hessian(derivatives, (P[k + 1, 0], P[k + 1, 1], 0.0, P[k + 1, 2], 0.0, 0.0), H)
         next_v = p[k + 1, 0] + P[k + 1, 0] * point.next[k, 0] + P[k + 1, 1] * point.next[k, 1]
         next_a = p[k + 1, 1] + P[k + 1, 1] * point.next[k, 0] + P[k + 1, 2] * point.next[k, 1]
@@ -279,7 +292,7 @@ def recur_forward(system: NewtonSystem, recursion: Recursion, direction: Directi
 
 
 @kernel
-def enforce_ends(system: NewtonSystem, recursion: Recursion, enforced: np.ndarray) -> None:
+def enforce_ends(system: NewtonSystem, recursion: Recursion, enforced: Flags1) -> None:
     """Change the multipliers of the last v, the last a and Σ h so that the enforced ones (3,) hold.
 
     Where that overflows, they stay: the step of the penalty is finite, though it leaves some
@@ -300,7 +313,7 @@ def enforce_ends(system: NewtonSystem, recursion: Recursion, enforced: np.ndarra
 
 
 @kernel
-def _recur_border(system: NewtonSystem, recursion: Recursion, enforced: np.ndarray) -> Array:
+def _recur_border(system: NewtonSystem, recursion: Recursion, enforced: Flags1) -> Array:
     """Fill border and lever. Return the Schur complement (3, 3): residual per multiplier."""
     stages, point = system.stages, system.point
     border, P = recursion.border, recursion.P
@@ -336,7 +349,7 @@ def _recur_border(system: NewtonSystem, recursion: Recursion, enforced: np.ndarr
 
 
 @kernel
-def _solve_schur(schur: Array, recursion: Recursion, enforced: np.ndarray) -> None:
+def _solve_schur(schur: Floats2, recursion: Recursion, enforced: Flags1) -> None:
     """Solve schur · change = residual, without rows that overflow or depend on others."""
     residual, change = recursion.residual, recursion.change
     pivots = np.array([schur[0, 0], schur[1, 1], schur[2, 2]])

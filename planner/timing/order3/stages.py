@@ -13,8 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.foundation.arrays import Array
-from kinematics.foundation.kernels import kernel
+from kinematics.foundation.kernels import Flags1, Floats1, Floats2, Floats4, Ints1, Ints2, kernel
 
 START, MIDDLE, END, WHOLE = range(4)
 """Places of a stage at which rows apply; WHOLE: the bound of its duration."""
@@ -36,14 +35,14 @@ class Rows(NamedTuple):
     high (N, 2M + 2)   upper bounds, ∞ for none
     """
 
-    terms: np.ndarray
-    lengths: np.ndarray
-    size: np.ndarray
-    at_end: np.ndarray
-    first: Array
-    second: Array
-    low: Array
-    high: Array
+    terms: Ints2
+    lengths: Ints1
+    size: Ints1
+    at_end: Flags1
+    first: Floats2
+    second: Floats2
+    low: Floats2
+    high: Floats2
 
 
 class Stages(NamedTuple):
@@ -67,19 +66,19 @@ class Stages(NamedTuple):
     objective_scale    factor of the objective in the optimality conditions
     """
 
-    step: Array
-    scale: Array
-    duration: Array
+    step: Floats1
+    scale: Floats1
+    duration: Floats1
     free_start: bool
     free_end: bool
     fixed_time: bool
-    jerk_weight: Array
-    squares: Array
+    jerk_weight: Floats1
+    squares: Floats4
     objective_scale: float
 
 
 @kernel
-def get_stage(states: Array, controls: Array, k: int) -> tuple[float, float, float, float]:
+def get_stage(states: Floats2, controls: Floats2, k: int) -> tuple[float, float, float, float]:
     """Return v, a, j, h of stage k."""
     return states[k, 0], states[k, 1], controls[k, 0], controls[k, 1]
 
@@ -107,7 +106,7 @@ def differentiate_place(
 def add_hessian(
     place: tuple[float, float, float, float],
     curvature: tuple[float, float, float, float, float, float],
-    out: Array,
+    out: Floats2,
 ) -> None:
     """Add second derivatives by x to the upper half of out (4, 4).
 
@@ -138,7 +137,7 @@ def add_hessian(
 
 
 @kernel
-def evaluate(stages: Stages, rows: Rows, states: Array, controls: Array, out: Array) -> None:
+def evaluate(stages: Stages, rows: Rows, states: Floats2, controls: Floats2, out: Floats2) -> None:
     """Fill out (N, 2M + 2) with the values of all rows."""
     last = out.shape[1] - 1
     half_width = out.shape[1] // 2 - 1
@@ -171,7 +170,7 @@ def evaluate(stages: Stages, rows: Rows, states: Array, controls: Array, out: Ar
 
 
 @kernel
-def _fill_terms(v: float, a: float, j: float, h: float, out: Array) -> None:
+def _fill_terms(v: float, a: float, j: float, h: float, out: Floats1) -> None:
     v, a = advance(v, a, j, h)
     out[0] = 1.0
     out[1] = v
@@ -183,7 +182,7 @@ def _fill_terms(v: float, a: float, j: float, h: float, out: Array) -> None:
 
 
 @kernel
-def sum_costs(stages: Stages, states: Array, controls: Array) -> float:
+def sum_costs(stages: Stages, states: Floats2, controls: Floats2) -> float:
     """Return the objective, not scaled."""
     total = 0.0
     squares = stages.squares
@@ -200,7 +199,7 @@ def sum_costs(stages: Stages, states: Array, controls: Array) -> float:
 
 
 @kernel
-def evaluate_square(coefficients: Array, v: float, a: float, j: float) -> float:
+def evaluate_square(coefficients: Floats1, v: float, a: float, j: float) -> float:
     """Return r of the objective's ∫ r² dt."""
     value: float = coefficients[0] * j + (coefficients[1] * a + coefficients[2] * v * v) * v
     value += coefficients[3] * a + coefficients[4] * v * v

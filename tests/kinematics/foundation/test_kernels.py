@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-from time import sleep
 
 import casadi as ca
 import numpy as np
@@ -149,59 +148,206 @@ def test_large_batches_give_the_values_of_small_ones():
     assert np.array_equal(both(points)[::997], np.concatenate([both(point[None]) for point in points[::997]]))
 
 
-def test_a_first_call_that_takes_long_is_announced_once(monkeypatch, caplog):
-    monkeypatch.setattr(kernels, "PATIENCE", 0.0)
-    monkeypatch.setattr(kernels, "_keep", lambda _: None)  # what is on disk may be there before anything is said
-    kernels._announce.cache_clear()
+TINY = """
+import os, sys, threading, time
+import numpy as np
+from kinematics.foundation import kernels
+from kinematics.foundation.kernels import Floats1, kernel
 
-    @kernels.Kernel
-    def double(x):
-        return 2 * x
+@kernel
+def scale(x: Floats1, factor: float) -> float:
+    total = 0.0
+    for k in range(len(x)):
+        x[k] *= factor
+        total += x[k]
+    return total
 
-    monkeypatch.setattr(sys.modules[__name__], "double", double, raising=False)
-    with caplog.at_level("WARNING", "pulsepath"):
-        assert double(3) == 6
-        assert double(4) == 8
-    assert [record.message.split(":")[0] for record in caplog.records] == ["compiling numerical kernels"]
+@kernel
+def scale_twice(x: Floats1) -> float:
+    scale(x, 3.0)
+    return scale(x, 1.0)
+"""
+"""A module with two kernels, of which one calls the other."""
 
-
-def test_a_kernel_that_is_on_disk_is_not_said_to_be_compiling(monkeypatch, caplog):
-    """However long a busy computer takes to load it."""
-    monkeypatch.setattr(kernels, "PATIENCE", 0.01)
-    kernels._announce.cache_clear()
-    store = kernels._Store.__new__(kernels._Store)
-
-    def load(signature, context):
-        sleep(0.1)
-        return "found"
-
-    monkeypatch.setattr(store, "_read", load, raising=False)
-    monkeypatch.setattr(store, "_function", load, raising=False)
-
-    def work():
-        return store.load_overload(None, None)
-
-    with caplog.at_level("WARNING", "pulsepath"):
-        assert kernels._run_in_thread(work, ()) == "found"
-    assert caplog.records == []
-    monkeypatch.setattr(store, "_read", lambda *_: None)
-
-    def compile_slowly():
-        store.load_overload(None, None)
-        sleep(0.1)
-
-    with caplog.at_level("WARNING", "pulsepath"):
-        kernels._run_in_thread(compile_slowly, ())
-    assert [record.message.split(":")[0] for record in caplog.records] == ["compiling numerical kernels"]
+RUN = """
+import tiny
+x = np.ones(2)
+print(tiny.scale_twice(x), *x, sum(tiny.scale_twice.compiled.stats.cache_hits.values()))
+"""
 
 
-def test_a_process_that_another_started_leaves_it_to_that(monkeypatch, caplog):
+@pytest.fixture
+def tiny(tmp_path):
+    """Runs code with two small kernels in a new process, with an own folder for machine code."""
+    (tmp_path / "tiny.py").write_text(TINY)
+
+    def call(code=RUN, timeout=60):
+        roots = os.pathsep.join([str(tmp_path), os.getcwd()])  # noqa: PTH109
+        environment = os.environ | {
+            "PYTHONPATH": roots,
+            "NUMBA_CACHE_DIR": str(tmp_path / "stored"),
+            "PYTHONDONTWRITEBYTECODE": "1",
+        }
+        environment.pop("NUMBA_DISABLE_JIT", None)
+        start = "import os, sys, threading, time\nimport numpy as np\nfrom kinematics.foundation import kernels\n"
+        return subprocess.run(
+            [sys.executable, "-c", start + code],
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=timeout,
+            check=True,
+        )
+
+    return call
+
+
+def stored(folder, suffix):
+    return sorted((folder / "stored").rglob(f"*{suffix}"))
+
+
+def test_a_kernel_is_stored_and_contains_those_that_it_calls(tiny, tmp_path):
+    assert [tiny().stdout for _ in range(2)] == ["6.0 3.0 3.0 0\n", "6.0 3.0 3.0 1\n"]
+    names = [path.name.partition("-")[0] for path in stored(tmp_path, ".nbc")]
+    assert names == ["tiny.scale_twice"]
+
+
+def test_another_version_uses_another_folder(tiny, tmp_path):
+    other = "kernels.VERSION = 'other'\n" + RUN
+    hits = [tiny(code).stdout.split()[-1] for code in (RUN, other, RUN, other)]
+    assert hits == ["0", "0", "1", "1"]
+    assert len(list((tmp_path / "stored").iterdir())) == 2
+
+
+def test_another_setting_of_the_compiler_uses_another_folder(tiny):
+    other = "os.environ['NUMBA_OPT'] = '1'\n" + RUN
+    assert [tiny(code).stdout.split()[-1] for code in (RUN, other)] == ["0", "0"]
+
+
+@pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
+@pytest.mark.parametrize("length", [0, 40, -1])
+def test_a_damaged_file_is_replaced(tiny, tmp_path, suffix, length):
+    tiny()
+    path = next(path for path in stored(tmp_path, suffix) if "scale_twice-" in path.name)
+    path.write_bytes(path.read_bytes()[:length])
+    assert [tiny().stdout for _ in range(2)] == ["6.0 3.0 3.0 0\n", "6.0 3.0 3.0 1\n"]
+
+
+FULL = """
+import numba.core.caching
+def fail(*_): raise OSError(28, "No space left on device")
+numba.core.caching.os.replace = fail
+"""
+
+
+def test_a_full_disk_loses_what_was_compiled_and_reports_it(tiny):
+    done = tiny(FULL + "kernels.PATIENCE = 99\n" + RUN)
+    assert done.stdout == "6.0 3.0 3.0 0\n"
+    assert done.stderr.count("No space left") == 1
+    assert "NUMBA_CACHE_DIR" in done.stderr
+
+
+def test_a_folder_that_cannot_be_written_is_left_alone(tiny, tmp_path):
+    """Also where numba would then store beside the source, which does not depend on the version."""
+    (tmp_path / "stored").write_text("a file")
+    slow = "kernels.PATIENCE = 0.0\n"
+    done = tiny(slow + RUN)
+    assert done.stdout == "6.0 3.0 3.0 0\n"
+    assert "every run" in done.stderr
+    assert "NUMBA_CACHE_DIR" in done.stderr
+    assert not list(tmp_path.rglob("*.nbi"))
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork there")
+def test_a_fork_waits_for_the_compiler(tiny):
+    code = """
+import numba, tiny
+thread = threading.Thread(target=tiny.scale_twice, args=(np.ones(1),))
+thread.start()
+time.sleep(0.02)
+child = os.fork()
+if child == 0:
+    os._exit(int(tiny.scale_twice(np.ones(2))))
+print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+thread.join()
+"""
+    assert tiny(code).stdout == "6\n"
+
+
+def test_processes_that_store_at_once_agree(tiny, tmp_path):
+    code = (
+        "import subprocess\n"
+        + """
+runs = [subprocess.Popen([sys.executable, '-c', 'import numpy as np, tiny; print(tiny.scale_twice(np.ones(2)))'],
+        stdout=subprocess.PIPE, text=True) for _ in range(3)]
+print([run.communicate()[0] for run in runs])
+"""
+    )
+    assert tiny(code).stdout == "['6.0\\n', '6.0\\n', '6.0\\n']\n"
+    assert len(stored(tmp_path, ".nbc")) == 1
+    assert tiny().stdout == "6.0 3.0 3.0 1\n"
+
+
+def test_arrays_of_another_type_are_copied_and_written_back(tiny):
+    code = """
+import tiny
+wide, whole, fixed = np.ones((2, 2)), np.ones(2, int), np.ones(2)
+fixed.flags.writeable = False
+print(tiny.scale(wide[:, 0], 3), *wide.ravel(), tiny.scale(whole, 2.0), *whole, tiny.scale(fixed, 2.0), *fixed)
+print(len(tiny.scale.compiled.signatures))
+try:
+    tiny.scale(wide, 2.0)
+except TypeError as error:
+    print(error)
+"""
+    lines = tiny(code).stdout.splitlines()
+    assert lines[0] == "6.0 3.0 1.0 3.0 1.0 4.0 2 2 4.0 1.0 1.0"
+    assert lines[1:] == ["1", "a kernel takes an array of 1 dimensions, not 2"]
+
+
+def test_a_kernel_runs_as_python_where_compiling_is_disabled(tiny):
+    code = "os.environ['NUMBA_DISABLE_JIT'] = '1'\nimport tiny\nx = np.ones(2)\nprint(tiny.scale_twice(x), *x)"
+    assert tiny(code).stdout == "6.0 3.0 3.0\n"
+
+
+def test_little_work_does_not_load_the_compiler(tiny):
+    code = "import tiny\nprint(kernels.call_light(tiny.scale_twice, np.ones(2)), 'numba' in sys.modules)"
+    assert tiny(code).stdout == "6.0 False\n"
+
+
+def test_compiling_is_announced_once_and_loading_is_not(tiny):
+    code = "import tiny, numba\nkernels.PATIENCE = kernels.LOOK = 0.001\n" + RUN + "tiny.scale(x, 1.0)"
+    first, second = tiny(code), tiny(code)
+    assert first.stderr.count("compiling numerical kernels") == 1
+    assert (second.stdout, second.stderr) == ("6.0 3.0 3.0 1\n", "")
+
+
+def test_kernels_are_compiled_ahead(tiny):
+    code = "names = ['tiny:scale', 'tiny:scale_twice']\nfor _ in range(2):\n    "
+    code += "print(kernels.are_stored(names))\n    kernels.compile_kernels(names)\n"
+    assert [tiny(code).stdout.split() for _ in range(2)] == [["False", "True"], ["True", "True"]]
+
+
+def test_a_process_that_another_started_leaves_the_announcement_to_it(monkeypatch, caplog):
     monkeypatch.setattr(kernels, "parent_process", lambda: "one")
     kernels._announce.cache_clear()
     with caplog.at_level("WARNING", "pulsepath"):
         kernels._announce()
     kernels._announce.cache_clear()
     assert caplog.records == []
+
+
+def test_the_folders_used_last_are_retained(tmp_path, monkeypatch):
+    for number in range(5):
+        folder = tmp_path / f"pulsepath-kernels-{number}"
+        folder.mkdir()
+        (folder / "file").touch()
+        os.utime(folder, (number, number))
+    (tmp_path / "other").mkdir()
+    monkeypatch.setattr(kernels, "MOST_FOLDERS", 2)
+    kernels._remove_old_folders(tmp_path)
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert names == ["other", "pulsepath-kernels-3", "pulsepath-kernels-4"]
 
 
 def test_what_does_not_plan_does_not_load_the_compiler():
@@ -215,122 +361,46 @@ def test_what_does_not_plan_does_not_load_the_compiler():
 
 SIGNATURES = """
 import sys
+from collections import Counter
+from numba.core import event
+from kinematics.foundation.kernels import Kernel
 import pulsepath as pp
-from numba.core.types import unliteral
 
+compiled, copied = Counter(), []
+
+class Listener(event.Listener):
+    def on_start(self, event):
+        function = event.data["dispatcher"].py_func
+        if function.__module__.startswith(("kinematics.", "planner.")):
+            compiled[function.__module__, function.__name__] += 1
+
+    def on_end(self, event):
+        pass
+
+event.register("numba:compile", Listener())
+original = Kernel.call_with_copies
+Kernel.call_with_copies = lambda self, arguments: copied.append(self.__name__) or original(self, arguments)
 plan = pp.plan("circle", "hexapod")
+print("bound", *[name for (module, name) in compiled if module.startswith("planner.bounds")])
 plan.bound, plan.pulses
-for name, module in sorted(sys.modules.items()):
-    for kernel in list(vars(module).values()) if name.startswith(("kinematics.", "planner.")) else ():
-        if hasattr(kernel, "py_func") and kernel.py_func.__module__ == name:
-            signatures = {tuple(map(unliteral, types)) for types in kernel.signatures}
-            print(name, kernel.py_func.__name__, len(signatures))
+for (module, name), count in compiled.items():
+    kernel = getattr(sys.modules[module], name)
+    dispatcher = kernel.compiled or kernel.inner
+    print(module, name, count, len(dispatcher.signatures))
+print("copied", *copied)
 """
-"""Prints each kernel with the number of its signatures; a constant among the arguments counts as its type."""
+"""Prints what is compiled, how often, and with how many signatures."""
 
 
 def test_a_plan_compiles_each_kernel_once(tmp_path):
-    """The first plan of a user waits for each signature: array layouts and integer types must not differ."""
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}  # what is on disk hides inner kernels
+    """The first plan of a user waits for each signature; kernels of the bound wait for a bound."""
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     code = [sys.executable, "-c", SIGNATURES]
     done = subprocess.run(code, capture_output=True, text=True, check=True, env=environment)
-    counts = {tuple(line.split()[:2]): int(line.split()[2]) for line in done.stdout.splitlines()}
-    assert counts["planner.certificate.ranges", "bound_motion"] == 1
-    assert counts["kinematics.foundation.taylor_tape", "_multiply"] == 1
-    assert {kernel: count for kernel, count in counts.items() if count > 1} == {}
-
-
-TINY = """
-import os, sys, threading, time
-from kinematics.foundation.kernels import kernel
-from constants import SCALE
-
-@kernel
-def scale(x):
-    return SCALE * x
-
-if __name__ == "__main__":
-    if "fork" in sys.argv:
-        import numba
-        thread = threading.Thread(target=scale, args=(1.0,))
-        thread.start()
-        time.sleep(0.02)
-        child = os.fork()
-        if child == 0:
-            os._exit(int(scale(2.0)))
-        print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
-        thread.join()
-    if "full" in sys.argv:
-        import pathlib
-        def fail(*_): raise OSError(28, "No space left on device")
-        pathlib.Path.write_bytes = fail
-    print(scale(1.0), len(scale.stats.cache_hits))
-"""
-
-
-@pytest.fixture
-def tiny(tmp_path):
-    """Runs one small kernel in a process of its own, with its own cache."""
-
-    def call(*arguments, scale=3, timeout=60):
-        (tmp_path / "tiny.py").write_text(TINY)
-        (tmp_path / "constants.py").write_text(f"SCALE = {scale}.0\n")
-        roots = os.pathsep.join([str(tmp_path), os.getcwd()])  # noqa: PTH109
-        environment = os.environ | {"PYTHONPATH": roots, "NUMBA_CACHE_DIR": str(tmp_path / "kept")}
-        environment |= {"PYTHONDONTWRITEBYTECODE": "1"}
-        environment.pop("NUMBA_DISABLE_JIT", None)
-        return subprocess.run(
-            [sys.executable, tmp_path / "tiny.py", *arguments],
-            env=environment,
-            capture_output=True,
-            text=True,
-            timeout=timeout,
-            check=True,
-        )
-
-    return call
-
-
-def test_a_constant_of_another_file_is_compiled_anew(tiny):
-    assert [tiny(scale=value).stdout for value in (3, 3, 4, 3)] == ["3.0 0\n", "3.0 1\n", "4.0 0\n", "3.0 1\n"]
-
-
-@pytest.mark.parametrize("length", [0, 40, -1])
-def test_a_damaged_file_is_replaced(tiny, tmp_path, length):
-    tiny()
-    (kept,) = (tmp_path / "kept").rglob("*scale*.*")
-    kept.write_bytes(kept.read_bytes()[:length])
-    assert [tiny().stdout for _ in range(2)] == ["3.0 0\n", "3.0 1\n"]
-
-
-def test_a_full_disk_loses_what_was_compiled_and_says_so(tiny):
-    done = tiny("full")
-    assert done.stdout == "3.0 0\n"
-    assert "No space left" in done.stderr
-    assert "NUMBA_CACHE_DIR" in done.stderr
-
-
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork there")
-def test_a_fork_waits_for_the_compiler(tiny):
-    assert tiny("fork").stdout.splitlines()[0] == "6"
-
-
-def test_files_of_a_kernel_are_bounded(tmp_path, monkeypatch):
-    for number in range(5):
-        (tmp_path / f"tiny.scale-{number}.kernel").touch()
-        os.utime(tmp_path / f"tiny.scale-{number}.kernel", (number, number))
-    monkeypatch.setattr(kernels, "KEPT", 2)
-    store = object.__new__(kernels._Store)
-    store.cache_path, store._name = str(tmp_path), "tiny.scale"
-    store._clear()
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["tiny.scale-3.kernel", "tiny.scale-4.kernel"]
-
-
-def test_what_cannot_be_kept_is_not_said_to_be(monkeypatch, caplog):
-    monkeypatch.setattr(kernels, "_LOST", ["read-only"])
-    kernels._announce.cache_clear()
-    with caplog.at_level("WARNING", "pulsepath"):
-        kernels._announce()
-    kernels._announce.cache_clear()
-    assert "later runs find" not in caplog.text
-    assert "NUMBA_CACHE_DIR" in caplog.text
+    first, *lines, last = done.stdout.splitlines()
+    assert first == "bound"
+    assert last == "copied"
+    counts = {tuple(line.split()[:2]): tuple(map(int, line.split()[2:])) for line in lines}
+    assert len(counts) > 60
+    assert counts["planner.bounds.lower_bound", "bound_cells"] == (1, 1)
+    assert {kernel: count for kernel, count in counts.items() if count != (1, 1)} == {}
