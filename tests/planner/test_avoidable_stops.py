@@ -43,8 +43,9 @@ def count_stops(segments, machine="cartesian", order=2, **said):
 
 @pytest.mark.parametrize(("end", "count"), [(STOP, 2), (Stop(), 1)])
 def test_a_stop_inside_a_fitted_chain_counts_in_windows_and_in_the_whole(end, count):
-    corners = [(0.434, -2.693, -0.366), (-0.450, -0.970, 0.014), (-0.4555, -0.936, 0.018), (0.142, -1.129, 0.0)]
-    joins = [Blend(1e-4), Fit(5e-5), end, STOP]
+    """A fit within 10 nm cannot round its corner, which is a stop that a larger tolerance avoids."""
+    corners = [(0.4, -2.0, 0.0), (0.8, -2.1, 0.0), (0.9, -1.5, 0.0), (0.1, -1.5, 0.0)]
+    joins = [Blend(1e-4), Fit(1e-8), end, STOP]
     lines = [Line(1e-3 * np.array(corner), join=join) for corner, join in zip(corners, joins, strict=True)]
     program = Program(tuple(lines))
     whole = plan(program, "arm", order=3)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kinematics import FileError, load_machine, machine_toml
-from kinematics.machine.machine_file import read_axes
+from kinematics.machine.machine_file import read_summary
 
 JOINTS = """
 base_joints = [
@@ -59,7 +59,7 @@ def test_leg_lengths_are_those_of_the_legs_at_the_ends_of_travel(write):
         assert length + axis.travel[0] == pytest.approx(0.498, abs=1e-15)
         assert length + axis.travel[1] == pytest.approx(0.698, abs=1e-15)
     assert np.ptp([axis.travel[0] for axis in machine.axes]) > 1e-5  # these legs differ at home
-    assert read_axes(write()) == machine.axes
+    assert read_summary(write()).axes == machine.axes
     plain = load_machine(write(axes="leg_length = [498, 698]"))
     for one, other in zip(plain.axes, machine.axes, strict=True):
         np.testing.assert_allclose(one.travel, other.travel, rtol=0, atol=1e-15)

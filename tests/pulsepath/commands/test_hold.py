@@ -16,18 +16,18 @@ from tests import read_lines
 
 def test_a_stop_and_the_way_on_in_files(call, plan, job):
     made, rest = plan / "stop.csv", plan / "rest.csv"
-    done = call("hold", plan, "--at", "0.6 s", "--format", "pulses", "--out", made, "--resume", rest, "--json")
+    done = call("hold", plan, "--at", "0.7 s", "--format", "pulses", "--out", made, "--resume", rest, "--json")
     assert done.exit_code == 0, done.stderr
     told, pulses = json.loads(done.stdout), job.plan.pulses
     assert told["certified"]
     assert told["verified"]
-    assert told["held_at_s"] == pytest.approx(0.6)
+    assert told["held_at_s"] == pytest.approx(0.7)
     machine = job.plan.machine
     stop, onward = (
         read_lines.read(str(f), pulses.clock_hz, machine.axes, machine.home_q).schedule for f in (made, rest)
     )
     for before, own, after in zip(pulses.axes, stop.axes, onward.axes, strict=True):
-        assert before.counts([6_000_000 - 1])[0] + own.direction.sum() + after.direction.sum() == before.final
+        assert before.counts([7_000_000 - 1])[0] + own.direction.sum() + after.direction.sum() == before.final
 
 
 def test_an_instant_is_a_time_or_a_share_and_0_is_both(call, plan, job):
