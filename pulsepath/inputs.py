@@ -92,8 +92,14 @@ class Inputs:
             segments = self.program.segments
             line = segments[number - 1].line_number if number <= len(segments) else None
             if line:
-                suffix = ".toml" if self.origin is None else self.origin.suffix
-                note(f"segment {number} is in line {line} of {self.program.name}{suffix}")
+                note(f"segment {number} is in line {line} of {self._program_file}")
+
+    @property
+    def _program_file(self) -> str:
+        """Name of the file that the program was read from."""
+        if self.origin is not None:
+            return f"{self.program.name}{self.origin.suffix}"
+        return Path(self.program.file or f"{self.program.name}.toml").name
 
     @property
     def digests(self) -> dict[str, str]:

@@ -67,9 +67,16 @@ def refuse_unreachable_home(
         f"machine {machine.name}: {len(excess)} of {machine.legs} legs do not reach home: "
         f"{axis.name} is {describe(length, 'mm')} long there, and its leg_length is "
         f"{shortest} to {longest}; "
-        f"{_suggest_height(machine)}{_suspect_frame(machine)}",
+        f"{_suspect_order(machine, len(excess))}{_suggest_height(machine)}{_suspect_frame(machine)}",
         key=("home",),
     )
+
+
+def _suspect_order(machine: Legged, count: int) -> str:
+    """Return a remedy if some legs reach home: a wrong height would leave out all alike."""
+    if count == machine.legs:
+        return ""
+    return "the others do: two rows may be swapped, so check the order of the legs first; else "
 
 
 def _suggest_height(machine: Legged) -> str:

@@ -103,6 +103,18 @@ def test_an_unreachable_home_names_heights_that_fit(write, home):
         refused(write(home=f"[0, 0, {height}]"))
 
 
+def test_swapped_rows_are_suspected_where_some_legs_reach_home(write):
+    """A wrong height would put all legs of a symmetric machine out of reach."""
+    lengths = 'leg_length = ["580 mm", "610 mm"]'
+    load_machine(write(axes=lengths))
+    first, second = "[156.16, 140.5, -22]", "[43.82, 205.47, -22.05]"
+    swapped = JOINTS.replace(first, "first").replace(second, first).replace("first", second)
+    text = refused(write(joints=swapped, axes=lengths))
+    assert "2 of 6 legs do not reach home" in text
+    assert "check the order of the legs first" in text
+    assert "check the order of the legs first" not in refused(write(home="[0, 0, 300]"))
+
+
 def test_a_hanging_platform_is_told_heights_below(write):
     text = refused(write(home="[0, 0, -100]"))
     height = float(re.search(r"such as (-[\d.]+) mm", text)[1])

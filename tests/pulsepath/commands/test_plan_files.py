@@ -172,11 +172,11 @@ def test_what_was_proved_before_is_kept_where_that_is_asked_for(call, tmp_path):
 
 def test_the_line_of_a_segment_that_breaks_several_limits_is_told_once(call, tmp_path):
     (tmp_path / "far.toml").write_text(
-        'schema = 1\nmachine = "hexapod"\nlength = "mm"\n[[segment]]\nline = { to = [0, 0, 90] }\n'
+        'schema = 1\nname = "mine"\nmachine = "hexapod"\nlength = "mm"\n[[segment]]\nline = { to = [0, 0, 90] }\n'
     )
     done = call("check", tmp_path / "far.toml")
     assert done.output.count("beyond 50.8 mm at leg") == 6
-    assert done.stderr == "segment 1 is in line 4 of far.toml\n"
+    assert done.stderr == "segment 1 is in line 5 of far.toml\n"
 
 
 @pytest.mark.parametrize(("blend", "told"), [("5 m", "5000 mm, more than the whole path of"), ("0.05 mm", "")])
