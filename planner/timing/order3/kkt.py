@@ -173,6 +173,8 @@ def linearize(
             sums.mapped[OBJECTIVE, 2] += 2 * scale * stages.jerk_weight[k] * j
             sums.mapped[OBJECTIVE, 3] += scale
             hessian[2, 2] += 2 * scale * stages.jerk_weight[k]
+            if k == 0:
+                sums.mapped[OBJECTIVE, 0] -= scale * stages.start_reward
         _add_step(multipliers.step[k] / stages.step[k], h, sums, hessian)
         sums.mapped[DUAL, 3] += multipliers.time[0]
         for n in range(4):
@@ -182,7 +184,7 @@ def linearize(
             residual = sums.mapped[DUAL, n] + sums.mapped[OBJECTIVE, n]
             if n < 2 and k > 0:
                 residual -= multipliers.next[k, n]
-            elif n == 0 or (n == 1 and not stages.free_start):
+            elif (n == 0 and stages.start_reward == 0) or (n == 1 and not stages.free_start):
                 residual = 0.0
             size = stages.scale[n] if n < 3 else stages.duration[k]
             errors[1] = max(errors[1], abs(residual) * size)

@@ -62,8 +62,12 @@ class PosedStages(NamedTuple):
         return np.asarray(np.concatenate([states[:-1].T, controls.T]) * self.unit[:, None])
 
 
-def pose_stages(problem: Problem, guess: Array) -> PosedStages:
-    """Return the stages of the fastest motion near a guess (4, N) of ṡ, s̈, s⃛, h."""
+def pose_stages(problem: Problem, guess: Array, start_reward: float = 0.0) -> PosedStages:
+    """Return the stages of the fastest motion.
+
+    guess         (4, N) of ṡ, s̈, s⃛, h
+    start_reward  value of the first ṡ, counted in its largest; if positive, that ṡ is free
+    """
     length = float(problem.s[-1] - problem.s[0])
     time = float(guess[3].sum())
     unit = np.array([length / time, length / time**2, length / time**3, time])
@@ -76,14 +80,19 @@ def pose_stages(problem: Problem, guess: Array) -> PosedStages:
         if free:
             jerk_weight[-end] = FREE_END_JERK_WEIGHT / scale[2] ** 2
             controls[-end, 0] = 0.0
-    rows = _pose_rows(problem, length, time)
+    rows = _pose_rows(problem, length, time, start_reward > 0)
     states = _pose_states(problem, start, unit)
+    if start_reward > 0:
+        states[0, 0] = start[0, 0]
+        rows.low[0, -2] = 0.0
+        rows.high[0, -2] = problem.speeds[0] / unit[0]
     stages = Stages(
         step=np.diff(problem.s) / length,
         scale=scale,
         duration=start[3].copy(),
         free_start=problem.free_accelerations[0],
         free_end=problem.free_accelerations[1],
+        start_reward=start_reward / scale[0],
         fixed_time=False,
         jerk_weight=jerk_weight,
         squares=np.zeros((problem.intervals, 2, 0, 5)),
@@ -174,7 +183,7 @@ def jerk_share(problem: Problem, unit: float) -> Array:
     return share
 
 
-def _pose_rows(problem: Problem, length: float, time: float) -> Rows:
+def _pose_rows(problem: Problem, length: float, time: float, free_speed: bool) -> Rows:
     terms = np.zeros((len(problem.blocks), len(TERMS)), int)
     first: list[Array] = []
     second: list[Array] = []
@@ -186,7 +195,7 @@ def _pose_rows(problem: Problem, length: float, time: float) -> Rows:
         other = end if Term.SDDD in block.start else (start + end) / 2
         first.append(start.reshape(problem.intervals, -1))
         second.append(other.reshape(problem.intervals, -1))
-    low, high = pose_bounds(problem)
+    low, high = pose_bounds(problem, free_speed)
     return Rows(
         terms=terms,
         lengths=np.array([len(block.start) for block in problem.blocks]),
@@ -199,7 +208,7 @@ def _pose_rows(problem: Problem, length: float, time: float) -> Rows:
     )
 
 
-def pose_bounds(problem: Problem) -> tuple[Array, Array]:
+def pose_bounds(problem: Problem, free_speed: bool = False) -> tuple[Array, Array]:
     """Return the lower and upper bounds (N, 2M + 2) of `Rows`."""
     bounds = []
     for side in (-1, 1):
@@ -211,8 +220,9 @@ def pose_bounds(problem: Problem) -> tuple[Array, Array]:
     with_jerk = np.repeat(has_jerk, [block.middle.size for block in problem.blocks])
     jerk_rows = np.flatnonzero(with_jerk)
     for side, bound in zip((-1, 1), bounds, strict=True):
-        # ṡ and s̈ are given at the start
-        bound[0, np.flatnonzero(~with_jerk)] = side * np.inf
+        if not free_speed:
+            # ṡ and s̈ are given at the start
+            bound[0, np.flatnonzero(~with_jerk)] = side * np.inf
         # an end that is passed uses up the jerk limit through q‴ alone
         if problem.ends[0].passing_speed > 0:
             bound[0, jerk_rows] = side * np.inf

@@ -204,6 +204,8 @@ def recur_backward(system: NewtonSystem, recursion: Recursion) -> bool:
         H[3, 3] += system.delta_w / stages.duration[k] ** 2
         if not _condense(system, recursion, k, model):
             return False
+    if stages.start_reward > 0 and not P[0, 0] * scale[0] ** 2 > MIN_CURVATURE:
+        return False
     return not stages.free_start or P[0, 2] * scale[1] ** 2 > MIN_CURVATURE
 
 
@@ -254,7 +256,7 @@ def recur_forward(system: NewtonSystem, recursion: Recursion, direction: Directi
     """Fill the direction from the first state on."""
     stages, point = system.stages, system.point
     dy, P, p = direction.states, recursion.P, recursion.p
-    dy[0, 0] = 0.0
+    dy[0, 0] = -p[0, 0] / P[0, 0] if stages.start_reward > 0 else 0.0
     dy[0, 1] = -p[0, 1] / P[0, 2] if stages.free_start else 0.0
     for k in range(len(stages.step)):
         v, a, j, h = get_stage(point.states, point.controls, k)
@@ -342,6 +344,8 @@ def _recur_border(system: NewtonSystem, recursion: Recursion, enforced: Flags1) 
                 schur[i, n] += by_u / control[0] * recursion.lever[n, k]
     for i in range(3):
         for n in range(i + 1):
+            if stages.start_reward > 0:
+                schur[i, n] += border[i, 0, 0] * border[n, 0, 0] / P[0, 0]
             if stages.free_start:
                 schur[i, n] += border[i, 0, 1] * border[n, 0, 1] / P[0, 2]
             schur[n, i] = schur[i, n]

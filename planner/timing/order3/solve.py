@@ -29,6 +29,8 @@ from planner.timing.solution import RunSolution
 # Rounds of a problem whose rows depend on the motion, and the gain, as a share, below which no
 # other follows.
 MAX_ROW_ROUNDS, MIN_ROUND_GAIN = 4, 1e-4
+# Value of a maximal speed at an end, relative to the duration.
+END_SPEED_REWARD = 100.0
 # Tolerance of a solution that only shows where time is lost.
 ROUGH_TOLERANCE = 1e-3
 # Share of an interval's time up to which that can be lost.
@@ -78,14 +80,18 @@ def third_order(
     problem: Problem,
     guess: Array,
     *,
+    fast_end: int | None = None,
     start: Start = "far",
     look: Look | None = None,
 ) -> RunSolution:
     """Return the fastest motion between the end conditions of a problem.
 
-    guess  (4, N) of ṡ, s̈, s⃛, h
-    start  distance of the guess from the solution
+    guess     (4, N) of ṡ, s̈, s⃛, h
+    start     distance of the guess from the solution
+    fast_end  0 for the start, 1 for the end: return the motion with the largest speed there
     """
+    if fast_end is not None:
+        return _maximise_speed(problem, guess, fast_end)
     posed = pose_stages(problem, guess)
     if look is None:
         return _close(problem, minimise_posed(posed, tuple(dict.fromkeys((start, *FAR_STARTS)))))
@@ -105,6 +111,26 @@ def _close(problem: Problem, columns: Array | MotionError) -> RunSolution:
     if isinstance(profile, MotionError):
         return RunSolution.refused(profile)
     return RunSolution("solved", profile, maker="riccati", problem=problem)
+
+
+def _maximise_speed(problem: Problem, guess: Array, end: int) -> RunSolution:
+    """Return the motion with the largest speed at its start (end 0) or its end (1)."""
+    oriented = _reverse_columns(guess) if end else guess
+    posed = pose_stages(problem.reversed() if end else problem, oriented, END_SPEED_REWARD)
+    columns = minimise_posed(posed, FAR_STARTS)
+    if isinstance(columns, MotionError):
+        return RunSolution.refused(columns)
+    speed = float(np.clip(columns[0, 0], 0.0, problem.ends[end].speed))
+    ends = list(problem.ends)
+    ends[end] = replace(ends[end], speed=speed)
+    columns = _reverse_columns(columns) if end else columns
+    return _close(replace(problem, ends=(ends[0], ends[1])), columns)
+
+
+def _reverse_columns(columns: Array) -> Array:
+    """Return (4, N) of ṡ, s̈, s⃛, h of the same motion from its end to its start."""
+    v, a, j, h = columns[:, ::-1]
+    return np.stack([v + h * (a + h * j / 2), -(a + h * j), j, h])
 
 
 def estimate_motion(problem: Problem, guess: Array) -> tuple[Profile, Array] | MotionError:

@@ -48,7 +48,7 @@ class Rows(NamedTuple):
 class Stages(NamedTuple):
     """Dynamics and objective of N stages.
 
-    The objective is Σ h + Σ jerk_weight j² + ∫ Σ r² dt, without Σ h if the time
+    The objective is Σ h + Σ jerk_weight j² + ∫ Σ r² dt − start_reward · v₀, without Σ h if the time
     is fixed, where
 
         r = r₀ j + r₁ va + r₂ v³ + r₃ a + r₄ v²
@@ -60,6 +60,7 @@ class Stages(NamedTuple):
     duration (N,)      typical h
     free_start         whether the first a is a variable
     free_end           whether the last a is a variable
+    start_reward       0: the first v is given
     fixed_time         whether Σ h = 1 is a constraint
     jerk_weight (N,)
     squares (N, 2, A, 5)  coefficients of r at start and end of each stage
@@ -71,6 +72,7 @@ class Stages(NamedTuple):
     duration: Floats1
     free_start: bool
     free_end: bool
+    start_reward: float
     fixed_time: bool
     jerk_weight: Floats1
     squares: Floats4
@@ -184,7 +186,7 @@ def _fill_terms(v: float, a: float, j: float, h: float, out: Floats1) -> None:
 @kernel
 def sum_costs(stages: Stages, states: Floats2, controls: Floats2) -> float:
     """Return the objective, not scaled."""
-    total = 0.0
+    total = 0.0 if stages.fixed_time else -stages.start_reward * states[0, 0]
     squares = stages.squares
     for k in range(len(stages.step)):
         v, a, j, h = get_stage(states, controls, k)

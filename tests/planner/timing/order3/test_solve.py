@@ -187,6 +187,22 @@ def test_slower_limits_by_powers_of_k_take_k_times_as_long():
     assert found[1] == pytest.approx(k * found[0], rel=1e-6)
 
 
+@pytest.mark.parametrize("end", [0, 1])
+def test_the_largest_speed_at_an_end_is_that_of_a_ramp(end):
+    """From v to rest over L, with speed and acceleration out of reach: (J L²)^(1/3), found from half of it."""
+    path, jerk, length = line(2.0), 3.0, 2.0
+    speeds = [0.0, 0.0]
+    speeds[end] = 0.5 * np.cbrt(jerk * length**2)
+    run = Run(0, 0, at_speeds(*speeds))
+    problem, start = jerk_problem(path, limits_on(path, 100.0, 100.0, jerk), run)
+    speeds[end] = 100.0
+    found = third_order(replace(problem, ends=at_speeds(*speeds)), start.on(problem.s), fast_end=end)
+    profile = found.require_profile()
+    largest = profile.last_speed if end else profile.v[0]
+    assert largest == pytest.approx(np.cbrt(jerk * length**2), rel=1e-3)
+    assert largest <= np.cbrt(jerk * length**2) * (1 + 1e-6)
+
+
 def test_a_problem_the_other_way_has_the_same_answer():
     """Rows that heed the direction too: as forces do, asymmetric limits, and blocks that are kept at one end."""
     path = curve()
