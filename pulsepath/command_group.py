@@ -86,18 +86,24 @@ class Commands(click.Group):
         except click.exceptions.Exit:
             raise
         except click.ClickException as error:
+            _end_if_interrupted(ctx)
             shown = StringIO()
             error.show(shown)
             _report(ctx, error, error.exit_code, shown.getvalue().rstrip("\n"))
         except KeyboardInterrupt:
             _end_interrupted(ctx, get_signal_code() or INTERRUPTED)
         except Exception as error:  # every kind of failure ends here
-            code = get_signal_code()
-            if code is not None:
-                _end_interrupted(ctx, code)
+            _end_if_interrupted(ctx)
             _end_with_error(ctx, error)
         finally:
             _flush_streams()
+
+
+def _end_if_interrupted(ctx: click.Context) -> None:
+    """End a command in which a library made another error of a signal."""
+    code = get_signal_code()
+    if code is not None:
+        _end_interrupted(ctx, code)
 
 
 def _end_interrupted(ctx: click.Context, code: int) -> NoReturn:

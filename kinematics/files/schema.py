@@ -177,7 +177,7 @@ class File(TableSchema):
 
 def is_name(name: str) -> bool:
     """Return whether a machine or a program may be called so."""
-    fits = 0 < len(name) <= MAX_NAME_LENGTH
+    fits = 0 < len(name) <= MAX_NAME_LENGTH and name.strip(" .") != ""
     return fits and name.isprintable() and not set(name) & set("/\\")
 
 

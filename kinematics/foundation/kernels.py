@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 # Hash of the sources of all kernels, of which tests/kinematics/foundation/test_kernel_version.py
 # prints the new value. numba itself sees changes of a kernel's own file only, but machine code also
 # contains the kernels that it calls and the constants that it reads.
-VERSION = "e4cd366fdc2b3caf"
+VERSION = "4b675264349d03bb"
 
 # s after which a first call is reported as compiling.
 PATIENCE = 1.0
@@ -110,6 +110,9 @@ class Kernel:
         hints = get_type_hints(self.function, include_extras=True).values()
         copies: list[tuple[Any, Any]] = []
         fitted = [_fit(value, hint, copies) for value, hint in zip(arguments, hints, strict=False)]
+        for n, (original, _) in enumerate(copies):
+            if any(np.shares_memory(original, other) for other, _ in copies[:n]):
+                raise TypeError("two arrays that a kernel may write to share memory")
         result = self.compiled(*fitted)
         for original, copy in copies:
             if original.flags.writeable:
@@ -141,11 +144,14 @@ def _fit(value: Any, hint: Any, copies: list[tuple[Any, Any]]) -> Any:
     dtype, dimensions, layout, is_written = hint.__metadata__
     if np.ndim(value) != dimensions:
         raise TypeError(f"a kernel takes an array of {dimensions} dimensions, not {np.ndim(value)}")
-    array = np.asarray(value, np.bool_ if dtype == "boolean" else dtype)
+    wanted = np.dtype(np.bool_ if dtype == "boolean" else dtype)
+    if not isinstance(value, np.ndarray) or not np.can_cast(value.dtype, wanted, "same_kind"):
+        raise TypeError(f"a kernel takes an array of {wanted}, not {getattr(value, 'dtype', type(value))}")
+    array = np.asarray(value, wanted)
     is_contiguous = layout == "A" or array.flags.c_contiguous
     if not is_contiguous or (is_written and not array.flags.writeable):
         array = np.array(array, order="C")
-    if array is not value:
+    if array is not value and is_written:
         copies.append((value, array))
     return array
 
@@ -284,14 +290,14 @@ def find_folder() -> Path | None:
     """
     from tempfile import TemporaryFile
 
-    root = Path(os.environ.get("NUMBA_CACHE_DIR") or find_user_cache())
     name = sha256(repr(list_dependencies()).encode()).hexdigest()[:16]
-    folder = root / f"pulsepath-kernels-{name}"
     try:
+        root = Path(os.environ.get("NUMBA_CACHE_DIR") or find_user_cache())
+        folder = root / f"pulsepath-kernels-{name}"
         folder.mkdir(parents=True, exist_ok=True)
         os.utime(folder)
         TemporaryFile(dir=folder).close()
-    except OSError as error:
+    except (OSError, RuntimeError) as error:  # RuntimeError: the user has no home directory
         _LOST.append(str(error))
         return None
     _remove_old_folders(root)

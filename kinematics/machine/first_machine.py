@@ -6,6 +6,7 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from math import ceil, log10
+from shlex import quote
 from typing import Any
 
 import numpy as np
@@ -25,13 +26,20 @@ AXIS_KEYS = (
     "drive",
     "electronic_gear",
     "pulse_factor",
+    "direction",
     "max_speed",
     "max_acceleration",
     "max_jerk",
     "max_force",
+    "torque_speed",
+    "friction",
+    "reflected",
     "max_pulse_rate",
+    "start_stop_rate",
+    "resonance",
+    "resonance_time",
 )
-"""Keys of axes, in the order of the file: all that limits a motion. Wiring and backlash can wait."""
+"""Keys of axes, in the order of the file: what pulses and limits depend on. Backlash can wait."""
 MASS_TABLES = ("platform", "legs")
 """Tables without which `max_force` limits nothing."""
 JOINT_KEYS = ("base_joints", "platform_joints")
@@ -78,7 +86,7 @@ def short_machine_starter(preset: str, name: str | None = None) -> str:
             lines += short_table_lines(f"[{table}]", keys[table], data[table])
     for stated in data.get("axis", ()):
         lines += _single_axis_table(keys, stated, machine)
-    lines += ["", *wrap_comment(_describe_missing(data))]
+    lines += ["", *wrap_comment(_describe_missing(preset, data))]
     return "\n".join(lines) + "\n"
 
 
@@ -96,14 +104,15 @@ def _shorten_kind(keys: Sequence[Key]) -> list[Key]:
     return [replace(one, about=about) if one.name == "kind" else one for one in keys]
 
 
-def _describe_missing(data: Mapping[str, Any]) -> str:
+def _describe_missing(preset: str, data: Mapping[str, Any]) -> str:
     """Return the comment that names the keys of a machine that its short file leaves out."""
     names: list[str] = []
     for table in (data.get("axes", {}), data.get("rotary", {}), *data.get("axis", ())):
         names += [name for name in table if name not in AXIS_KEYS]
     names += [name if name == "gravity" else f"[{name}]" for name in LATER_TABLES if name in data]
     left_out = f"Left out: {', '.join(dict.fromkeys(names))}. " if names else ""
-    return f"{left_out}All keys, with wiring, backlash and input shapers: pulsepath init --all"
+    command = f"pulsepath init all-keys --all --machine {quote(preset)}"
+    return f"{left_out}All keys, with wiring, backlash and input shapers: {command}"
 
 
 def _length_unit(data: Mapping[str, Any]) -> str:

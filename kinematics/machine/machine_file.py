@@ -86,7 +86,8 @@ def read_summary(source: Path | Traversable) -> MachineSummary:
     if axes is None:
         machine = _make_machine(source, document, model, construct)
         return MachineSummary(machine.name, kind, machine.freedom, machine.axes)
-    return MachineSummary(Path(source.name).stem, kind, model.list_freedom(), tuple(axes))
+    name = model.name or Path(source.name).stem
+    return MachineSummary(name, kind, model.list_freedom(), tuple(axes))
 
 
 def _read_model(source: Path | Traversable) -> tuple[Document, MachineFile, Construct]:

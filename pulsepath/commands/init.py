@@ -81,8 +81,7 @@ def init(
     targets = [directory / name for name in files]
     writes(*targets)
     write_files(directory, files, force)
-    path = shlex.quote(str(directory / PROGRAM_FILE))
-    out = shlex.quote(str(directory / "plan"))
+    path, out = (_write_argument(directory / name) for name in (PROGRAM_FILE, "plan"))
     following = [f"pulsepath check {path}", f"pulsepath plan {path} --out {out}"]
     if as_json:
         click.echo(
@@ -95,6 +94,12 @@ def init(
     say("next:")
     for command in following:
         say(f"  {command}")
+
+
+def _write_argument(path: Path) -> str:
+    """Return a path as a shell takes it, and no command for an option."""
+    text = str(path)
+    return shlex.quote(f"./{text}" if text.startswith("-") else text)
 
 
 def _find_machine(name: str) -> str:

@@ -14,7 +14,7 @@ import pytest
 
 from kinematics.foundation import kernels
 from kinematics.foundation.kernels import Kernel, find_type
-from planner.timing.order3 import riccati, stages
+from planner.timing.order3 import kkt, riccati, stages
 
 ROOT = Path(__file__).parents[3]
 PACKAGES = ("kinematics", "planner", "controllers")
@@ -53,11 +53,27 @@ def describe_constants(function):
             yield f"{name} = {value!r}"
 
 
+def describe_record(kind):
+    """Yield the fields of a record in their order, by which machine code reads them, and of records in it."""
+    hints = get_type_hints(kind, include_extras=True)
+    yield f"{kind.__qualname__}: {list(hints)}"
+    for hint in hints.values():
+        if is_record(hint):
+            yield from describe_record(hint)
+
+
+def is_record(hint):
+    return isinstance(hint, type) and issubclass(hint, tuple) and hasattr(hint, "_fields")
+
+
 def describe(kernel):
     """Return all that enters the machine code of a kernel, except its callees."""
-    hints = get_type_hints(kernel.function, include_extras=True)
+    function = kernel.function
+    hints = get_type_hints(function, include_extras=True)
     types = [str(find_type(hint)) for name, hint in hints.items() if name != "return"]
-    return "\n".join([describe_source(kernel.function), *types, *describe_constants(kernel.function)])
+    made = [function.__globals__.get(name) for name in function.__code__.co_names]
+    records = [line for hint in (*hints.values(), *made) if is_record(hint) for line in describe_record(hint)]
+    return "\n".join([describe_source(function), *types, *records, *describe_constants(function)])
 
 
 def compute_version():
@@ -92,6 +108,14 @@ def test_a_changed_callee_changes_the_version(monkeypatch):
         return v + h * (a + h * j / 2), a
 
     monkeypatch.setattr(stages.advance, "function", advance)
+    assert compute_version() != kernels.VERSION
+
+
+def test_the_order_of_a_record_changes_the_version(monkeypatch):
+    """Two arrays of one type change places: the types of arguments stay the same."""
+    first, second, *others = kkt.Iterate.__annotations__.items()
+    assert first[1] == second[1]
+    monkeypatch.setattr(kkt.Iterate, "__annotations__", dict([second, first, *others]))
     assert compute_version() != kernels.VERSION
 
 

@@ -253,6 +253,7 @@ def test_what_casadi_would_swallow_is_given_again(tmp_path):
 
 
 CONVERTED_ERROR = """
+    time.sleep(0.3)  # until the line before is read
     try:
         signal.raise_signal(signal.SIGTERM)
     except BaseException:
