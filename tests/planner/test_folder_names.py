@@ -25,6 +25,7 @@ INTERNALS = {
     # attempts in their order: each is reached only where the one before it is made to fail
     "planner/test_cross_check.py",
     "planner/timing/test_slowed_runs.py",
+    "planner/timing/test_end_speeds.py",
     "planner/timing/test_small_blends.py",
     "planner/timing/test_constant_speed_runs.py",
     "planner/interruption/test_hold.py",

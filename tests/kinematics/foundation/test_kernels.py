@@ -305,6 +305,30 @@ except TypeError as error:
     assert lines[1:] == ["1", "a kernel takes an array of 1 dimensions, not 2"]
 
 
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ("np.ones(2, complex)", "a kernel takes an array of float64, not complex128"),
+        ("[1.0, 2.0]", "a kernel takes an array of float64, not <class 'list'>"),
+    ],
+)
+def test_values_that_a_copy_would_change_are_refused(tiny, values, message):
+    code = f"import tiny\ntry:\n    tiny.scale({values}, 2.0)\nexcept TypeError as error:\n    print(error)"
+    assert tiny(code).stdout == f"{message}\n"
+
+
+def test_nothing_is_stored_for_a_user_without_a_home_directory(monkeypatch):
+    def fail():
+        raise RuntimeError("Could not determine home directory.")
+
+    for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "LOCALAPPDATA"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(kernels.Path, "home", fail)
+    monkeypatch.setattr(kernels, "_LOST", [])
+    assert kernels.find_folder.__wrapped__() is None
+    assert kernels._LOST == ["Could not determine home directory."]
+
+
 def test_a_kernel_runs_as_python_where_compiling_is_disabled(tiny):
     code = "os.environ['NUMBA_DISABLE_JIT'] = '1'\nimport tiny\nx = np.ones(2)\nprint(tiny.scale_twice(x), *x)"
     assert tiny(code).stdout == "6.0 3.0 3.0\n"

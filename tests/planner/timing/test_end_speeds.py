@@ -121,3 +121,21 @@ def test_the_largest_end_speed_that_is_told_is_the_largest(seed, asked):
     assert refused(*speeds.tolist()).limit == pytest.approx(no.limit, rel=1e-3)
     slope = path(path.x[-1 if at else 0], 1)
     assert no.limit <= limits["max_speed"] / np.abs(slope).max()
+
+
+def test_few_motions_are_solved_for_the_largest_end_speed(monkeypatch):
+    """The solver maximises the speed; motions are solved near its answer alone: a bisection would take fifteen."""
+    from planner.timing import attempts
+
+    solve, count = attempts.solve_once, 0
+
+    def solve_once(task):
+        nonlocal count
+        count += 1
+        return solve(task)
+
+    monkeypatch.setattr(attempts, "solve_once", solve_once)
+    path = CubicSpline(np.linspace(0, 1, 12), np.random.default_rng(99).uniform(-1, 1, (12, 3)))
+    with pytest.raises(Infeasible, match="end speed"):
+        time_optimal(path, max_speed=1.0, max_acceleration=5.0, max_jerk=50.0, end_speed=0.1)
+    assert 0 < count < 10

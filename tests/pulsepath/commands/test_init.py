@@ -253,7 +253,7 @@ def test_machine_and_program_are_named_after_the_folder(call, tmp_path, monkeypa
         assert load_machine(place / "machine.toml").name == (folder if fits else "machine")
 
 
-@pytest.mark.parametrize("name", ["", "a/b", "tab\t", "x" * 101])
+@pytest.mark.parametrize("name", ["", "a/b", "..", "  ", "tab\t", "x" * 101])
 def test_a_name_that_is_none_is_refused(tmp_path, name):
     text = short_machine_starter("hexapod", "mine").replace('name = "mine"', f"name = {json.dumps(name)}")
     (tmp_path / "machine.toml").write_text(text)
@@ -282,14 +282,16 @@ def test_all_asks_for_every_key(call, tmp_path, option):
         assert machine == machine_starter("hexapod", "mine")
 
 
-def test_the_commands_that_it_ends_with_are_commands(call, tmp_path):
-    done = call("init", tmp_path / "new")
+@pytest.mark.parametrize("folder", ["new", "-dash"])
+def test_the_commands_that_it_ends_with_are_commands(call, tmp_path, monkeypatch, folder):
+    monkeypatch.chdir(tmp_path)
+    done = call("init", "--", folder)
     assert done.stdout.splitlines()[-3] == "next:"
     for line in done.stdout.splitlines()[-2:]:
         program, *arguments = line.split()
         assert program == "pulsepath"
         name, command, rest = main.resolve_command(click.Context(main), arguments)
-        assert Path(command.make_context(name, rest).params["program"]) == tmp_path / "new" / "program.toml"
+        assert Path(command.make_context(name, rest).params["program"]) == Path(folder, "program.toml")
 
 
 def test_a_program_to_start_from_brings_its_machine(call, tmp_path):
