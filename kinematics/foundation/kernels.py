@@ -144,10 +144,10 @@ def _fit(value: Any, hint: Any, copies: list[tuple[Any, Any]]) -> Any:
     dtype, dimensions, layout, is_written = hint.__metadata__
     if np.ndim(value) != dimensions:
         raise TypeError(f"a kernel takes an array of {dimensions} dimensions, not {np.ndim(value)}")
-    wanted = np.dtype(np.bool_ if dtype == "boolean" else dtype)
-    if not isinstance(value, np.ndarray) or not np.can_cast(value.dtype, wanted, "same_kind"):
-        raise TypeError(f"a kernel takes an array of {wanted}, not {getattr(value, 'dtype', type(value))}")
-    array = np.asarray(value, wanted)
+    target = np.dtype(np.bool_ if dtype == "boolean" else dtype)
+    if not isinstance(value, np.ndarray) or not np.can_cast(value.dtype, target, "same_kind"):
+        raise TypeError(f"a kernel takes an array of {target}, not {getattr(value, 'dtype', type(value))}")
+    array = np.asarray(value, target)
     is_contiguous = layout == "A" or array.flags.c_contiguous
     if not is_contiguous or (is_written and not array.flags.writeable):
         array = np.array(array, order="C")

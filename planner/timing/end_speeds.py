@@ -76,7 +76,7 @@ def _find_largest(task: Task, end: int, is_feasible: Callable[[Run], bool]) -> f
 
 
 def _narrow(run: Run, end: int, most: float, is_feasible: Callable[[Run], bool]) -> float:
-    """Return the largest feasible speed near the solver's answer; 0 if there is none."""
+    """Return the largest feasible speed near the solver's answer; 0 if none is feasible."""
 
     def is_possible(share: float) -> bool:
         return is_feasible(set_speed(run, end, float(share * most)))
