@@ -128,7 +128,7 @@ def name_file(path: Path, *staged: Path) -> Iterator[None]:
         yield
     except MotionError:
         raise
-    except Exception as error:
+    except Exception as error:  # a library's own, raised over that of the disk
         failure = _find_disk_error(error)
         if failure is None or failure.filename not in (None, *map(str, staged)):
             raise

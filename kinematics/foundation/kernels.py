@@ -105,7 +105,7 @@ class Kernel:
         """Call with copies of the arrays that have another type than stated, and copy results back.
 
         Callers should pass the stated types: copies take time. Raises TypeError for a wrong number
-        of dimensions.
+        of dimensions, a type that would lose numbers, and arrays that share memory.
         """
         hints = get_type_hints(self.function, include_extras=True).values()
         copies: list[tuple[Any, Any]] = []
@@ -203,7 +203,7 @@ def _make_dispatcher(kernel: Kernel, dispatchers: list[Any]) -> Any:
         try:
             dispatcher.compile(types)
             break
-        except Exception as error:
+        except Exception as error:  # of numba, LLVM, pickle or the disk: whatever a damaged file leads to
             if dispatcher.signatures:  # compiled, but not stored
                 _LOST.append(str(error))
                 _report_lost()

@@ -37,7 +37,7 @@ from planner.timing.sampling import sample_limit_use
 from planner.timing.solution import (
     AVERAGED,
     BRIEF_RAMPS,
-    MAX_UNTOLD_SLOWNESS,
+    MAX_NEGLIGIBLE_SLOWNESS,
     STRAIGHT,
     WITH_RESTS,
     RunSolution,
@@ -66,7 +66,7 @@ def is_slowed_little(solution: RunSolution) -> bool:
 def has_surely_brief_ramps(solution: RunSolution) -> bool:
     """Return whether no solver could tell a motion's ramps of s̈ from steps."""
     longest = float(solution.profile.h[solution.profile.j != 0].max(initial=0.0))
-    return longest <= SURELY_BRIEF * solution.duration and solution.slowness <= MAX_UNTOLD_SLOWNESS
+    return longest <= SURELY_BRIEF * solution.duration and solution.slowness <= MAX_NEGLIGIBLE_SLOWNESS
 
 
 def is_never_enough(solution: RunSolution) -> bool:

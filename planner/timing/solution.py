@@ -28,8 +28,8 @@ IN_PARTS = "in parts"
 FEED_LIMITED = "feed-limited"
 
 # A motion slowed by less than this still counts as its maker's.
-MAX_UNTOLD_SLOWNESS = 1 + 1e-4
-TOLD_SLOWNESS = {MAX_UNTOLD_SLOWNESS: " by less than 0.01 %", 1 + 1e-3: " by less than 0.1 %"}
+MAX_NEGLIGIBLE_SLOWNESS = 1 + 1e-4
+TOLD_SLOWNESS = {MAX_NEGLIGIBLE_SLOWNESS: " by less than 0.01 %", 1 + 1e-3: " by less than 0.1 %"}
 _NOTHING = np.zeros(0)
 NO_MOTION = Profile(_NOTHING, _NOTHING, _NOTHING, _NOTHING, _NOTHING, np.zeros(0, int))
 
