@@ -59,7 +59,7 @@ MAX_INTERVALS = {2: 1_000_000, 3: 50_000}
 MAX_DENSE_PIECES = 100_000
 # Grids by weight: the share of weight that goes with time, the least number of intervals of a piece,
 # and the number of parts in which each piece of the motion is integrated.
-TIME_SHARE = 0.6
+TIME_SHARE = 0.4
 MIN_PER_PIECE = 4
 PLACE_PARTS = 8
 # Share by which rounding may raise a number of intervals.

@@ -186,7 +186,7 @@ def jerk_share(problem: Problem, unit: float) -> Array:
 def _pose_rows(problem: Problem, guess: Array, free_speed: bool) -> Rows:
     length = float(problem.s[-1] - problem.s[0])
     time = float(guess[3].sum())
-    middles = _Middles.of(problem, guess)
+    middles = Middles.of(problem, guess)
     terms = np.zeros((len(problem.blocks), len(TERMS)), int)
     first: list[Array] = []
     second: list[Array] = []
@@ -212,7 +212,7 @@ def _pose_rows(problem: Problem, guess: Array, free_speed: bool) -> Rows:
     )
 
 
-class _Middles(NamedTuple):
+class Middles(NamedTuple):
     """Places (N,) on the intervals of a grid that a motion passes at the middle of their time.
 
     share   (N,) part of the interval that is passed there
@@ -225,7 +225,7 @@ class _Middles(NamedTuple):
     joined: np.ndarray
 
     @classmethod
-    def of(cls, problem: Problem, columns: Array) -> "_Middles":
+    def of(cls, problem: Problem, columns: Array) -> "Middles":
         """Return the middles of a motion (4, N) of ṡ, s̈, s⃛, h."""
         v, a, j, h = columns
         step = np.diff(problem.s)

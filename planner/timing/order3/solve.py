@@ -18,7 +18,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
-from planner.timing.order3.interior_point import FAR_STARTS, TOLERANCE, Start, try_starts
+from planner.timing.order3.interior_point import FAR_STARTS, Start, try_starts
 from planner.timing.order3.peaks import Look, Peaks
 from planner.timing.order3.pose import OBJECTIVE_SCALE, PosedStages, pose_stages
 from planner.timing.order3.stages import evaluate
@@ -31,10 +31,10 @@ from planner.timing.solution import RunSolution
 MAX_ROW_ROUNDS, MIN_ROUND_GAIN = 4, 1e-4
 # Value of a maximal speed at an end, relative to the duration.
 END_SPEED_REWARD = 100.0
-# Tolerance of the fastest motion. A smaller one gains less than 1e-6 of the duration, while each
-# revision of the bounds then begins with slacks that hinder it: with 1e-7 COPP's first splines
-# (evidence random_splines) take 67 instead of 39 iterations, and a fifth more time.
-FASTEST_TOLERANCE = 3e-6
+# Tolerance of a motion for whose peaks bounds are revised. A smaller one gains less than 1e-6 of the
+# duration, and each revision then begins with slacks so small that they hinder it: with 1e-7 COPP's
+# first splines (evidence random_splines) take 67 instead of 39 iterations.
+REVISED_TOLERANCE = 3e-6
 # Tolerance of a solution that only shows where time is lost.
 ROUGH_TOLERANCE = 1e-3
 # Share of an interval's time up to which that can be lost.
@@ -99,12 +99,12 @@ def third_order(
     posed = pose_stages(problem, guess)
     if look is None:
         starts = tuple(dict.fromkeys((start, *FAR_STARTS)))
-        return _close(problem, minimise_posed(posed, starts, FASTEST_TOLERANCE))
+        return _close(problem, minimise_posed(posed, starts))
     peaks = Peaks(problem, posed, look)
-    solution = try_starts(posed, (start,), FASTEST_TOLERANCE, peaks)
+    solution = try_starts(posed, (start,), REVISED_TOLERANCE, peaks)
     if isinstance(solution, MotionError):
         others = [each for each in FAR_STARTS if each != start]
-        return _close(problem, minimise_posed(posed, others, FASTEST_TOLERANCE))
+        return _close(problem, minimise_posed(posed, others))
     use = peaks.use if solution.status == "solved" else None
     columns = posed.columns(solution.states, solution.controls)
     return replace(_close(peaks.problem, columns), use=use)
@@ -164,13 +164,9 @@ def estimate_motion(problem: Problem, guess: Array) -> tuple[Profile, Array] | M
     return profile, np.minimum(lost / OBJECTIVE_SCALE * posed.unit[3], MAX_LOSS_SHARE * profile.h)
 
 
-def minimise_posed(
-    posed: PosedStages,
-    starts: Sequence[Start],
-    tolerance: float = TOLERANCE,
-) -> Array | MotionError:
+def minimise_posed(posed: PosedStages, starts: Sequence[Start]) -> Array | MotionError:
     """Return (4, N) of ṡ, s̈, s⃛, h from the first start that leads to a solution, or the error."""
-    solution = try_starts(posed, starts, tolerance)
+    solution = try_starts(posed, starts)
     if isinstance(solution, MotionError):
         return solution
     return posed.columns(solution.states, solution.controls)
