@@ -30,7 +30,7 @@ MAX_ROUGHNESS = 1.1
 # the usual number of intervals it may have for that. COPP's first 20 random splines (evidence
 # random_splines) take 41.178, 41.168 and 41.160 s with shares of 4e-4, 3.5e-4 and 3e-4, and 94, 96
 # and 119 ms to plan.
-MAX_LOSS, MAX_FINENESS = 4e-4, 4
+MAX_LOSS, MAX_FINENESS = 3.5e-4, 4
 # Start speed of a run that continues a motion, as a share of the largest that its guess allows.
 CONTINUED_START_SHARE = 0.99
 

@@ -30,7 +30,6 @@ from planner.timing import (
 from planner.timing.order3 import solve as solver_module
 from planner.timing.order3.interior_point import TOLERANCE
 from planner.timing.order3.peaks import SMALL_EXCESS
-from planner.timing.order3.pose import Middles
 
 
 def line(length):
