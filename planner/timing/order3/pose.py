@@ -256,7 +256,8 @@ class Middles(NamedTuple):
         before = np.concatenate([none, changes])
         after = np.concatenate([changes, none])
         # fmin and fmax ignore the missing side
-        least, most = np.fmin(before, after), np.fmax(before, after)
+        least = np.fmin(before, after)
+        most = np.fmax(before, after)
         return np.nan_to_num(np.clip(0.0, least, most))
 
 
