@@ -242,7 +242,8 @@ class Middles(NamedTuple):
         share = self.share[:, None]
         step = self.step[:, None]
         bend = share * (1 - share) / 2 * step**2
-        return start + share * (end - start) - bend * self._find_curvature((end - start) / step)
+        curvature = self._find_curvature((end - start) / step)
+        return np.asarray(start + share * (end - start) - bend * curvature)
 
     def _find_curvature(self, slope: Array) -> Array:
         """Return c″ (N, m) from the slopes on adjacent intervals, 0 for a piece of one interval.
