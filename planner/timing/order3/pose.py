@@ -259,7 +259,7 @@ class Middles(NamedTuple):
         # fmin and fmax ignore the missing side
         least = np.fmin(before, after)
         most = np.fmax(before, after)
-        return np.nan_to_num(np.clip(0.0, least, most))
+        return np.asarray(np.nan_to_num(np.clip(0.0, least, most)))
 
 
 def pose_bounds(problem: Problem, free_speed: bool = False) -> tuple[Array, Array]:
