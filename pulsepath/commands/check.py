@@ -55,11 +55,12 @@ def check(source: InputRequest, dumped: Path | None, force: bool, as_json: bool)
     with inputs.tell_lines():
         result = planner.check(inputs.program, inputs.machine)
     violations = result.violations
-    inputs.tell_line(*violations)
+    lines = tables.sum_up_violations(violations) if level() < VERBOSE and not as_json else violations
+    inputs.tell_line(*(line for line in lines if not isinstance(line, str)))
     if as_json:
         print_json(record.record_check(result))
     elif violations:
-        say("\n".join(map(str, violations)))
+        say("\n".join(map(str, lines)))
     elif level() == VERBOSE:
         tables.show(tables.list_tables(result))
     else:
