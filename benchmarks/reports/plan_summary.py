@@ -69,9 +69,8 @@ def list_headline(report: PlanReport) -> Iterator[Headline]:
     yield Headline("Pulses", group_digits(count_pulses(plan)), texts[checked], checked)
     stops = plan.avoidable_stops
     if stops is not None and stops.count:
-        cost = f"they cost {stops.describe_cost()}; to avoid them: {stops.remedy}"
-        count = group_digits(stops.count)
-        yield Headline("Stops that nobody asked for", count, (cost,), wide=True)
+        saving = f"{stops.describe_saving()}; to pass them: {stops.remedy}"
+        yield Headline("Avoidable stops", group_digits(stops.count), (saving,), wide=True)
 
 
 def list_counts(plan: Plan | PlanStanding) -> list[tuple[int, int]]:
