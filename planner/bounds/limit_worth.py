@@ -174,12 +174,11 @@ class Worth(Result):
         if every is not None:
             texts.append(self._describe_row(every))
         if one is not None:
-            alone = "of one axis alone, " if texts else ""
-            texts.append(alone + self._describe_row(one))
-        return "; ".join(texts)
+            texts.append(self._describe_row(one, " alone" if texts else ""))
+        return f"saves {', '.join(texts)}"
 
-    def _describe_row(self, row: int) -> str:
-        return f"{call(self.limits[row], self.axes[row])}, {_format_ms(self.saved[row])} ms"
+    def _describe_row(self, row: int, alone: str = "") -> str:
+        return f"{_format_ms(self.saved[row])} ms ({call(self.limits[row], self.axes[row])}{alone})"
 
     def _find_most(self) -> tuple[int | None, int | None]:
         """Return the row of the axis that saves most, and that of all axes if they save more."""
