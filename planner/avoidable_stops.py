@@ -135,9 +135,9 @@ def propose_remedy(program: Program, tolerance: float) -> str:
         return f"G64 P{1e3 * tolerance:g} (mm) in place of {program.join_word}"
     if not program.file:
         return f'--fit "{length}" or --blend "{length}"'
-    key = f'join = {{ blend = "{length}" }}'
+    key = f'join = {{ blend = "{length}" }} in each [[segment]] before one'
     # --fit would pass the stops that the program asks for, too
-    return f"{key} there" if _states_stops(program) else f'--fit "{length}" or {key}'
+    return key if _states_stops(program) else f'--fit "{length}" or {key}'
 
 
 def _states_stops(program: Program) -> bool:

@@ -213,11 +213,12 @@ def test_a_program_file_is_told_its_key_and_the_option_only_where_that_keeps_its
     file.write_text(head + "".join(lines))
     plain = check(load_program(file), "cartesian").avoidable
     assert plain.count == 3
-    assert plain.remedy == '--fit "0.005 mm" or join = { blend = "0.005 mm" }'  # a thousandth of the short path
+    key = 'join = { blend = "0.005 mm" } in each [[segment]] before one'
+    assert plain.remedy == f'--fit "0.005 mm" or {key}'  # a thousandth of the short path
     file.write_text(head + "".join([lines[0] + 'join = "stop"\n', *lines[1:]]))
     stated = check(load_program(file), "cartesian").avoidable
     assert stated.count == 2
-    assert stated.remedy == 'join = { blend = "0.005 mm" } there'
+    assert stated.remedy == key
 
 
 def test_a_plan_in_parts_counts_the_same_stops_at_about_the_same_cost():
