@@ -135,7 +135,7 @@ def propose_remedy(program: Program, tolerance: float) -> str:
         return f"G64 P{1e3 * tolerance:g} (mm) in place of {program.join_word}"
     if not program.file:
         return f'--fit "{length}" or --blend "{length}"'
-    key = f'join = {{ blend = "{length}" }} in each [[segment]] before one'
+    key = f'join = {{ blend = "{length}" }} under each [[segment]] that ends there'
     # --fit would pass the stops that the program asks for, too
     return key if _states_stops(program) else f'--fit "{length}" or {key}'
 

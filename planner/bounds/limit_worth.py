@@ -230,9 +230,9 @@ class Worth(Result):
             yield f"rough: the limits make up {100 * self.explained:.1f} % of the duration"
         if (self.saved[rows] < self.together[rows] * (1 - TIE)).any():
             yield (
-                "with all active limits raised: where others hold the motion back at the same "
-                "place, one alone saves little; this is its part in what is saved there if all "
-                "that bind there are raised"
+                "with all active limits raised: where several limits are active at one place, "
+                "raising one alone saves little; this is its share of the time that raising all "
+                "of them saves"
             )
 
 

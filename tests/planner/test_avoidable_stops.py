@@ -213,7 +213,7 @@ def test_a_program_file_is_told_its_key_and_the_option_only_where_that_keeps_its
     file.write_text(head + "".join(lines))
     plain = check(load_program(file), "cartesian").avoidable
     assert plain.count == 3
-    key = 'join = { blend = "0.005 mm" } in each [[segment]] before one'
+    key = 'join = { blend = "0.005 mm" } under each [[segment]] that ends there'
     assert plain.remedy == f'--fit "0.005 mm" or {key}'  # a thousandth of the short path
     file.write_text(head + "".join([lines[0] + 'join = "stop"\n', *lines[1:]]))
     stated = check(load_program(file), "cartesian").avoidable
