@@ -48,12 +48,12 @@ BISECTIONS = 10
 UNIT_SHARE = 0.1
 # Factors between units of length, the likely mistakes first, and what to state if it was one.
 UNIT_FACTORS = {
-    25.4: 'multiplied by 25.4, the path fits: if the program is in inches, state length = "in"',
-    1 / 25.4: 'divided by 25.4, the path fits: if it is in mm but read as inches, state length = "mm"',
-    10.0: 'multiplied by 10, the path fits: if the program is in cm, state length = "cm"',
-    0.1: 'divided by 10, the path fits: if it is in mm but read as cm, state length = "mm"',
-    1e3: 'multiplied by 1000, the path fits: if the program is in m, state length = "m"',
-    1e-3: 'divided by 1000, the path fits: if it is in mm but read as m, state length = "mm"',
+    25.4: ("multiplied by 25.4", 'the program is in inches, state length = "in"'),
+    1 / 25.4: ("divided by 25.4", 'it is in mm but read as inches, state length = "mm"'),
+    10.0: ("multiplied by 10", 'the program is in cm, state length = "cm"'),
+    0.1: ("divided by 10", 'it is in mm but read as cm, state length = "mm"'),
+    1e3: ("multiplied by 1000", 'the program is in m, state length = "m"'),
+    1e-3: ("divided by 1000", 'it is in mm but read as m, state length = "mm"'),
 }
 SMALLER_FACTORS = (0.5, 0.2, 2.0, 5.0)
 # A size that fits but cannot be proved is increased by this share, at most MAX_EXTRA_STEPS times.
@@ -94,7 +94,7 @@ class Remedy:
 
     def __str__(self) -> str:
         if self.unit:
-            return f"with every coordinate {self.unit}"
+            return self.unit
         ways = []
         if self.scale is not None:
             ways.append(f"scaled to <= {self.scale * 100:.1f} % about its start")
@@ -132,7 +132,8 @@ def find_remedy(program: Program, machine: Machine, order: int) -> Remedy:
     costly = scale is not None and any(isinstance(segment, Curve) for segment in program.segments)
     movable = not costly and (program.start is not None or states_destination(program))
     move = search.find_shortest_move(program) if movable else None
-    unit = search.suspect_unit(program) if move is None and (scale is None or scale < UNIT_SHARE) else ""
+    misfit = move is None and (scale is None or scale < UNIT_SHARE)
+    unit = search.suspect_unit(program) if misfit else ""
     late = perf_counter() > search.until
     home = _describe_excess(machine, machine.home)
     if "travel" in home and machine.lengths:
@@ -193,14 +194,17 @@ class _Search:
         return self._prove([size for size in sizes if size > 0], change, halve)
 
     def suspect_unit(self, program: Program) -> str:
-        """Return the remedy for the first unit of length in which the program fits; "" for none, and
-        where a factor fits that is nearer to 1 than those of units.
+        """Return the remedy for the first unit of length in which the program fits; "" for none.
+
+        Where a factor fits that is nearer to 1 than those of units, no unit is suspected.
         """
         change = partial(rescale_program, program)
         if any(self._fits(change, size) for size in SMALLER_FACTORS):
             return ""
-        fitting = (text for size, text in UNIT_FACTORS.items() if self._fits(change, size, prove=True))
-        return next(fitting, "")
+        for size, (changed, meant) in UNIT_FACTORS.items():
+            if self._fits(change, size, prove=True):
+                return f"with every coordinate {changed}, the path fits: if {meant}"
+        return ""
 
     def find_shortest_move(self, program: Program) -> tuple[float, str] | None:
         """Return the least move (m) along an axis that fits, and its direction."""

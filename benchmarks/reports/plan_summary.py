@@ -182,22 +182,22 @@ def _describe_saving(plan: Plan, classical: Classical) -> Row:
 
 
 def _describe_limits(certificate: Certificate, lowered: Collection[str]) -> Row:
-    """Describe the limits that the motion reaches: geometric ones do not count, as home may be at their end.
+    """Describe the limits that the motion reaches: geometric ones do not count, as at home.
 
     lowered: limits that were lowered for input shapers.
     """
     geometric = geometric_limits()
-    reached = [
+    active = [
         f"{name} ({certificate.where[name].axis})"
         for name, share in certificate.worst.items()
         if (share > REACHED or name in lowered) and name not in geometric
     ]
     proved = f"{len(certificate.worst)} proved at every instant"
-    return Row("limits", f"{proved}; reached: {', '.join(reached) or 'none'}")
+    return Row("limits", f"{proved}; reached: {', '.join(active) or 'none'}")
 
 
 def _describe_unchecked(plan: Plan | PlanStanding) -> Row:
-    """Describe the limits that the machine's file leaves out, and the collisions that no file states."""
+    """Describe the limits that the machine leaves out, and the collisions that no file states."""
     limits = plan.certificate.worst
     bodies = plan.machine.bodies
     others = ["tool", "workpiece", "surroundings"]

@@ -36,13 +36,14 @@ def _doubt_axis(axis: Axis) -> Iterator[str]:
     acceleration = max(directional_bounds(axis.max_acceleration))
     way = speed**2 / acceleration if isfinite(speed) and isfinite(acceleration) else 0.0
     stated = f"max_speed {scale * speed:.6g} {unit}/s"
+    remedy = "check the units of both limits"
     if way > MOST_TRAVELS * travel:
         yield (
-            f"{stated} takes {scale * way:.3g} {unit} to attain and to stop from at max_acceleration, "
-            f"and the travel is {scale * travel:.6g} {unit}: check the units of both limits"
+            f"{stated} takes {scale * way:.3g} {unit} to attain and to stop from "
+            f"at max_acceleration, and the travel is {scale * travel:.6g} {unit}: {remedy}"
         )
     if 0 < way / 2 < axis.pulse:
-        yield f"{stated} is attained within one pulse at max_acceleration: check the units of both limits"
+        yield f"{stated} is attained within one pulse at max_acceleration: {remedy}"
     if axis.pulse > travel / LEAST_PULSES:
         yield (
             f"the travel of {scale * travel:.6g} {unit} has {travel / axis.pulse:.3g} pulses "

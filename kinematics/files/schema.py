@@ -211,14 +211,17 @@ def build(document: Document, model: type[Model], *rules: Rule, plain: Mapping[s
     try:
         made = model.model_validate(document.data, context=plain)
     except ValidationError as error:
-        faults += [document.fault(e["loc"], _hint_place(e["loc"], BadValue(**e["ctx"]), model)) for e in error.errors()]
+        for fault in error.errors():
+            place = fault["loc"]
+            hinted = _hint_place(place, BadValue(**fault["ctx"]), model)
+            faults.append(document.fault(place, hinted))
     if faults:
         raise FileError(document.file, sorted(faults, key=lambda fault: fault.line or 0))
     return made
 
 
 def _hint_place(key: Key, error: BadValue, model: type[File]) -> BadValue:
-    """Return the error of an unknown key, with the place where it belongs; other errors unchanged."""
+    """Return the error of an unknown key with the place where it belongs, others unchanged."""
     if not str(error).startswith(_UNKNOWN):
         return error
     top = {field.alias or name for name, field in model.model_fields.items()}
@@ -228,7 +231,8 @@ def _hint_place(key: Key, error: BadValue, model: type[File]) -> BadValue:
     if table is not None and not inside:
         message = f"{_UNKNOWN} here: it belongs in a line of its own under {table}"
     elif len(key) > 1 and key[-1] in top:
-        message = f"{_UNKNOWN} in this table: it belongs at the top of the file, above the first [table]"
+        belongs = "it belongs at the top of the file, above the first [table]"
+        message = f"{_UNKNOWN} in this table: {belongs}"
     else:
         return error
     return BadValue(message, allowed=error.allowed, nearest=error.nearest)

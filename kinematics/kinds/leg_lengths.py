@@ -81,7 +81,7 @@ def refuse_unreachable_home(
 
 
 def find_swapped_legs(machine: Legged) -> str:
-    """Return a message that names two legs whose joints are likely swapped in one list; "" for none."""
+    """Return a message that names two legs whose joints are likely swapped; "" for none."""
     ends = machine.home.apply(np.array(machine.platform))
     between = np.linalg.norm(ends[None] - machine.base[:, None], axis=2)
     lengths = between.diagonal()
@@ -92,11 +92,12 @@ def find_swapped_legs(machine: Legged) -> str:
         exchanged = lengths.copy()
         exchanged[[one, other]] = between[one, other], between[other, one]
         if np.ptp(exchanged) < spread / EQUALIZED:
-            names = machine.axes[one].name, machine.axes[other].name
+            first, second = (machine.axes[leg].name for leg in (one, other))
+            stated = [describe(length, "mm") for length in (lengths[one], lengths[other])]
+            extremes = [describe(length, "mm") for length in (exchanged.min(), exchanged.max())]
             return (
-                f"{names[0]} and {names[1]} are {describe(lengths[one], 'mm')} and "
-                f"{describe(lengths[other], 'mm')} long at home. With their platform joints exchanged, all legs "
-                f"would be {describe(exchanged.min(), 'mm')} to {describe(exchanged.max(), 'mm')} long: "
+                f"{first} and {second} are {stated[0]} and {stated[1]} long at home. With their "
+                f"platform joints exchanged, all legs would be {extremes[0]} to {extremes[1]} long: "
                 "check whether their rows are swapped in one of the lists"
             )
     return ""
@@ -106,8 +107,8 @@ def _suspect_order(machine: Legged, count: int) -> str:
     """Return a remedy if some legs reach home: a wrong height would leave out all alike."""
     if count == machine.legs:
         return ""
-    swapped = find_swapped_legs(machine) or "two rows may be swapped, so check the order of the legs first"
-    return f"the others do: {swapped}; else "
+    order = "two rows may be swapped, so check the order of the legs first"
+    return f"the others do: {find_swapped_legs(machine) or order}; else "
 
 
 def _suggest_height(machine: Legged) -> str:

@@ -190,7 +190,7 @@ class PathStep:
     wait    s of rest before it; of a path's first piece alone
     blend   what became of the join at its end, where that asks for one
     fitted  the curve that ends with it
-    avoidable  whether the stop at its end is avoidable: nothing states it, and the join is not smooth enough
+    avoidable  whether a stop at its end is not stated: the join is not smooth enough
     overshoot  how far the spline that ends with it leaves its polygon
     """
 

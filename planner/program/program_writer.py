@@ -208,7 +208,7 @@ def program_starter(
     lines = [f"# A program with {segments}: replace them by yours."]
     if short:
         more = (
-            "# Further lines under [[segment]] may limit its speed and round the corner at its end:",
+            "# Further lines under [[segment]] limit its speed and round the corner at its end:",
             '# speed = "20 mm/s"',
             '# join = { blend = "0.05 mm" }',
             "# All keys, with tool, triggers and other segments: pulsepath init all-keys --all",

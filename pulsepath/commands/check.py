@@ -1,10 +1,12 @@
 """`pulsepath check`: limits that slowing down cannot fix: reach, travel, tilt, clearance."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import click
 
+from kinematics.foundation.errors import MotionError
 from pulsepath.command_group import ProgramCommand
 from pulsepath.commands.common import print_json
 from pulsepath.options import (
@@ -55,7 +57,9 @@ def check(source: InputRequest, dumped: Path | None, force: bool, as_json: bool)
     with inputs.tell_lines():
         result = planner.check(inputs.program, inputs.machine)
     violations = result.violations
-    lines = tables.sum_up_violations(violations) if level() < VERBOSE and not as_json else violations
+    lines: Sequence[MotionError | str] = violations
+    if level() < VERBOSE and not as_json:
+        lines = tables.sum_up_violations(violations)
     inputs.tell_line(*(line for line in lines if not isinstance(line, str)))
     if as_json:
         print_json(record.record_check(result))

@@ -103,7 +103,7 @@ def sum_up_check(standing: Standing) -> list[Table]:
 
 
 def sum_up_violations(violations: Sequence[MotionError]) -> list[MotionError | str]:
-    """Return the worst violation of each limit, and a line each on the axes and segments of the others."""
+    """Return the worst violation of each limit, and a line each on the others."""
     from kinematics.foundation.names import count_noun
     from planner.place import Infeasible
 
