@@ -82,7 +82,8 @@ def refuse_unreachable_home(
 
 def find_swapped_legs(machine: Legged) -> str:
     """Return a message that names two legs whose joints are likely swapped; "" for none."""
-    ends = machine.home.apply(np.array(machine.platform))
+    home = machine.home_numbers[0]
+    ends = home[:3] + machine.platform @ home[3:].reshape(3, 3).T
     between = np.linalg.norm(ends[None] - machine.base[:, None], axis=2)
     lengths = between.diagonal()
     spread = np.ptp(lengths)
