@@ -105,7 +105,8 @@ class Remedy:
         if ways:
             return f"the path fits the machine {', or '.join(ways)}"
         if self.home:
-            return f"the machine already exceeds a limit at home ({self.home}): correct its geometry, home or limits"
+            wrong = f"the machine already exceeds a limit at home ({self.home})"
+            return f"{wrong}: correct its geometry, home, limits or units"
         if self.start:
             return f"the start of the program already exceeds a limit ({self.start}): change start"
         if self.late:

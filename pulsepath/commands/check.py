@@ -31,9 +31,9 @@ def check(source: InputRequest, dumped: Path | None, force: bool, as_json: bool)
     """Check limits that slowing down cannot fix, or a plan.
 
     These are reach, travel, tilt and clearance. Shows the worst violation of each limit along the
-    path of PROGRAM (-v lists all) or, without any, how close the path comes to each limit. If PROGRAM is the directory of a plan,
-    verifies the digests of its files, proves its motion again and checks its file of pulses against
-    it.
+    path of PROGRAM (-v lists all) or, without any, how close the path comes to each limit. If
+    PROGRAM is the directory of a plan, verifies the digests of its files, proves its motion again
+    and checks its file of pulses against it.
 
     Example: pulsepath check circle --machine hexapod
     """

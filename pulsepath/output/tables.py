@@ -26,6 +26,10 @@ if TYPE_CHECKING:
     from planner.sources.position_list import PositionList
 
 
+# Axes, or pairs of bodies, that the summary of a check names.
+MOST_AXES = 8
+
+
 def show(tables: Iterable[Table]) -> None:
     """Print tables."""
     draw(map(lay_out, tables))
@@ -116,10 +120,12 @@ def sum_up_violations(violations: Sequence[MotionError]) -> list[MotionError | s
         lines.append(alike[0])
         if len(alike) == 1:
             continue
-        axes = ", ".join(sorted({each.axis for each in alike if isinstance(each, Infeasible)}))
+        axes = sorted({each.axis for each in alike if isinstance(each, Infeasible)})
+        if len(axes) > MOST_AXES:
+            axes[MOST_AXES:] = [f"{len(axes) - MOST_AXES} more"]
         segments = {each.segment for each in alike if each.segment is not None}
         where = f"{count_noun(len(segments), 'segment')}, first in segment {min(segments)}"
-        lines.append(f"{limit}: {len(alike)} violations, at {axes}, in {where}; -v lists them")
+        lines.append(f"{limit}: {len(alike)} violations, at {', '.join(axes)}, in {where}; -v lists them")
     return lines
 
 
