@@ -121,12 +121,13 @@ def refine_nodes(
     return sample_nodes(trajectory, span, np.unique(np.append(t, nodes.t[-1])))
 
 
-def guess_motion(trajectory: Trajectory, nodes: Nodes, length: float, time: float) -> Array:
+def guess_motion(trajectory: Trajectory, nodes: Nodes) -> Array:
     """Return a, b, c of a slightly slower motion at both ends of each cell (M, 2, 3).
 
-    Units are `length` and `time`. An end at rest takes the state of a place inside its cell.
+    An end at rest takes the state of a place inside its cell.
     """
-    mean = np.diff(nodes.s) / np.maximum(np.diff(nodes.t), 1e-15 * time)
+    took = nodes.t[-1] - nodes.t[0]
+    mean = np.diff(nodes.s) / np.maximum(np.diff(nodes.t), 1e-15 * took)
     ends = np.stack([nodes.t[:-1], nodes.t[1:]], 1)
     rests = np.stack([nodes.a[:-1], nodes.a[1:]], 1) < 1e-6 * mean[:, None] ** 2
     instants = np.where(rests, INSIDE * ends[:, ::-1] + (1 - INSIDE) * ends, ends)
@@ -134,7 +135,5 @@ def guess_motion(trajectory: Trajectory, nodes: Nodes, length: float, time: floa
     k = np.repeat(trajectory.locate(ends.mean(1))[:, None], 2, 1)
     tau = np.clip(instants - trajectory.knots[k], 0.0, np.diff(trajectory.knots)[k])
     _, v, b = trajectory.advance(k, tau)
-    v = np.maximum(v, 0.05 * mean[:, None]) * SLOWER * time / length
-    b = SLOWER**2 * b * time**2 / length
-    c = SLOWER**3 * trajectory.j[k] * time**3 / length / v
-    return np.stack([v**2, b, c], -1)
+    v = np.maximum(v, 0.05 * mean[:, None]) * SLOWER
+    return np.stack([v**2, SLOWER**2 * b, SLOWER**3 * trajectory.j[k] / v], -1)

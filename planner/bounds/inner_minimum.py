@@ -177,4 +177,4 @@ def fill_sets(rows: RowCells, trial: Trial, chosen: Ints1) -> None:
                 solve_inner(program, 2 * reach, trial.rows[k, n + 1, side])
                 # the speed row pays above the motion's a only
                 share = 0.0 if NEAR[n] < 0.9 else (1.0 if NEAR[n] < 1.03 else 2.0)
-                trial.speed[k, n + 1, side] = share * trial.speed[k, 0, side]
+                trial.speed[k, n + 1, side, 0] = share * trial.speed[k, 0, side, 0]
