@@ -42,7 +42,7 @@ class Nodes:
 
 def place_nodes(trajectory: Trajectory, span: Span) -> Nodes:
     """Return nodes at the motion's knots, and more near rests."""
-    knots = trajectory.knots[span.pieces[0] : span.pieces[-1] + 2]
+    knots = span.knots
     begin = knots[0]
     end = knots[-1]
     took = end - begin
@@ -94,7 +94,13 @@ def thin_nodes(nodes: Nodes, most: int) -> Nodes:
         return nodes
     breaks = np.flatnonzero(np.diff(nodes.piece)) + 1
     ends = np.union1d(np.linspace(0, count, most + 1).round().astype(int), breaks)
-    return Nodes(nodes.s[ends], nodes.a[ends], nodes.b[ends], nodes.t[ends], nodes.piece[ends[:-1]])
+    return Nodes(
+        nodes.s[ends],
+        nodes.a[ends],
+        nodes.b[ends],
+        nodes.t[ends],
+        nodes.piece[ends[:-1]],
+    )
 
 
 def refine_nodes(

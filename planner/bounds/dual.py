@@ -31,7 +31,13 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import LinAlgError, solve_banded
 
 from kinematics.foundation.arrays import Array
-from kinematics.foundation.kernels import Flags2, Floats1, Floats2, Floats3, kernel
+from kinematics.foundation.kernels import (
+    Flags2,
+    Floats1,
+    Floats2,
+    Floats3,
+    kernel,
+)
 from planner.bounds.lower_bound import RowCells
 
 MAX_ITERATIONS = 80
@@ -337,19 +343,27 @@ def find_step(
             alpha_s = min(alpha_s, -0.9 * a / da)
         elif da > 3 * a:
             alpha_s = min(alpha_s, 3 * a / da)
+        b = x[k, 1] + dx[k, 1]
+        c = x[k, 2] + dx[k, 2]
         share = rows.root[k] / np.sqrt(a)
         for r in range(s.shape[1]):
             if not rows.exists[k, r]:
                 continue
             g = rows.slope[k, r]
-            h = g[0] * (a + da) + g[1] * (x[k, 1] + dx[k, 1]) + g[2] * (x[k, 2] + dx[k, 2])
-            h += 0.5 * share / a * da - share if half <= r < 2 * half else -1.0
-            ds[k, r] = -h - s[k, r]
-            dz[k, r] = (goal[k] - z[k, r] * (s[k, r] + ds[k, r])) / s[k, r]
-            if ds[k, r] < 0:
-                alpha_s = min(alpha_s, -TO_BOUNDARY * s[k, r] / ds[k, r])
-            if dz[k, r] < 0:
-                alpha_z = min(alpha_z, -TO_BOUNDARY * z[k, r] / dz[k, r])
+            slack = s[k, r]
+            h = g[0] * (a + da) + g[1] * b + g[2] * c
+            if half <= r < 2 * half:  # jerk
+                h += 0.5 * share / a * da - share
+            else:
+                h -= 1.0
+            step_s = -h - slack
+            step_z = (goal[k] - z[k, r] * (slack + step_s)) / slack
+            if step_s < 0:
+                alpha_s = min(alpha_s, -TO_BOUNDARY * slack / step_s)
+            if step_z < 0:
+                alpha_z = min(alpha_z, -TO_BOUNDARY * z[k, r] / step_z)
+            ds[k, r] = step_s
+            dz[k, r] = step_z
     return alpha_s, alpha_z
 
 

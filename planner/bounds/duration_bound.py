@@ -14,7 +14,13 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from planner.bounds.lower_bound import find_left_out
-from planner.bounds.span_bound import Case, SpanBound, bound_span, bound_span_quickly, join_bounds
+from planner.bounds.span_bound import (
+    Case,
+    SpanBound,
+    bound_span,
+    bound_span_quickly,
+    join_bounds,
+)
 from planner.bounds.spans import Span, split_run
 from planner.limits.limit import Limit, Term
 from planner.path.actuation import ActuatorPath
@@ -143,7 +149,14 @@ def _move_alike(trajectory: Trajectory, one: Ends, other: Ends) -> bool:
     for ends in (one, other):
         part = slice(*np.searchsorted(trajectory.piece, ends))
         durations = np.diff(trajectory.knots[part.start : part.stop + 1])
-        motion = np.stack([trajectory.v[part], trajectory.a[part], trajectory.j[part], durations])
+        motion = np.stack(
+            [
+                trajectory.v[part],
+                trajectory.a[part],
+                trajectory.j[part],
+                durations,
+            ]
+        )
         motions.append(motion[:, motion[:3].any(0)])
     first, second = motions
     if first.shape != second.shape or not np.array_equal(first[:3], second[:3]):

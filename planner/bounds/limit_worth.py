@@ -23,7 +23,11 @@ from planner.bounds.worth import PER_CENT
 from planner.certificate.certify import Certificate
 from planner.limits.limit import Limit, Term, select_timed
 from planner.limits.tool import ToolSpeed
-from planner.path.actuation import ActuatorPath, has_constant_speed, make_points
+from planner.path.actuation import (
+    ActuatorPath,
+    has_constant_speed,
+    make_points,
+)
 from planner.timing.certified_solve import Solution, certified_solve
 from planner.trajectory import Trajectory
 
@@ -74,7 +78,12 @@ class LimitChange(Result):
         """Return the saving, next to its prediction."""
         after = self.solution.trajectory.duration
         times = [after + self.saved, after, self.saved, self.predicted]
-        names = ["duration", "duration, changed", "saved", "saved, predicted to first order"]
+        names = [
+            "duration",
+            "duration, changed",
+            "saved",
+            "saved, predicted to first order",
+        ]
         title = f"{call(self.limit, self.axis)}, {100 * self.by:+g} %"
         columns = (
             Column("what", names),
@@ -123,7 +132,10 @@ class Worth(Result):
         """Return the saving (s) of a limit, NaN if unknown. Raise MotionError for a wrong name."""
         *_, axis = self._find(limit, axis)
         rows = zip(self.limits, self.axes, self.saved.tolist(), strict=True)
-        return next((saved for *name, saved in rows if name == [limit, axis]), np.nan)
+        return next(
+            (saved for *name, saved in rows if name == [limit, axis]),
+            np.nan,
+        )
 
     @check_arguments()
     def replan(self, limit: str, axis: str = ALL, by: float = 0.2) -> LimitChange:
@@ -235,7 +247,13 @@ class Worth(Result):
             Column("limit", [self.limits[k] for k in first]),
             Column("axis", axes),
             Column("saved", saved, "s", "milli", form=".4f"),
-            Column("with all active limits raised", together, "s", "milli", form=".4f"),
+            Column(
+                "with all active limits raised",
+                together,
+                "s",
+                "milli",
+                form=".4f",
+            ),
         )
         title = "time saved by raising a limit by 1 %, to first order"
         return (Table(title, columns, tuple(self._notes())),)

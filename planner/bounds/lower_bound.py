@@ -31,7 +31,7 @@ from kinematics.foundation.kernels import (
     kernel,
 )
 from kinematics.foundation.taylor_model import EPS, Series
-from planner.certificate.enclosure import PLACE_ROUNDING, Enclosure
+from planner.certificate.enclosure import PLACE_ROUNDING, Enclosure, cover_places, split_series
 from planner.limits.axis import Acceleration, Jerk, PulseRate, Speed
 from planner.limits.limit import AxisLimit, Limit, select_timed
 from planner.limits.tool import AngularSpeed, ToolLimit, ToolSpeed
@@ -106,12 +106,15 @@ def enclose_rows(
     half = np.maximum(width / 2, (last - first) * LEAST_HALF) * (1 + 8 * EPS)
     highest = np.maximum(last - half, first + half)
     centre = np.clip((nodes[1:] + nodes[:-1]) / 2, first + half, highest)
-    mid = np.tile(np.stack([centre, half]), 2)
-    rad = np.zeros((2, 2 * count))
-    rad[0, count:] = half * (1 + 16 * EPS)
+    places = cover_places(centre, half, PATH_ORDER)
     # equal runs share a bound, and the breaks of each are rounded differently
-    rad[0] += PLACE_ROUNDING * np.abs(path.breaks[[0, -1]]).max()
-    along = Enclosure(path, Series(mid, rad, PATH_ORDER), np.tile(1 / half, 2)[:, None], piece)
+    places.rad[0] += PLACE_ROUNDING * np.abs(path.breaks[[0, -1]]).max()
+    along = Enclosure(
+        path,
+        places,
+        np.tile(1 / half, 2)[:, None],
+        piece,
+    )
     within = (np.stack([nodes[:-1], nodes[1:]]) - centre) / half
     derivatives = [_end_values(each, within) for each in (along.qd, along.qdd, along.qddd)]
     ends, off = (np.stack(each, -2) for each in zip(*derivatives, strict=True))
@@ -136,15 +139,11 @@ def enclose_rows(
 
 def _end_values(series: Series, within: Array) -> tuple[Array, Array]:
     """Return values (2, M, m) at both ends of cells, τ (2, M), and the error of their chord."""
-    count = within.shape[1]
-    full = series.pad(series.order)
-    polynomial = full.mid[:-1, :count]
+    polynomial, errors = split_series(series, within.shape[1])
     sizes = np.abs(polynomial)
-    remainder = np.abs(full.mid[-1, count:]) + full.rad[-1, count:]
-    radii = np.concatenate([full.rad[:-1, :count], remainder[None]])
     low, high = within[..., None]
     reach = np.maximum(np.abs(low), np.abs(high))
-    error = polyval(reach, radii, tensor=False)
+    error = polyval(reach, errors, tensor=False)
     size = polyval(reach, sizes, tensor=False)
     # a function leaves its chord by at most h²/8 |f″|; the error counts at the ends and in between
     chord = polyval(reach, polyder(sizes, 2), tensor=False) * (high - low) ** 2 / 8
@@ -174,7 +173,11 @@ def _add_speed(
     if isinstance(limit, AxisLimit):
         ends, error = _end_values(value, within)
         forwards = (ends.sum(0) >= 0) | ~np.isfinite(ends.sum(0))
-        definite = np.where(forwards, np.minimum(*ends) - error > 0, np.maximum(*ends) + error < 0)
+        definite = np.where(
+            forwards,
+            np.minimum(*ends) - error > 0,
+            np.maximum(*ends) + error < 0,
+        )
         cap = np.where(forwards, limit.bounds, limit.below)
         cap = np.where(definite, cap, np.maximum(limit.bounds, limit.below))
         square = value * value
@@ -220,8 +223,18 @@ def least_over(g: float, p: float, low: float, high: float) -> float:
     if g > 0 and p > 0:
         a = (g / (2 * p)) ** (2 / 3)
         if low < a < high:
-            best = min(best, 3 * (g / 2) ** (2 / 3) * p ** (1 / 3) * (1 - ROUNDINGS))
+            best = min(
+                best,
+                3 * (g / 2) ** (2 / 3) * p ** (1 / 3) * (1 - ROUNDINGS),
+            )
     return best
+
+
+@kernel
+def larger(q: Strided2, i: int) -> float:
+    """Return the larger size of two numbers q (2, n) of axis i, as at both ends of a cell."""
+    size: float = max(abs(q[0, i]), abs(q[1, i]))
+    return size
 
 
 @kernel
@@ -232,12 +245,12 @@ def add_products(factor: float, m: Floats2, q: Strided2, off: Floats1, out: Floa
     leaves its chord by at most a quarter of the product of their changes.
     """
     for i in range(q.shape[1]):
-        most = factor * max(abs(m[0, i]), abs(m[1, i]))
+        most = factor * larger(m, i)
         out[0] += factor * m[0, i] * q[0, i]
         out[1] += factor * m[1, i] * q[1, i]
         out[2] += factor * (m[1, i] - m[0, i]) * (q[1, i] - q[0, i]) / 4
         out[3] += most * off[i]
-        out[4] += most * max(abs(q[0, i]), abs(q[1, i]))
+        out[4] += most * larger(q, i)
 
 
 @kernel
@@ -256,12 +269,6 @@ def sum_costs(m: Strided1, bounds: Floats2) -> float:
 
 
 @kernel
-def bound_size(q: Strided2, off: Floats1, axis: int) -> float:
-    """Return the largest |q| of an axis over a cell, with q (2, n) at its ends."""
-    return max(abs(q[0, axis]), abs(q[1, axis])) + off[axis]
-
-
-@kernel
 def cancel(m: Floats2, q: Strided2, off: Floats1, bounds: Floats2, out: Floats1) -> tuple[int, float]:
     """Add Σ m q′ to the sum `out` of `add_products`, with m of one axis such that both ends are 0.
 
@@ -270,13 +277,14 @@ def cancel(m: Floats2, q: Strided2, off: Floats1, bounds: Floats2, out: Floats1)
     ∞ if no axis surely moves.
     """
     mover = -1
-    most = 0.0
+    most = near = 0.0
     for i in range(q.shape[1]):
         least = min(abs(q[0, i]), abs(q[1, i])) - off[i]
-        use = least / max(bounds[0, i], bounds[1, i])
+        use = least / larger(bounds, i)
         if q[0, i] * q[1, i] > 0 and use > most:
             mover = i
             most = use
+            near = least
     if mover >= 0:
         for e in range(2):
             total = out[e]
@@ -284,13 +292,13 @@ def cancel(m: Floats2, q: Strided2, off: Floats1, bounds: Floats2, out: Floats1)
                 total += m[e, i] * q[e, i]
             m[e, mover] -= total / q[e, mover]
     add_products(1.0, m, q, off, out)
-    rest = max(abs(out[0]), abs(out[1])) + abs(out[2]) + out[3]
-    rest = (rest + ROUNDINGS * (out[4] + abs(out[2]))) * (1 + ROUNDINGS)
+    bulge = abs(out[2])
+    rest = max(abs(out[0]), abs(out[1])) + bulge + out[3]
+    rest = (rest + ROUNDINGS * (out[4] + bulge)) * (1 + ROUNDINGS)
     if rest == 0.0:
         return 0, 0.0
     if mover < 0:
         return 0, np.inf
-    near = min(abs(q[0, mover]), abs(q[1, mover])) - off[mover]
     return mover, rest / near * (1 + ROUNDINGS)
 
 
@@ -306,6 +314,8 @@ def sum_rows(rows: RowCells, trial: Trial, k: int, n: int, out: Floats2) -> None
     lambda_a = trial.nodes[k : k + 2, 0]
     lambda_b = trial.nodes[k : k + 2, 1]
     bulge = trial.bulge[k]
+    slope_a = (lambda_a[1] - lambda_a[0]) / h
+    slope_b = (lambda_b[1] - lambda_b[0]) / h
     nu = np.zeros((2, q.shape[2]))
     mu = np.zeros((2, q.shape[2]))
     r = np.zeros(5)
@@ -316,8 +326,8 @@ def sum_rows(rows: RowCells, trial: Trial, k: int, n: int, out: Floats2) -> None
             nu[e, i] = trial.rows[k, n, e, 0, i]
             mu[e, i] = trial.rows[k, n, e, 1, i]
         r[e] = lambda_b[e]
-        rho[e] = 2 * lambda_a[e] + (lambda_b[1] - lambda_b[0]) / h + (1.0 - 2.0 * e) * bulge
-        p[e] = (lambda_a[1] - lambda_a[0]) / h
+        rho[e] = 2 * lambda_a[e] + slope_b + (1.0 - 2.0 * e) * bulge
+        p[e] = slope_a
     size_a = max(abs(lambda_a[0]), abs(lambda_a[1]))
     size_b = max(abs(lambda_b[0]), abs(lambda_b[1]))
 
@@ -328,7 +338,7 @@ def sum_rows(rows: RowCells, trial: Trial, k: int, n: int, out: Floats2) -> None
 
     # Q = 2 λa + λb′ + 3 Σ μ q″ + Σ ν q′
     add_products(3.0, mu, q[:, 1], off[1], rho)
-    rho[3] += 3 * more_mu * bound_size(q[:, 1], off[1], mover)
+    rho[3] += 3 * more_mu * (larger(q[:, 1], mover) + off[1, mover])
     rho[4] += 2 * size_a + abs(bulge) + 2 * size_b / h
     first, more_nu = cancel(nu, q[:, 0], off[0], rows.acceleration, rho)
 
@@ -338,11 +348,11 @@ def sum_rows(rows: RowCells, trial: Trial, k: int, n: int, out: Floats2) -> None
     add_products(1.0, nu, q[:, 1], off[1], p)
     add_products(1.0, trial.speed[k, n], rows.speed[k], rows.speed_off[k], p)
     least = -abs(p[2]) - p[3]
-    least -= more_nu * bound_size(q[:, 1], off[1], first)
-    least -= more_mu * bound_size(q[:, 2], off[2], mover)
+    least -= more_nu * (larger(q[:, 1], first) + off[1, first])
+    least -= more_mu * (larger(q[:, 2], mover) + off[2, mover])
 
-    jerk = bound_product(more_mu, max(rows.jerk[0, mover], rows.jerk[1, mover]))
-    acceleration = more_nu * max(rows.acceleration[0, first], rows.acceleration[1, first])
+    jerk = bound_product(more_mu, larger(rows.jerk, mover))
+    acceleration = more_nu * larger(rows.acceleration, first)
     is_finite = True
     for e in range(2):
         g = 1 - jerk - sum_costs(mu[e], rows.jerk)
@@ -383,8 +393,14 @@ def bound_cell(sums: Floats3, about: float, cap: float, out: Floats1) -> None:
             break
         best = first = second = -np.inf
         for n in range(len(sums)):
-            one = add_below(least_over(sums[n, 0, 0], sums[n, 0, 1], low, high), sums[n, 0, 2])
-            two = add_below(least_over(sums[n, 1, 0], sums[n, 1, 1], low, high), sums[n, 1, 2])
+            one = add_below(
+                least_over(sums[n, 0, 0], sums[n, 0, 1], low, high),
+                sums[n, 0, 2],
+            )
+            two = add_below(
+                least_over(sums[n, 1, 0], sums[n, 1, 1], low, high),
+                sums[n, 1, 2],
+            )
             if one + two > best:
                 best = one + two
                 first = one

@@ -71,7 +71,10 @@ def leave_rest(rows: RowCells, side: int, still: int) -> RestDeparture:
         return RestDeparture(
             moves=(np.minimum(first, last) > error) & (way[0] > 0) & (slope[0] > 0),
             time=np.maximum(np.sqrt(2 * way[0] / onward), np.cbrt(6 * way[0] / jerk)),
-            square=np.minimum(2 * onward * way[1], 1.5 * np.cbrt(6 * jerk**2 * way[1] ** 4)),
+            square=np.minimum(
+                2 * onward * way[1],
+                1.5 * np.cbrt(6 * jerk**2 * way[1] ** 4),
+            ),
             speedup=np.minimum(onward, np.cbrt(6 * jerk**2 * way[1])),
             against=against,
             slope=slope,

@@ -14,7 +14,11 @@ import numpy as np
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
-from planner.certificate.constant_speed import CONSTANT_SPEED, prove_speed_deviation
+from planner.certificate.cells import sample_pieces
+from planner.certificate.constant_speed import (
+    CONSTANT_SPEED,
+    prove_speed_deviation,
+)
 from planner.certificate.continuity import find_gaps, find_jumps, place_at
 from planner.certificate.limit_use import (
     ProvedUse,
@@ -30,9 +34,8 @@ from planner.trajectory import Trajectory
 
 CROSSING = "resonance crossing"
 """Name in a certificate: the longest stay of an axis in a band of speed, over the time allowed."""
-# Instants of a time piece at which the place of the largest use is sought. The bound needs none of
-# them.
-SAMPLES = 65
+# Shares of a time piece at which the place of the largest use is sought, which no bound needs.
+PLACES = np.linspace(0.0, 1.0, 65)
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,8 +150,7 @@ def find_place(trajectory: Trajectory, limits: Sequence[Limit], name: str, k: in
 
 def _find_place(trajectory: Trajectory, limit: Limit, k: int) -> Place:
     """Return where in time piece k, and in which channel, a limit is used most."""
-    length = trajectory.knots[k + 1] - trajectory.knots[k]
-    state = trajectory.within(np.full(SAMPLES, k), length * np.linspace(0.0, 1.0, SAMPLES))
+    state = sample_pieces(trajectory, np.array([k]), PLACES)
     use = limit.use_at(state)
     row, channel = np.unravel_index(int(np.argmax(use)), use.shape)
     return place_at(trajectory, float(state.t[row]), limit.channels[int(channel)])

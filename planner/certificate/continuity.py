@@ -255,7 +255,12 @@ def _find_short_rests(trajectory: Trajectory) -> np.ndarray:
         place = path.breaks[stop]
         here = rests[np.abs(trajectory.s[rests] - place) <= allowed]
         if not lengths[here].sum() >= path.dwells[stop] - INSTANT_ROUNDING * trajectory.duration:
-            short[min(int(np.searchsorted(trajectory.s, place)), len(short) - 1)] = True
+            short[
+                min(
+                    int(np.searchsorted(trajectory.s, place)),
+                    len(short) - 1,
+                )
+            ] = True
     return short
 
 

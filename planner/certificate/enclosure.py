@@ -17,7 +17,11 @@ from math import comb
 import numpy as np
 
 from kinematics.analysis.clearance import Bodies
-from kinematics.foundation.arrays import Array, freeze_array, largest_in_rows
+from kinematics.foundation.arrays import (
+    Array,
+    freeze_array,
+    largest_in_rows,
+)
 from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.taylor_model import EPS, Series
 from planner.certificate.cells import Cells
@@ -78,14 +82,17 @@ class MotionEnclosure(ABC):
 
     def tool_rate(self, times: int) -> Series:
         rate = self.pose_rate(times)
-        return rate if self.path.tool is None else self.evaluate(self.path.tool, rate)
+        if self.path.tool is None:
+            return rate
+        return self.evaluate(self.path.tool, rate)
 
     def evaluate(self, expression: Expression, *inputs: Series) -> Series:
         return expression.enclose_columns(*inputs)
 
     def bound_use(self, limit: Limit) -> Array:
         """Return an upper bound (N,) of the share of a limit that is used over each cell."""
-        use = largest_in_rows(limit.use(*self.bound(limit.value(self)), self.piece))
+        low, high = self.bound(limit.value(self))
+        use = largest_in_rows(limit.use(low, high, self.piece))
         return np.where(np.isnan(use), np.inf, use)
 
 
@@ -128,9 +135,8 @@ class Enclosure(MotionEnclosure):
         rates = [np.maximum(*np.abs(self.bound(each))) for each in (first, first.derivative())]
         ends, error = _evaluate_at_ends(self.pose, len(self.piece))
         low, high = bound_distances(bodies, ends, error, rates)
-        middle = (low + high) / 2
-        radius = (high - low) / 2 * (1 + 64 * EPS) + 4 * EPS * np.abs(high)
-        return Series(np.tile(middle, (2, 1))[None], np.tile(radius, (2, 1))[None], 1)
+        middle, radius = make_ball(np.tile(low, (2, 1)), np.tile(high, (2, 1)))
+        return Series(middle[None], radius[None], 1)
 
     def bound(self, values: Series) -> tuple[Array, Array]:
         return bound_series(values, len(self.piece))
@@ -139,8 +145,17 @@ class Enclosure(MotionEnclosure):
 def enclose(trajectory: Trajectory, cells: Cells, order: int) -> Enclosure:
     """Return the motion over cells as series up to τ^order, with t = centre + τ · half width."""
     mid, rad, half = expand_motion(trajectory, cells)
-    s = Series(np.concatenate([mid, mid], 1), np.concatenate([rad, widen(mid, rad)], 1), order)
-    return Enclosure(trajectory.path, s, np.tile(1 / half, 2)[:, None], trajectory.piece[cells.k])
+    s = Series(
+        np.concatenate([mid, mid], 1),
+        np.concatenate([rad, widen(mid, rad)], 1),
+        order,
+    )
+    return Enclosure(
+        trajectory.path,
+        s,
+        np.tile(1 / half, 2)[:, None],
+        trajectory.piece[cells.k],
+    )
 
 
 def widen(mid: Array, rad: Array) -> Array:
@@ -194,29 +209,48 @@ def _powers_at(points: int, powers: int) -> Array:
 
 def bound_series(series: Series, cells: int) -> tuple[Array, Array]:
     """Return bounds low and high (cells, m) of a series over each cell."""
-    polynomial, error = _split_error(series, cells)
+    polynomial, errors = split_series(series, cells)
     low, high = bound_polynomials(polynomial)
-    slack = error * (1 + 32 * EPS) + 32 * EPS * np.abs(polynomial).sum(0)
+    rounding = 32 * EPS * np.abs(polynomial).sum(0)
+    slack = errors.sum(0) * (1 + 32 * EPS) + rounding
     slack = np.where(np.isfinite(slack), slack, np.inf)
     return low - slack, high + slack
 
 
-def _split_error(series: Series, cells: int) -> tuple[Array, Array]:
-    """Return the polynomials about the centres and the errors (cells, m) of their values, the
-    remainder included.
+def split_series(series: Series, cells: int) -> tuple[Array, Array]:
+    """Return the polynomials (order, cells, m) about the centres, and errors (order+1, cells, m).
+
+    Errors are of their coefficients; the last is the remainder over the whole cell.
     """
     full = series.pad(series.order)
-    remainder = np.abs(full.mid[-1, cells:]) + full.rad[-1, cells:]
-    return full.mid[:-1, :cells], full.rad[:-1, :cells].sum(0) + remainder
+    errors = full.rad[:, :cells].copy()
+    errors[-1] = np.abs(full.mid[-1, cells:]) + full.rad[-1, cells:]
+    return full.mid[:-1, :cells], errors
+
+
+def make_ball(low: Array, high: Array) -> tuple[Array, Array]:
+    """Return middle and radius of intervals."""
+    largest = np.maximum(np.abs(low), np.abs(high))
+    radius = (high - low) / 2 * (1 + 64 * EPS) + 64 * EPS * largest
+    return (low + high) / 2, radius
+
+
+def cover_places(centre: Array, half: Array, order: int) -> Series:
+    """Return s (order+1, 2N) over N cells: about each centre, then about any place in the cell."""
+    mid = np.tile(np.stack([centre, half]), 2)
+    rad = np.zeros_like(mid)
+    rad[0, len(half) :] = half * (1 + 16 * EPS)
+    return Series(mid, rad, order)
 
 
 def _evaluate_at_ends(series: Series, cells: int) -> tuple[Array, Array]:
     """Return values (2, cells, m) at τ = −1 and 1, and their error (cells, m)."""
-    polynomial, error = _split_error(series, cells)
+    polynomial, errors = split_series(series, cells)
     even = polynomial[::2].sum(0)
     odd = polynomial[1::2].sum(0)
-    rounding = np.abs(polynomial).sum(0) * 32 * EPS
-    return np.stack([even - odd, even + odd]), (error + rounding) * (1 + 32 * EPS)
+    rounding = 32 * EPS * np.abs(polynomial).sum(0)
+    error = (errors.sum(0) + rounding) * (1 + 32 * EPS)
+    return np.stack([even - odd, even + odd]), error
 
 
 def find_extremes(series: Series, cells: int, channel: np.ndarray) -> tuple[Array, Array]:
@@ -225,7 +259,7 @@ def find_extremes(series: Series, cells: int, channel: np.ndarray) -> tuple[Arra
 
     Places τ (2, cells), values (2, cells, m). They prove nothing: a state is evaluated there.
     """
-    polynomial, _ = _split_error(series, cells)
+    polynomial, _ = split_series(series, cells)
     chosen = polynomial[:, np.arange(cells), channel]
     samples = _powers_at(POINTS, len(chosen)) @ chosen
     places = np.linspace(-1, 1, POINTS)[np.stack([samples.argmax(0), samples.argmin(0)])]

@@ -15,15 +15,27 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
-from kinematics.foundation.taylor_model import EPS, Series
+from kinematics.foundation.taylor_model import EPS
 from kinematics.machine.motion import describe_singularity
 from planner.avoidable_stops import AvoidableStops
-from planner.certificate.cells import Cells, Values, evaluate_in_batches, refine
+from planner.certificate.cells import (
+    Cells,
+    Values,
+    evaluate_in_batches,
+    refine,
+    sample_pieces,
+)
 from planner.certificate.conditioning import Conditioning, evaluate_jacobian
+from planner.certificate.enclosure import cover_places
 from planner.certificate.limit_use import LIMIT_ROUNDING, prove_path_use
 from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath, MachinePath
-from planner.path.outcome import Blended, FitSummary, blend_tables, fit_tables
+from planner.path.outcome import (
+    Blended,
+    FitSummary,
+    blend_tables,
+    fit_tables,
+)
 from planner.path.overshoot import overshoot_tables, overshoot_warnings
 from planner.path.point_to_point import Departure, departure_tables
 from planner.path.shape import Overshoot
@@ -33,8 +45,8 @@ from planner.trajectory import Trajectory, unit_speed_trajectory
 # Smallest cell as a share of a part of the path: a smaller one that is not proved counts as
 # singular.
 MIN_CELL_SHARE = 2.0**-12
-# Samples of a part of the path in the search of the worst place.
-PART_POINTS = 65
+# Shares of a part of the path at which the worst place is sought.
+PLACES = np.linspace(0.0, 1.0, 65)
 TIE_DIGITS = 9
 """Decimals of a use beyond which two count as equal."""
 
@@ -78,9 +90,7 @@ def _is_nonsingular(path: MachinePath, middle: Array, half: Array, piece: np.nda
     """
     count = len(middle)
     half = half + 4 * EPS * np.abs(middle)
-    # the centres of all cells, then the whole cells
-    spread = np.concatenate([np.zeros(count), half])
-    s = Series(np.tile(np.stack([middle, half]), 2), np.stack([spread, np.zeros(2 * count)]), 2)
+    s = cover_places(middle, half, 2)
     # metres beyond reach it is unbounded, which proves nothing
     with np.errstate(over="ignore", invalid="ignore"):
         jacobian = path.jacobian(s, np.tile(piece, 2)).pad(2)
@@ -179,8 +189,7 @@ def prove_feasibility(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:
 
 def _find_lost_reach(path: ActuatorPath, along: Trajectory) -> OutOfReach | None:
     """Return the error of the first sampled place that the actuators do not reach."""
-    part = np.repeat(np.arange(len(along.s)), 3)
-    state = along.within(part, np.tile([0.0, 0.5, 1.0], len(along.s)) * np.diff(along.knots)[part])
+    state = sample_pieces(along, np.arange(len(along.s)), (0.0, 0.5, 1.0))
     lost = ~np.isfinite(state.q).all(1)
     if not lost.any():
         return None
@@ -225,12 +234,11 @@ class _Violation:
 
 
 def _sample_part(along: Trajectory, limit: Limit, part: int) -> "list[_Violation]":
-    """Return the largest use of each channel of a limit at PART_POINTS places of a part of the path.
+    """Return the largest use of each channel of a limit at the PLACES of a part of the path.
 
     The channel that uses most is the first.
     """
-    length = along.knots[part + 1] - along.knots[part]
-    state = along.within(np.full(PART_POINTS, part), length * np.linspace(0.0, 1.0, PART_POINTS))
+    state = sample_pieces(along, np.array([part]), PLACES)
     value = limit.value(state)
     uses = limit.use(value, value, state.piece)
     piece = int(state.piece[0])
@@ -238,11 +246,22 @@ def _sample_part(along: Trajectory, limit: Limit, part: int) -> "list[_Violation
     for channel, row in enumerate(uses.argmax(0).tolist()):
         place = along.path.place(state.along[row], piece, None, limit.channels[channel])
         use = float(uses[row, channel])
-        channels.append(_Violation(limit, channel, piece, use, float(value[row, channel]), place))
+        channels.append(
+            _Violation(
+                limit,
+                channel,
+                piece,
+                use,
+                float(value[row, channel]),
+                place,
+            )
+        )
     return sorted(channels, key=lambda each: -each.use)
 
 
-def _sort_violations(violations: Sequence[_Violation]) -> tuple[Infeasible, ...]:
+def _sort_violations(
+    violations: Sequence[_Violation],
+) -> tuple[Infeasible, ...]:
     """Return the errors, the worst first: one for each limit, piece and channel.
 
     Where two pieces meet both exceed a limit as much: the one that leads there comes first.
@@ -251,7 +270,10 @@ def _sort_violations(violations: Sequence[_Violation]) -> tuple[Infeasible, ...]
     for each in violations:
         if each.key not in worst or each.use > worst[each.key].use:
             worst[each.key] = each
-    ordered = sorted(worst.values(), key=lambda each: (-round(each.use, TIE_DIGITS), each.key))
+    ordered = sorted(
+        worst.values(),
+        key=lambda each: (-round(each.use, TIE_DIGITS), each.key),
+    )
     return tuple(each.make_error() for each in ordered)
 
 
@@ -266,4 +288,12 @@ def limit_violation(
     unit, scale = limit.units[channel]
     reached, allowed = (each * scale for each in limit.report_value(value, channel, piece))
     remedy = limit.remedy(abs(reached - allowed), unit)
-    return Infeasible(limit.name, limit.channels[channel], place, reached, allowed, unit, remedy)
+    return Infeasible(
+        limit.name,
+        limit.channels[channel],
+        place,
+        reached,
+        allowed,
+        unit,
+        remedy,
+    )

@@ -11,7 +11,11 @@ from functools import partial
 
 import numpy as np
 
-from kinematics.foundation.arrays import Array, freeze_array, largest_in_rows
+from kinematics.foundation.arrays import (
+    Array,
+    freeze_array,
+    largest_in_rows,
+)
 from planner.certificate.cells import (
     CELL_BATCH,
     Cells,
@@ -19,7 +23,11 @@ from planner.certificate.cells import (
     evaluate_in_batches,
     refine,
 )
-from planner.certificate.continuity import INSTANT_ROUNDING, MAX_JUMP, piece_end_lengths
+from planner.certificate.continuity import (
+    INSTANT_ROUNDING,
+    MAX_JUMP,
+    piece_end_lengths,
+)
 from planner.certificate.enclosure import enclose, find_extremes
 from planner.certificate.path_enclosure import (
     COARSE_BATCH,
@@ -73,7 +81,11 @@ class ProvedUse:
         names = parts[0].use
         use = {name: np.concatenate([part.use[name] for part in parts]) for name in names}
         attained = {name: np.concatenate([part.attained[name] for part in parts]) for name in names}
-        return cls(use, attained, np.concatenate([part.of for part in parts], axis=1))
+        return cls(
+            use,
+            attained,
+            np.concatenate([part.of for part in parts], axis=1),
+        )
 
     def fit(self, trajectory: Trajectory) -> "ProvedUse":
         """Return the results for the time pieces that also occur in `trajectory`, rounded instants
@@ -125,7 +137,12 @@ def prove(
     if limits and len(cells.k):
         # geometry is not bounded over time, so the coarse enclosure does not apply to it
         coarse = not any(limit.geometric for limit in limits)
-        bound = partial(bound_coarsely if coarse else bound_finely, trajectory, limits, order)
+        bound = partial(
+            bound_coarsely if coarse else bound_finely,
+            trajectory,
+            limits,
+            order,
+        )
         bounds, attained = evaluate_in_batches(cells, bound, COARSE_BATCH if coarse else CELL_BATCH)
         for proof, *values in zip(proofs.values(), bounds, attained, strict=True):
             proof.run(cells, tuple(values), coarse=coarse)

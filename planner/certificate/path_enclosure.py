@@ -20,7 +20,14 @@ from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.taylor_model import EPS, Series
 from planner.certificate.cells import Cells, Values
-from planner.certificate.enclosure import MotionEnclosure, expand_motion, widen
+from planner.certificate.enclosure import (
+    MotionEnclosure,
+    cover_places,
+    expand_motion,
+    make_ball,
+    split_series,
+    widen,
+)
 from planner.certificate.ranges import bound_motion
 from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath, MachinePath, check_rate
@@ -67,7 +74,10 @@ class IntervalEnclosure(MotionEnclosure):
         return _take_ball(self.axes, times)
 
     def pose_rate(self, times: int) -> Series:
-        return _take_ball(self._pose if check_rate(times) < 3 else self._pose_to_jerk, times)
+        return _take_ball(
+            self._pose if check_rate(times) < 3 else self._pose_to_jerk,
+            times,
+        )
 
     def distances(self, bodies: Bodies) -> Series:
         raise MotionError("distances are bounded along the path, not over time")
@@ -162,7 +172,7 @@ class GroupEnclosure(IntervalEnclosure):
         pose = self._bound_pose_along(sigma[:, 0], highest)
         x1 = _take_ball(pose, 1)
         x2 = _take_ball(pose, 2)
-        speed, growth, jerk = (Series(sigma[:1, n, :, None], sigma[1:, n, :, None], 0) for n in (1, 2, 3))
+        speed, growth, jerk = (_take_ball(sigma[..., None], n) for n in (1, 2, 3))
         rates = [x1 * speed, x1 * growth + x2 * (speed * speed)]
         if highest == 3:
             x3 = _take_ball(pose, 3)
@@ -203,10 +213,11 @@ def _merge_balls(mid: Array, rad: Array, first: np.ndarray) -> Array:
     """Return balls (2, k, G, m) that contain those (k, N, m) of each group, from `first` on."""
     low = np.minimum.reduceat(mid - rad, first, axis=1)
     high = np.maximum.reduceat(mid + rad, first, axis=1)
-    middle = (low + high) / 2
-    radius = (high - low) / 2 * (1 + 4 * EPS) + 8 * EPS * np.maximum(np.abs(low), np.abs(high))
-    finite = np.isfinite(low) & np.isfinite(high)
-    return np.stack([np.where(finite, middle, 0.0), np.where(finite, radius, np.inf)])
+    middle, radius = make_ball(low, high)
+    unbounded = ~(np.isfinite(low) & np.isfinite(high))
+    middle[unbounded] = 0.0
+    radius[unbounded] = np.inf
+    return np.stack([middle, radius])
 
 
 @dataclass(frozen=True)
@@ -258,11 +269,9 @@ class _PathSeries:
         """Return the coefficients about the centres, the last one over the whole interval as an
         error.
         """
-        count = len(self.half)
-        full = series.pad(PATH_ORDER)
-        joined = np.stack([full.mid[:, :count], full.rad[:, :count]])
-        joined[0, -1] = 0.0
-        joined[1, -1] = np.abs(full.mid[-1, count:]) + full.rad[-1, count:]
+        polynomial, errors = split_series(series, len(self.half))
+        joined = np.stack([np.zeros_like(errors), errors])
+        joined[0, :-1] = polynomial
         # a polynomial has fewer coefficients, and no remainder
         used = np.flatnonzero(joined.any((0, 2, 3)))
         return joined[:, : used.max(initial=0) + 2]
@@ -288,12 +297,9 @@ def enclose_along_path(trajectory: Trajectory, cells: Cells, highest: int) -> Pa
     interval = np.cumsum(entered) - 1
     low = np.minimum.reduceat(s[0] - reach, first)
     high = np.maximum.reduceat(s[0] + reach, first)
-    centre = (low + high) / 2
-    width = (high - low) / 2 * (1 + 64 * EPS) + 64 * EPS * np.maximum(np.abs(low), np.abs(high))
-    mid = np.tile(np.stack([centre, width]), 2)
-    rad = np.zeros_like(mid)
-    rad[0, len(width) :] = width
-    series = _PathSeries(path, centre, width, piece[first], Series(mid, rad, PATH_ORDER))
+    centre, width = make_ball(low, high)
+    places = cover_places(centre, width, PATH_ORDER)
+    series = _PathSeries(path, centre, width, piece[first], places)
     return series.enclose(interval, (s, error, half), highest)
 
 

@@ -15,7 +15,14 @@ registers of the processor.
 
 import numpy as np
 
-from kinematics.foundation.kernels import Floats1, Floats2, Floats4, Ints1, Strided2, kernel
+from kinematics.foundation.kernels import (
+    Floats1,
+    Floats2,
+    Floats4,
+    Ints1,
+    Strided2,
+    kernel,
+)
 from kinematics.foundation.taylor_model import EPS
 
 # Cells computed together: their scratch arrays stay in the processor's cache.
@@ -56,7 +63,6 @@ def bound_motion(series: Floats4, interval: Ints1, motion: Floats2, out: Floats4
     places = np.zeros((4, CELLS))
     places[0] = -1.0
     places[1] = 1.0
-    values = np.zeros((4, CELLS))
     scale = np.zeros(CELLS)
     for first in range(0, len(interval), CELLS):
         rows = interval[first : first + CELLS]
@@ -76,11 +82,21 @@ def bound_motion(series: Floats4, interval: Ints1, motion: Floats2, out: Floats4
                 _differentiate(a, large, m, e, slack[0])
                 _reduce_to_cubic(e, powers - m, cubic, slack)
                 _find_peaks(cubic, places, slack[0])
-                _bound_outer(cubic, places, slack[0], bounds[:2])
+                _bound_values(cubic, places, slack[0], 1.0, bounds[:2])
                 if len(out) == 4:
-                    _evaluate(e[: powers - m + 1], places, slack[1], values)
-                    _bound_inner(values, slack[1], bounds[2:])
-                _store(bounds, reach[0], scale, out[:, m, first : first + count, c])
+                    _bound_values(
+                        e[: powers - m + 1],
+                        places,
+                        slack[1],
+                        -1.0,
+                        bounds[2:],
+                    )
+                _store(
+                    bounds,
+                    reach[0],
+                    scale,
+                    out[:, m, first : first + count, c],
+                )
                 for n in range(count):
                     scale[n] *= cells[8, n]
 
@@ -235,57 +251,46 @@ def _find_peaks(cubic: Floats2, places: Floats2, slack: Floats1) -> None:
 
 
 @kernel
-def _bound_outer(cubic: Floats2, places: Floats2, slack: Floats1, outer: Floats2) -> None:
-    """Fill outer (2, CELLS) with middle and radius of the cubic's range, slack added."""
-    for n in range(CELLS):
-        a0, a1, a2, a3 = cubic[0, n], cubic[1, n], cubic[2, n], cubic[3, n]
-        first, second = places[2, n], places[3, n]
-        even, odd = a0 + a2, abs(a1 + a3)
-        up = a0 + first * (a1 + first * (a2 + first * a3))
-        down = a0 + second * (a1 + second * (a2 + second * a3))
-        low = min(even - odd, up, down)
-        high = max(even + odd, up, down)
-        beyond = slack[n] * (1 + ROUNDINGS)
-        outer[0, n] = (low + high) / 2
-        outer[1, n] = (high - low) / 2 * (1 + 4 * EPS) + 16 * EPS * max(abs(low), abs(high)) + beyond
+def _bound_values(e: Floats2, places: Floats2, slack: Floats1, sign: float, out: Floats2) -> None:
+    """Fill out (2, CELLS) with the least and the most of Σ e_k τ^k at the places.
 
-
-@kernel
-def _evaluate(e: Floats2, places: Floats2, slack: Floats1, values: Floats2) -> None:
-    """Fill values (4, CELLS) with those of Σ e_k τ^k at both ends and at the peaks; grow slack by
-    their rounding.
+    sign 1: enlarged by the slack, which bounds the range from outside. −1: reduced by the slack.
+    Then the function surely attains all values in between.
     """
+    out[0] = np.inf
+    out[1] = -np.inf
+    value = np.zeros(CELLS)
     for i in range(4):
-        for n in range(CELLS):
-            values[i, n] = 0.0
+        value[:] = 0.0
         for k in range(len(e) - 1, -1, -1):
             for n in range(CELLS):
-                values[i, n] = e[k, n] + places[i, n] * values[i, n]
+                value[n] = e[k, n] + places[i, n] * value[n]
+        for n in range(CELLS):
+            out[0, n] = min(out[0, n], value[n])
+            out[1, n] = max(out[1, n], value[n])
     for k in range(len(e)):
         for n in range(CELLS):
             slack[n] += ROUNDINGS * abs(e[k, n])
-
-
-@kernel
-def _bound_inner(values: Floats2, slack: Floats1, inner: Floats2) -> None:
-    """Fill inner (2, CELLS): least and most of the values, errors taken off."""
     for n in range(CELLS):
-        error = slack[n] * (1 + ROUNDINGS)
-        inner[0, n] = min(values[0, n], values[1, n], values[2, n], values[3, n]) + error
-        inner[1, n] = max(values[0, n], values[1, n], values[2, n], values[3, n]) - error
+        beyond = sign * slack[n] * (1 + ROUNDINGS)
+        out[0, n] -= beyond
+        out[1, n] += beyond
 
 
 @kernel
 def _store(bounds: Floats2, reach: Floats1, scale: Floats1, out: Strided2) -> None:
-    """Write bounds of cells to out (2 or 4, N); nothing is known of a cell that leaves its
-    interval.
+    """Write bounds of cells to out (2 or 4, N): middle and radius, least and most attained.
+
+    Nothing is known of a cell that leaves its interval.
     """
     for n in range(out.shape[1]):
-        middle = bounds[0, n] * scale[n]
-        radius = bounds[1, n] * scale[n]
+        low = bounds[0, n]
+        high = bounds[1, n]
+        middle = (low + high) / 2 * scale[n]
+        radius = (high - low) / 2 * (1 + 4 * EPS) + 16 * EPS * max(abs(low), abs(high))
+        radius *= scale[n]
         good = reach[n] <= 1 and np.isfinite(middle) and np.isfinite(radius)
         out[0, n] = middle if good else 0.0
         out[1, n] = radius if good else np.inf
-        if len(out) == 4:
-            out[2, n] = bounds[2, n] * scale[n] if good else 0.0
-            out[3, n] = bounds[3, n] * scale[n] if good else 0.0
+        for i in range(2, len(out)):
+            out[i, n] = bounds[i, n] * scale[n] if good else 0.0

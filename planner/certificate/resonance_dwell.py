@@ -11,7 +11,13 @@ from functools import partial
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from planner.certificate.cells import Cells, Values, evaluate_in_batches, refine
+from planner.certificate.cells import (
+    Cells,
+    Values,
+    evaluate_in_batches,
+    find_sequences,
+    refine,
+)
 from planner.certificate.enclosure import enclose
 from planner.limits.resonance import Band, Resonance
 from planner.trajectory import Trajectory
@@ -82,19 +88,21 @@ def _join_cells(
     """Return the stays in one band from consecutive cells."""
     start = trajectory.knots[cells.k] + cells.lo
     end = trajectory.knots[cells.k] + cells.hi
-    sure = [(first, float(end[last] - start[first])) for first, last in _find_sequences(certain)]
-    stays = []
-    for first, last in _find_sequences(possible):
-        inside = max((time for begin, time in sure if first <= begin <= last), default=0.0)
-        span = float(start[first]), float(end[last])
-        stays.append(Stay(band, *span, int(cells.k[first]), int(cells.k[last]), inside))
-    return stays
-
-
-def _find_sequences(flags: np.ndarray) -> list[tuple[int, int]]:
-    """Return first and last index of every sequence of true flags."""
-    edges = np.flatnonzero(np.diff(flags, prepend=False, append=False))
-    return [(first, after - 1) for first, after in edges.reshape(-1, 2).tolist()]
+    sure = [(first, float(end[last] - start[first])) for first, last in find_sequences(certain)]
+    return [
+        Stay(
+            band=band,
+            start=float(start[first]),
+            end=float(end[last]),
+            first=int(cells.k[first]),
+            last=int(cells.k[last]),
+            inside=max(
+                (time for begin, time in sure if first <= begin <= last),
+                default=0.0,
+            ),
+        )
+        for first, last in find_sequences(possible)
+    ]
 
 
 def _locate(trajectory: Trajectory, limit: Resonance, cells: Cells) -> Values:
