@@ -119,7 +119,8 @@ def maximise_dual(problem: DualProblem) -> Multipliers:
     count = len(problem.x)
     length = problem.length
     time = problem.time
-    units = np.array([(length / time) ** 2, length / time**2, time**-2])
+    speed = length / time
+    units = np.array([speed**2, speed / time, time**-2])
     scaled = problem._replace(
         rows=_scale_rows(problem.rows, length, time),
         given=problem.given / units[:2],
@@ -134,15 +135,15 @@ def maximise_dual(problem: DualProblem) -> Multipliers:
     pairs = z[:, :-1].reshape(count, 2, 2, 2, -1)  # end, kind, side
     signed = pairs[:, :, :, 0] - pairs[:, :, :, 1]
     bounds = np.stack([problem.rows.acceleration, problem.rows.jerk], 1)
-    signed = signed / np.where(signed > 0, bounds[0], bounds[1])
+    signed = signed / np.where(signed > 0, *bounds)
     # those of jerk scale with 1/√a, as the integrand
-    signed[:, :, 0] *= time / length
+    signed[:, :, 0] /= speed
     nodes = np.stack([unknown[::STRIDE], unknown[1::STRIDE]], 1)
     return Multipliers(
         nodes=_replace_infinite(nodes) * time / units[:2],
         bulge=_replace_infinite(unknown[2::STRIDE]) * time / units[0],
         rows=_replace_infinite(signed),
-        speed=_replace_infinite(z[:, -1].reshape(-1, 2)) * time / length,
+        speed=_replace_infinite(z[:, -1].reshape(-1, 2)) / speed,
         x=_replace_infinite(x, 1.0).reshape(-1, 2, 3) * units,
     )
 
@@ -163,9 +164,10 @@ def _scale_rows(rows: RowCells, length: float, time: float) -> RowCells:
 
 def _list_rows(cells: RowCells, root: Array) -> _Rows:
     """Return the rows (2) of acceleration and jerk, each upwards and downwards, and of speed."""
-    first, second, third = cells.ends.reshape(-1, *cells.ends.shape[2:]).transpose(1, 0, 2)
+    axes = cells.jerk.shape[1]
+    first, second, third = np.moveaxis(cells.ends, 2, 0).reshape(3, -1, axes)
     acceleration = np.stack([second, first, np.zeros_like(first)], -1)
-    jerk = root[:, None, None] * np.stack([third, 3 * second, first], -1)
+    jerk = np.stack([third, 3 * second, first], -1) * root[:, None, None]
     speed = cells.speed.reshape(-1, 1)
     bounds = np.concatenate([cells.acceleration, cells.jerk])
     signed = [
@@ -257,8 +259,10 @@ def _iterate(cells: DualProblem, rows: _Rows, point: tuple[Array, Array, Array])
         steady = min(1.0, mu / time)  # keeps first steps near, and goes as μ does
         jerky = 1.0 - z[:, rows.jerk].sum(1) * rows.root  # of the curvature, after the rows of jerk
         hessian = np.zeros((len(x), 3, 3))
-        hessian[:, 0, 0] = (np.maximum(jerky, LEAST_CURVATURE) + steady) * 0.75 / (a * a * root)
-        hessian[:, 1, 1] = steady / (np.minimum(usual_by_acceleration, usual_by_jerk * root) * root)
+        share = np.maximum(jerky, LEAST_CURVATURE) + steady
+        usual = np.minimum(usual_by_acceleration, usual_by_jerk * root)
+        hessian[:, 0, 0] = share * 0.75 / (a * a * root)
+        hessian[:, 1, 1] = steady / (usual * root)
         gradient = np.einsum("keij,kj->kei", balance, _windows(unknown)).reshape(-1, 3)
         gradient[:, 0] -= 0.5 / (a * root)
         residual = add_rows(rows, point, goal, hessian, gradient)

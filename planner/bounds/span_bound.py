@@ -85,6 +85,11 @@ class _Rest(NamedTuple):
     zeros: int
     standing: bool
 
+    @property
+    def inner_node(self) -> int:
+        """The node at the other end of its cell."""
+        return 1 if self.side == 0 else -2
+
 
 @dataclass(frozen=True, slots=True)
 class _Problem:
@@ -258,11 +263,10 @@ def _find_rests(
 def _find_dead(rows: RowCells, order: int) -> np.ndarray:
     """Return in which cells (M,) no limited axis surely moves."""
     ends = rows.ends[:, :, 0]
-    moves = (np.abs(ends).min(1) > rows.off[:, 0]) & (ends[:, 0] * ends[:, 1] > 0)
-    dead = ~(moves & (rows.acceleration.max(0) < np.inf)).any(1)
-    if order == 3:
-        dead |= ~(moves & (rows.jerk.max(0) < np.inf)).any(1)
-    return np.asarray(dead)
+    moves = (np.abs(ends).min(1) > rows.off[:, 0]) & (ends.prod(1) > 0)
+    kinds = (rows.acceleration, rows.jerk)[: order - 1]
+    limited = [moves & np.isfinite(bounds).all(0) for bounds in kinds]
+    return ~np.all([each.any(1) for each in limited], axis=0)
 
 
 def _make_trial(multipliers: Multipliers, problem: _Problem) -> tuple[Trial, np.ndarray]:
@@ -283,15 +287,16 @@ def _make_trial(multipliers: Multipliers, problem: _Problem) -> tuple[Trial, np.
     trial.nodes[inner.start : inner.stop + 1] = multipliers.nodes
     trial.nodes[problem.free] = 0.0  # exactly: the state is unknown there
     trial.bulge[inner] = multipliers.bulge
-    trial.bulge[(trial.nodes[1:] == 0).all(1) & (trial.nodes[:-1] == 0).all(1)] = 0.0
+    without = ~trial.nodes.any(1)
+    trial.bulge[without[1:] & without[:-1]] = 0.0
     trial.rows[inner, 0] = multipliers.rows
     trial.speed[inner, 0, :, 0] = multipliers.speed
     trial.about[inner] = multipliers.x[:, :, 0].mean(1)
 
     mu = multipliers.rows[:, :, 1]
-    used = np.abs(mu) * np.where(mu > 0, problem.rows.jerk[0], problem.rows.jerk[1])
-    jerky = np.flatnonzero(np.nansum(used, -1).max(1) > 0.999) + inner.start
-    return trial, jerky
+    used = np.abs(mu) * np.where(mu > 0, *problem.rows.jerk)
+    most = np.nansum(used, -1).max(1)
+    return trial, np.flatnonzero(most > 0.999) + inner.start
 
 
 def _prove(problem: _Problem, multipliers: Multipliers) -> SpanBound:
@@ -314,12 +319,14 @@ def _prove(problem: _Problem, multipliers: Multipliers) -> SpanBound:
     value = float(out.sum() - edges[-1].sum() + edges[0].sum())
     size = float(np.abs(out).sum() + np.abs(edges[[0, -1]]).sum())
     value -= 1e-15 * len(out) * size  # rounding error
-    worth, alone = np.zeros((2, len(out), 3, problem.rows.jerk.shape[1]))
     inner = problem.inner
-    worth[inner], alone[inner] = weigh_limits(problem.rows.cut(inner), multipliers)
+    rows = problem.rows
+    worth, alone = np.zeros((2, len(out), *rows.ends.shape[2:]))
+    worth[inner], alone[inner] = weigh_limits(rows.cut(inner), multipliers)
     for rest in problem.rests:
+        cell = -rest.side
         leaving = problem.rows_at(rest), rest.side, rest.zeros
-        worth[-rest.side], alone[-rest.side] = weigh_rest(*leaving, nodes[1 - 3 * rest.side])
+        worth[cell], alone[cell] = weigh_rest(*leaving, nodes[rest.inner_node])
     return SpanBound(value, problem.nodes.s[:-1], problem.nodes.piece, loss, worth, alone)
 
 
@@ -330,5 +337,5 @@ def _bound_all(problem: _Problem, trial: Trial, jerky: np.ndarray) -> Array:
     bound_cells(problem.rows, trial, out)
     for rest in problem.rests:
         leaving = leave_rest(problem.rows_at(rest), rest.side, rest.zeros)
-        out[-rest.side] = bound_rest(leaving, rest.side, trial.nodes[1 - 3 * rest.side])
+        out[-rest.side] = bound_rest(leaving, rest.side, trial.nodes[rest.inner_node])
     return out

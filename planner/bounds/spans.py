@@ -51,13 +51,13 @@ class Span:
 
 def split_run(trajectory: Trajectory, limits: Sequence[Limit], ends: tuple[int, int]) -> list[Span]:
     """Split the motion between two breaks of the path."""
-    moving = (trajectory.v != 0) | (trajectory.a != 0) | (trajectory.j != 0)
     within = (trajectory.piece >= ends[0]) & (trajectory.piece < ends[1])
-    moved = np.flatnonzero(moving & within)
+    moved = np.flatnonzero(within & ~trajectory.resting)
     pieces = np.arange(moved[0], moved[-1] + 1)
     cruising = _find_cruises(trajectory, limits, pieces)
     turns = _find_turns(trajectory, pieces)
-    cuts = np.unique([0, *(np.flatnonzero(np.diff(cruising)) + 1), *turns, len(pieces)]).tolist()
+    changes = np.flatnonzero(np.diff(cruising)) + 1
+    cuts = np.unique([0, *changes, *turns, len(pieces)]).tolist()
 
     spans = []
     for a, b in pairwise(cuts):
@@ -137,5 +137,7 @@ def _find_turns(trajectory: Trajectory, pieces: np.ndarray) -> list[int]:
     zeros = count_zero_derivatives(trajectory.path)
     piece = trajectory.piece[pieces]
     starts = np.flatnonzero(np.diff(piece)) + 1
-    turning = (zeros[0, piece[starts]] > 0) & (zeros[1, piece[starts] - 1] > 0)
-    return [int(start) for start in starts[turning]]
+    before = zeros[1, piece[starts] - 1]
+    after = zeros[0, piece[starts]]
+    turns: list[int] = starts[(before > 0) & (after > 0)].tolist()
+    return turns

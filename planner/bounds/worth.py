@@ -27,12 +27,14 @@ def weigh_limits(cells: RowCells, multipliers: Multipliers) -> tuple[Array, Arra
     count = len(cells.width)
     axes = cells.ends.shape[3]
     half = cells.width[:, None] / 2
-    together, alone = np.zeros((2, count, 3, axes))
-    together[:, 2, 0] = 2 * (multipliers.speed * half).sum(1)
-    alone[:, 2, 0] = together[:, 2, 0]
-    a, b, c = (multipliers.x[:, :, k, None] for k in range(3))
+    together = np.zeros((count, 3, axes))
+    alone = np.zeros((count, 3, axes))
+    speed = (multipliers.speed * half).sum(1)
+    together[:, 2, 0] = 2 * speed
+    alone[:, 2, 0] = 2 * speed
+    a, b, c = np.moveaxis(multipliers.x, 2, 0)[..., None]
     root = np.sqrt(np.maximum(a, 0.0))
-    first, second, third = (cells.ends[:, :, k] for k in range(3))
+    first, second, third = np.moveaxis(cells.ends, 2, 0)
     acceleration = first * b + second * a
     jerk = root * (first * c + 3 * second * b + third * a)
     kinds = (
@@ -45,16 +47,18 @@ def weigh_limits(cells: RowCells, multipliers: Multipliers) -> tuple[Array, Arra
         with np.errstate(divide="ignore", invalid="ignore"):
             worth = np.abs(force) * bound / size * half[:, :, None]
             worth = np.where(np.isfinite(worth), worth, 0.0)
-            together[:, kind] = worth.sum(1)
+            # of b (of c under jerk), per relative change of an axis' bound
+            change = np.sign(force) * bound / slope
             for i in range(axes):
-                # change of the other axes' values per relative change of this axis' bound
-                rate = slope * (np.sign(force) * bound / slope)[:, :, i : i + 1]
+                rate = slope * change[:, :, i : i + 1]
                 room = np.where(rate > 0, bounds[0] - value, bounds[1] + value)
                 growth = np.maximum(room, 0.0) / np.abs(rate)
                 growth[~(np.abs(rate) > 0)] = np.inf
                 growth[:, :, i] = np.inf
                 share = np.fmin(growth.min(-1) / PER_CENT, 1.0)
-                alone[:, kind, i] = (worth[:, :, i] * share).sum(1)
+                saved = worth[:, :, i] * share
+                alone[:, kind, i] = saved.sum(1)
+        together[:, kind] = worth.sum(1)
     return together, alone
 
 
@@ -63,9 +67,10 @@ def weigh_rest(rows: RowCells, side: int, still: int, inner: Array) -> tuple[Arr
 
     Only the axis that takes longest to leave the rest has any.
     """
-    together, alone = np.zeros((2, 3, rows.ends.shape[3]))
+    together, alone = np.zeros((2, *rows.ends.shape[2:]))
     leaving = leave_rest(rows, side, still)
-    longest = int(np.where(leaving.moves, leaving.time, 0.0).argmax())
+    times = np.where(leaving.moves, leaving.time, 0.0)
+    longest = int(times.argmax())
 
     def save(kind: int, axes: slice) -> float:
         bounds = [rows.acceleration.copy(), rows.jerk.copy()]

@@ -1,9 +1,9 @@
-"""The certificate: a bound of every limit over continuous time, from the trajectory and the limits'
-`value` alone.
+"""The certificate: a bound of every limit over continuous time.
 
-Time is cut into cells. Over each, the motion is enclosed (`planner.certificate.enclosure`) and each
-limit's value is bounded by its own formula; cells are split until the bounds are tight. It is also
-proved that the motion is continuous and complete (`planner.certificate.continuity`).
+It depends on the trajectory and on the limits' `value` and `use` alone. Time is cut into cells.
+Over each, the motion is enclosed (`planner.certificate.enclosure`) and each limit's value is
+bounded by its own formula; cells are split until the bounds are tight. It is also proved that the
+motion is continuous and complete (`planner.certificate.continuity`).
 """
 
 from collections.abc import Sequence
@@ -40,9 +40,10 @@ PLACES = np.linspace(0.0, 1.0, 65)
 
 @dataclass(frozen=True, slots=True)
 class Certificate(Result):
-    """worst: proven upper bound of value/limit over continuous time, per limit; where: the place of
-    each.
+    """Proof of a motion, by the name of each limit and of each other condition.
 
+    worst     proven upper bound of value/limit over continuous time
+    where     place of the worst
     use       per limit, the proven bound over each time piece of the trajectory (M,). worst is its
               maximum, and tight; a piece that surely uses less is only proved to be below that
     attained  per limit, the largest value/limit at an evaluated instant of each time piece (M,), 0
@@ -119,10 +120,9 @@ def certify(
 
 
 def _prove_crossing(trajectory: Trajectory, limit: Resonance) -> tuple[Array, Array, Place]:
-    """Return the longest stay that each time piece (M,) takes part in, as a share of the time
-    allowed.
+    """Return the longest stay that each time piece (M,) takes part in, and where the longest begins.
 
-    The proved bound, the attained value, and the place where the longest stay begins.
+    Shares of the time allowed: the proved bound, and the attained value.
     """
     use, attained = np.zeros((2, len(trajectory.s)))
     stays = find_stays(trajectory, limit)

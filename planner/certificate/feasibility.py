@@ -1,6 +1,6 @@
-"""Feasibility: limits that slowing down cannot fix (reach, control, travel, tilt, clearance,
-holding), proved first.
+"""Feasibility: limits that slowing down cannot fix, proved first.
 
+These are reach, control, travel, tilt, clearance and holding.
 Control is lost in singular poses, which are excluded cell by cell along the path by guaranteed
 bounds.
 """
@@ -42,8 +42,7 @@ from planner.path.shape import Overshoot
 from planner.place import Infeasible, Place
 from planner.trajectory import Trajectory, unit_speed_trajectory
 
-# Smallest cell as a share of a part of the path: a smaller one that is not proved counts as
-# singular.
+# Smallest cell as a share of a part of the path: if it is not proved, it counts as singular.
 MIN_CELL_SHARE = 2.0**-12
 # Shares of a part of the path at which the worst place is sought.
 PLACES = np.linspace(0.0, 1.0, 65)
@@ -52,8 +51,7 @@ TIE_DIGITS = 9
 
 
 def find_singularity(path: MachinePath, ends: Array, piece: np.ndarray) -> tuple[float, int] | None:
-    """Return s and piece of the first place at which the Jacobian is not proved nonsingular, or
-    None.
+    """Return s and piece of the first place where the Jacobian is not proved nonsingular, or None.
 
     ends (N+1,), piece (N,): parts of the path, each within a piece. Cells that fail are halved.
     """

@@ -1,5 +1,4 @@
-"""Share of each limit that a motion uses: proved over cells of time, which are split until the
-bounds are tight.
+"""Share of each limit that a motion uses, proved over cells of time that are split until it is tight.
 
 A limit that depends on time is bounded by the coarse enclosure first. Cells whose bounds are loose
 then, and all cells of a geometric limit, are bounded by the fine one.
@@ -25,7 +24,7 @@ from planner.certificate.cells import (
 )
 from planner.certificate.continuity import (
     INSTANT_ROUNDING,
-    MAX_JUMP,
+    allow_gap,
     piece_end_lengths,
 )
 from planner.certificate.enclosure import enclose, find_extremes
@@ -59,11 +58,11 @@ EXPANSION = {2: 6, 3: 8}
 
 @dataclass(frozen=True, slots=True)
 class ProvedUse:
-    """Earlier results, per limit on time: use and attained of each time piece (M,), NaN where
-    nothing is proved yet.
+    """Earlier results, per limit on time: use and attained of each time piece (M,).
 
-    of  (6, M) that it was proved for: s, ṡ, s̈ at the start, s⃛, duration and path piece of each
-        time piece
+    They are NaN where nothing is proved yet.
+
+    of  (6, M) proved time pieces: s, ṡ, s̈ at the start, s⃛, duration and path piece
     """
 
     use: dict[str, Array]
@@ -88,10 +87,9 @@ class ProvedUse:
         )
 
     def fit(self, trajectory: Trajectory) -> "ProvedUse":
-        """Return the results for the time pieces that also occur in `trajectory`, rounded instants
-        aside.
+        """Return the results for the time pieces that also occur in `trajectory`.
 
-        Pieces with other coefficients stay unproved.
+        Durations may differ by rounding. Pieces with other coefficients stay unproved.
         """
         lengths = np.diff(trajectory.knots)
         motion = trajectory.s, trajectory.v, trajectory.a, trajectory.j
@@ -101,8 +99,10 @@ class ProvedUse:
         same = rounded & (numbers == self.of).all(0)
         if same.all():
             return self
-        use = {name: np.where(same, values, np.nan) for name, values in self.use.items()}
-        attained = {name: np.where(same, values, np.nan) for name, values in self.attained.items()}
+        use, attained = (
+            {name: np.where(same, values, np.nan) for name, values in each.items()}
+            for each in (self.use, self.attained)
+        )
         return ProvedUse(use, attained, self.of)
 
 
@@ -112,9 +112,7 @@ def prove(
     order: int,
     known: ProvedUse | None = None,
 ) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Return, per limit, a proved bound of its use over each time piece (M,), and the largest use
-    attained there.
-    """
+    """Return, per limit, the proved bound of its use over each time piece (M,), and the attained use."""
     cells = Cells.cover(trajectory)
     path = trajectory.path
     # stated speeds have to be met exactly
@@ -143,7 +141,8 @@ def prove(
             limits,
             order,
         )
-        bounds, attained = evaluate_in_batches(cells, bound, COARSE_BATCH if coarse else CELL_BATCH)
+        batch = COARSE_BATCH if coarse else CELL_BATCH
+        bounds, attained = evaluate_in_batches(cells, bound, batch)
         for proof, *values in zip(proofs.values(), bounds, attained, strict=True):
             proof.run(cells, tuple(values), coarse=coarse)
     use = {name: proof.use for name, proof in proofs.items()}
@@ -168,8 +167,9 @@ def bound_finely(
         uses = limit.use(*enclosure.bound(value), enclosure.piece)
         bounds[n] = largest_in_rows(uses)
         places, values = find_extremes(value, count, uses.argmax(1))
-        top, bottom = (largest_in_rows(limit.use(each, each, enclosure.piece)) for each in values)
-        share = (1 + np.where(top >= bottom, places[0], places[1])) / 2
+        ends = [limit.use(each, each, enclosure.piece) for each in values]
+        top, bottom = map(largest_in_rows, ends)
+        share = (1 + np.where(top >= bottom, *places)) / 2
         attained[n] = use_in(limit, state_at(trajectory, cells, share, order))
     return np.where(np.isnan(bounds), np.inf, bounds), attained
 
@@ -178,10 +178,10 @@ def bound_finely(
 class LimitProof:
     """Bounds of one limit, refined until they are tight.
 
-    reachable       whether the motion may reach the limit exactly
-    least_share     of a time piece, at which refinement ends
-    use, attained   (M,) of each time piece: the proved bound, and the largest use at any instant
-    evaluated
+    reachable      whether the motion may reach the limit exactly
+    least_share    of a time piece, at which refinement ends
+    use (M,)       proved bound over each time piece
+    attained (M,)  largest use at any instant evaluated in each time piece
     """
 
     trajectory: Trajectory
@@ -200,7 +200,7 @@ class LimitProof:
         """Fill use and attained.
 
         values  bound and attained use (N,) of the cells
-        coarse  the values are of the coarse enclosure: cells that are loose have the fine one next
+        coarse  whether they are of the coarse enclosure: loose cells have the fine one next
         """
         if coarse:
             loose, _ = self._find_loose(cells, values)
@@ -219,9 +219,7 @@ class LimitProof:
         return round_reached_use(use) if self.reachable else use
 
     def _find_loose(self, cells: Cells, values: Values) -> tuple[np.ndarray, int]:
-        """Return the cells (N,) whose bounds are not tight, and the number of parts to split them
-        into.
-        """
+        """Return which cells (N,) are not tight, and the number of parts to split them into."""
         bound, attained = (self._round(each) for each in values)
         np.maximum.at(self.attained, cells.k, attained)
         most = self.attained.max()
@@ -256,7 +254,6 @@ class PathUse:
     """Proved bounds of the use of geometric limits over parts of a path that begin at s (G,)."""
 
     s: Array
-    end: float
     use: dict[str, Array]
 
 
@@ -264,23 +261,22 @@ _PROVED: dict[Hashable, PathUse] = {}
 
 
 def prove_path_use(path: ActuatorPath, limits: Sequence[Limit]) -> dict[str, Array]:
-    """Return, per geometric limit, the proved bound of its use on every part of
-    `unit_speed_trajectory(path)`.
+    """Return, per geometric limit, the proved bound of its use on every part of a path.
+
+    Parts are the time pieces of `unit_speed_trajectory(path)`.
     """
     return _prove_along(path, limits).use if limits else {}
 
 
 def _prove_along(path: ActuatorPath, limits: Sequence[Limit]) -> PathUse:
-    """Prove the use along a path. The last few proofs are remembered: orders, retries and reruns
-    share them.
-    """
+    """Prove the use along a path, or take the proof from memory: retries and reruns share it."""
     key = path.content, *(limit.content for limit in limits)
     proved = _PROVED.pop(key, None)
     if proved is None:
         along = unit_speed_trajectory(path)
         use, _ = prove(along, limits, 2)
         use = {name: freeze_array(values) for name, values in use.items()}
-        proved = PathUse(along.s, float(path.breaks[-1]), use)
+        proved = PathUse(along.s, use)
     _PROVED[key] = proved  # the most recent is the last
     while len(_PROVED) > REMEMBERED_PATHS:
         _PROVED.pop(next(iter(_PROVED)), None)
@@ -293,18 +289,23 @@ def forget_paths() -> None:
 
 
 def find_geometric_use(trajectory: Trajectory, limits: Sequence[Limit]) -> dict[str, Array]:
-    """Return, per geometric limit, the proved bound over each time piece (M,): the largest of the
-    parts it passes.
+    """Return, per geometric limit, the proved bound over each time piece (M,).
+
+    It is the largest of the parts of the path that the time piece passes.
     """
     if not limits:
         return {}
     proved = _prove_along(trajectory.path, limits)
     s = np.append(trajectory.s, piece_end_lengths(trajectory)[-1:])
     # `find_gaps` lets a motion leave out a place by this much
-    slack = MAX_JUMP * (proved.end - proved.s[0])
-    first = np.searchsorted(proved.s, np.minimum(s[:-1], s[1:]) - slack, side="right") - 1
-    last = np.searchsorted(proved.s, np.maximum(s[:-1], s[1:]) + slack, side="right")
-    ranges = np.stack([np.clip(first, 0, len(proved.s) - 1), np.maximum(last, 1)], 1).ravel()
+    slack = allow_gap(trajectory.path)
+    low = np.minimum(s[:-1], s[1:]) - slack
+    high = np.maximum(s[:-1], s[1:]) + slack
+    parts = proved.s
+    first = np.searchsorted(parts, low, side="right") - 1
+    last = np.searchsorted(parts, high, side="right")
+    first = np.clip(first, 0, len(parts) - 1)
+    ranges = np.stack([first, np.maximum(last, 1)], 1).ravel()
     return {name: np.maximum.reduceat(np.append(values, 0.0), ranges)[::2] for name, values in proved.use.items()}
 
 

@@ -33,10 +33,10 @@ MAX_CELLS = 400_000
 
 @dataclass(frozen=True, slots=True)
 class Stay:
-    """From start to end (s) an axis may be in a band: on time pieces first … last of the
-    trajectory.
+    """From start to end (s) an axis may be in a band.
 
-    inside: longest time (s) in it without a break that is certain
+    first, last  time pieces of the trajectory
+    inside       longest time (s) in the band, without a break, that is certain
     """
 
     band: Band
@@ -52,9 +52,7 @@ class Stay:
 
 
 def find_stays(trajectory: Trajectory, limit: Resonance) -> tuple[Stay, ...]:
-    """Return every stay in the bands that may be crossed, each a proved upper bound of its
-    duration.
-    """
+    """Return every stay in the bands that may be crossed, as proved upper bounds of durations."""
     if not limit.bands:
         return ()
     shortest = MIN_CELL_SHARE * min(band.time for band in limit.bands)
