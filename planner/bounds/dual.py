@@ -200,7 +200,10 @@ def _start_rows(rows: _Rows, x: Array) -> tuple[Array, Array]:
     return s, z
 
 
-def _list_balance(cells: RowCells, free: np.ndarray) -> tuple[Array, np.ndarray]:
+def _list_balance(
+    cells: RowCells,
+    free: np.ndarray,
+) -> tuple[Array, np.ndarray]:
     """Return B (M, 2, 3, 5) at both ends of each cell, and which λ have to be 0 (3M + 2,)."""
     count = len(cells.width)
     slope = 1 / cells.width[:, None]
@@ -236,7 +239,11 @@ def _find_usual(cells: RowCells) -> tuple[Array, Array]:
     return by_acceleration.min(1), by_jerk.min(1)
 
 
-def _iterate(cells: DualProblem, rows: _Rows, point: tuple[Array, Array, Array]) -> Array:
+def _iterate(
+    cells: DualProblem,
+    rows: _Rows,
+    point: tuple[Array, Array, Array],
+) -> Array:
     """Improve the point (x, s, z) in place, and return λ (3M + 2,)."""
     x, s, z = point
     balance, fixed = _list_balance(cells.rows, cells.free)

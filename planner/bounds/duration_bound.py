@@ -194,7 +194,12 @@ def _bound_quickly(
     return bounds
 
 
-def _bound_run(case: Case, ends: Ends, spans: Sequence[Span], gap: float | None) -> SpanBound:
+def _bound_run(
+    case: Case,
+    ends: Ends,
+    spans: Sequence[Span],
+    gap: float | None,
+) -> SpanBound:
     """Bound a run by the sum over its spans, or without jerk limits if that bound is larger."""
     took = sum(span.duration for span in spans)
     solved = sum(span.duration for span in spans if not span.cruising)
@@ -209,7 +214,11 @@ def _bound_run(case: Case, ends: Ends, spans: Sequence[Span], gap: float | None)
     return best
 
 
-def _bound_without_jerk(case: Case, ends: Ends, least: float) -> SpanBound | None:
+def _bound_without_jerk(
+    case: Case,
+    ends: Ends,
+    least: float,
+) -> SpanBound | None:
     """Bound a run by its limits on speed and acceleration, near its fastest motion within them.
 
     Return None if there is no such motion, or if it is no longer than the bound `least`.

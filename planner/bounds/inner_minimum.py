@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kinematics.foundation.kernels import Floats1, Floats2, Ints1, kernel
-from planner.bounds.lower_bound import RowCells, Trial
+from planner.bounds.lower_bound import RowCells, Trial, copy_to
 
 # Values of a whose programs are solved, relative to the motion's a.
 NEAR = np.array(
@@ -62,7 +62,11 @@ class InnerProgram(NamedTuple):
 
 
 @kernel
-def draw_line(program: InnerProgram, b: float, out: Floats2) -> tuple[float, float]:
+def draw_line(
+    program: InnerProgram,
+    b: float,
+    out: Floats2,
+) -> tuple[float, float]:
     """Return value and slope of the function at b. Fill out (2, n) with the multipliers there."""
     q, acceleration, jerk, a, e, penalty = program
     out[:] = 0.0
@@ -116,14 +120,6 @@ def draw_line(program: InnerProgram, b: float, out: Floats2) -> tuple[float, flo
         slope += sign * penalty[0]
         out[0, violated] += sign * penalty[0] / q[0, violated]
     return value, slope
-
-
-@kernel
-def copy_to(source: Floats2, out: Floats2) -> None:
-    """Copy an array (2, n): a loop, since an assignment compiles code for errors of shapes."""
-    for m in range(2):
-        for i in range(out.shape[1]):
-            out[m, i] = source[m, i]
 
 
 @kernel

@@ -138,7 +138,12 @@ class Worth(Result):
         )
 
     @check_arguments()
-    def replan(self, limit: str, axis: str = ALL, by: float = 0.2) -> LimitChange:
+    def replan(
+        self,
+        limit: str,
+        axis: str = ALL,
+        by: float = 0.2,
+    ) -> LimitChange:
         """Plan again with a limit of one axis, or of all axes, changed by a share.
 
         A pulse rate that caps the speed of the same axis does not change with its speed limit.

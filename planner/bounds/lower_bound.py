@@ -70,7 +70,13 @@ class RowCells(NamedTuple):
 
     def cut(self, cells: slice) -> "RowCells":
         """Return some of the cells."""
-        return RowCells(*(each[cells] for each in self[:-2]), *self[-2:])
+        return self._replace(
+            width=self.width[cells],
+            ends=self.ends[cells],
+            off=self.off[cells],
+            speed=self.speed[cells],
+            speed_off=self.speed_off[cells],
+        )
 
 
 class Trial(NamedTuple):
@@ -103,9 +109,11 @@ def enclose_rows(
     first = path.breaks[piece]
     last = path.breaks[piece + 1]
     width = np.diff(nodes)
-    half = np.maximum(width / 2, (last - first) * LEAST_HALF) * (1 + 8 * EPS)
-    highest = np.maximum(last - half, first + half)
-    centre = np.clip((nodes[1:] + nodes[:-1]) / 2, first + half, highest)
+    least = (last - first) * LEAST_HALF
+    half = np.maximum(width / 2, least) * (1 + 8 * EPS)
+    lowest = first + half
+    middle = (nodes[1:] + nodes[:-1]) / 2
+    centre = np.clip(middle, lowest, np.maximum(last - half, lowest))
     places = cover_places(centre, half, PATH_ORDER)
     # equal runs share a bound, and the breaks of each are rounded differently
     places.rad[0] += PLACE_ROUNDING * np.abs(path.breaks[[0, -1]]).max()
@@ -116,8 +124,10 @@ def enclose_rows(
         piece,
     )
     within = (np.stack([nodes[:-1], nodes[1:]]) - centre) / half
-    derivatives = [_end_values(each, within) for each in (along.qd, along.qdd, along.qddd)]
-    ends, off = (np.stack(each, -2) for each in zip(*derivatives, strict=True))
+    derivatives = (along.qd, along.qdd, along.qddd)
+    values = [_end_values(each, within) for each in derivatives]
+    ends = np.stack([each for each, _ in values], -2)
+    off = np.stack([each for _, each in values], -2)
     bounds = np.full((2, 2, len(path.names)), np.inf)
     rows = RowCells(
         width=width,
@@ -146,13 +156,17 @@ def _end_values(series: Series, within: Array) -> tuple[Array, Array]:
     error = polyval(reach, errors, tensor=False)
     size = polyval(reach, sizes, tensor=False)
     # a function leaves its chord by at most h²/8 |f″|; the error counts at the ends and in between
-    chord = polyval(reach, polyder(sizes, 2), tensor=False) * (high - low) ** 2 / 8
+    curvature = polyval(reach, polyder(sizes, 2), tensor=False)
+    chord = curvature * (high - low) ** 2 / 8
     off = (2 * error + chord + ROUNDINGS * size) * (1 + ROUNDINGS)
     ends = np.stack([polyval(tau, polynomial, tensor=False) for tau in (low, high)])
     return ends, np.where(np.isfinite(off), off, np.inf)
 
 
-def find_left_out(path: ActuatorPath, limits: Sequence[Limit]) -> tuple[str, ...]:
+def find_left_out(
+    path: ActuatorPath,
+    limits: Sequence[Limit],
+) -> tuple[str, ...]:
     """List the limits that the bound leaves out. It is too low by the time that these cost."""
     known = (*AXIS_ROWS, *SPEED_LIMITS)
     names = [limit.name for limit in select_timed(limits) if not isinstance(limit, known)]
@@ -172,7 +186,8 @@ def _add_speed(
     value = limit.value(along)
     if isinstance(limit, AxisLimit):
         ends, error = _end_values(value, within)
-        forwards = (ends.sum(0) >= 0) | ~np.isfinite(ends.sum(0))
+        total = ends.sum(0)
+        forwards = (total >= 0) | ~np.isfinite(total)
         definite = np.where(
             forwards,
             np.minimum(*ends) - error > 0,
@@ -188,11 +203,13 @@ def _add_speed(
     ends, error = _end_values(square, within)
     with np.errstate(invalid="ignore"):
         ends = ends / cap**2
-        error = error / cap**2 * (1 + ROUNDINGS) + ROUNDINGS * np.abs(ends).max(0)
+        rounding = ROUNDINGS * np.abs(ends).max(0)
+        error = error / cap**2 * (1 + ROUNDINGS) + rounding
     total = ends.sum(0)
     total = np.where(np.isfinite(total + error), total, -1.0)
     best = total.argmax(1)
-    tighter = np.flatnonzero(total[np.arange(count), best] > rows.speed[:, :, 0].sum(1))
+    earlier = rows.speed[:, :, 0].sum(1)
+    tighter = np.flatnonzero(total[np.arange(count), best] > earlier)
     rows.speed[tighter, :, 0] = ends[:, tighter, best[tighter]].T
     rows.speed_off[tighter, 0] = error[tighter, best[tighter]]
 
@@ -238,7 +255,13 @@ def larger(q: Strided2, i: int) -> float:
 
 
 @kernel
-def add_products(factor: float, m: Floats2, q: Strided2, off: Floats1, out: Floats1) -> None:
+def add_products(
+    factor: float,
+    m: Floats2,
+    q: Strided2,
+    off: Floats1,
+    out: Floats1,
+) -> None:
     """Add factor · Σ m q over a cell to out (5,): both ends, bulge, error, and size of summands.
 
     m (2, n) is linear along the cell, and q (2, n) is up to off (n,). The product of two chords
@@ -248,9 +271,18 @@ def add_products(factor: float, m: Floats2, q: Strided2, off: Floats1, out: Floa
         most = factor * larger(m, i)
         out[0] += factor * m[0, i] * q[0, i]
         out[1] += factor * m[1, i] * q[1, i]
-        out[2] += factor * (m[1, i] - m[0, i]) * (q[1, i] - q[0, i]) / 4
+        change = (m[1, i] - m[0, i]) * (q[1, i] - q[0, i])
+        out[2] += factor * change / 4
         out[3] += most * off[i]
         out[4] += most * larger(q, i)
+
+
+@kernel
+def copy_to(source: Strided2, out: Floats2) -> None:
+    """Copy an array (2, n): a loop, since an assignment compiles code for errors of shapes."""
+    for m in range(2):
+        for i in range(out.shape[1]):
+            out[m, i] = source[m, i]
 
 
 @kernel
@@ -264,12 +296,19 @@ def sum_costs(m: Strided1, bounds: Floats2) -> float:
     """Return Σ |m| times the bound of the side that the sign of m says."""
     total = 0.0
     for i in range(m.size):
-        total += bound_product(abs(m[i]), bounds[0 if m[i] > 0 else 1, i])
+        side = 0 if m[i] > 0 else 1
+        total += bound_product(abs(m[i]), bounds[side, i])
     return total
 
 
 @kernel
-def cancel(m: Floats2, q: Strided2, off: Floats1, bounds: Floats2, out: Floats1) -> tuple[int, float]:
+def cancel(
+    m: Floats2,
+    q: Strided2,
+    off: Floats1,
+    bounds: Floats2,
+    out: Floats1,
+) -> tuple[int, float]:
     """Add Σ m q′ to the sum `out` of `add_products`, with m of one axis such that both ends are 0.
 
     The axis is the one with the largest proved q′ relative to its bounds. One more of its rows
@@ -303,7 +342,13 @@ def cancel(m: Floats2, q: Strided2, off: Floats1, bounds: Floats2, out: Floats1)
 
 
 @kernel
-def sum_rows(rows: RowCells, trial: Trial, k: int, n: int, out: Floats2) -> None:
+def sum_rows(
+    rows: RowCells,
+    trial: Trial,
+    k: int,
+    n: int,
+    out: Floats2,
+) -> None:
     """Fill out (2, 3) with proved g, P and K at both ends of cell k, from the n-th set.
 
     Without a proof all are −∞.
@@ -318,13 +363,12 @@ def sum_rows(rows: RowCells, trial: Trial, k: int, n: int, out: Floats2) -> None
     slope_b = (lambda_b[1] - lambda_b[0]) / h
     nu = np.zeros((2, q.shape[2]))
     mu = np.zeros((2, q.shape[2]))
+    copy_to(trial.rows[k, n, :, 0], nu)
+    copy_to(trial.rows[k, n, :, 1], mu)
     r = np.zeros(5)
     rho = np.zeros(5)
     p = np.zeros(5)
     for e in range(2):
-        for i in range(q.shape[2]):
-            nu[e, i] = trial.rows[k, n, e, 0, i]
-            mu[e, i] = trial.rows[k, n, e, 1, i]
         r[e] = lambda_b[e]
         rho[e] = 2 * lambda_a[e] + slope_b + (1.0 - 2.0 * e) * bulge
         p[e] = slope_a
@@ -356,9 +400,11 @@ def sum_rows(rows: RowCells, trial: Trial, k: int, n: int, out: Floats2) -> None
     is_finite = True
     for e in range(2):
         g = 1 - jerk - sum_costs(mu[e], rows.jerk)
-        c = -trial.speed[k, n, e, 0] - acceleration - sum_costs(nu[e], rows.acceleration)
+        c = -acceleration - sum_costs(nu[e], rows.acceleration)
+        c -= trial.speed[k, n, e, 0]
+        size = p[4] + abs(p[e]) + abs(least)
         out[e, 0] = g - ROUNDINGS * (1 + abs(1 - g))
-        out[e, 1] = p[e] + least - ROUNDINGS * (p[4] + abs(p[e]) + abs(least))
+        out[e, 1] = p[e] + least - ROUNDINGS * size
         out[e, 2] = c - ROUNDINGS * abs(c)
         for i in range(3):
             is_finite = is_finite and np.isfinite(out[e, i])
@@ -377,7 +423,12 @@ CUTS = np.concatenate(
 
 
 @kernel
-def bound_cell(sums: Floats3, about: float, cap: float, out: Floats1) -> None:
+def bound_cell(
+    sums: Floats3,
+    about: float,
+    cap: float,
+    out: Floats1,
+) -> None:
     """Fill out (2,) with lower bounds at both ends, from the sums (S, 2, 3) of S sets.
 
     A single set serves all a up to the cap. Of several, each part of the range of a uses one set

@@ -64,9 +64,10 @@ def leave_rest(rows: RowCells, side: int, still: int) -> RestDeparture:
         way = h**3 * np.stack([(3 * first + last) / 24, error / 6])
     pairs = (way, slope, curvature)
     way, slope, curvature = (np.stack([middle - rad, middle + rad]) for middle, rad in pairs)
-    onward = np.where(away > 0, *rows.acceleration)
-    against = np.where(away < 0, *rows.acceleration)
-    jerk = np.where(away > 0, *jerk)
+    up, down = rows.acceleration
+    onward = np.where(away > 0, up, down)
+    against = np.where(away > 0, down, up)
+    jerk = np.where(away > 0, jerk[0], jerk[1])
     with np.errstate(invalid="ignore", over="ignore"):
         by_acceleration = np.sqrt(2 * way[0] / onward)
         by_jerk = np.cbrt(6 * way[0] / jerk)

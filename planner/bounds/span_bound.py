@@ -144,7 +144,11 @@ def bound_span(case: Case, span: Span, gap: float | None) -> SpanBound:
     return best
 
 
-def bound_span_quickly(case: Case, span: Span, most_cells: int) -> SpanBound:
+def bound_span_quickly(
+    case: Case,
+    span: Span,
+    most_cells: int,
+) -> SpanBound:
     """Bound a span with about `most_cells` cells, without refinement."""
     if span.cruising:
         return _bound_cruise(case, span)
@@ -265,11 +269,14 @@ def _find_dead(rows: RowCells, order: int) -> np.ndarray:
     ends = rows.ends[:, :, 0]
     moves = (np.abs(ends).min(1) > rows.off[:, 0]) & (ends.prod(1) > 0)
     kinds = (rows.acceleration, rows.jerk)[: order - 1]
-    limited = [moves & np.isfinite(bounds).all(0) for bounds in kinds]
-    return ~np.all([each.any(1) for each in limited], axis=0)
+    alive = [(moves & np.isfinite(bounds).all(0)).any(1) for bounds in kinds]
+    return np.asarray(~np.logical_and.reduce(alive))
 
 
-def _make_trial(multipliers: Multipliers, problem: _Problem) -> tuple[Trial, np.ndarray]:
+def _make_trial(
+    multipliers: Multipliers,
+    problem: _Problem,
+) -> tuple[Trial, np.ndarray]:
     """Return multipliers of all cells, and the cells that need several sets.
 
     They are 0 next to rests, and λ where it has to be.
@@ -287,15 +294,15 @@ def _make_trial(multipliers: Multipliers, problem: _Problem) -> tuple[Trial, np.
     trial.nodes[inner.start : inner.stop + 1] = multipliers.nodes
     trial.nodes[problem.free] = 0.0  # exactly: the state is unknown there
     trial.bulge[inner] = multipliers.bulge
-    without = ~trial.nodes.any(1)
-    trial.bulge[without[1:] & without[:-1]] = 0.0
+    used = np.any(trial.nodes, axis=1)
+    trial.bulge[~(used[1:] | used[:-1])] = 0.0
     trial.rows[inner, 0] = multipliers.rows
     trial.speed[inner, 0, :, 0] = multipliers.speed
     trial.about[inner] = multipliers.x[:, :, 0].mean(1)
 
     mu = multipliers.rows[:, :, 1]
-    used = np.abs(mu) * np.where(mu > 0, *problem.rows.jerk)
-    most = np.nansum(used, -1).max(1)
+    size = np.abs(mu) * np.where(mu > 0, problem.rows.jerk[0], problem.rows.jerk[1])
+    most = np.nansum(size, -1).max(1)
     return trial, np.flatnonzero(most > 0.999) + inner.start
 
 

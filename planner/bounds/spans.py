@@ -49,7 +49,11 @@ class Span:
         return float(self.knots[-1] - self.knots[0])
 
 
-def split_run(trajectory: Trajectory, limits: Sequence[Limit], ends: tuple[int, int]) -> list[Span]:
+def split_run(
+    trajectory: Trajectory,
+    limits: Sequence[Limit],
+    ends: tuple[int, int],
+) -> list[Span]:
     """Split the motion between two breaks of the path."""
     within = (trajectory.piece >= ends[0]) & (trajectory.piece < ends[1])
     moved = np.flatnonzero(within & ~trajectory.resting)
@@ -115,7 +119,11 @@ def _find_cruises(
     return cruising
 
 
-def _keep_caps(trajectory: Trajectory, limits: Sequence[Limit], pieces: np.ndarray) -> np.ndarray:
+def _keep_caps(
+    trajectory: Trajectory,
+    limits: Sequence[Limit],
+    pieces: np.ndarray,
+) -> np.ndarray:
     """Return whether each time piece (K,) is at the tool's cap, or at another cap with constant ṡ.
 
     Where an axis is at its cap while ṡ varies, the bound is better without a cut.

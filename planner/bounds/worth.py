@@ -15,7 +15,10 @@ from planner.bounds.rest import bound_rest, leave_rest
 PER_CENT = 0.01
 
 
-def weigh_limits(cells: RowCells, multipliers: Multipliers) -> tuple[Array, Array]:
+def weigh_limits(
+    cells: RowCells,
+    multipliers: Multipliers,
+) -> tuple[Array, Array]:
     """Return the savings (M, 3, n) per unit of relative change (s), together and alone.
 
     together  of each limit, if all limits that bind at the same place are raised
@@ -62,7 +65,12 @@ def weigh_limits(cells: RowCells, multipliers: Multipliers) -> tuple[Array, Arra
     return together, alone
 
 
-def weigh_rest(rows: RowCells, side: int, still: int, inner: Array) -> tuple[Array, Array]:
+def weigh_rest(
+    rows: RowCells,
+    side: int,
+    still: int,
+    inner: Array,
+) -> tuple[Array, Array]:
     """Return the savings (3, n) as `weigh_limits` for a cell next to a rest.
 
     Only the axis that takes longest to leave the rest has any.

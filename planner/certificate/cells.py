@@ -59,18 +59,20 @@ def evaluate_in_batches(
 
 def refine(
     cells: Cells,
-    values: Values,
     evaluate: Callable[[Cells], Values],
     find_loose: Callable[[Cells, Values], tuple[np.ndarray, int]],
+    values: Values | None = None,
 ) -> tuple[Cells, Values]:
     """Split loose cells and evaluate their parts until all are tight.
 
     Returns the final cells and their values.
 
-    values      of the cells at the start
     evaluate    returns the values of a batch of cells
     find_loose  returns which cells (N,) are loose, and into how many parts to split each of them
+    values      of the cells at the start, unless `evaluate` shall find them
     """
+    if values is None:
+        values = evaluate_in_batches(cells, evaluate)
     accepted: list[tuple[Cells, Values]] = []
     while True:
         loose, parts = find_loose(cells, values)
@@ -87,10 +89,15 @@ def refine(
     return Cells(k, lo, hi), tuple(joined)
 
 
-def sample_pieces(trajectory: Trajectory, pieces: np.ndarray, shares: Sequence[float]) -> State:
+def sample_pieces(
+    trajectory: Trajectory,
+    pieces: np.ndarray,
+    shares: Sequence[float] | Array,
+) -> State:
     """Return the motion at these shares of time pieces, piece by piece."""
     k = np.repeat(pieces, len(shares))
-    return trajectory.within(k, np.tile(shares, len(pieces)) * np.diff(trajectory.knots)[k])
+    lengths = np.diff(trajectory.knots)[k]
+    return trajectory.within(k, np.tile(shares, len(pieces)) * lengths)
 
 
 def find_sequences(flags: np.ndarray) -> list[tuple[int, int]]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.result import Result
-from kinematics.foundation.table import Column, Table
+from kinematics.foundation.table import Table
 from planner.certificate.cells import sample_pieces
 from planner.certificate.constant_speed import (
     CONSTANT_SPEED,
@@ -24,6 +24,7 @@ from planner.certificate.limit_use import (
     ProvedUse,
     find_geometric_use,
     prove,
+    tabulate_uses,
     use_at_knots,
 )
 from planner.certificate.resonance_dwell import find_stays
@@ -65,10 +66,7 @@ class Certificate(Result):
         """Return the worst proven use of each limit, and where."""
         head = "the certificate holds" if self.holds else "THE CERTIFICATE DOES NOT HOLD"
         title = f"{head}: value/limit, bounded over continuous time"
-        names = Column("limit", [*self.worst])
-        ratios = Column("bound", [*self.worst.values()], form=".7f", up=True)
-        where = Place.columns([self.where[name] for name in self.worst])
-        return (Table(title, (names, ratios, *where)),)
+        return (tabulate_uses(title, self.worst, self.where),)
 
 
 def certify(
@@ -119,7 +117,10 @@ def certify(
     )
 
 
-def _prove_crossing(trajectory: Trajectory, limit: Resonance) -> tuple[Array, Array, Place]:
+def _prove_crossing(
+    trajectory: Trajectory,
+    limit: Resonance,
+) -> tuple[Array, Array, Place]:
     """Return the longest stay that each time piece (M,) takes part in, and where the longest begins.
 
     Shares of the time allowed: the proved bound, and the attained value.
@@ -137,7 +138,12 @@ def _prove_crossing(trajectory: Trajectory, limit: Resonance) -> tuple[Array, Ar
     return use, attained, place_at(trajectory, longest.start, axis)
 
 
-def find_place(trajectory: Trajectory, limits: Sequence[Limit], name: str, k: int) -> Place:
+def find_place(
+    trajectory: Trajectory,
+    limits: Sequence[Limit],
+    name: str,
+    k: int,
+) -> Place:
     """Return where in time piece k an entry of a certificate is used most, and by which axis.
 
     Other entries, such as a stay in a band of speed, are placed where the piece begins.

@@ -76,7 +76,11 @@ def sample_jacobian(path: MachinePath) -> tuple[Array, np.ndarray, Array]:
     return s, piece, evaluate_jacobian(path, s, piece)
 
 
-def evaluate_jacobian(path: MachinePath, s: Array, piece: np.ndarray) -> Array:
+def evaluate_jacobian(
+    path: MachinePath,
+    s: Array,
+    piece: np.ndarray,
+) -> Array:
     """Return J (N, n, n) at s (N,) in pieces (N,).
 
     Columns of rotation are divided by the characteristic length.

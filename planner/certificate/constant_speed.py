@@ -41,7 +41,10 @@ class Stretch:
     until: Annotated[Place, Fact("to")]
 
 
-def find_stretches(trajectory: Trajectory, use: Array) -> tuple[Stretch, ...]:
+def find_stretches(
+    trajectory: Trajectory,
+    use: Array,
+) -> tuple[Stretch, ...]:
     """Return where a motion has the constant speeds that its segments state.
 
     use (M,): from its certificate

@@ -1,4 +1,4 @@
-"""Continuity and completeness: nothing jumps, and the motion runs the whole path once, forwards.
+"""Continuity and completeness: no jumps, and the motion runs the whole path once, forwards.
 
 Without that a motion could respect every limit by leaving out half of its path. Only the motion's
 coefficients and its path are used, none of the timing's claims.
@@ -60,7 +60,8 @@ def find_jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
         at = np.where(most > worst, first + jumps.argmax(1), at)
         worst = np.maximum(worst, most)
         first = stop
-    scale = largest - least + 1e-6 * np.maximum(np.abs(least), np.abs(largest))
+    size = np.maximum(np.abs(least), np.abs(largest))
+    scale = largest - least + 1e-6 * size
     beyond = worst - MAX_JUMP * scale - AXIS_ROUNDING * scale.max(1, keepdims=True)
     places: dict[str, Place] = {}
     for name, excess, knots in zip(QUANTITIES, beyond, at, strict=False):
@@ -71,10 +72,13 @@ def find_jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
     return places
 
 
-def _pair_states(trajectory: Trajectory, order: int) -> Iterator[tuple[Array, Array]]:
+def _pair_states(
+    trajectory: Trajectory,
+    order: int,
+) -> Iterator[tuple[Array, Array]]:
     """Yield the states before and after consecutive knots, each (2 order+1, N, n), in batches.
 
-    The first and the last state are those that the path states for its ends.
+    The path states the first and the last one for its ends.
     """
     previous, final = _states_at_ends(trajectory.path, order)
     for first, stop in _batches(trajectory.piece):
@@ -104,34 +108,47 @@ def _states_at_ends(path: ActuatorPath, order: int) -> tuple[Array, Array]:
 
 def _batches(piece: np.ndarray) -> Iterator[tuple[int, int]]:
     """Yield begin and end of batches of about STATE_BATCH time pieces, each of whole path pieces."""
-    ends = np.append(np.flatnonzero(np.diff(piece)) + 1, len(piece))
+    count = len(piece)
+    ends = np.append(np.flatnonzero(np.diff(piece)) + 1, count)
     first = 0
-    while first < len(piece):
-        stop = int(ends[np.searchsorted(ends, min(first + STATE_BATCH, len(piece)))])
+    while first < count:
+        wanted = min(first + STATE_BATCH, count)
+        stop = int(ends[np.searchsorted(ends, wanted)])
         yield first, stop
         first = stop
 
 
-def _states_of_pieces(trajectory: Trajectory, own: slice, order: int) -> tuple[Array, Array]:
+def _states_of_pieces(
+    trajectory: Trajectory,
+    own: slice,
+    order: int,
+) -> tuple[Array, Array]:
     """Return the states (2 order+1, M, n) where time pieces start, and where they end."""
     piece = trajectory.piece[own]
     v = trajectory.v[own]
     a = trajectory.a[own]
     j = trajectory.j[own]
-    last, last_v, last_a = trajectory.advance(own, np.diff(trajectory.knots)[own])
+    lengths = np.diff(trajectory.knots)[own]
+    last, last_v, last_a = trajectory.advance(own, lengths)
     start, end = _derive_at_starts_and_ends(trajectory, own, last, order)
     first = np.flatnonzero(np.diff(piece, prepend=-1))
-    rounding = VALUE_ROUNDING * np.maximum.reduceat(np.abs(start[:3]), first, axis=1)
+    largest = np.maximum.reduceat(np.abs(start[:3]), first, axis=1)
+    rounding = VALUE_ROUNDING * largest
     if isinstance(trajectory.path, PolynomialPath):  # its coefficients are rounded too
         rounding = np.maximum(trajectory.path.rounding[:, piece[first]], rounding)
-    rounding = np.repeat(rounding, np.diff(np.append(first, len(piece))), axis=1)
+    counts = np.diff(np.append(first, len(piece)))
+    rounding = np.repeat(rounding, counts, axis=1)
     return (
         _find_states(start, rounding, (v, a, j)),
         _find_states(end, rounding, (last_v, last_a, j)),
     )
 
 
-def _find_states(slopes: Array, rounding: Array, rates: tuple[Array, Array, Array]) -> Array:
+def _find_states(
+    slopes: Array,
+    rounding: Array,
+    rates: tuple[Array, Array, Array],
+) -> Array:
     """Return q, q̇, … up to the order-th derivative, and the rounding of all but that.
 
     q̇ = q′ ṡ,  q̈ = q′ s̈ + q″ ṡ²,  q⃛ = q′ s⃛ + 3 q″ ṡ s̈ + q‴ ṡ³. The rounding of q, q′, q″
@@ -159,9 +176,11 @@ def _measure_jumps(before: Array, after: Array, blur: Array) -> Array:
     blur (N,) s  rounding of the instants, in which a value changes by its derivative
     """
     order = len(before) // 2
-    rates = np.maximum(np.abs(before[1 : order + 1]), np.abs(after[1 : order + 1]))
-    rounding = np.maximum(before[order + 1 :], after[order + 1 :])
-    jumps = np.abs(after[:order] - before[:order]) - blur[:, None] * rates - rounding
+    sides = np.stack([before, after])
+    rates = np.abs(sides[:, 1 : order + 1]).max(0)
+    rounding = sides[:, order + 1 :].max(0)
+    jumps = np.abs(after[:order] - before[:order])
+    jumps -= blur[:, None] * rates + rounding
     return np.where(np.isnan(jumps), np.inf, jumps)
 
 
@@ -221,6 +240,7 @@ def find_gaps(trajectory: Trajectory) -> dict[str, Place]:
     gap = np.maximum(np.abs(next_start - end) - drift, 0.0)
     low = path.breaks[trajectory.piece]
     high = path.breaks[trajectory.piece + 1]
+    steps = np.diff(trajectory.piece)
     is_first = np.arange(len(s)) == 0
     wrong = {
         "start off the path's": is_first & ~(np.abs(s - path.breaks[0]) <= slack),
@@ -228,7 +248,7 @@ def find_gaps(trajectory: Trajectory) -> dict[str, Place]:
         "place left out": ~(np.cumsum(gap) <= allowed),
         "motion backwards": ~(slowest >= -MAX_JUMP * np.abs(speed).max() - gain),
         "place off its piece": ~((s >= low - slack) & (end <= high + slack)),
-        "piece out of turn": ~np.isin(np.diff(trajectory.piece, prepend=trajectory.piece[0]), (0, 1)),
+        "piece out of turn": np.append(False, ~np.isin(steps, (0, 1))),
         "dwell left out": _find_short_rests(trajectory),
         "constant speed left out": _find_lost_speeds(trajectory),
     }

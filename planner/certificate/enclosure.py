@@ -98,8 +98,7 @@ class MotionEnclosure(ABC):
 
 @dataclass(frozen=True)
 class Enclosure(MotionEnclosure):
-    """Taylor series in τ ∈ [−1, 1]: the first N rows about each centre, the last N over the whole
-    cell.
+    """Taylor series in τ ∈ [−1, 1]: N rows about each centre, then N over each whole cell.
 
     s     (order+1, 2N) path length
     rate  (2N, 1) dτ/dt, 1/s
@@ -132,7 +131,8 @@ class Enclosure(MotionEnclosure):
 
     def distances(self, bodies: Bodies) -> Series:
         first = self.pose.derivative()
-        rates = [np.maximum(*np.abs(self.bound(each))) for each in (first, first.derivative())]
+        derivatives = (first, first.derivative())
+        rates = [np.abs(self.bound(each)).max(0) for each in derivatives]
         ends, error = _evaluate_at_ends(self.pose, len(self.piece))
         low, high = bound_distances(bodies, ends, error, rates)
         middle, radius = make_ball(np.tile(low, (2, 1)), np.tile(high, (2, 1)))
@@ -173,15 +173,16 @@ def widen(mid: Array, rad: Array) -> Array:
     return np.asarray((rad + spread) * (1 + 8 * EPS))
 
 
-def expand_motion(trajectory: Trajectory, cells: Cells) -> tuple[Array, Array, Array]:
-    """Return coefficients of s in τ about each cell's centre, their errors, (4, N) each, and half
-    widths (N,).
-    """
-    k = cells.k
+def expand_motion(
+    trajectory: Trajectory,
+    cells: Cells,
+) -> tuple[Array, Array, Array]:
+    """Return coefficients (4, N) of s in τ about each cell's centre, their errors, and half widths."""
+    columns = (trajectory.s, trajectory.v, trajectory.a, trajectory.j)
+    motion = np.stack([column[cells.k] for column in columns])
     centre = (cells.lo + cells.hi) / 2
     half = cells.lengths / 2 * (1 + 2 * EPS) + 2 * EPS * np.abs(cells.hi)
     powers = np.stack([np.ones_like(half), half, half**2, half**3])
-    motion = np.stack([trajectory.s[k], trajectory.v[k], trajectory.a[k], trajectory.j[k]])
     # no term is rounded 32 times, whatever the signs
     error = 32 * EPS * shift_motion(np.abs(motion), centre) * powers
     error[0] += PLACE_ROUNDING * np.abs(trajectory.path.breaks[[0, -1]]).max()
@@ -204,7 +205,8 @@ def shift_motion(motion: Array, t: Array) -> Array:
 @cache
 def _powers_at(points: int, powers: int) -> Array:
     """Powers (points, powers) of evenly spaced τ in [−1, 1]."""
-    return freeze_array(np.linspace(-1, 1, points)[:, None] ** np.arange(powers))
+    places = np.linspace(-1, 1, points)
+    return freeze_array(places[:, None] ** np.arange(powers))
 
 
 def bound_series(series: Series, cells: int) -> tuple[Array, Array]:
@@ -253,16 +255,21 @@ def _evaluate_at_ends(series: Series, cells: int) -> tuple[Array, Array]:
     return np.stack([even - odd, even + odd]), error
 
 
-def find_extremes(series: Series, cells: int, channel: np.ndarray) -> tuple[Array, Array]:
-    """Return about where in each cell one channel (cells,) is largest and least, and all values
-    there.
+def find_extremes(
+    series: Series,
+    cells: int,
+    channel: np.ndarray,
+) -> tuple[Array, Array]:
+    """Return about where in each cell one channel (cells,) is largest and least.
 
-    Places τ (2, cells), values (2, cells, m). They prove nothing: a state is evaluated there.
+    Places τ (2, cells), and all values there (2, cells, m). They prove nothing: a state is
+    evaluated there.
     """
     polynomial, _ = split_series(series, cells)
     chosen = polynomial[:, np.arange(cells), channel]
     samples = _powers_at(POINTS, len(chosen)) @ chosen
-    places = np.linspace(-1, 1, POINTS)[np.stack([samples.argmax(0), samples.argmin(0)])]
+    extremes = np.stack([samples.argmax(0), samples.argmin(0)])
+    places = np.linspace(-1, 1, POINTS)[extremes]
     values = np.zeros((2, *polynomial.shape[1:]))
     for coefficient in polynomial[::-1]:
         values = values * places[..., None] + coefficient
@@ -278,7 +285,8 @@ def bound_polynomials(polynomial: Array) -> tuple[Array, Array]:
     columns = polynomial.reshape(len(polynomial), -1)
     k = np.arange(len(columns))
     spacing = 2 / (POINTS - 1)
-    beyond = (k * (k - 1)) @ np.abs(columns) * (spacing**2 / 8)
+    curvature = (k * (k - 1)) @ np.abs(columns)
+    beyond = curvature * (spacing**2 / 8)
     low, high = np.empty((2, columns.shape[1]))
     for first in range(0, columns.shape[1], COLUMN_BATCH):
         batch = slice(first, first + COLUMN_BATCH)
@@ -310,8 +318,8 @@ def bound_distances(
     spin = swing / np.sqrt(2)
     farthest = 2 * speed + shift, 2 * spin + twist
     # a rounded rotation matrix is not quite a rotation: twice the change allows for that
-    size = 1 + np.abs(ends[0]).max(1)
-    rounding = bodies.change(ends[0], 2 * shift, 2 * twist) + 64 * EPS * size[:, None]
+    size = 1 + np.abs(ends[0]).max(1, keepdims=True)
+    rounding = bodies.change(ends[0], 2 * shift, 2 * twist) + 64 * EPS * size
     change = bodies.change(ends[0], *farthest) / 2
     middle = (start + end) / 2
     nearest = middle - change - rounding
@@ -321,9 +329,7 @@ def bound_distances(
 
 
 def _norms(numbers: Array) -> tuple[Array, Array]:
-    """Return upper bounds (N,) of the norm of the origin and the Frobenius norm of the rotation of
-    (N, 12) numbers.
-    """
+    """Return upper bounds (N,) of the norms of the origin and of the rotation (Frobenius)."""
     origin = np.linalg.norm(numbers[:, :3], axis=1)
     rotation = np.linalg.norm(numbers[:, 3:], axis=1)
     return origin * (1 + 16 * EPS), rotation * (1 + 16 * EPS)

@@ -14,20 +14,19 @@ from kinematics.analysis.virtual_work import invert
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.foundation.result import Result
-from kinematics.foundation.table import Column, Table
+from kinematics.foundation.table import Table
 from kinematics.foundation.taylor_model import EPS
 from kinematics.machine.motion import describe_singularity
 from planner.avoidable_stops import AvoidableStops
 from planner.certificate.cells import (
     Cells,
     Values,
-    evaluate_in_batches,
     refine,
     sample_pieces,
 )
 from planner.certificate.conditioning import Conditioning, evaluate_jacobian
 from planner.certificate.enclosure import cover_places
-from planner.certificate.limit_use import LIMIT_ROUNDING, prove_path_use
+from planner.certificate.limit_use import LIMIT_ROUNDING, prove_path_use, tabulate_uses
 from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath, MachinePath
 from planner.path.outcome import (
@@ -50,7 +49,11 @@ TIE_DIGITS = 9
 """Decimals of a use beyond which two count as equal."""
 
 
-def find_singularity(path: MachinePath, ends: Array, piece: np.ndarray) -> tuple[float, int] | None:
+def find_singularity(
+    path: MachinePath,
+    ends: Array,
+    piece: np.ndarray,
+) -> tuple[float, int] | None:
     """Return s and piece of the first place where the Jacobian is not proved nonsingular, or None.
 
     ends (N+1,), piece (N,): parts of the path, each within a piece. Cells that fail are halved.
@@ -74,13 +77,18 @@ def find_singularity(path: MachinePath, ends: Array, piece: np.ndarray) -> tuple
         return ~proved & ~small & (ends[cells.k] + cells.lo < first), 2
 
     cells = Cells(np.arange(len(width)), np.zeros(len(width)), width)
-    cells, (middle, _) = refine(cells, evaluate_in_batches(cells, prove), prove, find_loose)
+    cells, (middle, _) = refine(cells, prove, find_loose)
     if not np.isfinite(first):
         return None
     return float(first), int(piece[cells.k[np.flatnonzero(middle == first)[0]]])
 
 
-def _is_nonsingular(path: MachinePath, middle: Array, half: Array, piece: np.ndarray) -> np.ndarray:
+def _is_nonsingular(
+    path: MachinePath,
+    middle: Array,
+    half: Array,
+    piece: np.ndarray,
+) -> np.ndarray:
     """Return whether the Jacobian is proved nonsingular over each cell (N,).
 
     About the centre, J = J₀ + J₁ τ + J₂ τ² with |τ| ≤ 1 and J₂ over the whole cell. With C ≈ J₀⁻¹,
@@ -89,7 +97,7 @@ def _is_nonsingular(path: MachinePath, middle: Array, half: Array, piece: np.nda
     count = len(middle)
     half = half + 4 * EPS * np.abs(middle)
     s = cover_places(middle, half, 2)
-    # metres beyond reach it is unbounded, which proves nothing
+    # metres beyond reach it is unbounded, and the proof fails
     with np.errstate(over="ignore", invalid="ignore"):
         jacobian = path.jacobian(s, np.tile(piece, 2)).pad(2)
     shape = (3, 2, count, len(path.names), -1)
@@ -98,7 +106,7 @@ def _is_nonsingular(path: MachinePath, middle: Array, half: Array, piece: np.nda
     at, slope = mid[:2, 0]
     rad_at, rad_slope = rad[:2, 0]
     bend = np.abs(mid[2, 1]) + rad[2, 1]
-    inverse = invert(at)  # approximate; a singular matrix proves nothing
+    inverse = invert(at)  # approximate; with a singular matrix the proof fails
     size = np.abs(inverse)
     with np.errstate(invalid="ignore"):
         total = np.abs(np.eye(at.shape[1]) - inverse @ at) + size @ rad_at
@@ -129,20 +137,15 @@ class Standing(Result):
 
     def tables(self) -> tuple[Table, ...]:
         """Return the largest use of each limit and where, the violations below; the blends."""
-        bounds = [use for use, _ in self.largest.values()]
-        places = [place for _, place in self.largest.values()]
-        columns = (
-            Column("limit", [*self.largest]),
-            Column("bound", bounds, form=".7f", up=True),
-            *Place.columns(places),
-        )
+        bounds = {name: use for name, (use, _) in self.largest.items()}
+        places = {name: place for name, (_, place) in self.largest.items()}
         notes = [*map(str, self.violations), *self.warnings]
         stops = "" if self.avoidable is None else self.avoidable.describe()
         if stops:
             notes.append(f"stops: {stops}")
         title = "largest use of each limit, proved along the path"
         return (
-            Table(title, columns, tuple(notes)),
+            tabulate_uses(title, bounds, places, notes),
             *fit_tables(self.fit),
             *blend_tables(self.blends),
             *departure_tables(self.departures),
@@ -156,7 +159,10 @@ class Standing(Result):
         return tuple(filter(None, (near, *overshoot_warnings(self.overshoots))))
 
 
-def prove_feasibility(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:
+def prove_feasibility(
+    path: ActuatorPath,
+    limits: Sequence[Limit],
+) -> Standing:
     """Bound the geometric limits along the path at unit speed: their use is the same under every
     timing.
     """
@@ -185,7 +191,10 @@ def prove_feasibility(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:
     return Standing(_sort_violations(violations), largest)
 
 
-def _find_lost_reach(path: ActuatorPath, along: Trajectory) -> OutOfReach | None:
+def _find_lost_reach(
+    path: ActuatorPath,
+    along: Trajectory,
+) -> OutOfReach | None:
     """Return the error of the first sampled place that the actuators do not reach."""
     state = sample_pieces(along, np.arange(len(along.s)), (0.0, 0.5, 1.0))
     lost = ~np.isfinite(state.q).all(1)
@@ -199,7 +208,10 @@ def _find_lost_reach(path: ActuatorPath, along: Trajectory) -> OutOfReach | None
     return OutOfReach(f"{reach}; bring it nearer to home").in_segment(place.segment)
 
 
-def _find_lost_control(path: MachinePath, along: Trajectory) -> OutOfReach | None:
+def _find_lost_control(
+    path: MachinePath,
+    along: Trajectory,
+) -> OutOfReach | None:
     """Return the error of the first singular pose."""
     singular = find_singularity(path, np.append(along.s, path.breaks[-1]), along.piece)
     if singular is None:
@@ -231,7 +243,11 @@ class _Violation:
         return limit_violation(self.limit, self.value, self.channel, self.piece, self.place)
 
 
-def _sample_part(along: Trajectory, limit: Limit, part: int) -> "list[_Violation]":
+def _sample_part(
+    along: Trajectory,
+    limit: Limit,
+    part: int,
+) -> "list[_Violation]":
     """Return the largest use of each channel of a limit at the PLACES of a part of the path.
 
     The channel that uses most is the first.

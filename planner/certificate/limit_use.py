@@ -4,7 +4,7 @@ A limit that depends on time is bounded by the coarse enclosure first. Cells who
 then, and all cells of a geometric limit, are bounded by the fine one.
 """
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -15,6 +15,7 @@ from kinematics.foundation.arrays import (
     freeze_array,
     largest_in_rows,
 )
+from kinematics.foundation.table import Column, Table
 from planner.certificate.cells import (
     CELL_BATCH,
     Cells,
@@ -36,6 +37,7 @@ from planner.certificate.path_enclosure import (
 )
 from planner.limits.limit import Limit, select_timed
 from planner.path.actuation import ActuatorPath, has_constant_speed
+from planner.place import Place
 from planner.trajectory import State, Trajectory, unit_speed_trajectory
 
 LIMIT_ROUNDING = 1e-9
@@ -60,7 +62,7 @@ EXPANSION = {2: 6, 3: 8}
 class ProvedUse:
     """Earlier results, per limit on time: use and attained of each time piece (M,).
 
-    They are NaN where nothing is proved yet.
+    They are NaN where no bound is proved yet.
 
     of  (6, M) proved time pieces: s, ṡ, s̈ at the start, s⃛, duration and path piece
     """
@@ -70,9 +72,14 @@ class ProvedUse:
     of: Array
 
     @classmethod
-    def make_empty(cls, limits: Sequence[Limit], pieces: int) -> "ProvedUse":
-        nothing = {limit.name: np.full(pieces, np.nan) for limit in select_timed(limits)}
-        return cls(nothing, nothing, np.full((6, pieces), np.nan))
+    def make_empty(
+        cls,
+        limits: Sequence[Limit],
+        pieces: int,
+    ) -> "ProvedUse":
+        unproved = np.full(pieces, np.nan)
+        use = {limit.name: unproved for limit in select_timed(limits)}
+        return cls(use, use, np.full((6, pieces), np.nan))
 
     @classmethod
     def join(cls, parts: "Sequence[ProvedUse]") -> "ProvedUse":
@@ -159,17 +166,18 @@ def bound_finely(
 
     Each (limits, N).
     """
-    count = len(cells.k)
-    bounds, attained = np.zeros((2, len(limits), count))
+    shape = (len(limits), len(cells.k))
+    bounds = np.zeros(shape)
+    attained = np.zeros(shape)
     enclosure = enclose(trajectory, cells, EXPANSION[order])
     for n, limit in enumerate(limits):
         value = limit.value(enclosure)
         uses = limit.use(*enclosure.bound(value), enclosure.piece)
         bounds[n] = largest_in_rows(uses)
-        places, values = find_extremes(value, count, uses.argmax(1))
+        places, values = find_extremes(value, len(cells.k), uses.argmax(1))
         ends = [limit.use(each, each, enclosure.piece) for each in values]
         top, bottom = map(largest_in_rows, ends)
-        share = (1 + np.where(top >= bottom, *places)) / 2
+        share = (1 + np.where(top >= bottom, places[0], places[1])) / 2
         attained[n] = use_in(limit, state_at(trajectory, cells, share, order))
     return np.where(np.isnan(bounds), np.inf, bounds), attained
 
@@ -196,20 +204,32 @@ class LimitProof:
         self.use = np.zeros(len(self.trajectory.s))
         self.attained = np.zeros(len(self.trajectory.s))
 
-    def run(self, cells: Cells, values: Values, *, coarse: bool = False) -> None:
+    def run(
+        self,
+        cells: Cells,
+        values: Values,
+        *,
+        coarse: bool = False,
+    ) -> None:
         """Fill use and attained.
 
         values  bound and attained use (N,) of the cells
         coarse  whether they are of the coarse enclosure: loose cells have the fine one next
         """
-        if coarse:
-            loose, _ = self._find_loose(cells, values)
-            np.maximum.at(self.use, cells.k[~loose], self._round(values[0][~loose]))
-            cells = cells[loose]
-            values = evaluate_in_batches(cells, self._evaluate) if loose.any() else values
-        if len(cells.k):
-            cells, (bound, _) = refine(cells, values, self._evaluate, self._find_loose)
-            np.maximum.at(self.use, cells.k, self._round(bound))
+
+        def find_loose(
+            cells: Cells,
+            values: Values,
+        ) -> tuple[np.ndarray, int]:
+            nonlocal coarse
+            loose, parts = self._find_loose(cells, values)
+            if coarse:
+                coarse = False
+                parts = 1  # the same cells, by the fine enclosure
+            return loose, parts
+
+        cells, (bound, _) = refine(cells, self._evaluate, find_loose, values)
+        np.maximum.at(self.use, cells.k, self._round(bound))
 
     def _evaluate(self, cells: Cells) -> Values:
         bounds, attained = bound_finely(self.trajectory, [self.limit], self.order, cells)
@@ -218,7 +238,11 @@ class LimitProof:
     def _round(self, use: Array) -> Array:
         return round_reached_use(use) if self.reachable else use
 
-    def _find_loose(self, cells: Cells, values: Values) -> tuple[np.ndarray, int]:
+    def _find_loose(
+        self,
+        cells: Cells,
+        values: Values,
+    ) -> tuple[np.ndarray, int]:
         """Return which cells (N,) are not tight, and the number of parts to split them into."""
         bound, attained = (self._round(each) for each in values)
         np.maximum.at(self.attained, cells.k, attained)
@@ -233,9 +257,25 @@ class LimitProof:
         most_parts = MOST_PARTS if loose.sum() <= FEW_CELLS else 2
         parts = int(np.clip(np.ceil(np.sqrt(excess)), 2, most_parts))
         least = self.least_share * np.diff(self.trajectory.knots)[cells.k]
-        if parts * loose.sum() > MAX_CELLS or (cells.lengths < parts * least).any():
+        too_short = cells.lengths < parts * least
+        if parts * loose.sum() > MAX_CELLS or too_short.any():
             loose[:] = False
         return loose, parts
+
+
+def tabulate_uses(
+    title: str,
+    uses: Mapping[str, float],
+    places: Mapping[str, Place],
+    notes: Sequence[str] = (),
+) -> Table:
+    """Return the proved use of each limit, and where it is largest."""
+    columns = (
+        Column("limit", [*uses]),
+        Column("bound", [*uses.values()], form=".7f", up=True),
+        *Place.columns([places[name] for name in uses]),
+    )
+    return Table(title, columns, tuple(notes))
 
 
 def round_reached_use(use: Array) -> Array:
@@ -260,7 +300,10 @@ class PathUse:
 _PROVED: dict[Hashable, PathUse] = {}
 
 
-def prove_path_use(path: ActuatorPath, limits: Sequence[Limit]) -> dict[str, Array]:
+def prove_path_use(
+    path: ActuatorPath,
+    limits: Sequence[Limit],
+) -> dict[str, Array]:
     """Return, per geometric limit, the proved bound of its use on every part of a path.
 
     Parts are the time pieces of `unit_speed_trajectory(path)`.
@@ -288,7 +331,10 @@ def forget_paths() -> None:
     _PROVED.clear()
 
 
-def find_geometric_use(trajectory: Trajectory, limits: Sequence[Limit]) -> dict[str, Array]:
+def find_geometric_use(
+    trajectory: Trajectory,
+    limits: Sequence[Limit],
+) -> dict[str, Array]:
     """Return, per geometric limit, the proved bound over each time piece (M,).
 
     It is the largest of the parts of the path that the time piece passes.
@@ -309,7 +355,10 @@ def find_geometric_use(trajectory: Trajectory, limits: Sequence[Limit]) -> dict[
     return {name: np.maximum.reduceat(np.append(values, 0.0), ranges)[::2] for name, values in proved.use.items()}
 
 
-def use_at_knots(trajectory: Trajectory, limits: Sequence[Limit]) -> dict[str, Array]:
+def use_at_knots(
+    trajectory: Trajectory,
+    limits: Sequence[Limit],
+) -> dict[str, Array]:
     """Return, per geometric limit, the larger use attained at the two ends of each time piece (M,).
 
     It says where a limit is used most, and proves nothing: some knots are evaluated, then all

@@ -14,7 +14,6 @@ from kinematics.foundation.arrays import Array
 from planner.certificate.cells import (
     Cells,
     Values,
-    evaluate_in_batches,
     find_sequences,
     refine,
 )
@@ -51,13 +50,19 @@ class Stay:
         return (self.end - self.start) / self.band.time
 
 
-def find_stays(trajectory: Trajectory, limit: Resonance) -> tuple[Stay, ...]:
+def find_stays(
+    trajectory: Trajectory,
+    limit: Resonance,
+) -> tuple[Stay, ...]:
     """Return every stay in the bands that may be crossed, as proved upper bounds of durations."""
     if not limit.bands:
         return ()
     shortest = MIN_CELL_SHARE * min(band.time for band in limit.bands)
 
-    def find_undecided(cells: Cells, values: Values) -> tuple[np.ndarray, int]:
+    def find_undecided(
+        cells: Cells,
+        values: Values,
+    ) -> tuple[np.ndarray, int]:
         possible, certain = values
         undecided = (possible & ~certain).any(0) & (cells.lengths > shortest)
         if 2 * undecided.sum() > MAX_CELLS:
@@ -66,7 +71,7 @@ def find_stays(trajectory: Trajectory, limit: Resonance) -> tuple[Stay, ...]:
 
     cells = Cells.cover(trajectory)
     locate = partial(_locate, trajectory, limit)
-    cells, values = refine(cells, evaluate_in_batches(cells, locate), locate, find_undecided)
+    cells, values = refine(cells, locate, find_undecided)
     order = np.lexsort((cells.lo, cells.k))
     cells = cells[order]
     possible, certain = (each[:, order] for each in values)
@@ -103,7 +108,11 @@ def _join_cells(
     ]
 
 
-def _locate(trajectory: Trajectory, limit: Resonance, cells: Cells) -> Values:
+def _locate(
+    trajectory: Trajectory,
+    limit: Resonance,
+    cells: Cells,
+) -> Values:
     """Return (bands, N) bool each: where |q̇| may be in a band, and where it is throughout."""
     motion = enclose(trajectory, cells, EXPANSION)
     low, high = motion.bound(limit.value(motion))
