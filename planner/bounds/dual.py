@@ -52,7 +52,7 @@ ROUGH_TOLERANCE = 1e-3
 LEAST_CURVATURE = 0.01
 # Least pivot, as a share of the diagonal: below it there is only rounding.
 LEAST_PIVOT = 1e-14
-# Number of λ of a cell, and of those that the next cell does not share.
+# Number of λ of a cell; from one cell to the next STRIDE of them change.
 LOCAL = 5
 STRIDE = 3
 

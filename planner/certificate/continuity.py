@@ -112,8 +112,8 @@ def _batches(piece: np.ndarray) -> Iterator[tuple[int, int]]:
     ends = np.append(np.flatnonzero(np.diff(piece)) + 1, count)
     first = 0
     while first < count:
-        wanted = min(first + STATE_BATCH, count)
-        stop = int(ends[np.searchsorted(ends, wanted)])
+        least_stop = min(first + STATE_BATCH, count)
+        stop = int(ends[np.searchsorted(ends, least_stop)])
         yield first, stop
         first = stop
 

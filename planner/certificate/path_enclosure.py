@@ -321,7 +321,7 @@ def bound_coarsely(
     """Return bounds of each limit's use over N cells, and the use attained at some instants.
 
     Each (limits, N). Limits on single axes are bounded over every cell, and over parts of loose
-    cells; other limits over groups of cells, and over the cells of those that may use the most.
+    cells; other limits over groups of cells, and over the cells of groups that may use the most.
     """
     motion = enclose_along_path(trajectory, cells, order)
     groups = None

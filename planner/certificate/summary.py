@@ -26,14 +26,14 @@ def summarise_part(
     use: dict[str, Array] = {}
     attained: dict[str, Array] = {}
     for name, values in certificate.use.items():
-        reached = certificate.attained[name][part]
+        attained_here = certificate.attained[name][part]
         worst[name] = float(values[part].max())
         where[name] = certificate.where[name]
         if worst[name] < certificate.worst[name]:  # the worst place is in another part
-            k = part.start + int(np.argmax(reached))
+            k = part.start + int(np.argmax(attained_here))
             where[name] = find_place(motion, limits, name, k)
         use[name] = np.array([worst[name]])
-        attained[name] = reached.max(keepdims=True)
+        attained[name] = attained_here.max(keepdims=True)
     return Certificate(certificate.holds, worst, where, use, attained)
 
 
