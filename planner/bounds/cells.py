@@ -129,10 +129,10 @@ def refine_nodes(
     loss = np.minimum(loss, times)
     least_loss = 1e-4 * np.abs(loss).mean() + 1e-300
     share = np.cbrt(np.maximum(loss, least_loss))
-    share_of_cells = np.round(share / share.sum() * most)
+    target = np.round(share / share.sum() * most)
     least = LEAST_CELL * (nodes.t[-1] - nodes.t[0])
     room = np.maximum(times / least, 1)
-    parts = np.clip(np.clip(share_of_cells, 1, MOST_PARTS), 1, room).astype(int)
+    parts = np.clip(np.clip(target, 1, MOST_PARTS), 1, room).astype(int)
     # cells at rest stay: rounding of s allows no shorter times there
     parts[[0, -1]] = 1
     firsts = np.cumsum(parts) - parts

@@ -116,10 +116,11 @@ def bound_duration(
             gap = FAIR_GAP
         bounds = {n: _bound_run(case, runs[n], parts, gap) for n, parts in spans.items()}
 
-    shifts = [runs[n][0] - runs[first][0] for n, first in enumerate(firsts)]
-    joined = join_bounds(
-        [_shift(path, bounds[first], by) for first, by in zip(firsts, shifts, strict=True)],
-    )
+    shifted = []
+    for n, first in enumerate(firsts):
+        by = runs[n][0] - runs[first][0]
+        shifted.append(_shift(path, bounds[first], by))
+    joined = join_bounds(shifted)
     value = float(path.dwells.sum()) + joined.value
     value -= 1e-15 * (len(runs) + 8) * abs(value)  # rounding error
     return DurationBound(value, trajectory.duration, find_left_out(path, limits), *joined[1:])
@@ -133,11 +134,13 @@ def _find_equal_motions(case: Case, runs: Sequence[Ends]) -> list[int]:
     """
     path = case.trajectory.path
     zeros = count_zero_derivatives(path)
-    posed = [run for ends in runs for run in split_runs(path, np.array(ends), 3)]
+    posed = []
+    for ends in runs:
+        posed += split_runs(path, np.array(ends), 3)
     firsts = find_first_equals(path, case.limits, posed)
     for n, first in enumerate(firsts):
         start, end = runs[n]
-        turns_back = zeros[0, start] or zeros[1, end - 1]
+        turns_back = zeros[0, start] > 0 or zeros[1, end - 1] > 0
         if first != n and (turns_back or not _move_alike(case.trajectory, runs[first], runs[n])):
             firsts[n] = n
     return firsts
@@ -245,7 +248,8 @@ def _bound_without_jerk(
     best: SpanBound | None = None
     for gap in (None, FAIR_GAP):
         cases = zip(runs, spans, strict=True)
-        joined = join_bounds([_bound_run(gentle, run, parts, gap) for run, parts in cases])
+        bounds = [_bound_run(gentle, run, parts, gap) for run, parts in cases]
+        joined = join_bounds(bounds)
         best = joined if best is None or joined.value > best.value else best
         if motion.duration <= (1 + FAIR_GAP) * best.value:
             break

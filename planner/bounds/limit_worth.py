@@ -200,7 +200,9 @@ class Worth(Result):
             high = k
             while high < len(v) - 1 and v[high + 1] > v[high]:
                 high += 1
-            lost += float(t[high] - t[low] - (s[k] - s[low]) / v[low] - (s[high] - s[k]) / v[high])
+            before = (s[k] - s[low]) / v[low]
+            after = (s[high] - s[k]) / v[high]
+            lost += float(t[high] - t[low] - before - after)
         return len(stops), lost
 
     def rank(self) -> list[int]:
@@ -311,7 +313,8 @@ def _find_corner_stops(motion: Trajectory) -> list[int]:
 
 def _format_ms(time: float) -> str:
     """Return a time (s) in ms, with three digits or all digits before the point."""
-    return f"{1e3 * time:.3g}" if abs(time) < 0.9995 else f"{1e3 * time:.0f}"
+    form = ".3g" if abs(time) < 0.9995 else ".0f"
+    return f"{1e3 * time:{form}}"
 
 
 def call(limit: str, axis: str) -> str:
@@ -364,7 +367,8 @@ def find_worth(
     if "constant speed" in bound.left_out:
         unknown.append("constant speed")
     shape = (len(rows), len(bound.s))
-    alone, along = (PER_CENT * np.array([row[k] for row in rows]).reshape(shape) for k in (2, 3))
+    alone = PER_CENT * np.reshape([row[2] for row in rows], shape)
+    along = PER_CENT * np.reshape([row[3] for row in rows], shape)
     return Worth(
         limits=tuple(row[0] for row in rows),
         axes=tuple(row[1] for row in rows),
@@ -413,18 +417,21 @@ def _share_speeds(
     limits = [limit for limit in limits if isinstance(limit, SPEED_LIMITS)]
     if not limits:
         return {}
-    points = make_points(path, (ends[1:] + ends[:-1]) / 2, bound.piece, 2)
+    middles = (ends[1:] + ends[:-1]) / 2
+    points = make_points(path, middles, bound.piece, 2)
     uses = []
     for limit in limits:
         rows = limit.rows(points)
         with np.errstate(invalid="ignore"):
-            uses.append(np.nan_to_num(np.abs(rows.coefficients[Term.SD]) / rows.bound).T)
+            use = np.abs(rows.coefficients[Term.SD]) / rows.bound
+            uses.append(np.nan_to_num(use).T)
     every = np.concatenate(uses)
     most = every.max(0)
     tied = every >= most * (1 - TIE)
     share = np.where(most > 0, tied / tied.sum(0), 0.0)
     worth = share * bound.worth[:, 2, 0]
-    rooms = np.stack([_find_room(most, np.delete(every, k, 0)) for k in range(len(every))])
+    others = [np.delete(every, k, 0) for k in range(len(every))]
+    rooms = np.stack([_find_room(most, each) for each in others])
 
     savings = {}
     first = 0

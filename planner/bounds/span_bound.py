@@ -323,8 +323,8 @@ def _prove(problem: _Problem, multipliers: Multipliers) -> SpanBound:
 
     edges = np.where(nodes == 0, 0.0, nodes * problem.state)  # λa a, λb b
     loss = np.diff(problem.nodes.t) + np.diff(edges.sum(1)) - out
-    value = float(out.sum() - edges[-1].sum() + edges[0].sum())
-    size = float(np.abs(out).sum() + np.abs(edges[[0, -1]]).sum())
+    value = out.sum() - edges[-1].sum() + edges[0].sum()
+    size = np.abs(out).sum() + np.abs(edges[[0, -1]]).sum()
     value -= 1e-15 * len(out) * size  # rounding error
     inner = problem.inner
     rows = problem.rows
@@ -334,7 +334,14 @@ def _prove(problem: _Problem, multipliers: Multipliers) -> SpanBound:
         cell = -rest.side
         leaving = problem.rows_at(rest), rest.side, rest.zeros
         worth[cell], alone[cell] = weigh_rest(*leaving, nodes[rest.inner_node])
-    return SpanBound(value, problem.nodes.s[:-1], problem.nodes.piece, loss, worth, alone)
+    return SpanBound(
+        value=float(value),
+        s=problem.nodes.s[:-1],
+        piece=problem.nodes.piece,
+        loss=loss,
+        worth=worth,
+        alone=alone,
+    )
 
 
 def _bound_all(problem: _Problem, trial: Trial, jerky: np.ndarray) -> Array:

@@ -93,7 +93,8 @@ def certify(
         # a bound below 1 need not be tight everywhere
         exceeded = not limit.geometric and use[limit.name].max() > 1
         most = use if exceeded else attained
-        where[limit.name] = _find_place(trajectory, limit, int(np.argmax(most[limit.name])))
+        k = int(np.argmax(most[limit.name]))
+        where[limit.name] = _find_place(trajectory, limit, k)
     others: dict[str, tuple[Array, Array, Place]] = {}
     for limit in limits:
         if isinstance(limit, Resonance) and limit.bands:
@@ -105,7 +106,8 @@ def certify(
         attained[name] = value
         where[name] = place
     worst = {name: float(values.max()) for name, values in use.items()}
-    for name, place in (find_jumps(trajectory, order) | find_gaps(trajectory)).items():
+    faults = find_jumps(trajectory, order) | find_gaps(trajectory)
+    for name, place in faults.items():
         worst[name] = float("inf")
         where[name] = place
     return Certificate(

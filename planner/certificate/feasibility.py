@@ -76,11 +76,13 @@ def find_singularity(
         # cells beyond the first place that counts as singular do not matter
         return ~proved & ~small & (ends[cells.k] + cells.lo < first), 2
 
-    cells = Cells(np.arange(len(width)), np.zeros(len(width)), width)
+    parts = np.arange(len(width))
+    cells = Cells(parts, np.zeros_like(width), width)
     cells, (middle, _) = refine(cells, prove, find_loose)
     if not np.isfinite(first):
         return None
-    return float(first), int(piece[cells.k[np.flatnonzero(middle == first)[0]]])
+    part = cells.k[np.argmax(middle == first)]
+    return float(first), int(piece[part])
 
 
 def _is_nonsingular(
@@ -109,8 +111,10 @@ def _is_nonsingular(
     inverse = invert(at)  # approximate; with a singular matrix the proof fails
     size = np.abs(inverse)
     with np.errstate(invalid="ignore"):
-        total = np.abs(np.eye(at.shape[1]) - inverse @ at) + size @ rad_at
-        total = total + np.abs(inverse @ slope) + size @ (rad_slope + bend)
+        total = np.abs(np.eye(at.shape[1]) - inverse @ at)
+        total += size @ rad_at
+        total += np.abs(inverse @ slope)
+        total += size @ (rad_slope + bend)
         # a little below 1, for the rounding of these lines themselves
         return np.asarray(total.sum(-1).max(-1) < 1 - 1e-9)
 

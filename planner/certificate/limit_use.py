@@ -374,13 +374,16 @@ def use_at_knots(
         use[sampled] = use_in(limit, states)
         if step > 1:
             best = int(use.argmax())
-            around = np.arange(max(best - step + 1, 0), min(best + step, count))
+            first = max(best - step + 1, 0)
+            around = np.arange(first, min(best + step, count))
             use[around] = use_in(limit, _state_at_knots(trajectory, around))
-        attained[limit.name] = round_reached_use(np.maximum(use[:-1], use[1:]))
+        larger = np.maximum(use[:-1], use[1:])
+        attained[limit.name] = round_reached_use(larger)
     return attained
 
 
 def _state_at_knots(trajectory: Trajectory, knots: np.ndarray) -> State:
     last = len(trajectory.s) - 1
     k = np.minimum(knots, last)
-    return trajectory.within(k, np.where(knots <= last, 0.0, np.diff(trajectory.knots)[k]))
+    lengths = np.diff(trajectory.knots)
+    return trajectory.within(k, np.where(knots <= last, 0.0, lengths[k]))
