@@ -342,17 +342,8 @@ def cancel(
 
 
 @kernel
-def sum_rows(
-    rows: RowCells,
-    trial: Trial,
-    k: int,
-    n: int,
-    out: Floats2,
-) -> None:
-    """Fill out (2, 3) with proved g, P and K at both ends of cell k, from the n-th set.
-
-    Without a proof all are −∞.
-    """
+def sum_rows(rows: RowCells, trial: Trial, k: int, n: int, out: Floats2) -> None:
+    """Fill out (2, 3) with proved g, P and K at both ends of cell k by the n-th set, or −∞."""
     h = rows.width[k]
     q = rows.ends[k]
     off = rows.off[k]

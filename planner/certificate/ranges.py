@@ -92,12 +92,7 @@ def bound_motion(
                         -1.0,
                         bounds[2:],
                     )
-                _store(
-                    bounds,
-                    reach[0],
-                    scale,
-                    out[:, m, first : first + len(rows), c],
-                )
+                _store(bounds, reach[0], scale, out[:, m, first : first + len(rows), c])
                 for n in range(len(rows)):
                     scale[n] *= cells[8, n]
 
