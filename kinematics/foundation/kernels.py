@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 # Hash of the sources of all kernels, of which tests/kinematics/foundation/test_kernel_version.py
 # prints the new value. numba itself sees changes of a kernel's own file only, but machine code also
 # contains the kernels that it calls and the constants that it reads.
-VERSION = "9268e9c9d4583d5d"
+VERSION = "fb383e0f7695f1f6"
 
 # s after which a first call is reported as compiling.
 PATIENCE = 1.0

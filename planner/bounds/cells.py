@@ -6,6 +6,7 @@ All cells prove a bound. These make its loss small.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from kinematics.foundation.arrays import Array
 from planner.bounds.spans import Span
@@ -42,7 +43,7 @@ class Nodes:
 
 def place_nodes(trajectory: Trajectory, span: Span) -> Nodes:
     """Return nodes at the motion's knots, and more near rests."""
-    knots = trajectory.knots[span.pieces[0] : span.pieces[-1] + 2]
+    knots = span.knots
     begin = knots[0]
     end = knots[-1]
     took = end - begin
@@ -52,8 +53,9 @@ def place_nodes(trajectory: Trajectory, span: Span) -> Nodes:
         interval = np.searchsorted(knots, t, side="right") - 1
         return np.asarray(wide[np.clip(interval, 0, len(wide) - 1)])
 
-    count = 1 + int(np.log(GROWTH_END / FIRST_CELL) / np.log(1 + CELL_GROWTH))
-    since = took * FIRST_CELL * (1 + CELL_GROWTH) ** np.arange(count)
+    growths = np.log(GROWTH_END / FIRST_CELL) / np.log(1 + CELL_GROWTH)
+    powers = np.arange(1 + int(growths))
+    since = took * FIRST_CELL * (1 + CELL_GROWTH) ** powers
     growing = np.concatenate([begin + since, end - since])
     away = np.minimum(growing - begin, end - growing)
     growing = growing[find_width(growing) > CELL_GROWTH * away]
@@ -73,18 +75,26 @@ def sample_nodes(trajectory: Trajectory, span: Span, t: Array) -> Nodes:
     k = np.clip(trajectory.locate(t), pieces[0], pieces[-1])
     s, v, b = trajectory.advance(k, t - trajectory.knots[k])
 
-    distance = np.abs(s - breaks[np.searchsorted((breaks[1:] + breaks[:-1]) / 2, s)])
-    clear = distance > 1e-10 * np.diff(breaks).min()
-    apart = np.append(True, np.diff(s) > 1e-13 * (breaks[-1] - breaks[0]))
+    nearest_break = breaks[_find_nearest(breaks, s)]
+    clear = np.abs(s - nearest_break) > 1e-10 * np.diff(breaks).min()
+    least = 1e-13 * (breaks[-1] - breaks[0])
+    apart = np.append(True, np.diff(s) > least)
     inside = (s > breaks[0]) & (s < breaks[-1]) & apart & clear
     # a break takes the state at the nearest instant
-    nearest = np.searchsorted((s[1:] + s[:-1]) / 2, breaks)
-    places, chosen = np.unique(np.concatenate([s[inside], breaks]), return_index=True)
-    chosen = np.concatenate([np.flatnonzero(inside), nearest])[chosen]
+    instants = np.append(np.flatnonzero(inside), _find_nearest(s, breaks))
+    places = np.append(s[inside], breaks)
+    places, chosen = np.unique(places, return_index=True)
+    chosen = instants[chosen]
     within = np.searchsorted(breaks, places[:-1], side="right") - 1
     piece = span.first + np.clip(within, 0, len(breaks) - 2)
     a = np.maximum(v[chosen], 0.0) ** 2
     return Nodes(places, a, b[chosen], np.maximum.accumulate(t[chosen]), piece)
+
+
+def _find_nearest(sorted_values: Array, values: Array) -> np.ndarray:
+    """Return the index of the nearest of sorted values for each of the values."""
+    middles = (sorted_values[1:] + sorted_values[:-1]) / 2
+    return np.searchsorted(middles, values)
 
 
 def thin_nodes(nodes: Nodes, most: int) -> Nodes:
@@ -94,7 +104,13 @@ def thin_nodes(nodes: Nodes, most: int) -> Nodes:
         return nodes
     breaks = np.flatnonzero(np.diff(nodes.piece)) + 1
     ends = np.union1d(np.linspace(0, count, most + 1).round().astype(int), breaks)
-    return Nodes(nodes.s[ends], nodes.a[ends], nodes.b[ends], nodes.t[ends], nodes.piece[ends[:-1]])
+    return Nodes(
+        nodes.s[ends],
+        nodes.a[ends],
+        nodes.b[ends],
+        nodes.t[ends],
+        nodes.piece[ends[:-1]],
+    )
 
 
 def refine_nodes(
@@ -109,32 +125,40 @@ def refine_nodes(
     The loss rate is quadratic in the width of a cell.
     """
     times = np.diff(nodes.t)
-    loss = np.minimum(np.where(np.isfinite(loss), loss, np.inf), times)
-    share = np.cbrt(np.maximum(loss, 1e-4 * np.abs(loss).mean() + 1e-300))
-    parts = np.clip(np.round(share / share.sum() * most), 1, MOST_PARTS)
+    loss = np.where(np.isfinite(loss), loss, np.inf)
+    loss = np.minimum(loss, times)
+    least_loss = 1e-4 * np.abs(loss).mean() + 1e-300
+    share = np.cbrt(np.maximum(loss, least_loss))
+    target = np.round(share / share.sum() * most)
     least = LEAST_CELL * (nodes.t[-1] - nodes.t[0])
-    parts = np.clip(parts, 1, np.maximum(times / least, 1)).astype(int)
+    room = np.maximum(times / least, 1)
+    parts = np.clip(np.clip(target, 1, MOST_PARTS), 1, room).astype(int)
     # cells at rest stay: rounding of s allows no shorter times there
     parts[[0, -1]] = 1
-    within = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
-    t = np.repeat(nodes.t[:-1], parts) + within * np.repeat(times / parts, parts)
+    firsts = np.cumsum(parts) - parts
+    within = np.arange(parts.sum()) - np.repeat(firsts, parts)
+    starts = np.repeat(nodes.t[:-1], parts)
+    t = starts + within * np.repeat(times / parts, parts)
     return sample_nodes(trajectory, span, np.unique(np.append(t, nodes.t[-1])))
 
 
-def guess_motion(trajectory: Trajectory, nodes: Nodes, length: float, time: float) -> Array:
+def guess_motion(trajectory: Trajectory, nodes: Nodes) -> Array:
     """Return a, b, c of a slightly slower motion at both ends of each cell (M, 2, 3).
 
-    Units are `length` and `time`. An end at rest takes the state of a place inside its cell.
+    An end at rest takes the state of a place inside its cell.
     """
-    mean = np.diff(nodes.s) / np.maximum(np.diff(nodes.t), 1e-15 * time)
-    ends = np.stack([nodes.t[:-1], nodes.t[1:]], 1)
-    rests = np.stack([nodes.a[:-1], nodes.a[1:]], 1) < 1e-6 * mean[:, None] ** 2
-    instants = np.where(rests, INSIDE * ends[:, ::-1] + (1 - INSIDE) * ends, ends)
+    least_time = 1e-15 * (nodes.t[-1] - nodes.t[0])
+    times = np.maximum(np.diff(nodes.t), least_time)
+    mean = (np.diff(nodes.s) / times)[:, None]
+    ends = sliding_window_view(nodes.t, 2)
+    rests = sliding_window_view(nodes.a, 2) < 1e-6 * mean**2
+    inside = INSIDE * ends[:, ::-1] + (1 - INSIDE) * ends
+    instants = np.where(rests, inside, ends)
 
-    k = np.repeat(trajectory.locate(ends.mean(1))[:, None], 2, 1)
-    tau = np.clip(instants - trajectory.knots[k], 0.0, np.diff(trajectory.knots)[k])
+    k = trajectory.locate(ends.mean(1))[:, None].repeat(2, 1)
+    lengths = np.diff(trajectory.knots)
+    tau = np.clip(instants - trajectory.knots[k], 0.0, lengths[k])
     _, v, b = trajectory.advance(k, tau)
-    v = np.maximum(v, 0.05 * mean[:, None]) * SLOWER * time / length
-    b = SLOWER**2 * b * time**2 / length
-    c = SLOWER**3 * trajectory.j[k] * time**3 / length / v
-    return np.stack([v**2, b, c], -1)
+    v = np.maximum(v, 0.05 * mean) * SLOWER
+    c = SLOWER**3 * trajectory.j[k] / v
+    return np.stack([v**2, SLOWER**2 * b, c], -1)

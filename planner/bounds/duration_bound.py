@@ -14,7 +14,13 @@ from kinematics.foundation.arrays import Array
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from planner.bounds.lower_bound import find_left_out
-from planner.bounds.span_bound import Case, SpanBound, bound_span, bound_span_quickly, join_bounds
+from planner.bounds.span_bound import (
+    Case,
+    SpanBound,
+    bound_span,
+    bound_span_quickly,
+    join_bounds,
+)
 from planner.bounds.spans import Span, split_run
 from planner.limits.limit import Limit, Term
 from planner.path.actuation import ActuatorPath
@@ -110,10 +116,11 @@ def bound_duration(
             gap = FAIR_GAP
         bounds = {n: _bound_run(case, runs[n], parts, gap) for n, parts in spans.items()}
 
-    shifts = [runs[n][0] - runs[first][0] for n, first in enumerate(firsts)]
-    joined = join_bounds(
-        [_shift(path, bounds[first], by) for first, by in zip(firsts, shifts, strict=True)],
-    )
+    shifted = []
+    for n, first in enumerate(firsts):
+        by = runs[n][0] - runs[first][0]
+        shifted.append(_shift(path, bounds[first], by))
+    joined = join_bounds(shifted)
     value = float(path.dwells.sum()) + joined.value
     value -= 1e-15 * (len(runs) + 8) * abs(value)  # rounding error
     return DurationBound(value, trajectory.duration, find_left_out(path, limits), *joined[1:])
@@ -127,11 +134,13 @@ def _find_equal_motions(case: Case, runs: Sequence[Ends]) -> list[int]:
     """
     path = case.trajectory.path
     zeros = count_zero_derivatives(path)
-    posed = [run for ends in runs for run in split_runs(path, np.array(ends), 3)]
+    posed = []
+    for ends in runs:
+        posed += split_runs(path, np.array(ends), 3)
     firsts = find_first_equals(path, case.limits, posed)
     for n, first in enumerate(firsts):
         start, end = runs[n]
-        turns_back = zeros[0, start] or zeros[1, end - 1]
+        turns_back = zeros[0, start] > 0 or zeros[1, end - 1] > 0
         if first != n and (turns_back or not _move_alike(case.trajectory, runs[first], runs[n])):
             firsts[n] = n
     return firsts
@@ -143,7 +152,14 @@ def _move_alike(trajectory: Trajectory, one: Ends, other: Ends) -> bool:
     for ends in (one, other):
         part = slice(*np.searchsorted(trajectory.piece, ends))
         durations = np.diff(trajectory.knots[part.start : part.stop + 1])
-        motion = np.stack([trajectory.v[part], trajectory.a[part], trajectory.j[part], durations])
+        motion = np.stack(
+            [
+                trajectory.v[part],
+                trajectory.a[part],
+                trajectory.j[part],
+                durations,
+            ]
+        )
         motions.append(motion[:, motion[:3].any(0)])
     first, second = motions
     if first.shape != second.shape or not np.array_equal(first[:3], second[:3]):
@@ -181,7 +197,12 @@ def _bound_quickly(
     return bounds
 
 
-def _bound_run(case: Case, ends: Ends, spans: Sequence[Span], gap: float | None) -> SpanBound:
+def _bound_run(
+    case: Case,
+    ends: Ends,
+    spans: Sequence[Span],
+    gap: float | None,
+) -> SpanBound:
     """Bound a run by the sum over its spans, or without jerk limits if that bound is larger."""
     took = sum(span.duration for span in spans)
     solved = sum(span.duration for span in spans if not span.cruising)
@@ -196,7 +217,11 @@ def _bound_run(case: Case, ends: Ends, spans: Sequence[Span], gap: float | None)
     return best
 
 
-def _bound_without_jerk(case: Case, ends: Ends, least: float) -> SpanBound | None:
+def _bound_without_jerk(
+    case: Case,
+    ends: Ends,
+    least: float,
+) -> SpanBound | None:
     """Bound a run by its limits on speed and acceleration, near its fastest motion within them.
 
     Return None if there is no such motion, or if it is no longer than the bound `least`.
@@ -223,7 +248,8 @@ def _bound_without_jerk(case: Case, ends: Ends, least: float) -> SpanBound | Non
     best: SpanBound | None = None
     for gap in (None, FAIR_GAP):
         cases = zip(runs, spans, strict=True)
-        joined = join_bounds([_bound_run(gentle, run, parts, gap) for run, parts in cases])
+        bounds = [_bound_run(gentle, run, parts, gap) for run, parts in cases]
+        joined = join_bounds(bounds)
         best = joined if best is None or joined.value > best.value else best
         if motion.duration <= (1 + FAIR_GAP) * best.value:
             break

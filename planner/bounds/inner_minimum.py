@@ -17,11 +17,26 @@ from typing import NamedTuple
 import numpy as np
 
 from kinematics.foundation.kernels import Floats1, Floats2, Ints1, kernel
-from planner.bounds.lower_bound import RowCells, Trial
+from planner.bounds.lower_bound import RowCells, Trial, copy_to
 
 # Values of a whose programs are solved, relative to the motion's a.
 NEAR = np.array(
-    [0.02, 0.15, 0.4, 0.7, 0.85, 0.93, 0.98, 0.995, 1.005, 1.02, 1.07, 1.2, 1.5, 2.5],
+    [
+        0.02,
+        0.15,
+        0.4,
+        0.7,
+        0.85,
+        0.93,
+        0.98,
+        0.995,
+        1.005,
+        1.02,
+        1.07,
+        1.2,
+        1.5,
+        2.5,
+    ],
 )
 # Penalty of a violated row, relative to the worth of the motion's rows.
 PENALTY = 3.0
@@ -47,7 +62,11 @@ class InnerProgram(NamedTuple):
 
 
 @kernel
-def draw_line(program: InnerProgram, b: float, out: Floats2) -> tuple[float, float]:
+def draw_line(
+    program: InnerProgram,
+    b: float,
+    out: Floats2,
+) -> tuple[float, float]:
     """Return value and slope of the function at b. Fill out (2, n) with the multipliers there."""
     q, acceleration, jerk, a, e, penalty = program
     out[:] = 0.0
@@ -101,14 +120,6 @@ def draw_line(program: InnerProgram, b: float, out: Floats2) -> tuple[float, flo
         slope += sign * penalty[0]
         out[0, violated] += sign * penalty[0] / q[0, violated]
     return value, slope
-
-
-@kernel
-def copy_to(source: Floats2, out: Floats2) -> None:
-    """Copy an array (2, n): a loop, since an assignment compiles code for errors of shapes."""
-    for m in range(2):
-        for i in range(out.shape[1]):
-            out[m, i] = source[m, i]
 
 
 @kernel
@@ -177,4 +188,4 @@ def fill_sets(rows: RowCells, trial: Trial, chosen: Ints1) -> None:
                 solve_inner(program, 2 * reach, trial.rows[k, n + 1, side])
                 # the speed row pays above the motion's a only
                 share = 0.0 if NEAR[n] < 0.9 else (1.0 if NEAR[n] < 1.03 else 2.0)
-                trial.speed[k, n + 1, side] = share * trial.speed[k, 0, side]
+                trial.speed[k, n + 1, side, 0] = share * trial.speed[k, 0, side, 0]

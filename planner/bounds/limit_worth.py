@@ -23,7 +23,11 @@ from planner.bounds.worth import PER_CENT
 from planner.certificate.certify import Certificate
 from planner.limits.limit import Limit, Term, select_timed
 from planner.limits.tool import ToolSpeed
-from planner.path.actuation import ActuatorPath, has_constant_speed, make_points
+from planner.path.actuation import (
+    ActuatorPath,
+    has_constant_speed,
+    make_points,
+)
 from planner.timing.certified_solve import Solution, certified_solve
 from planner.trajectory import Trajectory
 
@@ -72,7 +76,12 @@ class LimitChange(Result):
         """Return the saving, next to its prediction."""
         after = self.solution.trajectory.duration
         times = [after + self.saved, after, self.saved, self.predicted]
-        names = ["duration", "duration, changed", "saved", "saved, predicted to first order"]
+        names = [
+            "duration",
+            "duration, changed",
+            "saved",
+            "saved, predicted to first order",
+        ]
         title = f"{call(self.limit, self.axis)}, {100 * self.by:+g} %"
         columns = (
             Column("what", names),
@@ -121,10 +130,18 @@ class Worth(Result):
         """Return the saving (s) of a limit, NaN if unknown. Raise MotionError for a wrong name."""
         *_, axis = self._find(limit, axis)
         rows = zip(self.limits, self.axes, self.saved.tolist(), strict=True)
-        return next((saved for *name, saved in rows if name == [limit, axis]), np.nan)
+        return next(
+            (saved for *name, saved in rows if name == [limit, axis]),
+            np.nan,
+        )
 
     @check_arguments()
-    def replan(self, limit: str, axis: str = ALL, by: float = 0.2) -> LimitChange:
+    def replan(
+        self,
+        limit: str,
+        axis: str = ALL,
+        by: float = 0.2,
+    ) -> LimitChange:
         """Plan again with a limit of one axis, or of all axes, changed by a share.
 
         A pulse rate that caps the speed of the same axis does not change with its speed limit.
@@ -208,7 +225,13 @@ class Worth(Result):
             Column("limit", [self.limits[k] for k in first]),
             Column("axis", axes),
             Column("saved", saved, "s", "milli", form=".4f"),
-            Column("with all active limits raised", together, "s", "milli", form=".4f"),
+            Column(
+                "with all active limits raised",
+                together,
+                "s",
+                "milli",
+                form=".4f",
+            ),
         )
         title = "time saved by raising a limit by 1 %, to first order"
         return (Table(title, columns, tuple(self._notes())),)
@@ -238,7 +261,8 @@ class Worth(Result):
 
 def _format_ms(time: float) -> str:
     """Return a time (s) in ms, with three digits or all digits before the point."""
-    return f"{1e3 * time:.3g}" if abs(time) < 0.9995 else f"{1e3 * time:.0f}"
+    form = ".3g" if abs(time) < 0.9995 else ".0f"
+    return f"{1e3 * time:{form}}"
 
 
 def call(limit: str, axis: str) -> str:
@@ -291,7 +315,8 @@ def find_worth(
     if "constant speed" in bound.left_out:
         unknown.append("constant speed")
     shape = (len(rows), len(bound.s))
-    alone, along = (PER_CENT * np.array([row[k] for row in rows]).reshape(shape) for k in (2, 3))
+    alone = PER_CENT * np.reshape([row[2] for row in rows], shape)
+    along = PER_CENT * np.reshape([row[3] for row in rows], shape)
     return Worth(
         limits=tuple(row[0] for row in rows),
         axes=tuple(row[1] for row in rows),
@@ -340,18 +365,21 @@ def _share_speeds(
     limits = [limit for limit in limits if isinstance(limit, SPEED_LIMITS)]
     if not limits:
         return {}
-    points = make_points(path, (ends[1:] + ends[:-1]) / 2, bound.piece, 2)
+    middles = (ends[1:] + ends[:-1]) / 2
+    points = make_points(path, middles, bound.piece, 2)
     uses = []
     for limit in limits:
         rows = limit.rows(points)
         with np.errstate(invalid="ignore"):
-            uses.append(np.nan_to_num(np.abs(rows.coefficients[Term.SD]) / rows.bound).T)
+            use = np.abs(rows.coefficients[Term.SD]) / rows.bound
+            uses.append(np.nan_to_num(use).T)
     every = np.concatenate(uses)
     most = every.max(0)
     tied = every >= most * (1 - TIE)
     share = np.where(most > 0, tied / tied.sum(0), 0.0)
     worth = share * bound.worth[:, 2, 0]
-    rooms = np.stack([_find_room(most, np.delete(every, k, 0)) for k in range(len(every))])
+    others = [np.delete(every, k, 0) for k in range(len(every))]
+    rooms = np.stack([_find_room(most, each) for each in others])
 
     savings = {}
     first = 0

@@ -39,16 +39,20 @@ def leave_rest(rows: RowCells, side: int, still: int) -> RestDeparture:
 
     still: how many of the path's first derivatives are 0 at the outer end
     """
-    k, out, sign = (0, 1, 1.0) if side == 0 else (-1, 0, -1.0)
-    h = rows.width[k]
-    q = rows.ends[k]
-    off = rows.off[k]
-    away = np.sign(sign * q[out, 0])
+    h = rows.width[-side]
+    q = rows.ends[-side]
+    off = rows.off[-side]
+    jerk = rows.jerk
+    if side == 1:  # reversed in time, along the path reversed
+        q = q[::-1] * np.array([[-1.0], [1.0], [-1.0]])
+        jerk = jerk[::-1]
+    away = np.sign(q[1, 0])
+    q = away * q
     # the chord of the first nonzero derivative at the rest gives the lower ones by integration
-    first, last = (away * sign ** (still + 1) * q[end, still] for end in (1 - out, out))
+    first, last = q[:, still]
     error = off[still]
-    slope = np.stack([away * sign * q[out, 0], off[0]])
-    curvature = np.stack([away * q[out, 1], off[1]])
+    slope = np.stack([q[1, 0], off[0]])
+    curvature = np.stack([q[1, 1], off[1]])
     mean = h * np.stack([(first + last) / 2, error])
     way = mean
     if still > 0:
@@ -60,15 +64,21 @@ def leave_rest(rows: RowCells, side: int, still: int) -> RestDeparture:
         way = h**3 * np.stack([(3 * first + last) / 24, error / 6])
     pairs = (way, slope, curvature)
     way, slope, curvature = (np.stack([middle - rad, middle + rad]) for middle, rad in pairs)
-    onward = np.where(away > 0, rows.acceleration[0], rows.acceleration[1])
-    against = np.where(away > 0, rows.acceleration[1], rows.acceleration[0])
-    # reversed in time, jerk has the other sign
-    jerk = np.where(sign * away > 0, rows.jerk[0], rows.jerk[1])
+    up, down = rows.acceleration
+    onward = np.where(away > 0, up, down)
+    against = np.where(away > 0, down, up)
+    jerk = np.where(away > 0, jerk[0], jerk[1])
     with np.errstate(invalid="ignore", over="ignore"):
+        by_acceleration = np.sqrt(2 * way[0] / onward)
+        by_jerk = np.cbrt(6 * way[0] / jerk)
+        moves = np.minimum(first, last) > error
         return RestDeparture(
-            moves=(np.minimum(first, last) > error) & (way[0] > 0) & (slope[0] > 0),
-            time=np.maximum(np.sqrt(2 * way[0] / onward), np.cbrt(6 * way[0] / jerk)),
-            square=np.minimum(2 * onward * way[1], 1.5 * np.cbrt(6 * jerk**2 * way[1] ** 4)),
+            moves=moves & (way[0] > 0) & (slope[0] > 0),
+            time=np.maximum(by_acceleration, by_jerk),
+            square=np.minimum(
+                2 * onward * way[1],
+                1.5 * np.cbrt(6 * jerk**2 * way[1] ** 4),
+            ),
             speedup=np.minimum(onward, np.cbrt(6 * jerk**2 * way[1])),
             against=against,
             slope=slope,
@@ -89,7 +99,8 @@ def bound_rest(leaving: RestDeparture, side: int, inner: Array) -> float:
         end = np.zeros_like(low)
         if by_b != 0:
             end = by_b / low * (leaving.speedup if by_b < 0 else -leaving.against)
-        size = (abs(by_a) + np.abs(turned).max(0)) / low**2 * leaving.square
-        size += leaving.time + np.abs(end)
+        size = abs(by_a) + np.abs(turned).max(0)
+        size = size / low**2 * leaving.square + leaving.time + np.abs(end)
         values = leaving.time + of_square * leaving.square + end - ROUNDINGS * size
-    return float(np.where(leaving.moves & np.isfinite(values), values, -np.inf).max())
+    proved = leaving.moves & np.isfinite(values)
+    return float(values[proved].max(initial=-np.inf))

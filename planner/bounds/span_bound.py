@@ -1,10 +1,9 @@
 """Bound of one span of a run: cells, multipliers, and proof.
 
-`dual` finds multipliers near the motion, in units of the span's length and duration. `lower_bound`
-and `rest` prove the bound.
+`dual` finds multipliers near the motion. `lower_bound` and `rest` prove the bound.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -19,14 +18,19 @@ from planner.bounds.cells import (
     sample_nodes,
     thin_nodes,
 )
-from planner.bounds.dual import DualCells, Multipliers, maximise_dual
+from planner.bounds.dual import DualProblem, Multipliers, maximise_dual
 from planner.bounds.inner_minimum import NEAR, fill_sets
-from planner.bounds.lower_bound import RowCells, Trial, bound_cells, enclose_rows
+from planner.bounds.lower_bound import (
+    RowCells,
+    Trial,
+    bound_by_speed,
+    bound_cells,
+    enclose_rows,
+)
 from planner.bounds.rest import bound_rest, leave_rest
 from planner.bounds.spans import Span
-from planner.bounds.worth import finite, weigh_limits, weigh_rest
+from planner.bounds.worth import weigh_limits, weigh_rest
 from planner.limits.limit import Limit
-from planner.path.actuation import ActuatorPath
 from planner.path.stands import count_zero_derivatives
 from planner.trajectory import Trajectory
 
@@ -70,7 +74,7 @@ class Case(NamedTuple):
 
 
 class _Rest(NamedTuple):
-    """End of a span at which no axis moves.
+    """End of a span at which no axis moves: its cell has a bound in closed form, for any λ.
 
     side      0 for the start, 1 for the end
     zeros     how many of the path's derivatives are 0 there
@@ -81,33 +85,26 @@ class _Rest(NamedTuple):
     zeros: int
     standing: bool
 
-
-@dataclass(frozen=True, slots=True)
-class _Ends:
-    """Values of a and b at both ends of a span (2, 2), where λ must be 0 (2, 2), and rests."""
-
-    state: Array
-    free: np.ndarray
-    rests: tuple[_Rest, ...]
+    @property
+    def inner_node(self) -> int:
+        """The node at the other end of its cell."""
+        return 1 if self.side == 0 else -2
 
 
 @dataclass(frozen=True, slots=True)
 class _Problem:
-    """Cells of a span: rows in SI units, and the dual problem in units of its length and time.
+    """Cells of a span.
 
     state (M+1, 2)  a and b of the motion
-    length, time    m, s
-    inner           the cells not next to a rest, whose bound is in closed form, for any λ
+    free (M+1, 2)   where λ has to be 0
+    inner           the cells not next to a rest, for which multipliers are sought
     """
 
-    order: int
     nodes: Nodes
     rows: RowCells
-    dual: DualCells
     state: Array
+    free: np.ndarray
     rests: tuple[_Rest, ...]
-    length: float
-    time: float
     inner: slice
 
     def rows_at(self, rest: _Rest) -> RowCells:
@@ -134,14 +131,24 @@ def bound_span(case: Case, span: Span, gap: float | None) -> SpanBound:
         near = span.duration <= (1 + aim) * best.value
         if near and (n > 0 or gap is not None):
             break
-        nodes = refine_nodes(case.trajectory, span, nodes, refined.loss, growth * len(nodes.piece))
+        nodes = refine_nodes(
+            case.trajectory,
+            span,
+            nodes,
+            refined.loss,
+            growth * len(nodes.piece),
+        )
         refined = _bound_nodes(case, span, nodes)
         best = max(best, refined, key=lambda bound: bound.value)
         growth = GROWTH if gap is None else growth
     return best
 
 
-def bound_span_quickly(case: Case, span: Span, most_cells: int) -> SpanBound:
+def bound_span_quickly(
+    case: Case,
+    span: Span,
+    most_cells: int,
+) -> SpanBound:
     """Bound a span with about `most_cells` cells, without refinement."""
     if span.cruising:
         return _bound_cruise(case, span)
@@ -155,136 +162,154 @@ def bound_span_quickly(case: Case, span: Span, most_cells: int) -> SpanBound:
 
 def _bound_cruise(case: Case, span: Span) -> SpanBound:
     """Bound a cruise by the limits on speed alone: T ≥ ∫ ds / ṡ_max."""
-    knots = case.trajectory.knots[span.pieces[0] : span.pieces[-1] + 2]
-    nodes = sample_nodes(case.trajectory, span, knots)
+    nodes = sample_nodes(case.trajectory, span, span.knots)
     rows = enclose_rows(case.trajectory.path, case.limits, nodes.s, nodes.piece)
-    count = len(nodes.piece)
-    axes = rows.acceleration.shape[1]
-    out = np.zeros(count)
-    trial = Trial(
-        nodes=np.zeros((count + 1, 2)),
-        bulge=np.zeros(count),
-        rows=np.zeros((count, 1, 2, 2, axes)),
-        speed=np.zeros((count, 1, 2)),
-        about=np.zeros(count),
-    )
-    bound_cells(rows, case.order == 3, trial, out)
+    out = bound_by_speed(rows)
     took = np.diff(nodes.t)
     # one per cent more speed saves about one per cent of the time
-    worth = np.zeros((count, 3, axes))
+    worth = np.zeros((len(took), 3, rows.jerk.shape[1]))
     worth[:, 2, 0] = took
-    return SpanBound(float(out.sum()), nodes.s[:-1], nodes.piece, took - out, worth, 0.01 * worth)
+    return SpanBound(
+        float(out.sum()),
+        nodes.s[:-1],
+        nodes.piece,
+        took - out,
+        worth,
+        0.01 * worth,
+    )
 
 
 def _bound_nodes(case: Case, span: Span, nodes: Nodes) -> SpanBound:
     """Bound a span by its cells, with λ = 0 around cells that lose too much."""
     problem = _pose(case, span, nodes)
-    inner = problem.inner
-    free = problem.dual.free
-    start = guess_motion(case.trajectory, nodes, problem.length, problem.time)
+    start = guess_motion(case.trajectory, nodes)
     if case.order == 2:
         start[:, :, 2] = 0.0
-    first = inner.start
-    last = inner.stop
-    dual = problem.dual._replace(
-        width=problem.dual.width[inner],
-        q=problem.dual.q[inner],
-        y=problem.dual.y[inner],
-        root=np.sqrt(start[inner, :, 0]),
-        free=free[first : last + 1],  # a view of free, which changes below
+    inner = problem.inner
+    dual = DualProblem(
+        rows=problem.rows.cut(inner),
+        given=problem.state[[inner.start, inner.stop]],
+        free=problem.free[inner.start : inner.stop + 1],  # a view of free, which changes below
+        x=start[inner],
+        length=float(nodes.s[-1] - nodes.s[0]),
+        time=float(nodes.t[-1] - nodes.t[0]),
     )
+    most = np.diff(nodes.t) + PARTING_LOSS * dual.time
     bounds = []
     for _ in range(MOST_PARTINGS + 1):
-        multipliers = _pad(maximise_dual(dual, start[inner]), first, len(nodes.piece) - last)
+        multipliers = maximise_dual(dual)
         with np.errstate(all="ignore"):
             bound = _prove(problem, multipliers)
         bounds.append(bound)
         # λ = 0 there cuts the motion in two, with separate bounds
-        most = np.diff(nodes.t) + PARTING_LOSS * problem.time
-        poor = np.flatnonzero(~(bound.loss < most))
-        poor = poor[(poor >= first) & (poor < last)]
+        poor = np.flatnonzero(~(bound.loss < most)[inner]) + inner.start
         if not len(poor):
             break
-        free[poor] = free[poor + 1] = True
+        problem.free[poor] = True
+        problem.free[poor + 1] = True
     return max(bounds, key=lambda each: each.value)
 
 
 def _pose(case: Case, span: Span, nodes: Nodes) -> _Problem:
-    """Enclose the rows over all cells, and scale them."""
-    path = case.trajectory.path
-    rows = enclose_rows(path, case.limits, nodes.s, nodes.piece)
+    """Enclose the rows over all cells, and find the states and rests at the ends."""
+    rows = enclose_rows(case.trajectory.path, case.limits, nodes.s, nodes.piece)
     if case.order == 2:
         rows = _without_jerk(rows)
-    ends = _find_ends(path, case.order, span.stops)
-    resting = {rest.side for rest in ends.rests}
     count = len(nodes.piece)
-    inner = slice(int(0 in resting), count - int(1 in resting))
-    free = np.zeros((count + 1, 2), bool)
-    free[[0, -1]] = ends.free
-    free[inner.start : inner.stop + 1] |= _find_dead_nodes(rows, case.order, inner)[:, None]
     state = np.stack([nodes.a, nodes.b], 1)
-    state[[0, -1]] = ends.state
-
-    length = float(nodes.s[-1] - nodes.s[0])
-    time = float(nodes.t[-1] - nodes.t[0])
-    units = np.array([(time / length) ** 2, time**2 / length])
-    dual = DualCells(
-        rows.width / length,
-        np.ascontiguousarray(rows.ends * np.array([length, length**2, length**3])[:, None]),
-        rows.speed * (length / time) ** 2,
-        rows.acceleration * time**2,
-        rows.jerk * time**3,
-        np.ones((count, 2)),
-        state[[inner.start, inner.stop]] * units,
-        free,
-    )
-    return _Problem(case.order, nodes, rows, dual, state, ends.rests, length, time, inner)
+    free = np.zeros((count + 1, 2), bool)
+    rests = tuple(_find_rests(case, span.stops, state, free))
+    resting = [rest.side for rest in rests]
+    inner = slice(int(0 in resting), count - int(1 in resting))
+    dead = np.flatnonzero(_find_dead(rows.cut(inner), case.order)) + inner.start
+    free[dead] = True
+    free[dead + 1] = True
+    return _Problem(nodes, rows, state, free, rests, inner)
 
 
 def _without_jerk(rows: RowCells) -> RowCells:
     return rows._replace(jerk=np.full_like(rows.jerk, np.inf))
 
 
-def _pad(multipliers: Multipliers, before: int, after: int) -> Multipliers:
-    """Add cells before and after, with multipliers 0."""
-    arrays = multipliers[:-1]
-    padded = (np.pad(each, [(before, after), *[(0, 0)] * (each.ndim - 1)]) for each in arrays)
-    return Multipliers._make([*padded, multipliers.iterations])
+def _find_rests(
+    case: Case,
+    stops: tuple[int | None, int | None],
+    state: Array,
+    free: np.ndarray,
+) -> Iterator[_Rest]:
+    """Fill state and free at both ends of a span, and yield the ends at rest.
 
-
-def _scale(problem: _Problem, multipliers: Multipliers) -> tuple[Trial, np.ndarray]:
-    """Return multipliers in SI units, and the cells that need several sets.
-
-    Multipliers are 0 where they are not finite, and λ where it must be.
+    λ has to be 0 where a state is unknown, and next to a rest, whose cell has a bound of its own.
     """
-    length = problem.length
-    time = problem.time
-    rows = problem.rows
-    nodes = finite(multipliers.nodes) * np.array([time**3 / length**2, time**3 / length])
-    nodes[problem.dual.free] = 0.0  # exactly: the state is unknown there
-    bulge = finite(multipliers.bulge) * time**3 / length**2
-    bulge[(nodes[1:] == 0).all(1) & (nodes[:-1] == 0).all(1)] = 0.0
+    path = case.trajectory.path
+    zero_derivatives = count_zero_derivatives(path)
+    for side, stop in enumerate(stops):
+        free[-side] = True
+        if stop is None:  # inside a run
+            continue
+        outer = stop in (0, len(path.breaks) - 1)
+        speed = path.end_speeds[side] if outer else 0.0
+        acceleration = path.end_accelerations[side] if outer else 0.0
+        state[-side] = speed**2, acceleration
+        zeros = int(zero_derivatives[side, stop - side])
+        # a turn without a dwell, which ṡ passes
+        passed = zeros > 0 and not outer and path.dwells[stop] == 0
+        passed = passed and zero_derivatives[1 - side, stop - 1 + side] > 0
+        # q̇ = q′ṡ is 0. At order 3 q̈ = q′s̈ + q″ṡ² is 0 too, unless the motion passes q′ = 0
+        standing = zeros > 1 or (not passed and (zeros > 0 or acceleration == 0))
+        if speed == 0 and zeros < 3 and (case.order == 2 or standing or passed):
+            yield _Rest(side, zeros, bool(standing))
+        elif not passed:
+            unknown = zeros if speed == 0 else 0
+            free[-side] = unknown > 1, unknown > 0
 
-    size = np.stack([rows.acceleration, rows.jerk], 1)
-    bound = np.where(multipliers.rows > 0, size[0], size[1])
-    of_rows = finite(np.where(np.isfinite(bound), multipliers.rows / bound, 0.0))
-    of_rows[:, :, 0] *= time / length  # those of jerk scale with 1/√a, as the integrand
-    sets = np.zeros((len(bulge), 1 + len(NEAR), *of_rows.shape[1:]))
-    speeds = np.zeros((len(bulge), 1 + len(NEAR), 2))
-    sets[:, 0] = of_rows
-    speeds[:, 0] = finite(multipliers.speed) * time / length
-    used = np.abs(of_rows[:, :, 1]) * finite(bound[:, :, 1])
-    x = np.where(np.isfinite(multipliers.x), multipliers.x, 1.0)
-    about = x[:, :, 0].mean(1) * (length / time) ** 2
-    jerky = np.flatnonzero(used.sum(-1).max(1) > 0.999)
-    return Trial(nodes, bulge, sets, speeds, about), jerky
+
+def _find_dead(rows: RowCells, order: int) -> np.ndarray:
+    """Return in which cells (M,) no limited axis surely moves."""
+    ends = rows.ends[:, :, 0]
+    moves = (np.abs(ends).min(1) > rows.off[:, 0]) & (ends.prod(1) > 0)
+    kinds = (rows.acceleration, rows.jerk)[: order - 1]
+    alive = [(moves & np.isfinite(bounds).all(0)).any(1) for bounds in kinds]
+    return np.asarray(~np.logical_and.reduce(alive))
+
+
+def _make_trial(
+    multipliers: Multipliers,
+    problem: _Problem,
+) -> tuple[Trial, np.ndarray]:
+    """Return multipliers of all cells, and the cells that need several sets.
+
+    They are 0 next to rests, and λ where it has to be.
+    """
+    count = len(problem.rows.width)
+    axes = problem.rows.jerk.shape[1]
+    inner = problem.inner
+    trial = Trial(
+        nodes=np.zeros((count + 1, 2)),
+        bulge=np.zeros(count),
+        rows=np.zeros((count, 1 + len(NEAR), 2, 2, axes)),
+        speed=np.zeros((count, 1 + len(NEAR), 2, 1)),
+        about=np.zeros(count),
+    )
+    trial.nodes[inner.start : inner.stop + 1] = multipliers.nodes
+    trial.nodes[problem.free] = 0.0  # exactly: the state is unknown there
+    trial.bulge[inner] = multipliers.bulge
+    used = np.any(trial.nodes, axis=1)
+    trial.bulge[~(used[1:] | used[:-1])] = 0.0
+    trial.rows[inner, 0] = multipliers.rows
+    trial.speed[inner, 0, :, 0] = multipliers.speed
+    trial.about[inner] = multipliers.x[:, :, 0].mean(1)
+
+    mu = multipliers.rows[:, :, 1]
+    size = np.abs(mu) * np.where(mu > 0, problem.rows.jerk[0], problem.rows.jerk[1])
+    most = np.nansum(size, -1).max(1)
+    return trial, np.flatnonzero(most > 0.999) + inner.start
 
 
 def _prove(problem: _Problem, multipliers: Multipliers) -> SpanBound:
     """Return the bound by multipliers. λ shrinks next to cells that lack a bound."""
-    trial, jerky = _scale(problem, multipliers)
+    trial, jerky = _make_trial(multipliers, problem)
     nodes = trial.nodes
-    bulge = trial.bulge
     out = _bound_all(problem, trial, jerky)
     for n in range(SHRINKAGES):
         weak = ~(out > -np.inf)
@@ -293,72 +318,38 @@ def _prove(problem: _Problem, multipliers: Multipliers) -> SpanBound:
         factor = SHRINKAGE if n + 1 < SHRINKAGES else 0.0
         nodes[:-1][weak] *= factor
         nodes[1:][weak & ~np.append(weak[1:], False)] *= factor
-        bulge[weak] *= factor
+        trial.bulge[weak] *= factor
         out = _bound_all(problem, trial, jerky)
 
     edges = np.where(nodes == 0, 0.0, nodes * problem.state)  # λa a, λb b
     loss = np.diff(problem.nodes.t) + np.diff(edges.sum(1)) - out
-    value = float(out.sum() - edges[-1].sum() + edges[0].sum())
-    size = float(np.abs(out).sum() + np.abs(edges[[0, -1]]).sum())
+    value = out.sum() - edges[-1].sum() + edges[0].sum()
+    size = np.abs(out).sum() + np.abs(edges[[0, -1]]).sum()
     value -= 1e-15 * len(out) * size  # rounding error
-    worth, alone = weigh_limits(problem.dual, multipliers, problem.time)
+    inner = problem.inner
+    rows = problem.rows
+    worth, alone = np.zeros((2, len(out), *rows.ends.shape[2:]))
+    worth[inner], alone[inner] = weigh_limits(rows.cut(inner), multipliers)
     for rest in problem.rests:
+        cell = -rest.side
         leaving = problem.rows_at(rest), rest.side, rest.zeros
-        worth[-rest.side], alone[-rest.side] = weigh_rest(*leaving, nodes[1 - 3 * rest.side])
-    return SpanBound(value, problem.nodes.s[:-1], problem.nodes.piece, loss, worth, alone)
+        worth[cell], alone[cell] = weigh_rest(*leaving, nodes[rest.inner_node])
+    return SpanBound(
+        value=float(value),
+        s=problem.nodes.s[:-1],
+        piece=problem.nodes.piece,
+        loss=loss,
+        worth=worth,
+        alone=alone,
+    )
 
 
 def _bound_all(problem: _Problem, trial: Trial, jerky: np.ndarray) -> Array:
     """Return the least time of each cell (M,), s, with the terms of λ."""
-    rows = problem.rows
-    out = np.zeros(len(trial.bulge))
-    fill_sets(rows, trial, jerky)
-    bound_cells(rows, problem.order == 3, trial, out)
+    out = bound_by_speed(problem.rows)
+    fill_sets(problem.rows, trial, jerky)
+    bound_cells(problem.rows, trial, out)
     for rest in problem.rests:
         leaving = leave_rest(problem.rows_at(rest), rest.side, rest.zeros)
-        out[-rest.side] = bound_rest(leaving, rest.side, trial.nodes[1 - 3 * rest.side])
+        out[-rest.side] = bound_rest(leaving, rest.side, trial.nodes[rest.inner_node])
     return out
-
-
-def _find_ends(path: ActuatorPath, order: int, stops: tuple[int | None, int | None]) -> _Ends:
-    """Return the states at both ends of a span. λ must be 0 where a state is unknown."""
-    state = np.zeros((2, 2))
-    free = np.zeros((2, 2), bool)
-    rests = []
-    zero_derivatives = count_zero_derivatives(path)
-    last = len(path.breaks) - 1
-    for side, stop in enumerate(stops):
-        if stop is None:  # inside a run
-            free[side] = True
-            continue
-        outer = stop in (0, last)
-        zeros = int(zero_derivatives[side, stop - 1 if side else stop])
-        # a turn without a dwell, which ṡ passes
-        passed = zeros > 0 and not outer and path.dwells[stop] == 0
-        passed = passed and zero_derivatives[1 - side, stop if side else stop - 1] > 0
-        if outer:
-            state[side] = path.end_speeds[side] ** 2, path.end_accelerations[side]
-            at_rest = zeros if path.end_speeds[side] == 0 else 0
-            free[side] = (at_rest > 0, True) if order == 2 else (at_rest > 1, at_rest > 0)
-        elif passed:
-            free[side] = True
-        elif zeros > 0:
-            free[side] = (order == 2 or zeros > 1, True)
-        # q̇ = q′ṡ is 0. At order 3 q̈ = q′s̈ + q″ṡ² is 0 too, unless the motion passes q′ = 0
-        standing = zeros > 1 or (not passed and (zeros > 0 or state[side, 1] == 0))
-        resting = state[side, 0] == 0 and (order == 2 or standing or passed)
-        if resting and zeros < 3:
-            rests.append(_Rest(side, zeros, bool(standing)))
-            free[side] = True
-    return _Ends(state, free, tuple(rests))
-
-
-def _find_dead_nodes(rows: RowCells, order: int, inner: slice) -> np.ndarray:
-    """Return whether each node (M+1,) touches a cell in which no limited axis surely moves."""
-    ends = rows.ends[inner, :, 0]
-    off = rows.off[inner, 0]
-    moves = (np.abs(ends).min(1) > off) & (ends[:, 0] * ends[:, 1] > 0)
-    dead = ~(moves & (rows.acceleration.max(0) < np.inf)).any(1)
-    if order == 3:
-        dead |= ~(moves & (rows.jerk.max(0) < np.inf)).any(1)
-    return np.asarray(np.append(dead, False) | np.append(False, dead))

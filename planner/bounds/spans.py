@@ -12,6 +12,7 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from planner.bounds.lower_bound import SPEED_LIMITS
+from planner.certificate.cells import find_sequences, sample_pieces
 from planner.limits.limit import Limit
 from planner.limits.tool import ToolSpeed
 from planner.path.stands import count_zero_derivatives
@@ -28,7 +29,7 @@ class Span:
     """Motion of a run between two instants.
 
     pieces      the trajectory's time pieces (K,)
-    begin, end  s, instants of the trajectory
+    knots       s, the trajectory's instants (K+1,) at their ends
     breaks      path lengths at the start, at the path's breaks inside, and at the end
     first       the path piece at the start
     stops       the path's breaks at both ends; None inside a run, where the state is free
@@ -36,8 +37,7 @@ class Span:
     """
 
     pieces: np.ndarray
-    begin: float
-    end: float
+    knots: Array
     breaks: Array
     first: int
     stops: tuple[int | None, int | None]
@@ -46,18 +46,22 @@ class Span:
     @property
     def duration(self) -> float:
         """Duration in s."""
-        return self.end - self.begin
+        return float(self.knots[-1] - self.knots[0])
 
 
-def split_run(trajectory: Trajectory, limits: Sequence[Limit], ends: tuple[int, int]) -> list[Span]:
+def split_run(
+    trajectory: Trajectory,
+    limits: Sequence[Limit],
+    ends: tuple[int, int],
+) -> list[Span]:
     """Split the motion between two breaks of the path."""
-    moving = (trajectory.v != 0) | (trajectory.a != 0) | (trajectory.j != 0)
     within = (trajectory.piece >= ends[0]) & (trajectory.piece < ends[1])
-    moved = np.flatnonzero(moving & within)
+    moved = np.flatnonzero(within & ~trajectory.resting)
     pieces = np.arange(moved[0], moved[-1] + 1)
     cruising = _find_cruises(trajectory, limits, pieces)
     turns = _find_turns(trajectory, pieces)
-    cuts = np.unique([0, *(np.flatnonzero(np.diff(cruising)) + 1), *turns, len(pieces)]).tolist()
+    changes = np.flatnonzero(np.diff(cruising)) + 1
+    cuts = np.unique([0, *changes, *turns, len(pieces)]).tolist()
 
     spans = []
     for a, b in pairwise(cuts):
@@ -72,8 +76,16 @@ def split_run(trajectory: Trajectory, limits: Sequence[Limit], ends: tuple[int, 
         if b < len(pieces):
             breaks[-1] = trajectory.s[pieces[b]]
             stop = last + 1 if b in turns else None
-        begin, end = trajectory.knots[[inside[0], inside[-1] + 1]].tolist()
-        spans.append(Span(inside, begin, end, breaks, first, (start, stop), bool(cruising[a])))
+        spans.append(
+            Span(
+                pieces=inside,
+                knots=trajectory.knots[inside[0] : inside[-1] + 2],
+                breaks=breaks,
+                first=first,
+                stops=(start, stop),
+                cruising=bool(cruising[a]),
+            )
+        )
     return spans
 
 
@@ -89,32 +101,35 @@ def _find_cruises(
     a time well above rounding.
     """
     keeps_cap = _keep_caps(trajectory, limits, pieces)
-    edges = np.flatnonzero(np.diff(keeps_cap, prepend=False, append=False))
     knots = trajectory.knots[pieces[0] : pieces[-1] + 2]
     piece = trajectory.piece[pieces]
     least = LEAST_CRUISE * (knots[-1] - knots[0])
     cruising = np.zeros(len(pieces), bool)
-    for a, b in edges.reshape(-1, 2).tolist():
+    for a, last in find_sequences(keeps_cap):
+        b = last + 1
         if knots[b] - knots[a] <= least:
             continue
         first = a
-        last = b
+        end = b
         if a > 0 and piece[a] != piece[a - 1]:
             first = int(np.searchsorted(knots, knots[a] + least))
         if b < len(piece) and piece[b] != piece[b - 1]:
-            last = int(np.searchsorted(knots, knots[b] - least, side="right")) - 1
-        cruising[first:last] = True
+            end = int(np.searchsorted(knots, knots[b] - least, side="right")) - 1
+        cruising[first:end] = True
     return cruising
 
 
-def _keep_caps(trajectory: Trajectory, limits: Sequence[Limit], pieces: np.ndarray) -> np.ndarray:
+def _keep_caps(
+    trajectory: Trajectory,
+    limits: Sequence[Limit],
+    pieces: np.ndarray,
+) -> np.ndarray:
     """Return whether each time piece (K,) is at the tool's cap, or at another cap with constant ṡ.
 
     Where an axis is at its cap while ṡ varies, the bound is better without a cut.
     """
+    state = sample_pieces(trajectory, pieces, (0.0, 0.5, 1.0))
     steady = np.repeat((trajectory.a[pieces] == 0) & (trajectory.j[pieces] == 0), 3)
-    instants = np.outer(np.diff(trajectory.knots)[pieces], [0.0, 0.5, 1.0]).ravel()
-    state = trajectory.within(np.repeat(pieces, 3), instants)
     used = np.zeros(3 * len(pieces))
     for limit in limits:
         if isinstance(limit, SPEED_LIMITS):
@@ -130,5 +145,7 @@ def _find_turns(trajectory: Trajectory, pieces: np.ndarray) -> list[int]:
     zeros = count_zero_derivatives(trajectory.path)
     piece = trajectory.piece[pieces]
     starts = np.flatnonzero(np.diff(piece)) + 1
-    turning = (zeros[0, piece[starts]] > 0) & (zeros[1, piece[starts] - 1] > 0)
-    return [int(start) for start in starts[turning]]
+    before = zeros[1, piece[starts] - 1]
+    after = zeros[0, piece[starts]]
+    turns: list[int] = starts[(before > 0) & (after > 0)].tolist()
+    return turns

@@ -7,7 +7,7 @@ the same kind binds, as b (c under jerk) moves.
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from planner.bounds.dual import DualCells, Multipliers
+from planner.bounds.dual import Multipliers
 from planner.bounds.lower_bound import RowCells
 from planner.bounds.rest import bound_rest, leave_rest
 
@@ -15,25 +15,29 @@ from planner.bounds.rest import bound_rest, leave_rest
 PER_CENT = 0.01
 
 
-def weigh_limits(cells: DualCells, multipliers: Multipliers, took: float) -> tuple[Array, Array]:
+def weigh_limits(
+    cells: RowCells,
+    multipliers: Multipliers,
+) -> tuple[Array, Array]:
     """Return the savings (M, 3, n) per unit of relative change (s), together and alone.
 
     together  of each limit, if all limits that bind at the same place are raised
     alone     of each limit, if only it is raised, by one per cent
 
     Of the three kinds, acceleration and jerk are by axis. Speed has one value for the limit that
-    binds, in the first entry. took: s, the cells' unit of time.
+    binds, in the first entry.
     """
     count = len(cells.width)
-    axes = cells.q.shape[3]
-    half = took * cells.width[:, None] / 2
-    together, alone = np.zeros((2, count, 3, axes))
-    together[:, 2, 0] = 2 * (finite(multipliers.speed) * half).sum(1)
-    alone[:, 2, 0] = together[:, 2, 0]
-    x = np.where(np.isfinite(multipliers.x), multipliers.x, 1.0)
-    a, b, c = (x[:, :, k, None] for k in range(3))
+    axes = cells.ends.shape[3]
+    half = cells.width[:, None] / 2
+    together = np.zeros((count, 3, axes))
+    alone = np.zeros((count, 3, axes))
+    speed = (multipliers.speed * half).sum(1)
+    together[:, 2, 0] = 2 * speed
+    alone[:, 2, 0] = 2 * speed
+    a, b, c = np.moveaxis(multipliers.x, 2, 0)[..., None]
     root = np.sqrt(np.maximum(a, 0.0))
-    first, second, third = (cells.q[:, :, k] for k in range(3))
+    first, second, third = np.moveaxis(cells.ends, 2, 0)
     acceleration = first * b + second * a
     jerk = root * (first * c + 3 * second * b + third * a)
     kinds = (
@@ -41,33 +45,40 @@ def weigh_limits(cells: DualCells, multipliers: Multipliers, took: float) -> tup
         (jerk, root * first, root, cells.jerk),
     )
     for kind, (value, slope, size, bounds) in enumerate(kinds):
-        force = finite(multipliers.rows[:, :, kind])
+        force = multipliers.rows[:, :, kind]
         bound = np.where(force > 0, bounds[0], bounds[1])
         with np.errstate(divide="ignore", invalid="ignore"):
-            worth = np.abs(force) / size * half[:, :, None]
-            worth = finite(np.where(np.isfinite(bound), worth, 0.0))
-            together[:, kind] = worth.sum(1)
+            worth = np.abs(force) * bound / size * half[:, :, None]
+            worth = np.where(np.isfinite(worth), worth, 0.0)
+            # of b (of c under jerk), per relative change of an axis' bound
+            change = np.sign(force) * bound / slope
             for i in range(axes):
-                # change of the other axes' values per relative change of this axis' bound
-                rate = slope * (np.sign(force) * bound / slope)[:, :, i : i + 1]
+                rate = slope * change[:, :, i : i + 1]
                 room = np.where(rate > 0, bounds[0] - value, bounds[1] + value)
                 growth = np.maximum(room, 0.0) / np.abs(rate)
-                growth = np.where(np.abs(rate) > 0, growth, np.inf)
+                growth[~(np.abs(rate) > 0)] = np.inf
                 growth[:, :, i] = np.inf
-                share = np.minimum(growth.min(-1) / PER_CENT, 1.0)
-                share = np.where(np.isfinite(share), share, 1.0)
-                alone[:, kind, i] = (worth[:, :, i] * share).sum(1)
+                share = np.fmin(growth.min(-1) / PER_CENT, 1.0)
+                saved = worth[:, :, i] * share
+                alone[:, kind, i] = saved.sum(1)
+        together[:, kind] = worth.sum(1)
     return together, alone
 
 
-def weigh_rest(rows: RowCells, side: int, still: int, inner: Array) -> tuple[Array, Array]:
+def weigh_rest(
+    rows: RowCells,
+    side: int,
+    still: int,
+    inner: Array,
+) -> tuple[Array, Array]:
     """Return the savings (3, n) as `weigh_limits` for a cell next to a rest.
 
     Only the axis that takes longest to leave the rest has any.
     """
-    together, alone = np.zeros((2, 3, rows.ends.shape[3]))
+    together, alone = np.zeros((2, *rows.ends.shape[2:]))
     leaving = leave_rest(rows, side, still)
-    longest = int(np.where(leaving.moves, leaving.time, 0.0).argmax())
+    times = np.where(leaving.moves, leaving.time, 0.0)
+    longest = int(times.argmax())
 
     def save(kind: int, axes: slice) -> float:
         bounds = [rows.acceleration.copy(), rows.jerk.copy()]
@@ -81,8 +92,3 @@ def weigh_rest(rows: RowCells, side: int, still: int, inner: Array) -> tuple[Arr
         together[kind, longest] = save(kind, slice(None))
         alone[kind, longest] = save(kind, slice(longest, longest + 1))
     return together, alone
-
-
-def finite(values: Array) -> Array:
-    """Return values, with 0 in place of NaN and ∞."""
-    return np.where(np.isfinite(values), values, 0.0)

@@ -4,7 +4,10 @@ from .certify import (
     Certificate as Certificate,
     certify as certify,
 )
-from .conditioning import Conditioning as Conditioning, find_poorest as find_poorest
+from .conditioning import (
+    Conditioning as Conditioning,
+    find_poorest as find_poorest,
+)
 from .constant_speed import (
     CONSTANT_SPEED as CONSTANT_SPEED,
     SPEED_TOLERANCE as SPEED_TOLERANCE,

@@ -1,14 +1,12 @@
-"""Cells of time, and their refinement: bound every cell, split the loose ones, repeat (branch and
-bound).
-"""
+"""Cells of time, and their refinement by branch and bound: bound every cell, split the loose ones."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from planner.trajectory import Trajectory
+from planner.trajectory import State, Trajectory
 
 # Cells evaluated together: their series stay in the processor's cache.
 CELL_BATCH = 1024
@@ -36,13 +34,9 @@ class Cells:
         return self.hi - self.lo
 
     def parts(self, count: int) -> "Cells":
-        """Split each cell into equal parts: first the first part of every cell, then every second
-        part.
-        """
-        if count == 1:
-            return self
-        share = np.arange(1, count)[:, None] / count
-        cuts = np.concatenate([self.lo[None], self.lo + self.lengths * share, self.hi[None]])
+        """Split each cell into equal parts: the first part of every cell, then every second part."""
+        cuts = self.lo + self.lengths * np.linspace(0.0, 1.0, count + 1)[:, None]
+        cuts[-1] = self.hi
         return Cells(np.tile(self.k, count), cuts[:-1].ravel(), cuts[1:].ravel())
 
     def __getitem__(self, chosen: np.ndarray | slice) -> "Cells":
@@ -65,18 +59,20 @@ def evaluate_in_batches(
 
 def refine(
     cells: Cells,
-    values: Values,
     evaluate: Callable[[Cells], Values],
     find_loose: Callable[[Cells, Values], tuple[np.ndarray, int]],
+    values: Values | None = None,
 ) -> tuple[Cells, Values]:
     """Split loose cells and evaluate their parts until all are tight.
 
     Returns the final cells and their values.
 
-    values      of the cells at the start
     evaluate    returns the values of a batch of cells
     find_loose  returns which cells (N,) are loose, and into how many parts to split each of them
+    values      of the cells at the start, unless `evaluate` shall find them
     """
+    if values is None:
+        values = evaluate_in_batches(cells, evaluate)
     accepted: list[tuple[Cells, Values]] = []
     while True:
         loose, parts = find_loose(cells, values)
@@ -85,7 +81,26 @@ def refine(
             break
         cells = cells[loose].parts(parts)
         values = evaluate_in_batches(cells, evaluate)
-    names = ("k", "lo", "hi")
-    k, lo, hi = (np.concatenate([getattr(each, name) for each, _ in accepted]) for name in names)
-    joined = zip(*(values for _, values in accepted), strict=True)
-    return Cells(k, lo, hi), tuple(np.concatenate(each, axis=-1) for each in joined)
+    columns = zip(
+        *((each.k, each.lo, each.hi, *values) for each, values in accepted),
+        strict=True,
+    )
+    k, lo, hi, *joined = (np.concatenate(column, axis=-1) for column in columns)
+    return Cells(k, lo, hi), tuple(joined)
+
+
+def sample_pieces(
+    trajectory: Trajectory,
+    pieces: np.ndarray,
+    shares: Sequence[float] | Array,
+) -> State:
+    """Return the motion at these shares of time pieces, piece by piece."""
+    k = np.repeat(pieces, len(shares))
+    lengths = np.diff(trajectory.knots)[k]
+    return trajectory.within(k, np.tile(shares, len(pieces)) * lengths)
+
+
+def find_sequences(flags: np.ndarray) -> list[tuple[int, int]]:
+    """Return first and last index of every sequence of true flags."""
+    edges = np.flatnonzero(np.diff(flags, prepend=False, append=False))
+    return [(first, after - 1) for first, after in edges.reshape(-1, 2).tolist()]

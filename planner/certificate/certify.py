@@ -1,9 +1,9 @@
-"""The certificate: a bound of every limit over continuous time, from the trajectory and the limits'
-`value` alone.
+"""The certificate: a bound of every limit over continuous time.
 
-Time is cut into cells. Over each, the motion is enclosed (`planner.certificate.enclosure`) and each
-limit's value is bounded by its own formula; cells are split until the bounds are tight. It is also
-proved that the motion is continuous and complete (`planner.certificate.continuity`).
+It depends on the trajectory and on the limits' `value` and `use` alone. Time is cut into cells.
+Over each, the motion is enclosed (`planner.certificate.enclosure`) and each limit's value is
+bounded by its own formula; cells are split until the bounds are tight. It is also proved that the
+motion is continuous and complete (`planner.certificate.continuity`).
 """
 
 from collections.abc import Sequence
@@ -13,13 +13,18 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.result import Result
-from kinematics.foundation.table import Column, Table
-from planner.certificate.constant_speed import CONSTANT_SPEED, prove_speed_deviation
+from kinematics.foundation.table import Table
+from planner.certificate.cells import sample_pieces
+from planner.certificate.constant_speed import (
+    CONSTANT_SPEED,
+    prove_speed_deviation,
+)
 from planner.certificate.continuity import find_gaps, find_jumps, place_at
 from planner.certificate.limit_use import (
     ProvedUse,
     find_geometric_use,
     prove,
+    tabulate_uses,
     use_at_knots,
 )
 from planner.certificate.resonance_dwell import find_stays
@@ -30,16 +35,16 @@ from planner.trajectory import Trajectory
 
 CROSSING = "resonance crossing"
 """Name in a certificate: the longest stay of an axis in a band of speed, over the time allowed."""
-# Instants of a time piece at which the place of the largest use is sought. The bound needs none of
-# them.
-SAMPLES = 65
+# Shares of a time piece at which the place of the largest use is sought, which no bound needs.
+PLACES = np.linspace(0.0, 1.0, 65)
 
 
 @dataclass(frozen=True, slots=True)
 class Certificate(Result):
-    """worst: proven upper bound of value/limit over continuous time, per limit; where: the place of
-    each.
+    """Proof of a motion, by the name of each limit and of each other condition.
 
+    worst     proven upper bound of value/limit over continuous time
+    where     place of the worst
     use       per limit, the proven bound over each time piece of the trajectory (M,). worst is its
               maximum, and tight; a piece that surely uses less is only proved to be below that
     attained  per limit, the largest value/limit at an evaluated instant of each time piece (M,), 0
@@ -61,10 +66,7 @@ class Certificate(Result):
         """Return the worst proven use of each limit, and where."""
         head = "the certificate holds" if self.holds else "THE CERTIFICATE DOES NOT HOLD"
         title = f"{head}: value/limit, bounded over continuous time"
-        names = Column("limit", [*self.worst])
-        ratios = Column("bound", [*self.worst.values()], form=".7f", up=True)
-        where = Place.columns([self.where[name] for name in self.worst])
-        return (Table(title, (names, ratios, *where)),)
+        return (tabulate_uses(title, self.worst, self.where),)
 
 
 def certify(
@@ -91,7 +93,8 @@ def certify(
         # a bound below 1 need not be tight everywhere
         exceeded = not limit.geometric and use[limit.name].max() > 1
         most = use if exceeded else attained
-        where[limit.name] = _find_place(trajectory, limit, int(np.argmax(most[limit.name])))
+        k = int(np.argmax(most[limit.name]))
+        where[limit.name] = _find_place(trajectory, limit, k)
     others: dict[str, tuple[Array, Array, Place]] = {}
     for limit in limits:
         if isinstance(limit, Resonance) and limit.bands:
@@ -103,7 +106,8 @@ def certify(
         attained[name] = value
         where[name] = place
     worst = {name: float(values.max()) for name, values in use.items()}
-    for name, place in (find_jumps(trajectory, order) | find_gaps(trajectory)).items():
+    faults = find_jumps(trajectory, order) | find_gaps(trajectory)
+    for name, place in faults.items():
         worst[name] = float("inf")
         where[name] = place
     return Certificate(
@@ -115,11 +119,13 @@ def certify(
     )
 
 
-def _prove_crossing(trajectory: Trajectory, limit: Resonance) -> tuple[Array, Array, Place]:
-    """Return the longest stay that each time piece (M,) takes part in, as a share of the time
-    allowed.
+def _prove_crossing(
+    trajectory: Trajectory,
+    limit: Resonance,
+) -> tuple[Array, Array, Place]:
+    """Return the longest stay that each time piece (M,) takes part in, and where the longest begins.
 
-    The proved bound, the attained value, and the place where the longest stay begins.
+    Shares of the time allowed: the proved bound, and the attained value.
     """
     use, attained = np.zeros((2, len(trajectory.s)))
     stays = find_stays(trajectory, limit)
@@ -134,7 +140,12 @@ def _prove_crossing(trajectory: Trajectory, limit: Resonance) -> tuple[Array, Ar
     return use, attained, place_at(trajectory, longest.start, axis)
 
 
-def find_place(trajectory: Trajectory, limits: Sequence[Limit], name: str, k: int) -> Place:
+def find_place(
+    trajectory: Trajectory,
+    limits: Sequence[Limit],
+    name: str,
+    k: int,
+) -> Place:
     """Return where in time piece k an entry of a certificate is used most, and by which axis.
 
     Other entries, such as a stay in a band of speed, are placed where the piece begins.
@@ -147,8 +158,7 @@ def find_place(trajectory: Trajectory, limits: Sequence[Limit], name: str, k: in
 
 def _find_place(trajectory: Trajectory, limit: Limit, k: int) -> Place:
     """Return where in time piece k, and in which channel, a limit is used most."""
-    length = trajectory.knots[k + 1] - trajectory.knots[k]
-    state = trajectory.within(np.full(SAMPLES, k), length * np.linspace(0.0, 1.0, SAMPLES))
+    state = sample_pieces(trajectory, np.array([k]), PLACES)
     use = limit.use_at(state)
     row, channel = np.unravel_index(int(np.argmax(use)), use.shape)
     return place_at(trajectory, float(state.t[row]), limit.channels[int(channel)])

@@ -1,7 +1,7 @@
-"""Conditioning of a path: how near it comes to singular poses, at many places; for warnings and the
-search of a remedy.
+"""Conditioning of a path: how near it comes to singular poses, at many places.
 
-That it meets none is proved by `planner.certificate.feasibility.find_singularity`.
+It serves warnings and the search of a remedy. That the path meets no singular pose is proved by
+`planner.certificate.feasibility.find_singularity`.
 """
 
 from dataclasses import dataclass
@@ -57,11 +57,13 @@ def find_poorest(path: MachinePath) -> Conditioning:
 
 
 def has_one_sign(path: MachinePath) -> bool:
-    """Return whether the Jacobian's determinant has one sign at all sampled places: else a pose is
-    singular.
+    """Return whether the Jacobian's determinant has one sign at all sampled places.
+
+    Otherwise a pose is singular.
     """
-    sign = np.linalg.slogdet(sample_jacobian(path)[2])[0]
-    return bool((sign == sign[0]).all() and sign[0] != 0 and np.isfinite(sign[0]))
+    *_, jacobian = sample_jacobian(path)
+    sign, _ = np.linalg.slogdet(jacobian)
+    return bool(abs(sign.sum()) == len(sign))
 
 
 def sample_jacobian(path: MachinePath) -> tuple[Array, np.ndarray, Array]:
@@ -74,11 +76,15 @@ def sample_jacobian(path: MachinePath) -> tuple[Array, np.ndarray, Array]:
     return s, piece, evaluate_jacobian(path, s, piece)
 
 
-def evaluate_jacobian(path: MachinePath, s: Array, piece: np.ndarray) -> Array:
-    """Return J (N, n, n) at s (N,) in pieces (N,), with columns of rotation divided by the
-    characteristic length.
+def evaluate_jacobian(
+    path: MachinePath,
+    s: Array,
+    piece: np.ndarray,
+) -> Array:
+    """Return J (N, n, n) at s (N,) in pieces (N,).
+
+    Columns of rotation are divided by the characteristic length.
     """
-    zero = np.zeros((2, len(s)))
     with np.errstate(all="ignore"):  # beyond reach there are no numbers
-        series = path.jacobian(Series(np.stack([s, zero[0]]), zero, 2), piece)
+        series = path.jacobian(Series.constant(s, 2), piece)
     return np.asarray(series.mid[0]).reshape(len(s), len(path.names), -1)

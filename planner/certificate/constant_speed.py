@@ -1,6 +1,4 @@
-"""Constant tool speed: the largest deviation from a stated speed, proved over continuous time, both
-ways.
-"""
+"""Constant tool speed: the largest deviation from a stated speed, proved over continuous time."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -11,7 +9,11 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.facts import Fact
-from planner.certificate.cells import Cells, evaluate_in_batches
+from planner.certificate.cells import (
+    Cells,
+    evaluate_in_batches,
+    find_sequences,
+)
 from planner.certificate.limit_use import LimitProof, bound_finely
 from planner.limits.limit import Limit, LimitState, Term
 from planner.limits.tool import squared_norm
@@ -30,8 +32,7 @@ MIN_CELL_SHARE = 2.0**-12
 class Stretch:
     """A part of a motion at exactly `speed` (m/s), from one place to another.
 
-    deviation: the largest share of it by which the tool's speed differs, proved over continuous
-    time
+    deviation  largest share by which the tool's speed differs from it, proved
     """
 
     speed: Annotated[float, Fact("speed_m_s")]
@@ -40,21 +41,29 @@ class Stretch:
     until: Annotated[Place, Fact("to")]
 
 
-def find_stretches(trajectory: Trajectory, use: Array) -> tuple[Stretch, ...]:
-    """Return where a motion has the constant speeds that its segments state; use (M,): from its
-    certificate.
+def find_stretches(
+    trajectory: Trajectory,
+    use: Array,
+) -> tuple[Stretch, ...]:
+    """Return where a motion has the constant speeds that its segments state.
+
+    use (M,): from its certificate
     """
     path = trajectory.path
     speed = trajectory.constant_speeds
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], np.isfinite(speed), [False]])))
+    knots = trajectory.knots
     stretches = []
-    for first, last in zip(edges[::2].tolist(), (edges[1::2] - 1).tolist(), strict=True):
-        start, end = (float(trajectory.knots[k]) for k in (first, last + 1))
-        s = float(trajectory.s[last] + trajectory.v[last] * (end - trajectory.knots[last]))
-        since = path.place(trajectory.s[first], trajectory.piece[first], start)
-        until = path.place(s, trajectory.piece[last], end)
-        deviation = SPEED_TOLERANCE * float(use[first : last + 1].max())
-        stretches.append(Stretch(float(speed[first]), deviation, since, until))
+    for first, last in find_sequences(np.isfinite(speed)):
+        start = float(knots[first])
+        end = float(knots[last + 1])
+        s = float(trajectory.s[last] + trajectory.v[last] * (end - knots[last]))
+        stretch = Stretch(
+            speed=float(speed[first]),
+            deviation=SPEED_TOLERANCE * float(use[first : last + 1].max()),
+            since=path.place(trajectory.s[first], trajectory.piece[first], start),
+            until=path.place(s, trajectory.piece[last], end),
+        )
+        stretches.append(stretch)
     return tuple(stretches)
 
 
@@ -75,18 +84,20 @@ class SpeedDeviation(Limit):
 
     def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:
         speed = self.speeds[piece][:, None]
-        slowest, fastest = (np.sqrt(np.maximum(square, 0.0)) for square in (low, high))
-        deviation = np.maximum(np.abs(slowest / speed - 1), np.abs(fastest / speed - 1))
-        return np.asarray(deviation / SPEED_TOLERANCE)
+        speeds = np.sqrt(np.maximum([low, high], 0.0))
+        return np.asarray(np.abs(speeds / speed - 1).max(0) / SPEED_TOLERANCE)
 
     def tight(self, met: Array) -> float:
         """Any bound up to 1 will do."""
         return np.inf
 
 
-def prove_speed_deviation(trajectory: Trajectory) -> tuple[Array, Array, Place]:
-    """Return the share of SPEED_TOLERANCE by which each time piece (M,) deviates: proved, and
-    attained; the worst place.
+def prove_speed_deviation(
+    trajectory: Trajectory,
+) -> tuple[Array, Array, Place]:
+    """Return the deviation of each time piece (M,), proved and attained, and the worst place.
+
+    Deviations are shares of SPEED_TOLERANCE.
     """
     path = trajectory.path
     limit = SpeedDeviation([path.constant(piece) for piece in range(len(path.breaks) - 1)])
@@ -96,5 +107,10 @@ def prove_speed_deviation(trajectory: Trajectory) -> tuple[Array, Array, Place]:
     bound, attained = evaluate_in_batches(cells, partial(bound_finely, trajectory, [limit], 2))
     proof.run(cells, (bound[0], attained[0]))
     worst = int(np.argmax(proof.use))
-    s, piece, t = (values[worst] for values in (trajectory.s, trajectory.piece, trajectory.knots))
-    return proof.use, proof.attained, path.place(s, piece, t, "tool")
+    place = path.place(
+        trajectory.s[worst],
+        trajectory.piece[worst],
+        trajectory.knots[worst],
+        "tool",
+    )
+    return proof.use, proof.attained, place

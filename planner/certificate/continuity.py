@@ -1,5 +1,4 @@
-"""Continuity and completeness: nothing jumps, and the motion runs the whole path once, forwards,
-with its rests.
+"""Continuity and completeness: no jumps, and the motion runs the whole path once, forwards.
 
 Without that a motion could respect every limit by leaving out half of its path. Only the motion's
 coefficients and its path are used, none of the timing's claims.
@@ -11,18 +10,18 @@ from itertools import pairwise
 import numpy as np
 
 from kinematics.foundation.arrays import Array
+from planner.certificate.cells import find_sequences
 from planner.path.actuation import ActuatorPath, has_constant_speed
 from planner.path.polynomial import PolynomialPath
 from planner.place import Place
 from planner.trajectory import Trajectory
 
-# Largest jump of q, q̇ (and q̈ under jerk limits), as a share of the range of its values, that is
-# rounding.
+# Largest jump of q, q̇ (and q̈ under jerk limits) that is rounding, as a share of the range of its
+# values.
 MAX_JUMP = 1e-9
 # Rounding of the common origin of all axes, as a share of the largest range.
 AXIS_ROUNDING = 1e-13
-# Rounding of an instant, as a share of it: of a sum of durations, and of the difference of two
-# instants.
+# Rounding of an instant, as a share of it: a sum of durations, and a difference of two instants.
 INSTANT_ROUNDING = 8 * float(np.finfo(float).eps)
 # Rounding of q, q′ or q″, as a share of the largest on a path piece: Horner's scheme of degree 9
 # rounds 18 times, in terms a few times as large as their sum (N. Higham, Accuracy and Stability,
@@ -30,98 +29,126 @@ INSTANT_ROUNDING = 8 * float(np.finfo(float).eps)
 VALUE_ROUNDING = 64 * float(np.finfo(float).eps)
 # Time pieces evaluated together, which bounds the memory.
 STATE_BATCH = 1 << 14
+# Quantities that have to be continuous; the third one at order 3.
+QUANTITIES = ("position jump", "speed jump", "acceleration jump")
 
 
 @np.errstate(invalid="ignore", over="ignore")  # an undefined jump counts as infinite
 def find_jumps(trajectory: Trajectory, order: int) -> dict[str, Place]:
-    """Return each quantity that is not continuous, or at an end not as stated, and where it jumps
-    most.
+    """Return each quantity that is not continuous, or at an end not as stated.
 
-    At an end ṡ and s̈ are as the path states, 0 if it states none: q̇ = q′ ṡ and q̈ = q′ s̈ + q″
-    ṡ². Whether the motion ends at the path's end is checked by `find_gaps`.
+    The place is that of the largest jump. At an end ṡ and s̈ are as the path states, 0 if it states
+    none: q̇ = q′ ṡ and q̈ = q′ s̈ + q″ ṡ². Whether the motion ends at the path's end is checked by
+    `find_gaps`.
     """
     trajectory = _leave_out_instants(trajectory)
-    path = trajectory.path
-    shape = order, len(path.names)
-    worst = largest = np.full(shape, -np.inf)
+    names = trajectory.path.names
+    shape = order, len(names)
+    worst = np.full(shape, -np.inf)
+    largest = np.full(shape, -np.inf)
     least = np.full(shape, np.inf)
     at = np.zeros(shape, int)
-    before, final = _states_at_ends(path, order)
-    for first, stop in _batches(trajectory.piece):
-        start, end = _states_of_pieces(trajectory, slice(first, stop), order)
-        for values in (start[:order], end[:order]):
+    first = 0
+    for before, after in _pair_states(trajectory, order):
+        for values in (before[:order], after[:order]):
             least = np.fmin(least, np.fmin.reduce(values, axis=1))
             largest = np.fmax(largest, np.fmax.reduce(values, axis=1))
-        if first == 0:
-            before[0] = start[0, 0]
-        before = np.concatenate([before[:, None], end], 1)
-        if stop == len(trajectory.s):
-            final[0] = end[0, -1]
-            start = np.concatenate([start, final[:, None]], 1)
-        count = start.shape[1]
-        blur = INSTANT_ROUNDING * trajectory.knots[first : first + count]
-        jumps = _measure_jumps(before[:, :count], start, blur)
+        stop = first + after.shape[1]
+        blur = INSTANT_ROUNDING * trajectory.knots[first:stop]
+        jumps = _measure_jumps(before, after, blur)
         most = jumps.max(1)
         at = np.where(most > worst, first + jumps.argmax(1), at)
         worst = np.maximum(worst, most)
-        before = end[:, -1]
-    scale = largest - least + 1e-6 * np.maximum(np.abs(least), np.abs(largest))
+        first = stop
+    size = np.maximum(np.abs(least), np.abs(largest))
+    scale = largest - least + 1e-6 * size
     beyond = worst - MAX_JUMP * scale - AXIS_ROUNDING * scale.max(1, keepdims=True)
     places: dict[str, Place] = {}
-    for n, name in enumerate(("position jump", "speed jump", "acceleration jump")[:order]):
-        axis = int(np.argmax(beyond[n]))
-        if not beyond[n, axis] <= 0:
-            instant = float(trajectory.knots[at[n, axis]])
-            places[name] = place_at(trajectory, instant, path.names[axis])
+    for name, excess, knots in zip(QUANTITIES, beyond, at, strict=False):
+        axis = int(np.argmax(excess))
+        if not excess[axis] <= 0:
+            instant = float(trajectory.knots[knots[axis]])
+            places[name] = place_at(trajectory, instant, names[axis])
     return places
 
 
-def _states_at_ends(path: ActuatorPath, order: int) -> tuple[Array, Array]:
-    """Return the states (2 order+1, n) that the path states for its two ends, without derivatives
-    and rounding.
+def _pair_states(
+    trajectory: Trajectory,
+    order: int,
+) -> Iterator[tuple[Array, Array]]:
+    """Yield the states before and after consecutive knots, each (2 order+1, N, n), in batches.
+
+    The path states the first and the last one for its ends.
     """
+    previous, final = _states_at_ends(trajectory.path, order)
+    for first, stop in _batches(trajectory.piece):
+        after, end = _states_of_pieces(trajectory, slice(first, stop), order)
+        if first == 0:
+            previous[0] = after[0, 0]
+        before = np.concatenate([previous[:, None], end], 1)
+        if stop == len(trajectory.s):
+            final[0] = end[0, -1]
+            after = np.concatenate([after, final[:, None]], 1)
+        yield before[:, : after.shape[1]], after
+        previous = end[:, -1]
+
+
+def _states_at_ends(path: ActuatorPath, order: int) -> tuple[Array, Array]:
+    """Return the states (2 order+1, n) that the path states for its ends, with no rounding."""
     states = np.zeros((2, 2 * order + 1, len(path.names)))
     pieces = np.array([0, len(path.breaks) - 2])
     q, q1, q2 = path.derivatives(path.breaks[[0, -1]], pieces, 2)
     v = np.array(path.end_speeds)[:, None]
     a = np.array(path.end_accelerations)[:, None]
-    for n, value in enumerate((q, q1 * v, q1 * a + q2 * v**2)[:order]):
-        states[:, n] = value
+    values = (q, q1 * v, q1 * a + q2 * v**2)
+    for n in range(order):
+        states[:, n] = values[n]
     return states[0], states[1]
 
 
 def _batches(piece: np.ndarray) -> Iterator[tuple[int, int]]:
-    """Yield first and last, exclusive, of batches of about STATE_BATCH time pieces: a path piece is
-    in one batch.
-    """
-    ends = np.append(np.flatnonzero(np.diff(piece)) + 1, len(piece))
+    """Yield begin and end of batches of about STATE_BATCH time pieces, each of whole path pieces."""
+    count = len(piece)
+    ends = np.append(np.flatnonzero(np.diff(piece)) + 1, count)
     first = 0
-    while first < len(piece):
-        stop = int(ends[np.searchsorted(ends, min(first + STATE_BATCH, len(piece)))])
+    while first < count:
+        least_stop = min(first + STATE_BATCH, count)
+        stop = int(ends[np.searchsorted(ends, least_stop)])
         yield first, stop
         first = stop
 
 
-def _states_of_pieces(trajectory: Trajectory, own: slice, order: int) -> tuple[Array, Array]:
+def _states_of_pieces(
+    trajectory: Trajectory,
+    own: slice,
+    order: int,
+) -> tuple[Array, Array]:
     """Return the states (2 order+1, M, n) where time pieces start, and where they end."""
     piece = trajectory.piece[own]
     v = trajectory.v[own]
     a = trajectory.a[own]
     j = trajectory.j[own]
-    last, last_v, last_a = trajectory.advance(own, np.diff(trajectory.knots)[own])
+    lengths = np.diff(trajectory.knots)[own]
+    last, last_v, last_a = trajectory.advance(own, lengths)
     start, end = _derive_at_starts_and_ends(trajectory, own, last, order)
     first = np.flatnonzero(np.diff(piece, prepend=-1))
-    rounding = VALUE_ROUNDING * np.maximum.reduceat(np.abs(start[:3]), first, axis=1)
+    largest = np.maximum.reduceat(np.abs(start[:3]), first, axis=1)
+    rounding = VALUE_ROUNDING * largest
     if isinstance(trajectory.path, PolynomialPath):  # its coefficients are rounded too
         rounding = np.maximum(trajectory.path.rounding[:, piece[first]], rounding)
-    rounding = np.repeat(rounding, np.diff(np.append(first, len(piece))), axis=1)
+    counts = np.diff(np.append(first, len(piece)))
+    rounding = np.repeat(rounding, counts, axis=1)
     return (
         _find_states(start, rounding, (v, a, j)),
         _find_states(end, rounding, (last_v, last_a, j)),
     )
 
 
-def _find_states(slopes: Array, rounding: Array, rates: tuple[Array, Array, Array]) -> Array:
+def _find_states(
+    slopes: Array,
+    rounding: Array,
+    rates: tuple[Array, Array, Array],
+) -> Array:
     """Return q, q̇, … up to the order-th derivative, and the rounding of all but that.
 
     q̇ = q′ ṡ,  q̈ = q′ s̈ + q″ ṡ²,  q⃛ = q′ s⃛ + 3 q″ ṡ s̈ + q‴ ṡ³. The rounding of q, q′, q″
@@ -149,9 +176,11 @@ def _measure_jumps(before: Array, after: Array, blur: Array) -> Array:
     blur (N,) s  rounding of the instants, in which a value changes by its derivative
     """
     order = len(before) // 2
-    rates = np.maximum(np.abs(before[1 : order + 1]), np.abs(after[1 : order + 1]))
-    rounding = np.maximum(before[order + 1 :], after[order + 1 :])
-    jumps = np.abs(after[:order] - before[:order]) - blur[:, None] * rates - rounding
+    sides = np.stack([before, after])
+    rates = np.abs(sides[:, 1 : order + 1]).max(0)
+    rounding = sides[:, order + 1 :].max(0)
+    jumps = np.abs(after[:order] - before[:order])
+    jumps -= blur[:, None] * rates + rounding
     return np.where(np.isnan(jumps), np.inf, jumps)
 
 
@@ -173,7 +202,8 @@ def _derive_at_starts_and_ends(
     s = trajectory.s[own]
     start = np.stack(path.derivatives(s, piece, order))
     ahead = last - np.append(s[1:], np.nan)
-    near = (np.abs(ahead) <= INSTANT_ROUNDING * np.abs(last)) & (piece == np.append(piece[1:], -1))
+    same = piece == np.append(piece[1:], -1)
+    near = same & (np.abs(ahead) <= INSTANT_ROUNDING * np.abs(last))
     end = np.roll(start, -1, axis=1)
     end[:-1] += end[1:] * ahead[:, None]
     far = np.flatnonzero(~near)
@@ -182,54 +212,67 @@ def _derive_at_starts_and_ends(
 
 
 def find_gaps(trajectory: Trajectory) -> dict[str, Place]:
-    """Return where the motion first leaves the path, repeats or leaves out a part, a rest, or the
-    order of time.
+    """Return each way in which the motion does not run the whole path once, and where first.
 
     A part is left out where a time piece does not begin where the previous one ends. Up to a share
     of the path, over all knots together, that is rounding.
     """
     path = trajectory.path
     knots = trajectory.knots
-    disorder = np.append(knots[0] != 0, ~(np.isfinite(knots[1:]) & (np.diff(knots) >= 0)))
+    ordered = np.isfinite(knots[1:]) & (np.diff(knots) >= 0)
+    disorder = np.append(knots[0] != 0, ~ordered)
     if disorder.any():
         k = max(int(np.argmax(disorder)) - 1, 0)
-        return {"time out of order": path.place(trajectory.s[k], trajectory.piece[k])}
+        place = path.place(trajectory.s[k], trajectory.piece[k])
+        return {"time out of order": place}
     trajectory = _leave_out_instants(trajectory)
-    h = np.diff(trajectory.knots)
-    v = trajectory.v
-    a = trajectory.a
-    j = trajectory.j
-    end, last_speed, last_acceleration = trajectory.advance(slice(None), h)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        turns = (j > 0) & (-a / j > 0) & (-a / j < h)
-        turn = np.where(turns, v - a**2 / (2 * j), np.inf)  # least ṡ inside a piece
-    slowest = np.minimum(np.minimum(v, last_speed), turn)
     s = trajectory.s
-    allowed = MAX_JUMP * float(path.breaks[-1] - path.breaks[0])
+    speed = trajectory.v
+    end, last_speed, last_acceleration = _advance_to_ends(trajectory)
     # how far, and by how much faster, the motion goes while an instant is rounded
     blur = INSTANT_ROUNDING * trajectory.knots[1:]
     drift = blur * np.abs(last_speed)
     gain = blur * np.abs(last_acceleration)
+    allowed = allow_gap(path)
     slack = allowed + drift
-    gap = np.maximum(np.abs(np.append(s[1:], end[-1]) - end) - drift, 0.0)
+    slowest = np.minimum(np.minimum(speed, last_speed), _find_least_speeds(trajectory))
+    next_start = np.append(s[1:], end[-1])
+    gap = np.maximum(np.abs(next_start - end) - drift, 0.0)
     low = path.breaks[trajectory.piece]
     high = path.breaks[trajectory.piece + 1]
-    number = np.arange(len(s))
+    steps = np.diff(trajectory.piece)
+    is_first = np.arange(len(s)) == 0
     wrong = {
-        "start off the path's": (number == 0) & ~(np.abs(s - path.breaks[0]) <= slack),
-        "end off the path's": (number == number[-1]) & ~(np.abs(end - path.breaks[-1]) <= slack),
+        "start off the path's": is_first & ~(np.abs(s - path.breaks[0]) <= slack),
+        "end off the path's": is_first[::-1] & ~(np.abs(end - path.breaks[-1]) <= slack),
         "place left out": ~(np.cumsum(gap) <= allowed),
-        "motion backwards": ~(slowest >= -MAX_JUMP * np.abs(v).max() - gain),
+        "motion backwards": ~(slowest >= -MAX_JUMP * np.abs(speed).max() - gain),
         "place off its piece": ~((s >= low - slack) & (end <= high + slack)),
-        "piece out of turn": np.append(False, ~np.isin(np.diff(trajectory.piece), (0, 1))),
+        "piece out of turn": np.append(False, ~np.isin(steps, (0, 1))),
         "dwell left out": _find_short_rests(trajectory),
         "constant speed left out": _find_lost_speeds(trajectory),
     }
-    return {
-        name: place_at(trajectory, float(trajectory.knots[int(np.argmax(where))]), "")
-        for name, where in wrong.items()
-        if where.any()
-    }
+    places = {}
+    for name, where in wrong.items():
+        if where.any():
+            instant = float(trajectory.knots[int(np.argmax(where))])
+            places[name] = place_at(trajectory, instant, "")
+    return places
+
+
+def allow_gap(path: ActuatorPath) -> float:
+    """Return the length of the path that may be left out by rounding."""
+    return MAX_JUMP * float(path.breaks[-1] - path.breaks[0])
+
+
+def _find_least_speeds(trajectory: Trajectory) -> Array:
+    """Return the least ṡ inside each time piece (M,), ∞ where it is at an end."""
+    a = trajectory.a
+    j = trajectory.j
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turn = -a / j
+        inside = (j > 0) & (turn > 0) & (turn < np.diff(trajectory.knots))
+        return np.where(inside, trajectory.v - a**2 / (2 * j), np.inf)
 
 
 def _leave_out_instants(trajectory: Trajectory) -> Trajectory:
@@ -243,25 +286,31 @@ def _leave_out_instants(trajectory: Trajectory) -> Trajectory:
 
 
 def _find_short_rests(trajectory: Trajectory) -> np.ndarray:
-    """Return the time pieces (M,) that begin, or the last that ends, where the path states a longer
-    rest than there is.
+    """Return the time pieces (M,) that begin where the path states a longer rest than there is.
+
+    Of a rest at the end of the path, the last time piece.
     """
     path = trajectory.path
     short = np.zeros(len(trajectory.s), bool)
     rests = np.flatnonzero(trajectory.resting)
     lengths = np.diff(trajectory.knots)
-    allowed = MAX_JUMP * float(path.breaks[-1] - path.breaks[0])
+    allowed = allow_gap(path)
     for stop in np.flatnonzero(path.dwells > 0):
         place = path.breaks[stop]
         here = rests[np.abs(trajectory.s[rests] - place) <= allowed]
-        if not lengths[here].sum() >= path.dwells[stop] - INSTANT_ROUNDING * trajectory.duration:
-            short[min(int(np.searchsorted(trajectory.s, place)), len(short) - 1)] = True
+        least = path.dwells[stop] - INSTANT_ROUNDING * trajectory.duration
+        if not lengths[here].sum() >= least:
+            short[
+                min(
+                    int(np.searchsorted(trajectory.s, place)),
+                    len(short) - 1,
+                )
+            ] = True
     return short
 
 
 def _find_lost_speeds(trajectory: Trajectory) -> np.ndarray:
-    """Return the first time piece (M,) on each segment that states a constant speed but has none,
-    or several stretches.
+    """Return the first time piece (M,) on each segment without the one stretch of its stated speed.
 
     How steady the speed is there is proved by `planner.certificate.constant_speed`.
     """
@@ -269,25 +318,29 @@ def _find_lost_speeds(trajectory: Trajectory) -> np.ndarray:
     lost = np.zeros(len(trajectory.s), bool)
     if not has_constant_speed(path):
         return lost
-    speeds = [path.constant(piece) for piece in range(len(path.breaks) - 1)]
     segments = []
-    for piece, speed in enumerate(speeds):
+    for piece in range(len(path.breaks) - 1):
         place = path.place(path.breaks[piece], piece)
-        segments.append((speed, place.segment, place.repetition))
-    number = np.cumsum([0, *(one != other for one, other in pairwise(segments))])[trajectory.piece]
+        segments.append((path.constant(piece), place.segment, place.repetition))
+    begins = [one != other for one, other in pairwise(segments)]
+    number = np.cumsum([0, *begins])[trajectory.piece]
     constant = np.isfinite(trajectory.constant_speeds)
     for segment in np.unique(number):
         pieces = np.flatnonzero(number == segment)
-        if speeds[int(trajectory.piece[pieces[0]])] is not None:
-            begins = np.diff(constant[pieces].astype(int), prepend=0) == 1
-            lost[pieces[0]] = np.count_nonzero(begins) != 1
+        speed, *_ = segments[trajectory.piece[pieces[0]]]
+        if speed is not None:
+            lost[pieces[0]] = len(find_sequences(constant[pieces])) != 1
     return lost
+
+
+def _advance_to_ends(trajectory: Trajectory) -> tuple[Array, Array, Array]:
+    """Return s, ṡ and s̈ (M,) at the end of each time piece."""
+    return trajectory.advance(slice(None), np.diff(trajectory.knots))
 
 
 def piece_end_lengths(trajectory: Trajectory) -> Array:
     """Return the path lengths (M,) at which the time pieces end."""
-    ends, _, _ = trajectory.advance(slice(None), np.diff(trajectory.knots))
-    return ends
+    return _advance_to_ends(trajectory)[0]
 
 
 def place_at(trajectory: Trajectory, t: float, axis: str) -> Place:

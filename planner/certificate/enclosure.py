@@ -17,7 +17,11 @@ from math import comb
 import numpy as np
 
 from kinematics.analysis.clearance import Bodies
-from kinematics.foundation.arrays import Array, freeze_array, largest_in_rows
+from kinematics.foundation.arrays import (
+    Array,
+    freeze_array,
+    largest_in_rows,
+)
 from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.taylor_model import EPS, Series
 from planner.certificate.cells import Cells
@@ -78,21 +82,23 @@ class MotionEnclosure(ABC):
 
     def tool_rate(self, times: int) -> Series:
         rate = self.pose_rate(times)
-        return rate if self.path.tool is None else self.evaluate(self.path.tool, rate)
+        if self.path.tool is None:
+            return rate
+        return self.evaluate(self.path.tool, rate)
 
     def evaluate(self, expression: Expression, *inputs: Series) -> Series:
         return expression.enclose_columns(*inputs)
 
     def bound_use(self, limit: Limit) -> Array:
         """Return an upper bound (N,) of the share of a limit that is used over each cell."""
-        use = largest_in_rows(limit.use(*self.bound(limit.value(self)), self.piece))
+        low, high = self.bound(limit.value(self))
+        use = largest_in_rows(limit.use(low, high, self.piece))
         return np.where(np.isnan(use), np.inf, use)
 
 
 @dataclass(frozen=True)
 class Enclosure(MotionEnclosure):
-    """Taylor series in τ ∈ [−1, 1]: the first N rows about each centre, the last N over the whole
-    cell.
+    """Taylor series in τ ∈ [−1, 1]: N rows about each centre, then N over each whole cell.
 
     s     (order+1, 2N) path length
     rate  (2N, 1) dτ/dt, 1/s
@@ -125,12 +131,12 @@ class Enclosure(MotionEnclosure):
 
     def distances(self, bodies: Bodies) -> Series:
         first = self.pose.derivative()
-        rates = [np.maximum(*np.abs(self.bound(each))) for each in (first, first.derivative())]
+        derivatives = (first, first.derivative())
+        rates = [np.abs(self.bound(each)).max(0) for each in derivatives]
         ends, error = _evaluate_at_ends(self.pose, len(self.piece))
         low, high = bound_distances(bodies, ends, error, rates)
-        middle = (low + high) / 2
-        radius = (high - low) / 2 * (1 + 64 * EPS) + 4 * EPS * np.abs(high)
-        return Series(np.tile(middle, (2, 1))[None], np.tile(radius, (2, 1))[None], 1)
+        middle, radius = make_ball(np.tile(low, (2, 1)), np.tile(high, (2, 1)))
+        return Series(middle[None], radius[None], 1)
 
     def bound(self, values: Series) -> tuple[Array, Array]:
         return bound_series(values, len(self.piece))
@@ -139,8 +145,17 @@ class Enclosure(MotionEnclosure):
 def enclose(trajectory: Trajectory, cells: Cells, order: int) -> Enclosure:
     """Return the motion over cells as series up to τ^order, with t = centre + τ · half width."""
     mid, rad, half = expand_motion(trajectory, cells)
-    s = Series(np.concatenate([mid, mid], 1), np.concatenate([rad, widen(mid, rad)], 1), order)
-    return Enclosure(trajectory.path, s, np.tile(1 / half, 2)[:, None], trajectory.piece[cells.k])
+    s = Series(
+        np.concatenate([mid, mid], 1),
+        np.concatenate([rad, widen(mid, rad)], 1),
+        order,
+    )
+    return Enclosure(
+        trajectory.path,
+        s,
+        np.tile(1 / half, 2)[:, None],
+        trajectory.piece[cells.k],
+    )
 
 
 def widen(mid: Array, rad: Array) -> Array:
@@ -158,15 +173,16 @@ def widen(mid: Array, rad: Array) -> Array:
     return np.asarray((rad + spread) * (1 + 8 * EPS))
 
 
-def expand_motion(trajectory: Trajectory, cells: Cells) -> tuple[Array, Array, Array]:
-    """Return coefficients of s in τ about each cell's centre, their errors, (4, N) each, and half
-    widths (N,).
-    """
-    k = cells.k
+def expand_motion(
+    trajectory: Trajectory,
+    cells: Cells,
+) -> tuple[Array, Array, Array]:
+    """Return coefficients (4, N) of s in τ about each cell's centre, their errors, and half widths."""
+    columns = (trajectory.s, trajectory.v, trajectory.a, trajectory.j)
+    motion = np.stack([column[cells.k] for column in columns])
     centre = (cells.lo + cells.hi) / 2
     half = cells.lengths / 2 * (1 + 2 * EPS) + 2 * EPS * np.abs(cells.hi)
     powers = np.stack([np.ones_like(half), half, half**2, half**3])
-    motion = np.stack([trajectory.s[k], trajectory.v[k], trajectory.a[k], trajectory.j[k]])
     # no term is rounded 32 times, whatever the signs
     error = 32 * EPS * shift_motion(np.abs(motion), centre) * powers
     error[0] += PLACE_ROUNDING * np.abs(trajectory.path.breaks[[0, -1]]).max()
@@ -189,46 +205,71 @@ def shift_motion(motion: Array, t: Array) -> Array:
 @cache
 def _powers_at(points: int, powers: int) -> Array:
     """Powers (points, powers) of evenly spaced τ in [−1, 1]."""
-    return freeze_array(np.linspace(-1, 1, points)[:, None] ** np.arange(powers))
+    places = np.linspace(-1, 1, points)
+    return freeze_array(places[:, None] ** np.arange(powers))
 
 
 def bound_series(series: Series, cells: int) -> tuple[Array, Array]:
     """Return bounds low and high (cells, m) of a series over each cell."""
-    polynomial, error = _split_error(series, cells)
+    polynomial, errors = split_series(series, cells)
     low, high = bound_polynomials(polynomial)
-    slack = error * (1 + 32 * EPS) + 32 * EPS * np.abs(polynomial).sum(0)
+    rounding = 32 * EPS * np.abs(polynomial).sum(0)
+    slack = errors.sum(0) * (1 + 32 * EPS) + rounding
     slack = np.where(np.isfinite(slack), slack, np.inf)
     return low - slack, high + slack
 
 
-def _split_error(series: Series, cells: int) -> tuple[Array, Array]:
-    """Return the polynomials about the centres and the errors (cells, m) of their values, the
-    remainder included.
+def split_series(series: Series, cells: int) -> tuple[Array, Array]:
+    """Return the polynomials (order, cells, m) about the centres, and errors (order+1, cells, m).
+
+    Errors are of their coefficients; the last is the remainder over the whole cell.
     """
     full = series.pad(series.order)
-    remainder = np.abs(full.mid[-1, cells:]) + full.rad[-1, cells:]
-    return full.mid[:-1, :cells], full.rad[:-1, :cells].sum(0) + remainder
+    errors = full.rad[:, :cells].copy()
+    errors[-1] = np.abs(full.mid[-1, cells:]) + full.rad[-1, cells:]
+    return full.mid[:-1, :cells], errors
+
+
+def make_ball(low: Array, high: Array) -> tuple[Array, Array]:
+    """Return middle and radius of intervals."""
+    largest = np.maximum(np.abs(low), np.abs(high))
+    radius = (high - low) / 2 * (1 + 64 * EPS) + 64 * EPS * largest
+    return (low + high) / 2, radius
+
+
+def cover_places(centre: Array, half: Array, order: int) -> Series:
+    """Return s (order+1, 2N) over N cells: about each centre, then about any place in the cell."""
+    mid = np.tile(np.stack([centre, half]), 2)
+    rad = np.zeros_like(mid)
+    rad[0, len(half) :] = half * (1 + 16 * EPS)
+    return Series(mid, rad, order)
 
 
 def _evaluate_at_ends(series: Series, cells: int) -> tuple[Array, Array]:
     """Return values (2, cells, m) at τ = −1 and 1, and their error (cells, m)."""
-    polynomial, error = _split_error(series, cells)
+    polynomial, errors = split_series(series, cells)
     even = polynomial[::2].sum(0)
     odd = polynomial[1::2].sum(0)
-    rounding = np.abs(polynomial).sum(0) * 32 * EPS
-    return np.stack([even - odd, even + odd]), (error + rounding) * (1 + 32 * EPS)
+    rounding = 32 * EPS * np.abs(polynomial).sum(0)
+    error = (errors.sum(0) + rounding) * (1 + 32 * EPS)
+    return np.stack([even - odd, even + odd]), error
 
 
-def find_extremes(series: Series, cells: int, channel: np.ndarray) -> tuple[Array, Array]:
-    """Return about where in each cell one channel (cells,) is largest and least, and all values
-    there.
+def find_extremes(
+    series: Series,
+    cells: int,
+    channel: np.ndarray,
+) -> tuple[Array, Array]:
+    """Return about where in each cell one channel (cells,) is largest and least.
 
-    Places τ (2, cells), values (2, cells, m). They prove nothing: a state is evaluated there.
+    Places τ (2, cells), and all values there (2, cells, m). They prove nothing: a state is
+    evaluated there.
     """
-    polynomial, _ = _split_error(series, cells)
+    polynomial, _ = split_series(series, cells)
     chosen = polynomial[:, np.arange(cells), channel]
     samples = _powers_at(POINTS, len(chosen)) @ chosen
-    places = np.linspace(-1, 1, POINTS)[np.stack([samples.argmax(0), samples.argmin(0)])]
+    extremes = np.stack([samples.argmax(0), samples.argmin(0)])
+    places = np.linspace(-1, 1, POINTS)[extremes]
     values = np.zeros((2, *polynomial.shape[1:]))
     for coefficient in polynomial[::-1]:
         values = values * places[..., None] + coefficient
@@ -244,7 +285,8 @@ def bound_polynomials(polynomial: Array) -> tuple[Array, Array]:
     columns = polynomial.reshape(len(polynomial), -1)
     k = np.arange(len(columns))
     spacing = 2 / (POINTS - 1)
-    beyond = (k * (k - 1)) @ np.abs(columns) * (spacing**2 / 8)
+    curvature = (k * (k - 1)) @ np.abs(columns)
+    beyond = curvature * (spacing**2 / 8)
     low, high = np.empty((2, columns.shape[1]))
     for first in range(0, columns.shape[1], COLUMN_BATCH):
         batch = slice(first, first + COLUMN_BATCH)
@@ -276,8 +318,8 @@ def bound_distances(
     spin = swing / np.sqrt(2)
     farthest = 2 * speed + shift, 2 * spin + twist
     # a rounded rotation matrix is not quite a rotation: twice the change allows for that
-    size = 1 + np.abs(ends[0]).max(1)
-    rounding = bodies.change(ends[0], 2 * shift, 2 * twist) + 64 * EPS * size[:, None]
+    size = 1 + np.abs(ends[0]).max(1, keepdims=True)
+    rounding = bodies.change(ends[0], 2 * shift, 2 * twist) + 64 * EPS * size
     change = bodies.change(ends[0], *farthest) / 2
     middle = (start + end) / 2
     nearest = middle - change - rounding
@@ -287,9 +329,7 @@ def bound_distances(
 
 
 def _norms(numbers: Array) -> tuple[Array, Array]:
-    """Return upper bounds (N,) of the norm of the origin and the Frobenius norm of the rotation of
-    (N, 12) numbers.
-    """
+    """Return upper bounds (N,) of the norms of the origin and of the rotation (Frobenius)."""
     origin = np.linalg.norm(numbers[:, :3], axis=1)
     rotation = np.linalg.norm(numbers[:, 3:], axis=1)
     return origin * (1 + 16 * EPS), rotation * (1 + 16 * EPS)

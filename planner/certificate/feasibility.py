@@ -1,6 +1,6 @@
-"""Feasibility: limits that slowing down cannot fix (reach, control, travel, tilt, clearance,
-holding), proved first.
+"""Feasibility: limits that slowing down cannot fix, proved first.
 
+These are reach, control, travel, tilt, clearance and holding.
 Control is lost in singular poses, which are excluded cell by cell along the path by guaranteed
 bounds.
 """
@@ -14,34 +14,47 @@ from kinematics.analysis.virtual_work import invert
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.foundation.result import Result
-from kinematics.foundation.table import Column, Table
-from kinematics.foundation.taylor_model import EPS, Series
+from kinematics.foundation.table import Table
+from kinematics.foundation.taylor_model import EPS
 from kinematics.machine.motion import describe_singularity
 from planner.avoidable_stops import AvoidableStops
-from planner.certificate.cells import Cells, Values, evaluate_in_batches, refine
+from planner.certificate.cells import (
+    Cells,
+    Values,
+    refine,
+    sample_pieces,
+)
 from planner.certificate.conditioning import Conditioning, evaluate_jacobian
-from planner.certificate.limit_use import LIMIT_ROUNDING, prove_path_use
+from planner.certificate.enclosure import cover_places
+from planner.certificate.limit_use import LIMIT_ROUNDING, prove_path_use, tabulate_uses
 from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath, MachinePath
-from planner.path.outcome import Blended, FitSummary, blend_tables, fit_tables
+from planner.path.outcome import (
+    Blended,
+    FitSummary,
+    blend_tables,
+    fit_tables,
+)
 from planner.path.overshoot import overshoot_tables, overshoot_warnings
 from planner.path.point_to_point import Departure, departure_tables
 from planner.path.shape import Overshoot
 from planner.place import Infeasible, Place
 from planner.trajectory import Trajectory, unit_speed_trajectory
 
-# Smallest cell as a share of a part of the path: a smaller one that is not proved counts as
-# singular.
+# Smallest cell as a share of a part of the path: if it is not proved, it counts as singular.
 MIN_CELL_SHARE = 2.0**-12
-# Samples of a part of the path in the search of the worst place.
-PART_POINTS = 65
+# Shares of a part of the path at which the worst place is sought.
+PLACES = np.linspace(0.0, 1.0, 65)
 TIE_DIGITS = 9
 """Decimals of a use beyond which two count as equal."""
 
 
-def find_singularity(path: MachinePath, ends: Array, piece: np.ndarray) -> tuple[float, int] | None:
-    """Return s and piece of the first place at which the Jacobian is not proved nonsingular, or
-    None.
+def find_singularity(
+    path: MachinePath,
+    ends: Array,
+    piece: np.ndarray,
+) -> tuple[float, int] | None:
+    """Return s and piece of the first place where the Jacobian is not proved nonsingular, or None.
 
     ends (N+1,), piece (N,): parts of the path, each within a piece. Cells that fail are halved.
     """
@@ -63,14 +76,21 @@ def find_singularity(path: MachinePath, ends: Array, piece: np.ndarray) -> tuple
         # cells beyond the first place that counts as singular do not matter
         return ~proved & ~small & (ends[cells.k] + cells.lo < first), 2
 
-    cells = Cells(np.arange(len(width)), np.zeros(len(width)), width)
-    cells, (middle, _) = refine(cells, evaluate_in_batches(cells, prove), prove, find_loose)
+    parts = np.arange(len(width))
+    cells = Cells(parts, np.zeros_like(width), width)
+    cells, (middle, _) = refine(cells, prove, find_loose)
     if not np.isfinite(first):
         return None
-    return float(first), int(piece[cells.k[np.flatnonzero(middle == first)[0]]])
+    part = cells.k[np.argmax(middle == first)]
+    return float(first), int(piece[part])
 
 
-def _is_nonsingular(path: MachinePath, middle: Array, half: Array, piece: np.ndarray) -> np.ndarray:
+def _is_nonsingular(
+    path: MachinePath,
+    middle: Array,
+    half: Array,
+    piece: np.ndarray,
+) -> np.ndarray:
     """Return whether the Jacobian is proved nonsingular over each cell (N,).
 
     About the centre, J = J₀ + J₁ τ + J₂ τ² with |τ| ≤ 1 and J₂ over the whole cell. With C ≈ J₀⁻¹,
@@ -78,10 +98,8 @@ def _is_nonsingular(path: MachinePath, middle: Array, half: Array, piece: np.nda
     """
     count = len(middle)
     half = half + 4 * EPS * np.abs(middle)
-    # the centres of all cells, then the whole cells
-    spread = np.concatenate([np.zeros(count), half])
-    s = Series(np.tile(np.stack([middle, half]), 2), np.stack([spread, np.zeros(2 * count)]), 2)
-    # metres beyond reach it is unbounded, which proves nothing
+    s = cover_places(middle, half, 2)
+    # metres beyond reach it is unbounded, and the proof fails
     with np.errstate(over="ignore", invalid="ignore"):
         jacobian = path.jacobian(s, np.tile(piece, 2)).pad(2)
     shape = (3, 2, count, len(path.names), -1)
@@ -90,11 +108,13 @@ def _is_nonsingular(path: MachinePath, middle: Array, half: Array, piece: np.nda
     at, slope = mid[:2, 0]
     rad_at, rad_slope = rad[:2, 0]
     bend = np.abs(mid[2, 1]) + rad[2, 1]
-    inverse = invert(at)  # approximate; a singular matrix proves nothing
+    inverse = invert(at)  # approximate; with a singular matrix the proof fails
     size = np.abs(inverse)
     with np.errstate(invalid="ignore"):
-        total = np.abs(np.eye(at.shape[1]) - inverse @ at) + size @ rad_at
-        total = total + np.abs(inverse @ slope) + size @ (rad_slope + bend)
+        total = np.abs(np.eye(at.shape[1]) - inverse @ at)
+        total += size @ rad_at
+        total += np.abs(inverse @ slope)
+        total += size @ (rad_slope + bend)
         # a little below 1, for the rounding of these lines themselves
         return np.asarray(total.sum(-1).max(-1) < 1 - 1e-9)
 
@@ -121,20 +141,15 @@ class Standing(Result):
 
     def tables(self) -> tuple[Table, ...]:
         """Return the largest use of each limit and where, the violations below; the blends."""
-        bounds = [use for use, _ in self.largest.values()]
-        places = [place for _, place in self.largest.values()]
-        columns = (
-            Column("limit", [*self.largest]),
-            Column("bound", bounds, form=".7f", up=True),
-            *Place.columns(places),
-        )
+        bounds = {name: use for name, (use, _) in self.largest.items()}
+        places = {name: place for name, (_, place) in self.largest.items()}
         notes = [*map(str, self.violations), *self.warnings]
         stops = "" if self.avoidable is None else self.avoidable.describe()
         if stops:
             notes.append(f"stops: {stops}")
         title = "largest use of each limit, proved along the path"
         return (
-            Table(title, columns, tuple(notes)),
+            tabulate_uses(title, bounds, places, notes),
             *fit_tables(self.fit),
             *blend_tables(self.blends),
             *departure_tables(self.departures),
@@ -148,7 +163,10 @@ class Standing(Result):
         return tuple(filter(None, (near, *overshoot_warnings(self.overshoots))))
 
 
-def prove_feasibility(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:
+def prove_feasibility(
+    path: ActuatorPath,
+    limits: Sequence[Limit],
+) -> Standing:
     """Bound the geometric limits along the path at unit speed: their use is the same under every
     timing.
     """
@@ -177,10 +195,12 @@ def prove_feasibility(path: ActuatorPath, limits: Sequence[Limit]) -> Standing:
     return Standing(_sort_violations(violations), largest)
 
 
-def _find_lost_reach(path: ActuatorPath, along: Trajectory) -> OutOfReach | None:
+def _find_lost_reach(
+    path: ActuatorPath,
+    along: Trajectory,
+) -> OutOfReach | None:
     """Return the error of the first sampled place that the actuators do not reach."""
-    part = np.repeat(np.arange(len(along.s)), 3)
-    state = along.within(part, np.tile([0.0, 0.5, 1.0], len(along.s)) * np.diff(along.knots)[part])
+    state = sample_pieces(along, np.arange(len(along.s)), (0.0, 0.5, 1.0))
     lost = ~np.isfinite(state.q).all(1)
     if not lost.any():
         return None
@@ -192,7 +212,10 @@ def _find_lost_reach(path: ActuatorPath, along: Trajectory) -> OutOfReach | None
     return OutOfReach(f"{reach}; bring it nearer to home").in_segment(place.segment)
 
 
-def _find_lost_control(path: MachinePath, along: Trajectory) -> OutOfReach | None:
+def _find_lost_control(
+    path: MachinePath,
+    along: Trajectory,
+) -> OutOfReach | None:
     """Return the error of the first singular pose."""
     singular = find_singularity(path, np.append(along.s, path.breaks[-1]), along.piece)
     if singular is None:
@@ -224,13 +247,16 @@ class _Violation:
         return limit_violation(self.limit, self.value, self.channel, self.piece, self.place)
 
 
-def _sample_part(along: Trajectory, limit: Limit, part: int) -> "list[_Violation]":
-    """Return the largest use of each channel of a limit at PART_POINTS places of a part of the path.
+def _sample_part(
+    along: Trajectory,
+    limit: Limit,
+    part: int,
+) -> "list[_Violation]":
+    """Return the largest use of each channel of a limit at the PLACES of a part of the path.
 
     The channel that uses most is the first.
     """
-    length = along.knots[part + 1] - along.knots[part]
-    state = along.within(np.full(PART_POINTS, part), length * np.linspace(0.0, 1.0, PART_POINTS))
+    state = sample_pieces(along, np.array([part]), PLACES)
     value = limit.value(state)
     uses = limit.use(value, value, state.piece)
     piece = int(state.piece[0])
@@ -238,11 +264,22 @@ def _sample_part(along: Trajectory, limit: Limit, part: int) -> "list[_Violation
     for channel, row in enumerate(uses.argmax(0).tolist()):
         place = along.path.place(state.along[row], piece, None, limit.channels[channel])
         use = float(uses[row, channel])
-        channels.append(_Violation(limit, channel, piece, use, float(value[row, channel]), place))
+        channels.append(
+            _Violation(
+                limit,
+                channel,
+                piece,
+                use,
+                float(value[row, channel]),
+                place,
+            )
+        )
     return sorted(channels, key=lambda each: -each.use)
 
 
-def _sort_violations(violations: Sequence[_Violation]) -> tuple[Infeasible, ...]:
+def _sort_violations(
+    violations: Sequence[_Violation],
+) -> tuple[Infeasible, ...]:
     """Return the errors, the worst first: one for each limit, piece and channel.
 
     Where two pieces meet both exceed a limit as much: the one that leads there comes first.
@@ -251,7 +288,10 @@ def _sort_violations(violations: Sequence[_Violation]) -> tuple[Infeasible, ...]
     for each in violations:
         if each.key not in worst or each.use > worst[each.key].use:
             worst[each.key] = each
-    ordered = sorted(worst.values(), key=lambda each: (-round(each.use, TIE_DIGITS), each.key))
+    ordered = sorted(
+        worst.values(),
+        key=lambda each: (-round(each.use, TIE_DIGITS), each.key),
+    )
     return tuple(each.make_error() for each in ordered)
 
 
@@ -266,4 +306,12 @@ def limit_violation(
     unit, scale = limit.units[channel]
     reached, allowed = (each * scale for each in limit.report_value(value, channel, piece))
     remedy = limit.remedy(abs(reached - allowed), unit)
-    return Infeasible(limit.name, limit.channels[channel], place, reached, allowed, unit, remedy)
+    return Infeasible(
+        limit.name,
+        limit.channels[channel],
+        place,
+        reached,
+        allowed,
+        unit,
+        remedy,
+    )

@@ -1,17 +1,21 @@
-"""Share of each limit that a motion uses: proved over cells of time, which are split until the
-bounds are tight.
+"""Share of each limit that a motion uses, proved over cells of time that are split until it is tight.
 
 A limit that depends on time is bounded by the coarse enclosure first. Cells whose bounds are loose
 then, and all cells of a geometric limit, are bounded by the fine one.
 """
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
 
-from kinematics.foundation.arrays import Array, freeze_array, largest_in_rows
+from kinematics.foundation.arrays import (
+    Array,
+    freeze_array,
+    largest_in_rows,
+)
+from kinematics.foundation.table import Column, Table
 from planner.certificate.cells import (
     CELL_BATCH,
     Cells,
@@ -19,7 +23,11 @@ from planner.certificate.cells import (
     evaluate_in_batches,
     refine,
 )
-from planner.certificate.continuity import INSTANT_ROUNDING, MAX_JUMP, piece_end_lengths
+from planner.certificate.continuity import (
+    INSTANT_ROUNDING,
+    allow_gap,
+    piece_end_lengths,
+)
 from planner.certificate.enclosure import enclose, find_extremes
 from planner.certificate.path_enclosure import (
     COARSE_BATCH,
@@ -29,6 +37,7 @@ from planner.certificate.path_enclosure import (
 )
 from planner.limits.limit import Limit, select_timed
 from planner.path.actuation import ActuatorPath, has_constant_speed
+from planner.place import Place
 from planner.trajectory import State, Trajectory, unit_speed_trajectory
 
 LIMIT_ROUNDING = 1e-9
@@ -51,11 +60,11 @@ EXPANSION = {2: 6, 3: 8}
 
 @dataclass(frozen=True, slots=True)
 class ProvedUse:
-    """Earlier results, per limit on time: use and attained of each time piece (M,), NaN where
-    nothing is proved yet.
+    """Earlier results, per limit on time: use and attained of each time piece (M,).
 
-    of  (6, M) that it was proved for: s, ṡ, s̈ at the start, s⃛, duration and path piece of each
-        time piece
+    They are NaN where no bound is proved yet.
+
+    of  (6, M) proved time pieces: s, ṡ, s̈ at the start, s⃛, duration and path piece
     """
 
     use: dict[str, Array]
@@ -63,9 +72,14 @@ class ProvedUse:
     of: Array
 
     @classmethod
-    def make_empty(cls, limits: Sequence[Limit], pieces: int) -> "ProvedUse":
-        nothing = {limit.name: np.full(pieces, np.nan) for limit in select_timed(limits)}
-        return cls(nothing, nothing, np.full((6, pieces), np.nan))
+    def make_empty(
+        cls,
+        limits: Sequence[Limit],
+        pieces: int,
+    ) -> "ProvedUse":
+        unproved = np.full(pieces, np.nan)
+        use = {limit.name: unproved for limit in select_timed(limits)}
+        return cls(use, use, np.full((6, pieces), np.nan))
 
     @classmethod
     def join(cls, parts: "Sequence[ProvedUse]") -> "ProvedUse":
@@ -73,13 +87,16 @@ class ProvedUse:
         names = parts[0].use
         use = {name: np.concatenate([part.use[name] for part in parts]) for name in names}
         attained = {name: np.concatenate([part.attained[name] for part in parts]) for name in names}
-        return cls(use, attained, np.concatenate([part.of for part in parts], axis=1))
+        return cls(
+            use,
+            attained,
+            np.concatenate([part.of for part in parts], axis=1),
+        )
 
     def fit(self, trajectory: Trajectory) -> "ProvedUse":
-        """Return the results for the time pieces that also occur in `trajectory`, rounded instants
-        aside.
+        """Return the results for the time pieces that also occur in `trajectory`.
 
-        Pieces with other coefficients stay unproved.
+        Durations may differ by rounding. Pieces with other coefficients stay unproved.
         """
         lengths = np.diff(trajectory.knots)
         motion = trajectory.s, trajectory.v, trajectory.a, trajectory.j
@@ -89,8 +106,10 @@ class ProvedUse:
         same = rounded & (numbers == self.of).all(0)
         if same.all():
             return self
-        use = {name: np.where(same, values, np.nan) for name, values in self.use.items()}
-        attained = {name: np.where(same, values, np.nan) for name, values in self.attained.items()}
+        use, attained = (
+            {name: np.where(same, values, np.nan) for name, values in each.items()}
+            for each in (self.use, self.attained)
+        )
         return ProvedUse(use, attained, self.of)
 
 
@@ -100,9 +119,7 @@ def prove(
     order: int,
     known: ProvedUse | None = None,
 ) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Return, per limit, a proved bound of its use over each time piece (M,), and the largest use
-    attained there.
-    """
+    """Return, per limit, the proved bound of its use over each time piece (M,), and the attained use."""
     cells = Cells.cover(trajectory)
     path = trajectory.path
     # stated speeds have to be met exactly
@@ -125,8 +142,14 @@ def prove(
     if limits and len(cells.k):
         # geometry is not bounded over time, so the coarse enclosure does not apply to it
         coarse = not any(limit.geometric for limit in limits)
-        bound = partial(bound_coarsely if coarse else bound_finely, trajectory, limits, order)
-        bounds, attained = evaluate_in_batches(cells, bound, COARSE_BATCH if coarse else CELL_BATCH)
+        bound = partial(
+            bound_coarsely if coarse else bound_finely,
+            trajectory,
+            limits,
+            order,
+        )
+        batch = COARSE_BATCH if coarse else CELL_BATCH
+        bounds, attained = evaluate_in_batches(cells, bound, batch)
         for proof, *values in zip(proofs.values(), bounds, attained, strict=True):
             proof.run(cells, tuple(values), coarse=coarse)
     use = {name: proof.use for name, proof in proofs.items()}
@@ -143,15 +166,17 @@ def bound_finely(
 
     Each (limits, N).
     """
-    count = len(cells.k)
-    bounds, attained = np.zeros((2, len(limits), count))
+    shape = (len(limits), len(cells.k))
+    bounds = np.zeros(shape)
+    attained = np.zeros(shape)
     enclosure = enclose(trajectory, cells, EXPANSION[order])
     for n, limit in enumerate(limits):
         value = limit.value(enclosure)
         uses = limit.use(*enclosure.bound(value), enclosure.piece)
         bounds[n] = largest_in_rows(uses)
-        places, values = find_extremes(value, count, uses.argmax(1))
-        top, bottom = (largest_in_rows(limit.use(each, each, enclosure.piece)) for each in values)
+        places, values = find_extremes(value, len(cells.k), uses.argmax(1))
+        ends = [limit.use(each, each, enclosure.piece) for each in values]
+        top, bottom = map(largest_in_rows, ends)
         share = (1 + np.where(top >= bottom, places[0], places[1])) / 2
         attained[n] = use_in(limit, state_at(trajectory, cells, share, order))
     return np.where(np.isnan(bounds), np.inf, bounds), attained
@@ -161,10 +186,10 @@ def bound_finely(
 class LimitProof:
     """Bounds of one limit, refined until they are tight.
 
-    reachable       whether the motion may reach the limit exactly
-    least_share     of a time piece, at which refinement ends
-    use, attained   (M,) of each time piece: the proved bound, and the largest use at any instant
-    evaluated
+    reachable      whether the motion may reach the limit exactly
+    least_share    of a time piece, at which refinement ends
+    use (M,)       proved bound over each time piece
+    attained (M,)  largest use at any instant evaluated in each time piece
     """
 
     trajectory: Trajectory
@@ -179,20 +204,32 @@ class LimitProof:
         self.use = np.zeros(len(self.trajectory.s))
         self.attained = np.zeros(len(self.trajectory.s))
 
-    def run(self, cells: Cells, values: Values, *, coarse: bool = False) -> None:
+    def run(
+        self,
+        cells: Cells,
+        values: Values,
+        *,
+        coarse: bool = False,
+    ) -> None:
         """Fill use and attained.
 
         values  bound and attained use (N,) of the cells
-        coarse  the values are of the coarse enclosure: cells that are loose have the fine one next
+        coarse  whether they are of the coarse enclosure: loose cells have the fine one next
         """
-        if coarse:
-            loose, _ = self._find_loose(cells, values)
-            np.maximum.at(self.use, cells.k[~loose], self._round(values[0][~loose]))
-            cells = cells[loose]
-            values = evaluate_in_batches(cells, self._evaluate) if loose.any() else values
-        if len(cells.k):
-            cells, (bound, _) = refine(cells, values, self._evaluate, self._find_loose)
-            np.maximum.at(self.use, cells.k, self._round(bound))
+
+        def find_loose(
+            cells: Cells,
+            values: Values,
+        ) -> tuple[np.ndarray, int]:
+            nonlocal coarse
+            loose, parts = self._find_loose(cells, values)
+            if coarse:
+                coarse = False
+                parts = 1  # the same cells, by the fine enclosure
+            return loose, parts
+
+        cells, (bound, _) = refine(cells, self._evaluate, find_loose, values)
+        np.maximum.at(self.use, cells.k, self._round(bound))
 
     def _evaluate(self, cells: Cells) -> Values:
         bounds, attained = bound_finely(self.trajectory, [self.limit], self.order, cells)
@@ -201,10 +238,12 @@ class LimitProof:
     def _round(self, use: Array) -> Array:
         return round_reached_use(use) if self.reachable else use
 
-    def _find_loose(self, cells: Cells, values: Values) -> tuple[np.ndarray, int]:
-        """Return the cells (N,) whose bounds are not tight, and the number of parts to split them
-        into.
-        """
+    def _find_loose(
+        self,
+        cells: Cells,
+        values: Values,
+    ) -> tuple[np.ndarray, int]:
+        """Return which cells (N,) are not tight, and the number of parts to split them into."""
         bound, attained = (self._round(each) for each in values)
         np.maximum.at(self.attained, cells.k, attained)
         most = self.attained.max()
@@ -218,9 +257,25 @@ class LimitProof:
         most_parts = MOST_PARTS if loose.sum() <= FEW_CELLS else 2
         parts = int(np.clip(np.ceil(np.sqrt(excess)), 2, most_parts))
         least = self.least_share * np.diff(self.trajectory.knots)[cells.k]
-        if parts * loose.sum() > MAX_CELLS or (cells.lengths < parts * least).any():
+        too_short = cells.lengths < parts * least
+        if parts * loose.sum() > MAX_CELLS or too_short.any():
             loose[:] = False
         return loose, parts
+
+
+def tabulate_uses(
+    title: str,
+    uses: Mapping[str, float],
+    places: Mapping[str, Place],
+    notes: Sequence[str] = (),
+) -> Table:
+    """Return the proved use of each limit, and where it is largest."""
+    columns = (
+        Column("limit", [*uses]),
+        Column("bound", [*uses.values()], form=".7f", up=True),
+        *Place.columns([places[name] for name in uses]),
+    )
+    return Table(title, columns, tuple(notes))
 
 
 def round_reached_use(use: Array) -> Array:
@@ -239,31 +294,32 @@ class PathUse:
     """Proved bounds of the use of geometric limits over parts of a path that begin at s (G,)."""
 
     s: Array
-    end: float
     use: dict[str, Array]
 
 
 _PROVED: dict[Hashable, PathUse] = {}
 
 
-def prove_path_use(path: ActuatorPath, limits: Sequence[Limit]) -> dict[str, Array]:
-    """Return, per geometric limit, the proved bound of its use on every part of
-    `unit_speed_trajectory(path)`.
+def prove_path_use(
+    path: ActuatorPath,
+    limits: Sequence[Limit],
+) -> dict[str, Array]:
+    """Return, per geometric limit, the proved bound of its use on every part of a path.
+
+    Parts are the time pieces of `unit_speed_trajectory(path)`.
     """
     return _prove_along(path, limits).use if limits else {}
 
 
 def _prove_along(path: ActuatorPath, limits: Sequence[Limit]) -> PathUse:
-    """Prove the use along a path. The last few proofs are remembered: orders, retries and reruns
-    share them.
-    """
+    """Prove the use along a path, or take the proof from memory: retries and reruns share it."""
     key = path.content, *(limit.content for limit in limits)
     proved = _PROVED.pop(key, None)
     if proved is None:
         along = unit_speed_trajectory(path)
         use, _ = prove(along, limits, 2)
         use = {name: freeze_array(values) for name, values in use.items()}
-        proved = PathUse(along.s, float(path.breaks[-1]), use)
+        proved = PathUse(along.s, use)
     _PROVED[key] = proved  # the most recent is the last
     while len(_PROVED) > REMEMBERED_PATHS:
         _PROVED.pop(next(iter(_PROVED)), None)
@@ -275,23 +331,34 @@ def forget_paths() -> None:
     _PROVED.clear()
 
 
-def find_geometric_use(trajectory: Trajectory, limits: Sequence[Limit]) -> dict[str, Array]:
-    """Return, per geometric limit, the proved bound over each time piece (M,): the largest of the
-    parts it passes.
+def find_geometric_use(
+    trajectory: Trajectory,
+    limits: Sequence[Limit],
+) -> dict[str, Array]:
+    """Return, per geometric limit, the proved bound over each time piece (M,).
+
+    It is the largest of the parts of the path that the time piece passes.
     """
     if not limits:
         return {}
     proved = _prove_along(trajectory.path, limits)
     s = np.append(trajectory.s, piece_end_lengths(trajectory)[-1:])
     # `find_gaps` lets a motion leave out a place by this much
-    slack = MAX_JUMP * (proved.end - proved.s[0])
-    first = np.searchsorted(proved.s, np.minimum(s[:-1], s[1:]) - slack, side="right") - 1
-    last = np.searchsorted(proved.s, np.maximum(s[:-1], s[1:]) + slack, side="right")
-    ranges = np.stack([np.clip(first, 0, len(proved.s) - 1), np.maximum(last, 1)], 1).ravel()
+    slack = allow_gap(trajectory.path)
+    low = np.minimum(s[:-1], s[1:]) - slack
+    high = np.maximum(s[:-1], s[1:]) + slack
+    parts = proved.s
+    first = np.searchsorted(parts, low, side="right") - 1
+    last = np.searchsorted(parts, high, side="right")
+    first = np.clip(first, 0, len(parts) - 1)
+    ranges = np.stack([first, np.maximum(last, 1)], 1).ravel()
     return {name: np.maximum.reduceat(np.append(values, 0.0), ranges)[::2] for name, values in proved.use.items()}
 
 
-def use_at_knots(trajectory: Trajectory, limits: Sequence[Limit]) -> dict[str, Array]:
+def use_at_knots(
+    trajectory: Trajectory,
+    limits: Sequence[Limit],
+) -> dict[str, Array]:
     """Return, per geometric limit, the larger use attained at the two ends of each time piece (M,).
 
     It says where a limit is used most, and proves nothing: some knots are evaluated, then all
@@ -307,13 +374,16 @@ def use_at_knots(trajectory: Trajectory, limits: Sequence[Limit]) -> dict[str, A
         use[sampled] = use_in(limit, states)
         if step > 1:
             best = int(use.argmax())
-            around = np.arange(max(best - step + 1, 0), min(best + step, count))
+            first = max(best - step + 1, 0)
+            around = np.arange(first, min(best + step, count))
             use[around] = use_in(limit, _state_at_knots(trajectory, around))
-        attained[limit.name] = round_reached_use(np.maximum(use[:-1], use[1:]))
+        larger = np.maximum(use[:-1], use[1:])
+        attained[limit.name] = round_reached_use(larger)
     return attained
 
 
 def _state_at_knots(trajectory: Trajectory, knots: np.ndarray) -> State:
     last = len(trajectory.s) - 1
     k = np.minimum(knots, last)
-    return trajectory.within(k, np.where(knots <= last, 0.0, np.diff(trajectory.knots)[k]))
+    lengths = np.diff(trajectory.knots)
+    return trajectory.within(k, np.where(knots <= last, 0.0, lengths[k]))

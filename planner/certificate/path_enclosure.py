@@ -1,5 +1,4 @@
-"""The coarse enclosure of a motion: intervals of its quantities over cells of time, from series of
-the path.
+"""The coarse enclosure of a motion: intervals of its quantities over cells of time.
 
 q(σ), a Taylor series with guaranteed error over an interval of the path, serves all cells of time
 in that interval (`planner.certificate.ranges`). Groups of cells are bounded by the chain rule, from
@@ -20,7 +19,14 @@ from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.taylor_model import EPS, Series
 from planner.certificate.cells import Cells, Values
-from planner.certificate.enclosure import MotionEnclosure, expand_motion, widen
+from planner.certificate.enclosure import (
+    MotionEnclosure,
+    cover_places,
+    expand_motion,
+    make_ball,
+    split_series,
+    widen,
+)
 from planner.certificate.ranges import bound_motion
 from planner.limits.limit import Limit
 from planner.path.actuation import ActuatorPath, MachinePath, check_rate
@@ -50,9 +56,7 @@ class IntervalEnclosure(MotionEnclosure):
 
     @abstractmethod
     def bound_pose(self, highest: int) -> Array:
-        """Return middles and radii (2, highest+1, N, 12) of the pose's numbers and their
-        derivatives by time.
-        """
+        """Return middles and radii (2, highest+1, N, 12) of the pose and its derivatives by time."""
 
     @cached_property
     def _pose(self) -> Array:
@@ -67,7 +71,10 @@ class IntervalEnclosure(MotionEnclosure):
         return _take_ball(self.axes, times)
 
     def pose_rate(self, times: int) -> Series:
-        return _take_ball(self._pose if check_rate(times) < 3 else self._pose_to_jerk, times)
+        return _take_ball(
+            self._pose if check_rate(times) < 3 else self._pose_to_jerk,
+            times,
+        )
 
     def distances(self, bodies: Bodies) -> Series:
         raise MotionError("distances are bounded along the path, not over time")
@@ -76,7 +83,8 @@ class IntervalEnclosure(MotionEnclosure):
         mid = values.mid[0]
         rad = values.rad[0]
         finite = np.isfinite(mid) & np.isfinite(rad)
-        rad = np.where(finite, rad * (1 + 4 * EPS) + 4 * EPS * np.abs(mid), np.inf)
+        rad = rad * (1 + 4 * EPS) + 4 * EPS * np.abs(mid)
+        rad[~finite] = np.inf
         return mid - rad, mid + rad
 
 
@@ -102,9 +110,7 @@ class PathEnclosure(IntervalEnclosure):
 
     @cached_property
     def axes(self) -> Array:
-        """The balls, and below them values between which q and its derivatives surely attain all
-        (4, …).
-        """
+        """Balls of q and its derivatives, and two values between which each attains all (4, …)."""
         return self._bound(self.series.axes, self.highest, 4)
 
     def bound_pose(self, highest: int) -> Array:
@@ -155,18 +161,19 @@ class GroupEnclosure(IntervalEnclosure):
         rate = motion[8]
         # the n-th derivative by τ is n! times the n-th coefficient, about any centre in the cell
         factors = np.stack([np.ones_like(rate), rate, 2 * rate**2, 6 * rate**3])
-        mid = (motion[:4] * factors)[..., None]
-        rad = (widen(motion[:4], motion[4:8]) * factors)[..., None]
+        mid = motion[:4] * factors
+        rad = widen(motion[:4], motion[4:8]) * factors
         rad = rad * (1 + 16 * EPS) + 16 * EPS * np.abs(mid)
-        sigma = _merge_balls(mid, rad, self.first)[..., 0]
-        pose = self._bound_pose_along(sigma[:, 0], highest)
+        sigma = _merge_balls(mid[..., None], rad[..., None], self.first)
+        pose = self._bound_pose_along(sigma[:, 0, :, 0], highest)
         x1 = _take_ball(pose, 1)
         x2 = _take_ball(pose, 2)
-        speed, growth, jerk = (Series(sigma[:1, n, :, None], sigma[1:, n, :, None], 0) for n in (1, 2, 3))
+        speed, growth, jerk = (_take_ball(sigma, n) for n in (1, 2, 3))
         rates = [x1 * speed, x1 * growth + x2 * (speed * speed)]
         if highest == 3:
             x3 = _take_ball(pose, 3)
-            rates.append(x1 * jerk + x2 * (speed * growth) * 3.0 + x3 * (speed * speed * speed))
+            cube = speed * speed * speed
+            rates.append(x1 * jerk + x2 * (speed * growth) * 3.0 + x3 * cube)
         for n, rate in enumerate(rates, 1):
             pose[:, n] = rate.mid[0], rate.rad[0]
         return pose
@@ -203,16 +210,18 @@ def _merge_balls(mid: Array, rad: Array, first: np.ndarray) -> Array:
     """Return balls (2, k, G, m) that contain those (k, N, m) of each group, from `first` on."""
     low = np.minimum.reduceat(mid - rad, first, axis=1)
     high = np.maximum.reduceat(mid + rad, first, axis=1)
-    middle = (low + high) / 2
-    radius = (high - low) / 2 * (1 + 4 * EPS) + 8 * EPS * np.maximum(np.abs(low), np.abs(high))
-    finite = np.isfinite(low) & np.isfinite(high)
-    return np.stack([np.where(finite, middle, 0.0), np.where(finite, radius, np.inf)])
+    middle, radius = make_ball(low, high)
+    unbounded = ~(np.isfinite(low) & np.isfinite(high))
+    middle[unbounded] = 0.0
+    radius[unbounded] = np.inf
+    return np.stack([middle, radius])
 
 
 @dataclass(frozen=True)
 class _PathSeries:
-    """Taylor series of axes and pose over G intervals of the path, in σ = (s − centre)/half ∈ [−1,
-    1].
+    """Taylor series of axes and pose over G intervals of the path.
+
+    They are in σ = (s − centre)/half ∈ [−1, 1].
 
     centre, half (G,) m; piece (G,) of the path
     s  series in σ: about the centre of each interval, then about any place in it
@@ -230,9 +239,7 @@ class _PathSeries:
         expansion: tuple[Array, Array, Array],
         highest: int,
     ) -> PathEnclosure:
-        """Return the enclosure of cells in intervals (N,), from the result of
-        `expand_motion`.
-        """
+        """Return the enclosure of cells in intervals (N,), from the result of `expand_motion`."""
         s, error, half = expansion
         centre = self.centre[interval]
         width = self.half[interval]
@@ -255,45 +262,43 @@ class _PathSeries:
         return self._join(pose)
 
     def _join(self, series: Series) -> Array:
-        """Return the coefficients about the centres, the last one over the whole interval as an
-        error.
-        """
-        count = len(self.half)
-        full = series.pad(PATH_ORDER)
-        joined = np.stack([full.mid[:, :count], full.rad[:, :count]])
-        joined[0, -1] = 0.0
-        joined[1, -1] = np.abs(full.mid[-1, count:]) + full.rad[-1, count:]
+        """Return the coefficients about the centres, and as the last one the remainder."""
+        polynomial, errors = split_series(series, len(self.half))
+        joined = np.stack([np.zeros_like(errors), errors])
+        joined[0, :-1] = polynomial
         # a polynomial has fewer coefficients, and no remainder
         used = np.flatnonzero(joined.any((0, 2, 3)))
         return joined[:, : used.max(initial=0) + 2]
 
 
-def enclose_along_path(trajectory: Trajectory, cells: Cells, highest: int) -> PathEnclosure:
-    """Return the coarse enclosure of the motion over cells, with derivatives of q up to the
-    `highest`.
-    """
+def enclose_along_path(
+    trajectory: Trajectory,
+    cells: Cells,
+    highest: int,
+) -> PathEnclosure:
+    """Return the coarse enclosure of a motion over cells, with derivatives of q up to `highest`."""
     path = trajectory.path
     piece = trajectory.piece[cells.k]
     s, error, half = expand_motion(trajectory, cells)
     reach = np.abs(s[1:]).sum(0) + error.sum(0)
     # a polynomial is known exactly over a whole piece
     exact = not isinstance(path, MachinePath) or is_affine(path.machine.inverse_map)
-    parts = INTERVALS * np.maximum(1 if exact else MIN_PARTS, np.ceil(PER_RADIAN * path.turns))
+    least = 1 if exact else MIN_PARTS
+    parts = INTERVALS * np.maximum(least, np.ceil(PER_RADIAN * path.turns))
     width = np.diff(path.breaks) / parts
-    share = np.clip((s[0] - path.breaks[piece]) / width[piece], 0, parts[piece] - 1)
-    place = np.append(0, np.cumsum(parts))[piece] + np.floor(np.nan_to_num(share))
+    share = (s[0] - path.breaks[piece]) / width[piece]
+    share = np.clip(share, 0, parts[piece] - 1)
+    firsts = np.append(0, np.cumsum(parts))
+    place = firsts[piece] + np.floor(np.nan_to_num(share))
     # an interval that the motion comes back to is listed again
     entered = np.diff(place, prepend=-1) != 0
     first = np.flatnonzero(entered)
     interval = np.cumsum(entered) - 1
     low = np.minimum.reduceat(s[0] - reach, first)
     high = np.maximum.reduceat(s[0] + reach, first)
-    centre = (low + high) / 2
-    width = (high - low) / 2 * (1 + 64 * EPS) + 64 * EPS * np.maximum(np.abs(low), np.abs(high))
-    mid = np.tile(np.stack([centre, width]), 2)
-    rad = np.zeros_like(mid)
-    rad[0, len(width) :] = width
-    series = _PathSeries(path, centre, width, piece[first], Series(mid, rad, PATH_ORDER))
+    centre, width = make_ball(low, high)
+    places = cover_places(centre, width, PATH_ORDER)
+    series = _PathSeries(path, centre, width, piece[first], places)
     return series.enclose(interval, (s, error, half), highest)
 
 
@@ -315,8 +320,8 @@ def bound_coarsely(
 ) -> Values:
     """Return bounds of each limit's use over N cells, and the use attained at some instants.
 
-    Each (limits, N). Limits on single axes: every cell, and loose cells in parts. Other limits: groups
-    of cells first, then the cells of those groups that may use the most.
+    Each (limits, N). Limits on single axes are bounded over every cell, and over parts of loose
+    cells; other limits over groups of cells, and over the cells of groups that may use the most.
     """
     motion = enclose_along_path(trajectory, cells, order)
     groups = None
@@ -336,7 +341,12 @@ def bound_coarsely(
     return bounds, attained
 
 
-def state_at(trajectory: Trajectory, cells: Cells, share: Array | float, order: int) -> State:
+def state_at(
+    trajectory: Trajectory,
+    cells: Cells,
+    share: Array | float,
+    order: int,
+) -> State:
     """Return the motion at these shares of the cells."""
     return trajectory.within(cells.k, cells.lo + share * cells.lengths, jerk=order == 3)
 
@@ -357,7 +367,8 @@ def _bound_by_axis(
     bound = motion.bound_use(limit)
     attained = motion.find_attained_use(limit)
     most = np.maximum(attained, min(attained.max(), 1.0))
-    loose = np.flatnonzero((bound > most + limit.tight(most)) & (bound < np.inf))
+    is_loose = (bound > most + limit.tight(most)) & (bound < np.inf)
+    loose = np.flatnonzero(is_loose)
     if len(loose):
         interval = np.tile(motion.interval[loose], PARTS)
         expansion = expand_motion(trajectory, cells[loose].parts(PARTS))
@@ -384,7 +395,11 @@ class _Groups:
     number: np.ndarray
 
     @staticmethod
-    def of(trajectory: Trajectory, cells: Cells, motion: PathEnclosure) -> "_Groups":
+    def of(
+        trajectory: Trajectory,
+        cells: Cells,
+        motion: PathEnclosure,
+    ) -> "_Groups":
         count = len(motion.interval)
         runs = np.flatnonzero(np.diff(motion.interval, prepend=-1))
         place_in_run = np.arange(count) - np.repeat(runs, np.diff(np.append(runs, count)))
@@ -395,7 +410,11 @@ class _Groups:
         group = GroupEnclosure(motion.path, motion.piece[first], motion, first)
         return _Groups(trajectory, cells, group, centres, middle, np.cumsum(starts) - 1)
 
-    def bound(self, limit: Limit, motion: PathEnclosure) -> tuple[Array, Array]:
+    def bound(
+        self,
+        limit: Limit,
+        motion: PathEnclosure,
+    ) -> tuple[Array, Array]:
         """Return the bound (N,) of a limit's use, and the use attained in some cells."""
         attained = np.zeros(len(self.number))
         attained[self.middle] = use_in(limit, self.centres)

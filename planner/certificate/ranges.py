@@ -15,7 +15,14 @@ registers of the processor.
 
 import numpy as np
 
-from kinematics.foundation.kernels import Floats1, Floats2, Floats4, Ints1, Strided2, kernel
+from kinematics.foundation.kernels import (
+    Floats1,
+    Floats2,
+    Floats4,
+    Ints1,
+    Strided2,
+    kernel,
+)
 from kinematics.foundation.taylor_model import EPS
 
 # Cells computed together: their scratch arrays stay in the processor's cache.
@@ -29,7 +36,12 @@ ROUNDINGS = 64 * EPS
 
 
 @kernel
-def bound_motion(series: Floats4, interval: Ints1, motion: Floats2, out: Floats4) -> None:
+def bound_motion(
+    series: Floats4,
+    interval: Ints1,
+    motion: Floats2,
+    out: Floats4,
+) -> None:
     """Bound x and its derivatives by time over N cells.
 
     series    (2, D+1, G, m) coefficients of x over G intervals of the path, and their errors; the
@@ -56,17 +68,12 @@ def bound_motion(series: Floats4, interval: Ints1, motion: Floats2, out: Floats4
     places = np.zeros((4, CELLS))
     places[0] = -1.0
     places[1] = 1.0
-    values = np.zeros((4, CELLS))
     scale = np.zeros(CELLS)
     for first in range(0, len(interval), CELLS):
         rows = interval[first : first + CELLS]
         _load_motion(motion[:, first : first + CELLS], cells, reach)
         for c in range(series.shape[3]):
-            count = len(rows)
-            for i in range(degree):
-                for n in range(count):
-                    p[i, n] = series[0, i, rows[n], c]
-                    size[i, n] = abs(p[i, n])
+            _load_series(series, rows, c, p, size)
             _bound_sizes(series, rows, c, reach[0], majorant)
             _compose(p, cells[:4], a)
             _compose(size, cells[4:8], large)
@@ -76,29 +83,50 @@ def bound_motion(series: Floats4, interval: Ints1, motion: Floats2, out: Floats4
                 _differentiate(a, large, m, e, slack[0])
                 _reduce_to_cubic(e, powers - m, cubic, slack)
                 _find_peaks(cubic, places, slack[0])
-                _bound_outer(cubic, places, slack[0], bounds[:2])
+                _bound_values(cubic, places, slack[0], 1.0, bounds[:2])
                 if len(out) == 4:
-                    _evaluate(e[: powers - m + 1], places, slack[1], values)
-                    _bound_inner(values, slack[1], bounds[2:])
-                _store(bounds, reach[0], scale, out[:, m, first : first + count, c])
-                for n in range(count):
+                    _bound_values(
+                        e[: powers - m + 1],
+                        places,
+                        slack[1],
+                        -1.0,
+                        bounds[2:],
+                    )
+                _store(bounds, reach[0], scale, out[:, m, first : first + len(rows), c])
+                for n in range(len(rows)):
                     scale[n] *= cells[8, n]
 
 
 @kernel
+def _load_series(
+    series: Floats4,
+    rows: Ints1,
+    c: int,
+    p: Floats2,
+    size: Floats2,
+) -> None:
+    """Fill p and size (D, CELLS): the coefficients of channel c for each cell, and their sizes."""
+    for i in range(len(p)):
+        for n in range(len(rows)):
+            p[i, n] = series[0, i, rows[n], c]
+            size[i, n] = abs(p[i, n])
+
+
+@kernel
 def _load_motion(motion: Strided2, cells: Floats2, reach: Floats2) -> None:
-    """Fill cells (9, CELLS): s₀ … s₃, |s₀| … |s₃| and the rate; reach (4, CELLS): max |σ|, |σ′|,
-    |σ″|, |σ‴|.
+    """Fill cells (9, CELLS) and reach (4, CELLS).
+
+    cells: s₀ … s₃, |s₀| … |s₃| and the rate; reach: max |σ|, |σ′|, |σ″|, |σ‴|
     """
     for n in range(motion.shape[1]):
         for i in range(4):
             cells[i, n] = motion[i, n]
             cells[4 + i, n] = abs(motion[i, n])
         cells[8, n] = motion[8, n]
-        w0 = abs(motion[0, n]) + motion[4, n]
-        w1 = abs(motion[1, n]) + motion[5, n]
-        w2 = abs(motion[2, n]) + motion[6, n]
-        w3 = abs(motion[3, n]) + motion[7, n]
+        w0 = cells[4, n] + motion[4, n]
+        w1 = cells[5, n] + motion[5, n]
+        w2 = cells[6, n] + motion[6, n]
+        w3 = cells[7, n] + motion[7, n]
         reach[0, n] = (w0 + w1 + w2 + w3) * (1 + ROUNDINGS)
         reach[1, n] = w1 + 2 * w2 + 3 * w3
         reach[2, n] = 2 * w2 + 6 * w3
@@ -106,23 +134,27 @@ def _load_motion(motion: Strided2, cells: Floats2, reach: Floats2) -> None:
 
 
 @kernel
-def _bound_sizes(series: Floats4, rows: Ints1, c: int, reach: Floats1, majorant: Floats2) -> None:
-    """Fill majorant (4, CELLS): Σ (|p_i| + error) σ^i and its derivatives by σ at σ = reach, by
+def _bound_sizes(
+    series: Floats4,
+    rows: Ints1,
+    c: int,
+    reach: Floats1,
+    majorant: Floats2,
+) -> None:
+    """Fill majorant (4, CELLS): Σ (|p_i| + error) σ^i and its derivatives by σ at σ = reach.
+
     Horner's scheme.
     """
-    degree = series.shape[1] - 1
     count = len(rows)
-    for n in range(count):
-        majorant[0, n] = abs(series[0, degree, rows[n], c]) + series[1, degree, rows[n], c]
-        majorant[1, n] = 0.0
-        majorant[2, n] = 0.0
-        majorant[3, n] = 0.0
-    for i in range(degree - 1, -1, -1):
+    majorant[:] = 0.0
+    for i in range(series.shape[1] - 1, -1, -1):
         for n in range(count):
-            majorant[3, n] = majorant[3, n] * reach[n] + 3 * majorant[2, n]
-            majorant[2, n] = majorant[2, n] * reach[n] + 2 * majorant[1, n]
-            majorant[1, n] = majorant[1, n] * reach[n] + majorant[0, n]
-            majorant[0, n] = majorant[0, n] * reach[n] + (abs(series[0, i, rows[n], c]) + series[1, i, rows[n], c])
+            size = abs(series[0, i, rows[n], c]) + series[1, i, rows[n], c]
+            x = reach[n]
+            majorant[3, n] = majorant[3, n] * x + 3 * majorant[2, n]
+            majorant[2, n] = majorant[2, n] * x + 2 * majorant[1, n]
+            majorant[1, n] = majorant[1, n] * x + majorant[0, n]
+            majorant[0, n] = majorant[0, n] * x + size
 
 
 @kernel
@@ -143,7 +175,9 @@ def _compose(p: Floats2, s: Floats2, a: Floats2) -> None:
     for i in range(top - 1, -1, -1):
         for k in range(min(powers, 3 * (top - i)), 2, -1):
             for n in range(CELLS):
-                a[k, n] = s[1, n] * a[k - 1, n] + s[2, n] * a[k - 2, n] + s[3, n] * a[k - 3, n]
+                a[k, n] = s[1, n] * a[k - 1, n]
+                a[k, n] += s[2, n] * a[k - 2, n]
+                a[k, n] += s[3, n] * a[k - 3, n]
         for n in range(CELLS):
             a[2, n] = s[1, n] * a[1, n] + s[2, n] * a[0, n]
             a[1, n] = s[1, n] * a[0, n]
@@ -151,7 +185,12 @@ def _compose(p: Floats2, s: Floats2, a: Floats2) -> None:
 
 
 @kernel
-def _bound_neglected(majorant: Floats2, reach: Floats2, m: int, slack: Floats1) -> None:
+def _bound_neglected(
+    majorant: Floats2,
+    reach: Floats2,
+    m: int,
+    slack: Floats1,
+) -> None:
     """Fill slack (CELLS,): the m-th derivative of the majorant by τ, by the chain rule."""
     for n in range(CELLS):
         z1 = reach[1, n]
@@ -169,7 +208,13 @@ def _bound_neglected(majorant: Floats2, reach: Floats2, m: int, slack: Floats1) 
 
 
 @kernel
-def _differentiate(a: Floats2, large: Floats2, m: int, e: Floats2, slack: Floats1) -> None:
+def _differentiate(
+    a: Floats2,
+    large: Floats2,
+    m: int,
+    e: Floats2,
+    slack: Floats1,
+) -> None:
     """Fill e with the coefficients of the m-th derivative of Σ a_k τ^k, and 0 beyond.
 
     Takes the sizes of its terms from the slack, which leaves errors, rounding and neglected powers.
@@ -187,20 +232,25 @@ def _differentiate(a: Floats2, large: Floats2, m: int, e: Floats2, slack: Floats
 
 
 @kernel
-def _reduce_to_cubic(e: Floats2, degree: int, cubic: Floats2, slack: Floats2) -> None:
-    """Fill cubic (first 4, CELLS) by Chebyshev economization: e₄ and e₅ are spread over lower
-    powers.
+def _reduce_to_cubic(
+    e: Floats2,
+    degree: int,
+    cubic: Floats2,
+    slack: Floats2,
+) -> None:
+    """Fill cubic (4, CELLS) by Chebyshev economization: e₄ and e₅ are spread over lower powers.
 
-    slack[0] grows by the neglected powers; slack[1] (CELLS,) is the slack of the full
-    polynomial.
+    slack[0] grows by the neglected powers; slack[1] is the slack of the full polynomial.
     """
     for n in range(CELLS):
+        e4 = e[4, n]
+        e5 = e[5, n]
         slack[1, n] = slack[0, n]
-        slack[0, n] += abs(e[4, n]) / 8 + abs(e[5, n]) / 16
-        cubic[0, n] = e[0, n] - e[4, n] / 8
-        cubic[1, n] = e[1, n] - 0.3125 * e[5, n]
-        cubic[2, n] = e[2, n] + e[4, n]
-        cubic[3, n] = e[3, n] + 1.25 * e[5, n]
+        slack[0, n] += abs(e4) / 8 + abs(e5) / 16
+        cubic[0, n] = e[0, n] - e4 / 8
+        cubic[1, n] = e[1, n] - 0.3125 * e5
+        cubic[2, n] = e[2, n] + e4
+        cubic[3, n] = e[3, n] + 1.25 * e5
     for k in range(6, degree + 1):
         for n in range(CELLS):
             slack[0, n] += abs(e[k, n])
@@ -210,13 +260,16 @@ def _reduce_to_cubic(e: Floats2, degree: int, cubic: Floats2, slack: Floats2) ->
 def _find_peaks(cubic: Floats2, places: Floats2, slack: Floats1) -> None:
     """Fill places[2:] with the τ in [−1, 1] where the cubic's slope is zero, else 0.
 
-    A small cubic coefficient is dropped, at the price of some slack: the roots would lose all
-    digits.
+    A small cubic coefficient is dropped, which costs slack: the roots would lose all digits.
     """
     for n in range(CELLS):
-        a1, a2, a3 = cubic[1, n], cubic[2, n], cubic[3, n]
-        places[2, n] = places[3, n] = 0.0
-        if abs(a3) <= SMALL_CUBIC * (abs(cubic[0, n]) + abs(a1) + abs(a2)):
+        a1 = cubic[1, n]
+        a2 = cubic[2, n]
+        a3 = cubic[3, n]
+        places[2, n] = 0.0
+        places[3, n] = 0.0
+        lower = abs(cubic[0, n]) + abs(a1) + abs(a2)
+        if abs(a3) <= SMALL_CUBIC * lower:
             slack[n] += abs(a3) / 4
             a1 += 0.75 * a3
             cubic[1, n] = a1
@@ -226,66 +279,71 @@ def _find_peaks(cubic: Floats2, places: Floats2, slack: Floats1) -> None:
             continue
         # scaled, so that squares neither underflow nor overflow
         unit = abs(a1) + abs(a2) + abs(a3)
-        b1, b2, b3 = a1 / unit, a2 / unit, a3 / unit
-        square = b2 * b2 - 3 * b1 * b3
+        b1 = a1 / unit
+        b2 = a2 / unit
+        b3 = 3 * a3 / unit
+        square = b2 * b2 - b1 * b3
         if square > 0:
-            root = -b2 - np.sqrt(square) if b2 > 0 else -b2 + np.sqrt(square)
-            places[2, n] = root / (3 * b3) if abs(root) < 3 * abs(b3) else 0.0
-            places[3, n] = b1 / root if abs(b1) < abs(root) else 0.0
+            root = -b2 - np.copysign(np.sqrt(square), b2)
+            if abs(root) < abs(b3):
+                places[2, n] = root / b3
+            if abs(b1) < abs(root):
+                places[3, n] = b1 / root
 
 
 @kernel
-def _bound_outer(cubic: Floats2, places: Floats2, slack: Floats1, outer: Floats2) -> None:
-    """Fill outer (2, CELLS) with middle and radius of the cubic's range, slack added."""
-    for n in range(CELLS):
-        a0, a1, a2, a3 = cubic[0, n], cubic[1, n], cubic[2, n], cubic[3, n]
-        first, second = places[2, n], places[3, n]
-        even, odd = a0 + a2, abs(a1 + a3)
-        up = a0 + first * (a1 + first * (a2 + first * a3))
-        down = a0 + second * (a1 + second * (a2 + second * a3))
-        low = min(even - odd, up, down)
-        high = max(even + odd, up, down)
-        beyond = slack[n] * (1 + ROUNDINGS)
-        outer[0, n] = (low + high) / 2
-        outer[1, n] = (high - low) / 2 * (1 + 4 * EPS) + 16 * EPS * max(abs(low), abs(high)) + beyond
+def _bound_values(
+    e: Floats2,
+    places: Floats2,
+    slack: Floats1,
+    sign: float,
+    out: Floats2,
+) -> None:
+    """Fill out (2, CELLS) with the least and the most of Σ e_k τ^k at the places.
 
-
-@kernel
-def _evaluate(e: Floats2, places: Floats2, slack: Floats1, values: Floats2) -> None:
-    """Fill values (4, CELLS) with those of Σ e_k τ^k at both ends and at the peaks; grow slack by
-    their rounding.
+    sign 1: enlarged by the slack, which bounds the range from outside. −1: reduced by the slack.
+    Then the function surely attains all values in between.
     """
+    out[0] = np.inf
+    out[1] = -np.inf
+    value = np.zeros(CELLS)
     for i in range(4):
-        for n in range(CELLS):
-            values[i, n] = 0.0
+        value[:] = 0.0
         for k in range(len(e) - 1, -1, -1):
             for n in range(CELLS):
-                values[i, n] = e[k, n] + places[i, n] * values[i, n]
+                value[n] = e[k, n] + places[i, n] * value[n]
+        for n in range(CELLS):
+            out[0, n] = min(out[0, n], value[n])
+            out[1, n] = max(out[1, n], value[n])
     for k in range(len(e)):
         for n in range(CELLS):
             slack[n] += ROUNDINGS * abs(e[k, n])
-
-
-@kernel
-def _bound_inner(values: Floats2, slack: Floats1, inner: Floats2) -> None:
-    """Fill inner (2, CELLS): least and most of the values, errors taken off."""
     for n in range(CELLS):
-        error = slack[n] * (1 + ROUNDINGS)
-        inner[0, n] = min(values[0, n], values[1, n], values[2, n], values[3, n]) + error
-        inner[1, n] = max(values[0, n], values[1, n], values[2, n], values[3, n]) - error
+        beyond = sign * slack[n] * (1 + ROUNDINGS)
+        out[0, n] -= beyond
+        out[1, n] += beyond
 
 
 @kernel
-def _store(bounds: Floats2, reach: Floats1, scale: Floats1, out: Strided2) -> None:
-    """Write bounds of cells to out (2 or 4, N); nothing is known of a cell that leaves its
-    interval.
+def _store(
+    bounds: Floats2,
+    reach: Floats1,
+    scale: Floats1,
+    out: Strided2,
+) -> None:
+    """Write bounds of cells to out (2 or 4, N): middle and radius, least and most attained.
+
+    Nothing is known of a cell that leaves its interval.
     """
     for n in range(out.shape[1]):
-        middle = bounds[0, n] * scale[n]
-        radius = bounds[1, n] * scale[n]
+        low = bounds[0, n]
+        high = bounds[1, n]
+        middle = (low + high) / 2 * scale[n]
+        largest = max(abs(low), abs(high))
+        radius = (high - low) / 2 * (1 + 4 * EPS) + 16 * EPS * largest
+        radius *= scale[n]
         good = reach[n] <= 1 and np.isfinite(middle) and np.isfinite(radius)
         out[0, n] = middle if good else 0.0
         out[1, n] = radius if good else np.inf
-        if len(out) == 4:
-            out[2, n] = bounds[2, n] * scale[n] if good else 0.0
-            out[3, n] = bounds[3, n] * scale[n] if good else 0.0
+        for i in range(2, len(out)):
+            out[i, n] = bounds[i, n] * scale[n] if good else 0.0

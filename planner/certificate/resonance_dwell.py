@@ -11,7 +11,12 @@ from functools import partial
 import numpy as np
 
 from kinematics.foundation.arrays import Array
-from planner.certificate.cells import Cells, Values, evaluate_in_batches, refine
+from planner.certificate.cells import (
+    Cells,
+    Values,
+    find_sequences,
+    refine,
+)
 from planner.certificate.enclosure import enclose
 from planner.limits.resonance import Band, Resonance
 from planner.trajectory import Trajectory
@@ -27,10 +32,10 @@ MAX_CELLS = 400_000
 
 @dataclass(frozen=True, slots=True)
 class Stay:
-    """From start to end (s) an axis may be in a band: on time pieces first … last of the
-    trajectory.
+    """From start to end (s) an axis may be in a band.
 
-    inside: longest time (s) in it without a break that is certain
+    first, last  time pieces of the trajectory
+    inside       longest time (s) in the band, without a break, that is certain
     """
 
     band: Band
@@ -45,15 +50,19 @@ class Stay:
         return (self.end - self.start) / self.band.time
 
 
-def find_stays(trajectory: Trajectory, limit: Resonance) -> tuple[Stay, ...]:
-    """Return every stay in the bands that may be crossed, each a proved upper bound of its
-    duration.
-    """
+def find_stays(
+    trajectory: Trajectory,
+    limit: Resonance,
+) -> tuple[Stay, ...]:
+    """Return every stay in the bands that may be crossed, as proved upper bounds of durations."""
     if not limit.bands:
         return ()
     shortest = MIN_CELL_SHARE * min(band.time for band in limit.bands)
 
-    def find_undecided(cells: Cells, values: Values) -> tuple[np.ndarray, int]:
+    def find_undecided(
+        cells: Cells,
+        values: Values,
+    ) -> tuple[np.ndarray, int]:
         possible, certain = values
         undecided = (possible & ~certain).any(0) & (cells.lengths > shortest)
         if 2 * undecided.sum() > MAX_CELLS:
@@ -62,7 +71,7 @@ def find_stays(trajectory: Trajectory, limit: Resonance) -> tuple[Stay, ...]:
 
     cells = Cells.cover(trajectory)
     locate = partial(_locate, trajectory, limit)
-    cells, values = refine(cells, evaluate_in_batches(cells, locate), locate, find_undecided)
+    cells, values = refine(cells, locate, find_undecided)
     order = np.lexsort((cells.lo, cells.k))
     cells = cells[order]
     possible, certain = (each[:, order] for each in values)
@@ -82,22 +91,28 @@ def _join_cells(
     """Return the stays in one band from consecutive cells."""
     start = trajectory.knots[cells.k] + cells.lo
     end = trajectory.knots[cells.k] + cells.hi
-    sure = [(first, float(end[last] - start[first])) for first, last in _find_sequences(certain)]
-    stays = []
-    for first, last in _find_sequences(possible):
-        inside = max((time for begin, time in sure if first <= begin <= last), default=0.0)
-        span = float(start[first]), float(end[last])
-        stays.append(Stay(band, *span, int(cells.k[first]), int(cells.k[last]), inside))
-    return stays
+    sure = [(first, float(end[last] - start[first])) for first, last in find_sequences(certain)]
+    return [
+        Stay(
+            band=band,
+            start=float(start[first]),
+            end=float(end[last]),
+            first=int(cells.k[first]),
+            last=int(cells.k[last]),
+            inside=max(
+                (time for begin, time in sure if first <= begin <= last),
+                default=0.0,
+            ),
+        )
+        for first, last in find_sequences(possible)
+    ]
 
 
-def _find_sequences(flags: np.ndarray) -> list[tuple[int, int]]:
-    """Return first and last index of every sequence of true flags."""
-    edges = np.flatnonzero(np.diff(flags, prepend=False, append=False))
-    return [(first, after - 1) for first, after in edges.reshape(-1, 2).tolist()]
-
-
-def _locate(trajectory: Trajectory, limit: Resonance, cells: Cells) -> Values:
+def _locate(
+    trajectory: Trajectory,
+    limit: Resonance,
+    cells: Cells,
+) -> Values:
     """Return (bands, N) bool each: where |q̇| may be in a band, and where it is throughout."""
     motion = enclose(trajectory, cells, EXPANSION)
     low, high = motion.bound(limit.value(motion))

@@ -26,13 +26,14 @@ def summarise_part(
     use: dict[str, Array] = {}
     attained: dict[str, Array] = {}
     for name, values in certificate.use.items():
+        attained_here = certificate.attained[name][part]
         worst[name] = float(values[part].max())
         where[name] = certificate.where[name]
         if worst[name] < certificate.worst[name]:  # the worst place is in another part
-            k = part.start + int(np.argmax(certificate.attained[name][part]))
+            k = part.start + int(np.argmax(attained_here))
             where[name] = find_place(motion, limits, name, k)
         use[name] = np.array([worst[name]])
-        attained[name] = certificate.attained[name][part].max(keepdims=True)
+        attained[name] = attained_here.max(keepdims=True)
     return Certificate(certificate.holds, worst, where, use, attained)
 
 
@@ -42,29 +43,34 @@ def join_certificates(one: Certificate, other: Certificate) -> Certificate:
     Neighbouring entries are merged where there are many, so that their number does not grow with
     the program.
     """
-    names = dict.fromkeys((*one.use, *other.use))
-    use = {name: _join_entries(one.use, other.use, name) for name in names}
-    attained = {name: _join_entries(one.attained, other.attained, name) for name in names}
     higher: dict[str, Certificate] = {}
-    for name in names:
+    for name in (*one.use, *other.use):
         is_first = one.worst.get(name, -1.0) >= other.worst.get(name, -1.0)
         higher[name] = one if is_first else other
     return Certificate(
-        one.holds and other.holds,
-        {name: each.worst[name] for name, each in higher.items()},
-        {name: each.where[name] for name, each in higher.items()},
-        use,
-        attained,
+        holds=one.holds and other.holds,
+        worst={name: each.worst[name] for name, each in higher.items()},
+        where={name: each.where[name] for name, each in higher.items()},
+        use={name: _join_entries(one.use, other.use, name) for name in higher},
+        attained={name: _join_entries(one.attained, other.attained, name) for name in higher},
     )
 
 
-def _join_entries(one: dict[str, Array], other: dict[str, Array], name: str) -> Array:
+def _join_entries(
+    one: dict[str, Array],
+    other: dict[str, Array],
+    name: str,
+) -> Array:
     """Return the entries of both tables for a limit: 0 in a table without it.
 
     Pairs are merged if there are too many.
     """
-    tables = [table.get(name, np.zeros(len(next(iter(table.values()))))) for table in (one, other)]
-    entries = np.concatenate(tables)
+    columns = []
+    for table in (one, other):
+        any_column = next(iter(table.values()))
+        columns.append(table.get(name, np.zeros_like(any_column)))
+    entries = np.concatenate(columns)
     if len(entries) <= MOST_ENTRIES:
         return entries
-    return np.maximum.reduceat(entries, np.arange(0, len(entries), 2))
+    pairs = np.arange(0, len(entries), 2)
+    return np.maximum.reduceat(entries, pairs)

@@ -21,9 +21,9 @@ from kinematics.foundation.names import count_noun
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.axis import Axis
-from planner.certificate.cells import Cells, Values, evaluate_in_batches, refine
+from planner.certificate.cells import Cells, Values, refine
 from planner.certificate.certify import Certificate
-from planner.certificate.limit_use import LIMIT_ROUNDING, round_reached_use
+from planner.certificate.limit_use import LIMIT_ROUNDING, round_reached_use, tabulate_uses
 from planner.limits.limit import Limit
 from planner.limits.resonance import Resonance
 from planner.path.actuation import ActuatorPath, MachinePath
@@ -122,17 +122,12 @@ class ShapedProof(Result):
             Column("shaper", shapers),
             Column("axis off by at most", self.axis_deviation, units, "micro", ".3f", up=True),
         )
-        limits = (
-            Column("limit", [*self.worst]),
-            Column("bound", [*self.worst.values()], form=".7f", up=True),
-            *Place.columns([self.where[name] for name in self.worst]),
-        )
         head = "the certificate holds" if self.holds else "THE CERTIFICATE DOES NOT HOLD"
         return (
             Table(title, columns),
             tabulate_residuals(find_residuals(self.axes)),
             *(() if self.cost is None else self.cost.tables()),
-            Table(f"{head} behind the shapers: value/limit", limits),
+            tabulate_uses(f"{head} behind the shapers: value/limit", self.worst, self.where),
         )
 
 
@@ -263,7 +258,7 @@ class _CellSearch:
         self.largest_sample = 0.0
         self.split = 0
         cells = self._cut_intervals()
-        cells, values = refine(cells, evaluate_in_batches(cells, self._bound), self._bound, self._find_loose)
+        cells, values = refine(cells, self._bound, self._find_loose)
         uses, channels, away, off, turned, axes = values
         begin = self.motion.knots[cells.k] + cells.lo
         end = self.motion.knots[cells.k] + cells.hi

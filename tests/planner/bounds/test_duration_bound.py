@@ -12,7 +12,7 @@ from planner import Line, Program, load_program, plan, time_optimal
 from planner.bounds import bound_cells, bound_duration, bound_rest, enclose_rows, leave_rest
 from planner.bounds.duration_bound import MANY_RUNS
 from planner.bounds.inner_minimum import InnerProgram, solve_inner
-from planner.bounds.lower_bound import Trial
+from planner.bounds.lower_bound import Trial, bound_by_speed
 from planner.limits import limits_of
 from planner.path.actuation import actuate
 from planner.timing import certified_solve
@@ -191,9 +191,10 @@ def test_no_multipliers_lead_above_the_truth(circle, wrong):
             scale * rng.normal(size=(200, 3, 2, 2, 6)) if wrong in ("random", "rows") else np.zeros((200, 3, 2, 2, 6))
         )
         bulge = scale * rng.normal(size=200) * (wrong == "random")
-        out = np.zeros(200)
-        trial = Trial(multipliers, bulge, given, np.abs(rng.normal(size=(200, 3, 2))), np.full(200, 1e-4))
-        bound_cells(rows, True, trial, out)
+        out = bound_by_speed(rows)
+        assert out.sum() > 0
+        trial = Trial(multipliers, bulge, given, np.abs(rng.normal(size=(200, 3, 2, 1))), np.full(200, 1e-4))
+        bound_cells(rows, trial, out)
         assert out.sum() <= least
 
 
@@ -309,8 +310,8 @@ def test_nothing_is_proved_without_jerk_by_multipliers_of_what_jerk_bounds(circl
     rows = enclose_rows(path, limits, nodes, np.zeros(20, int))
     multipliers = np.zeros((21, 2))
     multipliers[10, 1] = 1e-9
-    trial = Trial(multipliers, np.zeros(20), np.zeros((20, 1, 2, 2, 6)), np.zeros((20, 1, 2)), np.ones(20))
-    out = np.zeros(20)
-    bound_cells(rows, False, trial, out)
+    trial = Trial(multipliers, np.zeros(20), np.zeros((20, 1, 2, 2, 6)), np.zeros((20, 1, 2, 1)), np.ones(20))
+    out = bound_by_speed(rows)
+    bound_cells(rows, trial, out)
     assert (out[9:11] == -np.inf).all()
     assert np.isfinite(np.delete(out, [9, 10])).all()
