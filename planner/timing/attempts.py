@@ -58,8 +58,12 @@ Outcomes = Sequence[RunSolution]
 """Results of earlier attempts."""
 
 
-def is_slowed_little(solution: RunSolution) -> bool:
-    """Return whether a motion is about as fast as its maker found it."""
+def ends_search(solution: RunSolution) -> bool:
+    """Return whether no faster motion is to be expected from the ways that are left."""
+    if solution.maker in (WITH_RESTS, AVERAGED):
+        return False
+    if solution.maker == BRIEF_RAMPS:
+        return has_surely_brief_ramps(solution)
     return solution.slowness <= MAX_ACCEPTED_SLOWNESS
 
 
@@ -69,25 +73,18 @@ def has_surely_brief_ramps(solution: RunSolution) -> bool:
     return longest <= SURELY_BRIEF * solution.duration and solution.slowness <= MAX_NEGLIGIBLE_SLOWNESS
 
 
-def is_never_enough(solution: RunSolution) -> bool:
-    """Return False: a faster motion may be left."""
-    return False
-
-
 @dataclass(frozen=True, slots=True)
 class Attempt:
     """One way to time a run.
 
     reason    why it is tried, and why at this place in the table
     solve     returns a motion or a refusal; None where this way does not apply
-    ends      whether a motion ends the search
     refuses   a refusal ends the search
     once      tried also where a quick answer is wanted (`solve_once`)
     """
 
     reason: str
     solve: Callable[[Task, Outcomes], RunSolution | None]
-    ends: Callable[[RunSolution], bool] = is_slowed_little
     refuses: bool = False
     once: bool = False
 
@@ -118,7 +115,7 @@ def solve_run(task: Task, *, once: bool = False, tightened: bool = True) -> RunS
         outcomes.append(solution)
         if not solution.solved and attempt.refuses:
             return _place_refusal(task, solution)
-        if solution.solved and attempt.ends(solution):
+        if solution.solved and ends_search(solution):
             break
     solved = [solution for solution in outcomes if solution.solved]
     if not solved:
@@ -355,7 +352,6 @@ ATTEMPTS = {
             "Ramps of s̈ may take a billionth of the motion: a solver cannot tell them from steps. "
             "Where they are brief but not that brief, it may be a little faster, or fail.",
             ramp_brief_steps,
-            ends=has_surely_brief_ramps,
             once=True,
         ),
         Attempt(
@@ -381,17 +377,14 @@ ATTEMPTS = {
         Attempt(
             "A limit that the solver cannot keep in one place slows all of a run: a rest between slows one half only.",
             rest_in_middle,
-            ends=is_never_enough,
         ),
         Attempt(
             "The classical timings rest at every break: never be slower than these.",
             rest_at_all_breaks,
-            ends=is_never_enough,
         ),
         Attempt(
             "The solver's guess is a motion whatever the solver does, and may need less slowing.",
             average_acceleration,
-            ends=is_never_enough,
         ),
     ),
 }

@@ -148,6 +148,8 @@ class RunCertifier:
         if one.tightened + 1 < MAX_CERTIFY_ROUNDS:
             task = self._pose(one.run, one.caps)
             solution = self.goal.tighten(task, one.solution, one.known.use)
+            if solution is one.solution:
+                return None  # a constant speed exceeds its cap by rounding
             if solution.solved:
                 return replace(one, solution=solution, tightened=one.tightened + 1)
             if not cruises:

@@ -17,11 +17,10 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import Axis, directional_bounds
-from planner.limits.limit import Limit
 from planner.parallel import Progress
 from planner.path.actuation import ActuatorPath
 from planner.place import Infeasible
-from planner.timing.certified_solve import Solution, certified_solve, cut_runs
+from planner.timing.certified_solve import Solution, cut_runs, improve_goal
 from planner.timing.goals.fallback import FallbackGoal, integrate_squares, weigh_slopes
 from planner.timing.goals.pacing import Pacer
 from planner.timing.grid import Task, grade_problem
@@ -43,10 +42,8 @@ PACED = "paced"
 
 
 def solve_stated(
-    path: ActuatorPath,
-    limits: Sequence[Limit],
+    best: Solution,
     axes: Sequence[Axis],
-    order: int,
     duration: float,
     progress: Progress | None = None,
 ) -> Solution:
@@ -58,11 +55,13 @@ def solve_stated(
     also makes the total least. Where an axis would stay in a resonance band too long, a run is the
     smoother of two: below all bands, or gentle but fast enough.
 
+    best  fastest motion
+
     Raises Infeasible, with the shortest duration, for less than that, and where no motion was found
     that crosses the bands in time; MotionError where the path states speeds.
     """
+    path = best.trajectory.path
     _refuse_speeds(path)
-    best = certified_solve(path, limits, order, progress)
     shortest = best.trajectory.duration
     if not duration >= shortest:
         raise short_duration_error(duration, shortest)
@@ -70,13 +69,12 @@ def solve_stated(
         return best
     rests = float(path.dwells.sum())
     goal = Smoothest(
-        cut_runs(path, best, order),
+        cut_runs(best),
         axes=tuple(axes),
         weights=_weigh_axes(path, axes),
         slower=(duration - rests) / (shortest - rests),
     )
-    solution = certified_solve(path, best.limits, order, progress, goal=goal)
-    return replace(solution, lower_estimate=best.lower_estimate)
+    return improve_goal(best, goal, progress)
 
 
 def short_duration_error(duration: float, shortest: float) -> Infeasible:
