@@ -223,15 +223,8 @@ def solve_by_loss(task: Task, outcomes: Outcomes) -> RunSolution | None:
     return _solve_posed(task, posed, "finer")
 
 
-def solve_by_loss_from_rest(task: Task, outcomes: Outcomes) -> RunSolution | None:
-    """Solve with rest at the ends that a motion might pass."""
-    if task.resting is task or _has_motion(outcomes):
-        return None
-    return solve_by_loss(task.resting, outcomes)
-
-
 def solve_on_usual_grid(task: Task, outcomes: Outcomes) -> RunSolution | None:
-    """Solve on the usual grid."""
+    """Solve on the usual grid, with rest at the ends that a motion might pass."""
     if _has_motion(outcomes):
         return None
     task = task.resting
@@ -360,12 +353,8 @@ ATTEMPTS = {
             once=True,
         ),
         Attempt(
-            "The solver may not come away from an end that a motion passes, but from rest.",
-            solve_by_loss_from_rest,
-            once=True,
-        ),
-        Attempt(
-            "A rough solution that takes far longer than its guess makes no good grid.",
+            "A rough solution that takes far longer than its guess makes no good grid. Nor may the "
+            "solver come away from an end that a motion passes, but from rest.",
             solve_on_usual_grid,
             once=True,
         ),

@@ -179,7 +179,7 @@ def follow_cap(task: Task, caps: Caps) -> RunSolution | None:
             after = None if b == len(pieces) else float(along[b])
             profile = _follow_varying(caps, group, (before, after), task.order)
         else:
-            profile = _keep_speed(caps, group)
+            profile = keep_speed(task.path, *group, along[a:b])
         if profile is None:
             return None
         profiles.append(profile)
@@ -199,18 +199,18 @@ Pieces = tuple[Array, np.ndarray]
 """Breaks (P+1,) of some pieces of a path, and their numbers (P,)."""
 
 
-def _keep_speed(caps: Caps, pieces: Pieces) -> Profile:
-    """Return the motion at constant ṡ: a time piece for each path piece, more where it turns."""
-    breaks, numbers = pieces
-    path = caps.path
-    whole = path.breaks[numbers + 1] - path.breaks[numbers]
-    turns = path.turns[numbers] * np.diff(breaks) / whole
+def keep_speed(path: ActuatorPath, breaks: Array, pieces: np.ndarray, speed: Array) -> Profile:
+    """Return the motion at constant ṡ (P,) of each path piece, in more time pieces where it turns.
+
+    breaks  (P+1,) of the pieces (P,), which need not be whole at both ends
+    """
+    whole = path.breaks[pieces + 1] - path.breaks[pieces]
+    turns = path.turns[pieces] * np.diff(breaks) / whole
     count = np.ceil(PIECES_PER_RADIAN * turns).astype(int)
     s, owner = divide_intervals(breaks, np.maximum(count, 1))
-    piece = numbers[owner]
-    v = caps.along[piece - caps.first]
-    still = np.zeros(len(piece))
-    return Profile(s[:-1], v, still, still, np.diff(s) / v, piece)
+    v = speed[owner]
+    still = np.zeros(len(owner))
+    return Profile(s[:-1], v, still, still, np.diff(s) / v, pieces[owner])
 
 
 def _follow_varying(
