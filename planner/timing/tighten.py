@@ -67,10 +67,8 @@ def tighten_until_kept(
     watched = list(task.limits)
     if solution.problem is not None:
         watched = leave_out_idle(task.limits, solution.problem)
-    sample = None
     while solution.solved and solution.tries < MAX_TRIES:
-        use = solution.use or sample_limit_use(task.path, watched, solution.profile, sample)
-        sample = solution.profile, use
+        use = solution.use or sample_limit_use(task.path, watched, solution.profile)
         aimed_use = solution.relate_use(use)
         slowness = required_slowness(watched, aimed_use)
         most = {name: values.max() for name, values in aimed_use.items()}
