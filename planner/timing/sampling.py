@@ -23,6 +23,7 @@ MIN_WATCHED_USE = 0.5
 # Pieces that are sampled together: memory stays small, however long a run is.
 BATCH = 2000
 
+
 def sample_limit_use(
     path: ActuatorPath,
     limits: Sequence[Limit],

@@ -199,6 +199,18 @@ def test_a_resonance_band_is_crossed_in_time_or_not_at_all(order, duration):
 
 
 @pytest.mark.parametrize("order", [2, 3])
+def test_an_axis_at_rest_does_not_keep_another_from_its_band(order):
+    """The second axis does not move at all. The first takes as long as it does alone."""
+    path = PolynomialPath([0.0, LENGTH], np.array([[[1.0, 0.0]], [[0.0, 0.0]]]), ["x", "y"])
+    stated = {"max_speed": 0.02, "max_acceleration": 0.225, "resonance": (BAND,), "resonance_time": IN_TIME}
+    axes = [Axis(name, max_jerk=4.0 if order == 3 else None, **stated) for name in path.names]
+    found = solve_stated(certified_solve(path, limits_of(path, axes, order), order), axes, 9.0)
+    assert found.certificate.holds
+    assert found.methods == stepper(9.0, order).methods == ("paced",)
+    assert found.trajectory.duration == pytest.approx(9.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("order", [2, 3])
 def test_a_duration_whose_average_speed_is_in_the_band_is_refused_with_one_that_is_not(order):
     """16 s: 3.1 mm/s on average. The stated remedy succeeds."""
     with pytest.raises(Infeasible, match=r"crosses the band from 3 to 4 mm/s in time: state one 1\.\d+ times") as told:
