@@ -309,6 +309,8 @@ def average_acceleration(task: Task, outcomes: Outcomes) -> RunSolution | None:
     """Return the averaged order-2 motion from which solvers start, which only has to be slowed."""
     if task.run.continuation is not None:
         return None
+    if any(end.acceleration != 0 for end in task.run.ends):
+        return None  # its s̈ is 0 at both ends
     if _has_motion(outcomes) and max(task.run.speeds) > 0:
         return None  # it could not be slowed
     if any(solution.maker == BRIEF_RAMPS for solution in outcomes):

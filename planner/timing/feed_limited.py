@@ -36,8 +36,6 @@ MAX_CRUISING_USE = 0.95
 RAMP_SHARE = 0.5
 # Share by which rounding may make a cap differ from the same cap in the window before.
 SPEED_ROUNDING = 1e-13
-# Share of a ramp's largest speed and acceleration by which its ends may differ from the cruise's.
-SAME_STATE = 1e-9
 
 
 Stretch = tuple[float, float]
@@ -77,7 +75,7 @@ class FeedLimitedRun:
             if solution is None:
                 ramp = self._meet_cruises(parts, number)
                 solution = solve(self.task.with_run(ramp))
-                if not solution.solved or not self._is_joined(solution, ramp):
+                if not solution.solved:
                     return None
             solutions.append(solution)
         return RunSolution.joined(solutions, FEED_LIMITED)
@@ -151,25 +149,6 @@ class FeedLimitedRun:
             start = replace(start, acceleration=0.0)
             end = replace(end, acceleration=0.0)
         return replace(ramp, ends=(start, end))
-
-    def _is_joined(self, solution: RunSolution, ramp: Run) -> bool:
-        """Return whether a ramp meets its cruises. One that was slowed as a whole does not."""
-        profile = solution.profile
-        largest_v = SAME_STATE * float(profile.v.max())
-        largest_a = SAME_STATE * float(np.abs(profile.a).max())
-        start, end = ramp.ends
-        states = (
-            (start, float(profile.v[0]), float(profile.a[0])),
-            (end, profile.last_speed, profile.last_acceleration),
-        )
-        for condition, v, a in states:
-            if condition.speed == 0:  # at rest, no cruise is next to it
-                continue
-            if abs(v - condition.speed) > largest_v:
-                return False
-            if self.task.order == 3 and abs(a - condition.acceleration) > largest_a:
-                return False
-        return True
 
 
 def _cruises_at(end: EndCondition, cap: float) -> bool:
