@@ -132,13 +132,7 @@ def _add_bound(task: Task, solution: RunSolution) -> RunSolution:
     has_bound = solution.bound > 0 and solution.maker != WITH_RESTS
     if has_bound or task.run.continuation is not None:
         return solution
-    return _take_bound(solution, estimate_lower_bound(task.coarse))
-
-
-def _take_bound(solution: RunSolution, bound: float | MotionError) -> RunSolution:
-    if isinstance(bound, MotionError):
-        return RunSolution.refused(bound)
-    return replace(solution, bound=bound)
+    return replace(solution, bound=estimate_lower_bound(task.coarse))
 
 
 def _place_refusal(task: Task, solution: RunSolution) -> RunSolution:
@@ -190,7 +184,7 @@ def solve_two_passes(task: Task, outcomes: Outcomes) -> RunSolution | None:
     if not solution.solved or solution.problem is None or task.run.continuation is not None:
         return solution
     fastest = solution.profile if solver == "passes" else None
-    return _take_bound(solution, estimate_lower_bound(solution.problem, fastest))
+    return replace(solution, bound=estimate_lower_bound(solution.problem, fastest))
 
 
 def ramp_brief_steps(task: Task, outcomes: Outcomes) -> RunSolution | None:

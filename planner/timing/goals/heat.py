@@ -21,13 +21,17 @@ from planner.limits.resonance import Resonance
 from planner.parallel import Progress
 from planner.path.actuation import ActuatorPath, has_constant_speed
 from planner.timing.certified_solve import Solution, cut_runs, improve_goal
-from planner.timing.goals.fallback import FallbackGoal, integrate_squares, weigh_slopes
+from planner.timing.goals.fallback import (
+    FallbackGoal,
+    integrate_squares,
+    solve_posed,
+    weigh_slopes,
+)
 from planner.timing.goals.objective import Objective
 from planner.timing.grid import Task, place_problem
 from planner.timing.order3.pose import pose_weighted
-from planner.timing.order3.solve import minimise_posed
 from planner.timing.problem import Problem
-from planner.timing.profile import Profile, close_profile
+from planner.timing.profile import Profile
 from planner.timing.rows import pose_problem
 from planner.timing.solution import RunSolution
 from planner.trajectory import Trajectory
@@ -125,11 +129,7 @@ class TimeAndHeat(FallbackGoal):
         """Return the motion with the least T + price · H."""
         slopes = weigh_slopes(path, problem, 2, self.weights)
         posed = pose_weighted(problem, guess, slopes, self.price)
-        columns = minimise_posed(posed, ("far", "farther"))
-        profile = columns if isinstance(columns, MotionError) else close_profile(problem, columns)
-        if isinstance(profile, MotionError):
-            return RunSolution.refused(profile)
-        return RunSolution("solved", profile, maker=WEIGHED)
+        return solve_posed(problem, posed, ("far", "farther"), WEIGHED)
 
     def find_cost(self, path: ActuatorPath, profile: Profile) -> float:
         """Return T + price · H."""

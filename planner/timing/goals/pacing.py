@@ -98,19 +98,21 @@ class Pacer:
         states = free.along(self.task.path).within(np.arange(len(free.h)), free.h)
         most = np.abs(states.qd).max(0)
         most[most == 0] = np.inf  # an axis at rest is not held there
+        target = (shortest + longest) / 2
         best = motion = free
-        factor = before = 1.0
+        factor = 1.0
         slope = 1 / free.duration
         for _ in range(MOST_STEPS):
             if shortest <= motion.duration <= longest:
                 break
-            before, factor = factor, factor + slope * ((shortest + longest) / 2 - motion.duration)
+            step = slope * (target - motion.duration)
+            factor += step
             slower = self.solve_fastest([*self._ease(limits, easing, most / factor)])
             if slower is None:
                 return None
             if slower.duration == motion.duration:
                 break
-            slope = (factor - before) / (slower.duration - motion.duration)
+            slope = step / (slower.duration - motion.duration)
             motion = slower
             if best.duration < motion.duration <= longest:
                 best = motion

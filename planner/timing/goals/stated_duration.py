@@ -21,13 +21,17 @@ from planner.parallel import Progress
 from planner.path.actuation import ActuatorPath
 from planner.place import Infeasible
 from planner.timing.certified_solve import Solution, cut_runs, improve_goal
-from planner.timing.goals.fallback import FallbackGoal, integrate_squares, weigh_slopes
+from planner.timing.goals.fallback import (
+    FallbackGoal,
+    integrate_squares,
+    solve_posed,
+    weigh_slopes,
+)
 from planner.timing.goals.pacing import Pacer
 from planner.timing.grid import Task, grade_problem
 from planner.timing.order3.pose import pose_smoothest
-from planner.timing.order3.solve import minimise_posed
 from planner.timing.problem import Problem
-from planner.timing.profile import Profile, close_profile
+from planner.timing.profile import Profile
 from planner.timing.solution import RunSolution
 from planner.timing.tighten import MAX_TRIES
 
@@ -132,12 +136,10 @@ def solve_smoothest(
     """
     posed = pose_smoothest(problem, guess, weigh_slopes(path, problem, 3, weights))
     # the fastest motion without jerk limits is so far from smooth that the nearer starts often jam
-    columns = minimise_posed(posed, ("farther", "far", "rough"))
-    profile = columns if isinstance(columns, MotionError) else close_profile(problem, columns)
-    if isinstance(profile, MotionError):
-        return RunSolution.refused(profile)
-    profile = profile.slowed(guess[3].sum() / profile.duration)
-    return RunSolution("solved", profile, maker=SMOOTHEST, problem=problem)
+    solution = solve_posed(problem, posed, ("farther", "far", "rough"), SMOOTHEST)
+    if not solution.solved:
+        return solution
+    return replace(solution, profile=solution.profile.slowed(guess[3].sum() / solution.duration))
 
 
 @dataclass(frozen=True, slots=True)
