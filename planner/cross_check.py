@@ -9,7 +9,8 @@ from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from planner.limits.limit import Term
 from planner.plan import Plan
-from planner.timing.certified_solve import Solution, certified_solve
+from planner.timing.certified_solve import Solution, certified_solve, choose_goal, solve_goal
+from planner.timing.certify_loop import RunCertifier
 from planner.timing.order2.toppra_ import require
 from planner.timing.problem import Settings
 
@@ -92,8 +93,8 @@ def cross_check(plan: Plan) -> CrossCheck:
         )
     else:
         ours = certified_solve(plan.path, limits, 2)
-    solve = partial(certified_solve, plan.path, limits, 2, settings=Settings(solver="toppra"), proving=False)
-    theirs = attempt(solve)
+    certifier = RunCertifier(plan.path, limits, 2, choose_goal(plan.path))
+    theirs = attempt(partial(solve_goal, certifier, settings=Settings(solver="toppra")))
     if isinstance(theirs, MotionError):
         return CrossCheck(ours, None, str(theirs))
     return CrossCheck(ours, theirs)

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from math import nan
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -389,23 +389,26 @@ def _choose_solvers(
 ) -> tuple[Solve[Solution], Solve[Solution]]:
     """Return the solver for the goal of a request, and the one of the fastest motion."""
     axes = machine.axes
-    options: dict[str, Any] = {"order": request.order, "progress": progress}
-    fastest = partial(
+    settings = Settings(solver=request.solver)
+    # Shaping examines each time piece: those of a grid show where a limit is exceeded.
+    gridded = replace(settings, whole=any(axis.shaper for axis in axes))
+    solve = partial(
         certified_solve,
         path,
-        # Shaping examines each time piece: those of a grid show where a limit is exceeded.
-        settings=Settings(solver=request.solver, whole=any(axis.shaper for axis in axes)),
-        **options,
+        order=request.resolved_order,
+        progress=progress,
+        settings=settings,
     )
+    fastest = partial(solve, settings=gridded)
     if request.heat > 0:
-        options |= {"axes": axes, "objective": request.objective}
-        return partial(solve_objective, path, **options), fastest
+        objective = Objective(request.heat)
+        return lambda limits: solve_objective(solve(limits), axes, objective, progress), fastest
     if request.gap is not None:
-        options |= {"gap": request.gap, "effort": request.effort, "settings": Settings(solver=request.solver)}
-        return partial(solve_within, path, **options), fastest
+        gap = request.gap
+        return lambda limits: solve_within(solve(limits), gap, request.effort, settings), fastest
     if request.duration is not None:
         before = shorten_duration(request.duration, axes)
-        return partial(solve_stated, path, axes=axes, duration=before, **options), fastest
+        return lambda limits: solve_stated(solve(limits), axes, before, progress), fastest
     return fastest, fastest
 
 

@@ -32,7 +32,8 @@ from planner.path.actuation import ActuatorPath, MachinePath, actuate, has_const
 from planner.plan import Plan
 from planner.program.joins import stop_at_joins
 from planner.program.model import MIN_MOVE, MovingSegment, Program
-from planner.timing.certified_solve import certified_solve
+from planner.timing.certified_solve import solve_goal
+from planner.timing.certify_loop import RunCertifier
 from planner.timing.grid import Task, make_grid
 from planner.timing.order2.closed_form import straight
 from planner.timing.problem import Block, Problem, Run
@@ -326,7 +327,8 @@ def classical(plan: Plan | Course, kind: str = "trapezoid") -> Classical:
         raise MotionError(f"baseline timing {kind}: no axis states a jerk limit; state one, or choose another kind")
     path, standing = _stopping_path(plan)
     limits = _reuse_limits(standing, limits_of(path, _axes(plan), shapes.order, _own(plan, path, shapes.order)))
-    solution = certified_solve(path, limits, shapes.order, goal=ClassicalFamily(shapes))
+    certifier = RunCertifier(path, limits, shapes.order, ClassicalFamily(shapes))
+    solution = solve_goal(certifier).require_proof()
     return Classical(kind, shapes.order, solution.trajectory, solution.certificate)
 
 

@@ -58,8 +58,12 @@ Outcomes = Sequence[RunSolution]
 """Results of earlier attempts."""
 
 
-def is_slowed_little(solution: RunSolution) -> bool:
-    """Return whether a motion is about as fast as its maker found it."""
+def ends_search(solution: RunSolution) -> bool:
+    """Return whether no faster motion is to be expected from the ways that are left."""
+    if solution.maker in (WITH_RESTS, AVERAGED):
+        return False
+    if solution.maker == BRIEF_RAMPS:
+        return has_surely_brief_ramps(solution)
     return solution.slowness <= MAX_ACCEPTED_SLOWNESS
 
 
@@ -69,25 +73,18 @@ def has_surely_brief_ramps(solution: RunSolution) -> bool:
     return longest <= SURELY_BRIEF * solution.duration and solution.slowness <= MAX_NEGLIGIBLE_SLOWNESS
 
 
-def is_never_enough(solution: RunSolution) -> bool:
-    """Return False: a faster motion may be left."""
-    return False
-
-
 @dataclass(frozen=True, slots=True)
 class Attempt:
     """One way to time a run.
 
     reason    why it is tried, and why at this place in the table
     solve     returns a motion or a refusal; None where this way does not apply
-    ends      whether a motion ends the search
     refuses   a refusal ends the search
     once      tried also where a quick answer is wanted (`solve_once`)
     """
 
     reason: str
     solve: Callable[[Task, Outcomes], RunSolution | None]
-    ends: Callable[[RunSolution], bool] = is_slowed_little
     refuses: bool = False
     once: bool = False
 
@@ -118,7 +115,7 @@ def solve_run(task: Task, *, once: bool = False, tightened: bool = True) -> RunS
         outcomes.append(solution)
         if not solution.solved and attempt.refuses:
             return _place_refusal(task, solution)
-        if solution.solved and attempt.ends(solution):
+        if solution.solved and ends_search(solution):
             break
     solved = [solution for solution in outcomes if solution.solved]
     if not solved:
@@ -135,13 +132,7 @@ def _add_bound(task: Task, solution: RunSolution) -> RunSolution:
     has_bound = solution.bound > 0 and solution.maker != WITH_RESTS
     if has_bound or task.run.continuation is not None:
         return solution
-    return _take_bound(solution, estimate_lower_bound(task.coarse))
-
-
-def _take_bound(solution: RunSolution, bound: float | MotionError) -> RunSolution:
-    if isinstance(bound, MotionError):
-        return RunSolution.refused(bound)
-    return replace(solution, bound=bound)
+    return replace(solution, bound=estimate_lower_bound(task.coarse))
 
 
 def _place_refusal(task: Task, solution: RunSolution) -> RunSolution:
@@ -193,7 +184,7 @@ def solve_two_passes(task: Task, outcomes: Outcomes) -> RunSolution | None:
     if not solution.solved or solution.problem is None or task.run.continuation is not None:
         return solution
     fastest = solution.profile if solver == "passes" else None
-    return _take_bound(solution, estimate_lower_bound(solution.problem, fastest))
+    return replace(solution, bound=estimate_lower_bound(solution.problem, fastest))
 
 
 def ramp_brief_steps(task: Task, outcomes: Outcomes) -> RunSolution | None:
@@ -226,15 +217,8 @@ def solve_by_loss(task: Task, outcomes: Outcomes) -> RunSolution | None:
     return _solve_posed(task, posed, "finer")
 
 
-def solve_by_loss_from_rest(task: Task, outcomes: Outcomes) -> RunSolution | None:
-    """Solve with rest at the ends that a motion might pass."""
-    if task.resting is task or _has_motion(outcomes):
-        return None
-    return solve_by_loss(task.resting, outcomes)
-
-
 def solve_on_usual_grid(task: Task, outcomes: Outcomes) -> RunSolution | None:
-    """Solve on the usual grid."""
+    """Solve on the usual grid, with rest at the ends that a motion might pass."""
     if _has_motion(outcomes):
         return None
     task = task.resting
@@ -319,6 +303,8 @@ def average_acceleration(task: Task, outcomes: Outcomes) -> RunSolution | None:
     """Return the averaged order-2 motion from which solvers start, which only has to be slowed."""
     if task.run.continuation is not None:
         return None
+    if any(end.acceleration != 0 for end in task.run.ends):
+        return None  # its s̈ is 0 at both ends
     if _has_motion(outcomes) and max(task.run.speeds) > 0:
         return None  # it could not be slowed
     if any(solution.maker == BRIEF_RAMPS for solution in outcomes):
@@ -355,7 +341,6 @@ ATTEMPTS = {
             "Ramps of s̈ may take a billionth of the motion: a solver cannot tell them from steps. "
             "Where they are brief but not that brief, it may be a little faster, or fail.",
             ramp_brief_steps,
-            ends=has_surely_brief_ramps,
             once=True,
         ),
         Attempt(
@@ -364,12 +349,8 @@ ATTEMPTS = {
             once=True,
         ),
         Attempt(
-            "The solver may not come away from an end that a motion passes, but from rest.",
-            solve_by_loss_from_rest,
-            once=True,
-        ),
-        Attempt(
-            "A rough solution that takes far longer than its guess makes no good grid.",
+            "A rough solution that takes far longer than its guess makes no good grid. Nor may the "
+            "solver come away from an end that a motion passes, but from rest.",
             solve_on_usual_grid,
             once=True,
         ),
@@ -381,17 +362,14 @@ ATTEMPTS = {
         Attempt(
             "A limit that the solver cannot keep in one place slows all of a run: a rest between slows one half only.",
             rest_in_middle,
-            ends=is_never_enough,
         ),
         Attempt(
             "The classical timings rest at every break: never be slower than these.",
             rest_at_all_breaks,
-            ends=is_never_enough,
         ),
         Attempt(
             "The solver's guess is a motion whatever the solver does, and may need less slowing.",
             average_acceleration,
-            ends=is_never_enough,
         ),
     ),
 }

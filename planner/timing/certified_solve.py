@@ -65,6 +65,12 @@ class Solution(Result):
             self.known.append(bound_duration(self.trajectory, self.limits, self.order))
         return self.known[0]
 
+    def require_proof(self) -> "Solution":
+        """Return the solution. Raises the reason instead, if the certificate does not hold."""
+        if not self.certificate.holds:
+            raise _unproved_error(self)
+        return self
+
     @property
     def lower_bound(self) -> float:
         """Proved lower bound (s) of any motion within the limits; see `bound.left_out`."""
@@ -123,30 +129,46 @@ def certified_solve(
     limits: Sequence[Limit],
     order: int,
     progress: Progress | None = None,
-    *,
-    goal: Goal | None = None,
     settings: Settings = USUAL,
-    proving: bool = True,
 ) -> Solution:
-    """Return the motion along a path with the proof that it respects every limit.
+    """Return the fastest motion along a path with the proof that it respects every limit.
+
+    It has the constant speeds that segments state. Arguments as for `solve_goal`.
+
+    Raises Infeasible where a limit cannot be respected, MotionError where no proof was found.
+    """
+    for violation in prove_feasibility(path, limits).violations:
+        raise violation
+    certifier = RunCertifier(path, tuple(limits), order, choose_goal(path))
+    return solve_goal(certifier, progress, settings).require_proof()
+
+
+def choose_goal(path: ActuatorPath) -> Goal:
+    """Return the goal of the fastest motion at the constant speeds that segments state."""
+    return ConstantSpeed() if has_constant_speed(path) else Fastest()
+
+
+def solve_goal(
+    certifier: RunCertifier,
+    progress: Progress | None = None,
+    settings: Settings = USUAL,
+) -> Solution:
+    """Return the motion for a goal along a path that was checked, with its certificate.
 
     Runs go in parts to whichever process is free. Each part is solved and proved by itself, so that
     the result does not depend on the number of processes.
 
     progress  called with the number of different runs that are solved, and their number in all
-    goal      None: fastest, along a path that is checked first
     settings  of all runs
-    proving   if false, a motion whose proof fails is returned with its certificate
 
-    Raises Infeasible where a limit cannot be respected, MotionError where no proof was found.
+    Raises Infeasible where a limit cannot be respected.
     """
-    if goal is None:
-        for violation in prove_feasibility(path, limits).violations:
-            raise violation
-        goal = _choose_goal(path)
-    stops = np.flatnonzero(path.stops(order))
-    runs = split_runs(path, stops, order, settings)
-    firsts = find_first_equals(path, limits, runs) if goal.uniform else list(range(len(runs)))
+    path = certifier.path
+    limits = certifier.limits
+    stops = np.flatnonzero(path.stops(certifier.order))
+    runs = split_runs(path, stops, certifier.order, settings)
+    uniform = certifier.goal.uniform
+    firsts = find_first_equals(path, limits, runs) if uniform else list(range(len(runs)))
     different = sorted(set(firsts))
     size = max(PART_RUNS, -(-len(different) // MANY_PARTS))
     starts = range(0, len(different), size)
@@ -160,7 +182,7 @@ def certified_solve(
         if progress is not None:
             progress(len(solved), len(different))
 
-    spread(RunCertifier(path, tuple(limits), order, goal), parts, finish_part)
+    spread(certifier, parts, finish_part)
     by_index = dict(zip(different, solved, strict=True))
     certified = []
     for n, first in enumerate(firsts):
@@ -177,43 +199,34 @@ def certified_solve(
     by_index.clear()
     certified.clear()
     certificate = certify(trajectory, limits, known)
-    if proving and not certificate.holds:
-        raise _unproved_error(trajectory, limits, certificate)
-    return Solution(trajectory, certificate, limits, order, rounds, methods, least, room)
-
-
-def _choose_goal(path: ActuatorPath) -> Goal:
-    """Return the goal of the fastest motion at the constant speeds that segments state."""
-    return ConstantSpeed() if has_constant_speed(path) else Fastest()
+    return Solution(trajectory, certificate, limits, certifier.order, rounds, methods, least, room)
 
 
 def solve_within(
-    path: ActuatorPath,
-    limits: Sequence[Limit],
-    order: int,
+    best: Solution,
     gap: float,
     effort: int,
-    progress: Progress | None = None,
-    *,
     settings: Settings = USUAL,
 ) -> Solution:
     """Return the fastest motion, proved to be within a share (gap) of the least duration.
 
     In each of at most `effort` rounds the cells of the bound are refined where they lose most, then
-    the motion's grid. The best bound of all rounds counts, as each is one of all motions. Raises as
-    `certified_solve` does.
+    the motion's grid. The best bound of all rounds counts, as each is one of all motions.
+
+    best      fastest motion yet
+    settings  with which it was solved
     """
-    best = certified_solve(path, limits, order, progress, settings=settings)
+    path = best.trajectory.path
     bound: DurationBound | None = None
     for n in range(effort + 1):
-        latest = bound_duration(best.trajectory, limits, order, gap=gap)
+        latest = bound_duration(best.trajectory, best.limits, best.order, gap=gap)
         if bound is None or latest.value > bound.value:
             bound = latest
         bound = replace(bound, duration=best.trajectory.duration)
         if bound.gap <= gap or n == effort:
             break
         finely = replace(settings, fineness=2 ** (n + 1))
-        solve = partial(certified_solve, path, limits, order, settings=finely)
+        solve = partial(certified_solve, path, best.limits, best.order, settings=finely)
         finer = attempt(solve)
         if isinstance(finer, MotionError):
             continue
@@ -222,13 +235,20 @@ def solve_within(
     return replace(best, known=[bound] if bound is not None else [])
 
 
-def cut_runs(path: ActuatorPath, solution: Solution, order: int) -> dict[int, Profile]:
+def improve_goal(best: Solution, goal: Goal, progress: Progress | None = None) -> Solution:
+    """Return the motion for a goal that the fastest motion is known for; raises as `certified_solve`."""
+    certifier = RunCertifier(best.trajectory.path, best.limits, best.order, goal)
+    solution = solve_goal(certifier, progress).require_proof()
+    return replace(solution, lower_estimate=best.lower_estimate)
+
+
+def cut_runs(solution: Solution) -> dict[int, Profile]:
     """Cut a motion into its runs, without rests. Return them by their first pieces."""
     motion = solution.trajectory
     moves = (motion.v != 0) | (motion.a != 0) | (motion.j != 0)
     h = np.diff(motion.knots)
     profiles = {}
-    for first, after in pairwise(np.flatnonzero(path.stops(order))):
+    for first, after in pairwise(np.flatnonzero(motion.path.stops(solution.order))):
         inside = moves & (motion.piece >= first) & (motion.piece < after)
         k = np.flatnonzero(inside)
         profiles[int(first)] = Profile(
@@ -264,27 +284,22 @@ def _join_runs(
     return Profile.joined(profiles).along(path), ProvedUse.join(proofs)
 
 
-def _unproved_error(
-    trajectory: Trajectory,
-    limits: Sequence[Limit],
-    certificate: Certificate,
-) -> MotionError:
+def _unproved_error(solution: Solution) -> MotionError:
     """Return the reason why there is no proof."""
-    for limit in limits:
+    certificate = solution.certificate
+    for limit in solution.limits:
         if limit.geometric and certificate.worst[limit.name] > 1:
             place = certificate.where[limit.name]
             channel = limit.channels.index(place.axis)
-            state = trajectory.at(place.t if place.t is not None else 0.0)
+            state = solution.trajectory.at(place.t if place.t is not None else 0.0)
             value = float(limit.value(state)[0, channel])
             return limit_violation(limit, value, channel, int(state.piece[0]), place)
-    unproved = [name for name, worst in certificate.worst.items() if not np.isfinite(worst)]
-    if unproved:
-        place = certificate.where[unproved[0]]
-        return MotionError(
-            f"the motion could not be proved: {unproved[0]} at {place} has no bound; "
-            "this is a bug in the planner: please report it"
-        ).in_segment(place.segment)
-    worst = max(certificate.worst, key=certificate.worst.__getitem__)
+    name = max(certificate.worst, key=certificate.worst.__getitem__)
+    place = certificate.where[name]
+    if np.isfinite(certificate.worst[name]):
+        remains = f"within {MAX_CERTIFY_ROUNDS} rounds; what remained:\n{certificate}"
+        return MotionError(f"no motion could be proved {remains}").in_segment(place.segment)
     return MotionError(
-        f"no motion could be proved within {MAX_CERTIFY_ROUNDS} rounds; what remained:\n{certificate}"
-    ).in_segment(certificate.where[worst].segment)
+        f"the motion could not be proved: {name} at {place} has no bound; "
+        "this is a bug in the planner: please report it"
+    ).in_segment(place.segment)

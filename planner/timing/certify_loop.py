@@ -33,10 +33,9 @@ from planner.timing.tighten import required_slowness
 MAX_CERTIFY_ROUNDS = 8
 MAX_SLOWINGS = 3
 # Number of times that axes are held below resonance bands: first where they stay in them too long,
-# after STRETCH_ROUNDS over their whole run, after ALL_HOLDINGS in all bands.
-MAX_HOLDINGS = 8
+# after STRETCH_ROUNDS over their whole run.
+MAX_HOLDINGS = 6
 STRETCH_ROUNDS = 2
-ALL_HOLDINGS = 6
 # Each time that an axis is held below the same band again, the margin grows by this factor: a
 # motion may peak between grid points.
 MARGIN_GROWTH = 4.0
@@ -148,6 +147,8 @@ class RunCertifier:
         if one.tightened + 1 < MAX_CERTIFY_ROUNDS:
             task = self._pose(one.run, one.caps)
             solution = self.goal.tighten(task, one.solution, one.known.use)
+            if solution is one.solution:
+                return None  # a constant speed exceeds its cap by rounding
             if solution.solved:
                 return replace(one, solution=solution, tightened=one.tightened + 1)
             if not cruises:
@@ -188,11 +189,8 @@ class RunCertifier:
         if one.holdings < MAX_HOLDINGS:
             caps = (*one.caps, *self._choose_caps(one, stays))
             solution = self.goal.solve(self._pose(one.run, caps))
-            if solution.refusal is None:
+            if solution.solved:
                 return replace(one, solution=solution, caps=caps, holdings=one.holdings + 1)
-            if one.holdings + 1 < ALL_HOLDINGS:
-                # to hold all axes may leave a solver more room than to hold some
-                return self._hold_axes(replace(one, holdings=ALL_HOLDINGS), ())
             if not one.solution.fastest:
                 return solution.refusal
         resonances = [limit for limit in self.limits if isinstance(limit, Resonance)]
@@ -200,20 +198,15 @@ class RunCertifier:
         use = sample_limit_use(self.path, below, one.solution.profile)
         return self._slow(one, required_slowness(resonances, use) * (1 + BAND_MARGIN))
 
-    def _choose_caps(self, one: CertifiedRun, stays: Sequence[SpeedCap]) -> list[SpeedCap]:
-        """Choose where to hold axes: where they stay, over the whole run, or in all bands."""
+    def _choose_caps(self, one: CertifiedRun, stays: Sequence[SpeedCap]) -> Sequence[SpeedCap]:
+        """Choose where to hold axes: where they stay, or over the whole run, farther below."""
         if one.holdings < STRETCH_ROUNDS:
-            return list(stays)
-        bands = list(dict.fromkeys(stay.band for stay in stays))
-        if one.holdings >= ALL_HOLDINGS:
-            resonances = [limit for limit in self.limits if isinstance(limit, Resonance)]
-            bands = list(dict.fromkeys(band for limit in resonances for band in limit.bands))
+            return stays
         first, last = one.run.breaks(self.path)[[0, -1]].tolist()
         caps = []
-        for band in bands:
-            whole = (band, first, last)
-            earlier = [cap for cap in one.caps if (cap.band, cap.first, cap.last) == whole]
-            margin = BAND_MARGIN * MARGIN_GROWTH ** len(earlier)
+        for band in dict.fromkeys(stay.band for stay in stays):
+            earlier = sum((cap.band, cap.first, cap.last) == (band, first, last) for cap in one.caps)
+            margin = BAND_MARGIN * MARGIN_GROWTH**earlier
             caps.append(SpeedCap(band, first, last, margin))
         return caps
 

@@ -103,11 +103,12 @@ class Caps:
 def find_caps(task: Task) -> Caps | None:
     """Find the caps of a run's pieces from its rows at a few places.
 
-    None where rows depend on the motion itself, or without a cap.
+    None where rows depend on the motion itself, where a limit is lowered in places, or without a cap.
     """
     sketch = task.sketch
     run = task.run
-    if not sketch.is_unconditional:
+    is_lowered = any(len(limit.shares.values) for limit in task.limits)
+    if is_lowered or not sketch.is_unconditional:
         return None
     # 1/ṡ (2, N) at both ends of each interval, by the tool's cap and by other limits on speed
     tool = np.zeros((2, sketch.intervals))
@@ -131,9 +132,6 @@ def find_caps(task: Task) -> Caps | None:
         fastest = 1 / least
     binds = (excess < 0) & (least_f > 0)
     tool_caps = np.where(binds, _tool_caps(task.limits, run), np.inf)
-    lowered = _find_lowered(task)
-    tool_caps[lowered] = np.inf
-    along[lowered] = np.inf
     result = Caps(task.path, run.first, tool_caps, along, fastest, uneven)
     return result if result.capped.any() else None
 
@@ -144,16 +142,6 @@ def _tool_caps(limits: Sequence[Limit], run: Run) -> Array:
         if isinstance(limit, ToolSpeed):
             return np.asarray(limit.caps[run.first : run.last + 1])
     return np.full(run.last + 1 - run.first, np.inf)
-
-
-def _find_lowered(task: Task) -> np.ndarray:
-    """Return the pieces (P,) on which a limit is lowered in places: no one speed is right there."""
-    breaks = task.run.breaks(task.path)
-    lowered = np.zeros(len(breaks) - 1, bool)
-    for limit in task.limits:
-        if len(limit.shares.values):
-            lowered |= limit.shares.least_over(breaks[:-1], breaks[1:]) < 1
-    return lowered
 
 
 def _level(speeds: Array) -> Array:
@@ -179,7 +167,7 @@ def follow_cap(task: Task, caps: Caps) -> RunSolution | None:
             after = None if b == len(pieces) else float(along[b])
             profile = _follow_varying(caps, group, (before, after), task.order)
         else:
-            profile = _keep_speed(caps, group)
+            profile = keep_speed(task.path, *group, along[a:b])
         if profile is None:
             return None
         profiles.append(profile)
@@ -199,18 +187,18 @@ Pieces = tuple[Array, np.ndarray]
 """Breaks (P+1,) of some pieces of a path, and their numbers (P,)."""
 
 
-def _keep_speed(caps: Caps, pieces: Pieces) -> Profile:
-    """Return the motion at constant ṡ: a time piece for each path piece, more where it turns."""
-    breaks, numbers = pieces
-    path = caps.path
-    whole = path.breaks[numbers + 1] - path.breaks[numbers]
-    turns = path.turns[numbers] * np.diff(breaks) / whole
+def keep_speed(path: ActuatorPath, breaks: Array, pieces: np.ndarray, speed: Array) -> Profile:
+    """Return the motion at constant ṡ (P,) of each path piece, in more time pieces where it turns.
+
+    breaks  (P+1,) of the pieces (P,), which need not be whole at both ends
+    """
+    whole = path.breaks[pieces + 1] - path.breaks[pieces]
+    turns = path.turns[pieces] * np.diff(breaks) / whole
     count = np.ceil(PIECES_PER_RADIAN * turns).astype(int)
     s, owner = divide_intervals(breaks, np.maximum(count, 1))
-    piece = numbers[owner]
-    v = caps.along[piece - caps.first]
-    still = np.zeros(len(piece))
-    return Profile(s[:-1], v, still, still, np.diff(s) / v, piece)
+    v = speed[owner]
+    still = np.zeros(len(owner))
+    return Profile(s[:-1], v, still, still, np.diff(s) / v, pieces[owner])
 
 
 def _follow_varying(

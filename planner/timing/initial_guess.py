@@ -161,10 +161,11 @@ def average_run(coarse: Problem) -> Profile | MotionError:
     # at a speed it begins and ends outside a shorter run, by half a window of each speed
     whole = (coarse.s[-1] - coarse.s[0]) / speeds
     start = _average_solution(gentle, min(window, whole))
-    if not isinstance(start, MotionError):
-        return start
-    sharp = select_order_2(coarse.with_fixed_ends())
-    return _average_solution(sharp, START_WINDOW_SHARE * whole)
+    if isinstance(start, MotionError):
+        # gentle accelerations leave no way from speed to speed
+        sharp = select_order_2(coarse.with_fixed_ends())
+        start = _average_solution(sharp, START_WINDOW_SHARE * whole)
+    return start
 
 
 def _average_solution(problem: Problem, window: float) -> Profile | MotionError:
@@ -336,9 +337,9 @@ def slow_breaks(problem: Problem, start: Profile, breaks: Array) -> tuple[np.nda
     for n in range(len(slow)):
         reachable = _reachable_speed(speeds[n], least_jerk[n], way[n])
         speeds[n + 1] = min(speeds[n + 1], reachable)
-    for n in range(len(slow), 0, -1):
-        reachable = _reachable_speed(speeds[n + 1], least_jerk[n], way[n])
-        speeds[n] = min(speeds[n], reachable)
+    for n in reversed(range(len(slow))):
+        reachable = _reachable_speed(speeds[n + 2], least_jerk[n + 1], way[n + 1])
+        speeds[n + 1] = min(speeds[n + 1], reachable)
     _raise_speeds(speeds, least_jerk, way)
     _raise_speeds(speeds[::-1], least_jerk[::-1], way[::-1])
     return slow, speeds
@@ -389,32 +390,30 @@ def _least_speed(v: float, jerk: float, length: float) -> float:
 def bound_term(problem: Problem, term: Term) -> Array:
     """Return how large a term may be by itself on each interval (N,); ∞ where no row bounds it."""
     with np.errstate(divide="ignore"):
-        return np.asarray(1 / _largest_coefficients(problem, term))
+        return np.asarray(1 / _largest_coefficients(problem, term)[0])
 
 
 def _mean_bound(problem: Problem, term: Term) -> float:
     """Return how large a term may be by itself on average; ∞ where no row bounds it."""
-    mean = float(_largest_coefficients(problem, term).mean())
+    mean = float(_largest_coefficients(problem, term)[0].mean())
     return 1 / mean if mean else float("inf")
 
 
-def _largest_coefficients(problem: Problem, term: Term, side: str = "start") -> Array:
-    """Return the largest coefficient of a term at each interval's start or end (N,)."""
-    largest = np.zeros(problem.intervals)
+def _largest_coefficients(problem: Problem, term: Term) -> Array:
+    """Return the largest coefficient of a term (2, N) at each interval's start and end."""
+    largest = np.zeros((2, problem.intervals))
     for block in problem.blocks:
-        coefficients = getattr(block, side)
-        if term in coefficients:
-            size = np.abs(coefficients[term]).max(1)
-            largest = np.maximum(largest, size)
+        for side, rows in enumerate(block.sides):
+            if term in rows:
+                size = np.abs(rows[term]).max(1)
+                largest[side] = np.maximum(largest[side], size)
     return largest
 
 
 def _largest_on_pieces(problem: Problem, term: Term) -> Array:
     """Return the largest coefficient of a term on each piece (P,)."""
-    starts = _largest_coefficients(problem, term, "start")
-    ends = _largest_coefficients(problem, term, "end")
-    pieces = problem.piece - problem.piece[0]
-    return reduce_pieces(np.maximum, np.maximum(starts, ends), pieces)
+    largest = _largest_coefficients(problem, term).max(0)
+    return reduce_pieces(np.maximum, largest, problem.piece - problem.piece[0])
 
 
 def reduce_pieces(operation: np.ufunc, values: Array, pieces: np.ndarray) -> Array:

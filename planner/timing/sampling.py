@@ -4,7 +4,7 @@ The certificate bounds every limit over continuous time and takes far longer. Wh
 solved, samples show where it still exceeds a limit.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import reduce
 
 import numpy as np
@@ -23,47 +23,28 @@ MIN_WATCHED_USE = 0.5
 # Pieces that are sampled together: memory stays small, however long a run is.
 BATCH = 2000
 
-Sample = tuple[Profile, Mapping[str, Array]]
-"""A motion, and its use of limits on each of its time pieces."""
-
 
 def sample_limit_use(
     path: ActuatorPath,
     limits: Sequence[Limit],
     profile: Profile,
-    last: Sample | None = None,
 ) -> dict[str, Array]:
-    """Return the largest use (M,) of each limit on time that is sampled on each time piece.
-
-    last  an earlier sample: pieces that have not changed since are not sampled again
-    """
+    """Return the largest use (M,) of each limit on time that is sampled on each time piece."""
     motion = profile.along(path)
     timed = select_timed(limits)
+    pieces = np.arange(len(profile.h))
+    use = {limit.name: np.empty(len(pieces)) for limit in timed}
     count = INSTANTS if profile.j.any() else INSTANTS_WITHOUT_JERK
     share = np.linspace(0.0, 1.0, count)
-    if last is None or not _has_same_pieces(last, profile, timed):
-        use = {limit.name: np.empty(len(profile.h)) for limit in timed}
-        pieces = np.arange(len(profile.h))
-    else:
-        use = {limit.name: np.array(last[1][limit.name]) for limit in timed}
-        changed = [getattr(profile, name) != getattr(last[0], name) for name in "svah"]
-        pieces = np.flatnonzero(np.any(changed, axis=0))
     for first in range(0, len(pieces), BATCH):
         batch = pieces[first : first + BATCH]
         tau = (profile.h[batch, None] * share).ravel()
         state = motion.within(np.repeat(batch, count), tau, jerk=order_of(limits) == 3)
         for limit in timed:
-            low, high = _bound_parabolas(limit.value(state).reshape(len(batch), count, -1))
+            values = limit.value(state).reshape(len(batch), count, -1)
+            low, high = _bound_parabolas(values)
             use[limit.name][batch] = largest_in_rows(limit.use(low, high, profile.piece[batch]))
     return use
-
-
-def _has_same_pieces(last: Sample, profile: Profile, limits: Sequence[Limit]) -> bool:
-    """Return whether a sample of order 2 is of the same path pieces and limits."""
-    before, use = last
-    if before.j.any() or profile.j.any():
-        return False
-    return np.array_equal(before.piece, profile.piece) and all(each.name in use for each in limits)
 
 
 def _bound_parabolas(values: Array) -> tuple[Array, Array]:

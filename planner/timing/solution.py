@@ -29,7 +29,10 @@ FEED_LIMITED = "feed-limited"
 
 # A motion slowed by less than this still counts as its maker's.
 MAX_NEGLIGIBLE_SLOWNESS = 1 + 1e-4
-TOLD_SLOWNESS = {MAX_NEGLIGIBLE_SLOWNESS: " by less than 0.01 %", 1 + 1e-3: " by less than 0.1 %"}
+SLOWNESS_NOTES = {
+    MAX_NEGLIGIBLE_SLOWNESS: " by less than 0.01 %",
+    1 + 1e-3: " by less than 0.1 %",
+}
 _NOTHING = np.zeros(0)
 NO_MOTION = Profile(_NOTHING, _NOTHING, _NOTHING, _NOTHING, _NOTHING, np.zeros(0, int))
 
@@ -135,7 +138,7 @@ class RunSolution:
             return ", ".join([*methods, self.maker])
         if self.slowness == 1:
             return self.maker
-        notes = (words for most, words in TOLD_SLOWNESS.items() if self.slowness <= most)
+        notes = (words for most, words in SLOWNESS_NOTES.items() if self.slowness <= most)
         return f"{self.maker}, slowed{next(notes, '')}"
 
     @property

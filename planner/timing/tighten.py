@@ -6,8 +6,10 @@ Two loops use this: `planner.timing.attempts` with sampled use, and `planner.tim
 with proved use.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
+from operator import is_
 
 import numpy as np
 
@@ -24,9 +26,7 @@ from planner.timing.solution import (
     AVERAGED,
     BRIEF_RAMPS,
     CRUISE,
-    FEED_LIMITED,
     STRAIGHT,
-    WITH_RESTS,
     RunSolution,
 )
 
@@ -67,10 +67,8 @@ def tighten_until_kept(
     watched = list(task.limits)
     if solution.problem is not None:
         watched = leave_out_idle(task.limits, solution.problem)
-    sample = None
     while solution.solved and solution.tries < MAX_TRIES:
-        use = solution.use or sample_limit_use(task.path, watched, solution.profile, sample)
-        sample = solution.profile, use
+        use = solution.use or sample_limit_use(task.path, watched, solution.profile)
         aimed_use = solution.relate_use(use)
         slowness = required_slowness(watched, aimed_use)
         most = {name: values.max() for name, values in aimed_use.items()}
@@ -92,22 +90,30 @@ def tighten_run(
     use: Mapping[str, Array],
 ) -> RunSolution:
     """Tighten each part of a motion that exceeds a limit. use (M,): of each time piece."""
-    if not solution.parts:
-        aimed_use = solution.relate_use(use)
-        slowness = required_slowness(task.limits, aimed_use)
-        return _tighten_part(task, solution, aimed_use, slowness)
+    if solution.parts:
+        return tighten_parts(solution, use, partial(tighten_run, task))
+    aimed_use = solution.relate_use(use)
+    slowness = required_slowness(task.limits, aimed_use)
+    return _tighten_part(task, solution, aimed_use, slowness)
+
+
+def tighten_parts(
+    solution: RunSolution,
+    use: Mapping[str, Array],
+    tighten: Callable[[RunSolution, Mapping[str, Array]], RunSolution],
+) -> RunSolution:
+    """Tighten the parts of a joined motion that exceed a limit; the same motion if none can change."""
     parts = []
     first = 0
     for part in solution.parts:
         last = first + len(part.profile.h)
         part_use = {name: values[first:last] for name, values in use.items()}
-        slowness = required_slowness(task.limits, part.relate_use(part_use))
-        if slowness > 1 + SOLVER_MARGIN:
-            part = tighten_run(task, part, part_use)
-        parts.append(part)
+        exceeds = max(map(np.max, part_use.values())) > 1
+        parts.append(tighten(part, part_use) if exceeds else part)
         first = last
-    maker = FEED_LIMITED if solution.maker == FEED_LIMITED else WITH_RESTS
-    return RunSolution.joined(parts, maker)
+    if all(map(is_, parts, solution.parts)):
+        return solution
+    return RunSolution.joined(parts, solution.maker)
 
 
 def _tighten_part(

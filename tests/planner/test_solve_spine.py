@@ -82,7 +82,7 @@ def test_a_program_reaches_its_pulses_through_few_files_and_little_code(entered)
 
 
 def test_the_solver_is_near(entered):
-    """plan → make_plan → certified_solve → a part's worth of runs → the goal → a run → an attempt → its solver."""
+    """plan → make_plan → certified_solve → solve_goal → a part's worth of runs → a run → an attempt → its solver."""
     _, chains = entered
     first = min(chains, key=len)
     assert len(first) <= DEEPEST, " > ".join(first)

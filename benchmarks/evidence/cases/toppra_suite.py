@@ -71,10 +71,9 @@ def solve_ours(curve: Curve, limits: Limits, duration: float) -> Solution:
     )
     if duration == 0:
         return fastest
-    path = fastest.trajectory.path
-    bounds = zip(path.names, speed.tolist(), acceleration.tolist(), strict=True)
+    bounds = zip(fastest.trajectory.path.names, speed.tolist(), acceleration.tolist(), strict=True)
     axes = [Axis(name, max_speed=v, max_acceleration=a) for name, v, a in bounds]
-    return solve_stated(path, fastest.limits, axes, 2, duration)
+    return solve_stated(fastest, axes, duration)
 
 
 def describe_ours(curve: Curve, limits: Limits, duration: float) -> list[str]:

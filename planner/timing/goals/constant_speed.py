@@ -8,6 +8,7 @@ from a slower segment, the ramp lies in its own segment.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -19,7 +20,7 @@ from planner.limits.tool import ToolSpeed
 from planner.path.actuation import ActuatorPath
 from planner.place import ConstantRefused, Infeasible
 from planner.timing.attempts import solve_run
-from planner.timing.certify_loop import MAX_CERTIFY_ROUNDS, RunCertifier
+from planner.timing.certify_loop import RunCertifier
 from planner.timing.goals.constant_speed_errors import speed_error
 from planner.timing.goals.constant_stretch import (
     joined_speed_error,
@@ -29,7 +30,7 @@ from planner.timing.goals.constant_stretch import (
 from planner.timing.grid import Task
 from planner.timing.problem import EndCondition, Run
 from planner.timing.solution import IN_PARTS, MADE_CONSTANT_SPEED, RunSolution
-from planner.timing.tighten import tighten_run
+from planner.timing.tighten import tighten_parts, tighten_run
 
 # Slower speeds that are tried in turn where one is refused, as shares of the one that the last
 # refusal gives: it knows the limits at grid points only.
@@ -67,17 +68,19 @@ class ConstantSpeed:
             return refuse_excess(task, solution, use)
         if solution.maker != IN_PARTS:
             return tighten_run(task, solution, use)
-        parts: list[RunSolution] = []
-        ends = np.cumsum([0, *(len(part.profile.h) for part in solution.parts)])
-        for part, (first, last) in zip(solution.parts, pairwise(ends), strict=True):
-            part_use = {name: values[first:last] for name, values in use.items()}
-            tightened = part
-            if max(map(np.max, part_use.values())) > 1:
-                tightened = self.tighten(task, part, part_use)
-            if tightened.status in ("stopped", "too fast"):
-                return RunSolution.refused(_ramp_error(task.path, part, tightened))
-            parts.append(tightened)
-        return RunSolution.joined(parts, IN_PARTS)
+        return tighten_parts(solution, use, partial(self._tighten_part, task))
+
+    def _tighten_part(
+        self,
+        task: Task,
+        part: RunSolution,
+        use: Mapping[str, Array],
+    ) -> RunSolution:
+        """Tighten one part. A ramp between given speeds is refused with its place."""
+        tightened = self.tighten(task, part, use)
+        if tightened.status in ("stopped", "too fast"):
+            return RunSolution.refused(_ramp_error(task.path, part, tightened))
+        return tightened
 
     def _find_stated(self, path: ActuatorPath, piece: int) -> float | None:
         """Return the constant speed of a piece, if there is one."""
@@ -158,15 +161,14 @@ class ConstantSpeed:
             goal = ConstantSpeed(dict.fromkeys(changed, speed))
             capped = _cap_tool_speed(task.limits, changed, speed)
             outcome = RunCertifier(path, capped, task.order, goal)([task.run])
+            if not isinstance(outcome, MotionError):
+                # a proof that fails by rounding fails at every speed
+                holds = all(np.max(use) <= 1 for use in outcome[0].known.use.values())
+                return speed if holds else None
             if isinstance(outcome, ConstantRefused):
                 if outcome.requested != speed:
                     return None
                 speed = min(speed, outcome.possible)
-            elif not isinstance(outcome, MotionError):
-                (one,) = outcome
-                proved = all(np.max(use) < np.inf for use in one.known.use.values())
-                if one.rounds < MAX_CERTIFY_ROUNDS and proved:
-                    return speed
         return None
 
 

@@ -1,16 +1,20 @@
 """Goals that have a motion to fall back on: the fastest motion, slowed."""
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from kinematics.foundation.arrays import Array
+from kinematics.foundation.errors import MotionError
 from planner.path.actuation import ActuatorPath
 from planner.timing.grid import Task
+from planner.timing.order3.interior_point import Start
+from planner.timing.order3.pose import PosedStages
+from planner.timing.order3.solve import minimise_posed
 from planner.timing.problem import Problem
-from planner.timing.profile import Profile
+from planner.timing.profile import Profile, close_profile
 from planner.timing.solution import RunSolution
 from planner.timing.tighten import MAX_TRIES, lower_rooms
 from planner.trajectory import State, Trajectory
@@ -62,12 +66,26 @@ class FallbackGoal:
         """Solve again with less room where a limit was exceeded; after MAX_TRIES fall back."""
         problem = solution.problem
         slowed = solution.fallback
-        if problem is None or slowed is None:
-            return solution
+        assert problem is not None
+        assert slowed is not None
         if solution.tries >= MAX_TRIES:
             return replace(solution, profile=slowed, maker=SLOWED)
         tighter = lower_rooms(problem, solution.relate_use(use), solution.tries)
         return self.improve_or_fall_back(task.path, tighter, slowed, solution.tries)
+
+
+def solve_posed(
+    problem: Problem,
+    posed: PosedStages,
+    starts: Sequence[Start],
+    maker: str,
+) -> RunSolution:
+    """Return the motion of least cost from the first start that leads to one, or the refusal."""
+    columns = minimise_posed(posed, starts)
+    profile = columns if isinstance(columns, MotionError) else close_profile(problem, columns)
+    if isinstance(profile, MotionError):
+        return RunSolution.refused(profile)
+    return RunSolution("solved", profile, maker=maker, problem=problem)
 
 
 def integrate_squares(trajectory: Trajectory, derivative: int, weights: Array) -> float:

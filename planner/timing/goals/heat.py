@@ -10,25 +10,28 @@ each interval and weighted half each.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import Axis, directional_bounds
-from planner.limits.limit import Limit
 from planner.limits.resonance import Resonance
 from planner.parallel import Progress
 from planner.path.actuation import ActuatorPath, has_constant_speed
-from planner.timing.certified_solve import Solution, certified_solve, cut_runs
-from planner.timing.goals.fallback import FallbackGoal, integrate_squares, weigh_slopes
+from planner.timing.certified_solve import Solution, cut_runs, improve_goal
+from planner.timing.goals.fallback import (
+    FallbackGoal,
+    integrate_squares,
+    solve_posed,
+    weigh_slopes,
+)
 from planner.timing.goals.objective import Objective
 from planner.timing.grid import Task, place_problem
 from planner.timing.order3.pose import pose_weighted
-from planner.timing.order3.solve import minimise_posed
 from planner.timing.problem import Problem
-from planner.timing.profile import Profile, close_profile
+from planner.timing.profile import Profile
 from planner.timing.rows import pose_problem
 from planner.timing.solution import RunSolution
 from planner.trajectory import Trajectory
@@ -50,53 +53,47 @@ def measure_heat(trajectory: Trajectory, weights: Array) -> float:
 
 
 def solve_objective(
-    path: ActuatorPath,
-    limits: Sequence[Limit],
+    best: Solution,
     axes: Sequence[Axis],
-    order: int,
     objective: Objective,
     progress: Progress | None = None,
 ) -> Solution:
     """Return the certified motion with the least of an objective, dwells aside.
 
+    best  fastest motion
+
     Raises MotionError at order 2, for constant speeds, speeds at the ends, bands of resonance, and
-    machines that state no limit of acceleration; and as `certified_solve` does.
+    machines that state no limit of acceleration; and as `solve_goal` does.
     """
-    best = certified_solve(path, limits, order, progress)
     if objective.heat == 0:
         return best
     weights = weigh_axes(axes)
-    _refuse(path, limits, order, objective, weights)
+    _refuse(best, objective, weights)
+    path = best.trajectory.path
     time = best.trajectory.duration - float(path.dwells.sum())
     heat = measure_heat(best.trajectory, weights)
     if heat == 0:
         return best
     goal = TimeAndHeat(
-        cut_runs(path, best, order),
+        cut_runs(best),
         weights=weights,
         price=objective.heat * time / heat,
         slower=max(1.0, (3 * objective.heat) ** 0.25),
     )
-    solution = certified_solve(path, best.limits, order, progress, goal=goal)
-    return replace(solution, lower_estimate=best.lower_estimate)
+    return improve_goal(best, goal, progress)
 
 
-def _refuse(
-    path: ActuatorPath,
-    limits: Sequence[Limit],
-    order: int,
-    objective: Objective,
-    weights: Array,
-) -> None:
+def _refuse(best: Solution, objective: Objective, weights: Array) -> None:
     """Raise MotionError for a motion that an objective with heat does not apply to."""
     name = f'objective "{objective}"'
-    if order != 3:
+    path = best.trajectory.path
+    if best.order != 3:
         raise MotionError(f"{name} needs limits of jerk: plan at order 3, with max_jerk stated of the axes, or omit it")
     if has_constant_speed(path):
         raise MotionError(f"{name}: a constant speed leaves no choice of motion: omit one of the two")
     if max(path.end_speeds) > 0:
         raise MotionError(f"{name} is of motions from rest to rest: omit it, or start_speed and end_speed")
-    if any(isinstance(limit, Resonance) and limit.bands for limit in limits):
+    if any(isinstance(limit, Resonance) and limit.bands for limit in best.limits):
         raise MotionError(f"{name} may linger in a resonance band: omit it, or the axes' resonance_time")
     if not np.isfinite(weights).any():
         raise MotionError(f"{name} counts heat in limits of acceleration: state max_acceleration of some axis")
@@ -132,11 +129,7 @@ class TimeAndHeat(FallbackGoal):
         """Return the motion with the least T + price · H."""
         slopes = weigh_slopes(path, problem, 2, self.weights)
         posed = pose_weighted(problem, guess, slopes, self.price)
-        columns = minimise_posed(posed, ("far", "farther"))
-        profile = columns if isinstance(columns, MotionError) else close_profile(problem, columns)
-        if isinstance(profile, MotionError):
-            return RunSolution.refused(profile)
-        return RunSolution("solved", profile, maker=WEIGHED)
+        return solve_posed(problem, posed, ("far", "farther"), WEIGHED)
 
     def find_cost(self, path: ActuatorPath, profile: Profile) -> float:
         """Return T + price · H."""

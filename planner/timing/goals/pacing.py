@@ -22,8 +22,8 @@ EASING_SHARES = (0.1, 0.3, 0.9)
 # proof, and no more than what a crossing has to spare.
 MIN_SHORTENING = 1e-4
 MAX_SHORTENING = 2e-3
-# Secant steps and halvings at most.
-MOST_STEPS = 40
+# Secant steps at most.
+MOST_STEPS = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,42 +85,37 @@ class Pacer:
         easing: float,
         duration: float,
     ) -> Profile | None:
-        """Return the fastest motion with speeds lowered by the share that gives the duration.
+        """Return the fastest motion with all speeds lowered by the factor that gives the duration.
 
-        The duration nearly goes with 1/share, so secants in 1/share find it; halving where a
-        secant leads out of the bracket. The first share is that of the free motion slowed.
+        The duration nearly goes with the factor, so that secants find it. The first factor is that
+        by which the free motion would have to be slowed.
         """
         free = self.solve_fastest([*self._ease(limits, easing, None)])
-        if free is None or free.duration > duration * (1 - MIN_SHORTENING):
+        longest = duration * (1 - MIN_SHORTENING)
+        shortest = duration * (1 - MAX_SHORTENING)
+        if free is None or free.duration > longest:
             return None
         states = free.along(self.task.path).within(np.arange(len(free.h)), free.h)
         most = np.abs(states.qd).max(0)
-        low = 0.0
-        high = 1.0
-        best = free
-        share = free.duration / duration
-        before = (1.0, free.duration)
-        target = duration * (1 - (MIN_SHORTENING + MAX_SHORTENING) / 2)
+        most[most == 0] = np.inf  # an axis at rest is not held there
+        target = (shortest + longest) / 2
+        best = motion = free
+        factor = 1.0
+        slope = 1 / free.duration
         for _ in range(MOST_STEPS):
-            motion = self.solve_fastest([*self._ease(limits, easing, share * most)])
-            if motion is None:
-                return None
-            if motion.duration <= duration * (1 - MIN_SHORTENING):
-                best = motion
-                high = share
-            else:
-                low = share
-            if best.duration >= duration * (1 - MAX_SHORTENING):
+            if shortest <= motion.duration <= longest:
                 break
-            now = (1 / share, motion.duration)
-            slope = 0.0
-            if now[1] != before[1]:
-                slope = (now[0] - before[0]) / (now[1] - before[1])
-            inverse = now[0] + slope * (target - now[1])
-            share = 1 / inverse if inverse > 0 else low
-            before = now
-            if not low < share < high:
-                share = (low + high) / 2
+            step = slope * (target - motion.duration)
+            factor += step
+            slower = self.solve_fastest([*self._ease(limits, easing, most / factor)])
+            if slower is None:
+                return None
+            if slower.duration == motion.duration:
+                break
+            slope = step / (slower.duration - motion.duration)
+            motion = slower
+            if best.duration < motion.duration <= longest:
+                best = motion
         return best.slowed(duration / best.duration)
 
     def _ease(

@@ -17,18 +17,21 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.machine.axis import Axis, directional_bounds
-from planner.limits.limit import Limit
 from planner.parallel import Progress
 from planner.path.actuation import ActuatorPath
 from planner.place import Infeasible
-from planner.timing.certified_solve import Solution, certified_solve, cut_runs
-from planner.timing.goals.fallback import FallbackGoal, integrate_squares, weigh_slopes
+from planner.timing.certified_solve import Solution, cut_runs, improve_goal
+from planner.timing.goals.fallback import (
+    FallbackGoal,
+    integrate_squares,
+    solve_posed,
+    weigh_slopes,
+)
 from planner.timing.goals.pacing import Pacer
 from planner.timing.grid import Task, grade_problem
 from planner.timing.order3.pose import pose_smoothest
-from planner.timing.order3.solve import minimise_posed
 from planner.timing.problem import Problem
-from planner.timing.profile import Profile, close_profile
+from planner.timing.profile import Profile
 from planner.timing.solution import RunSolution
 from planner.timing.tighten import MAX_TRIES
 
@@ -43,10 +46,8 @@ PACED = "paced"
 
 
 def solve_stated(
-    path: ActuatorPath,
-    limits: Sequence[Limit],
+    best: Solution,
     axes: Sequence[Axis],
-    order: int,
     duration: float,
     progress: Progress | None = None,
 ) -> Solution:
@@ -58,11 +59,13 @@ def solve_stated(
     also makes the total least. Where an axis would stay in a resonance band too long, a run is the
     smoother of two: below all bands, or gentle but fast enough.
 
+    best  fastest motion
+
     Raises Infeasible, with the shortest duration, for less than that, and where no motion was found
     that crosses the bands in time; MotionError where the path states speeds.
     """
+    path = best.trajectory.path
     _refuse_speeds(path)
-    best = certified_solve(path, limits, order, progress)
     shortest = best.trajectory.duration
     if not duration >= shortest:
         raise short_duration_error(duration, shortest)
@@ -70,13 +73,12 @@ def solve_stated(
         return best
     rests = float(path.dwells.sum())
     goal = Smoothest(
-        cut_runs(path, best, order),
+        cut_runs(best),
         axes=tuple(axes),
         weights=_weigh_axes(path, axes),
         slower=(duration - rests) / (shortest - rests),
     )
-    solution = certified_solve(path, best.limits, order, progress, goal=goal)
-    return replace(solution, lower_estimate=best.lower_estimate)
+    return improve_goal(best, goal, progress)
 
 
 def short_duration_error(duration: float, shortest: float) -> Infeasible:
@@ -134,12 +136,10 @@ def solve_smoothest(
     """
     posed = pose_smoothest(problem, guess, weigh_slopes(path, problem, 3, weights))
     # the fastest motion without jerk limits is so far from smooth that the nearer starts often jam
-    columns = minimise_posed(posed, ("farther", "far", "rough"))
-    profile = columns if isinstance(columns, MotionError) else close_profile(problem, columns)
-    if isinstance(profile, MotionError):
-        return RunSolution.refused(profile)
-    profile = profile.slowed(guess[3].sum() / profile.duration)
-    return RunSolution("solved", profile, maker=SMOOTHEST, problem=problem)
+    solution = solve_posed(problem, posed, ("farther", "far", "rough"), SMOOTHEST)
+    if not solution.solved:
+        return solution
+    return replace(solution, profile=solution.profile.slowed(guess[3].sum() / solution.duration))
 
 
 @dataclass(frozen=True, slots=True)

@@ -251,12 +251,12 @@ def _replace_speed(
     return replaced
 
 
-def estimate_lower_bound(problem: Problem, fastest: Profile | None = None) -> float | MotionError:
+def estimate_lower_bound(problem: Problem, fastest: Profile | None = None) -> float:
     """Estimate the least time (s) without jerk limits: 2 T(N) − T(N/2), as errors go with 1/N.
 
     An estimate, not a proof: the extrapolation has an error. Limits that depend on the speed are
     replaced by the least concave limit around them. Motions aim at SOLVER_AIM of the limits; with
-    all of them a motion takes at least that share of its time.
+    all of them a motion takes at least that share of its time. 0 where no motion is found.
 
     fastest  the order-2 motion of a problem without such limits, where it is known
     """
@@ -267,17 +267,12 @@ def estimate_lower_bound(problem: Problem, fastest: Profile | None = None) -> fl
             blocks.append(convex)
     relaxed = replace(problem, blocks=tuple(blocks))
     if fastest is None or not problem.is_unconditional:
-        solution = second_order(relaxed)
-        if solution.refusal is not None:
-            return solution.refusal
-        fastest = solution.profile
+        fastest = second_order(relaxed).profile
     finer = SOLVER_AIM * fastest.duration
     coarser = second_order(_halve_grid(relaxed))
-    if coarser.status == "too fast":  # the finer grid only just leaves room for a speed at an end
+    if not coarser.solved:  # the finer grid only just leaves room for a speed at an end
         return finer
-    if coarser.refusal is not None:
-        return coarser.refusal
-    return 2 * finer - SOLVER_AIM * coarser.duration
+    return max(2 * finer - SOLVER_AIM * coarser.duration, 0.0)
 
 
 def _halve_grid(problem: Problem) -> Problem:

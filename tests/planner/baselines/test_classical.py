@@ -13,7 +13,8 @@ from planner.baselines.classical import PATH_SHAPES, ClassicalFamily
 from planner.baselines.shapes import SINE_PARTS, quarter_sine
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
-from planner.timing import certified_solve
+from planner.timing.certified_solve import solve_goal
+from planner.timing.certify_loop import RunCertifier
 
 
 @pytest.fixture(scope="module")
@@ -75,9 +76,8 @@ def alone(kind, length, speed, acceleration, jerk=None):
     """The baseline timing of one axis on a straight line."""
     path, shapes = straight(length), PATH_SHAPES[kind]
     axes = [Axis("x", max_speed=speed, max_acceleration=acceleration, max_jerk=jerk)]
-    return certified_solve(
-        path, limits_of(path, axes, shapes.order), shapes.order, goal=ClassicalFamily(shapes, uniform=False)
-    )
+    limits = tuple(limits_of(path, axes, shapes.order))
+    return solve_goal(RunCertifier(path, limits, shapes.order, ClassicalFamily(shapes, uniform=False)))
 
 
 MOVES = [(1.0, 1.0, 2.0), (1.0, 10.0, 1.0), (0.05, 0.02, 0.225), (20.0, 30.0, 0.5), (100.0, 0.01, 10.0)]

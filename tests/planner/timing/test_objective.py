@@ -8,7 +8,7 @@ from scipy.interpolate import PPoly
 
 from kinematics import MotionError
 from planner import Line, Program, plan, time_optimal
-from planner.timing import Objective, measure_heat, read_objective, solve_objective
+from planner.timing import Objective, certified_solve, measure_heat, read_objective, solve_objective
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +23,7 @@ def test_a_straight_move_is_a_parabola_of_speed(length, weight):
     path = PPoly(np.array([[[length]], [[0.0]]]), np.array([0.0, 1.0]))
     fastest = time_optimal(path, max_speed=50.0, max_acceleration=2.0, max_jerk=400.0)
     axes = [SimpleNamespace(max_acceleration=2.0)]
-    found = solve_objective(fastest.trajectory.path, fastest.limits, axes, 3, Objective(weight))
+    found = solve_objective(fastest, axes, Objective(weight))
     of = np.array([2.0])
     price = weight * fastest.trajectory.duration / measure_heat(fastest.trajectory, of)
     best = (36 * price * length**2 / 4) ** 0.25
@@ -38,8 +38,8 @@ def test_a_straight_move_is_a_parabola_of_speed(length, weight):
 def test_no_motion_is_better_by_another_s_objective(circle):
     weights = (0.0, 0.2, 1.0, 5.0)
     accelerations = np.array([axis.max_acceleration for axis in circle.machine.axes])
-    given = circle.path, circle.limits, circle.machine.axes, circle.order
-    solutions = [solve_objective(*given, Objective(weight)) for weight in weights]
+    fastest = certified_solve(circle.path, circle.limits, circle.order)
+    solutions = [solve_objective(fastest, circle.machine.axes, Objective(weight)) for weight in weights]
     motions = [solution.trajectory for solution in solutions]
     time = np.array([motion.duration for motion in motions]) / motions[0].duration
     heat = np.array([measure_heat(motion, accelerations) for motion in motions])

@@ -1,13 +1,10 @@
-"""A run whose answer has to be slowed as a whole is the fastest of all that was found for it; what is seen of one."""
-
-from dataclasses import replace
+"""A run whose answer has to be slowed as a whole is the fastest of all that was found for it."""
 
 import numpy as np
-import pytest
 from scipy.interpolate import CubicSpline
 
 from planner import time_optimal
-from planner.timing import Profile, attempts, sample_limit_use
+from planner.timing import attempts
 
 
 def test_what_a_solver_started_from_is_taken_where_its_answer_has_to_be_slowed_more(monkeypatch):
@@ -25,19 +22,3 @@ def test_what_a_solver_started_from_is_taken_where_its_answer_has_to_be_slowed_m
     assert found.certificate.holds
     assert found.methods[0].startswith("averaged")
     assert found.trajectory.duration < 1.2 * best.trajectory.duration
-
-
-@pytest.mark.parametrize("order", [2, 3])
-def test_a_second_look_at_what_has_changed_sees_what_a_first_one_does(planned, order):
-    """To the bit; under jerk limits, too, where every piece is looked at again."""
-    plan = planned("bare-circle", order)
-    motion = plan.trajectory
-    before = Profile(motion.s, motion.v, motion.a, motion.j, np.diff(motion.knots), motion.piece)
-    v = before.v.copy()
-    v[10:20] *= 1.01
-    after = replace(before, v=v)
-    looked = before, sample_limit_use(motion.path, plan.limits, before)
-    again, new = (sample_limit_use(motion.path, plan.limits, after, each) for each in (looked, None))
-    assert again.keys() == new.keys()
-    assert all(np.array_equal(again[name], new[name]) for name in new)
-    assert not np.array_equal(new["speed"], looked[1]["speed"])

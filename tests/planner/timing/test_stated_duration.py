@@ -22,7 +22,7 @@ from tests.planner.timing.smoothest_by_ipopt import smooth_by_ipopt
 def straight(length, duration, speed=1e3, acceleration=1e3, jerk=1e4, order=3):
     path = PolynomialPath([0.0, length], np.array([[[1.0]], [[0.0]]]), ["x"])
     axes = [Axis("x", max_speed=speed, max_acceleration=acceleration, max_jerk=jerk if order == 3 else None)]
-    return solve_stated(path, limits_of(path, axes, order), axes, order, duration)
+    return solve_stated(certified_solve(path, limits_of(path, axes, order), order), axes, duration)
 
 
 def roughness(trajectory):
@@ -80,8 +80,8 @@ def test_it_finds_what_fatrop_finds(monkeypatch, seed, share, order):
     posed = []
     solve = stated_duration.solve_smoothest
     monkeypatch.setattr(stated_duration, "solve_smoothest", lambda *given: posed.append(given) or solve(*given))
-    shortest = certified_solve(path, limits, order).trajectory.duration
-    found = solve_stated(path, limits, axes, order, share * shortest)
+    fastest = certified_solve(path, limits, order)
+    found = solve_stated(fastest, axes, share * fastest.trajectory.duration)
     assert found.certificate.holds
     assert found.methods == ("smoothest",)
     path, problem, weights, guess = posed[0]
@@ -178,7 +178,7 @@ LINE = PolynomialPath([0.0, LENGTH], np.array([[[1.0]], [[0.0]]]), ["x"])
 def stepper(duration, order=3):
     stated = {"max_speed": 0.02, "max_acceleration": 0.225, "resonance": (BAND,), "resonance_time": IN_TIME}
     axes = [Axis("x", max_jerk=4.0 if order == 3 else None, **stated)]
-    return solve_stated(LINE, limits_of(LINE, axes, order), axes, order, duration)
+    return solve_stated(certified_solve(LINE, limits_of(LINE, axes, order), order), axes, duration)
 
 
 @pytest.mark.parametrize("order", [2, 3])
@@ -196,6 +196,18 @@ def test_a_resonance_band_is_crossed_in_time_or_not_at_all(order, duration):
     assert longest <= IN_TIME + 2 * t[1]
     if duration >= 25:
         assert set(found.methods) == {"smoothest"}
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_an_axis_at_rest_does_not_keep_another_from_its_band(order):
+    """The second axis does not move at all. The first takes as long as it does alone."""
+    path = PolynomialPath([0.0, LENGTH], np.array([[[1.0, 0.0]], [[0.0, 0.0]]]), ["x", "y"])
+    stated = {"max_speed": 0.02, "max_acceleration": 0.225, "resonance": (BAND,), "resonance_time": IN_TIME}
+    axes = [Axis(name, max_jerk=4.0 if order == 3 else None, **stated) for name in path.names]
+    found = solve_stated(certified_solve(path, limits_of(path, axes, order), order), axes, 9.0)
+    assert found.certificate.holds
+    assert found.methods == stepper(9.0, order).methods == ("paced",)
+    assert found.trajectory.duration == pytest.approx(9.0, rel=1e-9)
 
 
 @pytest.mark.parametrize("order", [2, 3])
