@@ -5,12 +5,13 @@ import subprocess
 import sys
 
 import casadi as ca
+import numba  # noqa: F401  # tapes serve where the compiler is loaded
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kinematics.foundation import kernels
+from kinematics.foundation import casadi_function, kernels
 from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.tape import BLOCK, make_tape, run_tape
 from kinematics.foundation.taylor_model import Series
@@ -105,9 +106,12 @@ def test_a_taylor_tape_gives_the_balls_of_series(steps, seed, cells, order, erro
         assert np.array_equal(ours.rad[bounded], theirs.rad[bounded])
 
 
+@pytest.mark.parametrize("is_compiled", [False, True])
 @pytest.mark.parametrize("cells", [3, 40])
-def test_columns_side_by_side_are_enclosed_as_each_by_itself(cells):
+def test_columns_side_by_side_are_enclosed_as_each_by_itself(cells, is_compiled, monkeypatch):
     """By the tape and without it, of inputs of several degrees, some of them constant."""
+    monkeypatch.setattr(casadi_function, "compiler_is_loaded", lambda: is_compiled)
+    monkeypatch.setattr(casadi_function, "ENCLOSING_WORK", np.inf)
     x = ca.SX.sym("x", 4)
     expression = Expression("f", x, ca.vertcat(x[0] * x[1] + x[3], ca.sqrt(9 + x[2] * x[3]), 2.0, x[2] / (4 + x[0])))
     rng = np.random.default_rng(cells)
@@ -121,6 +125,20 @@ def test_columns_side_by_side_are_enclosed_as_each_by_itself(cells):
         assert (np.abs(found.mid[:, :, k] - one.mid) <= 1e-15).all()
         assert (found.rad[:, :, k] <= one.rad * (1 + 1e-9) + 1e-15).all()
         assert (found.rad[:, :, k] >= one.rad * (1 - 1e-6) - 1e-14).all()
+
+
+def test_the_compiler_is_loaded_once_enclosing_without_it_has_taken_as_long(monkeypatch):
+    x = ca.SX.sym("x", 1)
+    expression = Expression("f", x, ca.sqrt(2 + x))
+    taped = []
+    monkeypatch.setattr(casadi_function, "compiler_is_loaded", lambda: False)
+    monkeypatch.setattr(casadi_function, "enclose_tape", lambda *_: taped.append(calls))
+    monkeypatch.setattr(Expression, "_enclosing_work", 0)
+    work = expression.function.n_instructions() * (1 + casadi_function.CALL_CELLS)
+    monkeypatch.setattr(casadi_function, "ENCLOSING_WORK", 3 * work)
+    for calls in range(1, 5):
+        expression.enclose([Series.constant(np.ones(1), 2)])
+    assert taped == [3, 4]
 
 
 @pytest.mark.parametrize("name", ["sin", "cos", "atan2"])
