@@ -111,9 +111,7 @@ def test_segments_and_discs(ends, thickness, radius):
 )
 def test_discs_of_known_distance(ends, distance):
     disc = Disc(radius=2, thickness=2)
-    assert float(segment_disc_distance(*np.array(ends, float), disc)) == pytest.approx(
-        distance, rel=0, abs=4 * EXACT
-    )
+    assert float(segment_disc_distance(*np.array(ends, float), disc)) == pytest.approx(distance, rel=0, abs=4 * EXACT)
 
 
 # legs and plates
