@@ -159,10 +159,9 @@ class _Stand:
         end = _arc_end(segment, self._position)
         centre = self.move_to_base(np.asarray(segment.centre, float))
         normal = self._turned @ _unit(segment.normal)
-        rotation = self._turned @ self._rotation
+        rows = (self._turned @ self._rotation).ravel()
         self._position = end
-        numbers = np.concatenate([start, rotation.ravel()])
-        return arc(numbers, centre, normal, segment.angle, rotation, number, segment.rise)
+        return arc(np.concatenate([start, rows]), centre, normal, segment.angle, np.zeros(3), number, segment.rise)
 
 
 def draw_segments(program: Program, machine: Machine) -> Iterator[Drawn]:
@@ -454,8 +453,8 @@ def _pieces(
         case Arc():
             centre = frame.apply(np.asarray(segment.centre, float))
             normal = frame.rotation.apply(_unit(segment.normal))
-            numbers = to_numbers(start)[0]
-            return [arc(numbers, centre, normal, segment.angle, end.rotation.as_matrix(), number, segment.rise)]
+            turning = (start.rotation.inv() * end.rotation).as_rotvec()
+            return [arc(to_numbers(start)[0], centre, normal, segment.angle, turning, number, segment.rise)]
         case Curve():
             return curve(start, segment, frame, number)
         case Spline():

@@ -19,7 +19,6 @@ from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.facts import Fact
-from kinematics.foundation.rotations import find_vectors
 from kinematics.machine.pose import (
     STRAIGHT_SIZE,
     axis_angle,
@@ -310,23 +309,22 @@ def arc(
     centre: Array,
     normal: Array,
     angle: float,
-    end_rotation: Array,
+    turning: Array,
     segment: int,
     rise: float = 0.0,
 ) -> Piece:
-    """The arc from start about `centre` by the signed angle, right hand about the unit normal, to `end_rotation`.
+    """Return the arc from a pose about `centre` by the signed angle, right hand about the unit normal.
 
-    start         numbers of a pose (12,)
-    end_rotation  matrix (3, 3)
-    rise          m, along the normal: makes it a helix, of length √((radius · angle)² + rise²)
+    start    numbers of the pose (12,)
+    turning  rotation (3,) in the moving frame up to the end, unit axis times angle (rad)
+    rise     m, along the normal: makes it a helix, of length √((radius · angle)² + rise²)
     """
     position, rows = np.split(start, [3])
     centre = centre + ((position - centre) @ normal) * normal  # in the start's own plane, to the last digit
     u = position - centre
     length = float(np.hypot(np.linalg.norm(u) * angle, rise))
-    (vector,) = find_vectors((rows.reshape(3, 3).T @ end_rotation)[None])
-    turn = float(np.linalg.norm(vector))
-    axis = vector / turn if turn > 0 else np.array([0.0, 0.0, 1.0])
+    turn = float(np.linalg.norm(turning))
+    axis = turning / turn if turn > 0 else np.array([0.0, 0.0, 1.0])
     refuse_half_turn(turn)
     numbers = [
         centre,
