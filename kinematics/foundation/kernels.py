@@ -34,8 +34,6 @@ PATIENCE = 1.0
 LOOK = 0.05
 # Folders that are retained, those used last: of several versions, settings and checkouts.
 MOST_FOLDERS = 8
-# Options of the compiler: IEEE arithmetic, in which a division by zero gives infinity.
-OPTIONS = {"error_model": "numpy"}
 
 _Floats = NDArray[np.float64]
 _Ints = NDArray[np.int64]
@@ -245,12 +243,12 @@ def _decorate(kernel: Kernel, folder: Path | None) -> Any:
     copy = FunctionType(function.__code__, names, function.__name__, function.__defaults__)
     copy.__qualname__ = function.__qualname__
     if folder is None:
-        return numba.njit(**OPTIONS)(copy)
+        return numba.njit(error_model="numpy")(copy)
     config: Any = numba.config
     before = config.CACHE_DIR
     config.CACHE_DIR = str(folder)
     try:
-        dispatcher = numba.njit(**OPTIONS, cache=True)(copy)
+        dispatcher = numba.njit(error_model="numpy", cache=True)(copy)
     finally:
         config.CACHE_DIR = before
     if Path(str(dispatcher.stats.cache_path)).is_relative_to(folder):

@@ -229,7 +229,7 @@ def _draw(segment: Moving, number: int, stand: _Stand, machine: Machine, tool: "
 
 def _find_frame(program: Program, machine: Machine) -> Array:
     """Return the numbers (12,) of the program's frame in the base frame."""
-    frame = machine.home_numbers[0] if program.frame == "home" else IDENTITY
+    frame: Array = machine.home_numbers[0] if program.frame == "home" else IDENTITY
     return frame if program.work is None else to_numbers(from_numbers(frame) * program.work)[0]
 
 
@@ -238,7 +238,8 @@ def _find_start(program: Program, machine: Machine) -> Array:
     if program.start is not None:
         return to_numbers(program.start)[0]
     if program.tool is None and program.work is None:
-        return IDENTITY if program.frame == "home" else machine.home_numbers[0]
+        start: Array = IDENTITY if program.frame == "home" else machine.home_numbers[0]
+        return start
     return to_numbers(default_start(program, machine))[0]
 
 

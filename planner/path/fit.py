@@ -380,8 +380,8 @@ def _quaternions(x: Array, first: Array) -> Array:
     rows = x[:, 3:]
     if (rows == rows[0]).all():
         return np.tile(first, (len(rows), 1))
-    found = find_quaternions(rows.reshape(-1, 3, 3))
-    return align_signs(np.concatenate([first[None], found]))[1:]
+    quaternions = find_quaternions(rows.reshape(-1, 3, 3))
+    return align_signs(np.concatenate([first[None], quaternions]))[1:]
 
 
 def _evaluate(powers: Array, s: Array) -> Array:

@@ -330,11 +330,11 @@ def arc(
         centre,
         u,
         np.cross(normal, u),
-        [angle / length],
+        np.array([angle / length]),
         normal * (rise / length),
         rows,
         axis,
-        [turn / length],
+        np.array([turn / length]),
     ]
     whole = abs(angle) + turn
     return Piece(ARC, freeze_array(np.concatenate(numbers)), length, segment, turn=whole)
