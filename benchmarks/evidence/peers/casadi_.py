@@ -27,6 +27,7 @@ from planner.timing.order3.pose import (
     JERK_WEIGHT,
     POWERS,
     SHORTEST,
+    Middles,
     jerk_share,
 )
 
@@ -68,6 +69,7 @@ class CasadiProblem:
 
     def __init__(self, problem: Problem, guess: Array, solver: Solver) -> None:
         self.problem, self.solver = problem, solver
+        self.guess = guess
         self.length = float(problem.s[-1] - problem.s[0])
         self.time = float(guess[3].sum())
         per_time = self.length / self.time ** np.arange(1, 4)
@@ -113,13 +115,17 @@ class CasadiProblem:
         high = low.copy()
         for block in self.problem.blocks:
             jumps = Term.SDDD in block.start
-            between = {term: (block.start[term] + block.end[term]) / 2 for term in block.start}
-            second, motion = (block.end, end) if jumps else (between, middle)
+            second, motion = (block.end, end) if jumps else (self._interpolate(block), middle)
             rows += [self._sum_terms(block.start, start), self._sum_terms(second, motion)]
             for room in (block.room if jumps else _start_room(block), block.room):
                 low.append((block.middle - 1)[:, None] * room)
                 high.append((block.middle + 1)[:, None] * room)
         return ca.vertcat(*rows), np.concatenate(low).T.ravel(), np.concatenate(high).T.ravel()
+
+    def _interpolate(self, block: Block) -> dict[Term, Array]:
+        """Return the rows of a block in the middle of each interval."""
+        middles = Middles.of(self.problem, self.guess)
+        return {term: middles.interpolate(block.start[term], block.end[term]) for term in block.start}
 
     def _sum_terms(self, side: Mapping[Term, Array], motion: Motion) -> ca.MX:
         """Return the rows (m, N) of a block at one place of each interval."""

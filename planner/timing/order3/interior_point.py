@@ -83,6 +83,9 @@ NEAR_STARTS: tuple[Start, ...] = ("finer", "near", "nearer")
 # A barrier problem is solved where E_μ ≤ κ_ε μ; the next μ is max(tolerance, min(κ_μ μ, μ^θ_μ))
 # (equations 6 and 7).
 KAPPA_EPSILON, KAPPA_MU, THETA_MU = 10.0, 0.2, 1.5
+# The equality constraints of a solution hold more exactly than E_μ asks, by this share of the
+# tolerance: a motion is made continuous afterwards, which must not change its use of the limits.
+RESIDUAL_SHARE = 1e-2
 # Regularization (algorithm IC): the first δ_w, factors of the next, and its range.
 FIRST_DELTA, MIN_DELTA, MAX_DELTA = 1e-4, 1e-14, 1e20
 DECREASE, INCREASE, FIRST_INCREASE = 1 / 3, 8.0, 100.0
@@ -273,7 +276,8 @@ class _Method:
 
     def is_solved(self, error: OptimalityError) -> bool:
         """Return whether the problem is solved (step A-2), by the error at the last μ."""
-        return self.mu <= self.tolerance and self._converged(error)
+        is_exact = error.primal <= RESIDUAL_SHARE * self.tolerance
+        return self.mu <= self.tolerance and is_exact and self._converged(error)
 
     def violation(self, error: OptimalityError) -> float:
         """Return the largest residual, of all rows too."""
@@ -285,7 +289,7 @@ class _Method:
         converged = self._converged(error)
         if not converged and self.iterations % EXAMINE_EACH != EXAMINE_EACH - 1:
             return False
-        solved = converged and self.mu <= self.tolerance
+        solved = self.is_solved(error)
         self._examine(self.point.states, self.point.controls)
         if ((self.room < (0.0 if solved else SHORT)) & ~self.mask).any():
             self._activate_more()

@@ -80,7 +80,7 @@ def pose_stages(problem: Problem, guess: Array, start_reward: float = 0.0) -> Po
         if free:
             jerk_weight[-end] = FREE_END_JERK_WEIGHT / scale[2] ** 2
             controls[-end, 0] = 0.0
-    rows = _pose_rows(problem, length, time, start_reward > 0)
+    rows = _pose_rows(problem, guess, start_reward > 0)
     states = _pose_states(problem, start, unit)
     if start_reward > 0:
         states[0, 0] = start[0, 0]
@@ -183,7 +183,10 @@ def jerk_share(problem: Problem, unit: float) -> Array:
     return share
 
 
-def _pose_rows(problem: Problem, length: float, time: float, free_speed: bool) -> Rows:
+def _pose_rows(problem: Problem, guess: Array, free_speed: bool) -> Rows:
+    length = float(problem.s[-1] - problem.s[0])
+    time = float(guess[3].sum())
+    middles = Middles.of(problem, guess)
     terms = np.zeros((len(problem.blocks), len(TERMS)), int)
     first: list[Array] = []
     second: list[Array] = []
@@ -192,9 +195,10 @@ def _pose_rows(problem: Problem, length: float, time: float, free_speed: bool) -
         numbers[: len(unit)] = [TERMS.index(term) for term in block.start]
         start = np.stack(list(block.start.values()), axis=-1) * unit
         end = np.stack([block.end[term] for term in block.start], axis=-1) * unit
-        other = end if Term.SDDD in block.start else (start + end) / 2
-        first.append(start.reshape(problem.intervals, -1))
-        second.append(other.reshape(problem.intervals, -1))
+        start = start.reshape(problem.intervals, -1)
+        end = end.reshape(problem.intervals, -1)
+        first.append(start)
+        second.append(end if Term.SDDD in block.start else middles.interpolate(start, end))
     low, high = pose_bounds(problem, free_speed)
     return Rows(
         terms=terms,
@@ -206,6 +210,54 @@ def _pose_rows(problem: Problem, length: float, time: float, free_speed: bool) -
         low=low,
         high=high,
     )
+
+
+class Middles(NamedTuple):
+    """Places (N,) on the intervals of a grid that a motion passes at the middle of their time.
+
+    share   (N,) part of the interval that is passed there
+    step    (N,) length of the interval
+    joined  (N − 1,) whether an interval and the next one are on the same piece of the path
+    """
+
+    share: Array
+    step: Array
+    joined: np.ndarray
+
+    @classmethod
+    def of(cls, problem: Problem, columns: Array) -> "Middles":
+        """Return the middles of a motion (4, N) of ṡ, s̈, s⃛, h."""
+        v, a, j, h = columns
+        step = np.diff(problem.s)
+        passed = h * (v / 2 + h * (a / 8 + h * j / 48))
+        return cls((passed / step).clip(0.0, 1.0), step, np.diff(problem.piece) == 0)
+
+    def interpolate(self, start: Array, end: Array) -> Array:
+        """Return coefficients (N, m) at the middles, from those at the starts and ends.
+
+            c = c₀ + σ (c₁ − c₀) − σ (1 − σ) Δs²/2 · c″        σ = share
+
+        Without c″ speeds would exceed their limits between grid points by Δs² q‴/8.
+        """
+        share = self.share[:, None]
+        step = self.step[:, None]
+        bend = share * (1 - share) / 2 * step**2
+        return start + share * (end - start) - bend * self._find_curvature((end - start) / step)
+
+    def _find_curvature(self, slope: Array) -> Array:
+        """Return c″ (N, m) from the slopes on adjacent intervals, 0 for a piece of one interval.
+
+        Of the differences to the interval before and to the one after, the smaller counts, and
+        none where their signs differ: next to a step of c both would mislead.
+        """
+        distance = (self.step[1:] + self.step[:-1])[:, None] / 2
+        changes = np.where(self.joined[:, None], np.diff(slope, axis=0) / distance, np.nan)
+        none = np.full_like(slope[:1], np.nan)
+        before = np.concatenate([none, changes])
+        after = np.concatenate([changes, none])
+        # fmin and fmax ignore the missing side
+        least, most = np.fmin(before, after), np.fmax(before, after)
+        return np.nan_to_num(np.clip(0.0, least, most))
 
 
 def pose_bounds(problem: Problem, free_speed: bool = False) -> tuple[Array, Array]:

@@ -28,6 +28,7 @@ from planner.timing import (
     third_order,
 )
 from planner.timing.order3 import solve as solver_module
+from planner.timing.order3.interior_point import TOLERANCE
 from planner.timing.order3.peaks import SMALL_EXCESS
 
 
@@ -292,11 +293,12 @@ def test_without_a_limit_of_jerk_it_is_refused():
         solve_run(Task(path, limits_on(path, 1.0, 1.0, None), Run(0, 0), 3)).require_profile()
 
 
-def test_a_motion_that_uses_little_of_every_limit_is_looked_at_no_more():
+def test_a_motion_that_uses_little_of_every_limit_is_looked_at_no_more(monkeypatch):
     """Then nothing is left whose peaks could count: it was an internal error on axes held below resonance bands."""
     path = curve()
     problem, start = jerk_problem(path, limits_on(path, **CURVE), Run(0, 0))
     guess = start.on(problem.s)
+    monkeypatch.setattr(solver_module, "REVISED_TOLERANCE", TOLERANCE)
     blind = solve_jerk_limited(problem, guess)
     looked = solve_jerk_limited(problem, guess, look=lambda motion, names: {})
     assert looked.solved
