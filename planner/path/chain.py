@@ -235,12 +235,11 @@ def _find_frame(program: Program, machine: Machine) -> Array:
 
 def _find_start(program: Program, machine: Machine) -> Array:
     """Return the numbers (12,) of the pose from which a program starts, in its frame."""
-    if program.start is not None:
-        return to_numbers(program.start)[0]
-    if program.tool is None and program.work is None:
+    if program.start is None and program.tool is None and program.work is None:
         start: Array = IDENTITY if program.frame == "home" else machine.home_numbers[0]
         return start
-    return to_numbers(default_start(program, machine))[0]
+    pose = default_start(program, machine) if program.start is None else program.start
+    return to_numbers(pose).ravel()
 
 
 def default_start(program: Program, machine: Machine) -> "Pose":
