@@ -315,7 +315,9 @@ def find_kernel_folder(kernel: Kernel) -> Path | None:
     except OSError:  # no file of its own, as in an archive: numba stores nothing then
         return None
     content = [str(file), state.st_mtime_ns, state.st_size, describe_kernel(kernel)]
-    return root / f"{kernel.function.__module__}.{kernel.function.__name__}-{_hash(content)}"
+    # without packages: some systems allow 260 letters in a path
+    module = kernel.function.__module__.rpartition(".")[2]
+    return root / f"{module}.{kernel.function.__name__}-{_hash(content)}"
 
 
 def _hash(content: Any) -> str:
