@@ -82,31 +82,41 @@ FAR_STARTS: tuple[Start, ...] = ("far", "farther")
 NEAR_STARTS: tuple[Start, ...] = ("finer", "near", "nearer")
 # A barrier problem is solved where E_μ ≤ κ_ε μ; the next μ is max(tolerance, min(κ_μ μ, μ^θ_μ))
 # (equations 6 and 7).
-KAPPA_EPSILON, KAPPA_MU, THETA_MU = 10.0, 0.2, 1.5
+KAPPA_EPSILON = 10.0
+KAPPA_MU = 0.2
+THETA_MU = 1.5
 # The equality constraints of a solution hold more exactly than E_μ asks, by this share of the
 # tolerance: a motion is made continuous afterwards, which must not change its use of the limits.
 RESIDUAL_SHARE = 1e-2
 # Regularization (algorithm IC): the first δ_w, factors of the next, and its range.
-FIRST_DELTA, MIN_DELTA, MAX_DELTA = 1e-4, 1e-14, 1e20
-DECREASE, INCREASE, FIRST_INCREASE = 1 / 3, 8.0, 100.0
+FIRST_DELTA = 1e-4
+MIN_DELTA = 1e-14
+MAX_DELTA = 1e20
+DECREASE = 1 / 3
+INCREASE = 8.0
+FIRST_INCREASE = 100.0
 # The last iterations continue with so much regularization that residuals vanish where the method
 # creeps: a motion that satisfies all rows up to MAX_VIOLATION is a solution, though not the best.
-LAST_ITERATIONS, LAST_DELTA = 20, 1.0
+LAST_ITERATIONS = 20
+LAST_DELTA = 1.0
 MAX_VIOLATION = 1e-6
 # Flat steps in a row after which rounding leaves nothing to gain.
 MAX_FLAT_STEPS = 8
 # Bounds are revised at the first solution for a μ up to EARLY_MU, from where that takes few
 # iterations, and then with each solution for the last μ. Two early revisions take fewer iterations
 # in long splines, but lower rooms too much at ends that are passed.
-EARLY_MU, MAX_REVISIONS = 1e-4, 5
+EARLY_MU = 1e-4
+MAX_REVISIONS = 5
 # Average number of constraints per stage up to which all are active: leaving out some of few saves
 # nothing.
 FEW_CONSTRAINTS = 32
 # Room of inactive constraints below which they are activated: examined at each solution, and in
 # every fourth iteration. An activation extends to stages around, 5 from near starts and 16 from far
 # ones, and to twice as many each time: with a constant number more solves fail.
-SHORT, EXAMINE_EACH = 0.1, 4
-REACH, FAR_REACH = 5, 16
+SHORT = 0.1
+EXAMINE_EACH = 4
+REACH = 5
+FAR_REACH = 16
 
 Revise = Callable[[Array, Array, Array, bool], tuple[Array, Array] | None]
 """States, controls, values of the rows, whether these are a solution -> new bounds, or None."""
@@ -163,7 +173,8 @@ def try_starts(
     revise: Revise | None = None,
 ) -> Minimum | MotionError:
     """Return the minimum from the first start that leads to one, or the error."""
-    stages, rows = posed.stages, posed.rows
+    stages = posed.stages
+    rows = posed.rows
     numbers = (posed.states, posed.controls, stages.squares, rows.first, rows.second)
     if not (all(np.isfinite(each).all() for each in numbers) and (stages.step > 0).all()):
         fault = "a coefficient that is not finite, or an interval of length 0"
@@ -194,7 +205,8 @@ class _Method:
         self.mu = warmth.mu
         self.least_slack = np.full(width, warmth.row_slack)
         self.least_slack[-2:] = warmth.bound_slack
-        self.values, self.room = np.empty((count, width)), np.empty((2, count, width))
+        self.values = np.empty((count, width))
+        self.room = np.empty((2, count, width))
         self.recursion = Recursion.allocate(count)
         self.derivatives = Derivatives.allocate(count)
         self.multipliers = EqualityMultipliers.allocate(count)
@@ -221,7 +233,8 @@ class _Method:
     def _activate(self, states: Array, controls: Array) -> None:
         """Begin at states and controls with the constraints of the mask."""
         active = collect_active(self.posed.rows, self.mask)
-        count, size = len(controls), len(active.bound)
+        count = len(controls)
+        size = len(active.bound)
         least = self.least_slack[active.flat % len(self.least_slack)]
         s = np.maximum(self.room.ravel()[active.flat], least)
         z = self.mu / s
@@ -310,12 +323,14 @@ class _Method:
 
     def _activate_more(self) -> None:
         """Activate constraints with little room; the others retain their slacks and multipliers."""
-        active, point = self.program.active, self.point
+        active = self.program.active
+        point = self.point
         self.reach *= 2
         activate_near(self.mask, self.room, self.reach)
         self._activate(point.states, point.controls)
         common = find_common(active, self.program.active, self.room.size)
-        self.point.s[common], self.point.z[common] = point.s, point.z
+        self.point.s[common] = point.s
+        self.point.z[common] = point.z
         self._restart()
 
     def lower_barrier(self, error: OptimalityError) -> None:

@@ -130,7 +130,9 @@ class _Stage(NamedTuple):
 
 @kernel
 def _allocate_sums() -> _Stage:
-    places, gradients, curvatures = np.empty((3, 2)), np.empty((4, 3, 3)), np.empty((3, 6))
+    places = np.empty((3, 2))
+    gradients = np.empty((4, 3, 3))
+    curvatures = np.empty((3, 6))
     errors = np.array([0.0, 0.0, np.inf, 0.0, 0.0])
     return _Stage(places, gradients, curvatures, np.empty((4, 4)), errors)
 
@@ -149,12 +151,10 @@ def linearize(
     last = len(stages.step) - 1
     scale = stages.objective_scale
     for k in range(last + 1):
-        v, a, j, h = (
-            point.states[k, 0],
-            point.states[k, 1],
-            point.controls[k, 0],
-            point.controls[k, 1],
-        )
+        v = point.states[k, 0]
+        a = point.states[k, 1]
+        j = point.controls[k, 0]
+        h = point.controls[k, 1]
         for place in range(3):
             sums.places[place, 0], sums.places[place, 1] = advance(v, a, j, h * place / 2)
             _add_constraints(active, point, k, place, sums)
@@ -197,19 +197,26 @@ def linearize(
 @kernel
 def _add_constraints(active: ActiveSet, point: Iterate, k: int, place: int, sums: _Stage) -> None:
     """Set the sums at a place to those of its active constraints."""
-    v, a = sums.places[place, 0], sums.places[place, 1]
+    v = sums.places[place, 0]
+    a = sums.places[place, 1]
     rows = active.coefficients
     dual_v = dual_a = dual_j = 0.0
     constant_v = constant_a = constant_j = 0.0
     barrier_v = barrier_a = barrier_j = 0.0
     vv = va = vj = aa = aj = jj = 0.0
-    primal, least, largest, total = sums.errors[0], sums.errors[2], sums.errors[3], sums.errors[4]
+    primal = sums.errors[0]
+    least = sums.errors[2]
+    largest = sums.errors[3]
+    total = sums.errors[4]
     for i in range(active.begin[k, place], active.begin[k, place + 1]):
-        square, cube, cross = rows[i, 2], rows[i, 3], rows[i, 5]
+        square = rows[i, 2]
+        cube = rows[i, 3]
+        cross = rows[i, 5]
         by_v = rows[i, 1] + (2 * square + 3 * v * cube) * v + a * cross
         by_a = rows[i, 4] + v * cross
         by_j = rows[i, 6]
-        z, residual = point.z[i], point.g[i]
+        z = point.z[i]
+        residual = point.g[i]
         inverse = 1 / point.s[i]
         product = point.s[i] * z
         sigma = z * inverse
@@ -233,39 +240,42 @@ def _add_constraints(active: ActiveSet, point: Iterate, k: int, place: int, sums
         aa += sigma * by_a * by_a
         aj += sigma * by_a * by_j
         jj += sigma * by_j * by_j
-    sums.errors[0], sums.errors[2], sums.errors[3], sums.errors[4] = primal, least, largest, total
-    g, c = sums.gradients, sums.curvatures
-    g[DUAL, place, 0], g[DUAL, place, 1], g[DUAL, place, 2] = dual_v, dual_a, dual_j
-    g[CONSTRAINTS, place, 0], g[CONSTRAINTS, place, 1], g[CONSTRAINTS, place, 2] = (
-        constant_v,
-        constant_a,
-        constant_j,
-    )
-    g[BARRIER, place, 0], g[BARRIER, place, 1], g[BARRIER, place, 2] = (
-        barrier_v,
-        barrier_a,
-        barrier_j,
-    )
-    c[place, 0], c[place, 1], c[place, 2], c[place, 3], c[place, 4], c[place, 5] = (
-        vv,
-        va,
-        vj,
-        aa,
-        aj,
-        jj,
-    )
+    sums.errors[0] = primal
+    sums.errors[2] = least
+    sums.errors[3] = largest
+    sums.errors[4] = total
+    g = sums.gradients
+    c = sums.curvatures
+    g[DUAL, place, 0] = dual_v
+    g[DUAL, place, 1] = dual_a
+    g[DUAL, place, 2] = dual_j
+    g[CONSTRAINTS, place, 0] = constant_v
+    g[CONSTRAINTS, place, 1] = constant_a
+    g[CONSTRAINTS, place, 2] = constant_j
+    g[BARRIER, place, 0] = barrier_v
+    g[BARRIER, place, 1] = barrier_a
+    g[BARRIER, place, 2] = barrier_j
+    c[place, 0] = vv
+    c[place, 1] = va
+    c[place, 2] = vj
+    c[place, 3] = aa
+    c[place, 4] = aj
+    c[place, 5] = jj
 
 
 @kernel
 def _add_squares(stages: Stages, point: Iterate, k: int, sums: _Stage) -> float:
     """Add the objective's ∫ Σ r² dt to the sums at both ends, and return its integrand, ½ Σ r²."""
     total = 0.0
-    j, h = point.controls[k, 0], point.controls[k, 1]
+    j = point.controls[k, 0]
+    h = point.controls[k, 1]
     share = stages.objective_scale * h
     for end in range(2 if stages.squares.shape[2] > 0 else 0):
         place = END * end
-        v, a = sums.places[place, 0], sums.places[place, 1]
-        gradient, curvature = sums.gradients[OBJECTIVE, place], sums.curvatures[place]
+        v = sums.places[place, 0]
+        a = sums.places[place, 1]
+        gradient = sums.gradients[OBJECTIVE, place]
+        curvature = sums.curvatures[place]
         for i in range(stages.squares.shape[2]):
             row = stages.squares[k, end, i]
             r = evaluate_square(row, v, a, j)
@@ -295,11 +305,9 @@ def _map_stage(a: float, j: float, h: float, sums: _Stage, hessian: Floats2) -> 
         derivatives = differentiate_place(place, a, j, h)
         t, half_square, v_h, a_h = derivatives
         for part in range(4):
-            g_v, g_a, g_j = (
-                sums.gradients[part, place, 0],
-                sums.gradients[part, place, 1],
-                sums.gradients[part, place, 2],
-            )
+            g_v = sums.gradients[part, place, 0]
+            g_a = sums.gradients[part, place, 1]
+            g_j = sums.gradients[part, place, 2]
             mapped[part, 0] += g_v
             mapped[part, 1] += g_v * t + g_a
             mapped[part, 2] += g_v * half_square + g_a * t + g_j
@@ -324,10 +332,13 @@ def _map_stage(a: float, j: float, h: float, sums: _Stage, hessian: Floats2) -> 
 def _add_duration(program: Program, point: Iterate, k: int, sums: _Stage, hessian: Floats2) -> None:
     """Add the active bounds of h."""
     stages, active = program
-    errors, mapped = sums.errors, sums.mapped
+    errors = sums.errors
+    mapped = sums.mapped
     for i in range(active.begin[k, WHOLE], active.begin[k, WHOLE + 1]):
         by_h = active.coefficients[i, 1] / stages.duration[k]
-        s, z, residual = point.s[i], point.z[i], point.g[i]
+        s = point.s[i]
+        z = point.z[i]
+        residual = point.g[i]
         errors[0] = max(errors[0], abs(residual))
         errors[2] = min(errors[2], s * z)
         errors[3] = max(errors[3], s * z)
@@ -341,7 +352,8 @@ def _add_duration(program: Program, point: Iterate, k: int, sums: _Stage, hessia
 @kernel
 def _add_step(multiplier: float, h: float, sums: _Stage, hessian: Floats2) -> None:
     """Add the constraint Δs = v h + a h²/2 + j h³/6."""
-    end, dual = sums.places[END], sums.mapped[DUAL]
+    end = sums.places[END]
+    dual = sums.mapped[DUAL]
     hessian[0, 3] += multiplier
     hessian[1, 3] += multiplier * h
     hessian[2, 3] += multiplier * h * h / 2

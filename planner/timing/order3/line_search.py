@@ -21,14 +21,18 @@ from planner.timing.order3.stages import (
 
 # Least fraction to the boundary, τ_min (equation 8); and the largest share of an interval's h that
 # one step takes off.
-TAU_MIN, MAX_SHORTENING = 0.99, 0.9
+TAU_MIN = 0.99
+MAX_SHORTENING = 0.9
 # Margins γ_θ and γ_φ of the filter (equation 18), and η_φ of the Armijo condition (equation 20).
-GAMMA, ETA = 1e-5, 1e-8
+GAMMA = 1e-5
+ETA = 1e-8
 # Exponents of the switching condition (equation 19).
-S_PHI, S_THETA = 2.3, 1.1
+S_PHI = 2.3
+S_THETA = 1.1
 # θ_min and θ_max, as factors of the first θ. The paper's θ_max is 1e4, which lets steps from our
 # guesses lead astray.
-THETA_MIN, THETA_MAX = 1e-4, 2.0
+THETA_MIN = 1e-4
+THETA_MAX = 2.0
 MAX_HALVINGS = 14
 # A step along which φ changes by less than its own rounding, as a share of it, is judged by θ
 # alone.
@@ -111,7 +115,8 @@ def search(ray: Ray, filter: Filter, trial: Iterate) -> tuple[float, Merit]:
     alpha = ray.limits.alpha
     for _ in range(MAX_HALVINGS):
         merit = try_step(ray.program, ray.point, ray.direction, alpha, trial)
-        new_theta, new_phi = merit.theta, merit.phi(ray.mu)
+        new_theta = merit.theta
+        new_phi = merit.phi(ray.mu)
         if filter.accepts(new_theta, new_phi):
             if ray.is_flat:
                 if new_theta <= max(theta, ROUNDING_THETA):
@@ -169,13 +174,15 @@ def limit_step(
             direction.s[i] = point.g[i] - active.coefficients[i, 1] * dx[3] / stages.duration[k]
     primal = dual = centred = 0.0
     for i in range(len(point.s)):
-        z, ds = point.z[i], direction.s[i]
+        z = point.z[i]
+        ds = direction.s[i]
         inverse = 1 / point.s[i]
         dz = (mu - z * ds) * inverse - z
         direction.z[i] = dz
         ds *= inverse
         centred += ds
-        primal, dual = max(primal, -ds), max(dual, -dz / z)
+        primal = max(primal, -ds)
+        dual = max(dual, -dz / z)
     tau = max(TAU_MIN, 1 - mu)
     if primal * alpha > tau:
         alpha = tau / primal
@@ -203,10 +210,12 @@ def try_step(
     theta = time = 0.0
     _move_states(point, direction, alpha, stages.free_end, trial.states)
     for k in range(count):
-        v, a = trial.states[k, 0], trial.states[k, 1]
+        v = trial.states[k, 0]
+        a = trial.states[k, 1]
         j = point.controls[k, 0] + alpha * direction.stages[k, 2]
         h = point.controls[k, 1] + alpha * direction.stages[k, 3]
-        trial.controls[k, 0], trial.controls[k, 1] = j, h
+        trial.controls[k, 0] = j
+        trial.controls[k, 1] = h
         v_end, a_end = advance(v, a, j, h)
         trial.next[k, 0] = v_end - trial.states[k + 1, 0]
         trial.next[k, 1] = a_end - trial.states[k + 1, 1]

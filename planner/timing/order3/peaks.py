@@ -19,7 +19,10 @@ from planner.timing.sampling import MIN_WATCHED_USE
 
 # Use of a limit from which its peaks count; the room lost to a peak, as a multiple of it, since
 # peaks move a little; the largest peak that counts; and the least change of a room.
-NEAR_USE, PEAK_FACTOR, MAX_PEAK, MIN_CHANGE = 0.98, 1.05, 0.3, 1e-7
+NEAR_USE = 0.98
+PEAK_FACTOR = 1.05
+MAX_PEAK = 0.3
+MIN_CHANGE = 1e-7
 # Excess that slowing the motion as a whole removes at next to no cost.
 SMALL_EXCESS = 4e-6
 Look = Callable[[Profile, Collection[str]], Mapping[str, Array]]
@@ -34,7 +37,8 @@ class Peaks:
 
     def __init__(self, problem: Problem, posed: PosedStages, look: Look) -> None:
         self.problem = problem
-        self.posed, self.look = posed, look
+        self.posed = posed
+        self.look = look
         self.use: Mapping[str, Array] | None = None
         self._watched: Collection[str] = {block.name for block in problem.blocks}
 

@@ -242,7 +242,8 @@ class Middles(NamedTuple):
         share = self.share[:, None]
         step = self.step[:, None]
         bend = share * (1 - share) / 2 * step**2
-        return start + share * (end - start) - bend * self._find_curvature((end - start) / step)
+        curvature = self._find_curvature((end - start) / step)
+        return np.asarray(start + share * (end - start) - bend * curvature)
 
     def _find_curvature(self, slope: Array) -> Array:
         """Return c″ (N, m) from the slopes on adjacent intervals, 0 for a piece of one interval.
@@ -256,8 +257,9 @@ class Middles(NamedTuple):
         before = np.concatenate([none, changes])
         after = np.concatenate([changes, none])
         # fmin and fmax ignore the missing side
-        least, most = np.fmin(before, after), np.fmax(before, after)
-        return np.nan_to_num(np.clip(0.0, least, most))
+        least = np.fmin(before, after)
+        most = np.fmax(before, after)
+        return np.asarray(np.nan_to_num(np.clip(0.0, least, most)))
 
 
 def pose_bounds(problem: Problem, free_speed: bool = False) -> tuple[Array, Array]:

@@ -32,7 +32,8 @@ from planner.timing.order3.stages import (
 MIN_CURVATURE = 1e-9
 # Penalty ϱ of the last state, in units of the objective per squared scale, and the share of its
 # residual that a step may leave.
-PENALTY, MAX_REMAINDER = 1e8, 0.1
+PENALTY = 1e8
+MAX_REMAINDER = 0.1
 # Share of a pivot of the Schur complement that is rounding once the others are eliminated.
 MIN_PIVOT = 1e-14
 
@@ -83,11 +84,9 @@ class Recursion(NamedTuple):
     @classmethod
     def allocate(cls, count: int) -> "Recursion":
         """Return room for the recursion over `count` stages."""
-        P, p, border = (
-            np.zeros((count + 1, 3)),
-            np.zeros((count + 1, 2)),
-            np.zeros((3, count + 1, 2)),
-        )
+        P = np.zeros((count + 1, 3))
+        p = np.zeros((count + 1, 2))
+        border = np.zeros((3, count + 1, 2))
         rows = np.zeros((count, 4))
         return cls(
             P,
@@ -134,13 +133,15 @@ def solve_newton(system: NewtonSystem, recursion: Recursion, direction: Directio
     That is so where the Hessian is not positive definite along a free control, or so nearly that
     the step overflows.
     """
-    stages, residual = system.stages, recursion.residual
+    stages = system.stages
+    residual = recursion.residual
     count = len(stages.step)
     direction.time[0] = 0.0
     if not recur_backward(system, recursion):
         return False
     recur_forward(system, recursion, direction)
-    residual[0], residual[1] = direction.states[count, 0], direction.states[count, 1]
+    residual[0] = direction.states[count, 0]
+    residual[1] = direction.states[count, 1]
     residual[2] = 0.0
     for k in range(count):
         residual[2] += direction.stages[k, 3]
@@ -174,11 +175,15 @@ def solve_newton(system: NewtonSystem, recursion: Recursion, direction: Directio
 @kernel
 def recur_backward(system: NewtonSystem, recursion: Recursion) -> bool:
     """Fill the recursion; return False where the curvature along a free control is not positive."""
-    stages, point = system.stages, system.point
-    count, scale = len(stages.step), stages.scale
+    stages = system.stages
+    point = system.point
+    count = len(stages.step)
+    scale = stages.scale
     model = _Model(np.empty((4, 4)), np.empty(4), np.empty((3, 3)), np.empty(3))
-    H, g = model.H, model.g
-    P, p = recursion.P, recursion.p
+    H = model.H
+    g = model.g
+    P = recursion.P
+    p = recursion.p
     P[count, 0] = PENALTY / scale[0] ** 2
     P[count, 1] = 0.0
     P[count, 2] = 0.0 if stages.free_end else PENALTY / scale[1] ** 2
@@ -212,15 +217,25 @@ def recur_backward(system: NewtonSystem, recursion: Recursion) -> bool:
 @kernel
 def _condense(system: NewtonSystem, recursion: Recursion, k: int, model: _Model) -> bool:
     """Eliminate both controls of stage k: set P[k] and p[k]."""
-    stages, point = system.stages, system.point
+    stages = system.stages
+    point = system.point
     H, g, M, G = model
     v, a, j, h = get_stage(point.states, point.controls, k)
     # Δs by j and by h: the control that moves it more is eliminated
-    by_j, by_h = h * h * h / 6, advance(v, a, j, h)[0]
+    by_j = h * h * h / 6
+    by_h = advance(v, a, j, h)[0]
     if abs(by_h) * stages.duration[k] >= abs(by_j) * stages.scale[2]:
-        e, u, pivot, other, unit = 3, 2, by_h, by_j, stages.scale[2]
+        e = 3
+        u = 2
+        pivot = by_h
+        other = by_j
+        unit = stages.scale[2]
     else:
-        e, u, pivot, other, unit = 2, 3, by_j, by_h, stages.duration[k]
+        e = 2
+        u = 3
+        pivot = by_j
+        other = by_h
+        unit = stages.duration[k]
     f = recursion.elimination[k]
     f[0] = -h / pivot
     f[1] = -h * h / 2 / pivot
@@ -241,8 +256,12 @@ def _condense(system: NewtonSystem, recursion: Recursion, k: int, model: _Model)
         return False
     recursion.eliminated[k] = e
     control = recursion.control[k]
-    control[0], control[1], control[2], control[3] = curvature, M[0, 2], M[1, 2], G[2]
-    P, p = recursion.P[k], recursion.p[k]
+    control[0] = curvature
+    control[1] = M[0, 2]
+    control[2] = M[1, 2]
+    control[3] = G[2]
+    P = recursion.P[k]
+    p = recursion.p[k]
     P[0] = M[0, 0] - M[0, 2] * M[0, 2] / curvature
     P[1] = M[0, 1] - M[0, 2] * M[1, 2] / curvature
     P[2] = M[1, 1] - M[1, 2] * M[1, 2] / curvature
@@ -254,31 +273,38 @@ def _condense(system: NewtonSystem, recursion: Recursion, k: int, model: _Model)
 @kernel
 def recur_forward(system: NewtonSystem, recursion: Recursion, direction: Direction) -> None:
     """Fill the direction from the first state on."""
-    stages, point = system.stages, system.point
-    dy, P, p = direction.states, recursion.P, recursion.p
+    stages = system.stages
+    point = system.point
+    dy = direction.states
+    P = recursion.P
+    p = recursion.p
     dy[0, 0] = -p[0, 0] / P[0, 0] if stages.start_reward > 0 else 0.0
     dy[0, 1] = -p[0, 1] / P[0, 2] if stages.free_start else 0.0
     for k in range(len(stages.step)):
         v, a, j, h = get_stage(point.states, point.controls, k)
         t, half_square, v_h, a_h = differentiate_place(END, a, j, h)
-        control, elimination, e = (
-            recursion.control[k],
-            recursion.elimination[k],
-            recursion.eliminated[k],
-        )
-        dv, da = dy[k, 0], dy[k, 1]
+        control = recursion.control[k]
+        elimination = recursion.elimination[k]
+        e = recursion.eliminated[k]
+        dv = dy[k, 0]
+        da = dy[k, 1]
         du = -(control[1] * dv + control[2] * da + control[3]) / control[0]
         de = elimination[0] * dv + elimination[1] * da + elimination[2] * du + elimination[3]
         dj, dh = (du, de) if e == 3 else (de, du)
         dx = direction.stages[k]
-        dx[0], dx[1], dx[2], dx[3] = dv, da, dj, dh
+        dx[0] = dv
+        dx[1] = da
+        dx[2] = dj
+        dx[3] = dh
         next_v = point.next[k, 0] + dv + t * da + half_square * dj + v_h * dh
         next_a = point.next[k, 1] + da + t * dj + a_h * dh
-        dy[k + 1, 0], dy[k + 1, 1] = next_v, next_a
+        dy[k + 1, 0] = next_v
+        dy[k + 1, 1] = next_a
         # λ of the next state is the gradient of the cost to go
         lambda_v = p[k + 1, 0] + P[k + 1, 0] * next_v + P[k + 1, 1] * next_a
         lambda_a = p[k + 1, 1] + P[k + 1, 1] * next_v + P[k + 1, 2] * next_a
-        direction.next[k + 1, 0], direction.next[k + 1, 1] = lambda_v, lambda_a
+        direction.next[k + 1, 0] = lambda_v
+        direction.next[k + 1, 1] = lambda_a
         # λ of Δs makes the Lagrangian stationary along the eliminated control
         H = system.hessian[k]
         total = system.gradient[k, e] + H[0, e] * dv + H[1, e] * da + H[2, 3] * du + H[e, e] * de
@@ -317,8 +343,10 @@ def enforce_ends(system: NewtonSystem, recursion: Recursion, enforced: Flags1) -
 @kernel
 def _recur_border(system: NewtonSystem, recursion: Recursion, enforced: Flags1) -> Array:
     """Fill border and lever. Return the Schur complement (3, 3): residual per multiplier."""
-    stages, point = system.stages, system.point
-    border, P = recursion.border, recursion.P
+    stages = system.stages
+    point = system.point
+    border = recursion.border
+    P = recursion.P
     count = len(stages.step)
     border[:, count] = 0.0
     border[0, count, 0] = border[1, count, 1] = 1.0
@@ -326,12 +354,15 @@ def _recur_border(system: NewtonSystem, recursion: Recursion, enforced: Flags1) 
     for k in range(count - 1, -1, -1):
         _, a, j, h = get_stage(point.states, point.controls, k)
         t, half_square, v_h, a_h = differentiate_place(END, a, j, h)
-        control, elimination = recursion.control[k], recursion.elimination[k]
-        v_share, a_share = control[1] / control[0], control[2] / control[0]
+        control = recursion.control[k]
+        elimination = recursion.elimination[k]
+        v_share = control[1] / control[0]
+        a_share = control[2] / control[0]
         for i in range(3):
             if not enforced[i]:
                 continue
-            g_v, g_a = border[i, k + 1, 0], border[i, k + 1, 1]
+            g_v = border[i, k + 1, 0]
+            g_a = border[i, k + 1, 1]
             by_u = half_square * g_v + t * g_a
             by_e = v_h * g_v + a_h * g_a + (1.0 if i == 2 else 0.0)
             if recursion.eliminated[k] == 2:
@@ -355,7 +386,8 @@ def _recur_border(system: NewtonSystem, recursion: Recursion, enforced: Flags1) 
 @kernel
 def _solve_schur(schur: Floats2, recursion: Recursion, enforced: Flags1) -> None:
     """Solve schur · change = residual, without rows that overflow or depend on others."""
-    residual, change = recursion.residual, recursion.change
+    residual = recursion.residual
+    change = recursion.change
     pivots = np.array([schur[0, 0], schur[1, 1], schur[2, 2]])
     for i in range(3):
         enforced[i] = enforced[i] and schur[i, i] > MIN_PIVOT * pivots[i]

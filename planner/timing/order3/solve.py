@@ -28,7 +28,8 @@ from planner.timing.solution import RunSolution
 
 # Rounds of a problem whose rows depend on the motion, and the gain, as a share, below which no
 # other follows.
-MAX_ROW_ROUNDS, MIN_ROUND_GAIN = 4, 1e-4
+MAX_ROW_ROUNDS = 4
+MIN_ROUND_GAIN = 1e-4
 # Value of a maximal speed at an end, relative to the duration.
 END_SPEED_REWARD = 100.0
 # Tolerance of a motion for whose peaks bounds are revised. With a smaller one each revision begins

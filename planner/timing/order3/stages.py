@@ -150,11 +150,15 @@ def evaluate(stages: Stages, rows: Rows, states: Floats2, controls: Floats2, out
             _fill_terms(v, a, j, h * place / 2, terms[place])
         for half in range(2):
             coefficients = rows.first if half == 0 else rows.second
-            at, row = 0, half * half_width
+            at = 0
+            row = half * half_width
             for b in range(len(rows.size)):
                 here = terms[START if half == 0 else (END if rows.at_end[b] else MIDDLE)]
-                numbers, length = rows.terms[b], rows.lengths[b]
-                first, second, third = here[numbers[0]], here[numbers[1]], here[numbers[2]]
+                numbers = rows.terms[b]
+                length = rows.lengths[b]
+                first = here[numbers[0]]
+                second = here[numbers[1]]
+                third = here[numbers[2]]
                 # three terms without a loop take half of the time
                 for i in range(rows.size[b]):
                     value = coefficients[k, at] * first
