@@ -52,7 +52,7 @@ for name, part in share.items():
 # %% [markdown]
 # ## Which leg
 #
-# The legs take turns: while some run at full speed, others have little to do. Dark is a limit that is used up.
+# The legs take turns: while some run at full speed, others have little to do. Dark is a limit that is reached.
 
 # %%
 t = np.linspace(0, duration, 600)
@@ -74,7 +74,7 @@ plt.show()
 # %%
 used_up = {name: (use >= 0.99).mean(0) for name, use in uses.items()}
 for name, shares in used_up.items():
-    print(f"{name:<14}used up, of the time: " + ", ".join(f"leg {n + 1} {100 * u:.0f} %" for n, u in enumerate(shares)))
+    print(f"{name:<14}reached, of the time: " + ", ".join(f"leg {n + 1} {100 * u:.0f} %" for n, u in enumerate(shares)))
 
 # %% [markdown]
 # ## What a little more is worth

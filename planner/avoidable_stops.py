@@ -88,20 +88,21 @@ class AvoidableStops:
     assumed: str = ""
 
     def describe(self) -> str:
-        """Return the count, the cost and the remedy in one line; "" without such stops."""
+        """Return the count, the saving and the remedy in one line; "" without such stops."""
         if not self.count:
             return ""
         of = f", of {count_noun(self.joins, 'join')}" if self.joins else ""
-        cost = "" if np.isnan(self.cost) else f": they cost {self.describe_cost()}"
-        return f"{self.count} that nobody asked for{of}{cost}; to avoid them: {self.remedy}"
+        return f"{self.count} avoidable{of}: {self.describe_saving()}; to pass them: {self.remedy}"
 
-    def describe_cost(self) -> str:
-        """Return the cost, and the motion it is compared with."""
-        seconds = "hardly any time"
-        if self.cost >= LEAST_COST:
-            seconds = f"about {float(f'{self.cost:.2g}'):g} s"
+    def describe_saving(self) -> str:
+        """Return the time that passing the stops saves, and the tolerance for that."""
+        passing = f"passing them within {1e3 * self.tolerance:g} mm saves"
         assumed = f" {self.assumed}" if self.assumed else ""
-        return f"{seconds}{assumed} against passing within {1e3 * self.tolerance:g} mm"
+        if np.isnan(self.cost):
+            return f"{passing} an unknown time"
+        if self.cost < LEAST_COST:
+            return f"{passing} little time{assumed}"
+        return f"{passing} at least about {float(f'{self.cost:.2g}'):g} s{assumed}"
 
     def record(self) -> dict[str, object]:
         """Return a record of the stops, in SI units, with null for an unknown cost."""
@@ -134,9 +135,9 @@ def propose_remedy(program: Program, tolerance: float) -> str:
         return f"G64 P{1e3 * tolerance:g} (mm) in place of {program.join_word}"
     if not program.file:
         return f'--fit "{length}" or --blend "{length}"'
-    key = f'join = {{ blend = "{length}" }}'
+    key = f'join = {{ blend = "{length}" }} under each [[segment]] that ends there'
     # --fit would pass the stops that the program asks for, too
-    return f"{key} there" if _states_stops(program) else f'--fit "{length}" or {key}'
+    return key if _states_stops(program) else f'--fit "{length}" or {key}'
 
 
 def _states_stops(program: Program) -> bool:

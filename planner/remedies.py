@@ -28,6 +28,7 @@ from planner.path.actuation import MachinePath, actuate
 from planner.path.chain import default_start
 from planner.program.model import Curve, Program
 from planner.program.transform import (
+    rescale_program,
     scale_program,
     scale_rotations,
     shift_program,
@@ -43,6 +44,18 @@ MAX_SEARCH_TIME = 10.0
 TRIAL_SHARES = (1.0, *np.linspace(0.95, 0.05, 19).tolist())
 TRIAL_MOVES = (0.0, *(4e-4 * 2.0 ** np.arange(9)).tolist())
 BISECTIONS = 10
+# A unit is suspected only where no scale above this share and no move fits.
+UNIT_SHARE = 0.1
+# Factors between units of length, the likely mistakes first, and what to state if it was one.
+UNIT_FACTORS = {
+    25.4: ("multiplied by 25.4", 'the program is in inches, state length = "in"'),
+    1 / 25.4: ("divided by 25.4", 'it is in mm but read as inches, state length = "mm"'),
+    10.0: ("multiplied by 10", 'the program is in cm, state length = "cm"'),
+    0.1: ("divided by 10", 'it is in mm but read as cm, state length = "mm"'),
+    1e3: ("multiplied by 1000", 'the program is in m, state length = "m"'),
+    1e-3: ("divided by 1000", 'it is in mm but read as m, state length = "mm"'),
+}
+SMALLER_FACTORS = (0.5, 0.2, 2.0, 5.0)
 # A size that fits but cannot be proved is increased by this share, at most MAX_EXTRA_STEPS times.
 EXTRA_SHARE = 1e-3
 MAX_EXTRA_STEPS = 4
@@ -66,6 +79,7 @@ class Remedy:
 
     home: what the machine exceeds at home, as `Margins.worst` puts it: then its file is at fault
     start: what the machine exceeds at the stated start: then no scale about it can help
+    unit: what to state if its unit of length is mistaken; empty: another one would not fit
     movable: whether moves were tried; late: whether the search ran out of time
     """
 
@@ -74,10 +88,13 @@ class Remedy:
     move: tuple[float, str] | None = None
     home: str = ""
     start: str = ""
+    unit: str = ""
     movable: bool = True
     late: bool = False
 
     def __str__(self) -> str:
+        if self.unit:
+            return self.unit
         ways = []
         if self.scale is not None:
             ways.append(f"scaled to <= {self.scale * 100:.1f} % about its start")
@@ -88,7 +105,8 @@ class Remedy:
         if ways:
             return f"the path fits the machine {', or '.join(ways)}"
         if self.home:
-            return f"the machine already exceeds a limit at home ({self.home}): correct its geometry, home or limits"
+            wrong = f"the machine already exceeds a limit at home ({self.home})"
+            return f"{wrong}: correct its geometry, home, limits or units"
         if self.start:
             return f"the start of the program already exceeds a limit ({self.start}): change start"
         if self.late:
@@ -115,12 +133,14 @@ def find_remedy(program: Program, machine: Machine, order: int) -> Remedy:
     costly = scale is not None and any(isinstance(segment, Curve) for segment in program.segments)
     movable = not costly and (program.start is not None or states_destination(program))
     move = search.find_shortest_move(program) if movable else None
+    misfit = move is None and (scale is None or scale < UNIT_SHARE)
+    unit = search.suspect_unit(program) if misfit else ""
     late = perf_counter() > search.until
     home = _describe_excess(machine, machine.home)
     if "travel" in home and machine.lengths:
         home += "; travel counts from the lengths at home"
     first = "" if program.start is None else _describe_excess(machine, _platform_at(program.start, program, machine))
-    return Remedy(scale, turn, move, home, first, movable, late)
+    return Remedy(scale, turn, move, home, first, unit, movable, late)
 
 
 def _platform_at(pose: Pose, program: Program, machine: Machine) -> Pose:
@@ -173,6 +193,19 @@ class _Search:
             return _round_down_share((bad + good) / 2) if bad - good > SHARE_AGREEMENT else None
 
         return self._prove([size for size in sizes if size > 0], change, halve)
+
+    def suspect_unit(self, program: Program) -> str:
+        """Return the remedy for the first unit of length in which the program fits; "" for none.
+
+        Where a factor fits that is nearer to 1 than those of units, no unit is suspected.
+        """
+        change = partial(rescale_program, program)
+        if any(self._fits(change, size) for size in SMALLER_FACTORS):
+            return ""
+        for size, (changed, meant) in UNIT_FACTORS.items():
+            if self._fits(change, size, prove=True):
+                return f"with every coordinate {changed}, the path fits: if {meant}"
+        return ""
 
     def find_shortest_move(self, program: Program) -> tuple[float, str] | None:
         """Return the least move (m) along an axis that fits, and its direction."""

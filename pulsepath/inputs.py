@@ -14,7 +14,7 @@ from kinematics.foundation.names import find, presets, source_folder
 from planner.program.joins import fit_joins
 from planner.program.model import Program
 from pulsepath.options import refuse_missing
-from pulsepath.progress import note
+from pulsepath.progress import note, note_doubts
 
 if TYPE_CHECKING:
     from controllers.rig import Rig
@@ -178,7 +178,11 @@ def _find_machine(machine: str) -> LoadMachine:
         from kinematics.machine.machine_file import read_machine
         from kinematics.machine.machine_writer import toml_of
 
-        model = read_machine(file) if make_machine is None else make_machine()
+        if make_machine is None:
+            model = read_machine(file)
+        else:
+            model = make_machine()
+            note_doubts(model, file.name)
         content = toml_of(file)
         urdf = tomllib.loads(content.decode()).get("geometry", {}).get("urdf")
         companions = {}

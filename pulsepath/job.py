@@ -29,6 +29,7 @@ from planner.bounds.duration_bound import LEAST_SHARED_CELLS, bound_duration
 from planner.cross_check import CrossCheck, cross_check
 from planner.interruption.hold import Stops
 from planner.limits import find_unkept_limits
+from planner.limits.tool import ToolSpeed
 from planner.orientation.orient import orient_open
 from planner.parallel import NO_PROCESS, SideProcess
 from planner.path.overshoot import overshoot_warnings
@@ -68,6 +69,10 @@ FEW_SEGMENTS = 100
 FRAME_RATE = 25
 LEAST_FRAMES = 120
 MOST_FRAMES = 1000
+
+# Share of the program's speed from which its unit is not doubted. Ten times what the axes attain
+# anywhere limits nothing.
+LEAST_SPEED = 0.1
 
 # Share by which the most valuable limit is raised, to show the saving.
 RAISED = 0.2
@@ -340,6 +345,10 @@ def _warn(plan: Plan) -> None:
         note(f"warning: {warning}")
     if plan.exceeded:
         note(f"warning: {plan.exceeded}")
+    attained = plan.certificate.worst.get(ToolSpeed.name, 1.0)
+    if attained < LEAST_SPEED:
+        share = f"{100 * attained:.2g} %"
+        note(f"warning: the motion attains at most {share} of the program's speed: check its unit")
     gap = plan.request.gap
     if gap is not None and plan.bound.gap > gap:
         note(

@@ -9,9 +9,12 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from time import perf_counter
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import click
+
+if TYPE_CHECKING:
+    from kinematics import Machine
 
 # s between two lines of a long step: at first, and at most.
 FIRST_PERIOD, REPORT_PERIOD = 2.0, 10.0
@@ -152,6 +155,14 @@ def note(text: str) -> None:
     """Print a line on stderr, except in quiet mode."""
     if level() > QUIET:
         say(text, err=True)
+
+
+def note_doubts(machine: "Machine", name: str) -> None:
+    """Show what in a machine's file is possible, but more likely a mistake."""
+    from kinematics.analysis.doubts import find_doubts
+
+    for doubt in find_doubts(machine):
+        note(f"warning: {name}: {doubt}")
 
 
 def detail(text: str) -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+from math import isfinite
 
 from benchmarks.reports.page import group_digits, round_up
 from benchmarks.reports.plan_content import PlanReport
@@ -21,8 +22,8 @@ from planner.timing.certified_solve import BEFORE_SHAPERS
 
 SAME_LENGTH = 5e-7
 """m by which two lengths differ at most that are shown the same."""
-USED_UP = 0.999
-"""Proved share of a limit from which a motion is said to use it up."""
+REACHED = 0.999
+"""Proved share of a limit from which a motion is said to reach it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +61,7 @@ def list_headline(report: PlanReport) -> Iterator[Headline]:
         proofs.append(shaped)
     holds = all(proof.holds for proof in proofs)
     worst = max(max(proof.worst.values()) for proof in proofs)
-    both = ", before the shapers and behind them" if shaped else ""
+    both = ", before and after shaping" if shaped else ""
     ratios = f"every ratio ≤ {round_up(worst, 7)}{both}"
     yield Headline("Limits", "proved" if holds else "NOT PROVED", (ratios,), holds)
 
@@ -69,9 +70,8 @@ def list_headline(report: PlanReport) -> Iterator[Headline]:
     yield Headline("Pulses", group_digits(count_pulses(plan)), texts[checked], checked)
     stops = plan.avoidable_stops
     if stops is not None and stops.count:
-        cost = f"they cost {stops.describe_cost()}; to avoid them: {stops.remedy}"
-        count = group_digits(stops.count)
-        yield Headline("Stops that nobody asked for", count, (cost,), wide=True)
+        saving = f"{stops.describe_saving()}; to pass them: {stops.remedy}"
+        yield Headline("Avoidable stops", group_digits(stops.count), (saving,), wide=True)
 
 
 def list_counts(plan: Plan | PlanStanding) -> list[tuple[int, int]]:
@@ -121,25 +121,26 @@ def summarise(report: PlanReport) -> list[Row]:
 
 def _summarise_whole(report: PlanReport, plan: Plan) -> Iterator[Row]:
     objective = plan.describe_objective()
-    yield Row("duration", f"{plan.duration:.6f} s{f', {objective}' if objective else ''}")
-    yield from _describe_shaping(plan)
+    least = _describe_least(plan)
+    shown = "" if plan.shaped else least
+    yield Row("duration", f"{plan.duration:.6f} s{f', {objective}' if objective else ''}{shown}")
+    yield from _describe_shaping(plan, least)
     if plan.fastest and report.classical:  # otherwise they cannot be compared
         yield _describe_saving(plan, report.classical)
     yield Row("stops", plan.avoidable_stops.describe())
-    if plan.known:
-        bound = f"{plan.lower_bound:.6f} s, proved"
-        gap = plan.bound.describe().removeprefix("the duration is ")
-        yield Row("gap", f"{gap} (lower bound {bound})" if plan.fastest else "")
-        yield Row("lower bound", "" if plan.fastest else f"{bound}: of the fastest motion")
+    if plan.known and not plan.fastest:
+        yield Row("lower bound", f"{plan.lower_bound:.6f} s, proved: of the fastest motion")
     lowered = {} if plan.shaped is None or plan.shaped.cost is None else plan.shaped.cost.lowered
     yield _describe_limits(plan.certificate, lowered)
+    yield _describe_unchecked(plan)
     if report.worth is not None and report.worth.best is not None:
-        yield Row("saved by 1 % more of", report.worth.describe())
-    yield Row("gap, worth of limits", report.unbounded)
+        yield Row("limits 1 % higher", report.worth.describe())
+    yield Row("lower bound, worth", report.unbounded)
     yield Row("left out", ", ".join(report.left_out))
     yield from _describe_path(plan)
     yield _describe_order(plan.order)
-    solvers = ", ".join(sorted(set(plan.methods)))
+    words = (word for method in sorted(set(plan.methods)) for word in method.split(", "))
+    solvers = ", ".join(dict.fromkeys(words))
     yield Row("solved by", f"{solvers}; certified in round {plan.rounds}", brief=False)
     if plan.triggers:
         yield Row("triggers", f"{len(plan.triggers)}")
@@ -150,6 +151,7 @@ def _summarise_parts(plan: PlanStanding) -> Iterator[Row]:
     if plan.avoidable_stops is not None:
         yield Row("stops", plan.avoidable_stops.describe())
     yield _describe_limits(plan.certificate, ())
+    yield _describe_unchecked(plan)
     yield Row("segments", f"{plan.segment}", brief=False)
     yield Row("length of the path", f"{1e3 * plan.start.length:.3f} mm")
     if plan.fit is not None:
@@ -180,26 +182,54 @@ def _describe_saving(plan: Plan, classical: Classical) -> Row:
 
 
 def _describe_limits(certificate: Certificate, lowered: Collection[str]) -> Row:
-    """Describe the limits that the motion uses up: geometric ones do not count, as home may be at their end.
+    """Describe the limits that the motion reaches: geometric ones do not count, as at home.
 
     lowered: limits that were lowered for input shapers.
     """
     geometric = geometric_limits()
-    used = [
+    active = [
         f"{name} ({certificate.where[name].axis})"
         for name, share in certificate.worst.items()
-        if (share > USED_UP or name in lowered) and name not in geometric
+        if (share > REACHED or name in lowered) and name not in geometric
     ]
     proved = f"{len(certificate.worst)} proved at every instant"
-    return Row("limits", f"{proved}; used up: {', '.join(used) or 'none'}")
+    return Row("limits", f"{proved}; reached: {', '.join(active) or 'none'}")
 
 
-def _describe_shaping(plan: Plan) -> Iterator[Row]:
+def _describe_unchecked(plan: Plan | PlanStanding) -> Row:
+    """Describe the limits that the machine leaves out, and the collisions that no file states."""
+    limits = plan.certificate.worst
+    bodies = plan.machine.bodies
+    others = ["tool", "workpiece", "surroundings"]
+    if bodies is not None and None in (bodies.base_disc, bodies.platform_disc):
+        others.insert(0, "plates without a disc")
+    listed = f"{', '.join(others[:-1])} and {others[-1]}"
+    unchecked = ["collisions" if "clearance" not in limits else f"collisions with {listed}"]
+    if plan.machine.tilt_names and "tilt" not in limits:
+        unchecked.append("tilt of the joints")
+    if not {"force", "torque-speed"} & limits.keys():
+        unchecked.append("forces and torques")
+    unchecked += [name for name in ("speed", "acceleration", "jerk") if name not in limits]
+    return Row("not checked", ", ".join(unchecked))
+
+
+def _describe_least(plan: Plan) -> str:
+    """Describe how near the duration is to the least, as the end of a sentence; "" if unknown."""
+    if not (plan.known and plan.fastest):
+        return ""
+    if plan.gap is None or not isfinite(plan.gap):
+        return f"; {plan.bound.describe()}"
+    left_out = ", ".join(plan.bound.left_out)
+    least = f"{plan.lower_bound:.6f} s{f' (without {left_out})' if left_out else ''}"
+    return f", at most {round_up(100 * plan.gap, 3)} % above the proved least of {least}"
+
+
+def _describe_shaping(plan: Plan, least: str) -> Iterator[Row]:
     """Describe the input shapers, their cost, and the vibration that is left."""
     shaped = plan.shaped
     if shaped is None:
         return
-    before = f"{plan.trajectory.duration:.6f} s; saving and lower bound refer to this"
+    before = f"{plan.trajectory.duration:.6f} s{least}; the saving refers to this, too"
     yield Row(BEFORE_SHAPERS, before)
     yield Row("input shapers", shaped.describe())
     if (cost := shaped.cost) is not None:
@@ -246,8 +276,8 @@ def _describe_pulses(report: PlanReport) -> Iterator[Row]:
     pulses = report.plan.pulses
     bound = max(axis.bound for axis in pulses.axes)
     clock = f"a clock of {pulses.clock_hz / 1e6:g} MHz"
-    within = f"within {bound:.3f} of the motion"
-    yield Row("pulses", f"{count_pulses(report.plan)} by the rule {pulses.rule} on {clock}, {within}")
+    error = f"count error at most {bound:.3f} (firing rule {pulses.rule})"
+    yield Row("pulses", f"{count_pulses(report.plan)} on {clock}, {error}")
     verdict = report.verdict
     if verdict is None:
         return

@@ -168,10 +168,12 @@ _TYPES = {
 class File(TableSchema):
     """What every file says first.
 
-    what  what the file is, as `KIND_KEYS` has it
+    what    what the file is, as `KIND_KEYS` has it
+    places  table in which a key belongs that may be looked for elsewhere, by the key
     """
 
     what: ClassVar[str] = ""
+    places: ClassVar[Mapping[str, str]] = {}
     version: Literal[1] = key("version of the file format", alias="schema", remedy="write schema = 1")
 
 
@@ -209,21 +211,31 @@ def build(document: Document, model: type[Model], *rules: Rule, plain: Mapping[s
     try:
         made = model.model_validate(document.data, context=plain)
     except ValidationError as error:
-        faults += [
-            document.fault(e["loc"], _hint_top_level(e["loc"], BadValue(**e["ctx"]), model)) for e in error.errors()
-        ]
+        for fault in error.errors():
+            place = fault["loc"]
+            hinted = _hint_place(place, BadValue(**fault["ctx"]), model)
+            faults.append(document.fault(place, hinted))
     if faults:
         raise FileError(document.file, sorted(faults, key=lambda fault: fault.line or 0))
     return made
 
 
-def _hint_top_level(key: Key, told: BadValue, model: type[File]) -> BadValue:
-    """Of a key that stands in a table and belongs above all of them, that; else what was told."""
+def _hint_place(key: Key, error: BadValue, model: type[File]) -> BadValue:
+    """Return the error of an unknown key with the place where it belongs, others unchanged."""
+    if not str(error).startswith(_UNKNOWN):
+        return error
     top = {field.alias or name for name, field in model.model_fields.items()}
-    if len(key) == 1 or key[-1] not in top or not str(told).startswith(_UNKNOWN):
-        return told
-    message = f"{_UNKNOWN} in this table: it belongs at the top of the file, above the first [table]"
-    return BadValue(message, allowed=told.allowed, nearest=told.nearest)
+    table = model.places.get(str(key[-1]))
+    # entries of an array are such tables themselves
+    inside = len(key) > 1 and isinstance(key[-2], int)
+    if table is not None and not inside:
+        message = f"{_UNKNOWN} here: it belongs in a line of its own under {table}"
+    elif len(key) > 1 and key[-1] in top:
+        belongs = "it belongs at the top of the file, above the first [table]"
+        message = f"{_UNKNOWN} in this table: {belongs}"
+    else:
+        return error
+    return BadValue(message, allowed=error.allowed, nearest=error.nearest)
 
 
 def refuse_wrong_kind(document: Document, what: str) -> None:

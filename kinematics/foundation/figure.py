@@ -69,7 +69,7 @@ SPACE_TICKS = ((0.8, 4), (0.7, 3), (0.3, 2))
 """From which share of the longest side on, a side of axes in space has room for how many numbers; below for one."""
 CORNER = 0.08
 """Of a side: so near to its ends no number stands, since that of the next side may stand there."""
-SPACE_ZOOM = 0.93
+SPACE_ZOOM = 0.86
 """Of the size that leaves no room for names below."""
 FLAT = 0.05
 """Share of the longest side, below which the height has no name."""

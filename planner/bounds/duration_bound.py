@@ -71,7 +71,7 @@ class DurationBound(Result):
 
     def describe(self) -> str:
         """Return the gap in a sentence, with the limits that are left out."""
-        left_out = f"; without {', '.join(self.left_out)}" if self.left_out else ""
+        left_out = f"; the bound leaves out {', '.join(self.left_out)}" if self.left_out else ""
         if self.gap == np.inf:
             return f"nothing is proved of how near the duration is to the least{left_out}"
         gap = ceil(1e5 * self.gap) / 1e3

@@ -13,7 +13,7 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.facts import Fact
-from kinematics.foundation.names import count_noun, nearest
+from kinematics.foundation.names import nearest
 from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
@@ -39,8 +39,6 @@ LEAST_SHARE = 1e-6
 LITTLE_MORE = 1.02
 # Share of the duration without a limit above which a note calls the result rough.
 MOST_UNEXPLAINED = 0.02
-# A join turns back if the cosine between its directions is below -RUN_BACK.
-RUN_BACK = 0.999
 
 # Limit and axis, and the savings (s) on each cell: of these alone, and together with all that bind.
 Row = tuple[str, str, Array, Array]
@@ -162,30 +160,6 @@ class Worth(Result):
             return chosen, None, channels[0]
         return chosen, None if axis == ALL else channels.index(axis), axis
 
-    @property
-    def corner_stops(self) -> tuple[int, float]:
-        """Number of corners at which the motion stops, and an estimate of the time (s) they cost.
-
-        Around each stop the speed falls from a local maximum and rises to the next. The estimate
-        is the time of both ramps, less the time of the same ways at these maxima. Stops for dwells,
-        at the ends, and where the path turns back, which no blend removes, do not count.
-        """
-        motion = self.trajectory
-        t = motion.knots
-        s = np.append(motion.s, motion.path.breaks[-1])
-        v = np.append(motion.v, 0.0)
-        stops = _find_corner_stops(motion)
-        lost = 0.0
-        for k in stops:
-            low = k
-            while low > 0 and v[low - 1] > v[low]:
-                low -= 1
-            high = k
-            while high < len(v) - 1 and v[high + 1] > v[high]:
-                high += 1
-            lost += float(t[high] - t[low] - (s[k] - s[low]) / v[low] - (s[high] - s[k]) / v[high])
-        return len(stops), lost
-
     def rank(self) -> list[int]:
         """Return the rows that save time, the most valuable first."""
         order = np.lexsort((-self.together, -self.saved)).tolist()
@@ -200,12 +174,11 @@ class Worth(Result):
         if every is not None:
             texts.append(self._describe_row(every))
         if one is not None:
-            alone = "of one axis alone, " if texts else ""
-            texts.append(alone + self._describe_row(one))
-        return "; ".join(texts)
+            texts.append(self._describe_row(one, " alone" if texts else ""))
+        return f"saves {', '.join(texts)}"
 
-    def _describe_row(self, row: int) -> str:
-        return f"{call(self.limits[row], self.axes[row])}, {_format_ms(self.saved[row])} ms"
+    def _describe_row(self, row: int, alone: str = "") -> str:
+        return f"{_format_ms(self.saved[row])} ms ({call(self.limits[row], self.axes[row])}{alone})"
 
     def _find_most(self) -> tuple[int | None, int | None]:
         """Return the row of the axis that saves most, and that of all axes if they save more."""
@@ -250,14 +223,6 @@ class Worth(Result):
         idle = [name for name in dict.fromkeys(self.limits) if name not in saving]
         if idle:
             yield f"no time is saved by raising {', '.join(idle)}"
-        count, lost = self.corner_stops
-        if count:
-            stops = count_noun(count, "stop")
-            share = 100 * lost / self.trajectory.duration
-            yield (
-                f"{stops} at corners: decelerating and accelerating again costs about "
-                f"{lost:.3g} s, {share:.1f} %; blends or fits of these joins save part of it"
-            )
         if self.unknown:
             names = ", ".join(self.unknown)
             yield f"not known: {names}, counted with the others; replan(limit) finds out"
@@ -265,25 +230,10 @@ class Worth(Result):
             yield f"rough: the limits make up {100 * self.explained:.1f} % of the duration"
         if (self.saved[rows] < self.together[rows] * (1 - TIE)).any():
             yield (
-                "with all active limits raised: where others hold the motion back at the same "
-                "place, one alone saves little; this is its part in what is saved there if all "
-                "that bind there are raised"
+                "with all active limits raised: where several limits are active at one place, "
+                "raising one alone saves little; this is its share of the time that raising all "
+                "of them saves"
             )
-
-
-def _find_corner_stops(motion: Trajectory) -> list[int]:
-    """Return the knots at which the motion rests, without a dwell, at a corner of the path."""
-    path = motion.path
-    stops = []
-    for k in (np.flatnonzero(np.diff(motion.piece)) + 1).tolist():
-        if motion.v[k] > 0 or path.dwells[motion.piece[k]] > 0:
-            continue
-        s = np.repeat(motion.s[k], 2)
-        before, after = np.asarray(path.derivatives(s, motion.piece[[k - 1, k]], 1)[1])
-        sizes = float(np.linalg.norm(before) * np.linalg.norm(after))
-        if sizes > 0 and float(before @ after) > -RUN_BACK * sizes:
-            stops.append(k)
-    return stops
 
 
 def _format_ms(time: float) -> str:

@@ -82,11 +82,16 @@ class Tilt(Limit):
     def content(self) -> Hashable:
         return self.name, self.channels, self.expression, self.bounds.tobytes()
 
+    @property
+    def binds(self) -> bool:
+        return bool((self.bounds < np.pi).any())
+
     def value(self, motion: LimitState) -> Quantity:
         return motion.evaluate(self.expression, motion.pose_rate(0))
 
     def use(self, low: Array, high: Array, piece: np.ndarray) -> Array:
-        return np.arccos(np.clip(low, -1.0, 1.0)) / self.bounds
+        tilt = np.arccos(np.clip(low, -1.0, 1.0))
+        return np.where(self.bounds < np.pi, tilt / self.bounds, 0.0)
 
     def report_value(self, value: float, channel: int, piece: int) -> tuple[float, float]:
         return float(np.arccos(np.clip(value, -1.0, 1.0))), float(self.bounds[channel])

@@ -285,7 +285,7 @@ class MachinePath:
         end_speeds  ṡ with which a motion begins and ends; end_accelerations: s̈ likewise
         near        (n,) coordinates near which it starts; None: near home's
         origin      path length and time (s) at which it begins, where it is a part of another: places count from there
-        avoidable   numbers, from 1, of the given pieces at whose ends nobody asked for the stop
+        avoidable   numbers, from 1, of the given pieces that end in an avoidable stop
         """
         self.end_speeds, self.end_accelerations, self.origin = end_speeds, end_accelerations, origin
         self.tool = None if tool is None else tool_map(tool)
@@ -349,7 +349,7 @@ class MachinePath:
         return np.asarray((self._stops > 0) & (self._stops <= order))
 
     def avoidable_stops(self, order: int) -> np.ndarray:
-        """(P+1,) bool: where a motion of this order rests although nobody asked for it.
+        """(P+1,) bool: where a motion of this order rests without a stated reason.
 
         Neither a dwell, nor a join that says so, nor a trigger at a stop, nor a reversal of the path asks for it.
         """

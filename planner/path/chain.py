@@ -58,7 +58,7 @@ class Chain:
     """Pieces of the platform's path in the base frame; stops (P+1,), dwells (P+1,) s at their ends, as of MachinePath.
 
     blends: what became of every join that asks for one; fits: of every chain that was fitted
-    avoidable: numbers, from 1, of the pieces at whose ends nobody asked for the stop
+    avoidable: numbers, from 1, of the pieces that end in an avoidable stop
     overshoots: how far each spline leaves its polygon
     """
 

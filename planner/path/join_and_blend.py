@@ -190,7 +190,7 @@ class PathStep:
     wait    s of rest before it; of a path's first piece alone
     blend   what became of the join at its end, where that asks for one
     fitted  the curve that ends with it
-    avoidable  whether nobody asked for the stop at its end: it is there since the join is not smooth enough
+    avoidable  whether a stop at its end is not stated: the join is not smooth enough
     overshoot  how far the spline that ends with it leaves its polygon
     """
 
@@ -205,7 +205,7 @@ class PathStep:
 
 
 def list_avoidable(steps: Iterable[PathStep]) -> frozenset[int]:
-    """List the numbers, from 1, of the steps whose stops at their ends nobody asked for."""
+    """List the numbers, from 1, of the steps that end in an avoidable stop."""
     return frozenset(number for number, step in enumerate(steps, 1) if step.avoidable)
 
 

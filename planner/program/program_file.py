@@ -1,5 +1,6 @@
 """Program files: the schema of their TOML, what each [[segment]] may say, and the program that one describes."""
 
+from collections.abc import Mapping
 from itertools import pairwise
 from math import dist
 from os import PathLike
@@ -264,6 +265,7 @@ class ProgramFile(File):
     """A program's TOML, key by key."""
 
     what: ClassVar[str] = "program"
+    places: ClassVar[Mapping[str, str]] = dict.fromkeys(PathEntry.model_fields, "[[segment]]")
     name: Name | None = NAME
     machine: str | None = key(
         "name of a bundled machine, or path from the folder of this file; --machine overrides it", default=None

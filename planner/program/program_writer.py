@@ -210,8 +210,13 @@ def program_starter(
     segments = f'the segments of the bundled program "{preset}"' if preset else "a line, a circle and a line back"
     lines = [f"# A program with {segments}: replace them by yours."]
     if short:
-        more = "# All keys, with speed, joins, tool, triggers and other segments: pulsepath init all-keys --all"
-        return "\n".join([*lines, *_short_tables(data), "", more]) + "\n"
+        more = (
+            "# Further lines under [[segment]] limit its speed and round the corner at its end:",
+            '# speed = "20 mm/s"',
+            '# join = { blend = "0.05 mm" }',
+            "# All keys, with tool, triggers and other segments: pulsepath init all-keys --all",
+        )
+        return "\n".join([*lines, *_short_tables(data), "", *more]) + "\n"
     lines += ["# A line that begins with # and no space is a key or a segment that is not set: remove the # to set it."]
     return "\n".join([*lines, *_tables(data)]) + "\n"
 

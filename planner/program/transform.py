@@ -30,6 +30,16 @@ def scale_program(program: Program, start: Array, share: float) -> Program:
     )
 
 
+def rescale_program(program: Program, factor: float) -> Program:
+    """Return the program in another unit of length: every coordinate times `factor`, and those of a
+    stated start too.
+    """
+    start = program.start
+    if start is not None:
+        start = RigidTransform.from_components(factor * start.translation, start.rotation)
+    return replace(scale_program(program, np.zeros(3), factor), start=start)
+
+
 def shift_program(program: Program, shift: Array) -> Program:
     """Return the program moved by shift (3,) m. A start that is not stated stays where it is."""
     start = program.start

@@ -247,7 +247,7 @@ def schedule_tables(
     axes = schedule.axes
     counted = counted or [(len(axis), axis.final - axis.start) for axis in axes]
     yield Table(
-        f"pulses by the rule {schedule.rule}, on a clock of {schedule.clock_hz / 1e6:g} MHz",
+        f"pulses on a clock of {schedule.clock_hz / 1e6:g} MHz, firing rule {schedule.rule}",
         (
             Column("axis", [axis.name for axis in axes]),
             Column("pulses", [pulses for pulses, _ in counted]),
@@ -311,7 +311,7 @@ def pulse_table(schedule: PulseSchedule) -> Table:
     counts = np.concatenate([axis.start + np.cumsum(axis.direction, dtype=np.int64) for axis in axes])
     order = np.lexsort((whose, ticks))
     return Table(
-        f"pulses by the rule {schedule.rule}",
+        f"pulses, firing rule {schedule.rule}",
         (
             Column("tick", ticks[order]),
             Column("t", ticks[order] / schedule.clock_hz, "s"),

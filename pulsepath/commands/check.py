@@ -1,10 +1,12 @@
 """`pulsepath check`: limits that slowing down cannot fix: reach, travel, tilt, clearance."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import click
 
+from kinematics.foundation.errors import MotionError
 from pulsepath.command_group import ProgramCommand
 from pulsepath.commands.common import print_json
 from pulsepath.options import (
@@ -28,10 +30,10 @@ from pulsepath.requests import InputRequest
 def check(source: InputRequest, dumped: Path | None, force: bool, as_json: bool) -> None:
     """Check limits that slowing down cannot fix, or a plan.
 
-    These are reach, travel, tilt and clearance. Lists every violation along the path of PROGRAM or,
-    without any, how close the path comes to each limit. If PROGRAM is the directory of a plan,
-    verifies the digests of its files, proves its motion again and checks its file of pulses against
-    it.
+    These are reach, travel, tilt and clearance. Shows the worst violation of each limit along the
+    path of PROGRAM (-v lists all) or, without any, how close the path comes to each limit. If
+    PROGRAM is the directory of a plan, verifies the digests of its files, proves its motion again
+    and checks its file of pulses against it.
 
     Example: pulsepath check circle --machine hexapod
     """
@@ -55,11 +57,14 @@ def check(source: InputRequest, dumped: Path | None, force: bool, as_json: bool)
     with inputs.tell_lines():
         result = planner.check(inputs.program, inputs.machine)
     violations = result.violations
-    inputs.tell_line(*violations)
+    lines: Sequence[MotionError | str] = violations
+    if level() < VERBOSE and not as_json:
+        lines = tables.sum_up_violations(violations)
+    inputs.tell_line(*(line for line in lines if not isinstance(line, str)))
     if as_json:
         print_json(record.record_check(result))
     elif violations:
-        say("\n".join(map(str, violations)))
+        say("\n".join(map(str, lines)))
     elif level() == VERBOSE:
         tables.show(tables.list_tables(result))
     else:

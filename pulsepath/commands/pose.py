@@ -12,7 +12,7 @@ from planner.request import option
 from pulsepath.commands.common import print_result
 from pulsepath.options import ALLOW_MINUS, json_option, machine_argument, refuse_unknown
 from pulsepath.process.exits import INFEASIBLE
-from pulsepath.progress import say
+from pulsepath.progress import note_doubts, say
 from pulsepath.request_options import find_flag, with_request
 
 if TYPE_CHECKING:
@@ -98,6 +98,7 @@ def pose(request: PoseRequest, as_json: bool) -> None:
     from kinematics import load_machine
 
     machine = load_machine(request.machine)
+    note_doubts(machine, request.machine)
     q = None if coordinates is None else _read_coordinates(machine, *coordinates)
     from kinematics.analysis.posture import posture_of_axes, posture_of_numbers
     from pulsepath.output import record, tables

@@ -39,9 +39,9 @@ def tabulate_drives(pulses: Mapping[str, Any]) -> list[Table]:
     notes = ["DIR changes when STEP falls, and is right for the first pulse from time 0 on"]
     if not any(axis["drive_needs_s"] for axis in timed.values()):
         notes.append(
-            'the machine states no timing of its drives: timing = "DRV8825" in [axes] has it checked',
+            'the machine states no timing of its drives: timing = "DRV8825" in [axes] checks it',
         )
-    title = "lines of STEP and DIR: the least time kept, and behind / what the drive needs"
+    title = "lines of STEP and DIR: the shortest time, and after / the time that the drive needs"
     return [Table(title, tuple(columns), tuple(notes))]
 
 

@@ -17,13 +17,17 @@ from pulsepath.progress import QUIET, VERBOSE, Layout, draw, level, say
 if TYPE_CHECKING:
     from benchmarks.reports.plan_content import PlanReport
     from controllers import Metrics
-    from kinematics import Axis
+    from kinematics import Axis, MotionError
     from kinematics.foundation.result import Result
     from kinematics.machine.axis import Magnitude
     from kinematics.machine.machine_file import MachineSummary
     from planner import Classical, Plan, Standing
     from planner.plan_parts import PlanStanding
     from planner.sources.position_list import PositionList
+
+
+# Axes, or pairs of bodies, that the summary of a check names.
+MOST_AXES = 8
 
 
 def show(tables: Iterable[Table]) -> None:
@@ -100,6 +104,29 @@ def sum_up_check(standing: Standing) -> list[Table]:
     if rest:
         notes.append("with -v: a table of each")
     return [replace(uses, notes=(*uses.notes, *notes))]
+
+
+def sum_up_violations(violations: Sequence[MotionError]) -> list[MotionError | str]:
+    """Return the worst violation of each limit, and a line each on the others."""
+    from kinematics.foundation.names import count_noun
+    from planner.place import Infeasible
+
+    by_limit: dict[str, list[MotionError]] = {}
+    for violation in violations:
+        limit = violation.kind if isinstance(violation, Infeasible) else str(violation)
+        by_limit.setdefault(limit, []).append(violation)
+    lines: list[MotionError | str] = []
+    for limit, alike in by_limit.items():
+        lines.append(alike[0])
+        if len(alike) == 1:
+            continue
+        axes = sorted({each.axis for each in alike if isinstance(each, Infeasible)})
+        if len(axes) > MOST_AXES:
+            axes[MOST_AXES:] = [f"{len(axes) - MOST_AXES} more"]
+        segments = {each.segment for each in alike if each.segment is not None}
+        where = f"{count_noun(len(segments), 'segment')}, first in segment {min(segments)}"
+        lines.append(f"{limit}: {len(alike)} violations, at {', '.join(axes)}, in {where}; -v lists them")
+    return lines
 
 
 def _describe_timing(plan: Plan, timing: Classical) -> str:

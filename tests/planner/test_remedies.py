@@ -361,3 +361,28 @@ def test_a_path_that_ends_just_before_a_singular_pose_is_warned_of(five_bar):
 def test_a_path_out_of_reach_names_the_axes(five_bar):
     program = Program([Line([0, -0.15, 0])])
     assert "there is no position of left, right; bring it nearer to home" in str(refused(program, five_bar))
+
+
+@pytest.mark.parametrize(
+    ("factor", "remedy"),
+    [
+        (25.4, 'divided by 25.4, the path fits: if it is in mm but read as inches, state length = "mm"'),
+        (1000, 'divided by 1000, the path fits: if it is in mm but read as m, state length = "mm"'),
+        (1 / 25.4, 'multiplied by 25.4, the path fits: if the program is in inches, state length = "in"'),
+        (1e-3, 'multiplied by 1000, the path fits: if the program is in m, state length = "m"'),
+    ],
+)
+def test_a_mistaken_unit_is_suspected(hexapod, factor, remedy):
+    """Coordinates in the base frame do not fit in any other unit; those from home fit in a smaller one."""
+    frame = "base" if factor < 1 else "home"
+    home = hexapod.home.translation if frame == "base" else np.zeros(3)
+    meant = np.array([[0, 0, 0.02], [0.01, 0, 0.02], [0.01, 0.01, 0.03]]) + home
+    assert fits(Program([Line(point) for point in meant], frame=frame), hexapod)
+    mistaken = refused(Program([Line(factor * point) for point in meant], frame=frame), hexapod)
+    assert str(mistaken).endswith(f"with every coordinate {remedy}")
+
+
+def test_no_unit_is_suspected_of_a_path_that_a_scale_fits(hexapod):
+    """A path that is a few times too large, and one that fits in no unit."""
+    for program in (HIGH, WIDE, Program([Line([0, 0, -0.05])])):
+        assert "every coordinate" not in str(refused(program, hexapod))

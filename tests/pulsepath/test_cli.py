@@ -298,13 +298,27 @@ def test_travel_violations_name_leg_place_value_and_limit(call, tmp_path, progra
         assert found["value"] == pytest.approx(1e3 * stroke(60e-3), abs=2e-4)
         where = {"axis": found["axis"], "segment": 2, "distance_m": pytest.approx(0.06), "time_s": None}
         assert found["where"] == where
-    assert call("check", path).stdout.count("travel 58.2874 mm is beyond 50.8 mm at leg") == 6
+    assert call("check", path, "-v").stdout.count("travel 58.2874 mm is beyond 50.8 mm at leg") == 6
     refused = call("plan", path, "--out", tmp_path / "out")
     assert refused.exit_code == 1
     for part in ("travel 58.2874 mm", "50.8 mm", "leg1", "segment 2", "s = 60 mm", "move the path"):
         assert part in refused.stderr
     assert refused.stdout == ""
     assert [entry.name for entry in tmp_path.iterdir()] == ["program.toml"]
+
+
+def test_a_check_sums_up_violations(call, program):
+    """The worst of each limit and a line on the others; -v lists all of them, --json records them."""
+    lines = [f"[[segment]]\nline = {{ to = [{x}, 0, 60] }}" for x in (0, 5, 0)]
+    path = program("[[segment]]\nline = { to = [0, 0, 25] }\n" + "\n".join(lines))
+    violations = json.loads(call("check", path, "--json").stdout)["violations"]
+    assert len(violations) == 18
+    worst, summed = call("check", path).stdout.splitlines()
+    assert worst == violations[0]["message"]
+    legs = ", ".join(f"leg{n}" for n in range(1, 7))
+    assert summed == f"travel: 18 violations, at {legs}, in 3 segments, first in segment 2; -v lists them"
+    every = call("check", path, "-v").stdout.splitlines()
+    assert every == [violation["message"] for violation in violations]
 
 
 def test_tilt_violations_name_the_joint(call, program, tilting):

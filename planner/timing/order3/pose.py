@@ -31,6 +31,8 @@ STATED_COST = 10.0
 # thousand intervals: the constants of the interior-point method are usual for that size, and μ then
 # weighs as much against the time of an interval however long the run is.
 OBJECTIVE_SCALE = 1000.0
+# Least step at which rows in the middle of an interval are interpolated, as a share of the path.
+MIN_STEP = 1e-15
 TERMS = tuple(Term)
 """Terms in the order of their numbers in `Rows`."""
 POWERS = {
@@ -228,7 +230,8 @@ class Middles(NamedTuple):
     def of(cls, problem: Problem, columns: Array) -> "Middles":
         """Return the middles of a motion (4, N) of ṡ, s̈, s⃛, h."""
         v, a, j, h = columns
-        step = np.diff(problem.s)
+        # rounding may leave nothing of an interval, which solvers refuse
+        step = np.maximum(np.diff(problem.s), MIN_STEP * problem.s[-1])
         passed = h * (v / 2 + h * (a / 8 + h * j / 48))
         return cls((passed / step).clip(0.0, 1.0), step, np.diff(problem.piece) == 0)
 

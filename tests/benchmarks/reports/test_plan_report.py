@@ -164,9 +164,9 @@ def test_it_says_what_limits_are_worth(text, page, planned):
 def test_the_summary_shows_the_plans_numbers(page, planned, baseline, verdict):
     rows = dict(page.tables["summary"])
     stated = summarise(PlanReport(planned, verdict, classical=baseline))
-    known = {row.label: row.text for row in stated} | {"saved by 1 % more of": planned.worth.describe()}
+    known = {row.label: row.text for row in stated} | {"limits 1 % higher": planned.worth.describe()}
     assert rows == {label[0].upper() + label[1:]: text for label, text in known.items()}
-    assert ("Gap" in rows) == bool(planned.known)
+    assert ("above the proved least of" in rows["Duration"]) == bool(planned.known)
     lost = planned.trajectory.duration - baseline.duration
     assert lost > 0  # the baseline has no limit on jerk
     assert number(rows["Duration"]) == pytest.approx(planned.trajectory.duration, abs=5e-7)

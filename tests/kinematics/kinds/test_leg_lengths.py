@@ -111,8 +111,12 @@ def test_swapped_rows_are_suspected_where_some_legs_reach_home(write):
     swapped = JOINTS.replace(first, "first").replace(second, first).replace("first", second)
     text = refused(write(joints=swapped, axes=lengths))
     assert "2 of 6 legs do not reach home" in text
-    assert "check the order of the legs first" in text
-    assert "check the order of the legs first" not in refused(write(home="[0, 0, 300]"))
+    assert "the others do: leg1 and leg2 are 644.3" in text
+    assert "all legs would be 596.87" in text
+    assert "check whether their rows are swapped in one of the lists" in text
+    unequal = JOINTS.replace("[43.82, 205.47, -22.05]", "[43.82, 205.47, 21.05]")
+    assert "check the order of the legs first" in refused(write(joints=unequal, axes=lengths))
+    assert "the others do" not in refused(write(home="[0, 0, 300]"))
 
 
 def test_a_hanging_platform_is_told_heights_below(write):

@@ -5,7 +5,7 @@ import pytest
 from scipy.interpolate import PPoly
 
 from kinematics import MotionError, load_machine
-from planner import Dwell, Line, Program, load_program, plan, time_optimal
+from planner import load_program, plan, time_optimal
 from planner.bounds import ALL, find_worth
 
 
@@ -55,35 +55,6 @@ def test_of_two_axes_that_move_alike_one_alone_saves_nothing():
     assert worth.of("speed", "axis1") == pytest.approx(0.019 / 2, rel=1e-2)
     assert worth.of("speed", "axis1") == pytest.approx(worth.replan("speed", "axis1", 0.01).saved, rel=2e-2)
     assert worth.of("speed", "axis2") == 0.0
-
-
-def corners(*points):
-    """A path of straight lines through points, in equal steps of its parameter."""
-    points = np.array(points, float)
-    return PPoly(np.stack([np.diff(points, axis=0), points[:-1]]), np.arange(float(len(points))))
-
-
-def test_what_stops_at_corners_take_in_closed_form():
-    """Down from the speed V at the acceleration A and up again: twice V/A, of which V/(2A) each would do."""
-    limits = {"max_speed": 1.2, "max_acceleration": 2.0}
-    worth = worth_of(corners([0, 0], [3, 0], [3, 3], [6, 3]), **limits)
-    count, lost = worth.corner_stops
-    assert count == 2
-    assert lost == pytest.approx(2 * 1.2 / 2.0, rel=5e-3)
-    assert "2 stops at corners: decelerating and accelerating again costs about 1.2 s, " in str(worth.tables()[0])
-    # where the path runs back into itself no blend spares the stop
-    worth = worth_of(corners([0, 0], [3, 0], [0, 0]), **limits)
-    assert worth.corner_stops == (0, 0.0)
-    assert "at corners" not in str(worth.tables()[0])
-
-
-def test_a_stop_for_a_dwell_is_none_that_a_blend_spares():
-    def program(*middle):
-        return Program([Line([0.004, 0, 0.025]), *middle, Line([0.004, 0.004, 0.025])], start=[0, 0, 0.025])
-
-    hexapod = load_machine("hexapod")
-    assert plan(program(), hexapod, order=2).worth.corner_stops[0] == 1
-    assert plan(program(Dwell(0.1)), hexapod, order=2).worth.corner_stops[0] == 0
 
 
 @pytest.mark.parametrize("order", [2, 3])

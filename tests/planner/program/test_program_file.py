@@ -226,6 +226,24 @@ def test_a_single_fault_is_the_only_one_reported(load, text, line, key, phrase):
     assert phrase in fault.message
 
 
+@pytest.mark.parametrize(
+    ("text", "key"),
+    [
+        ('join = "through"\n[[segment]]\nline = { to = [1, 0, 0] }\n', "join"),
+        ('[[segment]]\nline = { to = [1, 0, 0], join = "through" }\n', "segment[1].line.join"),
+        ('[[segment]]\nline = { to = [1, 0, 0], speed = "1 mm/s" }\n', "segment[1].line.speed"),
+    ],
+)
+def test_a_key_of_a_segment_in_a_wrong_place_is_shown_its_place(load, text, key):
+    with pytest.raises(FileError) as refused:
+        load(TOP + text)
+    (fault,) = refused.value.faults
+    assert fault.key == key
+    assert fault.message == "unknown key here: it belongs in a line of its own under [[segment]]"
+    with pytest.raises(FileError, match="valid keys: dwell, trigger"):
+        load(TOP + '[[segment]]\ndwell = "1 s"\njoin = "through"\n')  # it is under one already
+
+
 def test_an_undeclared_angle_names_the_line_to_add(load):
     with pytest.raises(FileError) as refusal:
         load(CIRCLE.replace('angle = "deg"', ""))

@@ -338,3 +338,35 @@ def test_whole_or_not_at_all(call, tmp_path, monkeypatch):
 def test_a_kind_is_something_to_start_from(tmp_path, kind):
     main(["init", str(tmp_path / "mine"), "--machine", kind], standalone_mode=False)
     assert tomllib.loads((tmp_path / "mine" / "machine.toml").read_text())["kind"] == kind
+
+
+def test_doubts_about_a_file_are_warnings(call, tmp_path):
+    """Two rows swapped in one list, and a speed in the wrong unit; the commands go on."""
+    assert call("init", tmp_path / "mine").exit_code == 0
+    file = tmp_path / "mine" / "machine.toml"
+    text = file.read_text()
+    rows = "    [86.6025, 50, -11],\n", "    [0, 100, -11],\n"
+    assert "".join(rows) in text
+    file.write_text(text.replace("".join(rows), "".join(reversed(rows))).replace("20 mm/s", "20 m/s"))
+    for done in (
+        call("check", tmp_path / "mine" / "program.toml", "-v"),
+        call("pose", file, "0,0,0"),
+    ):
+        warnings = [line for line in done.stderr.splitlines() if line.startswith("warning: ")]
+        speed, swapped = warnings
+        assert "max_speed 20000 mm/s takes" in speed
+        assert "leg1 and leg2 are" in swapped
+    quiet = call("pose", tmp_path / "mine" / "machine.toml", "0,0,0", "-q")
+    assert "warning" not in quiet.stderr
+
+
+def test_a_speed_that_the_axes_never_come_near_is_a_warning(call, tmp_path):
+    assert call("init", tmp_path / "mine").exit_code == 0
+    file = tmp_path / "mine" / "program.toml"
+    text = file.read_text()
+    options = ("--order", 2, "--no-figures", "--pulses", "none", "--no-baselines", "--bound", "none")
+    for speed, doubted in (("40 m/s", True), ("40 mm/s", False)):
+        file.write_text(text.replace('frame = "home"', f'frame = "home"\nspeed = "{speed}"'))
+        done = call("plan", file, *options, "--out", tmp_path / speed.replace("/", "_"))
+        assert done.exit_code == 0
+        assert ("of the program's speed: check its unit" in done.stderr) == doubted

@@ -174,7 +174,7 @@ def test_the_line_of_a_segment_that_breaks_several_limits_is_told_once(call, tmp
     (tmp_path / "far.toml").write_text(
         'schema = 1\nname = "mine"\nmachine = "hexapod"\nlength = "mm"\n[[segment]]\nline = { to = [0, 0, 90] }\n'
     )
-    done = call("check", tmp_path / "far.toml")
+    done = call("check", tmp_path / "far.toml", "-v")
     assert done.output.count("beyond 50.8 mm at leg") == 6
     assert done.stderr == "segment 1 is in line 5 of far.toml\n"
 

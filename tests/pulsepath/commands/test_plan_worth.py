@@ -21,7 +21,7 @@ def few(monkeypatch):
 
 def test_a_long_motion_says_that_worth_is_left_out_and_how_to_get_it(few, call, tmp_path):
     done = call(*ASKED, "--out", tmp_path / "plan")
-    (line,) = (line for line in done.stdout.splitlines() if "gap, worth of limits" in line)
+    (line,) = (line for line in done.stdout.splitlines() if "lower bound, worth" in line)
     assert "not worked out" in line
     assert "--worth" in done.stdout
     record = json.loads((tmp_path / "plan/plan.json").read_text())
@@ -29,8 +29,8 @@ def test_a_long_motion_says_that_worth_is_left_out_and_how_to_get_it(few, call, 
     assert "(more than 10 are left out)" in record["worth_left_out"]
     assert record["worth_left_out"] in (tmp_path / "plan/report.html").read_text()
     forced = call(*ASKED, "--worth", "--out", tmp_path / "forced")
-    assert "gap " in forced.stdout
-    assert "saved by 1 % more of" in forced.stdout
+    assert "% above the proved least of" in forced.stdout
+    assert "limits 1 % higher" in forced.stdout
     record = json.loads((tmp_path / "forced/plan.json").read_text())
     assert record["worth_left_out"] is None
     # proved: the bound lies below the motion, and near it
@@ -40,7 +40,7 @@ def test_a_long_motion_says_that_worth_is_left_out_and_how_to_get_it(few, call, 
 
 def test_what_nobody_wants_is_not_missed(few, call, tmp_path):
     done = call(*ASKED, "--no-worth", "--out", tmp_path / "plan", "-v")
-    assert "gap, worth of limits" not in done.stdout
+    assert "lower bound, worth" not in done.stdout
     record = json.loads((tmp_path / "plan/plan.json").read_text())
     assert record["worth"] is record["worth_left_out"] is None
     assert "baseline timing" not in done.stdout + done.stderr

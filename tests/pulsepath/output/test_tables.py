@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from kinematics.foundation.table import MAX_SHOWN_ROWS, Column, Table
-from pulsepath.output.tables import show, show_plan
+from planner.place import Infeasible, Place
+from pulsepath.output.tables import show, show_plan, sum_up_violations
 from pulsepath.progress import VERBOSE, WIDTH
 
 
@@ -80,3 +81,17 @@ def test_a_long_list_says_how_much_more_there_is_and_where(tmp_path, capsys):
     half = MAX_SHOWN_ROWS // 2
     assert all(f"\n     {row} " in printed or f" {row}   " in printed for row in (half - 1, 300 - half))
     assert not any(f" {row}   " in printed for row in (half + 1, 150))
+
+
+def test_the_summary_of_violations_names_a_few_of_many_axes():
+    """One line for a limit: the number of violations, some of the axes, and the first segment."""
+    violations = [
+        Infeasible("clearance", f"leg{n}–base", Place(0.1, segment), -1.0, 0.0, "mm", "move the path")
+        for segment in (3, 2)
+        for n in range(10)
+    ]
+    worst, line = sum_up_violations(violations)
+    assert worst is violations[0]
+    named = ", ".join(f"leg{n}–base" for n in range(8))
+    assert line == f"clearance: 20 violations, at {named}, 2 more, in 2 segments, first in segment 2; -v lists them"
+    assert sum_up_violations(violations[:1]) == violations[:1]

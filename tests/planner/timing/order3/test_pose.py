@@ -73,3 +73,14 @@ def test_a_piece_of_one_interval_is_interpolated_linearly():
     start, end = np.array([[1.0], [5.0]]), np.array([[3.0], [4.0]])
     expected = start + middles.share[:, None] * (end - start)
     assert middles.interpolate(start, end) == pytest.approx(expected, rel=1e-15)
+
+
+def test_an_interval_of_no_length_gives_finite_rows():
+    """Rounding may leave one. The solver refuses it; a warning here would fail this test."""
+    problem, columns = accelerate(4)
+    s = np.array([0.0, 0.25, 0.25, 0.75, 1.0])
+    middles = Middles.of(Problem(s, problem.piece, ()), columns)
+    values = np.array([[1.0], [2.0], [3.0], [4.0], [5.0]])
+    with np.errstate(all="raise"):
+        between = middles.interpolate(values[:-1], values[1:])
+    assert np.isfinite(between).all()
