@@ -21,8 +21,9 @@ from planner.windows import WindowPlanner
 
 REPEAT = 5
 START = np.array([0.0, 0.0, 0.025])
-# A copy begins at another path length, which is rounded: to 1e-16 of the path, a few times.
-ROUNDING = 1e-12
+# A copy begins at another path length, which is rounded: to 1e-16 of the path, a few times. At order
+# 3 a run that is solved anew there ends a little elsewhere, within the solver's tolerance of 1e-6.
+ROUNDING = {2: 1e-12, 3: 1e-9}
 # A proved bound is refined until it is within 5e-7 of what is attained.
 TIGHT = 1e-6
 
@@ -97,7 +98,7 @@ def test_equal_runs_are_solved_once(plans):
 
 def test_copies_take_as_long_and_use_as_much_of_the_limits(plans):
     copied, single, _ = plans
-    assert copied.duration == pytest.approx(single.duration, rel=ROUNDING)
+    assert copied.duration == pytest.approx(single.duration, rel=ROUNDING[copied.order])
     assert copied.certificate.holds
     for name, worst in copied.certificate.worst.items():
         assert worst == pytest.approx(single.certificate.worst[name], abs=TIGHT)
@@ -179,7 +180,7 @@ def test_parts_with_copies_are_those_without(program):
             list(plan_parts(program, machine, limits=limits, pieces=pieces)) for limits in ((), (FarAway(),))
         )
         assert len(copied) == len(single)
-        assert copied[-1].standing.duration == pytest.approx(single[-1].standing.duration, rel=ROUNDING)
+        assert copied[-1].standing.duration == pytest.approx(single[-1].standing.duration, rel=ROUNDING[3])
         assert [part.standing.segment for part in copied] == [part.standing.segment for part in single]
         proof = copied[-1].standing.certificate
         assert proof.holds

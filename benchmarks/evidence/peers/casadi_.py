@@ -111,21 +111,20 @@ class CasadiProblem:
     def _pose_rows(self, start: Motion, middle: Motion, end: Motion) -> tuple[ca.MX, Array, Array]:
         """Return the limits' rows (R, N), and the bounds of all constraints, stage by stage."""
         rows = []
+        middles = Middles.of(self.problem, self.guess)
         low = [np.array([[0.0], [0.0], [1.0]]).repeat(self.problem.intervals, 1)]
         high = low.copy()
         for block in self.problem.blocks:
             jumps = Term.SDDD in block.start
-            second, motion = (block.end, end) if jumps else (self._interpolate(block), middle)
+            between = {
+                term: middles.interpolate(block.start[term], block.end[term]) for term in block.start
+            }
+            second, motion = (block.end, end) if jumps else (between, middle)
             rows += [self._sum_terms(block.start, start), self._sum_terms(second, motion)]
             for room in (block.room if jumps else _start_room(block), block.room):
                 low.append((block.middle - 1)[:, None] * room)
                 high.append((block.middle + 1)[:, None] * room)
         return ca.vertcat(*rows), np.concatenate(low).T.ravel(), np.concatenate(high).T.ravel()
-
-    def _interpolate(self, block: Block) -> dict[Term, Array]:
-        """Return the rows of a block in the middle of each interval."""
-        middles = Middles.of(self.problem, self.guess)
-        return {term: middles.interpolate(block.start[term], block.end[term]) for term in block.start}
 
     def _sum_terms(self, side: Mapping[Term, Array], motion: Motion) -> ca.MX:
         """Return the rows (m, N) of a block at one place of each interval."""
