@@ -116,9 +116,8 @@ class CasadiProblem:
         high = low.copy()
         for block in self.problem.blocks:
             jumps = Term.SDDD in block.start
-            between = {
-                term: middles.interpolate(block.start[term], block.end[term]) for term in block.start
-            }
+            terms = block.start.items()
+            between = {t: middles.interpolate(start, block.end[t]) for t, start in terms}
             second, motion = (block.end, end) if jumps else (between, middle)
             rows += [self._sum_terms(block.start, start), self._sum_terms(second, motion)]
             for room in (block.room if jumps else _start_room(block), block.room):

@@ -26,7 +26,7 @@ Places = tuple[Array, np.ndarray]
 def _find_use(task: Task, places: Places, speed: Array) -> Array:
     """Return the largest use (N,) of any limit on time by constant speeds (N,) at N places.
 
-    Geometric limits were proved before. One that is used up, as by a home at an end of travel,
+    Geometric limits were proved before. One that is attained, as by a home at an end of travel,
     exceeds 1 by rounding.
     """
     state = _state_at_speed(task.path, places, speed)

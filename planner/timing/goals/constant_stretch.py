@@ -35,8 +35,7 @@ from planner.timing.solution import MADE_CONSTANT_SPEED, STRAIGHT, RunSolution
 REACHED_SHARE = {STRAIGHT: 2e-9, 2: 2e-6, 3: 1e-5}
 # Lengths of a ramp that are tried in turn, as multiples of the shortest that was found: where the
 # speed is just reached a solver has no room left. Under jerk limits the speed is approached as a
-# parabola: its last 1e-5 take 0.5 % of a ramp. Of 156 random programs on three machines one needs
-# the second length (a hexapod at order 3).
+# parabola: its last 1e-5 take 0.5 % of a ramp.
 RAMP_LENGTHENING = {
     STRAIGHT: (1 + 1e-8, 1.002, 1.02),
     2: (1.00001, 1.002, 1.02),
