@@ -17,12 +17,14 @@ INTERNALS = {
     # steps of the interior point and of the passes: against finite differences, dense solves and linear programmes
     "planner/timing/order3/test_interior_point.py",
     "planner/timing/order2/test_passes.py",
+    "planner/timing/order3/test_pose.py",
     "planner/timing/order3/test_solve.py",
     "planner/bounds/test_duration_bound.py",
     "planner/timing/test_stated_duration.py",
     # kernels, whose sources the version of the compiled code covers
     "kinematics/foundation/test_kernel_version.py",
     # attempts in their order: each is reached only where the one before it is made to fail
+    "planner/baselines/test_classical.py",
     "planner/test_cross_check.py",
     "planner/timing/test_slowed_runs.py",
     "planner/timing/test_end_speeds.py",

@@ -16,12 +16,12 @@ from tests import read_lines
 
 def test_a_stop_and_the_way_on_in_files(call, plan, job):
     made, rest = plan / "stop.csv", plan / "rest.csv"
-    done = call("hold", plan, "--at", "0.7 s", "--format", "pulses", "--out", made, "--resume", rest, "--json")
+    done = call("hold", plan, "--at", "0.72 s", "--format", "pulses", "--out", made, "--resume", rest, "--json")
     assert done.exit_code == 0, done.stderr
     told, pulses = json.loads(done.stdout), job.plan.pulses
     assert told["certified"]
     assert told["verified"]
-    assert told["held_at_s"] == pytest.approx(0.7)
+    assert told["held_at_s"] == pytest.approx(0.72)
     machine = job.plan.machine
     stop, onward = (
         read_lines.read(str(f), pulses.clock_hz, machine.axes, machine.home_q).schedule for f in (made, rest)
