@@ -27,7 +27,7 @@ def test_a_stop_and_the_way_on_in_files(call, plan, job):
         read_lines.read(str(f), pulses.clock_hz, machine.axes, machine.home_q).schedule for f in (made, rest)
     )
     for before, own, after in zip(pulses.axes, stop.axes, onward.axes, strict=True):
-        assert before.counts([7_000_000 - 1])[0] + own.direction.sum() + after.direction.sum() == before.final
+        assert before.counts([7_200_000 - 1])[0] + own.direction.sum() + after.direction.sum() == before.final
 
 
 def test_an_instant_is_a_time_or_a_share_and_0_is_both(call, plan, job):
