@@ -2,11 +2,10 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from kinematics.foundation.errors import MotionError
 from pulsepath.command_group import ProgramCommand
 from pulsepath.commands.common import print_json
 from pulsepath.options import (
@@ -19,6 +18,9 @@ from pulsepath.process.exits import INFEASIBLE
 from pulsepath.progress import VERBOSE, level, say
 from pulsepath.request_options import with_request
 from pulsepath.requests import InputRequest
+
+if TYPE_CHECKING:
+    from kinematics.foundation.errors import MotionError
 
 
 @click.command(cls=ProgramCommand)
