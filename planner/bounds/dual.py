@@ -190,7 +190,7 @@ def _list_rows(cells: RowCells, root: Array) -> _Rows:
 
 
 def _start_rows(rows: _Rows, x: Array) -> tuple[Array, Array]:
-    """Return first slacks and multipliers: 0.1 over each other where a row is near or exceeded."""
+    """Return first slacks and multipliers: with s·z = 0.1 where a row is near or exceeded."""
     root = np.sqrt(x[:, :1])
     room = np.ones(rows.exists.shape)
     room[:, rows.jerk] = rows.root[:, None] / root

@@ -21,22 +21,7 @@ from planner.bounds.lower_bound import RowCells, Trial, copy_to
 
 # Values of a whose programs are solved, relative to the motion's a.
 NEAR = np.array(
-    [
-        0.02,
-        0.15,
-        0.4,
-        0.7,
-        0.85,
-        0.93,
-        0.98,
-        0.995,
-        1.005,
-        1.02,
-        1.07,
-        1.2,
-        1.5,
-        2.5,
-    ],
+    [0.02, 0.15, 0.4, 0.7, 0.85, 0.93, 0.98, 0.995, 1.005, 1.02, 1.07, 1.2, 1.5, 2.5],
 )
 # Penalty of a violated row, relative to the worth of the motion's rows.
 PENALTY = 3.0

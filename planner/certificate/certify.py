@@ -1,6 +1,6 @@
 """The certificate: a bound of every limit over continuous time.
 
-It depends on the trajectory and on the limits' `value` and `use` alone. Time is cut into cells.
+It depends on the trajectory and on the limits' `value` and `use`, and on no row of a solver. Time is cut into cells.
 Over each, the motion is enclosed (`planner.certificate.enclosure`) and each limit's value is
 bounded by its own formula; cells are split until the bounds are tight. It is also proved that the
 motion is continuous and complete (`planner.certificate.continuity`).

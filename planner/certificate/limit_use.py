@@ -43,8 +43,8 @@ from planner.trajectory import State, Trajectory, unit_speed_trajectory
 LIMIT_ROUNDING = 1e-9
 """Excess over 1 that counts as rounding where a motion may reach a limit exactly.
 
-That holds for places, and for motions that have to meet stated speeds. What the timing chooses
-freely is never above 1.
+That holds for places, and for all of a motion along a path that states speeds. Other motions are
+never above 1.
 """
 # Refinement ends at this share of a time piece, or at this number of loose cells.
 MIN_CELL_SHARE = 2.0**-24

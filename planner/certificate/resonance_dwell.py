@@ -21,8 +21,8 @@ from planner.certificate.enclosure import enclose
 from planner.limits.resonance import Band, Resonance
 from planner.trajectory import Trajectory
 
-# Least cell as a share of the shortest time allowed in a band: a stay is over-estimated by two of
-# them at most.
+# Least cell as a share of the shortest time allowed in a band: a stay whose
+# ends cross the edges of the band is over-estimated by two of them at most.
 MIN_CELL_SHARE = 5e-4
 # Order of the series in time.
 EXPANSION = 6

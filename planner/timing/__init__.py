@@ -1,4 +1,4 @@
-"""Solvers: how fast a path can be run within rows of limits, and the classical profiles as baselines."""
+"""Timing of runs: problems, solvers, goals, and the loop that certifies."""
 
 import lazy_loader
 

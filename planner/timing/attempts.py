@@ -1,6 +1,7 @@
 """The ways to time a run, tried in order until one gives a motion that respects every limit.
 
-No other place looks for another way to a fastest run. A motion that exceeds a limit between
+No other place looks for another way to a fastest run, but for cruises whose proof fails
+(planner.timing.certify_loop). A motion that exceeds a limit between
 grid points is first tightened (planner.timing.tighten); one that then still has to be slowed as a
 whole is remembered while the next ways are tried, and the fastest of all is returned.
 """
@@ -364,7 +365,7 @@ ATTEMPTS = {
             rest_in_middle,
         ),
         Attempt(
-            "The classical timings rest at every break: never be slower than these.",
+            "The classical timings rest at every break: short runs are never slower than these.",
             rest_at_all_breaks,
         ),
         Attempt(

@@ -18,7 +18,7 @@ from planner.certificate.limit_use import ProvedUse
 from planner.limits.limit import Limit
 from planner.parallel import Progress, spread
 from planner.path.actuation import ActuatorPath, has_constant_speed
-from planner.timing.certify_loop import MAX_CERTIFY_ROUNDS, CertifiedRun, RunCertifier, hold_axes
+from planner.timing.certify_loop import CertifiedRun, RunCertifier, hold_axes
 from planner.timing.goals.constant_speed import ConstantSpeed
 from planner.timing.goals.fastest import Fastest
 from planner.timing.goals.goal import Goal
@@ -297,7 +297,7 @@ def _unproved_error(solution: Solution) -> MotionError:
     name = max(certificate.worst, key=certificate.worst.__getitem__)
     place = certificate.where[name]
     if np.isfinite(certificate.worst[name]):
-        remains = f"within {MAX_CERTIFY_ROUNDS} rounds; what remained:\n{certificate}"
+        remains = f"within {solution.rounds} rounds; what remained:\n{certificate}"
         return MotionError(f"no motion could be proved {remains}").in_segment(place.segment)
     return MotionError(
         f"the motion could not be proved: {name} at {place} has no bound; "

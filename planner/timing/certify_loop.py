@@ -148,7 +148,7 @@ class RunCertifier:
             task = self._pose(one.run, one.caps)
             solution = self.goal.tighten(task, one.solution, one.known.use)
             if solution is one.solution:
-                return None  # a constant speed exceeds its cap by rounding
+                return None
             if solution.solved:
                 return replace(one, solution=solution, tightened=one.tightened + 1)
             if not cruises:

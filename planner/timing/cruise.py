@@ -103,12 +103,11 @@ class Caps:
 def find_caps(task: Task) -> Caps | None:
     """Find the caps of a run's pieces from its rows at a few places.
 
-    None where rows depend on the motion itself, where a limit is lowered in places, or without a cap.
+    None where rows depend on the motion itself, or without a cap.
     """
     sketch = task.sketch
     run = task.run
-    is_lowered = any(len(limit.shares.values) for limit in task.limits)
-    if is_lowered or not sketch.is_unconditional:
+    if not sketch.is_unconditional:
         return None
     # 1/ṡ (2, N) at both ends of each interval, by the tool's cap and by other limits on speed
     tool = np.zeros((2, sketch.intervals))
@@ -132,6 +131,9 @@ def find_caps(task: Task) -> Caps | None:
         fastest = 1 / least
     binds = (excess < 0) & (least_f > 0)
     tool_caps = np.where(binds, _tool_caps(task.limits, run), np.inf)
+    lowered = _find_lowered(task)
+    tool_caps[lowered] = np.inf
+    along[lowered] = np.inf
     result = Caps(task.path, run.first, tool_caps, along, fastest, uneven)
     return result if result.capped.any() else None
 
@@ -142,6 +144,16 @@ def _tool_caps(limits: Sequence[Limit], run: Run) -> Array:
         if isinstance(limit, ToolSpeed):
             return np.asarray(limit.caps[run.first : run.last + 1])
     return np.full(run.last + 1 - run.first, np.inf)
+
+
+def _find_lowered(task: Task) -> np.ndarray:
+    """Return the pieces (P,) on which a limit is lowered in places: no one speed is right there."""
+    breaks = task.run.breaks(task.path)
+    lowered = np.zeros(len(breaks) - 1, bool)
+    for limit in task.limits:
+        if len(limit.shares.values):
+            lowered |= limit.shares.least_over(breaks[:-1], breaks[1:]) < 1
+    return lowered
 
 
 def _level(speeds: Array) -> Array:

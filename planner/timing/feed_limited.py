@@ -24,6 +24,7 @@ from planner.limits.resonance import Resonance
 from planner.timing.cruise import Caps, find_caps, follow_cap
 from planner.timing.grid import Task
 from planner.timing.initial_guess import bound_term, reduce_pieces
+from planner.timing.order2.closed_form import least_ramp, straight_ramp
 from planner.timing.order2.second_order import is_of_speed
 from planner.timing.problem import POWERS, EndCondition, Problem, Run
 from planner.timing.solution import FEED_LIMITED, RunSolution
@@ -36,6 +37,12 @@ MAX_CRUISING_USE = 0.95
 RAMP_SHARE = 0.5
 # Share by which rounding may make a cap differ from the same cap in the window before.
 SPEED_ROUNDING = 1e-13
+# Share of a ramp's largest speed and acceleration by which its ends may differ from the cruise's.
+SAME_STATE = 1e-9
+# A closed form may lengthen a run by this share of its duration, and leave unused up to this share
+# of the limits on its ramps.
+CLOSED_FORM_LOSS = 1e-7
+MAX_UNUSED_SHARE = 0.02
 
 
 Stretch = tuple[float, float]
@@ -69,13 +76,15 @@ class FeedLimitedRun:
         parts = [] if caps is None else self._cut_into_parts(caps)
         if not parts:
             return None
+        cruising = sum(part.cruise.duration for part in parts if part.cruise is not None)
         solutions: list[RunSolution] = []
         for number, part in enumerate(parts):
             solution = part.cruise
             if solution is None:
                 ramp = self._meet_cruises(parts, number)
-                solution = solve(self.task.with_run(ramp))
-                if not solution.solved:
+                task = self.task.with_run(ramp)
+                solution = _solve_in_closed_form(task, cruising) or solve(task)
+                if not solution.solved or not self._is_joined(solution, ramp):
                     return None
             solutions.append(solution)
         return RunSolution.joined(solutions, FEED_LIMITED)
@@ -111,6 +120,7 @@ class FeedLimitedRun:
         acceleration = reduce_pieces(np.minimum, bound_term(sketch, Term.SDD), pieces)
         jerk = reduce_pieces(np.minimum, bound_term(sketch, Term.SDDD), pieces)
         ramps = _bound_ramps(caps.fastest, RAMP_SHARE * acceleration, RAMP_SHARE * jerk)
+        ramps = np.maximum(ramps, 2 * least_ramp(float(breaks[-1])))
         busy = np.flatnonzero(_find_cruising_use(sketch, caps) > MAX_CRUISING_USE)
         changes = caps.find_changes(breaks, self.task.order, acceleration)
         start, end = self.task.run.ends
@@ -149,6 +159,39 @@ class FeedLimitedRun:
             start = replace(start, acceleration=0.0)
             end = replace(end, acceleration=0.0)
         return replace(ramp, ends=(start, end))
+
+    def _is_joined(self, solution: RunSolution, ramp: Run) -> bool:
+        """Return whether a ramp meets its cruises. One that was slowed as a whole does not."""
+        profile = solution.profile
+        largest_v = SAME_STATE * float(profile.v.max())
+        largest_a = SAME_STATE * float(np.abs(profile.a).max())
+        start, end = ramp.ends
+        states = (
+            (start, float(profile.v[0]), float(profile.a[0])),
+            (end, profile.last_speed, profile.last_acceleration),
+        )
+        for condition, v, a in states:
+            if condition.speed == 0:  # at rest, no cruise is next to it
+                continue
+            if abs(v - condition.speed) > largest_v:
+                return False
+            if self.task.order == 3 and abs(a - condition.acceleration) > largest_a:
+                return False
+        return True
+
+
+def _solve_in_closed_form(task: Task, cruising: float) -> RunSolution | None:
+    """Return a ramp in closed form, where it is so short that the loss of time is negligible.
+
+    cruising  duration of all cruises
+    """
+    ramp = task.run
+    plain = all(end.acceleration == 0 and end.zero_derivatives == 0 for end in ramp.ends)
+    if ramp.first != ramp.last or not plain or max(ramp.speeds) == 0:
+        return None
+    length = float(task.sketch.s[-1] - task.sketch.s[0])
+    share = CLOSED_FORM_LOSS * cruising * max(ramp.speeds) / length
+    return straight_ramp(task.sketch, min(share, MAX_UNUSED_SHARE))
 
 
 def _cruises_at(end: EndCondition, cap: float) -> bool:

@@ -1,6 +1,7 @@
 """Grids of a run, and the problems posed on them.
 
-At order 2 a grid is even, since its solution is cheap. At order 3 its points lie where the averaged
+At order 2 a grid is even, since its solution is cheap, or denser where rows mix ṡ with other terms
+and where s̈ steps. At order 3 its points lie where the averaged
 order-2 motion (planner.timing.initial_guess) spends time or changes s̈.
 """
 

@@ -13,9 +13,9 @@ d^(1/2) instead of d^(2/3), too fast by ever more in smaller blends. From there 
 motion, and from rest at such breaks only one of many slow ones. There the start has ramps of constant
 jerk from break to break.
 
-**Brief ramps.** If w is below a thousandth of the motion, no solver can tell ramps of s̈ from steps.
+**Brief ramps.** If 4w is below a thousandth of the motion, no solver can tell ramps of s̈ from steps.
 The average is then the answer: the order-2 motion is at least as short as the fastest jerk-limited
-one, so that the average takes at most w longer than that.
+one, so that the average takes at most 4w longer than that.
 """
 
 from dataclasses import dataclass, replace

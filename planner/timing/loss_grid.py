@@ -28,8 +28,8 @@ from planner.timing.solution import TooFast
 MAX_ROUGHNESS = 1.1
 # Share of the duration that a grid may lose, as the rough solution predicts it, and how many times
 # the usual number of intervals it may have for that. COPP's first 20 random splines (evidence
-# random_splines) take 41.167, 41.161 and 41.157 s with shares of 4e-4, 3.5e-4 and 3e-4, and 64, 69
-# and 74 ms to plan.
+# random_splines) take 41.167, 41.162 and 41.157 s with shares of 4e-4, 3.5e-4 and 3e-4, and 73, 78
+# and 87 ms to plan.
 MAX_LOSS, MAX_FINENESS = 3.5e-4, 4
 # Start speed of a run that continues a motion, as a share of the largest that its guess allows.
 CONTINUED_START_SHARE = 0.99

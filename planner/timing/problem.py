@@ -175,7 +175,7 @@ class Block:
 
     with coefficients divided by half the range between the bounds.
 
-    room    (N,) SOLVER_AIM, or less where the proof asked for it
+    room    (N,) SOLVER_AIM, less where a peak asked for it, or 1 where a stated speed needs all
     middle  (m,) middle of the range, in ]−1, 1[: 0 where the bounds are the same both ways
     speed_range  (4, N, m) least and largest ṡ at which a row of a limit that is not convex counts,
                  at the starts, then at the ends; None: all rows count
@@ -242,6 +242,7 @@ class Block:
             end=cut(self.end),
             room=self.room[intervals],
             speed_range=None if speeds is None else speeds[:, intervals],
+            convex_part=None if self.convex_part is None else self.convex_part.part(intervals),
         )
 
     @property

@@ -130,7 +130,7 @@ class Profile:
     def on(self, s: Array) -> Array:
         """Return (4, N) of ṡ, s̈, s⃛, h on a grid s (N+1,) over the same way.
 
-        s⃛ is the average over each interval.
+        s⃛ is the average over each interval; in the last one it ends with s̈ = 0.
         """
         k, tau = self._find_passage(s[1:-1])
         begin = np.concatenate([[0.0], np.cumsum(self.h)])

@@ -154,7 +154,7 @@ def _find_passing_speed(end: EndCondition, blocks: Sequence[Block], at: int) -> 
 
 
 def _open_room(block: Block, ends: Ends) -> Block:
-    """Give a block all of its room, if a stated speed at an end needs more than solvers aim at."""
+    """Give a block all of its room, if stated speeds at both ends need more than solvers aim at."""
     speeds = [end.speed for end in ends]
     if min(speeds) == 0:
         return block

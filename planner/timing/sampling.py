@@ -15,7 +15,7 @@ from planner.path.actuation import ActuatorPath
 from planner.timing.profile import Profile
 
 # Instants of each time piece. Parabolas through each three of them give a quadratic's peak exactly,
-# and miss about the fourth derivative's share of others. Pieces without jerk are more and shorter.
+# and miss about the third derivative's share of others. Pieces without jerk are more and shorter.
 INSTANTS = 5
 INSTANTS_WITHOUT_JERK = 3
 # A limit that is used less than this is not sampled again while a run is being solved.

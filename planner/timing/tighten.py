@@ -2,8 +2,8 @@
 
 Solvers keep limits on grid points. A motion that exceeds a limit by a share e in an interval gets
 that much less room there and is solved again; what little remains goes by slowing it as a whole.
-Two loops use this: `planner.timing.attempts` with sampled use, and `planner.timing.certify_loop`
-with proved use.
+`tighten_until_kept` does that by sampled use; `planner.timing.certify_loop` and the goals use the
+other functions with proved use.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -37,8 +37,8 @@ EXCESS_FACTOR = 1.1
 SOLVER_MARGIN = 2e-7
 # Number of times that a run is solved before it is slowed instead.
 MAX_TRIES = 6
-# Excess from which an interval is cut in CUT_PARTS when it is solved again. Later tries cut from a
-# smaller excess on: it then lies between grid points, where less room does not help.
+# Excess from which an interval is cut in CUT_PARTS in the second try. Later tries cut from a smaller
+# excess on: it then lies between grid points, where less room does not help.
 MIN_CUT_EXCESS = 1.03
 MIN_LATE_CUT_EXCESS = 1.0003
 CUT_PARTS = 4

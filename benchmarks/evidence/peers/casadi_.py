@@ -27,7 +27,7 @@ from planner.timing.order3.pose import (
     JERK_WEIGHT,
     POWERS,
     SHORTEST,
-    Middles,
+    interpolate_middles,
     jerk_share,
 )
 
@@ -69,7 +69,6 @@ class CasadiProblem:
 
     def __init__(self, problem: Problem, guess: Array, solver: Solver) -> None:
         self.problem, self.solver = problem, solver
-        self.guess = guess
         self.length = float(problem.s[-1] - problem.s[0])
         self.time = float(guess[3].sum())
         per_time = self.length / self.time ** np.arange(1, 4)
@@ -111,13 +110,12 @@ class CasadiProblem:
     def _pose_rows(self, start: Motion, middle: Motion, end: Motion) -> tuple[ca.MX, Array, Array]:
         """Return the limits' rows (R, N), and the bounds of all constraints, stage by stage."""
         rows = []
-        middles = Middles.of(self.problem, self.guess)
         low = [np.array([[0.0], [0.0], [1.0]]).repeat(self.problem.intervals, 1)]
         high = low.copy()
         for block in self.problem.blocks:
             jumps = Term.SDDD in block.start
             terms = block.start.items()
-            between = {t: middles.interpolate(start, block.end[t]) for t, start in terms}
+            between = {t: interpolate_middles(self.problem, c, block.end[t]) for t, c in terms}
             second, motion = (block.end, end) if jumps else (between, middle)
             rows += [self._sum_terms(block.start, start), self._sum_terms(second, motion)]
             for room in (block.room if jumps else _start_room(block), block.room):

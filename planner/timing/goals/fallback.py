@@ -68,6 +68,8 @@ class FallbackGoal:
         slowed = solution.fallback
         assert problem is not None
         assert slowed is not None
+        if solution.profile is slowed:
+            return solution
         if solution.tries >= MAX_TRIES:
             return replace(solution, profile=slowed, maker=SLOWED)
         tighter = lower_rooms(problem, solution.relate_use(use), solution.tries)

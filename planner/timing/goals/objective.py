@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from kinematics.foundation.errors import BadValue, MotionError
 from kinematics.foundation.options import check_fields
 
-_SUM = re.compile(r"\s*time\s*(?:\+\s*(?P<weight>[\d.]+(?:[eE][+-]?\d+)?)?\s*\*?\s*heat\s*)?")
+_SUM = re.compile(r"\s*time\s*(?:\+\s*(?:(?P<weight>[\d.]+(?:[eE][+-]?\d+)?)\s*\*?\s*)?heat\s*)?")
 # What heat may weigh: above, a motion is so slow that other losses matter more.
 MOST_WEIGHT = 1e3
 

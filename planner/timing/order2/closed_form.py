@@ -34,6 +34,9 @@ MAX_DOUBLINGS = 2000
 # Ramps of ṡ and s̈ take at least this share of the duration. Shorter ones would vanish in the
 # rounding of instants; longer ones would lengthen the motion by as much.
 MIN_RAMP_SHARE = 1e-9
+# Ramps between cruises take at least this many roundings of a path length: the proof of the tool's
+# speed is off by about the inverse. A ramp to 10 µm/s at 60 mm takes 1.3 nm and 0.3 ms for it.
+MIN_RAMP_ROUNDINGS = 1e8
 TANGENTIAL = (Term.SD, Term.SDD, Term.SDDD)
 
 Piece = tuple[float, float, float]
@@ -139,6 +142,26 @@ class _Bounds:
         j = max(lower.a_max, lower.a_min) / shortest
         return replace(lower, j_max=min(self.j_max, j), j_min=min(self.j_min, j))
 
+    def stretch_ramp(self, speeds: tuple[float, float], least: float) -> "_Bounds":
+        """Lower s̈ and s⃛ so that the change between two speeds takes at least some length.
+
+        With s̈ k times and s⃛ k² times as large, a ramp is 1/k times as long.
+        """
+        length = self.length(*speeds)
+        if length >= least or length == 0:
+            return self
+        return self.scale(1.0, length / least, (length / least) ** 2)
+
+    def scale(self, v: float, a: float, j: float) -> "_Bounds":
+        """Return the bounds of ṡ, s̈ and s⃛ times factors."""
+        return _Bounds(
+            v * self.v_max,
+            a * self.a_max,
+            a * self.a_min,
+            j * self.j_max,
+            j * self.j_min,
+        )
+
 
 def straight(problem: Problem) -> RunSolution | None:
     """Find the fastest motion of a straight run, exact to rounding; None where it is not straight.
@@ -151,17 +174,45 @@ def straight(problem: Problem) -> RunSolution | None:
     bounds = _bound_run(problem)
     if bounds is None:
         return None
+    if max(problem.speeds) == 0:
+        bounds = bounds.lengthen_ramps(_length(problem))
+    return _find_fastest(problem, bounds)
+
+
+def straight_ramp(problem: Problem, share: float) -> RunSolution | None:
+    """Find a ramp between the problem's speeds that is about a share longer than the fastest at most.
+
+    Rows hardly vary along a short ramp, and curvature uses little: as much is left unused. None
+    where that would be more than the share, or where the ramp does not fit.
+    """
+    bounds = _bound_run(problem, share, max(problem.speeds))
+    if bounds is None:
+        return None
+    farthest = float(np.abs(problem.s).max())
+    bounds = bounds.stretch_ramp(problem.speeds, least_ramp(farthest))
+    ramp = _find_fastest(problem, bounds)
+    return ramp if ramp.solved else None
+
+
+def least_ramp(s: float) -> float:
+    """Return the least length (m) of a ramp at a path length, for the sake of its rounding.
+
+    Along a shorter one the proof could not bound the path's direction, nor the tool's speed.
+    """
+    return MIN_RAMP_ROUNDINGS * float(np.finfo(float).eps) * abs(s)
+
+
+def _find_fastest(problem: Problem, bounds: _Bounds) -> RunSolution:
+    """Find the fastest motion under constant bounds."""
     length = _length(problem)
     v_0, v_1 = problem.speeds
-    if v_0 == v_1 == 0:
-        bounds = bounds.lengthen_ramps(length)
-    too_fast = _check_ends(bounds, length, (v_0, v_1))
-    if too_fast is not None:
-        return RunSolution.refused(too_fast)
 
     def excess(v: float) -> float:
         return bounds.length(v_0, v, v_1) - length
 
+    too_fast = _check_ends(bounds, length, (v_0, v_1))
+    if too_fast is not None:
+        return RunSolution.refused(too_fast)
     if bounds.length(v_0, v_1) > length * (1 + ROUNDING):
         low = min(v_0, v_1)
         v = _find_root(lambda bottom: excess(bottom) if bottom < low else np.inf, 0.0)
@@ -201,10 +252,15 @@ def _check_ends(
     return TooFast(int(rises), high, min(bounds.v_max / EXACT_AIM, largest))
 
 
-def _bound_run(problem: Problem) -> _Bounds | None:
+def _bound_run(
+    problem: Problem,
+    share: float = STRAIGHTNESS_SHARE,
+    top_speed: float | None = None,
+) -> _Bounds | None:
     """Return the bounds that the motion aims at: the limits less the use by curvature and variation.
 
-    None where these use more than STRAIGHTNESS_SHARE of a limit, or where nothing bounds s̈.
+    share      of the limits that these may use; None where they use more
+    top_speed  ṡ that is known to hold, in place of the limits on speed
     """
     if not problem.is_unconditional or not all(map(_is_plain, problem.blocks)):
         return None
@@ -219,10 +275,10 @@ def _bound_run(problem: Problem) -> _Bounds | None:
             if term not in TANGENTIAL:
                 curving.append((term, size))
                 continue
-            if size:
+            if size and not (term is Term.SD and top_speed is not None):
                 difference = float(np.abs(values - values[0]).max())
                 variation = max(variation, difference / size)
-            if variation > STRAIGHTNESS_SHARE:
+            if variation > share:
                 return None
             for use, sign in ((forwards, 1), (backwards, -1)):
                 largest = float(block.share(sign * values[0]).max(initial=0.0))
@@ -232,11 +288,14 @@ def _bound_run(problem: Problem) -> _Bounds | None:
 
     v_max, a_max, j_max = (_invert(forwards[term]) for term in TANGENTIAL)
     _, a_min, j_min = (_invert(backwards[term]) for term in TANGENTIAL)
-    curvature = _bound_curvature(_Bounds(v_max, a_max, a_min, j_max, j_min), _length(problem), curving)
-    if curvature > STRAIGHTNESS_SHARE:
+    if top_speed is not None:
+        v_max = top_speed / EXACT_AIM
+    limits = _Bounds(v_max, a_max, a_min, j_max, j_min)
+    curvature = _bound_curvature(limits, _length(problem), curving)
+    if curvature > share:
         return None
     aim = EXACT_AIM - 2 * variation - curvature
-    return _Bounds(aim * v_max, aim * a_max, aim * a_min, aim * j_max, aim * j_min)
+    return limits.scale(aim if top_speed is None else EXACT_AIM, aim, aim)
 
 
 def _is_plain(block: Block) -> bool:

@@ -130,10 +130,10 @@ def search(ray: Ray, filter: Filter, trial: Iterate) -> tuple[float, Merit]:
                 filter.entries.append((theta, phi))
                 return alpha, merit
         alpha /= 2
-    # instead of the restoration phase: the shortest step is taken, from which others may
-    # succeed
+    # instead of the restoration phase: the shortest step that was tried is taken, from which
+    # others may succeed
     filter.entries.clear()
-    return alpha, merit
+    return 2 * alpha, merit
 
 
 @kernel

@@ -31,7 +31,7 @@ STATED_COST = 10.0
 # thousand intervals: the constants of the interior-point method are usual for that size, and μ then
 # weighs as much against the time of an interval however long the run is.
 OBJECTIVE_SCALE = 1000.0
-# Least step at which rows in the middle of an interval are interpolated, as a share of the path.
+# Least step between which coefficients are interpolated, as a share of the path length.
 MIN_STEP = 1e-15
 TERMS = tuple(Term)
 """Terms in the order of their numbers in `Rows`."""
@@ -82,7 +82,7 @@ def pose_stages(problem: Problem, guess: Array, start_reward: float = 0.0) -> Po
         if free:
             jerk_weight[-end] = FREE_END_JERK_WEIGHT / scale[2] ** 2
             controls[-end, 0] = 0.0
-    rows = _pose_rows(problem, guess, start_reward > 0)
+    rows = _pose_rows(problem, length, time, start_reward > 0)
     states = _pose_states(problem, start, unit)
     if start_reward > 0:
         states[0, 0] = start[0, 0]
@@ -185,10 +185,7 @@ def jerk_share(problem: Problem, unit: float) -> Array:
     return share
 
 
-def _pose_rows(problem: Problem, guess: Array, free_speed: bool) -> Rows:
-    length = float(problem.s[-1] - problem.s[0])
-    time = float(guess[3].sum())
-    middles = Middles.of(problem, guess)
+def _pose_rows(problem: Problem, length: float, time: float, free_speed: bool) -> Rows:
     terms = np.zeros((len(problem.blocks), len(TERMS)), int)
     first: list[Array] = []
     second: list[Array] = []
@@ -200,7 +197,8 @@ def _pose_rows(problem: Problem, guess: Array, free_speed: bool) -> Rows:
         start = start.reshape(problem.intervals, -1)
         end = end.reshape(problem.intervals, -1)
         first.append(start)
-        second.append(end if Term.SDDD in block.start else middles.interpolate(start, end))
+        has_jerk = Term.SDDD in block.start
+        second.append(end if has_jerk else interpolate_middles(problem, start, end))
     low, high = pose_bounds(problem, free_speed)
     return Rows(
         terms=terms,
@@ -214,55 +212,29 @@ def _pose_rows(problem: Problem, guess: Array, free_speed: bool) -> Rows:
     )
 
 
-class Middles(NamedTuple):
-    """Places (N,) on the intervals of a grid that a motion passes at the middle of their time.
+def interpolate_middles(problem: Problem, start: Array, end: Array) -> Array:
+    """Return coefficients (N, m) in the middle of each interval, from those at its start and end.
 
-    share   (N,) part of the interval that is passed there
-    step    (N,) length of the interval
-    joined  (N − 1,) whether an interval and the next one are on the same piece of the path
+        c = (c₀ + c₁)/2 − Δs²/8 · c″
+
+    Without c″ a cruise would exceed its speed limit between grid points by Δs² q‴/(8 q′). c″ comes
+    from the slopes on adjacent intervals of the same piece; it is 0 for a piece of one interval. Of
+    the differences to the interval before and to the one after the smaller counts, and none where
+    their signs differ: next to a step of c both would mislead.
     """
-
-    share: Array
-    step: Array
-    joined: np.ndarray
-
-    @classmethod
-    def of(cls, problem: Problem, columns: Array) -> "Middles":
-        """Return the middles of a motion (4, N) of ṡ, s̈, s⃛, h."""
-        v, a, j, h = columns
-        # rounding may leave nothing of an interval, which solvers refuse
-        step = np.maximum(np.diff(problem.s), MIN_STEP * problem.s[-1])
-        passed = h * (v / 2 + h * (a / 8 + h * j / 48))
-        return cls((passed / step).clip(0.0, 1.0), step, np.diff(problem.piece) == 0)
-
-    def interpolate(self, start: Array, end: Array) -> Array:
-        """Return coefficients (N, m) at the middles, from those at the starts and ends.
-
-            c = c₀ + σ (c₁ − c₀) − σ (1 − σ) Δs²/2 · c″        σ = share
-
-        Without c″ speeds would exceed their limits between grid points by Δs² q‴/8.
-        """
-        share = self.share[:, None]
-        step = self.step[:, None]
-        bend = share * (1 - share) / 2 * step**2
-        curvature = self._find_curvature((end - start) / step)
-        return np.asarray(start + share * (end - start) - bend * curvature)
-
-    def _find_curvature(self, slope: Array) -> Array:
-        """Return c″ (N, m) from the slopes on adjacent intervals, 0 for a piece of one interval.
-
-        Of the differences to the interval before and to the one after, the smaller counts, and
-        none where their signs differ: next to a step of c both would mislead.
-        """
-        distance = (self.step[1:] + self.step[:-1])[:, None] / 2
-        changes = np.where(self.joined[:, None], np.diff(slope, axis=0) / distance, np.nan)
-        none = np.full_like(slope[:1], np.nan)
-        before = np.concatenate([none, changes])
-        after = np.concatenate([changes, none])
-        # fmin and fmax ignore the missing side
-        least = np.fmin(before, after)
-        most = np.fmax(before, after)
-        return np.asarray(np.nan_to_num(np.clip(0.0, least, most)))
+    # rounding may leave nothing of an interval, which solvers refuse
+    step = np.maximum(np.diff(problem.s), MIN_STEP * problem.s[-1])[:, None]
+    change = np.diff((end - start) / step, axis=0) / ((step[1:] + step[:-1]) / 2)
+    joined = np.diff(problem.piece)[:, None] == 0
+    inner = np.where(joined, change, np.nan)
+    none = np.full_like(start[:1], np.nan)
+    before = np.concatenate([none, inner])
+    after = np.concatenate([inner, none])
+    # fmin and fmax ignore the missing side
+    least = np.fmin(before, after)
+    most = np.fmax(before, after)
+    curvature = np.nan_to_num(np.clip(0.0, least, most))
+    return np.asarray((start + end) / 2 - step**2 / 8 * curvature)
 
 
 def pose_bounds(problem: Problem, free_speed: bool = False) -> tuple[Array, Array]:

@@ -77,6 +77,7 @@ def test_objectives_are_read_and_told():
         "time + 1.2.3 heat",
         "time + 2000 heat",
         "time + 0.2",
+        "time + * heat",
         "speed",
     ):
         with pytest.raises(MotionError, match=r"objective"):

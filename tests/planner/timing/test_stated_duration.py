@@ -13,9 +13,9 @@ from kinematics import Axis, Hexapod, MotionError
 from planner import Arc, Blend, Dwell, Infeasible, Line, Program, load_program, plan
 from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
-from planner.timing import certified_solve, solve_stated
+from planner.timing import Run, RunSolution, Task, certified_solve, solve_run, solve_stated
 from planner.timing.goals import stated_duration
-from planner.timing.goals.fallback import weigh_slopes
+from planner.timing.goals.fallback import MAX_TRIES, SLOWED, weigh_slopes
 from tests.planner.timing.smoothest_by_ipopt import smooth_by_ipopt
 
 
@@ -30,6 +30,27 @@ def roughness(trajectory):
     k, h = np.arange(len(trajectory.s)), np.diff(trajectory.knots)
     at = [(trajectory.within(k, share * h).qddd ** 2).sum(1) for share in (0, 0.5, 1)]
     return float((h / 6 * (at[0] + 4 * at[1] + at[2])).sum())
+
+
+def test_a_motion_that_fell_back_is_left_as_it_is():
+    """Otherwise the same motion would be proved again and again."""
+    path = PolynomialPath([0.0, 1.0], np.array([[[1.0]], [[0.0]]]), ["x"])
+    limits = limits_of(path, [Axis("x", max_speed=1.0, max_acceleration=1.0, max_jerk=10.0)], 3)
+    task = Task(path, limits, Run(0, 0), 3)
+    slowed = solve_run(task).profile.slowed(1.1)
+    spent = RunSolution(
+        "solved",
+        slowed,
+        maker=SLOWED,
+        problem=task.coarse,
+        tries=MAX_TRIES,
+        fallback=slowed,
+    )
+    use = {limit.name: np.full(len(slowed.h), 1.1) for limit in limits}
+    goal = stated_duration.Smoothest({0: slowed})
+    assert goal.tighten(task, spent, use) is spent
+    better = replace(spent, profile=slowed.slowed(1.0), maker="smoothest")
+    assert goal.tighten(task, better, use).profile is slowed
 
 
 @pytest.mark.parametrize("order", [2, 3])

@@ -16,6 +16,7 @@ from planner.limits import limits_of
 from planner.path.polynomial import PolynomialPath
 from planner.timing import EndCondition, Run, jerk_problem, third_order
 from planner.timing.order3 import active_set, interior_point, riccati
+from planner.timing.order3.line_search import Filter, Ray, limit_step, search
 from planner.timing.order3.pose import pose_smoothest, pose_stages, pose_weighted
 from planner.timing.order3.stages import evaluate, sum_costs
 
@@ -205,6 +206,21 @@ def test_a_newton_step_solves_its_equations():
     slope[1:, :2] -= step.next[1:-1]
     slope[0, :2] = 0.0  # the first state is given
     assert np.abs(slope * size).max() < 1e-6 * np.abs(system.gradient * size).max()
+
+
+def test_where_no_step_is_accepted_the_length_is_that_of_the_step_taken():
+    """The multipliers of the equality constraints move by the same length as the point."""
+    problem, guess = make_problem(spline(2), [1.0] * 3, [3.0] * 3, [30.0] * 3)
+    method = interior_point._Method(pose_stages(problem, guess), "far", 1e-7)
+    method.linearize()
+    assert method.find_direction()
+    limits = limit_step(method.program, method.point, method.derivatives, method.mu, method.direction)
+    ray = Ray(method.program, method.point, method.merit, method.direction, limits, method.mu)
+    nothing = Filter()  # θ_max = 0
+    alpha, _ = search(ray, nothing, method.trial)
+    assert 0 < alpha < limits.alpha / 1000
+    step = method.point.controls + alpha * method.direction.stages[:, 2:]
+    assert method.trial.controls == pytest.approx(step, rel=1e-14)
 
 
 def test_a_newton_step_that_overflows_is_refused():
