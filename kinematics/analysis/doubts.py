@@ -4,7 +4,7 @@ Each threshold has a physical reason, and no bundled machine comes near one.
 """
 
 from collections.abc import Iterator
-from math import isfinite
+from math import degrees, isfinite
 
 from kinematics.kinds.hexapod import Hexapod
 from kinematics.kinds.leg_lengths import find_swapped_legs
@@ -30,7 +30,7 @@ def find_doubts(machine: Machine) -> tuple[str, ...]:
 
 
 def _doubt_axis(axis: Axis) -> Iterator[str]:
-    unit, scale = ("deg", 57.29577951308232) if axis.rotary else ("mm", 1e3)
+    unit, scale = ("deg", degrees(1.0)) if axis.rotary else ("mm", 1e3)
     travel = axis.travel[1] - axis.travel[0]
     speed = min(directional_bounds(axis.max_speed))
     acceleration = max(directional_bounds(axis.max_acceleration))

@@ -124,8 +124,10 @@ def sum_up_violations(violations: Sequence[MotionError]) -> list[MotionError | s
         if len(axes) > MOST_AXES:
             axes[MOST_AXES:] = [f"{len(axes) - MOST_AXES} more"]
         segments = {each.segment for each in alike if each.segment is not None}
-        where = f"{count_noun(len(segments), 'segment')}, first in segment {min(segments)}"
-        lines.append(f"{limit}: {len(alike)} violations, at {', '.join(axes)}, in {where}; -v lists them")
+        where = ""
+        if segments:
+            where = f", in {count_noun(len(segments), 'segment')}, first in segment {min(segments)}"
+        lines.append(f"{limit}: {len(alike)} violations, at {', '.join(axes)}{where}; -v lists them")
     return lines
 
 

@@ -95,3 +95,6 @@ def test_the_summary_of_violations_names_a_few_of_many_axes():
     named = ", ".join(f"leg{n}–base" for n in range(8))
     assert line == f"clearance: 20 violations, at {named}, 2 more, in 2 segments, first in segment 2; -v lists them"
     assert sum_up_violations(violations[:1]) == violations[:1]
+    # along a path without a program no segment is known
+    bare = [Infeasible("travel", "x", Place(0.1), 2.0, 1.0, "", "") for _ in range(2)]
+    assert sum_up_violations(bare)[1] == "travel: 2 violations, at x; -v lists them"
