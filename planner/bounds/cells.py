@@ -149,7 +149,8 @@ def guess_motion(trajectory: Trajectory, nodes: Nodes) -> Array:
     """
     least_time = 1e-15 * (nodes.t[-1] - nodes.t[0])
     times = np.maximum(np.diff(nodes.t), least_time)
-    mean = (np.diff(nodes.s) / times)[:, None]
+    # of a cell that takes no more time than rounding, the mean speed is no speed of the motion
+    mean = np.minimum(np.diff(nodes.s) / times, np.sqrt(nodes.a.max()))[:, None]
     ends = sliding_window_view(nodes.t, 2)
     rests = sliding_window_view(nodes.a, 2) < 1e-6 * mean**2
     inside = INSIDE * ends[:, ::-1] + (1 - INSIDE) * ends
