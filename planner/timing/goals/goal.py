@@ -19,7 +19,7 @@ class Goal(Protocol):
         """Return a motion along a run, or its refusal."""
 
     def tighten(self, task: Task, solution: RunSolution, use: Mapping[str, Array]) -> RunSolution:
-        """Return a motion that exceeds the limits less, or the solution itself if there is none.
+        """Return a motion that exceeds the limits less, or the same solution if nothing can change.
 
         use  (M,) proved use of each limit on each time piece of the solution
         """
