@@ -18,99 +18,26 @@ from benchmarks.reports.gain.gain_report import comparison_record, gain_report, 
 from benchmarks.reports.gain.run_figures import magnification, spectrum
 from benchmarks.reports.gain.setting_figures import line_colour, marker_style, pareto_front
 from benchmarks.reports.page import Picture
-from benchmarks.sweep import VARIATIONS, Cell, RunResult, RunSeries, Setting
+from benchmarks.sweep import VARIATIONS, RunResult, Setting
 from benchmarks.sweep.result import Store, load_runs
 from kinematics import MotionError
+from tests.benchmarks.reports.gain.saved_runs import (
+    BASE,
+    DEAD,
+    DT,
+    ERRORS,
+    GOOD,
+    SAME,
+    WILD,
+    WORSE,
+    course,
+    result,
+    saved,
+)
 from tests.benchmarks.reports.test_plan_report import Page
 from tests.browser import browse, needs_browser
 
-DT = 0.01
 HOSTILE = "</title><script>alert('x')</script> & \"q\""
-
-
-def course(offset, turn=1.0, radius=0.1):
-    """Once round a circle in 4 s, `offset` too large a circle, and 1 s of rest."""
-    t = np.arange(0, 5, DT)
-    angle = turn * 2 * np.pi * np.minimum(t / 4, 1)
-    ray = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
-    planned, actual = radius * ray, (radius + offset) * ray
-    size = np.full(len(t), abs(offset))
-    torque = np.column_stack([0.2 * np.sin(t), 0.1 * np.cos(t)])
-    axes = np.column_stack([angle, 2 * angle])
-    return RunSeries(t, radius * abs(angle), planned, actual, size, size, torque, axes, axes + offset)
-
-
-def result(setting, task, variation, error, end=4.1, failure=""):
-    cell = Cell(setting, task, variation)
-    if failure:
-        return RunResult(cell, failure=failure)
-    figures = {
-        "contour_rms": error,
-        "contour_max": 2 * error,
-        "tracking_rms": 5 * error,
-        "late": end - 4,
-        "end_time": end,
-    }
-    figures |= {"torque_rms": 0.1, "torque_peak": 0.2 + error, "vibration_power": 1e-12}
-    return RunResult(cell, figures, series=course(error, -1.0 if task == "back" else 1.0))
-
-
-def law(gain):
-    return Setting("closed-position", (("gain", gain),))
-
-
-BASE, GOOD, SAME, WORSE, WILD, DEAD = (law(gain) for gain in (0.7, 0.3, 0.71, 0.9, 1.2, 1.5))
-ERRORS = {BASE: 100e-6, GOOD: 40e-6, SAME: 100.2e-6, WORSE: 150e-6, WILD: 9000e-6, DEAD: 100e-6}
-
-
-def saved(folder, tasks=("there", "back"), rig="rig", errors=ERRORS):
-    """Runs whose errors are known: rigs multiply them by 1, 1.1, 0.9, 1.2 and 0.8, all settings alike but GOOD."""
-    store, keys = Store(folder), []
-    for setting, error in errors.items():
-        for task in tasks:
-            for n, (variation, factor) in enumerate(zip(VARIATIONS, (1, 1.1, 0.9, 1.2, 0.8), strict=True)):
-                factor = factor * 1.05**n if setting == GOOD else factor
-                failure = "refused: too fast" if setting == DEAD and n == 1 else ""
-                one = result(setting, task, variation, error * factor, inf if setting == WILD else 4.1, failure)
-                keys.append(f"{len(keys):04d}")
-                store.keep(keys[-1], one)
-    record = {
-        "rig": rig,
-        "sha256": {"rig": "1" * 64, "tasks": dict.fromkeys(tasks, "2" * 64), "code": "3" * 64},
-        "seeds": [0],
-        "variations": [variation.name for variation in VARIATIONS],
-        "tasks": {
-            task: {
-                "duration_s": 4.0,
-                "dt_s": 0.125,
-                "unit": "m" if space else "rad",
-                "space": space,
-                "resolution": 1e-6,
-                "corners": [{"t_s": 1.0, "s_m": 0.1}],
-            }
-            for task in tasks
-            for space in [not task.startswith("axes")]
-        },
-        "axes": {"a": "rad", "b": "rad"},
-        "versions": {"pulsepath": "0.0"},
-    }
-    store.record(record, keys)
-    return load_runs(folder)
-
-
-@pytest.fixture(scope="module")
-def runs(tmp_path_factory):
-    return saved(tmp_path_factory.mktemp("saved") / "runs")
-
-
-@pytest.fixture(scope="module")
-def comparison(runs):
-    return compare([runs])
-
-
-@pytest.fixture(scope="module")
-def page(comparison):
-    return gain_report(comparison)[1]
 
 
 def test_marks_follow_from_paired_ratios(comparison):
@@ -138,7 +65,7 @@ def test_a_mark_needs_every_rig(tmp_path):
     assert {row.against.mark for row in compare([mixed]).rows if row.against} == {"neither"}
 
 
-def test_a_path_that_a_law_stays_on_by_its_geometry_ranks_nothing(tmp_path):
+def test_a_path_that_a_law_stays_on_by_its_geometry_ranks_nothing(tmp_path, undrawn):
     """Rounding errors of one law are no merit: without the path the other is the best."""
     store = saved(tmp_path / "runs", tasks=("there", "axes"), errors={BASE: 100e-6, GOOD: 90e-6, WORSE: 95e-6})
     noise = {
@@ -216,7 +143,7 @@ def test_radians_are_no_micrometres(tmp_path):
     assert block.circles == ()
 
 
-def test_a_circle_that_is_not_completed_says_so(tmp_path, monkeypatch, comparison):
+def test_a_circle_that_is_not_completed_says_so(comparison, monkeypatch, undrawn):
     def short(*_):
         raise MotionError("359° only")
 
@@ -309,7 +236,7 @@ def test_what_is_no_difference_to_the_verdict_fails_no_condition(comparison):
     assert shaken._means(own, base, about) == pytest.approx((9e-3, 1e-3))
 
 
-def test_the_page_says_what_conditions_judged(comparison):
+def test_the_page_says_what_conditions_judged(comparison, undrawn):
     """The setting that the verdict names, path by path, and what came out."""
     verdict = verdict_of(comparison)
     conditions = [read_condition(text) for text in ("contour_rms > 0.44x", "contour_max > 1 mm")]
@@ -329,7 +256,7 @@ def test_the_page_says_what_conditions_judged(comparison):
     assert [one["failed"] for one in record["conditions"]] == [True, True, False, False]
 
 
-def test_the_best_settings_and_laws_have_their_errors_in_micrometres(tmp_path):
+def test_the_best_settings_and_laws_have_their_errors_in_micrometres(tmp_path, undrawn):
     """RMS on the rig as stated and the largest of any run, as the rows behind them have it."""
     comparison = compare(
         [saved(tmp_path / "runs", errors={BASE: 1e-4, GOOD: 4e-5, Setting("open-velocity", ()): 8e-5})]
@@ -556,9 +483,8 @@ def test_a_browser_opens_it_without_a_complaint(tmp_path, page):
 
 
 @needs_browser
-def test_no_table_is_wider_than_the_page(tmp_path, monkeypatch):
+def test_no_table_is_wider_than_the_page(tmp_path, undrawn):
     """With the longest names of laws and gains, and errors of five digits."""
-    monkeypatch.setattr("benchmarks.reports.gain.gain_report.draw", lambda *_: {})
     laws = [Setting("closed-position-relative-repaired", (("gain", gain),)) for gain in (0.65, 0.75)]
     laws += [Setting("feedforward", (("speed", 0.95), ("acceleration", 0.25), ("play", 0.5)))]
     wide = saved(tmp_path / "runs", errors=dict.fromkeys(laws, 12345e-6) | {WILD: 0.01})

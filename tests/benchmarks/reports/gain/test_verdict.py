@@ -18,7 +18,7 @@ from benchmarks.reports.gain.run_figures import _mark_corners, axes_over_time
 from benchmarks.reports.gain.setting_figures import error_over_effort, find_places
 from benchmarks.sweep import Setting
 from kinematics.foundation.figure import choose_ticks
-from tests.benchmarks.reports.gain.test_comparison import (
+from tests.benchmarks.reports.gain.saved_runs import (
     BASE,
     DEAD,
     ERRORS,
@@ -126,7 +126,7 @@ def test_ratios_are_of_what_makes_a_difference():
     assert "vibration" not in compare_figures(figures(), figures(), {"floor": 1e-8, "pulses": {}})
 
 
-def test_a_range_of_errors_stays_on_one_line_of_a_narrow_page(tmp_path):
+def test_a_range_of_errors_stays_on_one_line_of_a_narrow_page(tmp_path, undrawn):
     """A cell of a narrow page has room for ten digits; a longer range has two cells."""
     costs = {BASE: (QUIET, {}), GOOD: (2 * QUIET, {})}
     found = compare([with_costs(tmp_path / "runs", costs, {BASE: 100e-6, GOOD: 40e-6})])
@@ -168,9 +168,9 @@ def off_goal(store, settings):
 
 
 @pytest.mark.parametrize("away", [(), (GOOD,), (BASE, GOOD)])
-def test_verdict_figure_and_best_settings_leave_out_the_same(tmp_path, away):
+def test_verdict_figure_and_best_settings_leave_out_the_same(runs, away, undrawn):
     """What ends off its goal is never recommended, unless the baseline ends there as often."""
-    found = compare([off_goal(saved(tmp_path / "runs"), away)])
+    found = compare([off_goal(runs, away)])
     verdict, page = gain_report(found)
     ranked, places = found.rank(), {place.entry: place for place in find_places(found, found.rank()[:5])}
     out = {WILD, DEAD} | ({GOOD} if away == (GOOD,) else set())
@@ -187,8 +187,7 @@ def test_verdict_figure_and_best_settings_leave_out_the_same(tmp_path, away):
     assert (why in verdict.text) == (away == (GOOD,))
 
 
-def test_the_figure_fits_what_holds_and_draws_the_rest_at_its_edge(tmp_path):
-    comparison = compare([saved(tmp_path / "runs")])
+def test_the_figure_fits_what_holds_and_draws_the_rest_at_its_edge(comparison):
     best = comparison.rank()[:2]
     (ax,) = error_over_effort(comparison, best)
     lines = {line.get_label(): np.column_stack(line.get_data()) for line in ax.lines}
@@ -238,9 +237,7 @@ POINT = """
 
 
 @needs_browser
-def test_a_setting_pointed_at_tells_its_law_gain_and_figures(tmp_path):
-    comparison = compare([saved(tmp_path / "runs")])
-    _, page = gain_report(comparison)
+def test_a_setting_pointed_at_tells_its_law_gain_and_figures(comparison, page, tmp_path):
     file = tmp_path / "report.html"
     file.write_text(page, encoding="utf-8")
     said, _ = act_in(tmp_path, file, POINT)
@@ -259,7 +256,7 @@ def forward(speed, acceleration=0.0):
 CLOSED = Setting("closed-error", (("gain", 0.1),))
 
 
-def test_of_settings_that_come_out_alike_the_usual_is_named_and_they_share_a_row(tmp_path):
+def test_of_settings_that_come_out_alike_the_usual_is_named_and_they_share_a_row(tmp_path, undrawn):
     """Eight equal ones and a worse one; `feedforward` alone has speed 1 and acceleration 0."""
     errors = {BASE: 100e-6, **{forward(v, a): 70e-6 for v in (0.9, 0.95, 1.0, 1.05) for a in (1.0, 0.0)}}
     errors[Setting("feedforward", (("speed", 1.0), ("acceleration", 0.0), ("play", 0.0)))] = 90e-6
@@ -324,7 +321,7 @@ def test_what_a_rig_cannot_do_is_said(tmp_path, kind, encoder, peak, blind, warn
 
 
 @pytest.mark.parametrize(("error", "offered"), [(50e-6, True), (150e-6, False)])
-def test_gains_are_offered_only_where_they_beat_the_baseline(tmp_path, error, offered):
+def test_gains_are_offered_only_where_they_beat_the_baseline(tmp_path, error, offered, undrawn):
     found = compare(
         [with_costs(tmp_path / "runs", {BASE: (QUIET, {}), GOOD: (QUIET, {})}, {BASE: 100e-6, GOOD: error})]
     )
@@ -338,7 +335,7 @@ def test_gains_are_offered_only_where_they_beat_the_baseline(tmp_path, error, of
     assert all(page.index(sentence[:20]) > folded for sentence in verdict.told[4:5])
 
 
-def test_what_does_not_count_is_stated_and_shown_as_measured(tmp_path):
+def test_what_does_not_count_is_stated_and_shown_as_measured(tmp_path, undrawn):
     """Efforts below 1 % of the limit and vibration below 0.3 pulses: ratios of 1.2 and 5, which count as 1."""
     costs = {
         BASE: (0.05, {"torque_rms": 0.005}),
