@@ -7,6 +7,7 @@ import pytest
 from controllers.laws.registry import LAWS
 from kinematics.machine.machine_file import KINDS
 from planner.export.format import FORMATS
+from planner.interruption.hold import find_stops
 from planner.limits.registry import AXIS_LIMITS, MACHINE_LIMITS
 from planner.pulses import RULES
 from planner.sources.source import SOURCES
@@ -35,6 +36,13 @@ def scratch(tmp_path, monkeypatch):
             del sys.modules[name]
 
 
+@pytest.fixture
+def few_stops(monkeypatch):
+    """Search the stops of one interval of time, however many a page asks for: each takes a second."""
+    monkeypatch.setattr("planner.interruption.hold.find_stops", lambda whole, _, *more: find_stops(whole, 1, *more))
+
+
+@pytest.mark.usefixtures("few_stops")
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_a_page_does_what_it_says(page, scratch):
     with draw_dots():  # no page shows what a figure of a report looks like
