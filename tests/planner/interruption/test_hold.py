@@ -83,10 +83,13 @@ def test_no_later_stop_is_sooner():
     assert held.duration < 1.05 * (0.02 + made.hold(0.2072).duration)
 
 
+DIAGONAL = Program((Line(to=(0.045, 0.045, 0)), Line(to=(0, 0, 0))))
+"""A line there and back along which one belt of a CoreXY moves, √2 times as far."""
+
+
 @pytest.fixture(scope="module")
 def diagonal():
-    """A line there and back along which one belt moves, √2 times as far."""
-    return plan(Program((Line(to=(0.045, 0.045, 0)), Line(to=(0, 0, 0)))), load_machine("corexy"))
+    return plan(DIAGONAL, load_machine("corexy"))
 
 
 @pytest.mark.parametrize("at", [0.02, 0.115, 0.2])
@@ -124,9 +127,10 @@ def test_what_is_held_can_be_resumed_to_the_end(circle, stop_at):
         assert own.start == sent.final
 
 
-def test_stops_over_the_motion(diagonal, tmp_path):
-    found = diagonal.stops(2)
-    held = diagonal.hold(float(found.t[-1]))
+def test_stops_over_the_motion(tmp_path):
+    made = plan(DIAGONAL, load_machine("corexy"), order=2)
+    found = made.stops(2)
+    held = made.hold(float(found.t[-1]))
     assert (found.time[-1], found.distance[-1]) == pytest.approx((held.duration, held.distance), rel=0.05)
     assert "distance to rest" in str(found)
     found.save(tmp_path / "stops.npz")
@@ -140,7 +144,7 @@ def test_a_short_rapid_is_among_the_stops():
     """Of 0.2 s in ten, between even instants: its own stop is the longest."""
     crawl = Line(to=(0.01, 0.0, 0.0), speed=2e-3)
     program = Program((crawl, Line(to=(0.045, 0.045, 0.0)), Line(to=(0.045, 0.035, 0.0), speed=2e-3)))
-    made = plan(program, load_machine("corexy"))
+    made = plan(program, load_machine("corexy"), order=2)
     found, peak = made.stops(3), made.trajectory.v.max()
     held = made.hold(float(made.trajectory.knots[np.argmax(made.trajectory.v)]))
     assert peak > 20 * 2e-3
