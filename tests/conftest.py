@@ -85,6 +85,12 @@ def processes(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
 
 
 @pytest.fixture
+def limit_search(monkeypatch):
+    """(s) -> refusals search for a remedy so long: not at all where none is asked for, or however busy the computer."""
+    return lambda seconds: monkeypatch.setattr("planner.remedies.MAX_SEARCH_TIME", seconds)
+
+
+@pytest.fixture
 def connection_time(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
     """Wait so long (s) for a cluster: short where none comes, long for workers that start while other tests run."""
     return lambda seconds: monkeypatch.setattr("planner.cluster.MAX_CONNECTION_TIME", seconds)

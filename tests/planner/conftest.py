@@ -38,12 +38,6 @@ def planned(hexapod):
     return make
 
 
-@pytest.fixture
-def limit_search(monkeypatch):
-    """(s) -> refusals search for a remedy so long: not at all where none is asked for, or however busy the computer."""
-    return lambda seconds: monkeypatch.setattr("planner.remedies.MAX_SEARCH_TIME", seconds)
-
-
 @pytest.fixture(scope="session")
 def own_legs():
     """(positions (N, 3), rotation matrices (N, 3, 3)) -> leg vectors (N, 6, 3), by the numbers of [Sahbaz 2007, 5]."""

@@ -116,7 +116,7 @@ def test_of_many_segments_those_that_tell_most_stay():
     program, machine = program_of(*segments), load_machine("hexapod")
     held, standing = Activity(program), None
     sizes = []
-    for part in plan_parts(program, machine, pieces=24):
+    for part in plan_parts(program, machine, order=2, pieces=24):
         held.add(part.motion, part.start.begin, part.limits)
         sizes.append(len(held._rows) - 1)
         standing = part.standing
@@ -124,7 +124,7 @@ def test_of_many_segments_those_that_tell_most_stay():
     assert held.count == 90
     table = held.tabulate_longest()
     found, slow = columns_of(table), columns_of(held.tabulate_slowest())
-    known = columns_of(tabulate_segments(plan(program, machine)))
+    known = columns_of(tabulate_segments(plan(program, machine, order=2)))
     longest = sorted(known["time"], reverse=True)
     assert len(table) == MOST_SEGMENTS
     assert found["time"] == pytest.approx(longest[:MOST_SEGMENTS], rel=0.02)  # parts look ahead less

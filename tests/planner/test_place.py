@@ -22,7 +22,8 @@ def test_an_infeasible_motion_is_about_the_segment_of_its_place():
     assert Infeasible("duration", "", None, 2.0, 1.0, "s", "wait").segment is None
 
 
-def test_a_path_out_of_reach_is_about_the_segment_that_leaves():
+def test_a_path_out_of_reach_is_about_the_segment_that_leaves(limit_search):
+    limit_search(0.0)
     program = Program((Line(NEAR), Line(NEARER), Line(FAR)))
     violations = planner.check(program, "hexapod").violations
     assert violations

@@ -113,7 +113,8 @@ def test_windows_that_end_at_stops_have_no_way_to_rest(hexapod):
             assert (held.ticks >= part.until).all()
 
 
-def test_a_part_that_cannot_be_is_refused_after_those_that_can(hexapod):
+def test_a_part_that_cannot_be_is_refused_after_those_that_can(hexapod, limit_search):
+    limit_search(0.0)
     program = draw_walk(80)
     far = line_to(5.0, 0.0, speed=0.01)
     parts = []

@@ -1060,7 +1060,7 @@ def test_any_bytes_are_a_program_or_a_refusal(tmp_path):
 
 @pytest.mark.parametrize("splines", [False, True])
 def test_curves_are_fitted_and_drawn_in_time(tmp_path, splines):
-    """300 of 10 000 entities, by the processor's time, the least of three.
+    """300 of 10 000 entities, by the processor's time, the least of up to three.
 
     On the machine that this was written on the mixed drawing takes 0.2 s and the splines 0.4 s, outlines 0.06 s at
     most: each bound is 2.5 to 4 of these, so that five times as slow is told.
@@ -1068,6 +1068,7 @@ def test_curves_are_fitted_and_drawn_in_time(tmp_path, splines):
     path = tmp_path / "sheet.dxf"
     scatter(path, 300, splines)
     import_program(path, retract=5e-3)  # what is loaded the first time
+    most_read, most_drawn = (1.2 if splines else 0.75), 0.2
     read, drawn = [], []
     for _ in range(3):
         begin = process_time()
@@ -1075,8 +1076,10 @@ def test_curves_are_fitted_and_drawn_in_time(tmp_path, splines):
         read.append(process_time() - begin)
         assert found.outline.length > 0
         drawn.append(process_time() - begin - read[-1])
-    assert min(read) < (1.2 if splines else 0.75) * slowness()
-    assert min(drawn) < 0.2 * slowness()
+        if min(read) < most_read * slowness() and min(drawn) < most_drawn * slowness():
+            break
+    assert min(read) < most_read * slowness()
+    assert min(drawn) < most_drawn * slowness()
 
 
 @pytest.mark.parametrize("wild", [False, True])

@@ -340,8 +340,19 @@ def test_a_kind_is_something_to_start_from(tmp_path, kind):
     assert tomllib.loads((tmp_path / "mine" / "machine.toml").read_text())["kind"] == kind
 
 
-def test_doubts_about_a_file_are_warnings(call, tmp_path):
+SHORT = """
+schema = 1
+length = "mm"
+[[segment]]
+line = { to = [0, 0, 0.1] }
+"""
+
+
+def test_doubts_about_a_file_are_warnings(call, tmp_path, limit_search):
     """Two rows swapped in one list, and a speed in the wrong unit; the commands go on."""
+    limit_search(0.0)
+    short = tmp_path / "short.toml"
+    short.write_text(SHORT, encoding="utf-8")
     assert call("init", tmp_path / "mine").exit_code == 0
     file = tmp_path / "mine" / "machine.toml"
     text = file.read_text()
@@ -349,7 +360,7 @@ def test_doubts_about_a_file_are_warnings(call, tmp_path):
     assert "".join(rows) in text
     file.write_text(text.replace("".join(rows), "".join(reversed(rows))).replace("20 mm/s", "20 m/s"))
     for done in (
-        call("check", tmp_path / "mine" / "program.toml", "-v"),
+        call("check", short, "--machine", file, "-v"),
         call("pose", file, "0,0,0"),
     ):
         warnings = [line for line in done.stderr.splitlines() if line.startswith("warning: ")]

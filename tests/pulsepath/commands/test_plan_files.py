@@ -141,8 +141,9 @@ def test_a_bad_line_in_the_middle_is_told_and_nothing_is_left(call, tmp_path, ba
     assert list(tmp_path.iterdir()) == [file]
 
 
-def test_what_cannot_be_reached_in_the_middle_is_told_with_its_line(call, tmp_path):
+def test_what_cannot_be_reached_in_the_middle_is_told_with_its_line(call, tmp_path, limit_search):
     """All or nothing; by a check as well."""
+    limit_search(0.0)
     file, out = write_with(tmp_path / "part.nc", b"G1 Z-300"), tmp_path / "out"
     asked = "--machine", "hexapod"
     for done in (call("plan", file, *asked, "--order", "2", "--stream", "--out", out), call("check", file, *asked)):
@@ -152,8 +153,9 @@ def test_what_cannot_be_reached_in_the_middle_is_told_with_its_line(call, tmp_pa
         assert list(tmp_path.iterdir()) == [file]
 
 
-def test_what_was_proved_before_is_kept_where_that_is_asked_for(call, tmp_path):
+def test_what_was_proved_before_is_kept_where_that_is_asked_for(call, tmp_path, limit_search):
     """The motion rests where the line that is refused begins."""
+    limit_search(0.0)
     file, out = write_with(tmp_path / "part.nc", b"G1 X500"), tmp_path / "out"
     asked = "--machine", "hexapod", "--order", "2", "--no-figures", "--out", out
     done = call("plan", file, *asked, "--stream", "--keep-certified")

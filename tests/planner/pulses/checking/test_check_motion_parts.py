@@ -77,7 +77,6 @@ def split(schedule, count):
 
 def test_only_a_few_parts_of_the_motion_are_held():
     """A long rest has no pulses to go by, and is let go of all the same."""
-    import gc
     import weakref
 
     motion, axes = example(5), [Axis(f"leg{k}", pulse=PULSE) for k in range(3)]
@@ -98,7 +97,6 @@ def test_only_a_few_parts_of_the_motion_are_held():
         for part, _ in cut_motion(motion, np.linspace(0, motion.duration, 25)[1:-1]):
             held = Held(part)
             alive.add(held)
-            gc.collect()
             most = max(most, len(alive))
             yield held
             del held

@@ -64,7 +64,7 @@ def test_another_schedule_is_not_the_same(change):
     assert not holds_same_pulses(two, [one])
 
 
-@pytest.mark.parametrize("size", [1, 60, 1000, 1 << 20])
+@pytest.mark.parametrize("size", [1, 1000, 1 << 20])
 def test_a_file_reads_the_same_in_pieces_of_any_size(three_legs, tmp_path, monkeypatch, size):
     """Cut inside rows, and so that a piece holds no whole row."""
     axes = three_legs.machine.axes
