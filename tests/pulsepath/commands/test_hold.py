@@ -30,14 +30,15 @@ def test_a_stop_and_the_way_on_in_files(call, plan, job):
         assert before.counts([7_200_000 - 1])[0] + own.direction.sum() + after.direction.sum() == before.final
 
 
-def test_an_instant_is_a_time_or_a_share_and_0_is_both(call, plan, job):
+def test_an_instant_is_a_time_or_a_share_and_0_is_both(call, corner):
     """Of the motion's beginning either says the same; of a plain number both are proposed."""
+    plan, loaded = corner, load_plan(corner)
     said = [call("hold", plan, "--at", text) for text in ("0 s", "0 %")]
     assert [done.exit_code for done in said] == [0, 0]
     assert said[0].stdout == said[1].stdout
     assert "from 0.000000 s on" in said[1].stdout
     at = json.loads(call("hold", plan, "--at", "40 %", "--json").stdout)["held_at_s"]
-    assert at == pytest.approx(0.4 * job.plan.trajectory.duration, abs=1 / job.plan.pulses.clock_hz)
+    assert at == pytest.approx(0.4 * loaded.duration, abs=1 / loaded.pulses.clock_hz)
     late = call("hold", plan, "--at", "101 %")
     assert late.exit_code == 2
     assert "is not within the motion" in late.stderr
@@ -47,12 +48,18 @@ def test_an_instant_is_a_time_or_a_share_and_0_is_both(call, plan, job):
     assert "write a share in per cent" in call("hold", plan, "--at", "-1 %").stderr
 
 
-def test_files_of_a_stop_say_what_exports_say(call, plan, job):
+def test_files_of_a_stop_say_what_exports_say(call, corner, tmp_path):
     """For a board: how many commands each axis has, and how far a pulse may be off."""
-    done = call("hold", plan, "--at", "0.6 s", "--format", "steps", "--out", plan / "stop.bin", "--within", "1 us")
+    done = call(
+        *("hold", corner, "--at", "0.1 s", "--within", "1 us"),
+        *("--format", "steps", "--out", tmp_path / "stop.bin"),
+    )
     assert done.exit_code == 0, done.stderr
     said = done.stdout.splitlines()
-    exported = call("export", plan, "--format", "steps", "--within", "1 us", "--out", plan / "all.bin")
+    exported = call(
+        *("export", corner, "--format", "steps", "--within", "1 us"),
+        *("--out", tmp_path / "all.bin"),
+    )
     whole = exported.stdout.splitlines()
     own = said[next(n for n, line in enumerate(said) if "stop.bin: error" in line) + 1 :]
     assert len(own) == len(whole) - 1 >= 2

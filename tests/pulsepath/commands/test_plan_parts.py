@@ -61,7 +61,7 @@ def test_the_record_says_what_was_proved(planned):
 
 def test_results_about_the_whole_motion_are_those_of_later_commands(call, folder, planned):
     """Bound, worth, stops, cross-check and tracking, on request, as from the plan when it is loaded."""
-    more = ("--worth", "--stops", "5", "--cross-check", "--rig", "hexapod-steppers", "--no-figures")
+    more = ("--worth", "--stops", "2", "--cross-check", "--rig", "hexapod-steppers", "--no-figures")
     out = folder / "examined"
     with small_windows(PIECES):
         done = call(
@@ -84,7 +84,7 @@ def test_results_about_the_whole_motion_are_those_of_later_commands(call, folder
         rel=1e-6,
         abs=1e-9,
     )
-    stops = loaded.stops(5)
+    stops = loaded.stops(2)
     assert record["stops"]["longest_time_to_rest_s"] == pytest.approx(stops.time.max())
     assert record["cross_check"]["pulsepath"]["duration_s"] == pytest.approx(loaded.duration, rel=1e-3)
     tracked = call("track", folder / "plan", "--rig", "hexapod-steppers", "--json")

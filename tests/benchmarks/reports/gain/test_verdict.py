@@ -138,14 +138,14 @@ def test_a_range_of_errors_stays_on_one_line_of_a_narrow_page(tmp_path, undrawn)
     assert all(("wide" in kind) == (len(text) > 10) for kind, text in cells)
 
 
-def test_the_page_shows_what_is_weighed_and_every_axis(tmp_path):
+def test_the_page_shows_what_is_weighed_and_every_axis(tmp_path, page, undrawn):
+    assert page.count("Reference and feedback of every axis over time on ") == 2
     costs = {BASE: (QUIET, {}), GOOD: (2 * QUIET, {})}
     found = compare([with_costs(tmp_path / "runs", costs, {BASE: 100e-6, GOOD: 40e-6})])
-    verdict, page = gain_report(found)
-    table = page[page.index('id="weighed"') : page.index('id="provenance"')]
+    verdict, plain = gain_report(found)
+    table = plain[plain.index('id="weighed"') : plain.index('id="provenance"')]
     assert all(f"{one.name}<br>({100 * one.weight:.0f} %)" in table for one in CRITERIA)
     assert f'<td class="n" data-label="weighed">{verdict.score:.3g}</td>' in table
-    assert page.count("Reference and feedback of every axis over time on ") == 2
     panels = axes_over_time(found, select_series(found, verdict), "there")
     assert len(panels) == 4
     reference, baseline, best = panels[0].get_lines()
