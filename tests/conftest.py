@@ -86,7 +86,7 @@ def processes(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
 
 @pytest.fixture
 def limit_search(monkeypatch):
-    """(s) -> refusals search for a remedy so long: not at all where none is asked for, or however busy the computer."""
+    """(s) -> refusals search for a remedy so long: 0 where a test does not look at it."""
     return lambda seconds: monkeypatch.setattr("planner.remedies.MAX_SEARCH_TIME", seconds)
 
 

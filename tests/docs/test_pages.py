@@ -38,8 +38,12 @@ def scratch(tmp_path, monkeypatch):
 
 @pytest.fixture
 def few_stops(monkeypatch):
-    """Search the stops of one interval of time, however many a page asks for: each takes a second."""
-    monkeypatch.setattr("planner.interruption.hold.find_stops", lambda whole, _, *more: find_stops(whole, 1, *more))
+    """Search the stops of one interval of time, whatever a page asks for: each takes a second."""
+
+    def find_few(whole, count, *more):
+        return find_stops(whole, 1, *more)
+
+    monkeypatch.setattr("planner.interruption.hold.find_stops", find_few)
 
 
 @pytest.mark.usefixtures("few_stops")

@@ -154,7 +154,8 @@ def test_the_scale_of_a_path_out_of_reach_or_through_a_singular_pose(name, to, w
 def test_where_nothing_helps_that_is_said(hexapod):
     """Of a machine whose bodies may touch: their distances take most of the time of a search."""
     machine = Hexapod(hexapod.base, hexapod.platform, axes=hexapod.axes, home=hexapod.home)
-    no = refused(Program([Line([0, 0, 0.02]), Line([0.9, 0, 0.02]), Line([-0.9, 0, 0.02])]), machine)
+    across = [Line([0, 0, 0.02]), Line([0.9, 0, 0.02]), Line([-0.9, 0, 0.02])]
+    no = refused(Program(across), machine)
     told = "no scale about its start down to 5 % and no move of up to 102.4 mm along an axis was found"
     assert told in str(no)
 

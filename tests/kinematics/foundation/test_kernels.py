@@ -410,8 +410,9 @@ from kinematics.foundation.kernels import Kernel
 import pulsepath as pp
 
 def find_kernels():
-    modules = [module for name, module in sys.modules.items() if name.startswith(("kinematics.", "planner."))]
-    return {each for module in modules for each in vars(module).values() if isinstance(each, Kernel)}
+    ours = [name for name in sys.modules if name.startswith(("kinematics.", "planner."))]
+    values = [value for name in ours for value in vars(sys.modules[name]).values()]
+    return {value for value in values if isinstance(value, Kernel)}
 
 def list_callees(kernel):
     for callee in kernel.callees.values():
@@ -420,8 +421,12 @@ def list_callees(kernel):
 
 copied = []
 original = Kernel.call_with_copies
-Kernel.call_with_copies = lambda self, arguments: copied.append(self.__name__) or original(self, arguments)
 
+def call_with_copies(self, arguments):
+    copied.append(self.__name__)
+    return original(self, arguments)
+
+Kernel.call_with_copies = call_with_copies
 plan = pp.plan("circle", "hexapod")
 early = [kernel.__module__ for kernel in find_kernels() if kernel.compiled is not None]
 print("bound", *[module for module in early if module.startswith("planner.bounds")])
@@ -442,7 +447,8 @@ def test_a_plan_compiles_each_kernel_once():
     A kernel that Python calls is compiled with all that it calls. So a kernel is compiled twice if
     both Python and another kernel call it.
     """
-    done = subprocess.run([sys.executable, "-c", COMPILED], capture_output=True, text=True, check=True)
+    code = [sys.executable, "-c", COMPILED]
+    done = subprocess.run(code, capture_output=True, text=True, check=True)
     *lines, names = done.stdout.splitlines()
     assert lines == ["bound", "twice", "signatures {1}", "copied"]
     assert len(names.split()) > 60

@@ -55,9 +55,9 @@ def convolve(shaped, held, t):
 
 
 def instants(shaped):
-    """At the start, in the middle, near the end, and just behind a rest, where copies are before and after it.
+    """At the start, in the middle, near the end, and just after a rest, within the copies' delays.
 
-    Of the circle without the one near the end: a stop of the hexapod takes four seconds.
+    Of the circle without the one near the end: computing a stop of the hexapod takes four seconds.
     """
     motion = shaped.trajectory
     rests = motion.knots[:-1][(motion.v == 0) & (motion.knots[:-1] > 0)]

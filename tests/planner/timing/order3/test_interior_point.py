@@ -256,8 +256,9 @@ print(repr(float(solution.states.sum())), repr(float(solution.high_multipliers.s
 
 def test_the_same_source_runs_without_a_compiler():
     # a value of "0" would name another folder of compiled kernels, and compile them again
-    with_compiler = {name: value for name, value in os.environ.items() if name != "NUMBA_DISABLE_JIT"}
-    without = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    with_compiler = dict(os.environ)
+    with_compiler.pop("NUMBA_DISABLE_JIT", None)
+    without = {**with_compiler, "NUMBA_DISABLE_JIT": "1"}
     sums = []
     for environment in (with_compiler, without):
         code = [sys.executable, "-c", PLAIN]
