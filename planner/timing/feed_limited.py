@@ -33,9 +33,9 @@ from planner.timing.solution import FEED_LIMITED, RunSolution
 # Largest use of the other limits at which the tool may cruise: the rest is for peaks between the
 # samples.
 MAX_CRUISING_USE = 0.95
-# Ramps are given the room that they need at this share of the allowed acceleration and jerk.
-# More could leave too little room for a ramp, less would lengthen the parts that are solved.
-RAMP_SHARE = 0.5
+# Ramps are given the room that they need at these shares of the allowed acceleration and jerk, one
+# after the other: the first leaves the longest cruises, but too little room for some ramps.
+RAMP_SHARES = (0.5, 0.05)
 # Share by which rounding may make a cap differ from the same cap in the window before.
 SPEED_ROUNDING = 1e-13
 # Share of a ramp's largest speed and acceleration by which its ends may differ from the cruise's.
@@ -78,7 +78,21 @@ class FeedLimitedRun:
         if any(isinstance(limit, Resonance) and limit.bands for limit in self.task.limits):
             return None  # an axis may have to cross a band elsewhere than at the cap
         caps = find_caps(self.task)
-        parts = [] if caps is None else self._cut_into_parts(caps)
+        if caps is None:
+            return None
+        for share in RAMP_SHARES:
+            parts = self._cut_into_parts(caps, share)
+            solution = self._join_parts(parts, solve)
+            if solution is not None or not parts:
+                return solution
+        return None
+
+    def _join_parts(
+        self,
+        parts: Sequence[Part],
+        solve: Callable[[Task], RunSolution],
+    ) -> RunSolution | None:
+        """Join cruises and solved ramps; None without parts, or where a ramp has no solution."""
         if not parts:
             return None
         cruising = sum(part.cruise.duration for part in parts if part.cruise is not None)
@@ -94,14 +108,17 @@ class FeedLimitedRun:
             solutions.append(solution)
         return RunSolution.joined(solutions, FEED_LIMITED)
 
-    def _cut_into_parts(self, caps: Caps) -> list[Part]:
-        """Cut the run into cruises and the ramps between them; no parts without a cruise."""
+    def _cut_into_parts(self, caps: Caps, share: float) -> list[Part]:
+        """Cut the run into cruises and the ramps between them; no parts without a cruise.
+
+        share  of the allowed acceleration and jerk for which ramps have room
+        """
         path = self.task.path
         whole = replace(self.task.run, whole=True)
         breaks = whole.breaks(path)
         parts: list[Part] = []
         place = float(breaks[0])
-        for first, last in self._find_cruises(caps, breaks):
+        for first, last in self._find_cruises(caps, breaks, share):
             stretch = whole.cut(path, first, last)
             cruise = follow_cap(self.task.with_run(stretch), caps)
             if cruise is None:
@@ -115,7 +132,7 @@ class FeedLimitedRun:
             parts.append(Part(whole.cut(path, place, end)))
         return parts
 
-    def _find_cruises(self, caps: Caps, breaks: Array) -> list[Stretch]:
+    def _find_cruises(self, caps: Caps, breaks: Array, share: float) -> list[Stretch]:
         """List the stretches of the run on which the fastest motion keeps the capped speed.
 
         A ramp to or from a cap lies within the stretch of path that has this cap.
@@ -124,7 +141,7 @@ class FeedLimitedRun:
         pieces = sketch.piece - self.task.run.first
         acceleration = reduce_pieces(np.minimum, bound_term(sketch, Term.SDD), pieces)
         jerk = reduce_pieces(np.minimum, bound_term(sketch, Term.SDDD), pieces)
-        ramps = _bound_ramps(caps.fastest, RAMP_SHARE * acceleration, RAMP_SHARE * jerk)
+        ramps = _bound_ramps(caps.fastest, share * acceleration, share * jerk)
         ramps = np.maximum(ramps, 2 * least_ramp(float(breaks[-1])))
         busy = np.flatnonzero(_find_cruising_use(sketch, caps) > MAX_CRUISING_USE)
         changes = caps.find_changes(breaks, self.task.order, acceleration)
