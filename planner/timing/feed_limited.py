@@ -44,9 +44,9 @@ SAME_STATE = 1e-9
 # of the limits on its ramps.
 CLOSED_FORM_LOSS = 1e-7
 MAX_UNUSED_SHARE = 0.02
-# Least share of the usual intervals that a brief ramp has. 149 arcs and 130 lines of a pocket, 238 s
-# of motion with jerk limits, take 5.3, 4.6 and 3.8 s to plan with 1, 0.4 and 0.25, and with the last
-# 0.0003 s more.
+# Least share of the usual intervals that a brief ramp has. The 20 files of evidence cam_files take
+# 5.47, 5.14, 5.13 and 5.26 s to plan at order 3 with 1, 0.4, 0.25 and 0.15, for 25 704.40646 s of
+# motion, and 0.00004 s more with the last two.
 MIN_RAMP_FINENESS = 0.25
 
 

@@ -34,6 +34,7 @@ MAX_ROUGHNESS = 1.1
 # and 87 ms to plan.
 MAX_LOSS, MAX_FINENESS = 3.5e-4, 4
 # Share by which the limits of a nearly straight run may vary along it: it needs no rough solution.
+# The 20 files of evidence cam_files take 5.47 instead of 5.94 s to plan at order 3, and as long.
 MAX_BEND = 0.15
 # Start speed of a run that continues a motion, as a share of the largest that its guess allows.
 CONTINUED_START_SHARE = 0.99
