@@ -26,7 +26,7 @@ from planner.timing.grid import (
     unbounded_error,
 )
 from planner.timing.initial_guess import add_brief_ramps
-from planner.timing.loss_grid import pose_by_loss, pose_usual_problem
+from planner.timing.loss_grid import pose_by_loss, pose_nearly_straight, pose_usual_problem
 from planner.timing.order2.closed_form import straight
 from planner.timing.order2.second_order import TERMS as ORDER_2_TERMS
 from planner.timing.order2.second_order import estimate_lower_bound, second_order
@@ -211,7 +211,10 @@ def ramp_brief_steps(task: Task, outcomes: Outcomes) -> RunSolution | None:
 
 
 def solve_by_loss(task: Task, outcomes: Outcomes) -> RunSolution | None:
-    """Solve roughly, then on a grid that is fine where the rough solution loses time."""
+    """Solve on a grid that is fine where a rough solution, or a closed form, loses time."""
+    near = pose_nearly_straight(task)
+    if near is not None:
+        return _solve_posed(task, near, "finer")
     posed = pose_by_loss(task.path, task.active_limits, task.run, task.coarse)
     if posed is None:
         return None

@@ -34,6 +34,8 @@ MAX_OTHER_SPEED = 0.98
 INTERVAL_COUNT = {2: 300.0, 3: 120.0}
 INTERVAL_POWER = {2: 1 / 2, 3: 1 / 3}
 MIN_INTERVALS = 4
+# Multiples of that number that are tried, until the cap is exceeded by no more than MAX_SLOWING.
+FINENESSES = (1, 2, 4)
 # Time pieces for each radian that a piece of constant ṡ turns: the proof encloses each by itself.
 PIECES_PER_RADIAN = 16
 # Share by which a cruise may be slowed to keep the cap between its grid points.
@@ -63,6 +65,17 @@ class Caps:
     def capped(self) -> np.ndarray:
         """Pieces (P,) on which a cruise may lie."""
         return np.isfinite(self.tool) | np.isfinite(self.along)
+
+    def varies(self, run: Run) -> np.ndarray:
+        """Return the pieces (P,) of a run on which ṡ varies along a cruise."""
+        pieces = np.arange(run.first, run.last + 1)
+        return np.asarray(np.isinf(self.along[pieces - self.first]))
+
+    def count_intervals(self, pieces: np.ndarray, order: int) -> np.ndarray:
+        """Return the usual number of intervals for pieces (P,) on which ṡ varies."""
+        uneven = self.uneven[pieces - self.first]
+        count = np.ceil(INTERVAL_COUNT[order] * uneven ** INTERVAL_POWER[order])
+        return np.asarray(np.maximum(count, MIN_INTERVALS).astype(int))
 
     def at(self, s: Array, piece: np.ndarray) -> tuple[Array, Array]:
         """Return ṡ and s̈ (N,) of a cruise at places of capped pieces.
@@ -165,10 +178,28 @@ def _level(speeds: Array) -> Array:
 
 def follow_cap(task: Task, caps: Caps) -> RunSolution | None:
     """Return the motion along a run at the capped speed; None where it cannot keep the cap."""
+    speeds = [limit for limit in task.limits if limit.terms == {Term.SD}]
+    for fineness in FINENESSES:
+        profile = _follow_pieces(task, caps, fineness)
+        if profile is None:
+            return None
+        if not caps.varies(task.run).any():
+            return RunSolution("solved", profile, EXACT_AIM * profile.duration, CRUISE)
+        use = sample_limit_use(task.path, speeds, profile)
+        excess = max(float(values.max()) for values in use.values()) / EXACT_AIM
+        if excess <= 1 + MAX_SLOWING:
+            # a little more: the ramps that meet the cruise need room beneath the cap
+            profile = profile.slowed(max(excess, 1.0) / SOLVER_AIM)
+            return RunSolution("solved", profile, EXACT_AIM * profile.duration, CRUISE)
+    return None
+
+
+def _follow_pieces(task: Task, caps: Caps, fineness: int) -> Profile | None:
+    """Return the motion at the capped speed, in `fineness` times the usual number of intervals."""
     stretch = task.run
     pieces = np.arange(stretch.first, stretch.last + 1)
     along = caps.along[pieces - caps.first]
-    varies = np.isinf(along)
+    varies = caps.varies(stretch)
     changes = np.flatnonzero(np.diff(varies)) + 1
     breaks = stretch.breaks(task.path)
     profiles: list[Profile] = []
@@ -177,22 +208,14 @@ def follow_cap(task: Task, caps: Caps) -> RunSolution | None:
         if varies[a]:
             before = None if a == 0 else float(along[a - 1])
             after = None if b == len(pieces) else float(along[b])
-            profile = _follow_varying(caps, group, (before, after), task.order)
+            counts = caps.count_intervals(pieces[a:b], task.order) * fineness
+            profile = _follow_varying(caps, group, counts, (before, after), task.order)
         else:
             profile = keep_speed(task.path, *group, along[a:b])
         if profile is None:
             return None
         profiles.append(profile)
-    profile = Profile.joined(profiles)
-    if varies.any():
-        speeds = [limit for limit in task.limits if limit.terms == {Term.SD}]
-        use = sample_limit_use(task.path, speeds, profile)
-        excess = max(float(values.max()) for values in use.values()) / EXACT_AIM
-        if excess > 1 + MAX_SLOWING:
-            return None
-        # a little more: the ramps that meet the cruise need room beneath the cap
-        profile = profile.slowed(max(excess, 1.0) / SOLVER_AIM)
-    return RunSolution("solved", profile, EXACT_AIM * profile.duration, CRUISE)
+    return Profile.joined(profiles)
 
 
 Pieces = tuple[Array, np.ndarray]
@@ -216,17 +239,17 @@ def keep_speed(path: ActuatorPath, breaks: Array, pieces: np.ndarray, speed: Arr
 def _follow_varying(
     caps: Caps,
     pieces: Pieces,
+    counts: np.ndarray,
     neighbours: tuple[float | None, float | None],
     order: int,
 ) -> Profile | None:
     """Return the motion along pieces on which f varies; None where ṡ and s̈ are too far from it.
 
+    counts      intervals (P,) of each piece
     neighbours  ṡ of the stretches of constant ṡ before and after, if there are any
     """
     breaks, numbers = pieces
-    uneven = caps.uneven[numbers - caps.first]
-    count = np.ceil(INTERVAL_COUNT[order] * uneven ** INTERVAL_POWER[order]).astype(int)
-    s, owner = divide_intervals(breaks, np.maximum(count, MIN_INTERVALS))
+    s, owner = divide_intervals(breaks, counts)
     piece = numbers[owner]
     v, a = caps.at(s, np.append(piece, piece[-1]))
     for end, speed in zip((0, -1), neighbours, strict=True):
