@@ -188,8 +188,8 @@ def follow_cap(task: Task, caps: Caps) -> RunSolution | None:
         use = sample_limit_use(task.path, speeds, profile)
         excess = max(float(values.max()) for values in use.values()) / EXACT_AIM
         if excess <= 1 + MAX_SLOWING:
-            # a little more: the ramps that meet the cruise need room beneath the cap
-            profile = profile.slowed(max(excess, 1.0) / SOLVER_AIM)
+            # more by twice the aim: ramps that meet the cruise need room beneath the cap
+            profile = profile.slowed(max(excess, 1.0) / SOLVER_AIM**2)
             return RunSolution("solved", profile, EXACT_AIM * profile.duration, CRUISE)
     return None
 

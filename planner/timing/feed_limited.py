@@ -21,7 +21,6 @@ import numpy as np
 from kinematics.foundation.arrays import Array
 from planner.limits.limit import Term
 from planner.limits.resonance import Resonance
-from planner.path.actuation import ActuatorPath
 from planner.timing.cruise import Caps, find_caps, follow_cap
 from planner.timing.grid import Task
 from planner.timing.initial_guess import bound_term, reduce_pieces
@@ -44,10 +43,6 @@ SAME_STATE = 1e-9
 # of the limits on its ramps.
 CLOSED_FORM_LOSS = 1e-7
 MAX_UNUSED_SHARE = 0.02
-# Least share of the usual intervals that a brief ramp has. The 20 files of evidence cam_files take
-# 5.47, 5.14, 5.13 and 5.26 s to plan at order 3 with 1, 0.4, 0.25 and 0.15, for 25 704.40646 s of
-# motion, and 0.00004 s more with the last two.
-MIN_RAMP_FINENESS = 0.25
 
 
 Stretch = tuple[float, float]
@@ -101,7 +96,7 @@ class FeedLimitedRun:
             solution = part.cruise
             if solution is None:
                 ramp = self._meet_cruises(parts, number)
-                task = self.task.with_run(_coarsen_ramp(self.task.path, ramp, cruising))
+                task = self.task.with_run(ramp)
                 solution = _solve_in_closed_form(task, cruising) or solve(task)
                 if not solution.solved or not self._is_joined(solution, ramp):
                     return None
@@ -200,17 +195,6 @@ class FeedLimitedRun:
             if self.task.order == 3 and abs(a - condition.acceleration) > largest_a:
                 return False
         return True
-
-
-def _coarsen_ramp(path: ActuatorPath, ramp: Run, cruising: float) -> Run:
-    """Return the ramp with fewer intervals, where it is brief beside all cruises.
-
-    A grid loses a share of a ramp's own time, which falls with the number of intervals.
-    """
-    length = float(np.ptp(ramp.breaks(path)))
-    duration = 2 * length / sum(ramp.speeds)  # about
-    fineness = np.clip(np.sqrt(duration / cruising), MIN_RAMP_FINENESS, 1.0)
-    return replace(ramp, fineness=float(fineness) * ramp.fineness)
 
 
 def _solve_in_closed_form(task: Task, cruising: float) -> RunSolution | None:

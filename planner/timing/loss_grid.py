@@ -14,13 +14,11 @@ from planner.timing.grid import (
     ROUGH_GRID,
     THIRD_ORDER,
     Rule,
-    Task,
     continue_problem,
     count_intervals,
     jerk_problem,
     place_problem,
 )
-from planner.timing.order2.closed_form import nearly_straight
 from planner.timing.order3.solve import estimate_motion
 from planner.timing.problem import Problem, Run
 from planner.timing.profile import Profile
@@ -33,9 +31,6 @@ MAX_ROUGHNESS = 1.1
 # random_splines) take 41.167, 41.162 and 41.157 s with shares of 4e-4, 3.5e-4 and 3e-4, and 73, 78
 # and 87 ms to plan.
 MAX_LOSS, MAX_FINENESS = 3.5e-4, 4
-# Share by which the limits of a nearly straight run may vary along it: it needs no rough solution.
-# The 20 files of evidence cam_files take 5.47 instead of 5.94 s to plan at order 3, and as long.
-MAX_BEND = 0.15
 # Start speed of a run that continues a motion, as a share of the largest that its guess allows.
 CONTINUED_START_SHARE = 0.99
 
@@ -57,21 +52,6 @@ def pose_usual_problem(
     if isinstance(posed, MotionError):
         return posed
     return _begin(path, limits, run, *posed)
-
-
-def pose_nearly_straight(task: Task) -> tuple[Problem, Array] | None:
-    """Pose a run that is nearly straight, with its closed form as the guess.
-
-    Returns None where the run bends, or continues a motion.
-    """
-    if task.run.continuation is not None:
-        return None
-    solution = nearly_straight(task.sketch, MAX_BEND)
-    if solution is None:
-        return None
-    motion = solution.profile
-    problem = place_problem(task.path, task.active_limits, task.run, motion, motion.h)
-    return problem, motion.on(problem.s)
 
 
 def _begin(
