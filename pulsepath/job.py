@@ -19,6 +19,7 @@ from controllers.rig import Rig
 from controllers.rig_choice import rig_hint
 from controllers.tracking import track_each
 from kinematics import Machine, MotionError
+from kinematics.foundation.kernels import load_compiler
 from kinematics.foundation.names import count_noun
 from planner import LimitChange, Plan, Program, Worth
 from planner.baselines import KINDS, Classical, classical, pick_baseline
@@ -59,6 +60,10 @@ CELLS_PER_RUN = 10
 CELLS_OVERHEAD = 12
 # Cells of a bound that takes less time than starting the command.
 CELLS_AT_ONCE = 300
+
+# Segments up to which the first process computes baselines in less time than the second one takes
+# to load the compiler and kernels for them.
+FEW_SEGMENTS = 100
 
 # Frames of the machine in a report: per second, and in all.
 FRAME_RATE = 25
@@ -123,6 +128,7 @@ def time_baselines(course: Course | Plan) -> BaselineTimings:
 
 def time_baselines_ahead(program: Program, machine: Machine, like: int | None = None) -> BaselineTimings:
     """Compute the baselines while the plan is made. like: only the one for a plan of this order."""
+    load_compiler()
     untimed = course(program, machine, 2)
     return time_baselines(untimed) if like is None else time_like_baseline(untimed, like)
 
@@ -251,7 +257,8 @@ def run(
     with step(f"planning {program.name} on {machine.name}") as tell:
         program = orient_open(program, machine, order)
         ahead = partial(time_baselines_ahead, program, machine, like)
-        timing = None if report.baselines is False else other.start(ahead)
+        helper = other if len(program.segments) > FEW_SEGMENTS else NO_PROCESS
+        timing = None if report.baselines is False else helper.start(ahead)
         plan = make_plan(request, program, machine, tell)
     _warn(plan)
 

@@ -21,8 +21,10 @@ _BLOCKS = (256, 16, 1)
 # Points from which the compiled tape runs them in less time than CasADi, operations times points from which that pays
 # for making the tape, and for loading the compiler where nobody has yet.
 TAPE_POINTS, TAPE_WORK, LOADING_WORK = 12, 1e5, 2e8
-# Cells from which Taylor models of them are made by the tape where nobody has loaded the compiler yet.
-TAPE_CELLS = 8
+# Work on enclosures, in operations times cells, that takes as long without the compiler as loading
+# the compiler. An operation costs as much as CALL_CELLS cells more: it is a few calls of NumPy.
+ENCLOSING_WORK = 1.5e7
+CALL_CELLS = 1000
 
 T = TypeVar("T")
 
@@ -33,6 +35,9 @@ class Expression:
     The input is handed to CasADi as it lies in memory: time first is column-major for CasADi, so nothing is copied
     twice. Operations are those of `kinematics.foundation.operations`; others have values alone.
     """
+
+    # Work of all expressions on enclosures until the compiler is loaded.
+    _enclosing_work = 0
 
     def __init__(self, name: str, inputs: ca.SX, outputs: ca.SX) -> None:
         self._set_function(rewrite(ca.Function(name, [ca.vec(inputs)], [ca.densify(ca.vec(outputs))], {"cse": True})))
@@ -113,18 +118,17 @@ class Expression:
         order = x[0].order
         if self._pays_to_compile(_cells(x)) and all(one.order == order for one in x):
             return self._enclose_compiled(x, order)
-        # an unbounded ball may turn into nan: both read as "no bound"
-        with np.errstate(invalid="ignore", over="ignore"):
-            return self.walk(x, lambda value: Series.constant(np.array([value]), order))
+        return self._enclose_by_walking(x, order)
 
     def enclose_columns(self, *x: Series) -> Series:
         """The same of series (d+1, N, j) that hold the k inputs side by side: as one (order+1, N, m)."""
         order, cells = min(one.order for one in x), max(one.mid.shape[1] for one in x)
-        if self._tape is None or not self._pays_to_compile(cells):
+        if not self._pays_to_compile(cells):
             columns = [one.cut(order)[:, k] for one in x for k in range(one.mid.shape[2])]
-            stacked = Series.stack(self.enclose(columns))
+            stacked = Series.stack(self._enclose_by_walking(columns, order))
             shape = (stacked.degree + 1, cells, self.size[1])  # what is constant is so on every cell
             return Series(np.broadcast_to(stacked.mid, shape), np.broadcast_to(stacked.rad, shape), order)
+        assert self._tape is not None  # enclosable
         mid, rad = (np.zeros((self.size[0], order + 1, cells)) for _ in range(2))
         last = 0
         for one in x:
@@ -138,7 +142,11 @@ class Expression:
         return Series(found.transpose(1, 2, 0), error.transpose(1, 2, 0), order)
 
     def _pays_to_compile(self, cells: int) -> bool:
-        return (cells >= TAPE_CELLS or compiler_is_loaded()) and self._is_enclosable
+        if not compiler_is_loaded():
+            Expression._enclosing_work += self._operations * (cells + CALL_CELLS)
+            if Expression._enclosing_work < ENCLOSING_WORK:
+                return False
+        return self._is_enclosable
 
     @cached_property
     def _is_enclosable(self) -> bool:
@@ -153,6 +161,11 @@ class Expression:
         found, error = (np.zeros((self.size[1], order + 1, mid.shape[2])) for _ in range(2))
         enclose_tape(self._tape, order, degrees, mid, rad, found, error)
         return [Series(*both, order) for both in zip(found, error, strict=True)]
+
+    def _enclose_by_walking(self, x: Sequence[Series], order: int) -> list[Series]:
+        # an unbounded ball may turn into nan: both read as "no bound"
+        with np.errstate(invalid="ignore", over="ignore"):
+            return self.walk(x, lambda value: Series.constant(np.array([value]), order))
 
     def walk(self, x: Sequence[T], constant: Callable[[float], T]) -> list[T]:
         """The same expression, operation by operation, in another arithmetic: k values in, m out."""

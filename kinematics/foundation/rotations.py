@@ -30,7 +30,16 @@ def make_matrices(vectors: Array) -> Array:
 
 
 def find_vectors(matrices: Array) -> Array:
-    """Return the vectors (N, 3) of rotations, of the shorter way round: angles up to π.
+    """Return the vectors (N, 3) of rotations, of the shorter way round: angles up to π."""
+    quaternion = find_quaternions(matrices)
+    size = np.linalg.norm(quaternion[:, :3], axis=1)
+    angle = 2 * np.arctan2(size, quaternion[:, 3])
+    scale = np.where(size > 0, angle / np.where(size > 0, size, 1.0), 2.0)
+    return np.asarray(scale[:, None] * quaternion[:, :3])
+
+
+def find_quaternions(matrices: Array) -> Array:
+    """Return the unit quaternions x, y, z, w (N, 4) of rotations, with w ≥ 0.
 
     The rows of 4 q qᵀ are multiples of the quaternion q = (x, y, z, w). The one with the largest
     diagonal entry is free of cancellation at every angle [Shepperd 1978].
@@ -47,10 +56,7 @@ def find_vectors(matrices: Array) -> Array:
     quaternion = products[np.arange(len(m)), row]
     quaternion /= np.linalg.norm(quaternion, axis=1, keepdims=True)
     quaternion *= np.where(quaternion[:, 3:] < 0, -1.0, 1.0)
-    size = np.linalg.norm(quaternion[:, :3], axis=1)
-    angle = 2 * np.arctan2(size, quaternion[:, 3])
-    scale = np.where(size > 0, angle / np.where(size > 0, size, 1.0), 2.0)
-    return np.asarray(scale[:, None] * quaternion[:, :3])
+    return np.asarray(quaternion)
 
 
 def turn_axes(angles: Array) -> Array:

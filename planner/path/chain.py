@@ -5,14 +5,15 @@ The tool sits on the platform; the platform's path takes it along its own.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.foundation.arrays import MAX_TURNS, Array, freeze_array, most
 from kinematics.foundation.errors import Fault, FileError, MotionError
 from kinematics.machine.machine import Machine
-from kinematics.machine.pose import Pose
+from kinematics.machine.pose import IDENTITY, from_numbers, join_pose, to_numbers
 from planner.path.arc_length import even_speed
 from planner.path.curve import curve, ends
 from planner.path.fit import fit_chains, is_plain
@@ -40,6 +41,11 @@ from planner.path.synchronised import draw_synchronised
 from planner.program.model import MIN_MOVE, Arc, Curve, Dwell, Line, Program, Segment, Spline, Synchronised, Turn
 from planner.program.modifiers import STOP
 from planner.program.validation import CAPS
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
+    from kinematics.machine.pose import Pose
 
 # An arc may start this share of its radius out of its plane.
 IN_PLANE = 1e-6
@@ -94,38 +100,68 @@ def _link_segments(program: Program, machine: Machine) -> Iterator[PathStep]:
 
 
 class _Stand:
-    """Where a path stands, in the program's frame; a line that does not turn is drawn from it in a few numbers.
+    """The current point of a path, in the program's frame.
 
-    Composing poses takes ten times as long, and files have millions of lines.
+    Lines and arcs that do not turn are drawn in a few numbers: composing poses takes ten times as long,
+    files have millions of lines, and SciPy's poses take 0.2 s to load.
     """
 
-    def __init__(self, pose: Pose, frame: Pose) -> None:
-        self.frame = frame
-        self._turned, self._moved = frame.rotation.as_matrix(), frame.translation
-        self.move(pose)
+    def __init__(self, start: Array, frame: Array) -> None:
+        """Begin at pose numbers (12,) in a frame of pose numbers (12,) in the base frame."""
+        self._frame = frame
+        self._position, rows = np.split(start, [3])
+        self._rotation = rows.reshape(3, 3)
+        self._exact_rotation: Rotation | None = None
 
-    def move(self, pose: Pose) -> None:
-        self._position, self._rotation = pose.translation, pose.rotation
-        rows = (self.frame.rotation * self._rotation).as_matrix().ravel()
-        self._rest = np.concatenate([rows, [0.0, 0.0, 1.0, 0.0]])  # about any axis, at no rate
+    def move(self, pose: "Pose") -> None:
+        self._position = pose.translation
+        self._exact_rotation = pose.rotation
+        self._rotation = pose.rotation.as_matrix()
 
     @property
-    def pose(self) -> Pose:
-        return RigidTransform.from_components(self._position, self._rotation)
+    def pose(self) -> "Pose":
+        if self._exact_rotation is None:
+            return from_numbers(np.concatenate([self._position, self._rotation.ravel()]))
+        return join_pose(self._position, self._exact_rotation)
+
+    @cached_property
+    def frame(self) -> "Pose":
+        return from_numbers(self._frame)
 
     @property
     def place(self) -> Array:
         """(3,) m in the base frame."""
-        return np.asarray(self._turned @ self._position + self._moved)
+        return self.move_to_base(self._position)
+
+    def move_to_base(self, points: Array) -> Array:
+        """Return points (…, 3) in the base frame."""
+        return np.asarray(points @ self._turned.T + self._frame[:3])
+
+    @property
+    def _turned(self) -> Array:
+        return self._frame[3:].reshape(3, 3)
 
     def draw_line(self, to: Array, number: int) -> Piece | None:
-        """The piece to a position, at which it stands then; None where it is there already."""
-        start, end = (self._turned @ place + self._moved for place in (self._position, to))
+        """Return the piece to a position, the current point from then on; None if the path is there already."""
+        start, end = self.move_to_base(np.stack([self._position, to]))
         length = float(np.linalg.norm(end - start))
         if length <= MIN_MOVE:
             return None
         self._position = to
-        return Piece(LINE, freeze_array(np.concatenate([start, (end - start) / length, self._rest])), length, number)
+        rows = (self._turned @ self._rotation).ravel()
+        rest = [0.0, 0.0, 1.0, 0.0]  # about any axis, at no rate
+        numbers = np.concatenate([start, (end - start) / length, rows, rest])
+        return Piece(LINE, freeze_array(numbers), length, number)
+
+    def draw_arc(self, segment: Arc, number: int) -> Piece:
+        """Return the piece of an arc that keeps its orientation; the path is at its end from then on."""
+        start = self.place
+        end = _arc_end(segment, self._position)
+        centre = self.move_to_base(np.asarray(segment.centre, float))
+        normal = self._turned @ _unit(segment.normal)
+        rows = (self._turned @ self._rotation).ravel()
+        self._position = end
+        return arc(np.concatenate([start, rows]), centre, normal, segment.angle, np.zeros(3), number, segment.rise)
 
 
 def draw_segments(program: Program, machine: Machine) -> Iterator[Drawn]:
@@ -139,10 +175,7 @@ def draw_segments(program: Program, machine: Machine) -> Iterator[Drawn]:
         _refuse_end_speed("start_speed", program.start_speed, program.segments[0], 1)
     if program.end_speed:
         _refuse_end_speed("end_speed", program.end_speed, program.segments[-1], len(program.segments))
-    frame = machine.home if program.frame == "home" else RigidTransform.identity()
-    if program.work is not None:
-        frame = frame * program.work
-    stand = _Stand(program.start if program.start is not None else default_start(program, machine), frame)
+    stand = _Stand(_find_start(program, machine), _find_frame(program, machine))
     faults: list[tuple[int, Moving, MotionError]] = []
     pending, moves, turned = Drawn([], STOP), False, 0.0
     for repetition in range(1, program.repeat + 1):
@@ -168,7 +201,7 @@ def draw_segments(program: Program, machine: Machine) -> Iterator[Drawn]:
             marks = () if segment.trigger is None else (segment.trigger.at,)
             overshoot = None
             if begin is not None and isinstance(segment, Spline):
-                polygon = np.concatenate([begin[None], frame.apply(segment.through)])
+                polygon = np.concatenate([begin[None], stand.move_to_base(segment.through)])
                 overshoot = measure_overshoot(polygon, own)
             plain = not marks and is_plain(pieces)
             pending = Drawn(pieces, segment.join, plain=plain, marks=marks, overshoot=overshoot)
@@ -181,10 +214,12 @@ def draw_segments(program: Program, machine: Machine) -> Iterator[Drawn]:
     yield pending
 
 
-def _draw(segment: Moving, number: int, stand: _Stand, machine: Machine, tool: Pose | None) -> list[Piece]:
+def _draw(segment: Moving, number: int, stand: _Stand, machine: Machine, tool: "Pose | None") -> list[Piece]:
     """The pieces of a segment from where the path stands, which is its end then."""
     if isinstance(segment, Line) and segment.rotate is None and (made := stand.draw_line(segment.to, number)):
         return [made]
+    if isinstance(segment, Arc) and segment.rotate is None:
+        return [stand.draw_arc(segment, number)]
     here = stand.pose
     there = segment_end(segment, here)
     own = _pieces(segment, number, here, there, stand.frame, machine, tool)
@@ -192,26 +227,43 @@ def _draw(segment: Moving, number: int, stand: _Stand, machine: Machine, tool: P
     return own
 
 
-def default_start(program: Program, machine: Machine) -> Pose:
+def _find_frame(program: Program, machine: Machine) -> Array:
+    """Return the numbers (12,) of the program's frame in the base frame."""
+    frame: Array = machine.home_numbers[0] if program.frame == "home" else IDENTITY
+    return frame if program.work is None else to_numbers(from_numbers(frame) * program.work)[0]
+
+
+def _find_start(program: Program, machine: Machine) -> Array:
+    """Return the numbers (12,) of the pose from which a program starts, in its frame."""
+    if program.start is None and program.tool is None and program.work is None:
+        start: Array = IDENTITY if program.frame == "home" else machine.home_numbers[0]
+        return start
+    pose = default_start(program, machine) if program.start is None else program.start
+    return to_numbers(pose).ravel()
+
+
+def default_start(program: Program, machine: Machine) -> "Pose":
     """Where the machine's home pose has the tool, in the work frame."""
+    from scipy.spatial.transform import RigidTransform
+
     start = RigidTransform.identity() if program.frame == "home" else machine.home
     if program.tool is not None:
         start = start * program.tool
     return start if program.work is None else program.work.inv() * start
 
 
-def _end_of_undrawn(segment: Moving, here: Pose) -> Pose | None:
+def _end_of_undrawn(segment: Moving, here: "Pose") -> "Pose | None":
     """Where the path goes on behind a segment that cannot be drawn, as far as it says that itself."""
     match segment:
         case Line() | Synchronised():
             position, turned = np.asarray(segment.to, float), segment.rotate
         case Spline():
             position, turned = segment.through[-1], None if segment.rotate is None else segment.rotate[-1]
-        case Turn(to=Rotation() as turned):
-            position = here.translation
+        case Turn() if segment.to is not None:
+            position, turned = here.translation, segment.to
         case _:
             return None
-    return RigidTransform.from_components(position, here.rotation if turned is None else turned)
+    return join_pose(position, here.rotation if turned is None else turned)
 
 
 def _segments_error(program: Program, faults: Sequence[tuple[int, Moving, MotionError]]) -> MotionError:
@@ -293,14 +345,16 @@ def _name(segment: Segment, number: int) -> str:
     return f"segment {number}, {type(segment).__name__.lower()}{line_number}"
 
 
-def segment_end(segment: Moving, here: Pose) -> Pose:
+def segment_end(segment: Moving, here: "Pose") -> "Pose":
     """The pose at a segment's end, in the program's frame."""
     match segment:
         case Turn():
             if segment.to is not None:
-                return RigidTransform.from_components(here.translation, segment.to)
+                return join_pose(here.translation, segment.to)
+            from scipy.spatial.transform import Rotation
+
             turned = Rotation.from_rotvec(segment.angle * np.asarray(segment.about)) * here.rotation
-            return RigidTransform.from_components(here.translation, turned)
+            return join_pose(here.translation, turned)
         case Line():
             position = np.asarray(segment.to, float)
             if np.linalg.norm(position - here.translation) <= MIN_MOVE:
@@ -314,7 +368,7 @@ def segment_end(segment: Moving, here: Pose) -> Pose:
             if np.linalg.norm(position - here.translation) <= MIN_MOVE and angle <= MIN_MOVE:
                 raise MotionError(f"it ends where it starts, at {_mm(position)}; leave it out")
         case Arc():
-            position = _arc_end(segment, here)
+            position = _arc_end(segment, here.translation)
         case Spline():
             position = segment.through[-1]
             if np.linalg.norm(segment.through[0] - here.translation) <= MIN_MOVE:
@@ -325,10 +379,10 @@ def segment_end(segment: Moving, here: Pose) -> Pose:
         case Curve():
             return _curve_end(segment, here)
     rotation = here.rotation if segment.rotate is None else segment.rotate
-    return RigidTransform.from_components(position, rotation if rotation.single else rotation[-1])
+    return join_pose(position, rotation if rotation.single else rotation[-1])
 
 
-def _curve_end(segment: Curve, here: Pose) -> Pose:
+def _curve_end(segment: Curve, here: "Pose") -> "Pose":
     """Where its equations end, which must begin where the path stands."""
     first, last = ends(segment)
     away = first.translation - here.translation
@@ -348,27 +402,30 @@ def _curve_end(segment: Curve, here: Pose) -> Pose:
                 "current orientation; add a turn before it"
             )
         rotation = last.rotation * first.rotation.inv() * here.rotation
-    return RigidTransform.from_components(here.translation + (last.translation - first.translation), rotation)
+    return join_pose(here.translation + (last.translation - first.translation), rotation)
 
 
-def _arc_end(segment: Arc, here: Pose) -> Array:
+def _arc_end(segment: Arc, here: Array) -> Array:
+    """Return the end (3,) of an arc from a position (3,), by Rodrigues' formula."""
     centre, normal = np.asarray(segment.centre, float), _unit(segment.normal)
-    u = here.translation - centre
+    u = here - centre
     radius, height = float(np.linalg.norm(u)), float(u @ normal)
     if radius <= MIN_MOVE:
         raise MotionError(f"the arc's centre is the current point of the path {_mm(centre)}; give another centre")
     if abs(height) > IN_PLANE * radius + MIN_MOVE:
         raise MotionError(
             f"the path stands {abs(height) * 1e3:.4g} mm out of the plane "
-            f"through the centre {_mm(centre)}, at {_mm(here.translation)}; "
+            f"through the centre {_mm(centre)}, at {_mm(here)}; "
             f"move the centre by {_mm(height * normal)} or correct the normal"
         )
-    position: Array = centre + Rotation.from_rotvec(segment.angle * normal).apply(u) + segment.rise * normal
-    return position
+    along = height * normal
+    cosine, sine = np.cos(segment.angle), np.sin(segment.angle)
+    turned = along + cosine * (u - along) + sine * np.cross(normal, u)
+    return np.asarray(centre + turned + segment.rise * normal)
 
 
 def _pieces(
-    segment: Moving, number: int, here: Pose, there: Pose, frame: Pose, machine: Machine, tool: Pose | None
+    segment: Moving, number: int, here: "Pose", there: "Pose", frame: "Pose", machine: Machine, tool: "Pose | None"
 ) -> list[Piece]:
     start, end, characteristic = frame * here, frame * there, machine.characteristic_length
     match segment:
@@ -376,12 +433,13 @@ def _pieces(
             return draw_synchronised(machine, start, end, tool, number)
         case Turn():
             if machine.follows:
-                after = end.rotation
+                before, after = start.rotation, end.rotation
                 if segment.about is not None:
                     axis = frame.rotation.apply(np.array(segment.about))
-                    after = begin_turn(segment.angle, axis) * start.rotation
-                platform = Rotation.identity() if tool is None else tool.rotation.inv()
-                refuse_lost_turn(start.rotation * platform, after * platform, machine)
+                    after = begin_turn(segment.angle, axis) * before
+                if tool is not None:
+                    before, after = (rotation * tool.rotation.inv() for rotation in (before, after))
+                refuse_lost_turn(before, after, machine)
             if segment.about is not None:
                 axis = start.rotation.inv().apply(frame.rotation.apply(np.array(segment.about)))
                 return [turn(start, axis, segment.angle, characteristic, number)]
@@ -395,7 +453,8 @@ def _pieces(
         case Arc():
             centre = frame.apply(np.asarray(segment.centre, float))
             normal = frame.rotation.apply(_unit(segment.normal))
-            return [arc(start, centre, normal, segment.angle, end.rotation, number, segment.rise)]
+            turning = (start.rotation.inv() * end.rotation).as_rotvec()
+            return [arc(to_numbers(start)[0], centre, normal, segment.angle, turning, number, segment.rise)]
         case Curve():
             return curve(start, segment, frame, number)
         case Spline():

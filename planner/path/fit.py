@@ -17,10 +17,10 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.rotations import find_quaternions
 from planner.path.closeness import Closeness, Track, bound_distance
 from planner.path.shape import ARC, LINE, Drawn, Fitted, Piece, Shape, measure_turns
 from planner.path.spline import SPLINE, STEADY_SPLINE, align_signs, smooth_spline
@@ -185,7 +185,7 @@ def _derivatives(piece: Piece, s: float) -> Array:
     x, x1, x2, x3 = (values[0] for values in piece.derivatives(np.array([s])))
     found = np.zeros((4, 7))
     found[:, :3] = x[:3], x1[:3], x2[:3], x3[:3]
-    found[0, 3:] = Rotation.from_matrix(x[3:].reshape(3, 3)).as_quat()
+    found[0, 3:] = find_quaternions(x[3:].reshape(1, 3, 3))[0]
     rate = piece.parameters[-1]
     half = rate / 2 * piece.parameters[-4:-1]  # both shapes turn steadily about an axis: q′ = q ∘ (half, 0)
     for k in range(1, 4):
@@ -380,8 +380,8 @@ def _quaternions(x: Array, first: Array) -> Array:
     rows = x[:, 3:]
     if (rows == rows[0]).all():
         return np.tile(first, (len(rows), 1))
-    found = Rotation.from_matrix(rows.reshape(-1, 3, 3)).as_quat()
-    return align_signs(np.concatenate([first[None], found]))[1:]
+    quaternions = find_quaternions(rows.reshape(-1, 3, 3))
+    return align_signs(np.concatenate([first[None], quaternions]))[1:]
 
 
 def _evaluate(powers: Array, s: Array) -> Array:

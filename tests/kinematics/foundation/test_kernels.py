@@ -5,12 +5,13 @@ import subprocess
 import sys
 
 import casadi as ca
+import numba  # noqa: F401  # tapes serve where the compiler is loaded
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kinematics.foundation import kernels
+from kinematics.foundation import casadi_function, kernels
 from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.tape import BLOCK, make_tape, run_tape
 from kinematics.foundation.taylor_model import Series
@@ -105,9 +106,12 @@ def test_a_taylor_tape_gives_the_balls_of_series(steps, seed, cells, order, erro
         assert np.array_equal(ours.rad[bounded], theirs.rad[bounded])
 
 
+@pytest.mark.parametrize("is_compiled", [False, True])
 @pytest.mark.parametrize("cells", [3, 40])
-def test_columns_side_by_side_are_enclosed_as_each_by_itself(cells):
+def test_columns_side_by_side_are_enclosed_as_each_by_itself(cells, is_compiled, monkeypatch):
     """By the tape and without it, of inputs of several degrees, some of them constant."""
+    monkeypatch.setattr(casadi_function, "compiler_is_loaded", lambda: is_compiled)
+    monkeypatch.setattr(casadi_function, "ENCLOSING_WORK", np.inf)
     x = ca.SX.sym("x", 4)
     expression = Expression("f", x, ca.vertcat(x[0] * x[1] + x[3], ca.sqrt(9 + x[2] * x[3]), 2.0, x[2] / (4 + x[0])))
     rng = np.random.default_rng(cells)
@@ -121,6 +125,22 @@ def test_columns_side_by_side_are_enclosed_as_each_by_itself(cells):
         assert (np.abs(found.mid[:, :, k] - one.mid) <= 1e-15).all()
         assert (found.rad[:, :, k] <= one.rad * (1 + 1e-9) + 1e-15).all()
         assert (found.rad[:, :, k] >= one.rad * (1 - 1e-6) - 1e-14).all()
+
+
+def test_the_compiler_is_loaded_once_enclosing_without_it_has_taken_as_long(monkeypatch):
+    x = ca.SX.sym("x", 1)
+    expression = Expression("f", x, ca.sqrt(2 + x))
+    taped = []
+    monkeypatch.setattr(casadi_function, "compiler_is_loaded", lambda: False)
+    monkeypatch.setattr(casadi_function, "enclose_tape", lambda *_: taped.append(1))
+    monkeypatch.setattr(Expression, "_enclosing_work", 0)
+    work = expression.function.n_instructions() * (1 + casadi_function.CALL_CELLS)
+    monkeypatch.setattr(casadi_function, "ENCLOSING_WORK", 3 * work)
+    counts = []
+    for _ in range(4):
+        expression.enclose([Series.constant(np.ones(1), 2)])
+        counts.append(len(taped))
+    assert counts == [0, 0, 1, 2]
 
 
 @pytest.mark.parametrize("name", ["sin", "cos", "atan2"])
@@ -212,11 +232,17 @@ def test_a_kernel_is_stored_and_contains_those_that_it_calls(tiny, tmp_path):
     assert names == ["tiny.scale_twice"]
 
 
-def test_another_version_uses_another_folder(tiny, tmp_path):
-    other = "kernels.VERSION = 'other'\n" + RUN
-    hits = [tiny(code).stdout.split()[-1] for code in (RUN, other, RUN, other)]
-    assert hits == ["0", "0", "1", "1"]
-    assert len(list((tmp_path / "stored").iterdir())) == 2
+def test_a_change_of_a_callee_in_another_file_is_seen(tiny, tmp_path):
+    """numba alone looks at the file of the kernel that is called."""
+    base, caller = TINY.split("@kernel\ndef scale_twice")
+    head = "from kinematics.foundation.kernels import Floats1, kernel\nfrom base import scale\n\n"
+    (tmp_path / "tiny.py").write_text(f"{head}@kernel\ndef scale_twice{caller}")
+    results = []
+    for text in (base, base.replace("total = 0.0", "total = 1.0"), base):
+        (tmp_path / "base.py").write_text(text)
+        results += [tiny().stdout for _ in range(2)]
+    old, new = "6.0 3.0 3.0", "7.0 3.0 3.0"
+    assert results == [f"{old} 0\n", f"{old} 1\n", f"{new} 0\n", f"{new} 1\n", f"{old} 1\n", f"{old} 1\n"]
 
 
 def test_another_setting_of_the_compiler_uses_another_folder(tiny):
@@ -248,7 +274,7 @@ def test_a_full_disk_loses_what_was_compiled_and_reports_it(tiny):
 
 
 def test_a_folder_that_cannot_be_written_is_left_alone(tiny, tmp_path):
-    """Also where numba would then store beside the source, which does not depend on the version."""
+    """Also where numba would then store beside the source, whatever callees there were."""
     (tmp_path / "stored").write_text("a file")
     slow = "kernels.PATIENCE = 0.0\n"
     done = tiny(slow + RUN)
@@ -361,6 +387,13 @@ def test_a_process_that_another_started_leaves_the_announcement_to_it(monkeypatc
     assert caplog.records == []
 
 
+def test_machine_code_of_a_few_states_of_a_kernel_is_retained(tiny, tmp_path):
+    for number in range(4):
+        (tmp_path / "tiny.py").write_text(TINY + f"# {number}\n")
+        tiny("kernels.MOST_FOLDERS = 2\n" + RUN)
+    assert len(stored(tmp_path, ".nbc")) == 3  # two, and the one that was compiled last
+
+
 def test_the_folders_used_last_are_retained(tmp_path, monkeypatch):
     for number in range(5):
         folder = tmp_path / f"pulsepath-kernels-{number}"
@@ -369,7 +402,7 @@ def test_the_folders_used_last_are_retained(tmp_path, monkeypatch):
         os.utime(folder, (number, number))
     (tmp_path / "other").mkdir()
     monkeypatch.setattr(kernels, "MOST_FOLDERS", 2)
-    kernels._remove_old_folders(tmp_path)
+    kernels._remove_old_folders(tmp_path, "pulsepath-kernels-*")
     names = sorted(path.name for path in tmp_path.iterdir())
     assert names == ["other", "pulsepath-kernels-3", "pulsepath-kernels-4"]
 
