@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kinematics.foundation.errors import OutOfReach
-from kinematics.foundation.kernels import load_compiler
 from kinematics.foundation.options import check_arguments
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Table
@@ -344,7 +343,6 @@ def make_plan(
     progress: Progress | None = None,
 ) -> Plan:
     """Plan what a request asks for. Raises as `plan`."""
-    load_compiler()
     request = request.resolve(program, machine)
     order = request.resolved_order
     axes = machine.axes

@@ -13,7 +13,6 @@ from itertools import takewhile
 
 import numpy as np
 
-from kinematics.foundation.kernels import load_compiler
 from kinematics.foundation.names import count_noun
 from kinematics.foundation.result import Result
 from kinematics.foundation.table import Table
@@ -191,7 +190,6 @@ def make_parts(
     if find_whole_reason(request, program, machine) is not None:
         yield _make_only_part(make_plan(request, program, machine, progress))
         return
-    load_compiler()
     steps = _Steps(program, machine, progress)
     maker = _PartMaker(request, program, machine, steps)
     for window in _make_planner(request, program, machine)(steps, helpers):

@@ -19,7 +19,6 @@ from controllers.rig import Rig
 from controllers.rig_choice import rig_hint
 from controllers.tracking import track_each
 from kinematics import Machine, MotionError
-from kinematics.foundation.kernels import load_compiler
 from kinematics.foundation.names import count_noun
 from planner import LimitChange, Plan, Program, Worth
 from planner.baselines import KINDS, Classical, classical, pick_baseline
@@ -128,7 +127,6 @@ def time_baselines(course: Course | Plan) -> BaselineTimings:
 
 def time_baselines_ahead(program: Program, machine: Machine, like: int | None = None) -> BaselineTimings:
     """Compute the baselines while the plan is made. like: only the one for a plan of this order."""
-    load_compiler()
     untimed = course(program, machine, 2)
     return time_baselines(untimed) if like is None else time_like_baseline(untimed, like)
 

@@ -1,6 +1,8 @@
 """One CasADi expression, evaluated in compiled code on batches, or walked through in guaranteed arithmetic."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import cached_property
 from threading import Lock
 from typing import Any, TypeVar
@@ -21,12 +23,30 @@ _BLOCKS = (256, 16, 1)
 # Points from which the compiled tape runs them in less time than CasADi, operations times points from which that pays
 # for making the tape, and for loading the compiler where nobody has yet.
 TAPE_POINTS, TAPE_WORK, LOADING_WORK = 12, 1e5, 2e8
-# Work on enclosures, in operations times cells, that takes as long without the compiler as loading
-# the compiler. An operation costs as much as CALL_CELLS cells more: it is a few calls of NumPy.
-ENCLOSING_WORK = 1.5e7
-CALL_CELLS = 1000
+# Fewer cells are enclosed by numpy if nobody has loaded the compiler. Both give the same bits, since a
+# tape runs that many cells in one block.
+FEW_CELLS = 8
+# Operations times cells of a single call from which `enclose_without_compiler` uses the compiler
+# after all: numpy would need as long as loading it takes.
+MUCH_WORK = 5e6
+_WITHOUT_COMPILER = ContextVar("without_compiler", default=False)
 
 T = TypeVar("T")
+
+
+@contextmanager
+def enclose_without_compiler() -> Iterator[None]:
+    """Enclose in numpy until the block ends, unless a call has much work.
+
+    For short work: loading the compiler and its first kernel takes 0.3 s. The radii may differ from
+    compiled ones in their last digits, so the choice must depend on the work alone, never on what
+    the process has loaded.
+    """
+    token = _WITHOUT_COMPILER.set(True)
+    try:
+        yield
+    finally:
+        _WITHOUT_COMPILER.reset(token)
 
 
 class Expression:
@@ -35,9 +55,6 @@ class Expression:
     The input is handed to CasADi as it lies in memory: time first is column-major for CasADi, so nothing is copied
     twice. Operations are those of `kinematics.foundation.operations`; others have values alone.
     """
-
-    # Work of all expressions on enclosures until the compiler is loaded.
-    _enclosing_work = 0
 
     def __init__(self, name: str, inputs: ca.SX, outputs: ca.SX) -> None:
         self._set_function(rewrite(ca.Function(name, [ca.vec(inputs)], [ca.densify(ca.vec(outputs))], {"cse": True})))
@@ -124,7 +141,7 @@ class Expression:
         """The same of series (d+1, N, j) that hold the k inputs side by side: as one (order+1, N, m)."""
         order, cells = min(one.order for one in x), max(one.mid.shape[1] for one in x)
         if not self._pays_to_compile(cells):
-            columns = [one.cut(order)[:, k] for one in x for k in range(one.mid.shape[2])]
+            columns = [_lower(one.cut(order)[:, k]) for one in x for k in range(one.mid.shape[2])]
             stacked = Series.stack(self._enclose_by_walking(columns, order))
             shape = (stacked.degree + 1, cells, self.size[1])  # what is constant is so on every cell
             return Series(np.broadcast_to(stacked.mid, shape), np.broadcast_to(stacked.rad, shape), order)
@@ -142,11 +159,11 @@ class Expression:
         return Series(found.transpose(1, 2, 0), error.transpose(1, 2, 0), order)
 
     def _pays_to_compile(self, cells: int) -> bool:
-        if not compiler_is_loaded():
-            Expression._enclosing_work += self._operations * (cells + CALL_CELLS)
-            if Expression._enclosing_work < ENCLOSING_WORK:
-                return False
-        return self._is_enclosable
+        if _WITHOUT_COMPILER.get():
+            pays = self._operations * cells >= MUCH_WORK
+        else:
+            pays = cells >= FEW_CELLS or compiler_is_loaded()
+        return pays and self._is_enclosable
 
     @cached_property
     def _is_enclosable(self) -> bool:
@@ -183,6 +200,13 @@ class Expression:
             else:
                 refuse_unknown(self.function)
         return out
+
+
+def _lower(x: Series) -> Series:
+    """Return a series without its highest powers that are zero, as `lower_degrees` counts them."""
+    present = np.flatnonzero((x.mid != 0).any(1) | (x.rad != 0).any(1))
+    top = int(present[-1]) if len(present) else 0
+    return Series(x.mid[: top + 1], x.rad[: top + 1], x.order)
 
 
 def _cells(x: Sequence[Series]) -> int:

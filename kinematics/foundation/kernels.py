@@ -456,11 +456,6 @@ def _advise() -> str:
     return f"as they cannot be stored ({_LOST[0]}): set NUMBA_CACHE_DIR to a folder that can be written"
 
 
-def load_compiler() -> None:
-    """Load the compiler before work that needs it: Taylor models are enclosed by kernels from then on."""
-    import_module("numba")
-
-
 def compiler_is_loaded() -> bool:
     """Return whether numba is imported already, which takes a third of a second."""
     return "numba" in sys.modules
