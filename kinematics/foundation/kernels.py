@@ -11,6 +11,7 @@ With NUMBA_DISABLE_JIT=1 the same source runs as Python: for debuggers and for c
 
 import gc
 import logging
+import math
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -22,7 +23,7 @@ from multiprocessing import parent_process
 from pathlib import Path
 from threading import RLock, Thread, local
 from time import monotonic
-from types import FunctionType
+from types import FunctionType, ModuleType
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -329,7 +330,11 @@ def _has_code(folder: Path) -> bool:
 
 
 def describe_kernel(kernel: Kernel) -> list[Any]:
-    """Return all that enters the machine code of a kernel: its code, types, constants and callees."""
+    """Return all that enters the machine code of a kernel: its code, types, constants and callees.
+
+    Raises TypeError for a kernel that reads a module other than numpy and math: a constant of it
+    would enter machine code unnoticed.
+    """
     function: Any = kernel.function
     code = function.__code__
     names = function.__globals__
@@ -352,6 +357,8 @@ def _describe_value(value: Any) -> Any:
         return [_describe_value(each) for each in get_args(value)]
     if isinstance(value, np.ndarray):
         return [value.dtype.str, value.shape, value.tobytes()]
+    if isinstance(value, ModuleType) and value not in (np, math):
+        raise TypeError(f"a kernel reads {value.__name__} as a module: import what it needs by name")
     return repr(value)
 
 

@@ -90,6 +90,19 @@ def test_a_changed_type_changes_the_description(monkeypatch, annotation):
     assert describe_kernel(stages.advance) != before
 
 
+def test_a_module_in_a_kernel_is_refused():
+    """A change of its constant would leave the description as it is; those of numpy come with its version."""
+
+    @kernels.kernel
+    def scale(x: float) -> float:
+        return x * riccati.MIN_CURVATURE * np.pi * math.e
+
+    with pytest.raises(TypeError, match=r"reads planner\.timing\.order3\.riccati as a module: import .* by name"):
+        describe_kernel(scale)
+    with pytest.raises(TypeError, match="as a module"):
+        scale(1.0)
+
+
 def test_a_description_does_not_depend_on_the_process():
     code = "from kinematics.foundation.kernels import describe_kernel; from planner.timing.order3 import riccati;"
     code += "print(repr(describe_kernel(riccati.solve_newton)))"

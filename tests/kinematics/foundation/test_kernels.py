@@ -124,24 +124,23 @@ def test_taylor_tapes_of_angles_are_those_of_series(name, error, order, cells):
             assert_same_balls(ours, theirs)
 
 
-@settings(max_examples=60, deadline=None)
-@given(STEPS, st.integers(0, 2**32), st.integers(1, FEW_CELLS), st.integers(0, 12))
-def test_few_cells_have_the_same_balls_without_the_compiler(steps, seed, cells, order):
+@pytest.mark.parametrize("order", [0, 1, 5, 12])
+@pytest.mark.parametrize("cells", [1, FEW_CELLS - 1])
+def test_few_cells_have_the_same_balls_without_the_compiler(cells, order):
     """To the last bit, of columns of several degrees, some of them zero: processes differ in what they have loaded."""
     x = ca.SX.sym("x", 4)
-    values = [*ca.vertsplit(x), ca.SX(0.25)]
-    for name, first, second in steps:
-        a, b = values[first % len(values)], values[second % len(values)]
-        values.append(UNARY[name](a) if name in UNARY else BINARY[name](a, b))
-    expression = Expression("f", x, ca.vertcat(*values[-5:]))
-    rng = np.random.default_rng(seed)
+    turned = [ca.sin(x[2]) * x[0], ca.cos(x[1]) / (3 + x[2]), ca.atan2(x[3], 2 + x[1])]
+    values = [x[0] * x[2], x[1] * x[2], x[1] * x[3] - x[2], ca.sqrt(3 + x[2] * x[2]), *turned, ca.exp(x[1]), 2.0]
+    rng = np.random.default_rng(cells)
     wide = Series(rng.uniform(-1, 1, (order + 1, cells, 3)), 1e-9 * rng.uniform(size=(order + 1, cells, 3)), order)
     wide.mid[:, :, 0] = wide.rad[:, :, 0] = 0.0
     wide.mid[1:, :, 1] = wide.rad[1:, :, 1] = 0.0
     constant = Series.constant(rng.uniform(-1, 1, (cells, 1)), order)
-    with np.errstate(all="ignore"):
+    for several in (values, values[:-2]):  # no tape knows an exponential
+        expression = Expression("f", x, ca.vertcat(*several))
         compiled, walked = (enclose_as(expression, loaded, wide, constant) for loaded in (True, False))
-    assert_same_balls(compiled.pad(order), walked.pad(order))
+        assert np.isfinite(compiled.rad).all()
+        assert_same_balls(compiled.pad(order), walked.pad(order))
 
 
 def enclose_as(expression, is_loaded, *columns):
