@@ -170,7 +170,7 @@ LOADED = {
     "init mine --machine tripod --all": {"numpy", "casadi", "pydantic"},
     "check part.nc --machine cartesian": {"numpy", "casadi", "pydantic", "rich"},
     "check circle": {"numpy", "casadi", "pydantic", "rich", "scipy"},
-    "import part.nc --out part.toml": {"numpy", "casadi", "pydantic", "matplotlib"},
+    "import part.nc --out part.toml": {"numpy", "casadi", "pydantic"},
 }
 """Slow packages that commands without a plan load: all others would delay them."""
 
