@@ -120,15 +120,12 @@ class Expression:
     @cached_property
     def _program(self) -> list[tuple[int, tuple[int, ...], tuple[int, ...], float]]:
         f = self.function
-        return [
-            (
-                f.instruction_id(k),
-                tuple(f.instruction_input(k)),
-                tuple(f.instruction_output(k)),
-                f.instruction_constant(k) if f.instruction_id(k) == ca.OP_CONST else 0.0,
-            )
-            for k in range(f.n_instructions())
-        ]
+        steps = []
+        for k in range(f.n_instructions()):
+            operation = f.instruction_id(k)
+            constant = f.instruction_constant(k) if operation == ca.OP_CONST else 0.0
+            steps.append((operation, tuple(f.instruction_input(k)), tuple(f.instruction_output(k)), constant))
+        return steps
 
     def enclose(self, x: Sequence[Series]) -> list[Series]:
         """The same expression in Taylor series with guaranteed error: k series in, m series out."""
