@@ -5,15 +5,15 @@ The tool sits on the platform; the platform's path takes it along its own.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kinematics.foundation.arrays import MAX_TURNS, Array, freeze_array, most
 from kinematics.foundation.errors import Fault, FileError, MotionError
+from kinematics.foundation.rotations import turn_vector
 from kinematics.machine.machine import Machine
-from kinematics.machine.pose import IDENTITY, from_numbers, join_pose, to_numbers
+from kinematics.machine.pose import IDENTITY, axis_angle, from_numbers, join_pose
 from planner.path.arc_length import even_speed
 from planner.path.curve import curve, ends
 from planner.path.fit import fit_chains, is_plain
@@ -24,6 +24,7 @@ from planner.path.overshoot import measure_overshoot
 from planner.path.shape import (
     DEGREE,
     LINE,
+    NO_TURN,
     Drawn,
     Fitted,
     Overshoot,
@@ -102,66 +103,73 @@ def _link_segments(program: Program, machine: Machine) -> Iterator[PathStep]:
 class _Stand:
     """The current point of a path, in the program's frame.
 
-    Lines and arcs that do not turn are drawn in a few numbers: composing poses takes ten times as long,
-    files have millions of lines, and SciPy's poses take 0.2 s to load.
+    Lines are drawn in a few numbers: composing poses takes ten times as long, and files have millions
+    of lines. As long as nothing is turned, no pose is made at all, since SciPy's take 0.2 s to load:
+    `_frame` and `_rotation` are None then.
     """
 
-    def __init__(self, start: Array, frame: Array) -> None:
-        """Begin at pose numbers (12,) in a frame of pose numbers (12,) in the base frame."""
-        self._frame = frame
-        self._position, rows = np.split(start, [3])
-        self._rotation = rows.reshape(3, 3)
-        self._exact_rotation: Rotation | None = None
+    def __init__(self, program: Program, machine: Machine) -> None:
+        home = machine.home_numbers[0]
+        is_stated = program.start is not None or program.tool is not None or program.work is not None
+        self._frame: Pose | None = None
+        self._rotation: Rotation | None = None
+        self._turned: Array = np.eye(3)
+        self._moved: Array
+        self._position: Array
+        self._rest = np.concatenate([IDENTITY[3:], NO_TURN])
+        if not is_stated and np.array_equal(home[3:], IDENTITY[3:]):
+            origin = np.zeros(3)
+            self._moved, self._position = (home[:3], origin) if program.frame == "home" else (origin, home[:3])
+            return
+        self._frame = machine.home if program.frame == "home" else from_numbers(IDENTITY)
+        if program.work is not None:
+            self._frame = self._frame * program.work
+        self._turned, self._moved = self._frame.rotation.as_matrix(), self._frame.translation
+        self.move(default_start(program, machine) if program.start is None else program.start)
 
     def move(self, pose: "Pose") -> None:
-        self._position = pose.translation
-        self._exact_rotation = pose.rotation
-        self._rotation = pose.rotation.as_matrix()
+        self._position, self._rotation = pose.translation, pose.rotation
+        rows = (self.frame.rotation * self._rotation).as_matrix().ravel()
+        self._rest = np.concatenate([rows, NO_TURN])
+
+    @property
+    def frame(self) -> "Pose":
+        if self._frame is None:
+            self._frame = from_numbers(np.concatenate([self._moved, IDENTITY[3:]]))
+        return self._frame
 
     @property
     def pose(self) -> "Pose":
-        if self._exact_rotation is None:
-            return from_numbers(np.concatenate([self._position, self._rotation.ravel()]))
-        return join_pose(self._position, self._exact_rotation)
-
-    @cached_property
-    def frame(self) -> "Pose":
-        return from_numbers(self._frame)
+        if self._rotation is None:
+            return from_numbers(np.concatenate([self._position, IDENTITY[3:]]))
+        return join_pose(self._position, self._rotation)
 
     @property
     def place(self) -> Array:
         """(3,) m in the base frame."""
-        return self.move_to_base(self._position)
+        return self._move_to_base(self._position)
 
-    def move_to_base(self, points: Array) -> Array:
-        """Return points (…, 3) in the base frame."""
-        return np.asarray(points @ self._turned.T + self._frame[:3])
-
-    @property
-    def _turned(self) -> Array:
-        return self._frame[3:].reshape(3, 3)
+    def _move_to_base(self, point: Array) -> Array:
+        return np.asarray(self._turned @ point + self._moved)
 
     def draw_line(self, to: Array, number: int) -> Piece | None:
         """Return the piece to a position, the current point from then on; None if the path is there already."""
-        start, end = self.move_to_base(np.stack([self._position, to]))
+        start, end = self.place, self._move_to_base(to)
         length = float(np.linalg.norm(end - start))
         if length <= MIN_MOVE:
             return None
         self._position = to
-        rows = (self._turned @ self._rotation).ravel()
-        rest = [0.0, 0.0, 1.0, 0.0]  # about any axis, at no rate
-        numbers = np.concatenate([start, (end - start) / length, rows, rest])
-        return Piece(LINE, freeze_array(numbers), length, number)
+        return Piece(LINE, freeze_array(np.concatenate([start, (end - start) / length, self._rest])), length, number)
 
-    def draw_arc(self, segment: Arc, number: int) -> Piece:
-        """Return the piece of an arc that keeps its orientation; the path is at its end from then on."""
-        start = self.place
+    def draw_arc(self, segment: Arc, number: int) -> Piece | None:
+        """Return the piece of an arc, the current point at its end from then on; None if anything is turned."""
+        if segment.rotate is not None or self._frame is not None or self._rotation is not None:
+            return None
+        start = np.concatenate([self.place, IDENTITY[3:]])
         end = _arc_end(segment, self._position)
-        centre = self.move_to_base(np.asarray(segment.centre, float))
-        normal = self._turned @ _unit(segment.normal)
-        rows = (self._turned @ self._rotation).ravel()
+        centre = self._move_to_base(np.asarray(segment.centre, float))
         self._position = end
-        return arc(np.concatenate([start, rows]), centre, normal, segment.angle, np.zeros(3), number, segment.rise)
+        return arc(start, centre, _unit(segment.normal), segment.angle, NO_TURN, number, segment.rise)
 
 
 def draw_segments(program: Program, machine: Machine) -> Iterator[Drawn]:
@@ -175,7 +183,7 @@ def draw_segments(program: Program, machine: Machine) -> Iterator[Drawn]:
         _refuse_end_speed("start_speed", program.start_speed, program.segments[0], 1)
     if program.end_speed:
         _refuse_end_speed("end_speed", program.end_speed, program.segments[-1], len(program.segments))
-    stand = _Stand(_find_start(program, machine), _find_frame(program, machine))
+    stand = _Stand(program, machine)
     faults: list[tuple[int, Moving, MotionError]] = []
     pending, moves, turned = Drawn([], STOP), False, 0.0
     for repetition in range(1, program.repeat + 1):
@@ -201,7 +209,7 @@ def draw_segments(program: Program, machine: Machine) -> Iterator[Drawn]:
             marks = () if segment.trigger is None else (segment.trigger.at,)
             overshoot = None
             if begin is not None and isinstance(segment, Spline):
-                polygon = np.concatenate([begin[None], stand.move_to_base(segment.through)])
+                polygon = np.concatenate([begin[None], stand.frame.apply(segment.through)])
                 overshoot = measure_overshoot(polygon, own)
             plain = not marks and is_plain(pieces)
             pending = Drawn(pieces, segment.join, plain=plain, marks=marks, overshoot=overshoot)
@@ -218,28 +226,13 @@ def _draw(segment: Moving, number: int, stand: _Stand, machine: Machine, tool: "
     """The pieces of a segment from where the path stands, which is its end then."""
     if isinstance(segment, Line) and segment.rotate is None and (made := stand.draw_line(segment.to, number)):
         return [made]
-    if isinstance(segment, Arc) and segment.rotate is None:
-        return [stand.draw_arc(segment, number)]
+    if isinstance(segment, Arc) and (made := stand.draw_arc(segment, number)):
+        return [made]
     here = stand.pose
     there = segment_end(segment, here)
     own = _pieces(segment, number, here, there, stand.frame, machine, tool)
     stand.move(there)
     return own
-
-
-def _find_frame(program: Program, machine: Machine) -> Array:
-    """Return the numbers (12,) of the program's frame in the base frame."""
-    frame: Array = machine.home_numbers[0] if program.frame == "home" else IDENTITY
-    return frame if program.work is None else to_numbers(from_numbers(frame) * program.work)[0]
-
-
-def _find_start(program: Program, machine: Machine) -> Array:
-    """Return the numbers (12,) of the pose from which a program starts, in its frame."""
-    if program.start is None and program.tool is None and program.work is None:
-        start: Array = IDENTITY if program.frame == "home" else machine.home_numbers[0]
-        return start
-    pose = default_start(program, machine) if program.start is None else program.start
-    return to_numbers(pose).ravel()
 
 
 def default_start(program: Program, machine: Machine) -> "Pose":
@@ -406,7 +399,7 @@ def _curve_end(segment: Curve, here: "Pose") -> "Pose":
 
 
 def _arc_end(segment: Arc, here: Array) -> Array:
-    """Return the end (3,) of an arc from a position (3,), by Rodrigues' formula."""
+    """Return the end (3,) of an arc from a position (3,)."""
     centre, normal = np.asarray(segment.centre, float), _unit(segment.normal)
     u = here - centre
     radius, height = float(np.linalg.norm(u)), float(u @ normal)
@@ -418,10 +411,7 @@ def _arc_end(segment: Arc, here: Array) -> Array:
             f"through the centre {_mm(centre)}, at {_mm(here)}; "
             f"move the centre by {_mm(height * normal)} or correct the normal"
         )
-    along = height * normal
-    cosine, sine = np.cos(segment.angle), np.sin(segment.angle)
-    turned = along + cosine * (u - along) + sine * np.cross(normal, u)
-    return np.asarray(centre + turned + segment.rise * normal)
+    return np.asarray(centre + turn_vector(u, segment.angle * normal) + segment.rise * normal)
 
 
 def _pieces(
@@ -453,8 +443,9 @@ def _pieces(
         case Arc():
             centre = frame.apply(np.asarray(segment.centre, float))
             normal = frame.rotation.apply(_unit(segment.normal))
-            turning = (start.rotation.inv() * end.rotation).as_rotvec()
-            return [arc(to_numbers(start)[0], centre, normal, segment.angle, turning, number, segment.rise)]
+            numbers = np.concatenate([start.translation, start.rotation.as_matrix().ravel()])
+            (axis,), (angle,) = axis_angle(start.rotation, end.rotation)
+            return [arc(numbers, centre, normal, segment.angle, np.append(axis, angle), number, segment.rise)]
         case Curve():
             return curve(start, segment, frame, number)
         case Spline():

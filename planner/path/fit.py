@@ -20,7 +20,6 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
-from kinematics.foundation.rotations import find_quaternions
 from planner.path.closeness import Closeness, Track, bound_distance
 from planner.path.shape import ARC, LINE, Drawn, Fitted, Piece, Shape, measure_turns
 from planner.path.spline import SPLINE, STEADY_SPLINE, align_signs, smooth_spline
@@ -182,10 +181,12 @@ def is_plain(pieces: Sequence[Piece]) -> bool:
 
 def _derivatives(piece: Piece, s: float) -> Array:
     """(4, 7) position and quaternion, and their first three derivatives, of a line or an arc at its own s."""
+    from scipy.spatial.transform import Rotation
+
     x, x1, x2, x3 = (values[0] for values in piece.derivatives(np.array([s])))
     found = np.zeros((4, 7))
     found[:, :3] = x[:3], x1[:3], x2[:3], x3[:3]
-    found[0, 3:] = find_quaternions(x[3:].reshape(1, 3, 3))[0]
+    found[0, 3:] = Rotation.from_matrix(x[3:].reshape(3, 3)).as_quat()
     rate = piece.parameters[-1]
     half = rate / 2 * piece.parameters[-4:-1]  # both shapes turn steadily about an axis: q′ = q ∘ (half, 0)
     for k in range(1, 4):
@@ -380,8 +381,10 @@ def _quaternions(x: Array, first: Array) -> Array:
     rows = x[:, 3:]
     if (rows == rows[0]).all():
         return np.tile(first, (len(rows), 1))
-    quaternions = find_quaternions(rows.reshape(-1, 3, 3))
-    return align_signs(np.concatenate([first[None], quaternions]))[1:]
+    from scipy.spatial.transform import Rotation
+
+    found = Rotation.from_matrix(rows.reshape(-1, 3, 3)).as_quat()
+    return align_signs(np.concatenate([first[None], found]))[1:]
 
 
 def _evaluate(powers: Array, s: Array) -> Array:

@@ -304,6 +304,10 @@ def _motion(s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
 ARC = Shape("arc", 26, _motion)
 
 
+# Axis (3,) and angle of a motion that does not turn.
+NO_TURN = freeze_array(np.array([0.0, 0.0, 1.0, 0.0]))
+
+
 def arc(
     start: Array,
     centre: Array,
@@ -316,15 +320,14 @@ def arc(
     """Return the arc from a pose about `centre` by the signed angle, right hand about the unit normal.
 
     start    numbers of the pose (12,)
-    turning  rotation (3,) in the moving frame up to the end, unit axis times angle (rad)
+    turning  unit axis in the moving frame and angle (rad), by which the pose turns up to the end (4,)
     rise     m, along the normal: makes it a helix, of length √((radius · angle)² + rise²)
     """
     position, rows = np.split(start, [3])
     centre = centre + ((position - centre) @ normal) * normal  # in the start's own plane, to the last digit
     u = position - centre
     length = float(np.hypot(np.linalg.norm(u) * angle, rise))
-    turn = float(np.linalg.norm(turning))
-    axis = turning / turn if turn > 0 else np.array([0.0, 0.0, 1.0])
+    axis, turn = turning[:3], float(turning[3])
     refuse_half_turn(turn)
     numbers = [
         centre,

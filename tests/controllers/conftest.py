@@ -11,7 +11,7 @@ from kinematics import Axis, Hexapod, joint_circle
 from kinematics.machine.pose import to_numbers
 from planner import Trajectory
 from planner.path.actuation import MachinePath
-from planner.path.shape import arc, line
+from planner.path.shape import NO_TURN, arc, line
 
 PULSE = 0.75e-6
 HEIGHT = 0.2336362
@@ -98,7 +98,7 @@ def circle_trip(hexapod):
             np.array([0, 0, HEIGHT + 10e-3]),
             np.array([0, 0, 1.0]),
             2.5 * np.pi,
-            np.zeros(3),
+            NO_TURN,
             2,
         ),
         line(pose(0, 15, 10), tilted, 7e-3, 3),
