@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
+from kinematics.foundation.casadi_function import enclose_without_compiler
 from kinematics.foundation.errors import MotionError, NotFree, OutOfReach
 from kinematics.foundation.options import check_arguments
 from kinematics.machine.machine import Machine
@@ -22,6 +23,7 @@ from planner.program.program_file import ProgramSource, load_program
 
 
 @check_arguments("program", "machine", "limits")
+@enclose_without_compiler()
 def check(program: ProgramSource, machine: MachineSource, *, limits: Sequence[OwnLimit] = ()) -> Standing:
     """Prove the limits that slowing down cannot fix over the path of a program.
 

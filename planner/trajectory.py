@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from math import ceil, log10
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,8 +22,11 @@ from kinematics.foundation.result import Result
 from kinematics.foundation.short_repr import short_repr
 from kinematics.foundation.table import Column, Table
 from kinematics.machine.motion import AxesState
-from kinematics.machine.pose import Pose, from_numbers
+from kinematics.machine.pose import from_numbers
 from planner.path.actuation import ActuatorPath, MachinePath, check_rate
+
+if TYPE_CHECKING:
+    from kinematics.machine.pose import Pose
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +66,7 @@ class State:
         return _third_derivative(slopes, (self.sd, self.sdd, self.sddd))
 
     @property
-    def pose(self) -> Pose | None:
+    def pose(self) -> "Pose | None":
         numbers = self.path.pose_numbers(self.along, self.piece)
         return None if numbers is None else from_numbers(numbers)
 
@@ -315,7 +318,7 @@ def rows(trajectory: Trajectory, t: Array) -> Array:
     return put_in_rows(t, state, state.pose if isinstance(trajectory.path, MachinePath) else None)
 
 
-def put_in_rows(t: Array, state: "RowState", poses: Pose | None) -> Array:
+def put_in_rows(t: Array, state: "RowState", poses: "Pose | None") -> Array:
     """Return the rows (N, columns) of states and poses at t (N,)."""
     columns = [t, state.s]
     if poses is not None:

@@ -60,6 +60,10 @@ CELLS_OVERHEAD = 12
 # Cells of a bound that takes less time than starting the command.
 CELLS_AT_ONCE = 300
 
+# Segments up to which the first process computes baselines in less time than the second one takes
+# to load the compiler and kernels for them.
+FEW_SEGMENTS = 100
+
 # Frames of the machine in a report: per second, and in all.
 FRAME_RATE = 25
 LEAST_FRAMES = 120
@@ -251,7 +255,8 @@ def run(
     with step(f"planning {program.name} on {machine.name}") as tell:
         program = orient_open(program, machine, order)
         ahead = partial(time_baselines_ahead, program, machine, like)
-        timing = None if report.baselines is False else other.start(ahead)
+        helper = other if len(program.segments) > FEW_SEGMENTS else NO_PROCESS
+        timing = None if report.baselines is False else helper.start(ahead)
         plan = make_plan(request, program, machine, tell)
     _warn(plan)
 

@@ -80,7 +80,7 @@ class DeltaFile(LoadedFile):
 
     @staticmethod
     def geometry_of(machine: Delta, complete: bool) -> dict[str, Any]:
-        return {"radius": machine.radius, "rod": machine.rod, "home": home_entries(machine.home)}
+        return {"radius": machine.radius, "rod": machine.rod, "home": home_entries(machine)}
 
 
 def delta(file: DeltaFile, name: str, folder: Path | Traversable) -> Delta:

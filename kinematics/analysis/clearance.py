@@ -15,11 +15,8 @@ from numpy.typing import ArrayLike
 
 from kinematics.foundation.arrays import LEAST_POSITIVE, Array, finite_array, freeze_array, unit_vectors
 from kinematics.foundation.errors import MotionError
-from kinematics.foundation.kernels import Floats1, Floats2, Strided1, call_light, kernel
 from kinematics.foundation.taylor_model import EPS
 
-FEW_POSES = 64
-"""Poses that are not worth loading the compiler."""
 BISECTIONS_OF_ROOT = 55
 """Until the last place of a parameter in [0, 1]."""
 
@@ -41,8 +38,8 @@ class Disc:
 
     @property
     def numbers(self) -> Array:
-        """(1, 8) centre, normal, radius and thickness."""
-        return np.concatenate([self.centre, self.normal, [self.radius, self.thickness]], dtype=float)[None]
+        """Centre, normal, radius and thickness (8,)."""
+        return np.concatenate([self.centre, self.normal, [self.radius, self.thickness]], dtype=float)
 
 
 @dataclass(frozen=True)
@@ -104,17 +101,30 @@ class Bodies:
         return freeze_array(self.leg_radius * np.array([2.0] * pairs + [1.0] * (len(self.names) - pairs)))
 
     def distances(self, x: Array) -> Array:
-        """(N, k) m between the axes of any two legs, then between legs and discs, at the poses of numbers x (N, 12)."""
-        found = np.empty((len(x), len(self.names)))
-        discs = [np.zeros((0, 8)) if disc is None else disc.numbers for disc in (self.base_disc, self.platform_disc)]
-        # copies: one kind of array, for which the loop is compiled once
-        x, base, platform = (np.array(each, float, order="C") for each in (x, self.base, self.platform))
-        given = x, base, platform, float(self.ends), *discs, found
-        if len(x) > FEW_POSES:
-            measure_distances(*given)
-        else:
-            call_light(measure_distances, *given)
-        return found
+        """Return the distances (N, k) m at poses with the numbers x (N, 12).
+
+        They are between the axes of any two legs, then between legs and discs.
+        """
+        low, high = self._place_axes(x)
+        i, j = np.array(list(combinations(range(len(self.legs)), 2))).T
+        parts = [segment_distance(low[:, i], high[:, i], low[:, j], high[:, j])]
+        if self.base_disc is not None:
+            parts.append(segment_disc_distance(low, high, self.base_disc))
+        if self.platform_disc is not None:
+            rotation = x[:, 3:].reshape(-1, 3, 3)
+            start, end = ((points - x[:, None, :3]) @ rotation for points in (low, high))
+            parts.append(segment_disc_distance(start, end, self.platform_disc))
+        return np.concatenate(parts, 1)
+
+    def _place_axes(self, x: Array) -> tuple[Array, Array]:
+        """Return both ends (N, n, 3) of the segments that the legs surround, in the base frame."""
+        turned = self.platform @ x[:, 3:].reshape(-1, 3, 3).swapaxes(1, 2)
+        leg = x[:, None, :3] + turned - self.base
+        length = _length(leg)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.where(length > 0, np.minimum(self.ends / length, 0.5), 0.5)
+        left_out = share[..., None] * leg
+        return self.base + left_out, self.base + leg - left_out
 
     def change(self, x: Array, way: Array, turn: Array) -> Array:
         """(N, k) m by which no distance changes on any path of the platform from x (N, 12), with its origin's way (N,)
@@ -173,128 +183,89 @@ class Bodies:
         return np.where(np.isnan(found), np.inf, found) * (1 + 64 * EPS)
 
 
-@kernel
-def measure_distances(
-    x: Floats2, base: Floats2, platform: Floats2, ends: float, base_disc: Floats2, platform_disc: Floats2, out: Floats2
-) -> None:
-    """Fill out (N, k) as `Bodies.distances`; of each disc (1, 8) centre, normal, radius and thickness, or (0, 8)."""
-    legs = len(base)
-    low, high, start, end = np.zeros((legs, 3)), np.zeros((legs, 3)), np.zeros(3), np.zeros(3)
-    leg = np.zeros(3)
-    for n in range(len(x)):
-        for k in range(legs):
-            for i in range(3):
-                row = 3 + 3 * i
-                turned = x[n, row] * platform[k, 0] + x[n, row + 1] * platform[k, 1] + x[n, row + 2] * platform[k, 2]
-                high[k, i] = x[n, i] + turned
-                leg[i] = high[k, i] - base[k, i]
-            length = np.sqrt(leg[0] * leg[0] + leg[1] * leg[1] + leg[2] * leg[2])
-            share = min(ends / length, 0.5) if length > 0 else 0.5
-            for i in range(3):
-                low[k, i] = base[k, i] + share * leg[i]
-                high[k, i] -= share * leg[i]
-        place = 0
-        for k in range(legs):
-            for other in range(k + 1, legs):
-                out[n, place] = segment_distance(low[k], high[k], low[other], high[other])
-                place += 1
-        for disc in base_disc:
-            for k in range(legs):
-                out[n, place] = segment_disc_distance(low[k], high[k], disc)
-                place += 1
-        for disc in platform_disc:  # seen from the platform
-            for k in range(legs):
-                for i in range(3):
-                    start[i] = end[i] = 0.0
-                    for row in range(3):
-                        start[i] += (low[k, row] - x[n, row]) * x[n, 3 + 3 * row + i]
-                        end[i] += (high[k, row] - x[n, row]) * x[n, 3 + 3 * row + i]
-                out[n, place] = segment_disc_distance(start, end, disc)
-                place += 1
+def segment_distance(p0: Array, p1: Array, q0: Array, q1: Array) -> Array:
+    """Return the distances (…) of segments p0 p1 and q0 q1, each (…, 3).
 
-
-@kernel
-def segment_distance(p0: Floats1, p1: Floats1, q0: Floats1, q1: Floats1) -> float:
-    """Distance of the segments p0 p1 and q0 q1 (3,), exact for parallel, crossing and zero-length ones.
-
-    The nearest points are an end of one of them and a point of the other, or lie inside both, where the common
-    perpendicular of the two lines meets them: n = u × v, s = (w × v)·n/‖n‖², t = (w × u)·n/‖n‖² with w = q0 − p0. Every
-    candidate is a pair of points of the two segments, so none can be too small. Cross products keep what a determinant
-    of dot products would lose for nearly parallel lines.
+    Exact for parallel, crossing and zero-length segments. The nearest points are an end of one
+    segment and a point of the other, or lie inside both, where the common perpendicular of the two
+    lines meets them: n = u × v, s = (w × v)·n/‖n‖², t = (w × u)·n/‖n‖² with w = q0 − p0. Every
+    candidate is a pair of points of the two segments, so none can be too small. Cross products keep
+    what a determinant of dot products would lose for nearly parallel lines.
     """
-    least: float = min(
-        min(point_segment_distance(p0, q0, q1), point_segment_distance(p1, q0, q1)),
-        min(point_segment_distance(q0, p0, p1), point_segment_distance(q1, p0, p1)),
-    )
-    u0, u1, u2 = p1[0] - p0[0], p1[1] - p0[1], p1[2] - p0[2]
-    v0, v1, v2 = q1[0] - q0[0], q1[1] - q0[1], q1[2] - q0[2]
-    w0, w1, w2 = q0[0] - p0[0], q0[1] - p0[1], q0[2] - p0[2]
-    n0, n1, n2 = u1 * v2 - u2 * v1, u2 * v0 - u0 * v2, u0 * v1 - u1 * v0
-    square = n0 * n0 + n1 * n1 + n2 * n2
-    if not square > 0:
-        return least
-    s = ((w1 * v2 - w2 * v1) * n0 + (w2 * v0 - w0 * v2) * n1 + (w0 * v1 - w1 * v0) * n2) / square
-    t = ((w1 * u2 - w2 * u1) * n0 + (w2 * u0 - w0 * u2) * n1 + (w0 * u1 - w1 * u0) * n2) / square
-    s, t = min(max(s, 0.0), 1.0), min(max(t, 0.0), 1.0)
-    d0, d1, d2 = w0 + t * v0 - s * u0, w1 + t * v1 - s * u1, w2 + t * v2 - s * u2
-    return float(min(least, np.sqrt(d0 * d0 + d1 * d1 + d2 * d2)))
+    ends = [
+        point_segment_distance(p0, q0, q1),
+        point_segment_distance(p1, q0, q1),
+        point_segment_distance(q0, p0, p1),
+        point_segment_distance(q1, p0, p1),
+    ]
+    u = p1 - p0
+    v = q1 - q0
+    w = q0 - p0
+    n = np.cross(u, v)
+    square = _dot(n, n)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        s = np.clip(_dot(np.cross(w, v), n) / square, 0.0, 1.0)
+        t = np.clip(_dot(np.cross(w, u), n) / square, 0.0, 1.0)
+        inside = _length(w + t[..., None] * v - s[..., None] * u)
+    # parallel lines have no common perpendicular: their distance is that of an end
+    return np.asarray(np.minimum.reduce([*ends, np.where(square > 0, inside, np.inf)]))
 
 
-@kernel
-def point_segment_distance(point: Floats1, start: Floats1, end: Floats1) -> float:
-    """Distance of a point from a segment (3,)."""
-    a0, a1, a2 = end[0] - start[0], end[1] - start[1], end[2] - start[2]
-    t0, t1, t2 = point[0] - start[0], point[1] - start[1], point[2] - start[2]
-    square = a0 * a0 + a1 * a1 + a2 * a2
-    share = min(max((t0 * a0 + t1 * a1 + t2 * a2) / square, 0.0), 1.0) if square > 0 else 0.0
-    d0, d1, d2 = t0 - share * a0, t1 - share * a1, t2 - share * a2
-    return float(np.sqrt(d0 * d0 + d1 * d1 + d2 * d2))
+def point_segment_distance(point: Array, start: Array, end: Array) -> Array:
+    """Return the distances (…) of points from segments, each (…, 3)."""
+    along = end - start
+    square = _dot(along, along)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(square > 0, np.clip(_dot(point - start, along) / square, 0.0, 1.0), 0.0)
+    return _length(point - start - share[..., None] * along)
 
 
-@kernel
-def segment_disc_distance(start: Floats1, end: Floats1, disc: Strided1) -> float:
-    """Distance of a segment (3,) from a disc in the disc's frame, as in `measure_distances`; 0 where they meet.
+def segment_disc_distance(start: Array, end: Array, disc: Disc) -> Array:
+    """Return the distances (…) of segments (…, 3) in the disc's frame from the disc; 0 where they meet.
 
     At radius ρ and height h from the centre, a point is √(max(ρ − R, 0)² + max(|h| − T/2, 0)²) away. Along a segment
     the square of it is convex with a continuous slope: the nearest point is an end unless the slope changes its sign
     between them; then it is found by halving.
     """
-    low, high = 0.0, 1.0
+    low = np.zeros(start.shape[:-1])
+    high = np.ones(start.shape[:-1])
     first, falling = _point_disc(start, end, low, disc)
     last, rising = _point_disc(start, end, high, disc)
-    if not (falling < 0 and rising > 0):
-        return float(min(first, last))
+    least = np.asarray(np.minimum(first, last))
+    turns = (falling < 0) & (rising > 0)
+    if not turns.any():
+        return least
+    start, end, low, high = (values[turns] for values in (start, end, low, high))
     for _ in range(BISECTIONS_OF_ROOT):
         middle = (low + high) / 2
-        if _point_disc(start, end, middle, disc)[1] < 0:
-            low = middle
-        else:
-            high = middle
-    return float(min(_point_disc(start, end, low, disc)[0], _point_disc(start, end, high, disc)[0]))
+        is_before = _point_disc(start, end, middle, disc)[1] < 0
+        low = np.where(is_before, middle, low)
+        high = np.where(is_before, high, middle)
+    least[turns] = np.minimum(_point_disc(start, end, low, disc)[0], _point_disc(start, end, high, disc)[0])
+    return least
 
 
-@kernel
-def _point_disc(start: Floats1, end: Floats1, s: float, disc: Strided1) -> tuple[float, float]:
-    """Distance of start + s (end − start) from a disc, and half the slope of its square."""
-    height = rate = 0.0
-    for i in range(3):
-        along = end[i] - start[i]
-        height += (start[i] - disc[i] + s * along) * disc[3 + i]
-        rate += along * disc[3 + i]
-    square = outwards = 0.0
-    for i in range(3):
-        along = end[i] - start[i]
-        flat = start[i] - disc[i] + s * along - height * disc[3 + i]
-        square += flat * flat
-        outwards += flat * along
-    radius = np.sqrt(square)
-    over, aside = max(abs(height) - disc[7] / 2, 0.0), max(radius - disc[6], 0.0)
-    slope = over * np.sign(height) * rate + (aside * outwards / radius if radius > 0 else 0.0)
-    return np.hypot(over, aside), slope
+def _point_disc(start: Array, end: Array, s: Array, disc: Disc) -> tuple[Array, Array]:
+    """Return the distance (…) of start + s (end − start) from a disc, and half the slope of its square."""
+    normal = np.asarray(disc.normal)
+    along = end - start
+    point = start - np.asarray(disc.centre) + s[..., None] * along
+    height = point @ normal
+    flat = point - height[..., None] * normal
+    radius = _length(flat)
+    above = np.maximum(np.abs(height) - disc.thickness / 2, 0.0)
+    aside = np.maximum(radius - disc.radius, 0.0)
+    outwards = _dot(flat, along) / np.where(radius > 0, radius, 1.0)
+    slope = above * np.sign(height) * (along @ normal) + aside * outwards
+    return np.hypot(above, aside), slope
+
+
+def _dot(one: Array, other: Array) -> Array:
+    return np.asarray(np.einsum("...i,...i->...", one, other))
 
 
 def _length(vectors: Array) -> Array:
-    return np.asarray(np.sqrt(np.einsum("...i,...i->...", vectors, vectors)))
+    return np.asarray(np.sqrt(_dot(vectors, vectors)))
 
 
 def clearance_use(clearance: Array, contact: Array) -> Array:

@@ -34,7 +34,13 @@ if TYPE_CHECKING:
 
 # Twice the unit roundoff: covers the rounding of the operation itself and of the radius that bounds it.
 EPS = 2.0**-52
-_EPS, _ONE_ROUNDING, _FOUR_ROUNDINGS = ca.SX(EPS), ca.SX(1 + EPS), ca.SX(1 + 4 * EPS)
+_EPS = ca.SX(EPS)
+_ONE_ROUNDING = ca.SX(1 + EPS)
+_FOUR_ROUNDINGS = ca.SX(1 + 4 * EPS)
+_EIGHT_ROUNDINGS = ca.SX(1 + 8 * EPS)
+_ZERO = ca.SX(0)
+_ONE = ca.SX(1)
+_INFINITE = ca.SX(inf)
 
 
 def _plus(a: ca.SX, b: ca.SX) -> ca.SX:
@@ -44,6 +50,20 @@ def _plus(a: ca.SX, b: ca.SX) -> ca.SX:
 
 def _times(a: ca.SX, b: ca.SX) -> ca.SX:
     return ca.SX.binary(ca.OP_MUL, a, b)
+
+
+def _minus(a: ca.SX, b: ca.SX) -> ca.SX:
+    return ca.SX.binary(ca.OP_SUB, a, b)
+
+
+def _over(a: ca.SX, b: ca.SX) -> ca.SX:
+    return ca.SX.binary(ca.OP_DIV, a, b)
+
+
+def _choose(condition: ca.SX, a: ca.SX, b: ca.SX) -> ca.SX:
+    """a where the condition holds, else b: as `casadi.if_else`."""
+    first = ca.SX.binary(ca.OP_IF_ELSE_ZERO, condition, a)
+    return _plus(first, ca.SX.binary(ca.OP_IF_ELSE_ZERO, ca.SX.unary(ca.OP_NOT, condition), b))
 
 
 def _size(a: ca.SX) -> ca.SX:
@@ -86,10 +106,11 @@ class Ball:
 
     def _inverse(self) -> Ball:
         """|1/x − 1/m| = |x − m|/(|x| |m|) ≤ rad/((|m| − rad) |m|)."""
-        size = ca.fabs(self.mid)
-        safe = size > self.rad
-        rad = self.rad / ((size - self.rad) * size) * (1 + 8 * EPS) + EPS / size
-        return Ball(ca.if_else(safe, 1 / self.mid, 0), ca.if_else(safe, rad, inf))
+        size = _size(self.mid)
+        safe = ca.SX.binary(ca.OP_LT, self.rad, size)
+        error = _over(self.rad, _times(_minus(size, self.rad), size))
+        rad = _plus(_times(error, _EIGHT_ROUNDINGS), _over(_EPS, size))
+        return Ball(_choose(safe, _over(_ONE, self.mid), _ZERO), _choose(safe, rad, _INFINITE))
 
     def sqrt(self) -> Ball:
         """|√x − √m| = |x − m|/(√x + √m) ≤ rad/(√(m − rad) + √m); no bound where x may be ≤ 0."""

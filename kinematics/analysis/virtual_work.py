@@ -25,7 +25,6 @@ import numpy as np
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.casadi_function import Expression
-from kinematics.foundation.kernels import Floats2, Floats3, Floats4, kernel
 from kinematics.foundation.taylor_model import EPS, Series
 from kinematics.machine.kind import controlled_twist_symbols
 from kinematics.machine.load import Body
@@ -42,101 +41,55 @@ def solve(matrix: Array, right: Array) -> Array:
 
 
 def solve_series(matrix: Series, right: Series) -> Series:
-    """The same of series: A₀ f_k = b_k − Σ_{j>0} A_j f_{k−j}.
+    """Return f with A f = b for series A (N, n, n) and b (N, n): A₀ f_k = b_k − Σ_{j>0} A_j f_{k−j}.
 
     With C ≈ A₀⁻¹ and E = 1 − C A₀, f = C b + E f, so that |f − C b| ≤ |E| 1 · ‖C b‖/(1 − ‖E‖), the norms largest row
     sums (Rump, Acta Numerica 19 (2010), section 10); no bound where ‖E‖ ≥ 1.
     """
     order = min(matrix.order, right.order)
-    powers, cells, size = min(matrix.degree, order) + 1, right.mid.shape[1], right.mid.shape[2]
-    out, full = Series.zeros(order, (cells, size)), right.cut(order).pad(order)
-    shape = (powers, cells, size, size)
-    # copies: numbers that may not be written to would have the kernel compiled a second time
-    a_mid, a_rad = (np.array(np.broadcast_to(x[:powers], shape), order="C") for x in (matrix.mid, matrix.rad))
-    b_mid, b_rad = (np.ascontiguousarray(x) for x in (full.mid, full.rad))
-    solve_balls(a_mid, a_rad, b_mid, b_rad, out.mid, out.rad)
+    full = right.cut(order).pad(order)
+    powers = min(matrix.degree, order) + 1
+    shape = (powers, *full.mid.shape[1:], full.mid.shape[2])
+    a_mid, a_rad = (np.broadcast_to(values[:powers], shape) for values in (matrix.mid, matrix.rad))
+    out = Series.zeros(order, full.mid.shape[1:])
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        guess = invert(a_mid[0])  # C; nan where A₀ is singular
+        excess = _find_excess(guess, a_mid[0], a_rad[0])
+        norm = excess.max(1, keepdims=True)
+        spread = np.where(norm < 1, excess / (1 - norm), np.inf)
+        for k in range(order + 1):
+            known, blur = full.mid[k], full.rad[k]
+            for j in range(1, min(k, powers - 1) + 1):
+                product, error = _multiply(a_mid[j], a_rad[j], out.mid[k - j], out.rad[k - j])
+                known = known - product
+                blur = (blur + error) * (1 + EPS) + EPS * np.abs(known)
+            middle, error = _multiply(guess, np.zeros_like(guess), known, blur)
+            size = (np.abs(middle) + error).max(1, keepdims=True)
+            radius = (error + spread * size * (1 + 8 * EPS)) * (1 + 4 * EPS)
+            is_bounded = np.isfinite(middle) & np.isfinite(radius)
+            out.mid[k] = np.where(is_bounded, middle, 0.0)
+            out.rad[k] = np.where(is_bounded, radius, np.inf)
     return out
 
 
-@kernel
-def solve_balls(a_mid: Floats4, a_rad: Floats4, b_mid: Floats3, b_rad: Floats3, mid: Floats3, rad: Floats3) -> None:
-    """Fill mid and rad (order + 1, N, n) of A (powers, N, n, n) and b (order + 1, N, n): see `solve_series`."""
-    n, terms = mid.shape[2], mid.shape[2] + 3
-    guess, work = np.zeros((n, n)), np.zeros((n, n))
-    rows, known, blur = np.zeros(n), np.zeros(n), np.zeros(n)
-    for cell in range(mid.shape[1]):
-        _invert_roughly(a_mid[0, cell], guess, work)
-        norm = 0.0
-        for i in range(n):
-            rows[i] = 0.0
-            for j in range(n):
-                product, size, error = 0.0, 1.0, 0.0
-                for k in range(n):
-                    product += guess[i, k] * a_mid[0, cell, k, j]
-                    size += abs(guess[i, k] * a_mid[0, cell, k, j])
-                    error += abs(guess[i, k]) * a_rad[0, cell, k, j]
-                rows[i] += abs((1.0 if i == j else 0.0) - product) + error + terms * EPS * size
-            rows[i] *= 1 + 2 * terms * EPS
-            if norm == norm and not rows[i] <= norm:  # what is not a number stays
-                norm = rows[i]
-        for k in range(len(mid)):
-            for i in range(n):
-                known[i], blur[i] = b_mid[k, cell, i], b_rad[k, cell, i]
-                for j in range(1, min(k, len(a_mid) - 1) + 1):
-                    product = size = error = 0.0
-                    for c in range(n):
-                        x, y, own = a_mid[j, cell, i, c], mid[k - j, cell, c], rad[k - j, cell, c]
-                        product += x * y
-                        size += abs(x * y)
-                        error += abs(x) * own + a_rad[j, cell, i, c] * (abs(y) + own)
-                    known[i] -= product
-                    blur[i] = (blur[i] + error + terms * EPS * size) * (1 + terms * EPS) + EPS * abs(known[i])
-            most = 0.0
-            for i in range(n):
-                product = size = error = 0.0
-                for c in range(n):
-                    product += guess[i, c] * known[c]
-                    size += abs(guess[i, c] * known[c])
-                    error += abs(guess[i, c]) * blur[c]
-                mid[k, cell, i] = product
-                rad[k, cell, i] = (error + terms * EPS * size) * (1 + terms * EPS)
-                most = max(most, abs(product) + rad[k, cell, i])
-            for i in range(n):
-                spread = rows[i] / (1 - norm) if norm < 1 else np.inf
-                own = rad[k, cell, i] + spread * most * (1 + 8 * EPS)
-                if np.isfinite(own) and np.isfinite(mid[k, cell, i]):
-                    rad[k, cell, i] = own * (1 + 4 * EPS)
-                else:
-                    mid[k, cell, i], rad[k, cell, i] = 0.0, np.inf
+def _find_excess(guess: Array, mid: Array, rad: Array) -> Array:
+    """Return upper bounds (N, n) of the row sums of |1 − C A| for C (N, n, n) and balls A (N, n, n)."""
+    n = mid.shape[-1]
+    terms = n + 3
+    size = 1 + np.abs(guess) @ np.abs(mid)
+    error = np.abs(guess) @ rad + terms * EPS * size
+    entries = np.abs(np.eye(n) - guess @ mid) + error
+    return np.asarray(entries.sum(2) * (1 + 2 * terms * EPS))
 
 
-@kernel
-def _invert_roughly(matrix: Floats2, out: Floats2, work: Floats2) -> None:
-    """About A⁻¹ (n, n), by elimination with the largest pivot of a column; no numbers where there is none."""
-    n = len(matrix)
-    for i in range(n):
-        for j in range(n):
-            work[i, j] = matrix[i, j]
-            out[i, j] = 1.0 if i == j else 0.0
-    for i in range(n):
-        pivot = i
-        for k in range(i + 1, n):
-            if abs(work[k, i]) > abs(work[pivot, i]):
-                pivot = k
-        if pivot != i:
-            for j in range(n):
-                work[i, j], work[pivot, j] = work[pivot, j], work[i, j]
-                out[i, j], out[pivot, j] = out[pivot, j], out[i, j]
-        over = 1 / work[i, i] if work[i, i] != 0 else np.inf
-        for j in range(n):
-            work[i, j] *= over
-            out[i, j] *= over
-        for k in range(n):
-            if k != i:
-                factor = work[k, i]
-                for j in range(n):
-                    work[k, j] -= factor * work[i, j]
-                    out[k, j] -= factor * out[i, j]
+def _multiply(a_mid: Array, a_rad: Array, mid: Array, rad: Array) -> tuple[Array, Array]:
+    """Return the ball (N, n) of A x for balls A (N, n, n) and x (N, n)."""
+    terms = mid.shape[-1] + 3
+    column, spread = mid[..., None], rad[..., None]
+    size = np.abs(a_mid) @ np.abs(column)
+    error = np.abs(a_mid) @ spread + a_rad @ (np.abs(column) + spread)
+    radius = (error + terms * EPS * size) * (1 + terms * EPS)
+    return (a_mid @ column)[..., 0], radius[..., 0]
 
 
 def invert(matrix: Array) -> Array:

@@ -1,6 +1,8 @@
 """One CasADi expression, evaluated in compiled code on batches, or walked through in guaranteed arithmetic."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import cached_property
 from threading import Lock
 from typing import Any, TypeVar
@@ -21,10 +23,30 @@ _BLOCKS = (256, 16, 1)
 # Points from which the compiled tape runs them in less time than CasADi, operations times points from which that pays
 # for making the tape, and for loading the compiler where nobody has yet.
 TAPE_POINTS, TAPE_WORK, LOADING_WORK = 12, 1e5, 2e8
-# Cells from which Taylor models of them are made by the tape where nobody has loaded the compiler yet.
-TAPE_CELLS = 8
+# Fewer cells are enclosed by numpy if nobody has loaded the compiler. Both give the same bits, since a
+# tape runs that many cells in one block.
+FEW_CELLS = 8
+# Operations times cells of a single call from which `enclose_without_compiler` uses the compiler
+# after all: numpy would need as long as loading it takes.
+MUCH_WORK = 5e6
+_WITHOUT_COMPILER = ContextVar("without_compiler", default=False)
 
 T = TypeVar("T")
+
+
+@contextmanager
+def enclose_without_compiler() -> Iterator[None]:
+    """Enclose in numpy until the block ends, unless a call has much work.
+
+    For short work: loading the compiler and its first kernel takes 0.3 s. The radii may differ from
+    compiled ones in their last digits, so the choice must depend on the work alone, never on what
+    the process has loaded.
+    """
+    token = _WITHOUT_COMPILER.set(True)
+    try:
+        yield
+    finally:
+        _WITHOUT_COMPILER.reset(token)
 
 
 class Expression:
@@ -98,33 +120,29 @@ class Expression:
     @cached_property
     def _program(self) -> list[tuple[int, tuple[int, ...], tuple[int, ...], float]]:
         f = self.function
-        return [
-            (
-                f.instruction_id(k),
-                tuple(f.instruction_input(k)),
-                tuple(f.instruction_output(k)),
-                f.instruction_constant(k) if f.instruction_id(k) == ca.OP_CONST else 0.0,
-            )
-            for k in range(f.n_instructions())
-        ]
+        steps = []
+        for k in range(f.n_instructions()):
+            operation = f.instruction_id(k)
+            constant = f.instruction_constant(k) if operation == ca.OP_CONST else 0.0
+            steps.append((operation, tuple(f.instruction_input(k)), tuple(f.instruction_output(k)), constant))
+        return steps
 
     def enclose(self, x: Sequence[Series]) -> list[Series]:
         """The same expression in Taylor series with guaranteed error: k series in, m series out."""
         order = x[0].order
         if self._pays_to_compile(_cells(x)) and all(one.order == order for one in x):
             return self._enclose_compiled(x, order)
-        # an unbounded ball may turn into nan: both read as "no bound"
-        with np.errstate(invalid="ignore", over="ignore"):
-            return self.walk(x, lambda value: Series.constant(np.array([value]), order))
+        return self._enclose_by_walking(x, order)
 
     def enclose_columns(self, *x: Series) -> Series:
         """The same of series (d+1, N, j) that hold the k inputs side by side: as one (order+1, N, m)."""
         order, cells = min(one.order for one in x), max(one.mid.shape[1] for one in x)
-        if self._tape is None or not self._pays_to_compile(cells):
-            columns = [one.cut(order)[:, k] for one in x for k in range(one.mid.shape[2])]
-            stacked = Series.stack(self.enclose(columns))
+        if not self._pays_to_compile(cells):
+            columns = [_lower(one.cut(order)[:, k]) for one in x for k in range(one.mid.shape[2])]
+            stacked = Series.stack(self._enclose_by_walking(columns, order))
             shape = (stacked.degree + 1, cells, self.size[1])  # what is constant is so on every cell
             return Series(np.broadcast_to(stacked.mid, shape), np.broadcast_to(stacked.rad, shape), order)
+        assert self._tape is not None  # enclosable
         mid, rad = (np.zeros((self.size[0], order + 1, cells)) for _ in range(2))
         last = 0
         for one in x:
@@ -138,7 +156,11 @@ class Expression:
         return Series(found.transpose(1, 2, 0), error.transpose(1, 2, 0), order)
 
     def _pays_to_compile(self, cells: int) -> bool:
-        return (cells >= TAPE_CELLS or compiler_is_loaded()) and self._is_enclosable
+        if _WITHOUT_COMPILER.get():
+            pays = self._operations * cells >= MUCH_WORK
+        else:
+            pays = cells >= FEW_CELLS or compiler_is_loaded()
+        return pays and self._is_enclosable
 
     @cached_property
     def _is_enclosable(self) -> bool:
@@ -153,6 +175,11 @@ class Expression:
         found, error = (np.zeros((self.size[1], order + 1, mid.shape[2])) for _ in range(2))
         enclose_tape(self._tape, order, degrees, mid, rad, found, error)
         return [Series(*both, order) for both in zip(found, error, strict=True)]
+
+    def _enclose_by_walking(self, x: Sequence[Series], order: int) -> list[Series]:
+        # an unbounded ball may turn into nan: both read as "no bound"
+        with np.errstate(invalid="ignore", over="ignore"):
+            return self.walk(x, lambda value: Series.constant(np.array([value]), order))
 
     def walk(self, x: Sequence[T], constant: Callable[[float], T]) -> list[T]:
         """The same expression, operation by operation, in another arithmetic: k values in, m out."""
@@ -170,6 +197,13 @@ class Expression:
             else:
                 refuse_unknown(self.function)
         return out
+
+
+def _lower(x: Series) -> Series:
+    """Return a series without its highest powers that are zero, as `lower_degrees` counts them."""
+    present = np.flatnonzero((x.mid != 0).any(1) | (x.rad != 0).any(1))
+    top = int(present[-1]) if len(present) else 0
+    return Series(x.mid[: top + 1], x.rad[: top + 1], x.order)
 
 
 def _cells(x: Sequence[Series]) -> int:

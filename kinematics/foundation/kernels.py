@@ -3,14 +3,15 @@
 A kernel is a plain function of numbers and arrays. Its annotations state the type of every
 argument: there is one compiled version, and it can be compiled before it is called. The first call
 imports numba, and compiles the kernel and its callees. numba stores the machine code in a folder of
-NUMBA_CACHE_DIR, or of the user's cache. The folder is named after VERSION and all else on which
-machine code depends: see `find_folder`.
+NUMBA_CACHE_DIR, or of the user's cache. The folder is named after all on which machine code
+depends: see `find_folder` and `find_kernel_folder`.
 
 With NUMBA_DISABLE_JIT=1 the same source runs as Python: for debuggers and for coverage.
 """
 
 import gc
 import logging
+import math
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -22,22 +23,17 @@ from multiprocessing import parent_process
 from pathlib import Path
 from threading import RLock, Thread, local
 from time import monotonic
-from types import FunctionType
+from types import FunctionType, ModuleType
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
-# Hash of the sources of all kernels, of which tests/kinematics/foundation/test_kernel_version.py
-# prints the new value. numba itself sees changes of a kernel's own file only, but machine code also
-# contains the kernels that it calls and the constants that it reads.
-VERSION = "fb383e0f7695f1f6"
-
 # s after which a first call is reported as compiling.
 PATIENCE = 1.0
 # s between two looks at a thread that compiles.
 LOOK = 0.05
-# Folders of compiled kernels that are retained, those used last: of several versions and checkouts.
+# Folders that are retained, those used last: of several versions, settings and checkouts.
 MOST_FOLDERS = 8
 
 _Floats = NDArray[np.float64]
@@ -193,9 +189,11 @@ def _compile(kernel: Kernel, dispatchers: list[Any]) -> None:
 
 def _make_dispatcher(kernel: Kernel, dispatchers: list[Any]) -> Any:
     types = _list_types(kernel)
-    folder = find_folder()
-    if folder is None or not are_stored([f"{kernel.function.__module__}:{kernel.function.__name__}"]):
+    folder = find_kernel_folder(kernel)
+    if folder is None or not _has_code(folder):
         _compile_callees(kernel, dispatchers)
+        if folder is not None:
+            _remove_old_folders(folder.parent, f"{folder.name.rpartition('-')[0]}-*")
     # a damaged file is removed and replaced; if that fails, the kernel is compiled without a file
     for place in (folder, folder, None):
         dispatcher = _decorate(kernel, place)
@@ -256,7 +254,7 @@ def _decorate(kernel: Kernel, folder: Path | None) -> Any:
         config.CACHE_DIR = before
     if Path(str(dispatcher.stats.cache_path)).is_relative_to(folder):
         return dispatcher
-    return _decorate(kernel, None)  # any other place does not depend on VERSION
+    return _decorate(kernel, None)  # any other place does not depend on what machine code contains
 
 
 def _discard(dispatcher: Any, kernel: Kernel) -> None:
@@ -284,14 +282,13 @@ def _without_garbage_collection() -> Iterator[None]:
 def find_folder() -> Path | None:
     """Return the folder of compiled kernels; None if it cannot be written.
 
-    Its name is a hash of VERSION, of the versions of Python, numba, llvmlite, numpy and casadi, of
-    numba's settings and of the processor. So each kernel has one file there: processes that write
-    at once write the same.
+    Its name is a hash of this file, of the versions of Python, numba, llvmlite, numpy and casadi,
+    of numba's settings and of the processor.
     """
     from tempfile import TemporaryFile
 
-    name = sha256(repr(list_dependencies()).encode()).hexdigest()[:16]
     try:
+        name = _hash(list_dependencies())
         root = Path(os.environ.get("NUMBA_CACHE_DIR") or find_user_cache())
         folder = root / f"pulsepath-kernels-{name}"
         folder.mkdir(parents=True, exist_ok=True)
@@ -300,12 +297,73 @@ def find_folder() -> Path | None:
     except (OSError, RuntimeError) as error:  # RuntimeError: the user has no home directory
         _LOST.append(str(error))
         return None
-    _remove_old_folders(root)
+    _remove_old_folders(root, "pulsepath-kernels-*")
     return folder
 
 
+def find_kernel_folder(kernel: Kernel) -> Path | None:
+    """Return the folder of a kernel's machine code; None if nothing can be stored.
+
+    Its name is a hash of all that enters the machine code, and of the state of the kernel's file, at
+    which numba looks too. So it holds one version: processes that write at once write the same.
+    """
+    root = find_folder()
+    if root is None:
+        return None
+    file = Path(kernel.function.__code__.co_filename)
+    try:
+        state = file.stat()
+    except OSError:  # no file of its own, as in an archive: numba stores nothing then
+        return None
+    content = [str(file), state.st_mtime_ns, state.st_size, describe_kernel(kernel)]
+    # without packages: some systems allow 260 letters in a path
+    module = kernel.function.__module__.rpartition(".")[2]
+    return root / f"{module}.{kernel.function.__name__}-{_hash(content)}"
+
+
+def _hash(content: Any) -> str:
+    return sha256(repr(content).encode()).hexdigest()[:16]
+
+
+def _has_code(folder: Path) -> bool:
+    return any(folder.glob("*/*.nbc"))
+
+
+def describe_kernel(kernel: Kernel) -> list[Any]:
+    """Return all that enters the machine code of a kernel: its code, types, constants and callees.
+
+    Raises TypeError for a kernel that reads a module other than numpy and math: a constant of it
+    would enter machine code unnoticed.
+    """
+    function: Any = kernel.function
+    code = function.__code__
+    names = function.__globals__
+    read = [names[name] for name in code.co_names if name in names]
+    hints = get_type_hints(function, include_extras=True)
+    return [
+        [code.co_code, code.co_consts, code.co_names, code.co_varnames, function.__defaults__],
+        [_describe_value(value) for value in (*hints.values(), *read)],
+    ]
+
+
+def _describe_value(value: Any) -> Any:
+    """Return all that enters machine code of a type, or of a global value that a kernel reads."""
+    if isinstance(value, Kernel):
+        return describe_kernel(value)
+    if _is_record(value):
+        fields = get_type_hints(value, include_extras=True)
+        return [repr(value), [(name, _describe_value(hint)) for name, hint in fields.items()]]
+    if get_origin(value) is tuple:
+        return [_describe_value(each) for each in get_args(value)]
+    if isinstance(value, np.ndarray):
+        return [value.dtype.str, value.shape, value.tobytes()]
+    if isinstance(value, ModuleType) and value not in (np, math):
+        raise TypeError(f"a kernel reads {value.__name__} as a module: import what it needs by name")
+    return repr(value)
+
+
 def list_dependencies() -> list[Any]:
-    """List all on which machine code depends, but the sources of a kernel's own file."""
+    """List all on which the machine code of every kernel depends."""
     from importlib.metadata import version
 
     from llvmlite import binding
@@ -314,7 +372,7 @@ def list_dependencies() -> list[Any]:
     settings.pop("NUMBA_CACHE_DIR", None)
     libraries = [version(name) for name in ("numba", "llvmlite", "numpy", "casadi")]
     processor = [binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten()]
-    return [VERSION, sys.version, libraries, processor, sorted(settings.items())]
+    return [Path(__file__).read_bytes(), sys.version, libraries, processor, sorted(settings.items())]
 
 
 def find_user_cache() -> Path:
@@ -328,12 +386,12 @@ def find_user_cache() -> Path:
     return base / "pulsepath"
 
 
-def _remove_old_folders(root: Path) -> None:
+def _remove_old_folders(root: Path, pattern: str) -> None:
     """Remove the folders used least recently; a process that misses one compiles again."""
     from shutil import rmtree
 
     folders = []
-    for path in root.glob("pulsepath-kernels-*"):
+    for path in root.glob(pattern):
         with suppress(OSError):
             folders.append((path.stat().st_mtime, path))
     for _, path in sorted(folders)[:-MOST_FOLDERS]:
@@ -367,19 +425,20 @@ def _run_in_thread(kernel: Kernel) -> None:
 
 def are_stored(names: Sequence[str]) -> bool:
     """Return whether kernels "MODULE:NAME" are on disk; True if nothing can be stored."""
-    folder = find_folder()
-    if folder is None:
-        return True
-    stored = {path.name.rpartition("-")[0] for path in folder.glob("*/*.nbc")}
-    return {name.rpartition(".")[2].replace(":", ".") for name in names} <= stored
+    folders = [find_kernel_folder(_find_kernel(name)) for name in names]
+    return all(folder is None or _has_code(folder) for folder in folders)
 
 
 def compile_kernels(names: Sequence[str]) -> None:
     """Compile kernels "MODULE:NAME" in this order, or load them from disk."""
     for name in names:
-        module, _, function = name.partition(":")
-        kernel: Kernel = getattr(import_module(module), function)
-        kernel.compile()
+        _find_kernel(name).compile()
+
+
+def _find_kernel(name: str) -> Kernel:
+    module, _, function = name.partition(":")
+    kernel: Kernel = getattr(import_module(module), function)
+    return kernel
 
 
 @cache

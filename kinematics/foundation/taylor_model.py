@@ -9,8 +9,9 @@ radius): Rump, Acta Numerica 19 (2010), section 5.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import atan2, cos, sin
 
 import numpy as np
 
@@ -207,13 +208,13 @@ class Series:
         sine, cosine = (
             Series(np.zeros((order + 1, *shape)), np.zeros((order + 1, *shape)), self.order) for _ in range(2)
         )
-        for out, value, slope in ((sine, np.sin, np.cos), (cosine, np.cos, np.sin)):
-            out.mid[0] = value(self.mid[0])
+        angle = np.where(np.isfinite(self.mid[0]), self.mid[0], np.nan)
+        sines = _call_libm(sin, angle)
+        cosines = _call_libm(cos, angle)
+        for out, value, slope in ((sine, sines, cosines), (cosine, cosines, sines)):
+            out.mid[0] = value
             # second-order bound, and never more than the whole range; libm is trusted to two units in the last place
-            out.rad[0] = (
-                np.minimum(np.abs(slope(self.mid[0])) * self.rad[0] + self.rad[0] ** 2 / 2, 2.0) * (1 + 4 * EPS)
-                + 4 * EPS
-            )
+            out.rad[0] = np.minimum(np.abs(slope) * self.rad[0] + self.rad[0] ** 2 / 2, 2.0) * (1 + 4 * EPS) + 4 * EPS
         rate = self.derivative()
         for k in range(1, order + 1):
             up, down = _convolve(rate, _head(cosine, k), k - 1), _convolve(rate, _head(sine, k), k - 1)
@@ -235,7 +236,7 @@ class Series:
         with np.errstate(divide="ignore", invalid="ignore"):
             # asin(t) ≤ t/√(1 − t²); libm is trusted to two units in the last place
             rad = error / np.sqrt((away - error) * (away + error)) * (1 + 8 * EPS) + 8 * EPS
-        start = Series(np.arctan2(up, over)[None], np.where(met, np.inf, rad)[None], order)
+        start = Series(_call_libm(atan2, up, over)[None], np.where(met, np.inf, rad)[None], order)
         return start._integrate_rate(((x * self.derivative()) - (self * x.derivative())) / (x * x + self * self))
 
     def exp(self) -> Series:
@@ -290,6 +291,24 @@ class Series:
         return Series(mid, k * self.rad[1:] * (1 + EPS) + EPS * np.abs(mid), self.order - 1)
 
 
+def _sum_terms(terms: Array) -> Array:
+    """Return the sum over the first axis in order: numpy sums many numbers of a single cell in another one."""
+    total: Array = terms[0]
+    for term in terms[1:]:
+        total = total + term
+    return total
+
+
+def _call_libm(function: Callable[..., float], *arguments: Array) -> Array:
+    """Return the values of a function of the C library, of which compiled code has the same bits.
+
+    numpy's sines of several numbers are its own, and may differ in the last digit.
+    """
+    values = np.broadcast_arrays(*arguments)
+    columns = (each.ravel().tolist() for each in values)
+    return np.array(list(map(function, *columns))).reshape(values[0].shape)
+
+
 def _head(series: Series, count: int) -> Series:
     return Series(series.mid[:count], series.rad[:count], series.order)
 
@@ -304,7 +323,7 @@ def _convolve(a: Series, b: Series, k: int) -> Ball:
     ma, ra = a.mid[first : last + 1], a.rad[first : last + 1]
     mb, rb = b.mid[back][::-1], b.rad[back][::-1]
     products = ma * mb
-    size = np.abs(products).sum(0)
-    error = (np.abs(ma) * rb + ra * (np.abs(mb) + rb)).sum(0)
+    size = _sum_terms(np.abs(products))
+    error = _sum_terms(np.abs(ma) * rb + ra * (np.abs(mb) + rb))
     terms = last - first + 1
-    return products.sum(0), (error + terms * EPS * size) * (1 + (terms + 2) * EPS)
+    return _sum_terms(products), (error + terms * EPS * size) * (1 + (terms + 2) * EPS)

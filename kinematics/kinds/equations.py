@@ -397,7 +397,7 @@ class EquationsFile(LoadedFile):
             "bar": bars or None,
             "length": machine.characteristic_length,
             "room": room or None,
-            "home": home_entries(machine.home),
+            "home": home_entries(machine),
         }
 
 

@@ -314,7 +314,7 @@ def legged_geometry(machine: Legged, tool: np.ndarray, complete: bool) -> dict[s
     return {
         "base_joints": machine.base,
         "platform_joints": machine.platform + tool,
-        "home": home_entries(machine.home),
+        "home": home_entries(machine),
         "base_rest": rest(machine.base_rest),
         "platform_rest": rest(machine.platform_rest),
         "max_tilt": machine.max_tilt[[0, -1]] if (machine.max_tilt < pi).any() else None,

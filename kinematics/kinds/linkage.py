@@ -191,7 +191,7 @@ class LinkageFile(LoadedFile):
             "base_b": machine.base_b,
             "offset": machine.offset,
             "angle": machine.angle,
-            "home": home_entries(machine.home),
+            "home": home_entries(machine),
             "near": machine.home_q if complete or shorter else None,
         }
 

@@ -8,12 +8,13 @@ from pydantic import AfterValidator
 from kinematics.files.keys import Chosen, key
 from kinematics.files.schema import Direction, TableSchema
 from kinematics.foundation.errors import MotionError, validation_error
+from kinematics.foundation.rotations import find_angles
 from kinematics.foundation.units import Angle, Dimension, Unit
 from kinematics.kinds.axis_keys import MachineFile
 from kinematics.machine.load import GRAVITY, Body, Leg, Load
 
 if TYPE_CHECKING:
-    from kinematics.machine.pose import Pose
+    from kinematics.machine.machine import Machine
 
 Point = tuple[Dimension, Dimension, Dimension]
 
@@ -35,9 +36,11 @@ class HomeTable(TableSchema):
 HOME = key('home pose in the base frame: zero of travel and pulses; may be turned: rotate = ["0 deg", …]')
 
 
-def home_entries(home: "Pose") -> dict[str, Any]:
-    """The entries of a home that is written."""
-    return {"to": home.translation, "rotate": home.rotation.as_euler("XYZ") + 0.0}
+def home_entries(machine: "Machine") -> dict[str, Any]:
+    """Return the entries of the table of a machine's home."""
+    (home,) = machine.home_numbers
+    (angles,) = find_angles(home[3:].reshape(1, 3, 3))
+    return {"to": home[:3], "rotate": angles + 0.0}
 
 
 Moment = Annotated[float, Unit("kg*m^2")]

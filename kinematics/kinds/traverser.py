@@ -145,7 +145,7 @@ class TraverserFile(LoadedFile):
     def geometry_of(machine: Traverser, complete: bool) -> dict[str, Any]:
         straight = not complete and (machine.directions == np.eye(3)).all()
         return {
-            "home": home_entries(machine.home),
+            "home": home_entries(machine),
             "directions": None if straight else machine.directions,
             "length": machine.characteristic_length,
         }

@@ -143,8 +143,9 @@ def _plain_numbers(points: Array, unit: str) -> list[Any]:
 
 def _plain_home(machine: Machine, data: Mapping[str, Any]) -> dict[str, Any]:
     """Return the home pose with its position as plain numbers, and its rotation if there is one."""
-    turned = bool(machine.home.rotation.magnitude() > 0)
-    position = {"to": _plain_numbers(machine.home.translation, _length_unit(data))}
+    (home,) = machine.home_numbers
+    turned = not np.array_equal(home[3:], np.eye(3).ravel())
+    position = {"to": _plain_numbers(home[:3], _length_unit(data))}
     return position | ({"rotate": data["geometry"]["home"]["rotate"]} if turned else {})
 
 

@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.foundation.arrays import Array, numeric_array
+from kinematics.foundation.arrays import Array, freeze_array, numeric_array
 from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.foundation.rotations import find_vectors
 
@@ -38,6 +38,9 @@ PoseLike: TypeAlias = "Pose | ArrayLike"
 # How far R Rᵀ may be from the identity, entry by entry: far above rounding, far below what a measurement sees.
 ROTATION_TOLERANCE = 1e-9
 
+# Numbers of a pose that is neither moved nor turned.
+IDENTITY = freeze_array(np.concatenate([np.zeros(3), np.eye(3).ravel()]))
+
 COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
 """Of a pose, as files and messages call them."""
 
@@ -47,6 +50,13 @@ def make_pose(position: Array | Sequence[float], angles: Array | Sequence[float]
     from scipy.spatial.transform import RigidTransform, Rotation
 
     return RigidTransform.from_components(position, Rotation.from_euler("XYZ", angles))
+
+
+def join_pose(position: Array, rotation: Rotation) -> Pose:
+    """Return the pose (or poses) at a position, with a rotation."""
+    from scipy.spatial.transform import RigidTransform
+
+    return RigidTransform.from_components(position, rotation)
 
 
 def read_pose(what: str, given: object) -> Pose:

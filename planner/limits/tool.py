@@ -174,7 +174,7 @@ def make_tool_jerk(path: MachinePath) -> ToolJerk:
     """Make the limit of a path from the caps of its pieces."""
     caps = [piece.tool_jerk for piece in path.pieces]
     capped = any(cap is not None for cap in caps)
-    return ToolJerk(caps, flat=capped and lies_in_planes(path))
+    return ToolJerk(caps, flat=not capped or lies_in_planes(path))
 
 
 # Shares of a piece at which a path's torsion is sampled.

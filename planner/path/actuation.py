@@ -6,7 +6,7 @@ Of a pose's several coordinates a path starts at home's and stays on their branc
 from collections.abc import Callable, Collection, Hashable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import casadi as ca
 import numpy as np
@@ -17,12 +17,15 @@ from kinematics.foundation.errors import MotionError, NotFree
 from kinematics.foundation.taylor_model import Series
 from kinematics.machine.kind import columns, refuse_uncontrolled
 from kinematics.machine.machine import Machine
-from kinematics.machine.pose import Pose, column
+from kinematics.machine.pose import column
 from planner.path.chain import chain_pieces
 from planner.path.outcome import Blended, summarise_fits
 from planner.path.shape import Fitted, Overshoot, Piece, Shape, differentiate, pose_map, tool_map
 from planner.place import Place
 from planner.program.model import Program
+
+if TYPE_CHECKING:
+    from kinematics.machine.pose import Pose
 
 # Points of a piece that are looked at first, and at most: an axis turns by at most MAX_TURN_STEP (rad) in between.
 FIRST_POINTS, MAX_POINTS, MAX_TURN_STEP = 65, 2**16 + 1, np.pi / 4
@@ -266,7 +269,7 @@ class MachinePath:
         fits: Sequence[Fitted] = (),
         overshoots: Sequence[Overshoot] = (),
         *,
-        tool: Pose | None = None,
+        tool: "Pose | None" = None,
         end_speeds: tuple[float, float] = (0.0, 0.0),
         end_accelerations: tuple[float, float] = (0.0, 0.0),
         near: Array | None = None,

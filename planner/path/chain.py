@@ -5,14 +5,15 @@ The tool sits on the platform; the platform's path takes it along its own.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.foundation.arrays import MAX_TURNS, Array, freeze_array, most
 from kinematics.foundation.errors import Fault, FileError, MotionError
+from kinematics.foundation.rotations import turn_vector
 from kinematics.machine.machine import Machine
-from kinematics.machine.pose import Pose
+from kinematics.machine.pose import IDENTITY, axis_angle, from_numbers, join_pose
 from planner.path.arc_length import even_speed
 from planner.path.curve import curve, ends
 from planner.path.fit import fit_chains, is_plain
@@ -23,6 +24,7 @@ from planner.path.overshoot import measure_overshoot
 from planner.path.shape import (
     DEGREE,
     LINE,
+    NO_TURN,
     Drawn,
     Fitted,
     Overshoot,
@@ -40,6 +42,11 @@ from planner.path.synchronised import draw_synchronised
 from planner.program.model import MIN_MOVE, Arc, Curve, Dwell, Line, Program, Segment, Spline, Synchronised, Turn
 from planner.program.modifiers import STOP
 from planner.program.validation import CAPS
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
+    from kinematics.machine.pose import Pose
 
 # An arc may start this share of its radius out of its plane.
 IN_PLANE = 1e-6
@@ -94,38 +101,75 @@ def _link_segments(program: Program, machine: Machine) -> Iterator[PathStep]:
 
 
 class _Stand:
-    """Where a path stands, in the program's frame; a line that does not turn is drawn from it in a few numbers.
+    """The current point of a path, in the program's frame.
 
-    Composing poses takes ten times as long, and files have millions of lines.
+    Lines are drawn in a few numbers: composing poses takes ten times as long, and files have millions
+    of lines. As long as nothing is turned, no pose is made at all, since SciPy's take 0.2 s to load:
+    `_frame` and `_rotation` are None then.
     """
 
-    def __init__(self, pose: Pose, frame: Pose) -> None:
-        self.frame = frame
-        self._turned, self._moved = frame.rotation.as_matrix(), frame.translation
-        self.move(pose)
+    def __init__(self, program: Program, machine: Machine) -> None:
+        home = machine.home_numbers[0]
+        is_stated = program.start is not None or program.tool is not None or program.work is not None
+        self._frame: Pose | None = None
+        self._rotation: Rotation | None = None
+        self._turned: Array = np.eye(3)
+        self._moved: Array
+        self._position: Array
+        self._rest = np.concatenate([IDENTITY[3:], NO_TURN])
+        if not is_stated and np.array_equal(home[3:], IDENTITY[3:]):
+            origin = np.zeros(3)
+            self._moved, self._position = (home[:3], origin) if program.frame == "home" else (origin, home[:3])
+            return
+        self._frame = machine.home if program.frame == "home" else from_numbers(IDENTITY)
+        if program.work is not None:
+            self._frame = self._frame * program.work
+        self._turned, self._moved = self._frame.rotation.as_matrix(), self._frame.translation
+        self.move(default_start(program, machine) if program.start is None else program.start)
 
-    def move(self, pose: Pose) -> None:
+    def move(self, pose: "Pose") -> None:
         self._position, self._rotation = pose.translation, pose.rotation
         rows = (self.frame.rotation * self._rotation).as_matrix().ravel()
-        self._rest = np.concatenate([rows, [0.0, 0.0, 1.0, 0.0]])  # about any axis, at no rate
+        self._rest = np.concatenate([rows, NO_TURN])
 
     @property
-    def pose(self) -> Pose:
-        return RigidTransform.from_components(self._position, self._rotation)
+    def frame(self) -> "Pose":
+        if self._frame is None:
+            self._frame = from_numbers(np.concatenate([self._moved, IDENTITY[3:]]))
+        return self._frame
+
+    @property
+    def pose(self) -> "Pose":
+        if self._rotation is None:
+            return from_numbers(np.concatenate([self._position, IDENTITY[3:]]))
+        return join_pose(self._position, self._rotation)
 
     @property
     def place(self) -> Array:
         """(3,) m in the base frame."""
-        return np.asarray(self._turned @ self._position + self._moved)
+        return self._move_to_base(self._position)
+
+    def _move_to_base(self, point: Array) -> Array:
+        return np.asarray(self._turned @ point + self._moved)
 
     def draw_line(self, to: Array, number: int) -> Piece | None:
-        """The piece to a position, at which it stands then; None where it is there already."""
-        start, end = (self._turned @ place + self._moved for place in (self._position, to))
+        """Return the piece to a position, the current point from then on; None if the path is there already."""
+        start, end = self.place, self._move_to_base(to)
         length = float(np.linalg.norm(end - start))
         if length <= MIN_MOVE:
             return None
         self._position = to
         return Piece(LINE, freeze_array(np.concatenate([start, (end - start) / length, self._rest])), length, number)
+
+    def draw_arc(self, segment: Arc, number: int) -> Piece | None:
+        """Return the piece of an arc, the current point at its end from then on; None if anything is turned."""
+        if segment.rotate is not None or self._frame is not None or self._rotation is not None:
+            return None
+        start = np.concatenate([self.place, IDENTITY[3:]])
+        end = _arc_end(segment, self._position)
+        centre = self._move_to_base(np.asarray(segment.centre, float))
+        self._position = end
+        return arc(start, centre, _unit(segment.normal), segment.angle, NO_TURN, number, segment.rise)
 
 
 def draw_segments(program: Program, machine: Machine) -> Iterator[Drawn]:
@@ -139,10 +183,7 @@ def draw_segments(program: Program, machine: Machine) -> Iterator[Drawn]:
         _refuse_end_speed("start_speed", program.start_speed, program.segments[0], 1)
     if program.end_speed:
         _refuse_end_speed("end_speed", program.end_speed, program.segments[-1], len(program.segments))
-    frame = machine.home if program.frame == "home" else RigidTransform.identity()
-    if program.work is not None:
-        frame = frame * program.work
-    stand = _Stand(program.start if program.start is not None else default_start(program, machine), frame)
+    stand = _Stand(program, machine)
     faults: list[tuple[int, Moving, MotionError]] = []
     pending, moves, turned = Drawn([], STOP), False, 0.0
     for repetition in range(1, program.repeat + 1):
@@ -168,7 +209,7 @@ def draw_segments(program: Program, machine: Machine) -> Iterator[Drawn]:
             marks = () if segment.trigger is None else (segment.trigger.at,)
             overshoot = None
             if begin is not None and isinstance(segment, Spline):
-                polygon = np.concatenate([begin[None], frame.apply(segment.through)])
+                polygon = np.concatenate([begin[None], stand.frame.apply(segment.through)])
                 overshoot = measure_overshoot(polygon, own)
             plain = not marks and is_plain(pieces)
             pending = Drawn(pieces, segment.join, plain=plain, marks=marks, overshoot=overshoot)
@@ -181,9 +222,11 @@ def draw_segments(program: Program, machine: Machine) -> Iterator[Drawn]:
     yield pending
 
 
-def _draw(segment: Moving, number: int, stand: _Stand, machine: Machine, tool: Pose | None) -> list[Piece]:
+def _draw(segment: Moving, number: int, stand: _Stand, machine: Machine, tool: "Pose | None") -> list[Piece]:
     """The pieces of a segment from where the path stands, which is its end then."""
     if isinstance(segment, Line) and segment.rotate is None and (made := stand.draw_line(segment.to, number)):
+        return [made]
+    if isinstance(segment, Arc) and (made := stand.draw_arc(segment, number)):
         return [made]
     here = stand.pose
     there = segment_end(segment, here)
@@ -192,26 +235,28 @@ def _draw(segment: Moving, number: int, stand: _Stand, machine: Machine, tool: P
     return own
 
 
-def default_start(program: Program, machine: Machine) -> Pose:
+def default_start(program: Program, machine: Machine) -> "Pose":
     """Where the machine's home pose has the tool, in the work frame."""
+    from scipy.spatial.transform import RigidTransform
+
     start = RigidTransform.identity() if program.frame == "home" else machine.home
     if program.tool is not None:
         start = start * program.tool
     return start if program.work is None else program.work.inv() * start
 
 
-def _end_of_undrawn(segment: Moving, here: Pose) -> Pose | None:
+def _end_of_undrawn(segment: Moving, here: "Pose") -> "Pose | None":
     """Where the path goes on behind a segment that cannot be drawn, as far as it says that itself."""
     match segment:
         case Line() | Synchronised():
             position, turned = np.asarray(segment.to, float), segment.rotate
         case Spline():
             position, turned = segment.through[-1], None if segment.rotate is None else segment.rotate[-1]
-        case Turn(to=Rotation() as turned):
-            position = here.translation
+        case Turn() if segment.to is not None:
+            position, turned = here.translation, segment.to
         case _:
             return None
-    return RigidTransform.from_components(position, here.rotation if turned is None else turned)
+    return join_pose(position, here.rotation if turned is None else turned)
 
 
 def _segments_error(program: Program, faults: Sequence[tuple[int, Moving, MotionError]]) -> MotionError:
@@ -293,14 +338,16 @@ def _name(segment: Segment, number: int) -> str:
     return f"segment {number}, {type(segment).__name__.lower()}{line_number}"
 
 
-def segment_end(segment: Moving, here: Pose) -> Pose:
+def segment_end(segment: Moving, here: "Pose") -> "Pose":
     """The pose at a segment's end, in the program's frame."""
     match segment:
         case Turn():
             if segment.to is not None:
-                return RigidTransform.from_components(here.translation, segment.to)
+                return join_pose(here.translation, segment.to)
+            from scipy.spatial.transform import Rotation
+
             turned = Rotation.from_rotvec(segment.angle * np.asarray(segment.about)) * here.rotation
-            return RigidTransform.from_components(here.translation, turned)
+            return join_pose(here.translation, turned)
         case Line():
             position = np.asarray(segment.to, float)
             if np.linalg.norm(position - here.translation) <= MIN_MOVE:
@@ -314,7 +361,7 @@ def segment_end(segment: Moving, here: Pose) -> Pose:
             if np.linalg.norm(position - here.translation) <= MIN_MOVE and angle <= MIN_MOVE:
                 raise MotionError(f"it ends where it starts, at {_mm(position)}; leave it out")
         case Arc():
-            position = _arc_end(segment, here)
+            position = _arc_end(segment, here.translation)
         case Spline():
             position = segment.through[-1]
             if np.linalg.norm(segment.through[0] - here.translation) <= MIN_MOVE:
@@ -325,10 +372,10 @@ def segment_end(segment: Moving, here: Pose) -> Pose:
         case Curve():
             return _curve_end(segment, here)
     rotation = here.rotation if segment.rotate is None else segment.rotate
-    return RigidTransform.from_components(position, rotation if rotation.single else rotation[-1])
+    return join_pose(position, rotation if rotation.single else rotation[-1])
 
 
-def _curve_end(segment: Curve, here: Pose) -> Pose:
+def _curve_end(segment: Curve, here: "Pose") -> "Pose":
     """Where its equations end, which must begin where the path stands."""
     first, last = ends(segment)
     away = first.translation - here.translation
@@ -348,27 +395,27 @@ def _curve_end(segment: Curve, here: Pose) -> Pose:
                 "current orientation; add a turn before it"
             )
         rotation = last.rotation * first.rotation.inv() * here.rotation
-    return RigidTransform.from_components(here.translation + (last.translation - first.translation), rotation)
+    return join_pose(here.translation + (last.translation - first.translation), rotation)
 
 
-def _arc_end(segment: Arc, here: Pose) -> Array:
+def _arc_end(segment: Arc, here: Array) -> Array:
+    """Return the end (3,) of an arc from a position (3,)."""
     centre, normal = np.asarray(segment.centre, float), _unit(segment.normal)
-    u = here.translation - centre
+    u = here - centre
     radius, height = float(np.linalg.norm(u)), float(u @ normal)
     if radius <= MIN_MOVE:
         raise MotionError(f"the arc's centre is the current point of the path {_mm(centre)}; give another centre")
     if abs(height) > IN_PLANE * radius + MIN_MOVE:
         raise MotionError(
             f"the path stands {abs(height) * 1e3:.4g} mm out of the plane "
-            f"through the centre {_mm(centre)}, at {_mm(here.translation)}; "
+            f"through the centre {_mm(centre)}, at {_mm(here)}; "
             f"move the centre by {_mm(height * normal)} or correct the normal"
         )
-    position: Array = centre + Rotation.from_rotvec(segment.angle * normal).apply(u) + segment.rise * normal
-    return position
+    return np.asarray(centre + turn_vector(u, segment.angle * normal) + segment.rise * normal)
 
 
 def _pieces(
-    segment: Moving, number: int, here: Pose, there: Pose, frame: Pose, machine: Machine, tool: Pose | None
+    segment: Moving, number: int, here: "Pose", there: "Pose", frame: "Pose", machine: Machine, tool: "Pose | None"
 ) -> list[Piece]:
     start, end, characteristic = frame * here, frame * there, machine.characteristic_length
     match segment:
@@ -376,12 +423,13 @@ def _pieces(
             return draw_synchronised(machine, start, end, tool, number)
         case Turn():
             if machine.follows:
-                after = end.rotation
+                before, after = start.rotation, end.rotation
                 if segment.about is not None:
                     axis = frame.rotation.apply(np.array(segment.about))
-                    after = begin_turn(segment.angle, axis) * start.rotation
-                platform = Rotation.identity() if tool is None else tool.rotation.inv()
-                refuse_lost_turn(start.rotation * platform, after * platform, machine)
+                    after = begin_turn(segment.angle, axis) * before
+                if tool is not None:
+                    before, after = (rotation * tool.rotation.inv() for rotation in (before, after))
+                refuse_lost_turn(before, after, machine)
             if segment.about is not None:
                 axis = start.rotation.inv().apply(frame.rotation.apply(np.array(segment.about)))
                 return [turn(start, axis, segment.angle, characteristic, number)]
@@ -395,7 +443,9 @@ def _pieces(
         case Arc():
             centre = frame.apply(np.asarray(segment.centre, float))
             normal = frame.rotation.apply(_unit(segment.normal))
-            return [arc(start, centre, normal, segment.angle, end.rotation, number, segment.rise)]
+            numbers = np.concatenate([start.translation, start.rotation.as_matrix().ravel()])
+            (axis,), (angle,) = axis_angle(start.rotation, end.rotation)
+            return [arc(numbers, centre, normal, segment.angle, np.append(axis, angle), number, segment.rise)]
         case Curve():
             return curve(start, segment, frame, number)
         case Spline():

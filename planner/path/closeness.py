@@ -15,7 +15,7 @@ from math import comb
 import numpy as np
 
 from kinematics.foundation.arrays import Array, freeze_array
-from kinematics.foundation.casadi_function import TAPE_CELLS, Expression
+from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.taylor_model import EPS, Series
 from planner.path.shape import Piece, Shape, pose_derivatives_map, pose_map, position_map, split_derivatives
 
@@ -109,11 +109,8 @@ class Track:
             chosen = np.flatnonzero(self._kind[both] == k)
             if not len(chosen):
                 continue
-            # Fewer cells than TAPE_CELLS would be evaluated one by one.
-            rows = np.resize(chosen, max(len(chosen), TAPE_CELLS))
-            constants = Series.constant(table[self._row[both[rows]], 1:], ORDER)
-            numbers = pose_map(shape).enclose_columns(local[rows], constants)
-            found.put(chosen, numbers[: len(chosen)])
+            constants = Series.constant(table[self._row[both[chosen]], 1:], ORDER)
+            found.put(chosen, pose_map(shape).enclose_columns(local[chosen], constants))
         return found
 
 

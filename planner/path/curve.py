@@ -3,20 +3,23 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.foundation.arrays import MAX_DISTANCE, Array, freeze_array
 from kinematics.foundation.casadi_function import Expression
 from kinematics.foundation.errors import MotionError
 from kinematics.foundation.formula import formula
 from kinematics.foundation.taylor_model import Series
-from kinematics.machine.pose import Pose, column, split_pose_symbols, to_numbers
+from kinematics.machine.pose import column, from_numbers, join_pose, split_pose_symbols, to_numbers
 from planner.path.arc_length import draw_by_length, is_uneven, measure_length
 from planner.path.shape import Derived, Piece, Shape, axis_rotation, turning_angles
 from planner.program.model import MIN_MOVE, Curve
+
+if TYPE_CHECKING:
+    from kinematics.machine.pose import Pose
 
 # Cells of t at first, how often each may be halved until it is proved, and how many there may be.
 FIRST_CELLS, MAX_HALVINGS, MAX_CELLS = 64, 24, 1 << 14
@@ -81,7 +84,7 @@ def _motion(formulas: Formulas, s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.
     return offset + frame @ place, frame @ turned @ ca.reshape(after, 3, 3).T
 
 
-def ends(curve: Curve) -> tuple[Pose, Pose]:
+def ends(curve: Curve) -> "tuple[Pose, Pose]":
     """Where the formulas have the tool at both ends; where they do not turn it, the orientation is the identity's."""
     x = curve_equations(curve).pose(np.array([[curve.begin], [curve.end]]))
     for place, t in zip(x, (curve.begin, curve.end), strict=True):
@@ -89,11 +92,10 @@ def ends(curve: Curve) -> tuple[Pose, Pose]:
             raise MotionError(
                 f"its equations have no finite value at t = {t:.6g}; choose a range of t where they have one"
             )
-    first, last = (RigidTransform.from_components(row[:3], Rotation.from_matrix(row[3:].reshape(3, 3))) for row in x)
-    return first, last
+    return from_numbers(x[0]), from_numbers(x[1])
 
 
-def curve(start: Pose, segment: Curve, frame: Pose, number: int) -> list[Piece]:
+def curve(start: "Pose", segment: Curve, frame: "Pose", number: int) -> list[Piece]:
     """The pieces from start (base frame) along a segment's equations, which hold in `frame`.
 
     Their parameter is the way itself, to 1e-10 (planner.path.arc_length). Where the equations begin within MIN_MOVE of
@@ -105,7 +107,7 @@ def curve(start: Pose, segment: Curve, frame: Pose, number: int) -> list[Piece]:
     first, _ = ends(segment)
     turn = first.rotation.inv() * frame.rotation.inv() * start.rotation  # what follows the formulas' own rotation
     place = start.translation - frame.rotation.apply(first.translation)
-    before = to_numbers(RigidTransform.from_components(place, frame.rotation))[0]
+    before = to_numbers(join_pose(place, frame.rotation))[0]
     after = turn.as_matrix().ravel()
 
     def piece(begin: float, end: float) -> Piece:

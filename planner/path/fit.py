@@ -17,7 +17,6 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
@@ -182,6 +181,8 @@ def is_plain(pieces: Sequence[Piece]) -> bool:
 
 def _derivatives(piece: Piece, s: float) -> Array:
     """(4, 7) position and quaternion, and their first three derivatives, of a line or an arc at its own s."""
+    from scipy.spatial.transform import Rotation
+
     x, x1, x2, x3 = (values[0] for values in piece.derivatives(np.array([s])))
     found = np.zeros((4, 7))
     found[:, :3] = x[:3], x1[:3], x2[:3], x3[:3]
@@ -380,6 +381,8 @@ def _quaternions(x: Array, first: Array) -> Array:
     rows = x[:, 3:]
     if (rows == rows[0]).all():
         return np.tile(first, (len(rows), 1))
+    from scipy.spatial.transform import Rotation
+
     found = Rotation.from_matrix(rows.reshape(-1, 3, 3)).as_quat()
     return align_signs(np.concatenate([first[None], found]))[1:]
 

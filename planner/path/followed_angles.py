@@ -6,14 +6,18 @@ five-axis mill that turns its tool about two axes, no axis moves for a change of
 """
 
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.errors import MotionError
+from kinematics.foundation.rotations import find_angles
 from kinematics.machine.machine import Machine
 from planner.program.model import Program, SegmentStream, Turn
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 ANGLES = ("rx", "ry", "rz")
 LEAST_TURN = 1e-9
@@ -24,29 +28,31 @@ POLE = 1e-6
 """Of |cos θy|: below it θx and θz are no angles of their own."""
 
 
-def find_changed_angles(before: Rotation, after: Rotation) -> frozenset[str]:
+def find_changed_angles(before: "Rotation", after: "Rotation") -> frozenset[str]:
     """Return which of θx, θy and θz differ between two orientations; none at the pole of θy."""
     matrices = np.stack([before.as_matrix(), after.as_matrix()])
     if (np.hypot(matrices[:, 0, 0], matrices[:, 0, 1]) < POLE).any():
         return frozenset()
-    one, other = (Rotation.from_matrix(matrix).as_euler("XYZ") for matrix in matrices)
+    one, other = find_angles(matrices)
     change: Array = np.remainder(other - one + np.pi, 2 * np.pi) - np.pi
     return frozenset(name for name, angle in zip(ANGLES, change, strict=True) if abs(angle) > LEAST_TURN)
 
 
-def find_turned_angles(turn: Turn, before: Rotation) -> frozenset[str]:
+def find_turned_angles(turn: Turn, before: "Rotation") -> frozenset[str]:
     """Return the angles that a turn on the spot changes, also one by a whole number of turns."""
     if turn.about is None:
         return find_changed_angles(before, before if turn.to is None else turn.to)
     return find_changed_angles(before, begin_turn(turn.angle, np.asarray(turn.about)) * before)
 
 
-def begin_turn(angle: float, axis: Array) -> Rotation:
+def begin_turn(angle: float, axis: Array) -> "Rotation":
     """Return the first part of a turn about an axis (3,), as a whole turn ends where it starts."""
+    from scipy.spatial.transform import Rotation
+
     return Rotation.from_rotvec(min(abs(angle), PART_TURN) * axis)
 
 
-def refuse_lost_turn(before: Rotation, after: Rotation, machine: Machine) -> None:
+def refuse_lost_turn(before: "Rotation", after: "Rotation", machine: Machine) -> None:
     """Raise MotionError if only angles that follow differ between two orientations: no axis moves
     for that."""
     changed = find_changed_angles(before, after)
@@ -60,6 +66,8 @@ def refuse_lost_turn(before: Rotation, after: Rotation, machine: Machine) -> Non
 def list_turned_angles(program: Program) -> frozenset[str]:
     """Return the angles that a program's orientations change. A file that is read again and again
     counts as none."""
+    from scipy.spatial.transform import Rotation
+
     if isinstance(program.segments, SegmentStream):
         return frozenset()
     here = Rotation.identity() if program.start is None else program.start.rotation

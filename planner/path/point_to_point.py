@@ -6,10 +6,9 @@ Such moves are straight in the axes alone; how far the tool leaves the straight 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation, Slerp
 
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError, locate_errors
@@ -17,7 +16,7 @@ from kinematics.foundation.facts import Fact, tabulate
 from kinematics.foundation.options import check_arguments
 from kinematics.foundation.table import Table
 from kinematics.machine.machine_file import MachineSource, load_machine
-from kinematics.machine.pose import Pose, from_numbers
+from kinematics.machine.pose import from_numbers, join_pose
 from planner.path.actuation import MachinePath
 from planner.path.chain import Moving, default_start, segment_end
 from planner.path.synchronised import NAME
@@ -25,6 +24,11 @@ from planner.place import Place
 from planner.program.model import MIN_MOVE, Dwell, Program, Segment, Spline, Synchronised
 from planner.program.modifiers import Trigger
 from planner.program.program_file import ProgramSource, load_program
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
+    from kinematics.machine.pose import Pose
 
 
 @check_arguments()
@@ -72,21 +76,21 @@ def synchronise(program: ProgramSource, machine: MachineSource) -> tuple[Program
     return Program(**changed), tuple(left_out)
 
 
-def _segment_poses(segment: Moving, here: Pose) -> Iterator[Pose]:
+def _segment_poses(segment: Moving, here: "Pose") -> "Iterator[Pose]":
     """The poses that a segment leads to: those of all its points, of a spline."""
     if not isinstance(segment, Spline):
         yield segment_end(segment, here)
         return
     for k, point in enumerate(segment.through):
-        yield RigidTransform.from_components(point, here.rotation if segment.rotate is None else segment.rotate[k])
+        yield join_pose(point, here.rotation if segment.rotate is None else segment.rotate[k])
 
 
-def _is_elsewhere(one: Pose, other: Pose) -> bool:
+def _is_elsewhere(one: "Pose", other: "Pose") -> bool:
     away = float(np.linalg.norm(other.translation - one.translation))
     return away > MIN_MOVE or _has_turned(one.rotation, other.rotation)
 
 
-def _has_turned(one: Rotation, other: Rotation) -> bool:
+def _has_turned(one: "Rotation", other: "Rotation") -> bool:
     return float((one.inv() * other).magnitude()) > MIN_MOVE
 
 
@@ -99,7 +103,7 @@ def _refuse_trigger(trigger: Trigger | None, number: int, moves: int) -> None:
         ).in_segment(number)
 
 
-def _move(segment: Moving, start: Pose, end: Pose, last: bool) -> Synchronised:
+def _move(segment: Moving, start: "Pose", end: "Pose", last: bool) -> Synchronised:
     return Synchronised(
         freeze_array(end.translation),
         end.rotation if _has_turned(start.rotation, end.rotation) else None,
@@ -183,6 +187,8 @@ def _chord_distance(points: Array) -> Array:
     return np.asarray(np.linalg.norm(points - points[0] - along.clip(0, 1)[:, None] * way, axis=1))
 
 
-def _rotation_departure(pose: Pose, share: Array) -> Array:
+def _rotation_departure(pose: "Pose", share: Array) -> Array:
+    from scipy.spatial.transform import Slerp
+
     ends = pose.rotation[[0, -1]]
     return np.asarray((Slerp([0.0, 1.0], ends)(share).inv() * pose.rotation).magnitude())

@@ -10,11 +10,10 @@ from dataclasses import dataclass, replace
 from functools import cache
 from itertools import groupby
 from math import comb
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import casadi as ca
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.casadi_function import Expression
@@ -22,7 +21,6 @@ from kinematics.foundation.errors import MotionError
 from kinematics.foundation.facts import Fact
 from kinematics.machine.pose import (
     STRAIGHT_SIZE,
-    Pose,
     axis_angle,
     column,
     rotate_about,
@@ -32,6 +30,9 @@ from kinematics.machine.pose import (
     to_numbers,
 )
 from planner.program.modifiers import Join
+
+if TYPE_CHECKING:
+    from kinematics.machine.pose import Pose
 
 
 @dataclass(frozen=True, slots=True)
@@ -267,19 +268,19 @@ def refuse_half_turn(angle: float) -> None:
 LINE = Shape("line", STRAIGHT_SIZE, straight_pose)
 
 
-def line(start: Pose, end: Pose, length: float, segment: int) -> Piece:
+def line(start: "Pose", end: "Pose", length: float, segment: int) -> Piece:
     """The straight motion from start to end over a length, turning the shorter way in proportion to the path."""
     turn = turn_angle(start, end)
     refuse_half_turn(turn)
     return Piece(LINE, freeze_array(straight_parameters(start, end, length)[0]), length, segment, turn=turn)
 
 
-def turn_angle(start: Pose, end: Pose) -> float:
+def turn_angle(start: "Pose", end: "Pose") -> float:
     """Angle of the shorter turn from start to end, rad."""
     return float(axis_angle(start.rotation, end.rotation)[1][0])
 
 
-def turn(start: Pose, axis: Array, angle: float, characteristic: float, segment: int) -> Piece:
+def turn(start: "Pose", axis: Array, angle: float, characteristic: float, segment: int) -> Piece:
     """On the spot about a unit axis of the moving frame, by a signed angle; `characteristic` m of path for a radian."""
     place, rows = np.split(to_numbers(start)[0], [3])
     rate = np.sign(angle) / characteristic
@@ -303,35 +304,42 @@ def _motion(s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
 ARC = Shape("arc", 26, _motion)
 
 
+# Axis (3,) and angle of a motion that does not turn.
+NO_TURN = freeze_array(np.array([0.0, 0.0, 1.0, 0.0]))
+
+
 def arc(
-    start: Pose,
+    start: Array,
     centre: Array,
     normal: Array,
     angle: float,
-    end_rotation: Rotation,
+    turning: Array,
     segment: int,
     rise: float = 0.0,
 ) -> Piece:
-    """The arc from start about `centre` by the signed angle, right hand about the unit normal, to `end_rotation`.
+    """Return the arc from a pose about `centre` by the signed angle, right hand about the unit normal.
 
-    rise (m, along the normal) makes it a helix, of length √((radius · angle)² + rise²).
+    start    numbers of the pose (12,)
+    turning  unit axis in the moving frame and angle (rad), by which the pose turns up to the end (4,)
+    rise     m, along the normal: makes it a helix, of length √((radius · angle)² + rise²)
     """
-    centre = centre + ((start.translation - centre) @ normal) * normal  # in the start's own plane, to the last digit
-    u = start.translation - centre
+    position, rows = np.split(start, [3])
+    centre = centre + ((position - centre) @ normal) * normal  # in the start's own plane, to the last digit
+    u = position - centre
     length = float(np.hypot(np.linalg.norm(u) * angle, rise))
-    axis, turn = axis_angle(start.rotation, end_rotation)
-    refuse_half_turn(float(turn[0]))
+    axis, turn = turning[:3], float(turning[3])
+    refuse_half_turn(turn)
     numbers = [
         centre,
         u,
         np.cross(normal, u),
-        [angle / length],
+        np.array([angle / length]),
         normal * (rise / length),
-        start.rotation.as_matrix().ravel(),
-        axis[0],
-        turn / length,
+        rows,
+        axis,
+        np.array([turn / length]),
     ]
-    whole = abs(angle) + float(turn[0])
+    whole = abs(angle) + turn
     return Piece(ARC, freeze_array(np.concatenate(numbers)), length, segment, turn=whole)
 
 
@@ -383,7 +391,7 @@ def axis_rotation(axis: int, angle: ca.SX) -> ca.SX:
     return turn
 
 
-def carry_tool(piece: Piece, tool: Pose) -> Piece:
+def carry_tool(piece: Piece, tool: "Pose") -> Piece:
     """The platform's way P(s) = T(s) · tool⁻¹ under the tool's way T(s); path length stays the tool's own."""
     parameters = np.concatenate([piece.parameters, to_numbers(tool.inv())[0]])
     return replace(piece, shape=_carried_shape(piece.shape), parameters=freeze_array(parameters))
@@ -402,7 +410,7 @@ def _carried_motion(shape: Shape, s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, c
     return position + rotation @ offset, rotation @ turn
 
 
-def tool_map(tool: Pose) -> Expression:
+def tool_map(tool: "Pose") -> Expression:
     """The platform's twelve numbers -> the tool's, P · tool. It is linear, so it maps their derivatives too."""
     x, constant = ca.SX.sym("x", 12), ca.SX(to_numbers(tool)[0])
     (position, rotation), (offset, turn) = split_pose_symbols(x), split_pose_symbols(constant)

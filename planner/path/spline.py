@@ -8,16 +8,19 @@ but has no such bound; each knot takes its derivatives as far as they are near t
 """
 
 from functools import partial
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import casadi as ca
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError
-from kinematics.machine.pose import Pose
 from planner.path.shape import Piece, Shape, measure_turns
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
+    from kinematics.machine.pose import Pose
 
 # Degree of curves that are fitted to chains.
 DEGREE = 5
@@ -80,7 +83,7 @@ SPLINE = Shape("spline", 7 * (DEGREE + 1), partial(_motion, degree=DEGREE))
 HERMITE = Shape("hermite", 7 * (HERMITE_DEGREE + 1), partial(_motion, degree=HERMITE_DEGREE))
 
 
-def spline(start: Pose, through: Array, rotate: Rotation | None, segment: int) -> list[Piece]:
+def spline(start: "Pose", through: Array, rotate: "Rotation | None", segment: int) -> list[Piece]:
     """Draw the curve from start through points (N, 3), in orientations `rotate` (N) there.
 
     The pieces' parameter is the curve's length, to SPEED_TOLERANCE. A span is one piece; it is halved where the curve
@@ -146,7 +149,7 @@ def _cusp_error(span: int) -> MotionError:
     )
 
 
-def _quaternions(start: Pose, rotate: Rotation | None, count: int) -> Array:
+def _quaternions(start: "Pose", rotate: "Rotation | None", count: int) -> Array:
     """(N+1, 4) unit quaternions x, y, z, w, each on the side of the one before it."""
     first = start.rotation.as_quat()[None]
     if rotate is None:

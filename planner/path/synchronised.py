@@ -7,19 +7,22 @@ forward solutions, and it is measured how straight the axes then are.
 
 from collections.abc import Iterator
 from functools import cache
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 from numpy.polynomial import chebyshev
-from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.analysis.forward import RESIDUAL_TOLERANCE, iterate_newton
 from kinematics.foundation.arrays import Array, freeze_array
 from kinematics.foundation.errors import MotionError, OutOfReach
 from kinematics.machine.machine import Machine
-from kinematics.machine.pose import Pose, from_numbers, to_numbers
+from kinematics.machine.pose import from_numbers, join_pose, to_numbers
 from planner.path.shape import Derived, Piece, Shape, line, measure_turns, refuse_half_turn, turn_angle
 from planner.path.spline import align_signs
+
+if TYPE_CHECKING:
+    from kinematics.machine.pose import Pose
 
 NAME, DEGREES = "synchronised", (8, 16, 24)
 """Of the polynomial: the least that does, since each costs whenever the path is looked at."""
@@ -50,13 +53,21 @@ def _motion(degree: int, s: ca.SX, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
     return value[:3], turned
 
 
-def draw_synchronised(machine: Machine, start: Pose, end: Pose, tool: Pose | None, segment: int) -> list[Piece]:
+def draw_synchronised(
+    machine: Machine,
+    start: "Pose",
+    end: "Pose",
+    tool: "Pose | None",
+    segment: int,
+) -> list[Piece]:
     """The tool's way from start to end (base frame) on which all axes' coordinates go straight, in proportion.
 
     Its parameter goes with the coordinates, so q′ is constant; the length is that of the tool's chord, or of its turn
     by the machine's characteristic length, whichever is more. To an end that no coordinates reach it is a line. Raises
     MotionError where no smooth way was found between.
     """
+    from scipy.spatial.transform import RigidTransform
+
     back = RigidTransform.identity() if tool is None else tool.inv()
     chord = float(np.linalg.norm(end.translation - start.translation))
     angle = turn_angle(start, end)
@@ -80,8 +91,8 @@ def draw_synchronised(machine: Machine, start: Pose, end: Pose, tool: Pose | Non
 def _pieces(
     machine: Machine,
     axes: tuple[Array, Array],
-    ends: tuple[Pose, Pose],
-    tool: Pose,
+    ends: "tuple[Pose, Pose]",
+    tool: "Pose",
     length: float,
     count: int,
     segment: int,
@@ -106,7 +117,7 @@ def _pieces(
             yield pieces
 
 
-def straightness(machine: Machine, pieces: list[Piece], tool: Pose, first: Array, last: Array) -> float:
+def straightness(machine: Machine, pieces: list[Piece], tool: "Pose", first: Array, last: Array) -> float:
     """By how much coordinates leave the straight line along pieces of equal lengths at most, m or rad."""
     worst, back = 0.0, tool.inv()
     for n, piece in enumerate(pieces):
@@ -118,14 +129,23 @@ def straightness(machine: Machine, pieces: list[Piece], tool: Pose, first: Array
     return worst
 
 
-def _follow_poses(machine: Machine, first: Array, last: Array, start: Pose, end: Pose, shares: Array) -> Pose | None:
+def _follow_poses(
+    machine: Machine,
+    first: Array,
+    last: Array,
+    start: "Pose",
+    end: "Pose",
+    shares: Array,
+) -> "Pose | None":
     """The platform's poses at shares of the way, sought from the straight motion in space; None where one is not found.
 
     One that belongs to another assembly of the legs shows as a way that no polynomial follows.
     """
+    from scipy.spatial.transform import Rotation
+
     turn = (start.rotation.inv() * end.rotation).as_rotvec()
     place = start.translation + shares[:, None] * (end.translation - start.translation)
-    near = RigidTransform.from_components(place, start.rotation * Rotation.from_rotvec(shares[:, None] * turn))
+    near = join_pose(place, start.rotation * Rotation.from_rotvec(shares[:, None] * turn))
     found, residual = iterate_newton(machine, first + shares[:, None] * (last - first), to_numbers(near))
     return from_numbers(found) if (residual <= RESIDUAL_TOLERANCE).all() else None
 

@@ -7,10 +7,9 @@ directions to rounding, since they are held as rotations and unit vectors; every
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from kinematics.files.keys import Key, format_entries, keys_of, short_table_lines, table_lines
 from kinematics.files.plain_text import plain_line
@@ -18,12 +17,16 @@ from kinematics.files.toml_document import format_decimal
 from kinematics.foundation.arrays import Array
 from kinematics.foundation.names import find
 from kinematics.machine.machine_file import KINDS
-from kinematics.machine.pose import Pose
 from planner.program.model import Curve, Dwell, Program, Segment, Turn
 from planner.program.modifiers import CORNER_ANGLE, Blend, Fit, Free, Stop, Trigger
 from planner.program.program_file import SEGMENTS, ProgramFile
 from planner.program.segment_tables import PathEntry
 from planner.program.validation import CAPS
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
+    from kinematics.machine.pose import Pose
 
 
 def program_toml(program: Program, comment: str = "", *, complete: bool = False, source: str = "") -> str:
@@ -126,7 +129,7 @@ def _join(join: object) -> str | dict[str, float | None]:
     return type(join).__name__.lower()
 
 
-def _frame(frame: Pose | None) -> dict[str, Any] | None:
+def _frame(frame: "Pose | None") -> dict[str, Any] | None:
     return None if frame is None else {"to": frame.translation, "rotate": _angles(frame.rotation)}
 
 
@@ -166,7 +169,7 @@ _SHAPES: dict[str, Callable[[Any], Any]] = {
 }
 
 
-def _angles(rotation: Rotation | None) -> Array | None:
+def _angles(rotation: "Rotation | None") -> Array | None:
     """θx, θy, θz about the moving axes in turn, as Rx · Ry · Rz has them."""
     return None if rotation is None else rotation.as_euler("XYZ")
 

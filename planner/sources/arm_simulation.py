@@ -7,7 +7,6 @@ does this: lengths are shown, and no motion is made of them.
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.foundation.arrays import Array, freeze_fields
 from kinematics.foundation.errors import MotionError
@@ -17,6 +16,7 @@ from kinematics.foundation.result import Result
 from kinematics.foundation.table import Column, Table
 from kinematics.kinds.tripod import Tripod
 from kinematics.machine.machine_file import MachineSource, load_machine
+from kinematics.machine.pose import join_pose
 from planner.sources.position_list import PositionList
 from planner.sources.positions import step_poses
 
@@ -105,7 +105,7 @@ def simulate_arms(listed: PositionList, machine: MachineSource, *, unit: float |
     notes: list[str] = []
     if unit is not None:
         listed, notes = step_poses(listed, unit)
-    pose = RigidTransform.from_components(listed.poses[:, :3], listed.rotations)
+    pose = join_pose(listed.poses[:, :3], listed.rotations)
     if listed.frame == "home":
         pose = machine.home * pose
     lengths = machine.arm_lengths(pose)
@@ -121,9 +121,10 @@ def simulate_arms(listed: PositionList, machine: MachineSource, *, unit: float |
 
 def _position_error(machine: Tripod, lengths: Array, wanted: Array) -> Array:
     """(K,) m between places and those of the end point with the plate held; nan where no pose has the lengths."""
-    near = RigidTransform.from_components(
-        wanted, Rotation.from_matrix([machine.home.rotation.as_matrix()] * len(wanted))
-    )
+    from scipy.spatial.transform import Rotation
+
+    home = machine.home.rotation.as_matrix()
+    near = join_pose(wanted, Rotation.from_matrix([home] * len(wanted)))
     found = machine.forward(lengths, near=near, certify=False)
     gap = np.linalg.norm(found.pose.translation - wanted, axis=1)
     return np.where(found.residual <= LENGTH_TOLERANCE, gap, np.nan)

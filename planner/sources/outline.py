@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from math import ceil, pi
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics.foundation.arrays import Array, freeze_array
+from kinematics.machine.pose import IDENTITY, from_numbers, join_pose
 from planner.path.arc_length import measure_length
 from planner.path.curve import curve
 from planner.path.shape import Piece
@@ -126,8 +126,8 @@ def _start(program: Program) -> Array:
     first = program.segments[0]
     if program.frame == "base":
         return np.array(first.to) if isinstance(first, Line | Synchronised) else np.zeros(3)
-    start = RigidTransform.identity() if program.tool is None else program.tool
-    return np.array((start if program.work is None else program.work.inv() * start).translation)
+    start = np.zeros(3) if program.tool is None else program.tool.translation
+    return np.array(start if program.work is None else program.work.inv().apply(start))
 
 
 def _stroke(segment: Segment, here: Array) -> tuple[Array | None, float]:
@@ -139,8 +139,8 @@ def _stroke(segment: Segment, here: Array) -> tuple[Array | None, float]:
         case Spline():  # its corners, until all of as many are worked out
             return np.concatenate([here[None], segment.through]), 0.0
         case Curve():
-            start = RigidTransform.from_components(here, Rotation.identity())
-            pieces = curve(start, segment, RigidTransform.identity(), 0)
+            frame = from_numbers(IDENTITY)
+            pieces = curve(join_pose(here, frame.rotation), segment, frame, 0)
             s = [piece.length * np.linspace(0, 1, PIECE_POINTS) for piece in pieces]
             points = np.concatenate([piece.poses(own)[:, :3] for piece, own in zip(pieces, s, strict=True)])
             return points, sum(_length(piece) for piece in pieces)

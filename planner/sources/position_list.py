@@ -17,11 +17,10 @@ from dataclasses import dataclass, replace
 from math import degrees
 from os import PathLike
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
 from kinematics.files.atomic_files import require_folder, write_whole
 from kinematics.files.toml_document import format_decimal
@@ -34,6 +33,9 @@ from kinematics.foundation.table import Column, Table
 from kinematics.foundation.units import describe_value, unit_value
 from planner.program.model import Frame
 from planner.sources.source import Faults
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 Order = Literal["xyz", "yzx"]
 """How three angles combine: Rx · Ry · Rz, or Ry · Rz · Rx as [KMITL 2005] has it."""
@@ -70,8 +72,10 @@ class PositionList(Result):
         return len(self.poses)
 
     @property
-    def rotations(self) -> Rotation:
+    def rotations(self) -> "Rotation":
         """The N orientations."""
+        from scipy.spatial.transform import Rotation
+
         axes = ["XYZ".index(letter) for letter in self.order.upper()]
         return Rotation.from_euler(self.order.upper(), self.poses[:, 3:][:, axes])
 

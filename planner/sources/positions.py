@@ -20,22 +20,24 @@ from itertools import pairwise
 from math import ceil, pi
 from os import PathLike
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
 
 from kinematics.foundation.errors import Fault, FileError, MotionError
 from kinematics.foundation.names import count_noun
 from kinematics.foundation.options import check_arguments, option
 from kinematics.foundation.units import describe_value, quantity
 from kinematics.kinds.tripod import Tripod
-from kinematics.machine.pose import Pose, make_pose
+from kinematics.machine.pose import IDENTITY, from_numbers, join_pose, make_pose
 from planner.program.model import MIN_MOVE, Dwell, Line, Program, Segment, Turn
 from planner.program.modifiers import Join, Stop, choose_join
 from planner.program.validation import check_positive
 from planner.sources.position_list import PositionList, read_csv
 from planner.sources.source import Faults, Imported, decode_text
+
+if TYPE_CHECKING:
+    from kinematics.machine.pose import Pose
 
 FIRST_NUMBER = 10_001
 """Number of the first point in a list of arm lengths [KMITL 2005]."""
@@ -161,7 +163,7 @@ def read_six(text: str, what: str = "origin") -> list[float]:
     return [quantity(part, unit) for part, unit in zip(parts, UNITS, strict=False)] + [0.0] * (6 - len(parts))
 
 
-def read_frame(text: str) -> Pose:
+def read_frame(text: str) -> "Pose":
     """The frame moved by x, y, z, then turned by θx, θy, θz about its moving axes in turn, Rx · Ry · Rz."""
     values = read_six(text)
     return make_pose(values[:3], values[3:])
@@ -176,7 +178,7 @@ STEP_ROUNDING = 1e-9
 
 
 def join_poses(
-    listed: PositionList, start: Pose, join: Join, speed: float | None = None
+    listed: PositionList, start: "Pose", join: Join, speed: float | None = None
 ) -> tuple[tuple[Segment, ...], list[str]]:
     """From a start straight to each pose, turning the shortest way; and what to know of it.
 
@@ -213,7 +215,7 @@ def _add_rest(segments: list[Segment], seconds: float) -> list[Segment]:
 
 
 def step_through(
-    listed: PositionList, start: Pose, unit: float, speed: float | None = None
+    listed: PositionList, start: "Pose", unit: float, speed: float | None = None
 ) -> tuple[tuple[Segment, ...], list[str]]:
     """As [KMITL 2005] steps: between two poses in equal steps of a unit (m) of the coordinate that changes most.
 
@@ -343,8 +345,8 @@ class Positions:
         tool = None if self.tool is None else read_frame(self.tool)
         first = None
         if run.frame == "base":
-            first = RigidTransform.from_components(run.poses[0, :3], run.rotations[0])
-        start = next((pose for pose in (first, tool) if pose is not None), RigidTransform.identity())
+            first = join_pose(run.poses[0, :3], run.rotations[0])
+        start = next((pose for pose in (first, tool) if pose is not None), from_numbers(IDENTITY))
         if self.rule == "kmitl":
             segments, more = step_through(run, start, self.unit_length, self.speed)
         else:

@@ -27,7 +27,7 @@ class Import(FormatCommand):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImportRequest:
-    """A file of another format, and the program and drawing to make of it."""
+    """A file of another format, the program to make of it, and a drawing if one is requested."""
 
     file: Path
     out: Path = option(MISSING, "Output TOML file.", metavar="PROGRAM")
@@ -39,7 +39,7 @@ class ImportRequest:
     )
     figure: Path | None = option(
         None,
-        "Drawing of the path: PNG, SVG or PDF. Default: PROGRAM with suffix .png.",
+        "Also draw the path: PNG, SVG or PDF.",
         metavar="IMAGE",
     )
 
@@ -50,7 +50,7 @@ class ImportRequest:
 @click.option("--force", is_flag=True, help="Overwrite PROGRAM and IMAGE.")
 @json_option
 def import_(request: ImportRequest, force: bool, as_json: bool, **given: Any) -> None:
-    """Convert FILE to a program, and draw it.
+    """Convert FILE to a program.
 
     Prints a summary of what was read. The formats in brackets are those that an option applies to.
 
@@ -58,19 +58,21 @@ def import_(request: ImportRequest, force: bool, as_json: bool, **given: Any) ->
     """
     file = request.file
     out = request.out
-    image = request.figure or out.with_suffix(".png")
-    writes(out, image)
+    image = request.figure
+    targets = [out] if image is None else [out, image]
+    writes(*targets)
     from kinematics.files.atomic_files import Destination, name_file, stage_files
     from kinematics.foundation.errors import MotionError
     from kinematics.foundation.names import count_noun
     from pulsepath.format_options import IMPORTS
     from pulsepath.progress import step
 
-    refuse_suffix(image, "a figure is")
-    if len({path.absolute() for path in (file, out, image)}) < 3:
-        files = f"{file}, {out} and {image}"
-        raise MotionError(f"{files} must be three different files; give another --out or --figure")
-    destinations = [Destination(target, force=force) for target in (out, image)]
+    if image is not None:
+        refuse_suffix(image, "a figure is")
+    if len({path.absolute() for path in (file, *targets)}) <= len(targets):
+        files = ", ".join(map(str, (file, *targets)))
+        raise MotionError(f"{files} must be different files; give another --out or --figure")
+    destinations = [Destination(target, force=force) for target in targets]
     refuse_missing(file)
     name = request.format or IMPORTS.suffixes().get(file.suffix.lower())
     if name is None:
@@ -99,25 +101,22 @@ def import_(request: ImportRequest, force: bool, as_json: bool, **given: Any) ->
             f"{file}: {segments}; a TOML program has at most {MOST_SEGMENTS}: plan the file as it "
             f"is (pulsepath plan {file.name}), or split it",
         )
-    with step(f"writing {out} and {image}"), stage_files(destinations) as (written, drawn):
-        from planner.sources.figures import program_path
-
+    with step(f"writing {' and '.join(map(str, targets))}"), stage_files(destinations) as staged:
         title = f"{program.name}, imported from {file.name} ({name})"
         outliner = Outliner(program)
         followed = outliner.follow(program.segments)
-        with name_file(written), written.open("w", encoding="utf-8") as target:
+        with name_file(staged[0]), staged[0].open("w", encoding="utf-8") as target:
             lines = program_lines(program, title, source=file.name, segments=followed)
             target.writelines(f"{line}\n" for line in lines)
         outline = outliner.finish()
-        axes = program_path(outline, title=f"{segments}, {1e3 * outline.length:.6g} mm")
-        figure = axes.get_figure(root=True)
-        if figure is not None:
-            figure.savefig(drawn, dpi=150)
+        if image is not None:
+            _draw(outline, segments, staged[1])
     if as_json:
-        about = record.record_import(name, imported, outline, str(out), str(image))
+        about = record.record_import(name, imported, outline, out, image)
         print_json({**about, "avoidable_stops": stops.record()})
         return
-    say(f"{out}: {segments} from {file}, read as {name}; drawn in {image}")
+    drawing = "" if image is None else f"; drawn in {image}"
+    say(f"{out}: {segments} from {file}, read as {name}{drawing}")
     entities = (f"{amount} {kind}" for kind, amount in imported.entities.items())
     say(f"  entities: {', '.join(entities)}")
     say(f"  extents: {', '.join(_list_extents(outline))}")
@@ -126,6 +125,16 @@ def import_(request: ImportRequest, force: bool, as_json: bool, **given: Any) ->
         say(f"  stops: {stops.describe()}")
     for warning in imported.warnings:
         say(f"  warning: {warning}")
+
+
+def _draw(outline: "Outline", segments: str, image: Path) -> None:
+    """Draw a path in a file. Only here matplotlib loads, which takes longer than all else together."""
+    from planner.sources.figures import program_path
+
+    axes = program_path(outline, title=f"{segments}, {1e3 * outline.length:.6g} mm")
+    figure = axes.get_figure(root=True)
+    if figure is not None:
+        figure.savefig(image, dpi=150)
 
 
 def _list_extents(outline: "Outline") -> Iterator[str]:

@@ -15,6 +15,8 @@ from pulsepath.process.exits import SCHEMA as SCHEMA
 from pulsepath.progress import as_json as as_json
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from controllers import Metrics, Rig
     from kinematics import Axis, MotionError, Pose, Posture
     from kinematics.machine.machine_file import MachineSummary
@@ -86,12 +88,12 @@ def record_doubts(doubts: Sequence[str]) -> Record:
     return {"verified": not doubts, "doubts": list(doubts)}
 
 
-def record_import(name: str, result: Imported, way: Outline, file: str, figure: str) -> Record:
+def record_import(name: str, result: Imported, way: Outline, out: Path, image: Path | None) -> Record:
     """Return the record of an imported program; lengths in m."""
     return {
         "format": name,
-        "file": file,
-        "figure": figure,
+        "file": str(out),
+        "figure": None if image is None else str(image),
         "segments": len(result.program.segments),
         "entities": dict(result.entities),
         "low": way.low.tolist(),

@@ -8,9 +8,10 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from kinematics import Axis, Hexapod, joint_circle
+from kinematics.machine.pose import to_numbers
 from planner import Trajectory
 from planner.path.actuation import MachinePath
-from planner.path.shape import arc, line
+from planner.path.shape import NO_TURN, arc, line
 
 PULSE = 0.75e-6
 HEIGHT = 0.2336362
@@ -92,7 +93,14 @@ def circle_trip(hexapod):
     rim, tilted = pose(15, 0, 10), pose(0, 15, 10, (4, -3, 0))
     pieces = [
         line(pose(15, 0, 6), rim, 4e-3, 1),
-        arc(rim, np.array([0, 0, HEIGHT + 10e-3]), np.array([0, 0, 1.0]), 2.5 * np.pi, rim.rotation, 2),
+        arc(
+            to_numbers(rim)[0],
+            np.array([0, 0, HEIGHT + 10e-3]),
+            np.array([0, 0, 1.0]),
+            2.5 * np.pi,
+            NO_TURN,
+            2,
+        ),
         line(pose(0, 15, 10), tilted, 7e-3, 3),
         line(tilted, pose(0, 8, 10, (4, -3, 0)), 7e-3, 4),
     ]

@@ -91,7 +91,7 @@ def test_segments_of_known_distance(ends, distance):
 def test_segments_and_discs(ends, thickness, radius):
     start, end, centre, normal = ends
     disc = Disc(radius, thickness, centre, normal if np.linalg.norm(normal) > 1e-3 else [0, 0, 1])
-    assert float(segment_disc_distance(start, end, disc.numbers[0])) == pytest.approx(
+    assert float(segment_disc_distance(start, end, disc)) == pytest.approx(
         from_disc(start, end, disc), rel=0, abs=SEARCHED
     )
 
@@ -111,9 +111,7 @@ def test_segments_and_discs(ends, thickness, radius):
 )
 def test_discs_of_known_distance(ends, distance):
     disc = Disc(radius=2, thickness=2)
-    assert float(segment_disc_distance(*np.array(ends, float), disc.numbers[0])) == pytest.approx(
-        distance, rel=0, abs=4 * EXACT
-    )
+    assert float(segment_disc_distance(*np.array(ends, float), disc)) == pytest.approx(distance, rel=0, abs=4 * EXACT)
 
 
 # legs and plates

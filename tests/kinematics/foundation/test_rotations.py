@@ -6,7 +6,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from kinematics.foundation.rotations import find_angles, find_vectors, make_matrices, turn_axes
+from kinematics.foundation.rotations import find_angles, find_vectors, make_matrices, turn_axes, turn_vector
 
 # Entries of products of a few rotations: some units in the last place.
 ROUNDING = 1e-14
@@ -48,6 +48,15 @@ def test_angles_are_about_the_moving_axes_in_turn(given_angles):
     width = 1e-6 if abs(np.cos(given_angles[1])) < 1e-6 else ROUNDING
     assert turn_axes(found[None])[0] == pytest.approx(matrix, rel=0, abs=width)
     assert abs(found[1]) <= np.pi / 2
+
+
+@given(directions, turns, directions)
+@example((0.0, 0.0, 1.0), 9e-4, (1.0, 2.0, 3.0))
+def test_a_point_turns_as_scipy_turns_it(direction, turn, point):
+    """To the last bit: a path that is drawn without SciPy is the same path."""
+    rotation = vector(direction, turn)
+    point = np.asarray(point, float)
+    assert np.array_equal(turn_vector(point, rotation), Rotation.from_rotvec(rotation).apply(point))
 
 
 def test_no_rotations_have_no_vectors():

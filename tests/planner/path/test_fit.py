@@ -15,7 +15,7 @@ from planner.path.actuation import actuate
 from planner.path.chain import draw_segments, walk_path
 from planner.path.closeness import bound_distance
 from planner.path.fit import fit_chains
-from planner.path.shape import LINE, Drawn, arc, line
+from planner.path.shape import LINE, NO_TURN, Drawn, arc, line
 from planner.path.spline import SPLINE, STEADY_SPLINE
 from planner.program.joins import stop_at_joins
 
@@ -135,8 +135,8 @@ def test_bounds_are_what_is_known(hexapod):
     other = straight(np.array([0, 1e-5, 0]), np.array([0.01, 1e-5, 0]))
     assert 1e-5 <= bound_distance([one], other.cut(7), 1e-5, 1e-3).worst[0] <= 1e-5 * (1 + 1e-9)
     radius, angle = 5e-3, 0.1
-    start = RigidTransform.from_components([radius, 0, 0], Rotation.identity())
-    curve = arc(start, np.zeros(3), np.array([0, 0, 1.0]), angle, Rotation.identity(), 1)
+    start = np.concatenate([[radius, 0, 0], np.eye(3).ravel()])
+    curve = arc(start, np.zeros(3), np.array([0, 0, 1.0]), angle, NO_TURN, 1)
     chord = straight(*curve.poses(np.array([0, curve.length]))[:, :3])
     sagitta = radius * (1 - np.cos(angle / 2))
     assert sagitta <= bound_distance([curve], [chord], 1e-5, 1e-3).worst[0] <= 1.01 * sagitta

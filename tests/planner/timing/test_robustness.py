@@ -9,11 +9,12 @@ from benchmarks.evidence.cases.robustness import find_shares, is_slow, plan_rati
 from benchmarks.evidence.random_problems import random_problem, random_spline
 from benchmarks.evidence.random_programs import MAX_RATIO, ratio_machine, ratio_program
 from kinematics import Axis, Linkage
+from kinematics.machine.pose import to_numbers
 from planner import Trajectory, time_optimal
 from planner.limits import limits_of
 from planner.path.actuation import MachinePath
 from planner.path.polynomial import PolynomialPath
-from planner.path.shape import arc, line
+from planner.path.shape import NO_TURN, arc, line
 from planner.timing import Run, certified_solve, make_grid, pose_problem, second_order
 from tests.planner.tiny_problems import tiny_problems
 
@@ -77,7 +78,7 @@ def distances():
     at = [RigidTransform.from_translation(p) for p in ([0.06, 0.2, 0], [0.1, 0.2, 0], [0.12, 0.18, 0], [0.12, 0.14, 0])]
     pieces = [
         line(at[0], at[1], 0.04, 1),
-        arc(at[1], np.array([0.1, 0.18, 0.0]), np.array([0.0, 0.0, 1.0]), -np.pi / 2, at[2].rotation, 2),
+        arc(to_numbers(at[1])[0], np.array([0.1, 0.18, 0.0]), np.array([0.0, 0.0, 1.0]), -np.pi / 2, NO_TURN, 2),
         line(at[2], at[3], 0.04, 3),
     ]
     stops = np.array([True, False, False, True])

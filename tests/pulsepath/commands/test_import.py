@@ -22,19 +22,24 @@ def part(tmp_path):
 
 def test_the_program_is_written_drawn_and_told(call, part, tmp_path):
     out = tmp_path / "program.toml"
-    done = call("import", part, "--out", out, "--json")
+    image = tmp_path / "program.png"
+    done = call("import", part, "--out", out, "--figure", image, "--json")
     assert done.exit_code == 0, done.stderr
     record = json.loads(done.stdout)
+    assert record["figure"] == str(image)
     assert record["entities"] == {"G0": 1, "G1": 1, "G2": 1}
     assert record["length"] == pytest.approx(0.02 + 0.02 * 3.141592653589793)
     assert record["low"] == pytest.approx([-0.01, -0.01, 0])
     assert record["high"] == pytest.approx([0.01, 0.01, 0])
     assert len(load_program(out).segments) == record["segments"] == 3
-    image = (tmp_path / "program.png").read_bytes()
-    assert image.startswith(b"\x89PNG")
-    assert struct.unpack(">II", image[16:24])[0] > 500
+    content = image.read_bytes()
+    assert content.startswith(b"\x89PNG")
+    assert struct.unpack(">II", content[16:24])[0] > 500
 
+    image.unlink()
     text = call("import", part, "--out", out, "--force").stdout
+    assert not image.exists()
+    assert "drawn" not in text
     assert "entities: 1 G0, 1 G1, 1 G2" in text
     assert "extents: x -10 to 10 mm, y -10 to 10 mm, z 0 to 0 mm" in text
     assert "length: 82.83185 mm" in text
@@ -93,7 +98,7 @@ def test_spindle_words_are_warned_of_and_with_strict_refused(call, part, tmp_pat
 def test_nothing_is_replaced_unasked(call, part, tmp_path):
     for taken in ("p.toml", "p.png"):
         (tmp_path / taken).write_text("mine")
-        done = call("import", part, "--out", tmp_path / "p.toml")
+        done = call("import", part, "--out", tmp_path / "p.toml", "--figure", tmp_path / "p.png")
         assert done.exit_code == 2
         assert "give --force" in done.stderr
         assert (tmp_path / taken).read_text() == "mine"
@@ -111,7 +116,7 @@ def test_figures_are_of_the_kind_that_the_suffix_says(call, part, tmp_path):
     assert done.exit_code == 0, done.stderr
     assert "<svg" in (tmp_path / "p.svg").read_text()
     part.write_text("G0 Z5\nX10\nY10\n")  # in space
-    assert call("import", part, "--out", tmp_path / "q.toml").exit_code == 0
+    assert call("import", part, "--out", tmp_path / "q.toml", "--figure", tmp_path / "q.png").exit_code == 0
 
 
 def test_more_segments_than_a_program_holds_are_refused_before_anything_is_written(call, part, tmp_path, monkeypatch):

@@ -107,7 +107,7 @@ WRITING = {
     "hold": (("hold", "plan", "--at", "40 %", "--format", "npz", "--out", "out.npz"), "out.npz", 100),
     "stops": (("hold", "plan", "--stops", "1", "--out", "out.csv"), "out.csv", 10),
     "import": (("import", "part.nc", "--out", "out.toml"), "out.toml", 10),
-    "import, the figure": (("import", "part.nc", "--out", "out.toml"), "out.png", 4096),
+    "import, the figure": (("import", "part.nc", "--out", "out.toml", "--figure", "out.png"), "out.png", 4096),
     "init": (("init", "out"), "out/machine.toml", 10),
     "positions": (("positions", "poses.csv", "save", "out.csv"), "out.csv", 10),
 }
