@@ -28,7 +28,7 @@ from planner.timing.grid import (
 )
 from planner.timing.initial_guess import add_brief_ramps
 from planner.timing.loss_grid import pose_by_loss, pose_usual_problem
-from planner.timing.order2.closed_form import nearly_straight, straight
+from planner.timing.order2.closed_form import nearly_straight_ramp, straight
 from planner.timing.order2.second_order import TERMS as ORDER_2_TERMS
 from planner.timing.order2.second_order import estimate_lower_bound, second_order
 from planner.timing.order3.interior_point import Start
@@ -50,7 +50,7 @@ from planner.timing.tighten import SOLVER_MARGIN, required_slowness, tighten_unt
 # A motion that has to be slowed by more than this is not accepted while other ways are left: a rest
 # in between slows it in one place only.
 MAX_ACCEPTED_SLOWNESS = 1.01
-# Share by which the limits of a nearly straight run may vary along it. The 20 files of evidence
+# Share by which the limits of a nearly straight ramp may vary along it. The 20 files of evidence
 # cam_files take 5.47 instead of 5.94 s to plan at order 3 with this way, and their motion as long.
 MAX_BEND = 0.15
 # Ramps of s̈ shorter than this share of a motion are ramps that no solver can tell from steps.
@@ -215,10 +215,10 @@ def ramp_brief_steps(task: Task, outcomes: Outcomes) -> RunSolution | None:
 
 
 def solve_from_closed_form(task: Task, outcomes: Outcomes) -> RunSolution | None:
-    """Solve a nearly straight run from its closed form; the faster of both motions is returned."""
+    """Solve a nearly straight ramp from its closed form; the faster of both motions is returned."""
     if task.run.continuation is not None:
         return None
-    near = nearly_straight(task.sketch, MAX_BEND)
+    near = nearly_straight_ramp(task.sketch, MAX_BEND)
     if near is None:
         return None
     motion = near.profile

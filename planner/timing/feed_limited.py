@@ -24,7 +24,7 @@ from planner.limits.resonance import Resonance
 from planner.timing.cruise import Caps, find_caps, follow_cap
 from planner.timing.grid import Task
 from planner.timing.initial_guess import bound_term, reduce_pieces
-from planner.timing.order2.closed_form import least_ramp, nearly_straight
+from planner.timing.order2.closed_form import least_ramp, nearly_straight_ramp
 from planner.timing.order2.second_order import is_of_speed
 from planner.timing.problem import POWERS, EndCondition, Problem, Run
 from planner.timing.solution import FEED_LIMITED, RunSolution
@@ -202,11 +202,9 @@ def _solve_in_closed_form(task: Task, cruising: float) -> RunSolution | None:
 
     cruising  duration of all cruises
     """
-    if max(task.run.speeds) == 0:
-        return None
     length = float(task.sketch.s[-1] - task.sketch.s[0])
     share = CLOSED_FORM_LOSS * cruising * max(task.run.speeds) / length
-    return nearly_straight(task.sketch, min(share, MAX_UNUSED_SHARE))
+    return nearly_straight_ramp(task.sketch, min(share, MAX_UNUSED_SHARE))
 
 
 def _cruises_at(end: EndCondition, cap: float) -> bool:

@@ -179,23 +179,22 @@ def straight(problem: Problem) -> RunSolution | None:
     return _find_fastest(problem, bounds)
 
 
-def nearly_straight(problem: Problem, share: float) -> RunSolution | None:
-    """Find a motion of a run of one piece that is about a share longer than the fastest at most.
+def nearly_straight_ramp(problem: Problem, share: float) -> RunSolution | None:
+    """Find a ramp from or to a speed that is about a share longer than the fastest at most.
 
-    Rows hardly vary along a short run, and curvature uses little: as much is left unused. None
+    Rows hardly vary along a short ramp, and curvature uses little: as much is left unused. None
     where that would be more than the share, or where the ends have no such motion.
     """
-    if problem.piece[0] != problem.piece[-1]:
+    top_speed = max(problem.speeds)
+    if top_speed == 0 or problem.piece[0] != problem.piece[-1]:
         return None
     if any(end.acceleration != 0 or end.zero_derivatives for end in problem.ends):
         return None
-    top_speed = max(problem.speeds)
-    bounds = _bound_run(problem, share, top_speed or None)
+    bounds = _bound_run(problem, share, top_speed)
     if bounds is None:
         return None
-    if top_speed > 0:
-        farthest = float(np.abs(problem.s).max())
-        bounds = bounds.stretch_ramp(problem.speeds, least_ramp(farthest))
+    farthest = float(np.abs(problem.s).max())
+    bounds = bounds.stretch_ramp(problem.speeds, least_ramp(farthest))
     motion = _find_fastest(problem, bounds)
     return motion if motion.solved else None
 
